@@ -1,0 +1,1 @@
+"""What things look like: materials, parametric models, the static world."""

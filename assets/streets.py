@@ -1,0 +1,99 @@
+"""Plain geometry of a street network: all that the world builder needs to know of a town."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+LaneUse = Literal["drive", "cycle", "sidewalk", "crossing"]
+
+
+@dataclass(frozen=True)
+class StreetLane:
+    """One lane of the network.
+
+    Attributes:
+        id: SUMO lane id.
+        edge: SUMO edge id.
+        use: who moves here.
+        centre: (k, 3) float64 centre line in driving direction, world metres.
+        width_m: full width.
+        speed_mps: speed limit.
+        internal: true for a connection inside a junction.
+    """
+
+    id: str
+    edge: str
+    use: LaneUse
+    centre: np.ndarray
+    width_m: float
+    speed_mps: float
+    internal: bool
+
+
+@dataclass(frozen=True)
+class StreetArea:
+    """A paved polygon: a junction or a walking area.
+
+    Attributes:
+        id: SUMO id.
+        use: `junction` (carriageway) or `walkingarea` (pavement).
+        outline: (k, 3) float64 corners, world metres, not closed.
+    """
+
+    id: str
+    use: Literal["junction", "walkingarea"]
+    outline: np.ndarray
+
+
+@dataclass(frozen=True)
+class ParkingBay:
+    """A strip of parking spaces along a lane.
+
+    Attributes:
+        id: SUMO parkingArea id.
+        centre: (k, 3) float64 centre line of the strip, world metres.
+        width_m: strip width.
+    """
+
+    id: str
+    centre: np.ndarray
+    width_m: float
+
+
+@dataclass(frozen=True)
+class StopLine:
+    """Where a lane meets a junction that controls it.
+
+    Attributes:
+        lane: SUMO lane id.
+        position: (3,) world metres, end of the lane's centre line.
+        heading_rad: driving direction at the line, counter-clockwise from east.
+        control: `signal` (traffic light), `stop` or `yield`.
+    """
+
+    lane: str
+    position: np.ndarray
+    heading_rad: float
+    control: Literal["signal", "stop", "yield"]
+
+
+@dataclass(frozen=True)
+class Streets:
+    """A street network.
+
+    Attributes:
+        name: the town's name.
+        lanes, areas, parking, stop_lines: its parts.
+        style: what the town looks like, read by the world builder: `village`, `suburb`, `urban`,
+            `industrial` or `boulevard`.
+    """
+
+    name: str
+    lanes: tuple[StreetLane, ...]
+    areas: tuple[StreetArea, ...]
+    parking: tuple[ParkingBay, ...]
+    stop_lines: tuple[StopLine, ...]
+    style: str = "suburb"

@@ -1,0 +1,1 @@
+"""The co-simulation: traffic, bridge, episodes, labels, KITTI files and the command line."""

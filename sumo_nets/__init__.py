@@ -1,0 +1,1 @@
+"""Where traffic runs: town recipes, their built SUMO files and the builder."""

@@ -1,0 +1,1 @@
+"""Detectors trained and scored on KITTI-format drives."""
