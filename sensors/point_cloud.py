@@ -1,0 +1,58 @@
+"""What a LiDAR reports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sensors.hits import Hits
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """Returns of one revolution, ring-major, in LiDAR axes.
+
+    Attributes:
+        xyz: (n, 3) float32 [m].
+        intensity: (n,) float32, 0–1.
+        ring: (n,) uint8.
+        azimuth: (n,) float32 nominal beam azimuth [rad].
+        time_s: (n,) float32 firing time from the pose time.
+        return_no: (n,) uint8 from 0.
+        instance: (n,) int16 as in `Surface`; never shown to a detector.
+        material: (n,) uint8 as in `Surface`; never shown to a detector.
+    """
+
+    xyz: np.ndarray
+    intensity: np.ndarray
+    ring: np.ndarray
+    azimuth: np.ndarray
+    time_s: np.ndarray
+    return_no: np.ndarray
+    instance: np.ndarray
+    material: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.xyz)
+
+    @property
+    def kitti(self) -> np.ndarray:
+        """x y z intensity, (n, 4) float32: the rows of a velodyne file."""
+        return np.column_stack([self.xyz, self.intensity]).astype(np.float32)
+
+
+def bare_returns(hits: Hits) -> PointCloud:
+    """The points of a sensor without effects: every first solid surface, intensity its reflectance."""
+    beams = np.flatnonzero(hits.solid.exists)
+    rays, surface = hits.rays, hits.solid.take(beams)
+    return PointCloud(
+        xyz=rays.origin[beams] + rays.direction[beams] * surface.range_m[:, None],
+        intensity=hits.reflectance(surface),
+        ring=rays.ring[beams],
+        azimuth=rays.azimuth[beams],
+        time_s=rays.time_s[beams],
+        return_no=np.zeros(len(beams), np.uint8),
+        instance=surface.instance,
+        material=surface.material,
+    )

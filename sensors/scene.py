@@ -1,0 +1,83 @@
+"""The world as rays meet it: one static BVH, one opaque and one glass BVH per model, posed instances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from assets.mesh import Mesh
+from sensors.bvh import Bvh
+
+
+@dataclass(frozen=True, eq=False)
+class Instances:
+    """Everything that can move, at one instant: a struct of arrays.
+
+    Attributes:
+        ids: n identifiers.
+        kinds: n kinds (`car`, `van`, `truck`, `bus`, `motorcycle`, `cyclist`, `pedestrian`).
+        models: n model names.
+        poses: (n, 4, 4) float64 world poses of the model frames (ground-level centre of the box, x forward).
+        scales: (n, 3) float64 applied before the pose.
+        sizes: (n, 3) float64 length, width, height of the scaled box [m].
+        velocity_mps: (n, 3) float64 world velocity.
+        yaw_rate_radps: (n,) float64, positive counter-clockwise.
+        paint: (n,) float32 reflectance of the paint at 905 nm, 0–1.
+        rgb: (n, 3) float32 visible colour of the paint, linear, 0–1.
+    """
+
+    ids: tuple[str, ...]
+    kinds: tuple[str, ...]
+    models: tuple[str, ...]
+    poses: np.ndarray
+    scales: np.ndarray
+    sizes: np.ndarray
+    velocity_mps: np.ndarray
+    yaw_rate_radps: np.ndarray
+    paint: np.ndarray
+    rgb: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+@dataclass(frozen=True, eq=False)
+class TracedModel:
+    """A model ready for tracing.
+
+    Attributes:
+        opaque, glass: its two BVHs.
+        bounds: (2, 3) float64 corners of its box.
+    """
+
+    opaque: Bvh
+    glass: Bvh
+    bounds: np.ndarray
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> TracedModel:
+        """Build both BVHs."""
+        opaque, glass = mesh.split_glass()
+        return cls(Bvh(opaque), Bvh(glass), mesh.bounds.astype(np.float64))
+
+
+class Scene:
+    """Static world and model library, built once and shared by every frame.
+
+    Args:
+        static: the static world in world axes, coordinates within about a kilometre of the origin.
+        load_model: gives the mesh of a model name; called once a model, when first met.
+    """
+
+    def __init__(self, static: Mesh, load_model: Callable[[str], Mesh]) -> None:
+        self.static = Bvh(static)
+        self._load_model = load_model
+        self._models: dict[str, TracedModel] = {}
+
+    def model(self, name: str) -> TracedModel:
+        """The traced model of a name, built on first use."""
+        if name not in self._models:
+            self._models[name] = TracedModel.of(self._load_model(name))
+        return self._models[name]
