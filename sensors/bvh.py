@@ -33,9 +33,7 @@ class Bvh:
         """True where there is nothing to hit."""
         return self._scene is None
 
-    def first_hit(
-        self, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def first_hit(self, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Nearest triangle along each ray.
 
         Args:

@@ -25,7 +25,7 @@ _SURFACE_KEYS = ("range", "normal_x", "normal_y", "material", "instance")
 def encode_hits(hits: Hits) -> bytes:
     """The archive of a frame's hits."""
     arrays = {
-        "beams": np.array(len(hits.rays), np.int64),
+        "beams": np.array([len(hits.rays)], np.int64),
         "pose": hits.pose,
         "paint": hits.paint,
         "materials": np.array(MATERIAL_NAMES),
@@ -55,7 +55,7 @@ def load_hits(path: Path, rays: Rays) -> Hits:
     missing = [key for key in wanted if key not in arrays]
     if missing:
         raise SensorError(f"{path} lacks {', '.join(missing)}; make the frame again")
-    if int(arrays["beams"]) != len(rays):
+    if int(arrays["beams"][0]) != len(rays):
         raise SensorError(
             f"{path} holds {int(arrays['beams'])} beams but the pattern has {len(rays)}; use the drive's own pattern"
         )

@@ -33,7 +33,9 @@ class Pattern(BaseModel):
     azimuth_offset_deg: tuple[float, ...] = Field(
         default=(), description="sideways fan of each laser, positive counter-clockwise [°]; empty: none"
     )
-    block: tuple[int, ...] = Field(default=(), description="optical block of each laser: 0 upper, 1 lower; empty: all 0")
+    block: tuple[int, ...] = Field(
+        default=(), description="optical block of each laser: 0 upper, 1 lower; empty: all 0"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Pattern:

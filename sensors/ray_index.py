@@ -59,9 +59,7 @@ class RayIndex:
         inside = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
         return self._order[inside + np.repeat(start, length)], np.repeat(run_box, length).astype(np.int32)
 
-    def _bins(
-        self, corners: np.ndarray, nearest: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _bins(self, corners: np.ndarray, nearest: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Elevation rows low…high and azimuth bins first…last (last may pass the end) of each box."""
         pad = self._spread_m + 1e-3
         x, y, z = np.moveaxis(corners, 2, 0)

@@ -99,9 +99,7 @@ class Tracer:
             direction = np.einsum("nij,nj->ni", matrix[:, :3, :3], self.rays.direction[b])
             limit = np.full(len(b), self._far - self._near, np.float32)
             distance, triangle = model.opaque.first_hit(origin, direction, limit)
-            pane_distance, pane_triangle = model.glass.first_hit(
-                origin, direction, np.minimum(distance, limit)
-            )
+            pane_distance, pane_triangle = model.glass.first_hit(origin, direction, np.minimum(distance, limit))
             yield (
                 b,
                 r,
