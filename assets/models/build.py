@@ -1,0 +1,34 @@
+"""From a catalogue name to a mesh that fills its box exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from assets.mesh import Mesh
+from assets.models.catalogue import Body, ModelSpec, model_spec
+from assets.models.plain import build_plain
+from assets.shapes import clean
+
+_BUILDERS = dict.fromkeys(Body.__args__, build_plain)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def build_model(name: str) -> Mesh:
+    """Mesh of a catalogue model: x forward, y left, z up, origin at the ground-level centre of its box.
+
+    The bounds are exactly ±length/2, ±width/2 and 0…height of the catalogue entry, in float32. The result
+    depends on the name alone; callers keep it, building takes some milliseconds.
+
+    Raises:
+        KeyError: no model has this name.
+    """
+    spec = model_spec(name)
+    return fit_to_box(_BUILDERS[spec.body](spec), spec)
+
+
+def fit_to_box(mesh: Mesh, spec: ModelSpec) -> Mesh:
+    """The mesh stretched along each axis so that its bounds equal the box of `spec`."""
+    vertices = mesh.vertices.astype(np.float64)
+    low, high = vertices.min(0), vertices.max(0)
+    size = np.array(spec.size_m)
+    fitted = (vertices - low) / (high - low) * size - size * (0.5, 0.5, 0.0)
+    return clean(Mesh(fitted, mesh.faces, mesh.materials))
