@@ -1,0 +1,1 @@
+"""KITTI's file formats, read and written, and `Drive`, which reads a folder of frames."""

@@ -1,0 +1,86 @@
+"""Velodyne scans: `velodyne/NAME.bin`, float32 little-endian x y z intensity in LiDAR axes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from cosim.errors import FormatError
+from cosim.kitti.files import read_bytes
+
+POINT_BYTES = 16
+
+
+def encode_points(points: np.ndarray) -> bytes:
+    """The bytes of a `.bin` file.
+
+    Args:
+        points: (n, 4) x, y, z [m] in LiDAR axes and intensity 0–1; stored as float32.
+
+    Raises:
+        FormatError: the shape is not (n, 4), or a value is NaN or infinite.
+    """
+    points = np.asarray(points)
+    if points.ndim != 2 or points.shape[1] != 4:
+        raise FormatError(f"points have shape {points.shape}; a scan is (n, 4): x, y, z, intensity")
+    stored = np.ascontiguousarray(points, "<f4")
+    bad = ~_finite_rows(stored)
+    if bad.any():
+        raise FormatError(_nonfinite("points", bad) + "; remove those returns before writing the scan")
+    return stored.tobytes()
+
+
+def decode_points(data: bytes, source: str | Path = "scan") -> tuple[np.ndarray, np.ndarray]:
+    """The points of a `.bin` file that may hold broken rows.
+
+    Args:
+        data: the content of the file.
+        source: the name that errors mention.
+
+    Returns:
+        The finite points, (n, 4) float32, and the mask (m,) bool of the stored rows that are finite, so
+        that per-point arrays of the same frame can be thinned alike; `(~mask).sum()` rows were dropped.
+
+    Raises:
+        FormatError: the size is not a multiple of 16 bytes.
+    """
+    if len(data) % POINT_BYTES:
+        raise FormatError(
+            f"{source}: {len(data)} bytes are not a multiple of {POINT_BYTES} (float32 x y z intensity); "
+            "the file is truncated or of another format: write it again"
+        )
+    points = np.frombuffer(data, "<f4").reshape(-1, 4).astype(np.float32)
+    finite = _finite_rows(points)
+    return (points if finite.all() else points[finite]), finite
+
+
+def write_points(path: str | Path, points: np.ndarray) -> None:
+    """Write a `.bin` file; see `encode_points`."""
+    Path(path).write_bytes(encode_points(points))
+
+
+def read_points(path: str | Path) -> np.ndarray:
+    """The points of a `.bin` file, (n, 4) float32; an empty file is a scan without returns.
+
+    Raises:
+        FormatError: the file is missing, truncated, or holds NaN or infinity (`read_points_lenient`
+            drops those rows and says which).
+    """
+    points, finite = read_points_lenient(path)
+    if not finite.all():
+        raise FormatError(f"{path}: " + _nonfinite("points", ~finite) + "; repair the scan")
+    return points
+
+
+def read_points_lenient(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+    """The finite points of a `.bin` file and the mask of its finite rows; see `decode_points`."""
+    return decode_points(read_bytes(path), path)
+
+
+def _finite_rows(points: np.ndarray) -> np.ndarray:
+    return np.asarray(np.isfinite(points).all(axis=1))
+
+
+def _nonfinite(what: str, bad: np.ndarray) -> str:
+    return f"{int(bad.sum())} of {len(bad)} {what} hold NaN or infinity (first: row {int(bad.argmax())})"
