@@ -1,0 +1,65 @@
+"""The static world of a town, from the ground up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from assets.mesh import Mesh
+from assets.streets import Streets
+from assets.world.buildings import buildings_mesh, design
+from assets.world.ground import TERRAIN, triangulate
+from assets.world.height_field import HeightField, fit_height_field
+from assets.world.plots import lay_out
+from assets.world.relief import Relief, ground_mesh
+from assets.world.styles import style_of
+from assets.world.surfaces import outline
+from assets.world.terrain import terrain_materials
+
+_MARGIN_M = 120.0  # land beyond the streets
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Everything in a town that does not move; world axes (x east, y north, z up), metres.
+
+    Attributes:
+        mesh: all surfaces.
+        ground: what wheels and feet stand on: carriageway, kerbs, pavement and terrain, without markings.
+        height: the smooth base surface z = H(x, y), (n, 2) → (n,); the carriageway lies on it.
+        bounds: (2, 2) lower and upper corner of the land, x and y.
+    """
+
+    mesh: Mesh
+    ground: Mesh
+    height: HeightField
+    bounds: np.ndarray
+
+
+def build_world(streets: Streets, seed: int) -> World:
+    """Builds the static world around a street network.
+
+    The same streets and seed give byte-identical meshes; another seed gives other buildings, façades,
+    plants and furniture along the same streets.
+
+    Raises:
+        ValueError: the network has no lanes, or its style is unknown.
+    """
+    if not streets.lanes:
+        raise ValueError(f"town {streets.name!r} has no lanes: nothing to build a world around")
+    style = style_of(streets.style)
+    rng = np.random.default_rng(seed)
+    town = np.concatenate([lane.centre[:, :2] for lane in streets.lanes])
+    town_low, town_high = town.min(0), town.max(0)
+    low, high = town_low - _MARGIN_M, town_high + _MARGIN_M
+
+    height = fit_height_field(streets, low, high)
+    outlines = outline(streets)
+    relief = Relief(height, outlines.crossings)
+    plan = triangulate(outlines, low, high)
+    ground = ground_mesh(plan, relief, terrain_materials(plan, style, town_low, town_high, rng))
+    plots = lay_out(outlines.paved, style, rng)
+    houses = design(plots, style, lambda xy: relief.z(xy, TERRAIN), rng)
+    buildings = buildings_mesh(houses, rng)
+    return World(Mesh.merge([ground, buildings]), ground, height, np.stack([low, high]))

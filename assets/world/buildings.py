@@ -1,0 +1,215 @@
+"""Houses on their plots: walls with windows, rooms behind the panes, roofs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from assets.materials import material_index
+from assets.mesh import Mesh
+from assets.shapes import box, clean
+from assets.world import roofs
+from assets.world.facades import BLANK, DOOR, WINDOW, Cells, facade_mesh
+from assets.world.instancing import instances, poses
+from assets.world.plots import Plot
+from assets.world.styles import Style
+
+_FOUNDATION_M = 0.6  # walls reach this far under the lowest ground
+_ROOM_DEPTH_M = 0.6  # from the façade to the dark wall behind its panes
+_DOOR_M = (1.0, 2.1)
+
+
+@dataclass(frozen=True, eq=False)
+class House:
+    """One building.
+
+    Attributes:
+        plot: where it stands.
+        foot_m, floor_m: world heights of the foundation's underside and the ground floor.
+        storeys, storey_m: count and height.
+        roof: `gable`, `hip` or `flat`.
+        roof_m: height of the roof over the eaves.
+        wall, tiles: materials.
+        bay_m: distance of window axes.
+        window_m: width and height of a window, and height of its sill.
+        shop: shop windows at street level.
+        terrace: side walls without windows.
+    """
+
+    plot: Plot
+    foot_m: float
+    floor_m: float
+    storeys: int
+    storey_m: float
+    roof: str
+    roof_m: float
+    wall: str
+    tiles: str
+    bay_m: float
+    window_m: tuple[float, float, float]
+    shop: bool
+    terrace: bool
+
+    @property
+    def eaves_m(self) -> float:
+        """World height of the top of the walls."""
+        return self.floor_m + self.storeys * self.storey_m
+
+
+def design(
+    plots: list[Plot], style: Style, terrain_z: Callable[[np.ndarray], np.ndarray], rng: np.random.Generator
+) -> list[House]:
+    """Draws a house for every plot; `terrain_z` maps (n, 2) to world heights (n,)."""
+    return [_draw(plot, style, terrain_z(plot.corners()), rng) for plot in plots]
+
+
+def _draw(plot: Plot, style: Style, ground_m: np.ndarray, rng: np.random.Generator) -> House:
+    roof = str(rng.choice(style.roofs))
+    short_side = min(plot.size_m)
+    pitch = rng.uniform(0.55, 0.95) if roof == "gable" else rng.uniform(0.4, 0.75)
+    roof_m = rng.uniform(0.4, 1.0) if roof == "flat" else min(pitch * short_side / 2, 5.5)
+    sill = float(rng.uniform(0.75, 1.0))
+    bay = float(rng.uniform(*style.bay_m))
+    storey = float(rng.uniform(*style.storey_m))
+    window = (
+        float(min(rng.uniform(0.9, 1.5), bay - 0.9)),
+        float(min(rng.uniform(1.2, 1.6), storey - sill - 0.45)),
+        sill,
+    )
+    return House(
+        plot=plot,
+        foot_m=float(ground_m.min()) - _FOUNDATION_M,
+        floor_m=float(ground_m[:2].mean() + 0.25 * (ground_m.max() - ground_m.min()) + rng.uniform(0.05, 0.3)),
+        storeys=int(rng.integers(style.storeys[0], style.storeys[1] + 1)),
+        storey_m=storey,
+        roof=roof,
+        roof_m=float(roof_m),
+        wall=str(rng.choice(style.walls)),
+        tiles=str(rng.choice(("roof_tile", "roof_tile", "roof_slate"))),
+        bay_m=bay,
+        window_m=window,
+        shop=bool(rng.random() < style.shop_share),
+        terrace=style.side_gap_m[1] < 0.5,
+    )
+
+
+def buildings_mesh(houses: list[House], rng: np.random.Generator) -> Mesh:
+    """All houses as one mesh."""
+    if not houses:
+        return Mesh.empty()
+    cells = Cells.merge([part for house in houses for part in _walls(house, rng)])
+    rooms = Mesh.merge([_rooms(house) for house in houses])
+    return Mesh.merge([facade_mesh(cells), rooms, _roofs(houses), _chimneys(houses, rng)])
+
+
+def _walls(house: House, rng: np.random.Generator) -> list[Cells]:
+    """Cells of the four walls, street front first."""
+    corners = house.plot.corners()
+    parts = []
+    for side in range(4):
+        start, end = corners[side], corners[(side + 1) % 4]
+        parts += _wall(house, start, end, side, rng)
+    return parts
+
+
+def _wall(house: House, start: np.ndarray, end: np.ndarray, side: int, rng: np.random.Generator) -> list[Cells]:
+    length = float(np.linalg.norm(end - start))
+    right = (end - start) / length
+    columns = max(1, int((length - 0.4) / house.bay_m))
+    wide, tall = length / columns, house.storey_m
+    column, storey = (grid.reshape(-1) for grid in np.meshgrid(np.arange(columns), np.arange(house.storeys)))
+    n = len(column)
+    flat = start + right * (column * wide)[:, None]
+    corner = np.column_stack([flat, house.floor_m + storey * tall])
+    width, height, sill = house.window_m
+    kind = np.full(n, WINDOW)
+    opening = np.tile([(wide - width) / 2, sill, (wide + width) / 2, sill + height], (n, 1))
+    blind = {0: 0.04, 1: 0.45, 2: 0.15, 3: 0.45}[side]
+    kind[rng.random(n) < blind] = BLANK
+    if house.terrace and side in (1, 3):
+        kind[:] = BLANK
+    if side == 0:
+        if house.shop:
+            opening[storey == 0] = [0.2, 0.35, wide - 0.2, min(tall - 0.5, 2.7)]
+            kind[storey == 0] = WINDOW
+        door = (storey == 0) & (column == rng.integers(columns))
+        kind[door] = DOOR
+        opening[door] = [(wide - _DOOR_M[0]) / 2, 0.0, (wide + _DOOR_M[0]) / 2, _DOOR_M[1]]
+    if wide < width + 0.3:
+        kind[kind == WINDOW] = BLANK
+    wall = np.full(n, material_index(house.wall))
+    upper = Cells(
+        corner, np.tile(right, (n, 1)), np.tile([wide, tall], (n, 1)), opening, kind, wall,
+        np.full(n, material_index("door")),
+    )  # fmt: skip
+    plinth = "stone" if house.wall == "stone" else "concrete"
+    foot = np.column_stack([start + right * (np.arange(columns) * wide)[:, None], np.full(columns, house.foot_m)])
+    lower = Cells(
+        foot, np.tile(right, (columns, 1)), np.tile([wide, house.floor_m - house.foot_m], (columns, 1)),
+        np.zeros((columns, 4)), np.full(columns, BLANK), np.full(columns, material_index(plinth)),
+        np.full(columns, material_index("door")),
+    )  # fmt: skip
+    return [upper, lower]
+
+
+def _rooms(house: House) -> Mesh:
+    """Dark walls behind the panes and a ceiling and floor for every storey."""
+    outer, inner = house.plot.corners(-0.02), house.plot.corners(-_ROOM_DEPTH_M)
+    levels = house.floor_m + np.arange(house.storeys + 1) * house.storey_m
+    points = [np.column_stack([inner, np.full(4, z)]) for z in (levels[0], levels[-1])]
+    k = np.arange(4)
+    m = (k + 1) % 4
+    faces = [np.stack([k, m, m + 4], 1), np.stack([k, m + 4, k + 4], 1)]
+    for level in levels:
+        base = len(points) * 4
+        points += [np.column_stack([outer, np.full(4, level)]), np.column_stack([inner, np.full(4, level)])]
+        up = [np.stack([k, m, m + 4], 1) + base, np.stack([k, m + 4, k + 4], 1) + base]
+        faces += up if level == levels[0] else [f[:, ::-1] for f in up]
+    return Mesh.of(np.concatenate(points), np.concatenate(faces), "room_interior")
+
+
+def _roofs(houses: list[House]) -> Mesh:
+    """One instanced unit roof for every combination of shape and materials."""
+    groups: dict[tuple[str, str, str, float], list[np.ndarray]] = {}
+    for house in houses:
+        length, depth = house.plot.size_m
+        turned = depth > length  # the ridge runs along the longer side
+        heading = house.plot.heading_rad + (np.pi / 2 if turned else 0.0)
+        half = np.array([depth, length] if turned else [length, depth]) / 2
+        ridge = round(float(np.clip(1.0 - half[1] / half[0], 0.05, 0.8)), 1) if house.roof == "hip" else 0.0
+        place = np.array([[*house.plot.centre, house.eaves_m]])
+        pose = poses(place, heading, np.array([[*half, house.roof_m]]))
+        groups.setdefault((house.roof, house.tiles, house.wall, ridge), []).append(pose)
+    parts = []
+    for (kind, tiles, wall, ridge), placed in sorted(groups.items(), key=lambda item: item[0]):
+        if kind == "gable":
+            template = roofs.gable(tiles, wall)
+        elif kind == "hip":
+            template = roofs.hip(tiles, ridge)
+        else:
+            template = roofs.flat("roof_flat", wall)
+        parts.append(instances(clean(template), np.concatenate(placed)))
+    return Mesh.merge(parts)
+
+
+def _chimneys(houses: list[House], rng: np.random.Generator) -> Mesh:
+    """Chimneys on pitched roofs, plant boxes on flat ones."""
+    chimney, plant = [], []
+    for house in houses:
+        half = np.array(house.plot.size_m) / 2
+        offset = rng.uniform(-0.5, 0.5, 2) * half
+        xy = house.plot.centre + house.plot.along * offset[0] + house.plot.inward * offset[1]
+        stands = np.array([[*xy, house.eaves_m]])
+        if house.roof == "flat":
+            plant.append(poses(stands, house.plot.heading_rad, rng.uniform(0.7, 1.5)))
+        else:
+            tall = np.array([[1.0, 1.0, house.roof_m + 0.8]])
+            chimney.append(poses(stands, house.plot.heading_rad, tall))
+    parts = []
+    if chimney:
+        parts.append(instances(box((0.6, 0.6, 1.0), (0, 0, 0.5), "brick"), np.concatenate(chimney)))
+    if plant:
+        parts.append(instances(box((2.4, 1.8, 1.6), (0, 0, 0.8), "steel_galvanised"), np.concatenate(plant)))
+    return Mesh.merge(parts)

@@ -1,0 +1,120 @@
+"""The ground as one conforming triangulation: carriageway, pavement and terrain meet edge to edge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from scipy.spatial import Delaunay, cKDTree
+from shapely import Geometry
+
+from assets.world.surfaces import Outlines
+
+ROAD_EDGE_M = 1.8  # edge length of carriageway triangles
+_NEAR_EDGE_M, _FAR_EDGE_M = 5.0, 12.0  # terrain
+_NEAR_STREET_M = 30.0
+_SHORTEST_M = 0.12
+
+CARRIAGEWAY, PAVEMENT, TERRAIN = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The triangulated plan of a town.
+
+    Attributes:
+        points: (n, 2) float64 world x, y.
+        faces: (m, 3) counter-clockwise rows of `points`.
+        zone: (m,) CARRIAGEWAY, PAVEMENT or TERRAIN.
+    """
+
+    points: np.ndarray
+    faces: np.ndarray
+    zone: np.ndarray
+
+
+def triangulate(outlines: Outlines, low: np.ndarray, high: np.ndarray) -> Plan:
+    """Delaunay triangulation whose edges contain all outlines (Ruppert 1995: unencroached segments)."""
+    paved = outlines.paved
+    linework = shapely.union(outlines.carriageway.boundary, paved.boundary, grid_size=0.01)
+    edge_points, midpoints = _unencroached(linework)
+    clearance = cKDTree(np.concatenate([edge_points, midpoints]))
+    points = np.concatenate([edge_points, *_fill(paved, low, high, clearance)])
+    faces = Delaunay(points).simplices
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    faces = np.where((area < 0)[:, None], faces[:, ::-1], faces)[np.abs(area) > 1e-5]
+    centre = points[faces].mean(1)
+    shapely.prepare([outlines.carriageway, paved])
+    zone = np.full(len(faces), TERRAIN, np.uint8)
+    zone[shapely.contains_xy(paved, centre[:, 0], centre[:, 1])] = PAVEMENT
+    zone[shapely.contains_xy(outlines.carriageway, centre[:, 0], centre[:, 1])] = CARRIAGEWAY
+    return Plan(points, faces, zone)
+
+
+def _unencroached(linework: Geometry) -> tuple[np.ndarray, np.ndarray]:
+    """Points and midpoints of outline segments split until no point lies in a segment's diametral circle."""
+    coordinates, line = shapely.get_coordinates(shapely.get_parts(linework), return_index=True)
+    same = line[1:] == line[:-1]
+    start, end = coordinates[:-1][same], coordinates[1:][same]
+    count = np.maximum(1, np.ceil(np.linalg.norm(end - start, axis=1) / ROAD_EDGE_M)).astype(int)
+    start, end = _subdivide(start, end, count)
+    for _ in range(8):
+        points = np.unique(np.concatenate([start, end]), axis=0)
+        half = np.linalg.norm(end - start, axis=1) / 2
+        nearest, _ = cKDTree(points).query((start + end) / 2)
+        encroached = (nearest < half * 0.999) & (half > _SHORTEST_M)
+        if not encroached.any():
+            break
+        start, end = _subdivide(start, end, np.where(encroached, 2, 1))
+    points = np.unique(np.concatenate([start, end]), axis=0)
+    return points, (start + end) / 2
+
+
+def _subdivide(start: np.ndarray, end: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Splits segment i into `count[i]` equal parts; shared ends stay bit-identical."""
+    which = np.repeat(np.arange(len(start)), count)
+    part = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
+    step = (end - start)[which] / count[which, None]
+    first = np.round(start[which] + step * part[:, None], 6)
+    last = np.round(start[which] + step * (part + 1)[:, None], 6)
+    last = np.where((part == count[which] - 1)[:, None], end[which], last)
+    return first, last
+
+
+def _fill(paved: Geometry, low: np.ndarray, high: np.ndarray, clearance: cKDTree) -> list[np.ndarray]:
+    """Inner points: fine on paved ground, coarser on terrain, coarsest far from any street."""
+    shapely.prepare(paved)
+    fine = _hexagonal(*np.array(paved.bounds).reshape(2, 2), ROAD_EDGE_M)
+    fine = fine[shapely.contains_xy(paved, fine[:, 0], fine[:, 1])]
+    fine = fine[clearance.query(fine)[0] > 0.58 * ROAD_EDGE_M]
+    parts = [fine]
+    for edge, nearest, farthest in (
+        (_NEAR_EDGE_M, 0.5 * _NEAR_EDGE_M, _NEAR_STREET_M),
+        (_FAR_EDGE_M, _NEAR_STREET_M, np.inf),
+    ):
+        grid = _hexagonal(low, high, edge)
+        distance = clearance.query(grid)[0]
+        grid = grid[(distance > nearest) & (distance <= farthest)]
+        parts.append(grid[~shapely.contains_xy(paved, grid[:, 0], grid[:, 1])])
+    return [*parts, _border(low, high, _FAR_EDGE_M)]
+
+
+def _border(low: np.ndarray, high: np.ndarray, edge_m: float) -> np.ndarray:
+    """Points about `edge_m` apart around a rectangle."""
+    nx, ny = np.ceil((high - low) / edge_m).astype(int) + 1
+    x, y = np.linspace(low[0], high[0], nx), np.linspace(low[1], high[1], ny)[1:-1]
+    across = [np.stack([x, np.full(nx, level)], axis=1) for level in (low[1], high[1])]
+    along = [np.stack([np.full(ny - 2, level), y], axis=1) for level in (low[0], high[0])]
+    return np.concatenate(across + along)
+
+
+def _hexagonal(low: np.ndarray, high: np.ndarray, edge_m: float) -> np.ndarray:
+    """Points of an equilateral triangle grid inside a rectangle."""
+    x = np.arange(low[0] + edge_m / 2, high[0], edge_m)
+    y = np.arange(low[1] + edge_m / 2, high[1] - edge_m / 3, edge_m * np.sqrt(0.75))
+    xs, ys = np.meshgrid(x, y)
+    xs[1::2] += edge_m / 2
+    inside = xs <= high[0] - edge_m / 3
+    return np.stack([xs[inside], ys[inside]], axis=1)

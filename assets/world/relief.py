@@ -1,0 +1,104 @@
+"""From plan to ground mesh: each zone at its height over the smooth surface, kerbs between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely import Geometry
+
+from assets.materials import material_index
+from assets.mesh import Mesh
+from assets.world.ground import CARRIAGEWAY, TERRAIN, Plan
+
+KERB_M = 0.12
+LOWERED_KERB_M = 0.02  # at crossings
+TERRAIN_RISE_M = 0.06  # over the carriageway, so 6 cm under the pavement
+_RAMP_M = (0.2, 1.4)  # distances from a crossing between which the kerb rises to full height
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """How high each zone lies over the smooth surface.
+
+    Attributes:
+        height: the smooth surface H, (n, 2) → (n,), metres.
+        crossings: where kerbs are lowered.
+    """
+
+    height: Callable[[np.ndarray], np.ndarray]
+    crossings: Geometry
+
+    def rise_m(self, points: np.ndarray, zone: int) -> np.ndarray:
+        """Rise (n,) of a zone over H at points (n, 2)."""
+        if zone == CARRIAGEWAY:
+            return np.zeros(len(points))
+        if zone == TERRAIN:
+            return np.full(len(points), TERRAIN_RISE_M)
+        if shapely.is_empty(self.crossings):
+            return np.full(len(points), KERB_M)
+        shapely.prepare(self.crossings)
+        away = shapely.distance(self.crossings, shapely.points(points[:, :2]))
+        ramp = np.clip((away - _RAMP_M[0]) / (_RAMP_M[1] - _RAMP_M[0]), 0.0, 1.0)
+        return LOWERED_KERB_M + (KERB_M - LOWERED_KERB_M) * ramp
+
+    def z(self, points: np.ndarray, zone: int) -> np.ndarray:
+        """World height (n,) of a zone at points (n, 2)."""
+        return self.height(points) + self.rise_m(points, zone)
+
+
+def ground_mesh(plan: Plan, relief: Relief, terrain_materials: np.ndarray) -> Mesh:
+    """Carriageway, pavement, terrain and the vertical kerbs between them.
+
+    Args:
+        plan: the triangulated plan.
+        relief: heights of the zones.
+        terrain_materials: (t,) material row of each terrain triangle, in the plan's order.
+    """
+    base = relief.height(plan.points)
+    heights = np.stack([base + relief.rise_m(plan.points, zone) for zone in range(3)])
+    materials = np.array([material_index("asphalt"), material_index("paving"), 0], np.uint8)[plan.zone]
+    materials[plan.zone == TERRAIN] = terrain_materials
+    vertices = np.concatenate([np.column_stack([plan.points, z]) for z in heights])
+    faces = plan.faces + plan.zone[:, None].astype(np.int64) * len(plan.points)
+    everything = np.ones(len(faces), bool)
+    tops = Mesh(vertices, faces, materials).select(everything)
+    return Mesh.merge([tops, _kerbs(plan, heights)])
+
+
+def _kerbs(plan: Plan, heights: np.ndarray) -> Mesh:
+    """Vertical faces wherever two zones meet, facing the lower one."""
+    start, end, zone, other = zone_borders(plan)
+    top = np.stack([heights[zone, start], heights[zone, end]], axis=1)
+    foot = np.stack([heights[other, start], heights[other, end]], axis=1)
+    higher = top.sum(1) > foot.sum(1)
+    start, end, top, foot = start[higher], end[higher], top[higher], foot[higher]
+    corners = [
+        np.column_stack([plan.points[start], foot[:, 0]]),
+        np.column_stack([plan.points[end], foot[:, 1]]),
+        np.column_stack([plan.points[end], top[:, 1]]),
+        np.column_stack([plan.points[start], top[:, 0]]),
+    ]
+    n = len(start)
+    quads = np.arange(4 * n).reshape(4, n).T
+    return Mesh.of(np.concatenate(corners), quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), "kerb")
+
+
+def zone_borders(plan: Plan) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Directed edges between zones: start and end point rows, the zone on the left, the zone on the right.
+
+    Every border edge appears twice, once from either side.
+    """
+    start = plan.faces.reshape(-1)
+    end = np.roll(plan.faces, -1, axis=1).reshape(-1)
+    zone = np.repeat(plan.zone, 3).astype(np.int64)
+    n = len(plan.points)
+    forward, backward = start.astype(np.int64) * n + end, end.astype(np.int64) * n + start
+    order = np.argsort(forward)
+    slot = np.minimum(np.searchsorted(forward[order], backward), len(order) - 1)
+    twin = order[slot]
+    paired = forward[twin] == backward
+    border = paired & (zone != zone[twin])
+    return start[border], end[border], zone[border], zone[twin][border]
