@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import FormatError
-from cosim.kitti.files import numbers, read_text
+from cosim.files import numbers, read_text
 
 _SHAPES = {
     "P0": (3, 4),

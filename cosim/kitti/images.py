@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from cosim.errors import FormatError
-from cosim.kitti.files import read_bytes
+from cosim.files import read_bytes
 
 DEPTH_SCALE_PER_M = 256.0
 _DEPTH_LIMIT = 65535

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import FormatError
+from cosim.files import numbers, read_text
 from cosim.kitti.boxes import Boxes, wrap_angle
 from cosim.kitti.calibration import Calibration
-from cosim.kitti.files import numbers, read_text
 
 DONT_CARE = "DontCare"
 _COLUMNS = 15

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import FormatError
-from cosim.kitti.files import read_bytes
+from cosim.files import read_bytes
 
 POINT_BYTES = 16
 

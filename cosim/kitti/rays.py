@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import FormatError
-from cosim.kitti.files import read_bytes
+from cosim.files import read_bytes
 
 _DTYPES = {"ring": "|u1", "azimuth": "<f4", "time_s": "<f4", "return_no": "|u1"}
 _DATE = (1980, 1, 1, 0, 0, 0)  # the zip format's zero: equal arrays give equal bytes

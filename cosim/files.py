@@ -1,10 +1,13 @@
-"""Reading whole files with errors that name them."""
+"""Reading whole files with errors that name them, and names from files that end up in paths."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import re
+from pathlib import Path, PurePosixPath
 
 from cosim.errors import FormatError
+
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*", re.ASCII)
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -47,3 +50,13 @@ def numbers(words: list[str], where: str) -> list[float]:
             raise FormatError(f"{where}: {word!r} is not finite")
         values.append(value)
     return values
+
+
+def is_safe_name(name: str) -> bool:
+    """Whether a name can be one part of a path: letters, digits, `_ . + -`, not leading with `.` or `-`."""
+    return bool(_NAME.fullmatch(name)) and len(name) <= 200
+
+
+def is_safe_path(path: str) -> bool:
+    """Whether a path with `/` stays inside the folder it is relative to."""
+    return bool(path) and not path.startswith("/") and all(map(is_safe_name, PurePosixPath(path).parts))
