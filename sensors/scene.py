@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -42,6 +42,16 @@ class Instances:
     def __len__(self) -> int:
         return len(self.ids)
 
+    def take(self, rows: np.ndarray) -> Instances:
+        """The instances at `rows`."""
+        columns = {field.name: getattr(self, field.name) for field in fields(self)}
+        return Instances(
+            **{
+                name: tuple(column[row] for row in rows) if isinstance(column, tuple) else column[rows]
+                for name, column in columns.items()
+            }
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class TracedModel:
@@ -49,18 +59,20 @@ class TracedModel:
 
     Attributes:
         opaque, glass: its two BVHs.
+        vertices: (n, 3) float32 of its mesh.
         bounds: (2, 3) float64 corners of its box.
     """
 
     opaque: Bvh
     glass: Bvh
+    vertices: np.ndarray
     bounds: np.ndarray
 
     @classmethod
     def of(cls, mesh: Mesh) -> TracedModel:
         """Build both BVHs."""
         opaque, glass = mesh.split_glass()
-        return cls(Bvh(opaque), Bvh(glass), mesh.bounds.astype(np.float64))
+        return cls(Bvh(opaque), Bvh(glass), mesh.vertices, mesh.bounds.astype(np.float64))
 
 
 class Scene:

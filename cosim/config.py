@@ -1,0 +1,64 @@
+"""What a run is asked to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from cosim.errors import CosimError
+from sensors.pattern import first_problem
+
+
+class ConfigError(CosimError):
+    """A configuration breaks its rules."""
+
+
+class RunConfig(BaseModel):
+    """Everything that decides the content of a drive. The same configuration gives the same bytes."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    town: str = Field("town01", description="name of a built-in town, or the path of a .sumocfg file")
+    frames: int = Field(100, ge=1, le=1_000_000, description="frames to record")
+    seed: int = Field(0, ge=0, lt=2**31, description="seed of traffic, world, models and paints")
+    sensor: str = Field("hdl64e", description="a sensor file's path, or the name of a beam pattern used bare")
+    frames_per_episode: int = Field(25, ge=1, le=10_000, description="frames recorded in one SUMO simulation")
+    warm_up_s: float = Field(60.0, ge=0, le=3600, description="simulated time before the first frame [s]")
+    step_s: float = Field(0.1, gt=0, le=1, description="SUMO's step length [s]")
+    record_every_s: float = Field(1.0, gt=0, le=600, description="simulated time between frames [s]")
+    label_range_m: float = Field(80.0, gt=0, le=500, description="beyond this, objects become DontCare [m]")
+    min_label_pixels: int = Field(20, ge=1, description="fewer visible pixels than this give no label")
+    store_hits: bool = Field(True, description="keep hits/, from which sensor variants can be made again")
+    colour_image: bool = Field(True, description="render image_2 in colour")
+    backend: Literal["osmesa", "egl"] = Field("osmesa", description="how images are rendered")
+
+
+def load_config(path: Path | None, **overrides: object) -> RunConfig:
+    """A configuration from a YAML file, with values of the command line on top (None: not given).
+
+    Raises:
+        ConfigError: unreadable, not YAML, an unknown key or a value out of bounds.
+    """
+    values: dict[str, object] = {}
+    if path is not None:
+        try:
+            loaded = yaml.safe_load(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise ConfigError(f"cannot read {path}: {error.strerror}; give the path of a YAML file") from error
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise ConfigError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+        if loaded is not None and not isinstance(loaded, dict):
+            raise ConfigError(f"{path} holds {type(loaded).__name__}, not keys and values; write `town: town01`")
+        values.update(loaded or {})
+    values.update({key: value for key, value in overrides.items() if value is not None})
+    try:
+        return RunConfig.model_validate(values)
+    except ValidationError as error:
+        known = ", ".join(RunConfig.model_fields)
+        where = f"{path}: " if path else ""
+        unknown = error.errors()[0]["type"] == "extra_forbidden"
+        hint = f"; known keys are {known}" if unknown else ""
+        raise ConfigError(f"{where}{first_problem(error)}{hint}") from error

@@ -1,0 +1,275 @@
+"""One SUMO simulation, stepped and read as arrays."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Self
+
+import numpy as np
+
+from cosim.errors import CosimError
+
+# SUMO vehicle class → kind of road user
+KIND_OF_CLASS = {
+    "passenger": "car",
+    "private": "car",
+    "taxi": "car",
+    "hov": "car",
+    "evehicle": "car",
+    "emergency": "van",
+    "delivery": "van",
+    "truck": "truck",
+    "trailer": "truck",
+    "bus": "bus",
+    "coach": "bus",
+    "motorcycle": "motorcycle",
+    "moped": "motorcycle",
+    "bicycle": "cyclist",
+    "pedestrian": "pedestrian",
+}
+_FEW_EDGES_LEFT = 4
+_TRIES_TO_EXTEND = 20
+
+
+class TrafficError(CosimError):
+    """SUMO refuses the scenario, or the simulation cannot go on."""
+
+
+@dataclass(frozen=True, eq=False)
+class Actors:
+    """All road users at one simulation step: a struct of arrays.
+
+    Attributes:
+        time_s: simulation time.
+        ids: n SUMO ids.
+        types: n vType ids.
+        kinds: n kinds (`car`, `van`, `truck`, `bus`, `motorcycle`, `cyclist`, `pedestrian`).
+        lanes: n lane ids (empty for someone off the road).
+        front: (n, 3) float64 world position of the front bumper's centre (the middle of a pedestrian) [m].
+        heading_rad: (n,) float64 counter-clockwise from east.
+        speed_mps: (n,) float64 along the heading.
+        acceleration_mps2: (n,) float64 along the heading.
+        yaw_rate_radps: (n,) float64, from the last step's heading.
+        size: (n, 3) float64 length, width, height of the vType [m].
+        signals: (n,) int64 SUMO's bit set of lamps.
+    """
+
+    time_s: float
+    ids: tuple[str, ...]
+    types: tuple[str, ...]
+    kinds: tuple[str, ...]
+    lanes: tuple[str, ...]
+    front: np.ndarray
+    heading_rad: np.ndarray
+    speed_mps: np.ndarray
+    acceleration_mps2: np.ndarray
+    yaw_rate_radps: np.ndarray
+    size: np.ndarray
+    signals: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+@dataclass(frozen=True)
+class _TypeInfo:
+    kind: str
+    size: tuple[float, float, float]
+
+
+class Traffic:
+    """A running simulation; a context manager, one at a time in a process.
+
+    Args:
+        sumocfg: scenario file.
+        seed: SUMO's seed.
+        step_s: step length [s].
+
+    Raises:
+        TrafficError: SUMO refuses the scenario, or another simulation runs in this process.
+    """
+
+    def __init__(self, sumocfg: Path, seed: int, step_s: float = 0.1) -> None:
+        self.step_s = step_s
+        self._sumo = _start(
+            [
+                "sumo",
+                *("-c", str(sumocfg)),
+                *("--seed", str(seed % 2**31)),
+                *("--step-length", str(step_s)),
+                *("--time-to-teleport", "-1"),
+                *("--collision.action", "warn"),
+                "--no-step-log",
+                "--no-warnings",
+            ]
+        )
+        constants = self._sumo.constants
+        self._vehicle_variables = [
+            constants.VAR_POSITION3D,
+            constants.VAR_ANGLE,
+            constants.VAR_SPEED,
+            constants.VAR_ACCELERATION,
+            constants.VAR_LANE_ID,
+            constants.VAR_SIGNALS,
+            constants.VAR_TYPE,
+        ]
+        self._person_variables = [
+            constants.VAR_POSITION3D,
+            constants.VAR_ANGLE,
+            constants.VAR_SPEED,
+            constants.VAR_LANE_ID,
+            constants.VAR_TYPE,
+        ]
+        self._types: dict[str, _TypeInfo] = {}
+        self._headings: dict[str, float] = {}
+        self._subscribe()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the simulation."""
+        self._sumo.close()
+
+    @property
+    def time_s(self) -> float:
+        """Simulation time."""
+        return float(self._sumo.simulation.getTime())
+
+    def step(self) -> Actors:
+        """Advance by one step and read everyone.
+
+        Raises:
+            TrafficError: SUMO gave up.
+        """
+        try:
+            self._sumo.simulationStep()
+        except self._sumo.TraCIException as error:
+            raise TrafficError(f"SUMO stopped at {self.time_s:.1f} s: {error}") from error
+        self._subscribe()
+        return self._read()
+
+    def draw_ego(self, actors: Actors, rng: np.random.Generator) -> str:
+        """The id of a car to ride in: one that drives, drawn at random.
+
+        Raises:
+            TrafficError: no car drives.
+        """
+        driving = [
+            vehicle
+            for vehicle, kind, lane in zip(actors.ids, actors.kinds, actors.lanes, strict=True)
+            if kind == "car" and lane and not self._sumo.vehicle.getStops(vehicle, 1)
+        ]
+        moving = [vehicle for vehicle in driving if actors.speed_mps[actors.ids.index(vehicle)] > 1.0]
+        if not driving:
+            raise TrafficError(f"no car drives after {actors.time_s:.0f} s; lengthen warm_up_s or add traffic")
+        return str(rng.choice(sorted(moving or driving)))
+
+    def prolong_route(self, vehicle: str, rng: np.random.Generator) -> None:
+        """Give a vehicle that nears its destination another one, so that it keeps driving."""
+        api = self._sumo.vehicle
+        route = api.getRoute(vehicle)
+        if len(route) - api.getRouteIndex(vehicle) > _FEW_EDGES_LEFT:
+            return
+        edges = sorted(edge for edge in self._sumo.edge.getIDList() if not edge.startswith(":"))
+        vehicle_class = api.getVehicleClass(vehicle)
+        for _ in range(_TRIES_TO_EXTEND):
+            target = str(rng.choice(edges))
+            if target == route[-1] or vehicle_class in self._sumo.lane.getDisallowed(f"{target}_0"):
+                continue
+            way = self._sumo.simulation.findRoute(route[-1], target, api.getTypeID(vehicle)).edges
+            if len(way) > _FEW_EDGES_LEFT:
+                api.setRoute(vehicle, [*route[api.getRouteIndex(vehicle) :], *way[1:]])
+                return
+
+    def _subscribe(self) -> None:
+        """Subscribe to whoever has just entered."""
+        for vehicle in self._sumo.simulation.getDepartedIDList():
+            self._sumo.vehicle.subscribe(vehicle, self._vehicle_variables)
+        for person in self._sumo.simulation.getDepartedPersonIDList():
+            self._sumo.person.subscribe(person, self._person_variables)
+
+    def _read(self) -> Actors:
+        sumo, constants = self._sumo, self._sumo.constants
+        vehicles = sumo.vehicle.getAllSubscriptionResults()
+        persons = sumo.person.getAllSubscriptionResults()
+        rows: list[tuple[str, dict]] = [*sorted(vehicles.items()), *sorted(persons.items())]
+        ids = tuple(name for name, _ in rows)
+        types = tuple(values[constants.VAR_TYPE] for _, values in rows)
+        infos = [self._type(name) for name in types]
+        heading = np.radians(90.0 - np.array([values[constants.VAR_ANGLE] for _, values in rows], float))
+        before = np.array([self._headings.get(name, angle) for name, angle in zip(ids, heading, strict=True)])
+        self._headings = dict(zip(ids, heading.tolist(), strict=True))
+        turned = np.angle(np.exp(1j * (heading - before))) if len(rows) else heading
+        return Actors(
+            time_s=self.time_s,
+            ids=ids,
+            types=types,
+            kinds=tuple(info.kind for info in infos),
+            lanes=tuple(values[constants.VAR_LANE_ID] for _, values in rows),
+            front=np.array([values[constants.VAR_POSITION3D] for _, values in rows], float).reshape(-1, 3),
+            heading_rad=np.angle(np.exp(1j * heading)) if len(rows) else heading,
+            speed_mps=_column(rows, constants.VAR_SPEED),
+            acceleration_mps2=_column(rows, constants.VAR_ACCELERATION),
+            yaw_rate_radps=turned / self.step_s,
+            size=np.array([info.size for info in infos], float).reshape(-1, 3),
+            signals=_column(rows, constants.VAR_SIGNALS).astype(np.int64),
+        )
+
+    def _type(self, name: str) -> _TypeInfo:
+        if name not in self._types:
+            api = self._sumo.vehicletype
+            vehicle_class = api.getVehicleClass(name)
+            if vehicle_class not in KIND_OF_CLASS:
+                known = ", ".join(sorted(KIND_OF_CLASS))
+                raise TrafficError(f"vType {name!r} has vClass {vehicle_class!r}; cosim shows only {known}")
+            size = (api.getLength(name), api.getWidth(name), api.getHeight(name))
+            self._types[name] = _TypeInfo(KIND_OF_CLASS[vehicle_class], size)
+        return self._types[name]
+
+
+def _column(rows: Sequence[tuple[str, dict]], variable: int) -> np.ndarray:
+    return np.array([values.get(variable, 0.0) for _, values in rows], float)
+
+
+def _start(command: list[str]) -> ModuleType:
+    """Start libsumo; what it complains of becomes the error's line instead of noise on the terminal."""
+    import libsumo
+
+    if libsumo.simulation.isLoaded():
+        raise TrafficError("a SUMO simulation already runs in this process; close it first or use another process")
+    with _captured_stderr() as complaints:
+        try:
+            libsumo.start(command)
+        except (libsumo.TraCIException, libsumo.FatalTraCIError, RuntimeError) as error:
+            lines = [line.strip() for line in complaints().splitlines() if line.strip()]
+            errors = [line for line in lines if line.startswith("Error")] or lines or [str(error)]
+            raise TrafficError(f"SUMO refuses {command[2]}: {errors[0].removeprefix('Error: ')}") from error
+    return libsumo
+
+
+@contextlib.contextmanager
+def _captured_stderr() -> Iterator:
+    """Collect what native code writes to the standard error stream."""
+    with tempfile.TemporaryFile() as sink:
+        kept = os.dup(2)
+        os.dup2(sink.fileno(), 2)
+
+        def text() -> str:
+            sink.seek(0)
+            return sink.read().decode(errors="replace")
+
+        try:
+            yield text
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
