@@ -1,1 +1,9 @@
 """Where traffic runs: town recipes, their built SUMO files and the builder."""
+
+from sumo_nets.builder import build_town
+from sumo_nets.errors import TownError
+from sumo_nets.recipe import Recipe
+from sumo_nets.recipes import RECIPES, TOWNS
+from sumo_nets.town import Town, read_town
+
+__all__ = ["RECIPES", "TOWNS", "Recipe", "Town", "TownError", "build_town", "read_town"]

@@ -1,0 +1,114 @@
+"""Who drives, parks and walks: a population that stays for the whole simulation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sumo_nets.parking import Lot
+from sumo_nets.recipe import Demand
+from sumo_nets.vtypes import DRIVING, PARKED, WALKING
+
+# Faster than anyone gets along on average, so that no route ends before the simulation does.
+_DRIVING_PACE_MPS = 10.0
+_WALKING_PACE_MPS = 1.6
+_LEG_M = (120.0, 450.0)
+_FIRST_S = 1.0  # parked vehicles take their places first
+
+
+def make_demand(demand: Demand, net: Path, lots: tuple[Lot, ...], rng: np.random.Generator) -> list[str]:
+    """Return the lines of a route file.
+
+    Drivers and cyclists wander through the town along lane connections, preferring streets that few have taken so far;
+    pedestrians walk from one sidewalk to another. Vehicle ids start with `veh` or `parked`, persons' with `ped`.
+
+    Args:
+        demand: how many of each.
+        net: the built network.
+        lots: places for the parked vehicles; no more are parked than fit.
+        rng: source of every choice made here.
+    """
+    import sumolib
+
+    network = sumolib.net.readNet(str(net))
+    walking = _walking(demand, network, rng)
+    return walking + _parked(demand, lots, rng) + _driving(demand, network, rng)
+
+
+def _parked(demand: Demand, lots: tuple[Lot, ...], rng: np.random.Generator) -> list[str]:
+    chosen = sorted(rng.permutation(len(lots))[: demand.parked].tolist())
+    lines = []
+    for number, lot in enumerate(lots[i] for i in chosen):
+        lines += [
+            f'    <vehicle id="parked{number}" type="{PARKED}" depart="0" departPos="stop">',
+            f'        <route edges="{lot.edge}"/>',
+            f'        <stop parkingArea="{lot.id}" duration="1000000"/>',
+            "    </vehicle>",
+        ]
+    return lines
+
+
+def _driving(demand: Demand, network: Any, rng: np.random.Generator) -> list[str]:
+    streets = [edge for edge in network.getEdges() if edge.allows("passenger")]
+    onward = {edge.getID(): _ways_on(edge) for edge in streets}
+    taken = {edge.getID(): 0 for edge in streets}
+    starts = [streets[i] for i in rng.permutation(len(streets))]
+    lines = []
+    for number in range(demand.driving):
+        route = _wander(starts[number % len(starts)], onward, taken, demand.duration_s * _DRIVING_PACE_MPS, rng)
+        depart = _FIRST_S + demand.fill_s * number / demand.driving
+        lines += [
+            f'    <vehicle id="veh{number}" type="{DRIVING}" depart="{depart:.1f}" departLane="best" '
+            'departPos="random_free" departSpeed="0">',
+            f'        <route edges="{" ".join(route)}"/>',
+            "    </vehicle>",
+        ]
+    return lines
+
+
+def _ways_on(edge: Any) -> list[Any]:
+    """Return the edges a car can reach from this one; back the way it came only from a dead end."""
+    ways = {
+        target.getID(): target
+        for target, links in edge.getOutgoing().items()
+        if any(link.getFromLane().allows("passenger") and link.getToLane().allows("passenger") for link in links)
+    }
+    onward = [way for _, way in sorted(ways.items()) if way.getToNode() is not edge.getFromNode()]
+    return onward or [way for _, way in sorted(ways.items())]
+
+
+def _wander(
+    start: Any, onward: dict[str, list[Any]], taken: dict[str, int], length_m: float, rng: np.random.Generator
+) -> list[str]:
+    edge, route, driven = start, [start.getID()], 0.0
+    while driven < length_m and onward[edge.getID()]:
+        choices = onward[edge.getID()]
+        appeal = np.array([way.getSpeed() * way.getLaneNumber() / (5.0 + taken[way.getID()]) for way in choices])
+        edge = choices[rng.choice(len(choices), p=appeal / appeal.sum())]
+        taken[edge.getID()] += 1
+        route.append(edge.getID())
+        driven += edge.getLength()
+    return route
+
+
+def _walking(demand: Demand, network: Any, rng: np.random.Generator) -> list[str]:
+    streets = [edge for edge in network.getEdges() if edge.allows("pedestrian")]
+    if not streets:
+        return []
+    middle = np.array([np.mean(edge.getShape(), axis=0)[:2] for edge in streets])
+    lines = []
+    for number in range(demand.walking):
+        at, walked = int(rng.integers(len(streets))), 0.0
+        place = rng.uniform(0, streets[at].getLength())
+        lines.append(f'    <person id="ped{number}" type="{WALKING}" depart="0" departPos="{place:.1f}">')
+        while walked < demand.duration_s * _WALKING_PACE_MPS:
+            away = np.linalg.norm(middle - middle[at], axis=1)
+            near = np.flatnonzero((away >= _LEG_M[0]) & (away <= _LEG_M[1]))
+            near = near if near.size else np.flatnonzero(away > 0)
+            to = int(rng.choice(near))
+            lines.append(f'        <walk from="{streets[at].getID()}" to="{streets[to].getID()}"/>')
+            at, walked = to, walked + float(away[to])
+        lines.append("    </person>")
+    return lines

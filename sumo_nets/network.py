@@ -1,0 +1,125 @@
+"""From a street plan to a SUMO network that lies on the ground."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from sumo_nets.plan import Plan, Street
+from sumo_nets.recipe import Recipe, StreetRules
+from sumo_nets.relief import Ground
+from sumo_nets.tools import run_tool, strip_comments
+
+_MAIN_PRIORITY, _LOCAL_PRIORITY = 3, 1
+_DRIVERS = "passenger delivery truck bus motorcycle bicycle emergency taxi"
+
+
+def build_network(recipe: Recipe, plan: Plan, ground: Ground, rng: np.random.Generator, net: Path) -> None:
+    """Write the plain XML files beside `net` and let netconvert make the network.
+
+    From the kerb inwards an edge has a sidewalk, a parking strip where the plan wants one (a lane that is closed to
+    all, so that nothing drives there and the sidewalk keeps clear of it), and the driving lanes.
+
+    Raises:
+        TownError: netconvert refused the files.
+    """
+    folder = net.parent
+    (folder / "town.nod.xml").write_text(_nodes(recipe, plan, ground, rng), encoding="utf-8")
+    (folder / "town.edg.xml").write_text(_edges(recipe, plan, ground), encoding="utf-8")
+    run_tool("netconvert", *_options(), "-o", net.name, cwd=folder)
+    strip_comments(net)
+    drape(net, ground)
+
+
+def drape(net: Path, ground: Ground) -> None:
+    """Put every shape point of a network exactly on the ground.
+
+    netconvert carries the height of a street's middle line sideways to its lanes; where streets meet on a slope, their
+    corners would then end at different heights.
+    """
+
+    def shape(match: re.Match[str]) -> str:
+        xy = np.array([[float(v) for v in point.split(",")[:2]] for point in match[1].split()])
+        return f' shape="{_points(xy, ground.height(xy))}"'
+
+    def junction(match: re.Match[str]) -> str:
+        height = float(ground.height(np.array([float(match[2]), float(match[3])])))
+        return f'{match[1]} x="{match[2]}" y="{match[3]}" z="{height:.3f}"'
+
+    text = net.read_text(encoding="utf-8")
+    text = re.sub(r' shape="([^"]*)"', shape, text)
+    text = re.sub(r'(<junction [^>]*?) x="([^"]*)" y="([^"]*)"(?: z="[^"]*")?', junction, text)
+    net.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _options() -> list[str]:
+    files = ["--node-files", "town.nod.xml", "--edge-files", "town.edg.xml", "--offset.disable-normalization"]
+    walking = [
+        "--crossings.guess",
+        "--walkingareas",
+        "--default.crossing-width",
+        "3",
+        "--crossings.guess.speed-threshold",
+        "15",
+    ]
+    signals = ["--tls.cycle.time", "60", "--tls.default-type", "static"]
+    junctions = [
+        "--junctions.corner-detail",
+        "5",
+        "--junctions.internal-link-detail",
+        "8",
+        "--default.junctions.radius",
+        "4",
+    ]
+    return files + walking + signals + junctions + ["--precision", "3"]
+
+
+def _nodes(recipe: Recipe, plan: Plan, ground: Ground, rng: np.random.Generator) -> str:
+    lines = ["<nodes>"]
+    arms, main_arms = plan.arms(), plan.arms(main_only=True)
+    for i, (name, (x, y)) in enumerate(zip(plan.names, plan.positions, strict=True)):
+        if arms[i] == 0:
+            continue
+        kind = _control(int(arms[i]), int(main_arms[i]), recipe.streets, rng)
+        z = float(ground.height(np.array([x, y])))
+        lines.append(f'    <node id="{name}" x="{x:.2f}" y="{y:.2f}" z="{z:.3f}" type="{kind}"/>')
+    return "\n".join([*lines, "</nodes>", ""])
+
+
+def _control(arms: int, main_arms: int, rules: StreetRules, rng: np.random.Generator) -> str:
+    """Choose a junction's control from how many (main) streets meet there."""
+    signal, stop = rng.random(2)
+    if main_arms >= 3 or (main_arms > 0 and arms >= 4 and signal < rules.signal_share):
+        return "traffic_light"
+    if main_arms > 0 and arms > main_arms and stop < rules.stop_share:
+        return "priority_stop"
+    return "priority" if main_arms > 0 or arms < 3 else "right_before_left"
+
+
+def _edges(recipe: Recipe, plan: Plan, ground: Ground) -> str:
+    lines = ["<edges>"]
+    for street in plan.streets:
+        lines += _edge(recipe.streets, plan, ground, street, forward=True)
+        lines += _edge(recipe.streets, plan, ground, street, forward=False)
+    return "\n".join([*lines, "</edges>", ""])
+
+
+def _edge(rules: StreetRules, plan: Plan, ground: Ground, street: Street, forward: bool) -> list[str]:
+    start, end = (street.start, street.end) if forward else (street.end, street.start)
+    xy = street.shape if forward else street.shape[::-1]
+    speed = (rules.main_speed_kmh if street.main else rules.local_speed_kmh) / 3.6
+    lanes = [f'allow="pedestrian" width="{rules.sidewalk_width_m}"']
+    if street.parking[0 if forward else 1]:
+        lanes.append(f'disallow="all" width="{rules.parking_width_m}"')
+    lanes += [f'allow="{_DRIVERS}" width="{rules.lane_width_m}"'] * (rules.main_lanes if street.main else 1)
+    names = plan.names[start], plan.names[end]
+    priority = _MAIN_PRIORITY if street.main else _LOCAL_PRIORITY
+    head = f'    <edge id="{names[0]}_{names[1]}" from="{names[0]}" to="{names[1]}" priority="{priority}"'
+    head += f' numLanes="{len(lanes)}" speed="{speed:.2f}" shape="{_points(xy, ground.height(xy))}">'
+    return [head, *(f'        <lane index="{i}" {lane}/>' for i, lane in enumerate(lanes)), "    </edge>"]
+
+
+def _points(xy: np.ndarray, z: np.ndarray) -> str:
+    return " ".join(f"{x:.2f},{y:.2f},{h:.3f}" for (x, y), h in zip(xy, z, strict=True))

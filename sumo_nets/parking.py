@@ -1,0 +1,82 @@
+"""Parking lots in the strips between driving lane and sidewalk.
+
+Every lot is a parkingArea of its own. SUMO fills an area of many lots from one end, and lets only one vehicle a step
+start in it: the others drive in from its rear. With one lot each, all parked vehicles stand in their places from the
+first steps on, and which lots stay free is the demand's choice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sumo_nets.plan import Plan
+from sumo_nets.recipe import StreetRules
+
+_LOT_M = 6.2  # a car and room to manoeuvre
+_CLEAR_OF_JUNCTION_M = 7.0  # from the ends of the lane, for sight and turning
+_DRIVEWAY_M = 5.5  # between two bays
+_LOTS_PER_BAY = (2, 6)
+_INDEX_OF_LANE = 2  # right-most driving lane: sidewalk 0, parking strip 1
+
+
+@dataclass(frozen=True)
+class Lot:
+    """Kerbside parking for one vehicle.
+
+    Attributes:
+        id: SUMO parkingArea id, `lot_EDGE_NUMBER`.
+        edge, lane: what it lies beside, on the right.
+        start_m, end_m: positions along the lane.
+    """
+
+    id: str
+    edge: str
+    lane: str
+    start_m: float
+    end_m: float
+
+
+def make_parking(plan: Plan, lane_lengths: dict[str, float], rng: np.random.Generator) -> tuple[Lot, ...]:
+    """Cut every parking strip into bays of a few lots with driveways between them.
+
+    Args:
+        plan: which streets have strips.
+        lane_lengths: length in metres of every lane of the built network.
+        rng: source of bay sizes.
+    """
+    lots: list[Lot] = []
+    for street in plan.streets:
+        ways = ((street.start, street.end), (street.end, street.start))
+        for (start, end), wanted in zip(ways, street.parking, strict=True):
+            if wanted:
+                edge = f"{plan.names[start]}_{plan.names[end]}"
+                lane = f"{edge}_{_INDEX_OF_LANE}"
+                starts = _lot_starts(lane_lengths[lane], rng)
+                lots += [Lot(f"lot_{edge}_{i}", edge, lane, at, at + _LOT_M) for i, at in enumerate(starts)]
+    return tuple(lots)
+
+
+def _lot_starts(length_m: float, rng: np.random.Generator) -> list[float]:
+    starts: list[float] = []
+    at = _CLEAR_OF_JUNCTION_M
+    while at + _LOT_M <= length_m - _CLEAR_OF_JUNCTION_M:
+        for _ in range(int(rng.integers(_LOTS_PER_BAY[0], _LOTS_PER_BAY[1] + 1))):
+            if at + _LOT_M <= length_m - _CLEAR_OF_JUNCTION_M:
+                starts.append(at)
+                at += _LOT_M
+        at += _DRIVEWAY_M
+    return starts
+
+
+def write_parking(lots: tuple[Lot, ...], rules: StreetRules) -> list[str]:
+    """Return the lots as lines of an additional file.
+
+    SUMO puts a parkingArea right beside its lane: one of this width lies exactly on the closed lane of the same width.
+    """
+    return [
+        f'    <parkingArea id="{lot.id}" lane="{lot.lane}" startPos="{lot.start_m:.2f}" endPos="{lot.end_m:.2f}" '
+        f'roadsideCapacity="1" width="{rules.parking_width_m}"/>'
+        for lot in lots
+    ]

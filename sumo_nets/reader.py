@@ -1,0 +1,139 @@
+"""From SUMO's files to plain street geometry."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from assets.streets import LaneUse, ParkingBay, StopLine, StreetArea, StreetLane, Streets
+from sumo_nets import polyline
+from sumo_nets.xml_guard import read_xml
+
+_DRIVERS = {"passenger", "delivery", "truck", "bus", "motorcycle", "taxi", "coach", "private", "hov", "evehicle"}
+_DRIVERS |= {"trailer", "moped", "emergency", "army", "vip", "authority"}
+_DEFAULT_PARKING_WIDTH_M = 3.2
+
+
+def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], style: str) -> Streets:
+    """Read a network and the parking areas that go with it.
+
+    Lanes closed to everyone (the strips that `build_town` carves for parking) are given as `junction` areas: paved
+    carriageway that nothing drives on. Their parking lots lie within them.
+
+    Raises:
+        TownError: a file is not safe, whole XML.
+    """
+    import sumolib
+
+    read_xml(net_path, "net")
+    net = sumolib.net.readNet(str(net_path), withInternal=True, withPedestrianConnections=True, lxml=False)
+    lanes, areas, stops = [], [], []
+    for edge in net.getEdges(withInternal=True):
+        if edge.getFunction() == "walkingarea":
+            areas.append(StreetArea(edge.getID(), "walkingarea", _points(edge.getLanes()[0].getShape3D())))
+            continue
+        for lane in edge.getLanes():
+            centre = _points(lane.getShape3D())
+            use = _use(edge, lane)
+            if use is not None:
+                lanes.append(_lane(edge, lane, use, centre))
+            elif not lane.getPermissions():
+                areas.append(StreetArea(lane.getID(), "junction", polyline.strip(centre, lane.getWidth())))
+        stops += _stop_lines(edge)
+    outlines = ((node.getID(), _points(node.getShape3D())) for node in net.getNodes())
+    areas += [StreetArea(node, "junction", outline) for node, outline in outlines if len(outline) > 2]
+    parking = [bay for path in additional_paths for bay in _parking(path, net)]
+    return Streets(name, tuple(lanes), tuple(areas), tuple(parking), tuple(stops), style)
+
+
+def _points(shape: Any) -> np.ndarray:
+    points = np.array([(*p, 0.0)[:3] for p in shape], dtype=np.float64).reshape(-1, 3)
+    points.setflags(write=False)
+    return points
+
+
+def _use(edge: Any, lane: Any) -> LaneUse | None:
+    allowed = set(lane.getPermissions())
+    if edge.getFunction() == "crossing":
+        return "crossing"
+    if allowed & _DRIVERS:
+        return "drive"
+    if "pedestrian" in allowed:
+        return "sidewalk"
+    return "cycle" if "bicycle" in allowed else None
+
+
+def _lane(edge: Any, lane: Any, use: LaneUse, centre: np.ndarray) -> StreetLane:
+    internal = edge.getFunction() in ("internal", "crossing")
+    return StreetLane(lane.getID(), edge.getID(), use, centre, float(lane.getWidth()), float(lane.getSpeed()), internal)
+
+
+def _stop_lines(edge: Any) -> list[StopLine]:
+    """Return the stop lines of an edge's driving lanes.
+
+    A left turn off a main road yields to oncoming traffic, yet has no line: an edge yields only if none of its
+    movements has the right of way. U-turns do not count.
+    """
+    if edge.getFunction():
+        return []
+    lanes = [lane for lane in edge.getLanes() if _use(edge, lane) == "drive"]
+    links = {lane: [link for link in lane.getOutgoing() if link.getDirection() != "t"] for lane in lanes}
+    states = {link.getState() for lane in lanes for link in links[lane]}
+    lines = []
+    for lane in lanes:
+        if any(link.getTLSID() for link in links[lane]):
+            control = "signal"
+        elif states & {"s", "w"}:
+            control = "stop"
+        elif states & {"m", "="} and "M" not in states:
+            control = "yield"
+        else:
+            continue
+        centre = _points(lane.getShape3D())
+        lines.append(StopLine(lane.getID(), centre[-1], polyline.heading(centre), control))
+    return lines
+
+
+def _parking(path: Path, net: Any) -> list[ParkingBay]:
+    """Return the strips of an additional file's parking areas.
+
+    A parked vehicle's front bumper stands at the lot's far end, in the middle of the strip, turned along the lane;
+    the strip's middle line runs beside the lane at half the lane's width plus half its own. Both were measured with
+    SUMO 1.28. Areas on the carriageway itself (`onRoad`) have no strip; lots given one by one (`<space>`) are a strip each.
+    """
+    bays = []
+    for area in read_xml(path, "additional").iter("parkingArea"):
+        if area.get("onRoad") in ("true", "1") or not net.hasEdge(area.get("lane", "").rsplit("_", 1)[0]):
+            continue
+        spaces = area.findall("space")
+        if spaces:
+            bays += [_space(area, space, i) for i, space in enumerate(spaces)]
+        else:
+            bays.append(_roadside(area, net.getLane(area.get("lane", ""))))
+    return bays
+
+
+def _roadside(area: ET.Element, lane: Any) -> ParkingBay:
+    centre = _points(lane.getShape3D())
+    total = float(lane.getLength())
+    start, end = (float(area.get(key, default)) for key, default in (("startPos", "0"), ("endPos", str(total))))
+    start, end = (at + total if at < 0 else at for at in (start, end))
+    width = float(area.get("width", _DEFAULT_PARKING_WIDTH_M))
+    scale = polyline.length(centre) / total if total > 0 else 1.0
+    part = polyline.cut(centre, start * scale, end * scale)
+    return ParkingBay(area.get("id", ""), polyline.shift_right(part, (float(lane.getWidth()) + width) / 2), width)
+
+
+def _space(area: ET.Element, space: ET.Element, number: int) -> ParkingBay:
+    front = np.array([float(space.get(axis, "0")) for axis in "xyz"])
+    size = {
+        key: float(space.get(key) or area.get(key) or default) for key, default in (("width", 3.2), ("length", 5.0))
+    }
+    angle = math.radians(90 - float(space.get("angle") or area.get("angle") or 0))
+    ahead = np.array([math.cos(angle), math.sin(angle), 0.0])
+    centre = np.stack([front - size["length"] * ahead, front])
+    return ParkingBay(f"{area.get('id', '')}:{number}", centre, size["width"])

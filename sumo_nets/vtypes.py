@@ -1,0 +1,115 @@
+"""Vehicle types: one for every body and size in the model catalogue, so that meshes and traffic agree."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+
+class Model(Protocol):
+    """What this module reads of a catalogue entry (`assets.models.catalogue.ModelSpec`)."""
+
+    @property
+    def kind(self) -> str: ...  # noqa: D102
+    @property
+    def body(self) -> str: ...  # noqa: D102
+    @property
+    def length_m(self) -> float: ...  # noqa: D102
+    @property
+    def width_m(self) -> float: ...  # noqa: D102
+    @property
+    def height_m(self) -> float: ...  # noqa: D102
+
+
+@dataclass(frozen=True)
+class VType:
+    """A SUMO vehicle type.
+
+    Attributes:
+        id: `body_LENGTHxWIDTHxHEIGHT`, metres.
+        kind: kind of the catalogue models it stands for.
+        body: their body.
+        length_m, width_m, height_m: their size.
+        models: how many of them there are.
+    """
+
+    id: str
+    kind: str
+    body: str
+    length_m: float
+    width_m: float
+    height_m: float
+    models: int
+
+
+DRIVING = "driving"
+PARKED = "parked"
+WALKING = "walking"
+
+_LONGEST_PARKED_M = 5.7
+
+# Shares of the kinds, in vehicles seen on a town's streets.
+_SHARES: dict[str, dict[str, float]] = {
+    DRIVING: {"car": 0.80, "van": 0.08, "truck": 0.025, "bus": 0.01, "motorcycle": 0.03, "cyclist": 0.055},
+    PARKED: {"car": 0.93, "van": 0.07},
+    WALKING: {"pedestrian": 1.0},
+}
+
+# Car following [m/s², s, m]; speedFactor is the share of the limit a driver wants to go.
+_BEHAVIOUR: dict[str, str] = {
+    "car": 'vClass="passenger" accel="2.6" decel="4.5" sigma="0.5" tau="1.2" minGap="2.0" '
+    'speedFactor="normc(1.00,0.10,0.75,1.30)"',
+    "van": 'vClass="delivery" accel="2.2" decel="4.5" sigma="0.5" tau="1.3" minGap="2.2" '
+    'speedFactor="normc(0.98,0.09,0.75,1.25)"',
+    "truck": 'vClass="truck" accel="1.3" decel="4.0" sigma="0.4" tau="1.5" minGap="2.5" '
+    'speedFactor="normc(0.92,0.06,0.75,1.05)"',
+    "bus": 'vClass="bus" accel="1.2" decel="4.0" sigma="0.4" tau="1.5" minGap="2.5" '
+    'speedFactor="normc(0.92,0.06,0.75,1.05)"',
+    "motorcycle": 'vClass="motorcycle" accel="3.5" decel="6.0" sigma="0.5" tau="1.0" minGap="1.8" '
+    'speedFactor="normc(1.05,0.10,0.80,1.40)"',
+    "cyclist": 'vClass="bicycle" accel="1.2" decel="3.0" sigma="0.5" tau="1.0" minGap="0.8" '
+    'desiredMaxSpeed="5.0" speedFactor="normc(1.00,0.15,0.60,1.40)"',
+    "pedestrian": 'vClass="pedestrian" desiredMaxSpeed="1.35" speedFactor="normc(1.00,0.15,0.60,1.50)"',
+}
+
+_GUI_SHAPES = {"van": "delivery", "truck": "truck", "bus": "bus", "motorcycle": "motorcycle"}
+_GUI_SHAPES |= {"cyclist": "bicycle", "pedestrian": "pedestrian"}
+_CAR_SHAPES = {"hatchback": "passenger/hatchback", "sedan": "passenger/sedan", "saloon": "passenger/sedan"}
+_CAR_SHAPES |= {"estate": "passenger/wagon", "wagon": "passenger/wagon"}
+
+
+def make_vtypes(models: Iterable[Model]) -> tuple[VType, ...]:
+    """Return one vehicle type per body and size, ordered by id; sizes agree to the millimetre."""
+    counts: Counter[tuple[str, str, float, float, float]] = Counter()
+    for m in models:
+        counts[(m.kind, m.body, round(m.length_m, 3), round(m.width_m, 3), round(m.height_m, 3))] += 1
+    types = [VType(vtype_id(body, l, w, h), kind, body, l, w, h, n) for (kind, body, l, w, h), n in counts.items()]
+    return tuple(sorted(types, key=lambda t: t.id))
+
+
+def vtype_id(body: str, length_m: float, width_m: float, height_m: float) -> str:
+    """Return the id of the vehicle type of a body and size."""
+    return f"{body}_{length_m:.2f}x{width_m:.2f}x{height_m:.2f}"
+
+
+def write_vtypes(types: Iterable[VType]) -> list[str]:
+    """Return the lines of an additional file: the types, then the distributions `driving`, `parked`, `walking`."""
+    types = list(types)
+    lines = []
+    for t in types:
+        size = f'length="{t.length_m:.3f}" width="{t.width_m:.3f}" height="{t.height_m:.3f}"'
+        shape = _CAR_SHAPES.get(t.body, "passenger") if t.kind == "car" else _GUI_SHAPES[t.kind]
+        lines.append(f'    <vType id="{t.id}" {size} guiShape="{shape}" {_BEHAVIOUR[t.kind]}/>')
+    return lines + [_distribution(name, types) for name in _SHARES]
+
+
+def _distribution(name: str, types: list[VType]) -> str:
+    shares = _SHARES[name]
+    fits = [t for t in types if t.kind in shares and not (name == PARKED and t.length_m > _LONGEST_PARKED_M)]
+    models = Counter[str]()
+    for t in fits:
+        models[t.kind] += t.models
+    chances = " ".join(f"{shares[t.kind] * t.models / models[t.kind]:.5f}" for t in fits)
+    return f'    <vTypeDistribution id="{name}" vTypes="{" ".join(t.id for t in fits)}" probabilities="{chances}"/>'
