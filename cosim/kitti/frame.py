@@ -1,0 +1,165 @@
+"""One frame of a drive: its parts, read when asked for."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from cosim.errors import DriveError
+from cosim.kitti.calibration import Calibration, read_calibration
+from cosim.kitti.images import read_depth, read_image
+from cosim.kitti.labels import Labels, read_labels
+from cosim.kitti.oxts import Oxts, read_oxts
+from cosim.kitti.points import read_points_lenient
+from cosim.kitti.rays import PointRays, read_rays
+from cosim.kitti.rings import recover_rays
+from cosim.twin.frame import TwinFrame, read_frame
+
+_LOG = logging.getLogger(__name__)
+_T = TypeVar("_T")
+
+#: Folder of a part → suffixes its files may have, the one we write first.
+PARTS = {
+    "velodyne": (".bin",),
+    "calib": (".txt",),
+    "rays": (".npz",),
+    "hits": (".npz",),
+    "image_0": (".png", ".jpg"),
+    "image_1": (".png", ".jpg"),
+    "image_2": (".png", ".jpg"),
+    "image_3": (".png", ".jpg"),
+    "depth_0": (".png",),
+    "label_2": (".txt",),
+    "oxts": (".txt",),
+    "twin/frames": (".json",),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The parts of one frame, each read once, at its first use. All raise `CosimError` on broken files.
+
+    Attributes:
+        name: as in `velodyne/NAME.bin`.
+        root: the folder that holds `velodyne/`.
+        sweep_s: duration of a turn, to make up firing times with.
+        elevations_rad: (k,) of the pattern's rings, if the drive tells; helps to recover rings.
+    """
+
+    name: str
+    root: Path
+    sweep_s: float = 0.1
+    elevations_rad: np.ndarray | None = None
+
+    def find(self, part: str) -> Path | None:
+        """The file of a part (a folder such as `label_2`), or None if it is absent."""
+        candidates = [self.root / part / (self.name + suffix) for suffix in PARTS[part]]
+        return next((path for path in candidates if path.is_file()), None)
+
+    def has(self, part: str) -> bool:
+        """Whether a part is there."""
+        return self.find(part) is not None
+
+    def path(self, part: str) -> Path:
+        """The file of a part.
+
+        Raises:
+            DriveError: it is absent.
+        """
+        found = self.find(part)
+        if found is None:
+            file = f"{part}/{self.name}{PARTS[part][0]}"
+            raise DriveError(f"{self.root}: no {file}; add it, or leave out what needs {part}/")
+        return found
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """(n, 4) float32 x, y, z [m] in LiDAR axes and intensity; rows with NaN or infinity left out."""
+        return self._scan[0]
+
+    @property
+    def bad_points(self) -> int:
+        """How many rows of the file were left out because they hold NaN or infinity."""
+        return int((~self._scan[1]).sum())
+
+    @cached_property
+    def rays(self) -> PointRays:
+        """The beam of every point; `rays.recovered` says whether it was made up from their order."""
+        points, finite = self._scan
+        file = self.find("rays")
+        if file is not None:
+            return read_rays(file, points=len(finite))[finite]
+        return recover_rays(points, self.sweep_s, self.elevations_rad, str(self.path("velodyne")))
+
+    @cached_property
+    def calibration(self) -> Calibration:
+        """The calibration."""
+        return self._read("calib", read_calibration)
+
+    @cached_property
+    def labels(self) -> Labels:
+        """The labelled objects, `DontCare` regions included."""
+        return self._read("label_2", read_labels)
+
+    @cached_property
+    def oxts(self) -> Oxts:
+        """The GPS/IMU record."""
+        return self._read("oxts", read_oxts)
+
+    @cached_property
+    def twin(self) -> TwinFrame:
+        """Poses and motion of everything at the pose time."""
+        return self._read("twin/frames", read_frame)
+
+    @cached_property
+    def depth(self) -> np.ndarray:
+        """Depth of camera 0, (h, w) float32 metres, 0 where there is nothing."""
+        return self._read("depth_0", read_depth)
+
+    def image(self, part: str = "image_2") -> np.ndarray:
+        """An image: (h, w) uint8 if gray, (h, w, 3) uint8 RGB if coloured. Not kept."""
+        return self._read(part, read_image)
+
+    @property
+    def hits_path(self) -> Path:
+        """The stored hits of a simulated frame."""
+        return self.path("hits")
+
+    @property
+    def static_paths(self) -> tuple[Path, ...]:
+        """The glTF files of this frame's static world.
+
+        Raises:
+            DriveError: there are none.
+        """
+        twin = self.root / "twin"
+        named = self.twin.static if self.has("twin/frames") else None
+        wanted = [twin / named] if named else [twin / "static.glb", twin / "static"]
+        for place in wanted:
+            files = [place] if place.is_file() else sorted(place.glob("*.glb"))
+            if files:
+                return tuple(files)
+        raise DriveError(
+            f"{self.root}: no static world at {' or '.join(str(p.relative_to(self.root)) for p in wanted)}; "
+            "write one, or make a twin from labels with `cosim twin`"
+        )
+
+    @cached_property
+    def _scan(self) -> tuple[np.ndarray, np.ndarray]:
+        points, finite = self._read("velodyne", read_points_lenient)
+        if not finite.all():
+            _LOG.warning("%s: left out %d of %d points with NaN or infinity", self.path("velodyne"), *self._bad(finite))
+        return points, finite
+
+    @staticmethod
+    def _bad(finite: np.ndarray) -> tuple[int, int]:
+        return int((~finite).sum()), len(finite)
+
+    def _read(self, part: str, reader: Callable[[Path], _T]) -> _T:
+        return reader(self.path(part))

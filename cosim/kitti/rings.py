@@ -1,0 +1,96 @@
+"""Which laser measured each point, recovered from the order of a scan that comes without `rays/`.
+
+Scans are ring-major, top ring first, and a ring is one turn of the head: KITTI's files rise in azimuth from 0,
+ours fall from π. A new ring starts where that turn begins anew.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cosim.errors import FormatError
+from cosim.kitti.rays import PointRays
+
+MAX_RINGS = 256  # ring numbers are uint8
+_BREAK_RAD = 0.1  # azimuth falling back by more starts a ring; less is jitter
+_SEAM_RAD = 0.02  # a step of almost a full turn is jitter across the seam, taken back by the next step
+
+
+def recover_rays(
+    points: np.ndarray, sweep_s: float, elevations_rad: np.ndarray | None = None, source: str = "scan"
+) -> PointRays:
+    """The beams of a scan, from the order of its points.
+
+    Args:
+        points: (n, ≥ 3) in LiDAR axes, in the order of the file.
+        sweep_s: duration of a turn; a beam fires at −azimuth/2π · sweep_s.
+        elevations_rad: (k,) of the pattern's rings, if known: tells which rings have no return at all.
+        source: the name that errors mention.
+
+    Returns:
+        Rays with `recovered` set, azimuth in (−π, π] and return number 0.
+
+    Raises:
+        FormatError: the points fall into more rings than there can be: they are in another order.
+    """
+    azimuth = np.arctan2(points[:, 1], points[:, 0], dtype=np.float64)
+    runs = _runs(azimuth)
+    count = int(runs.max(initial=-1)) + 1
+    limit = MAX_RINGS if elevations_rad is None else len(elevations_rad)
+    if count > limit:
+        raise FormatError(
+            f"{source}: the order of the points makes {count} rings, more than the {limit} there can be; "
+            "a scan without rays/ must be stored ring by ring: give rays/ or sort it"
+        )
+    ring_of_run = np.arange(count)
+    if elevations_rad is not None and count < limit:
+        ring_of_run = _align(_run_elevations(points, runs, count), np.asarray(elevations_rad, np.float64))
+    return PointRays(
+        ring=ring_of_run[runs].astype(np.uint8),
+        azimuth=azimuth.astype(np.float32),
+        time_s=(-azimuth / (2 * np.pi) * sweep_s).astype(np.float32),
+        return_no=np.zeros(len(azimuth), np.uint8),
+        recovered=True,
+    )
+
+
+def _runs(azimuth: np.ndarray) -> np.ndarray:
+    """Number of the turn each point belongs to, (n,) int64 from 0, every number in use."""
+    steps = (np.diff(azimuth) + np.pi) % (2 * np.pi) - np.pi
+    small = steps[np.abs(steps) < _BREAK_RAD]
+    rising = np.count_nonzero(small > 0) >= np.count_nonzero(small < 0)
+    phase = (azimuth if rising else np.pi - azimuth) % (2 * np.pi)
+    change = np.diff(phase, prepend=phase[:1])
+    turns = np.cumsum((change < -_BREAK_RAD).astype(int) - (change > 2 * np.pi - _SEAM_RAD))
+    return np.unique(turns, return_inverse=True)[1].reshape(-1)
+
+
+def _run_elevations(points: np.ndarray, runs: np.ndarray, count: int) -> np.ndarray:
+    """Median elevation of each run [rad]; the farther half only, where the optical centre matters less."""
+    reach = np.hypot(points[:, 0], points[:, 1])
+    elevation = np.arctan2(points[:, 2], reach)
+    medians = np.empty(count)
+    for run in range(count):
+        rows = np.flatnonzero(runs == run)
+        medians[run] = np.median(elevation[rows][reach[rows] >= np.median(reach[rows])])
+    return medians
+
+
+def _align(found: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """Rings (increasing) for the runs such that the sum of elevation differences is least."""
+    spare = len(expected) - len(found)
+    # cost[s]: best sum so far with s rings skipped; run i then takes ring i + s
+    cost, choices = np.zeros(spare + 1), []
+    for run, elevation in enumerate(found):
+        choice = np.zeros(spare + 1, int)
+        for skipped in range(1, spare + 1):
+            better = cost[choice[skipped - 1]] <= cost[skipped]
+            choice[skipped] = choice[skipped - 1] if better else skipped
+        cost = cost[choice] + np.abs(expected[run : run + spare + 1] - elevation)
+        choices.append(choice)
+    skipped = int(cost.argmin()) if len(found) else 0
+    rings = np.empty(len(found), int)
+    for run in range(len(found) - 1, -1, -1):
+        rings[run] = run + skipped
+        skipped = int(choices[run][skipped])
+    return rings
