@@ -1,0 +1,24 @@
+"""What one camera pass yields."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Images:
+    """Pixel-aligned images of one camera at one instant.
+
+    Attributes:
+        rgb: (h, w, 3) uint8, encoded for display (sRGB).
+        gray: (h, w) uint8, luma of `rgb`.
+        depth_m: (h, w) float32 depth along the optical axis at the pixel's centre, 0 where nothing is hit.
+        instance: (h, w) uint16, 0 for the static world and the sky, k + 1 for the k-th instance given.
+    """
+
+    rgb: np.ndarray
+    gray: np.ndarray
+    depth_m: np.ndarray
+    instance: np.ndarray

@@ -1,0 +1,49 @@
+"""From KITTI's projection matrix to OpenGL's clip space, and what lies inside it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sensors.cameras.errors import CameraError
+
+
+def clip_matrix(P: np.ndarray, width: int, height: int, near_m: float) -> np.ndarray:
+    """Clip-from-camera matrix, (4, 4) float64, for a depth range of 0–1 that runs backwards.
+
+    Integer pixel (u, v) lands on the centre of a sample; rows run downwards, so the first row read back is
+    the image's top. The depth buffer holds near_m / depth: 1 at the near plane, 0 at infinity, which a
+    float buffer keeps to seven digits at any distance.
+
+    Args:
+        P: (3, 4) projection K [I | t], camera axes x right, y down, z forward.
+        width, height: image size [px].
+        near_m: near plane [m].
+    """
+    P = np.asarray(P, np.float64)
+    if P.shape != (3, 4) or abs(np.linalg.det(P[:, :3])) < 1e-9:
+        raise CameraError(f"P has shape {P.shape} or is singular: give a 3 × 4 matrix K [I | t]")
+    matrix = np.empty((4, 4))
+    matrix[0] = 2.0 / width * P[0] + (1.0 / width - 1.0) * P[2]
+    matrix[1] = 2.0 / height * P[1] + (1.0 / height - 1.0) * P[2]
+    matrix[2] = (0.0, 0.0, 0.0, near_m)
+    matrix[3] = P[2]
+    return matrix
+
+
+def frustum_planes(clip_from_world: np.ndarray, far_m: float) -> np.ndarray:
+    """Planes (6, 4) float64 a·x + d ≥ 0 inside, with unit normals: four sides, near and far."""
+    x, y, z, w = clip_from_world
+    planes = np.stack([w + x, w - x, w + y, w - y, w - z, [0, 0, 0, far_m] - w])
+    return planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+
+
+def spheres_inside(planes: np.ndarray, centre: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """True where a sphere (n, 3), (n,) may be seen, (n,) bool."""
+    return (centre @ planes[:, :3].T + planes[:, 3] >= -radius[:, None]).all(1)
+
+
+def boxes_inside(planes: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """True where an axis-aligned box (n, 2, 3) may be seen, (n,) bool."""
+    normal = planes[:, :3]
+    farthest = np.where(normal[None] >= 0, bounds[:, 1][:, None], bounds[:, 0][:, None])
+    return ((farthest * normal).sum(2) + planes[:, 3] >= 0).all(1)

@@ -1,0 +1,103 @@
+"""Colour, depth and instance images of one camera in a single pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from assets.mesh import Mesh
+from sensors.cameras.backend import select_backend
+from sensors.cameras.errors import CameraError
+from sensors.cameras.images import Images
+from sensors.cameras.light import Light
+from sensors.cameras.projection import clip_matrix, frustum_planes
+
+if TYPE_CHECKING:
+    from sensors.scene import Instances
+
+NEAR_M = 0.2
+FAR_M = 400.0
+_MAX_INSTANCES = 65535
+
+
+class CameraRenderer:
+    """Draws the static world and posed models with OpenGL.
+
+    One size and one backend per renderer; the backend is fixed for the process by the first renderer.
+
+    Args:
+        static: the static world, world axes.
+        models: mesh of each model name, or a function that gives it; asked once a name, when first met.
+        light: sun, sky and haze.
+        width, height: image size [px].
+        backend: `osmesa` or `egl`.
+        static_shade: (n, 2) float32 share of sun and of sky, 0–1, that reaches each vertex of `static`,
+            as `bake_sun_shadows` gives it; None for none in shadow.
+
+    Raises:
+        CameraError: the backend's library is missing.
+    """
+
+    def __init__(
+        self,
+        static: Mesh,
+        models: Mapping[str, Mesh] | Callable[[str], Mesh],
+        light: Light,
+        *,
+        width: int,
+        height: int,
+        backend: str = "osmesa",
+        static_shade: np.ndarray | None = None,
+    ) -> None:
+        if static_shade is not None and static_shade.shape != (len(static.vertices), 2):
+            raise CameraError(
+                f"static_shade has shape {static_shade.shape}: give ({len(static.vertices)}, 2), "
+                "sun and sky for each vertex of the static mesh"
+            )
+        select_backend(backend)
+        from sensors.cameras.painter import Painter
+
+        load = models if callable(models) else models.__getitem__
+        self.width, self.height = width, height
+        self._painter: Painter | None = Painter(static, load, light, width, height, static_shade)
+
+    def render(self, camera_pose_world: np.ndarray, P: np.ndarray, instances: Instances) -> Images:
+        """Images of one instant.
+
+        Args:
+            camera_pose_world: (4, 4) world-from-camera-0, axes x right, y down, z forward [m].
+            P: (3, 4) projection from camera-0 axes to pixels.
+            instances: what stands where; at most 65 535.
+        """
+        if self._painter is None:
+            raise CameraError("the renderer is closed: make a new one")
+        if len(instances.models) > _MAX_INSTANCES:
+            raise CameraError(f"{len(instances.models)} instances: numbers reach {_MAX_INSTANCES}; give fewer")
+        clip = clip_matrix(P, self.width, self.height, NEAR_M)
+        camera_from_world = np.linalg.inv(np.asarray(camera_pose_world, np.float64))
+        planes = frustum_planes(clip @ camera_from_world, FAR_M)
+        rgba, number, inverse_depth = self._painter.paint(camera_from_world, clip, planes, instances)
+        return _images(rgba, number, inverse_depth)
+
+    def close(self) -> None:
+        """Free the OpenGL context; the renderer cannot draw afterwards."""
+        if self._painter is not None:
+            self._painter.close()
+            self._painter = None
+
+    def __enter__(self) -> CameraRenderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _images(rgba: np.ndarray, number: np.ndarray, inverse_depth: np.ndarray) -> Images:
+    import cv2
+
+    depth = np.zeros_like(inverse_depth)
+    np.divide(np.float32(NEAR_M), inverse_depth, out=depth, where=inverse_depth > 0)
+    rgb = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB)
+    return Images(rgb, cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), depth, number)
