@@ -14,7 +14,7 @@ import numpy as np
 from sumo_nets.plan import Plan
 from sumo_nets.recipe import StreetRules
 
-_LOT_M = 6.2  # a car and room to manoeuvre
+_LOT_M = (5.8, 6.8)  # shortest and longest lot: a car and room to manoeuvre
 _CLEAR_OF_JUNCTION_M = 7.0  # from the ends of the lane, for sight and turning
 _DRIVEWAY_M = 5.5  # between two bays
 _LOTS_PER_BAY = (2, 6)
@@ -53,21 +53,21 @@ def make_parking(plan: Plan, lane_lengths: dict[str, float], rng: np.random.Gene
             if wanted:
                 edge = f"{plan.names[start]}_{plan.names[end]}"
                 lane = f"{edge}_{_INDEX_OF_LANE}"
-                starts = _lot_starts(lane_lengths[lane], rng)
-                lots += [Lot(f"lot_{edge}_{i}", edge, lane, at, at + _LOT_M) for i, at in enumerate(starts)]
+                spans = _spans(lane_lengths[lane], rng)
+                lots += [Lot(f"lot_{edge}_{i}", edge, lane, *span) for i, span in enumerate(spans)]
     return tuple(lots)
 
 
-def _lot_starts(length_m: float, rng: np.random.Generator) -> list[float]:
-    starts: list[float] = []
+def _spans(length_m: float, rng: np.random.Generator) -> list[tuple[float, float]]:
+    """Return where the lots beside a lane start and end."""
+    spans: list[tuple[float, float]] = []
     at = _CLEAR_OF_JUNCTION_M
-    while at + _LOT_M <= length_m - _CLEAR_OF_JUNCTION_M:
-        for _ in range(int(rng.integers(_LOTS_PER_BAY[0], _LOTS_PER_BAY[1] + 1))):
-            if at + _LOT_M <= length_m - _CLEAR_OF_JUNCTION_M:
-                starts.append(at)
-                at += _LOT_M
+    while at < length_m:
+        for lot in rng.uniform(*_LOT_M, int(rng.integers(_LOTS_PER_BAY[0], _LOTS_PER_BAY[1] + 1))):
+            spans.append((at, at + lot))
+            at += lot
         at += _DRIVEWAY_M
-    return starts
+    return [span for span in spans if span[1] <= length_m - _CLEAR_OF_JUNCTION_M]
 
 
 def write_parking(lots: tuple[Lot, ...], rules: StreetRules) -> list[str]:

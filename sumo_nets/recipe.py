@@ -18,10 +18,10 @@ class GridLayout(_Part):
     """A grid of streets whose corners are pushed about: `netgenerate --grid`."""
 
     kind: Literal["grid"] = "grid"
-    columns: int = Field(6, ge=2, le=30, description="junctions from west to east")
-    rows: int = Field(6, ge=2, le=30, description="junctions from south to north")
-    spacing_m: float = Field(105.0, ge=40, le=400, description="mean distance of neighbouring junctions")
-    jitter_m: float = Field(8.0, ge=0, le=40, description="standard deviation of a junction's displacement")
+    columns: int = Field(default=6, ge=2, le=30, description="junctions from west to east")
+    rows: int = Field(default=6, ge=2, le=30, description="junctions from south to north")
+    spacing_m: float = Field(default=105.0, ge=40, le=400, description="mean distance of neighbouring junctions")
+    jitter_m: float = Field(default=8.0, ge=0, le=40, description="standard deviation of a junction's displacement")
 
     def arguments(self) -> list[str]:
         """Return the command line of netgenerate."""
@@ -37,9 +37,9 @@ class SpiderLayout(_Part):
     """Rings and radial streets: `netgenerate --spider`."""
 
     kind: Literal["spider"] = "spider"
-    arms: int = Field(7, ge=3, le=24, description="radial streets")
-    circles: int = Field(4, ge=1, le=12, description="ring streets")
-    spacing_m: float = Field(80.0, ge=40, le=400, description="distance of neighbouring rings")
+    arms: int = Field(default=7, ge=3, le=24, description="radial streets")
+    circles: int = Field(default=4, ge=1, le=12, description="ring streets")
+    spacing_m: float = Field(default=80.0, ge=40, le=400, description="distance of neighbouring rings")
 
     def arguments(self) -> list[str]:
         """Return the command line of netgenerate."""
@@ -52,8 +52,8 @@ class RandomLayout(_Part):
     """Streets that grew at random: `netgenerate --rand`."""
 
     kind: Literal["random"] = "random"
-    iterations: int = Field(60, ge=5, le=2000, description="growth steps; more give a larger town")
-    spacing_m: tuple[float, float] = Field((70.0, 140.0), description="shortest and longest street")
+    iterations: int = Field(default=60, ge=5, le=2000, description="growth steps; more give a larger town")
+    spacing_m: tuple[float, float] = Field(default=(70.0, 140.0), description="shortest and longest street")
 
     def arguments(self) -> list[str]:
         """Return the command line of netgenerate."""
@@ -65,47 +65,50 @@ class RandomLayout(_Part):
 class Relief(_Part):
     """How the ground rises and falls."""
 
-    range_m: float = Field(7.0, ge=0, le=200, description="lowest to highest point of the town")
-    waves: int = Field(5, ge=1, le=20, description="sinusoids summed")
-    wavelength_m: tuple[float, float] = Field((300.0, 700.0), description="shortest and longest of them")
-    max_grade: float = Field(0.065, gt=0, le=0.15, description="steepest ground allowed, rise over run")
+    range_m: float = Field(default=7.0, ge=0, le=200, description="lowest to highest point of the town")
+    waves: int = Field(default=5, ge=1, le=20, description="sinusoids summed")
+    wavelength_m: tuple[float, float] = Field(default=(300.0, 700.0), description="shortest and longest of them")
+    max_grade: float = Field(default=0.065, gt=0, le=0.15, description="steepest ground allowed, rise over run")
 
 
 class StreetRules(_Part):
     """How the streets are cut and dressed."""
 
-    dropped: Share = Field(0.25, description="share of the layout's streets left out")
-    bend_m: float = Field(6.0, ge=0, le=30, description="largest sideways bow of a local street")
-    main_routes: int = Field(2, ge=0, le=8, description="main streets that cross the town")
-    main_lanes: int = Field(2, ge=1, le=4, description="driving lanes per direction of a main street")
-    main_speed_kmh: float = Field(50.0, ge=20, le=100, description="speed limit on main streets")
-    local_speed_kmh: float = Field(30.0, ge=10, le=100, description="speed limit on local streets")
-    lane_width_m: float = Field(3.2, ge=2.6, le=4.5, description="width of a driving lane")
-    sidewalk_width_m: float = Field(2.2, ge=1.2, le=8, description="width of the sidewalk on each side")
-    parking_width_m: float = Field(2.1, ge=2.0, le=3.0, description="width of the parking strip")
-    parking_share: Share = Field(0.65, description="share of the sides of local streets with a parking strip")
-    signal_share: Share = Field(0.4, description="share of four-armed main junctions with traffic lights, besides "
-                                "those where main streets meet, which all have them")  # fmt: skip
-    stop_share: Share = Field(0.3, description="share of unsignalled main junctions with stop signs on side streets")
+    dropped: Share = Field(default=0.25, description="share of the layout's streets left out")
+    bend_m: float = Field(default=6.0, ge=0, le=30, description="largest sideways bow of a local street")
+    main_routes: int = Field(default=2, ge=0, le=8, description="main streets that cross the town")
+    main_lanes: int = Field(default=2, ge=1, le=4, description="driving lanes per direction of a main street")
+    main_speed_kmh: float = Field(default=50.0, ge=20, le=100, description="speed limit on main streets")
+    local_speed_kmh: float = Field(default=30.0, ge=10, le=100, description="speed limit on local streets")
+    lane_width_m: float = Field(default=3.2, ge=2.6, le=4.5, description="width of a driving lane")
+    sidewalk_width_m: float = Field(default=2.2, ge=1.2, le=8, description="width of the sidewalk on each side")
+    parking_width_m: float = Field(default=2.1, ge=2.0, le=3.0, description="width of the parking strip")
+    parking_share: Share = Field(default=0.65, description="share of the sides of local streets with a parking strip")
+    signal_share: Share = Field(
+        default=0.4, description="share of four-armed main junctions with traffic lights; main crossings all have them"
+    )
+    stop_share: Share = Field(
+        default=0.3, description="share of unsignalled main junctions with stop signs on side streets"
+    )
 
 
 class Demand(_Part):
     """Who is about."""
 
-    driving: int = Field(100, ge=0, le=5000, description="vehicles on the move, bicycles among them")
-    parked: int = Field(160, ge=0, le=5000, description="vehicles parked for the whole time")
-    walking: int = Field(45, ge=0, le=5000, description="people on foot")
-    fill_s: float = Field(40.0, gt=0, description="time over which the vehicles enter")
-    duration_s: float = Field(1800.0, gt=0, description="time for which the population is kept up")
+    driving: int = Field(default=100, ge=0, le=5000, description="vehicles on the move, bicycles among them")
+    parked: int = Field(default=160, ge=0, le=5000, description="vehicles parked for the whole time")
+    walking: int = Field(default=45, ge=0, le=5000, description="people on foot")
+    fill_s: float = Field(default=40.0, gt=0, description="time over which the vehicles enter")
+    duration_s: float = Field(default=1800.0, gt=0, description="time for which the population is kept up")
 
 
 class Recipe(_Part):
     """All that makes a town. The same recipe gives the same files, byte for byte."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the town's name, and its files' stem")
-    style: TownStyle = Field("suburb", description="what the buildings and greens look like")
-    seed: int = Field(1, ge=0, description="of every random choice")
-    layout: GridLayout | SpiderLayout | RandomLayout = Field(GridLayout(), discriminator="kind")
+    style: TownStyle = Field(default="suburb", description="what the buildings and greens look like")
+    seed: int = Field(default=1, ge=0, description="of every random choice")
+    layout: GridLayout | SpiderLayout | RandomLayout = Field(default=GridLayout(), discriminator="kind")
     relief: Relief = Relief()
     streets: StreetRules = StreetRules()
     demand: Demand = Demand()

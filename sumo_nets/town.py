@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,7 +70,7 @@ def _find_config(path: Path) -> Path:
 
 def _inputs(config: Path) -> tuple[Path, tuple[Path, ...]]:
     """Return the network and the additional files that a configuration names."""
-    root = _configuration(config)
+    root = read_xml(config, "configuration", "sumoConfiguration")
     nets = _files(root, config, ("net-file", "net", "n"))
     if len(nets) != 1:
         raise TownError(f'{config}: names {len(nets)} networks, where it must name one as <net-file value="…"/>')
@@ -80,16 +81,7 @@ def _inputs(config: Path) -> tuple[Path, tuple[Path, ...]]:
     return nets[0], tuple(additional)
 
 
-def _configuration(config: Path):  # noqa: ANN202
-    try:
-        return read_xml(config, "configuration")
-    except TownError as error:
-        if "<sumoConfiguration>" not in str(error):
-            raise
-        return read_xml(config, "sumoConfiguration")
-
-
-def _files(root, config: Path, keys: tuple[str, ...]) -> list[Path]:  # noqa: ANN001
+def _files(root: ET.Element, config: Path, keys: tuple[str, ...]) -> list[Path]:
     values = [element.get("value", "") for element in root.iter() if element.tag in keys]
     names = [name.strip() for value in values for name in value.split(",") if name.strip()]
     return [(config.parent / name).resolve() for name in names]

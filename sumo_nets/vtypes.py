@@ -85,7 +85,9 @@ def make_vtypes(models: Iterable[Model]) -> tuple[VType, ...]:
     counts: Counter[tuple[str, str, float, float, float]] = Counter()
     for m in models:
         counts[(m.kind, m.body, round(m.length_m, 3), round(m.width_m, 3), round(m.height_m, 3))] += 1
-    types = [VType(vtype_id(body, l, w, h), kind, body, l, w, h, n) for (kind, body, l, w, h), n in counts.items()]
+    types = [
+        VType(vtype_id(body, *size), kind, body, *size, models=number) for (kind, body, *size), number in counts.items()
+    ]
     return tuple(sorted(types, key=lambda t: t.id))
 
 

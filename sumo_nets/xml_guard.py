@@ -12,15 +12,15 @@ from sumo_nets.errors import TownError
 _LARGEST_BYTES = 1 << 30
 
 
-def read_xml(path: Path, root: str) -> ET.Element:
+def read_xml(path: Path, *roots: str) -> ET.Element:
     """Parse an XML file, plain or gzipped, that must be whole and free of document types and entities.
 
     Args:
         path: the file.
-        root: the name its outermost element must have.
+        roots: names its outermost element may have.
 
     Raises:
-        TownError: the file cannot be read, is not such XML, or its outermost element has another name.
+        TownError: the file cannot be read, is not such XML, or its outermost element is another.
     """
     data = _read(path)
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
@@ -31,8 +31,8 @@ def read_xml(path: Path, root: str) -> ET.Element:
         element = ET.fromstring(data)
     except (ET.ParseError, ValueError, LookupError) as error:
         raise TownError(f"{path}: is not well-formed XML ({error})") from error
-    if element.tag != root:
-        raise TownError(f"{path}: starts with <{element.tag}>, where a SUMO file of this kind starts with <{root}>")
+    if element.tag not in roots:
+        raise TownError(f"{path}: starts with <{element.tag}>, where a SUMO file of this kind starts with <{roots[0]}>")
     return element
 
 
