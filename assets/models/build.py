@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from assets.mesh import Mesh
+from assets.models.car import build_car
 from assets.models.catalogue import Body, ModelSpec, model_spec
 from assets.models.plain import build_plain
 from assets.shapes import clean
 
-_BUILDERS = dict.fromkeys(Body.__args__, build_plain)  # pyright: ignore[reportAttributeAccessIssue]
+_BUILDERS: dict[Body, Callable[[ModelSpec], Mesh]] = {
+    "hatchback": build_car,
+    "saloon": build_car,
+    "estate": build_car,
+    "suv": build_car,
+    "van": build_car,
+    "truck": build_plain,
+    "bus": build_plain,
+    "motorcycle": build_plain,
+    "bicycle": build_plain,
+    "pedestrian": build_plain,
+}
 
 
 def build_model(name: str) -> Mesh:
