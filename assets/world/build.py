@@ -9,10 +9,15 @@ import numpy as np
 from assets.mesh import Mesh
 from assets.streets import Streets
 from assets.world.buildings import buildings_mesh, design
+from assets.world.greenery import borders_mesh, trees_mesh
 from assets.world.ground import TERRAIN, triangulate
 from assets.world.height_field import HeightField, fit_height_field
+from assets.world.kerbside import kerbside
+from assets.world.markings import markings_mesh, repairs_mesh
+from assets.world.obstacles import Obstacles
 from assets.world.plots import lay_out
-from assets.world.relief import Relief, ground_mesh
+from assets.world.props import props_mesh
+from assets.world.relief import Relief, ground_mesh, kerb_stones
 from assets.world.styles import style_of
 from assets.world.surfaces import outline
 from assets.world.terrain import terrain_materials
@@ -61,5 +66,21 @@ def build_world(streets: Streets, seed: int) -> World:
     ground = ground_mesh(plan, relief, terrain_materials(plan, style, town_low, town_high, rng))
     plots = lay_out(outlines.paved, style, rng)
     houses = design(plots, style, lambda xy: relief.z(xy, TERRAIN), rng)
-    buildings = buildings_mesh(houses, rng)
-    return World(Mesh.merge([ground, buildings]), ground, height, np.stack([low, high]))
+
+    def stand_z(xy: np.ndarray) -> np.ndarray:
+        return relief.z_of_land(xy, outlines.pavement)
+
+    blocked = Obstacles(streets, outlines, plots)
+    edge = kerbside(streets, outlines)
+    bounds = np.stack([low, high])
+    parts = [
+        ground,
+        kerb_stones(plan, relief),
+        markings_mesh(streets, outlines.carriageway, height),
+        repairs_mesh(streets, outlines.carriageway, height, rng),
+        buildings_mesh(houses, rng),
+        props_mesh(streets, edge, blocked, stand_z, style, rng),
+        trees_mesh(edge, plots, bounds, blocked, stand_z, style, rng),
+        borders_mesh(plots, blocked, stand_z, style, rng),
+    ]
+    return World(Mesh.merge(parts), ground, height, bounds)

@@ -11,11 +11,13 @@ from shapely import Geometry
 
 from assets.materials import material_index
 from assets.mesh import Mesh
-from assets.world.ground import CARRIAGEWAY, TERRAIN, Plan
+from assets.world.ground import CARRIAGEWAY, PAVEMENT, TERRAIN, Plan
+from assets.world.overlays import ribbons
 
 KERB_M = 0.12
 LOWERED_KERB_M = 0.02  # at crossings
 TERRAIN_RISE_M = 0.06  # over the carriageway, so 6 cm under the pavement
+_STONE_M, _STONE_RISE_M = 0.14, 0.003
 _RAMP_M = (0.2, 1.4)  # distances from a crossing between which the kerb rises to full height
 
 
@@ -47,6 +49,23 @@ class Relief:
     def z(self, points: np.ndarray, zone: int) -> np.ndarray:
         """World height (n,) of a zone at points (n, 2)."""
         return self.height(points) + self.rise_m(points, zone)
+
+    def z_of_land(self, points: np.ndarray, pavement: Geometry) -> np.ndarray:
+        """World height (n,) of pavement or terrain, whichever is at points (n, 2)."""
+        shapely.prepare(pavement)
+        paved = shapely.contains_xy(pavement, points[:, 0], points[:, 1])
+        return np.where(paved, self.z(points, PAVEMENT), self.z(points, TERRAIN))
+
+
+def kerb_stones(plan: Plan, relief: Relief) -> Mesh:
+    """The stones' upper faces: a strip along the pavement's edge, 3 mm proud."""
+    start, end, zone, other = zone_borders(plan)
+    edge = (zone == CARRIAGEWAY) & (other == PAVEMENT)
+    first, last = plan.points[start[edge]], plan.points[end[edge]]
+    run = last - first
+    away = run[:, ::-1] * [1.0, -1.0] / np.maximum(np.linalg.norm(run, axis=1, keepdims=True), 1e-6)
+    middle = away * _STONE_M / 2
+    return ribbons(first + middle, last + middle, _STONE_M, lambda xy: relief.z(xy, PAVEMENT) + _STONE_RISE_M, "kerb")
 
 
 def ground_mesh(plan: Plan, relief: Relief, terrain_materials: np.ndarray) -> Mesh:

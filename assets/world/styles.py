@@ -27,6 +27,8 @@ class Style:
         lamp_gap_m: distance of street lamps.
         ground: terrain materials: the usual one, then the one of patches.
         gap_share: share of the frontage left open.
+        fences: border kinds to choose from.
+        conifer_share: share of conifers among garden trees.
     """
 
     setback_m: Range
@@ -45,37 +47,114 @@ class Style:
     lamp_gap_m: float
     ground: tuple[str, str]
     gap_share: float
+    fences: tuple[str, ...]
+    conifer_share: float
 
 
 _RENDERED = ("plaster_white", "plaster_white", "plaster_yellow", "plaster_grey", "plaster_red", "brick")
 
 STYLES: dict[str, Style] = {
     "village": Style(
-        (1.5, 7.0), (8.0, 14.0), (8.0, 12.0), (3.0, 10.0), (1, 2), (2.6, 2.9),
-        ("gable", "gable", "gable", "hip"), (*_RENDERED, "stone"), (2.4, 3.4),
-        0.05, 0.75, 0.0, 1.6, 45.0, ("grass", "soil"), 0.22,
+        setback_m=(1.5, 7.0),
+        front_m=(8.0, 14.0),
+        depth_m=(8.0, 12.0),
+        side_gap_m=(3.0, 10.0),
+        storeys=(1, 2),
+        storey_m=(2.6, 2.9),
+        roofs=("gable", "gable", "gable", "hip"),
+        walls=(*_RENDERED, "stone"),
+        bay_m=(2.4, 3.4),
+        shop_share=0.05,
+        fence_share=0.75,
+        street_tree_gap_m=0.0,
+        garden_trees=1.6,
+        lamp_gap_m=45.0,
+        ground=("grass", "soil"),
+        gap_share=0.22,
+        fences=("picket", "picket", "wall_stone", "wire", "hedge", "hedge"),
+        conifer_share=0.2,
     ),
     "suburb": Style(
-        (3.0, 6.5), (8.5, 15.0), (8.0, 11.5), (2.5, 6.0), (1, 2), (2.6, 2.9),
-        ("gable", "gable", "hip", "flat"), _RENDERED, (2.4, 3.2),
-        0.03, 0.85, 28.0, 1.3, 34.0, ("grass", "soil"), 0.10,
+        setback_m=(3.0, 6.5),
+        front_m=(8.5, 15.0),
+        depth_m=(8.0, 11.5),
+        side_gap_m=(2.5, 6.0),
+        storeys=(1, 2),
+        storey_m=(2.6, 2.9),
+        roofs=("gable", "gable", "hip", "flat"),
+        walls=_RENDERED,
+        bay_m=(2.4, 3.2),
+        shop_share=0.03,
+        fence_share=0.85,
+        street_tree_gap_m=28.0,
+        garden_trees=1.3,
+        lamp_gap_m=34.0,
+        ground=("grass", "soil"),
+        gap_share=0.1,
+        fences=("picket", "wire", "hedge", "hedge", "wall_brick", "wall_plaster"),
+        conifer_share=0.25,
     ),
     "urban": Style(
-        (0.25, 0.6), (10.0, 20.0), (10.0, 13.0), (0.04, 0.08), (3, 5), (2.9, 3.4),
-        ("gable", "gable", "flat", "hip"), (*_RENDERED, "stone", "brick"), (2.2, 2.9),
-        0.45, 0.5, 24.0, 0.5, 26.0, ("paving", "gravel"), 0.10,
+        setback_m=(0.25, 0.6),
+        front_m=(10.0, 20.0),
+        depth_m=(10.0, 13.0),
+        side_gap_m=(0.04, 0.08),
+        storeys=(3, 5),
+        storey_m=(2.9, 3.4),
+        roofs=("gable", "gable", "flat", "hip"),
+        walls=(*_RENDERED, "stone", "brick"),
+        bay_m=(2.2, 2.9),
+        shop_share=0.45,
+        fence_share=0.5,
+        street_tree_gap_m=24.0,
+        garden_trees=0.5,
+        lamp_gap_m=26.0,
+        ground=("paving", "gravel"),
+        gap_share=0.1,
+        fences=("wall_brick", "wall_plaster", "railing"),
+        conifer_share=0.05,
     ),
     "industrial": Style(
-        (5.0, 12.0), (18.0, 45.0), (16.0, 32.0), (5.0, 14.0), (1, 3), (3.6, 4.5),
-        ("flat", "flat", "flat", "gable"), ("cladding_metal", "cladding_metal", "concrete", "brick"), (4.0, 6.0),
-        0.0, 0.8, 40.0, 0.6, 38.0, ("gravel", "grass"), 0.15,
+        setback_m=(5.0, 12.0),
+        front_m=(18.0, 45.0),
+        depth_m=(16.0, 32.0),
+        side_gap_m=(5.0, 14.0),
+        storeys=(1, 3),
+        storey_m=(3.6, 4.5),
+        roofs=("flat", "flat", "flat", "gable"),
+        walls=("cladding_metal", "cladding_metal", "concrete", "brick"),
+        bay_m=(4.0, 6.0),
+        shop_share=0.0,
+        fence_share=0.8,
+        street_tree_gap_m=40.0,
+        garden_trees=0.6,
+        lamp_gap_m=38.0,
+        ground=("gravel", "grass"),
+        gap_share=0.15,
+        fences=("railing", "wire", "wire", "wall_brick"),
+        conifer_share=0.1,
     ),
     "boulevard": Style(
-        (0.4, 3.0), (14.0, 26.0), (12.0, 15.0), (0.05, 0.1), (4, 6), (3.1, 3.6),
-        ("hip", "flat", "gable"), ("plaster_white", "plaster_yellow", "stone", "stone", "concrete"), (2.3, 2.9),
-        0.6, 0.3, 14.0, 0.4, 24.0, ("grass", "paving"), 0.08,
+        setback_m=(0.4, 3.0),
+        front_m=(14.0, 26.0),
+        depth_m=(12.0, 15.0),
+        side_gap_m=(0.05, 0.1),
+        storeys=(4, 6),
+        storey_m=(3.1, 3.6),
+        roofs=("hip", "flat", "gable"),
+        walls=("plaster_white", "plaster_yellow", "stone", "stone", "concrete"),
+        bay_m=(2.3, 2.9),
+        shop_share=0.6,
+        fence_share=0.3,
+        street_tree_gap_m=14.0,
+        garden_trees=0.4,
+        lamp_gap_m=24.0,
+        ground=("grass", "paving"),
+        gap_share=0.08,
+        fences=("railing", "hedge", "wall_stone"),
+        conifer_share=0.0,
     ),
-}  # fmt: skip
+}
 
 
 def style_of(name: str) -> Style:

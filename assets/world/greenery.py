@@ -1,0 +1,143 @@
+"""Plants trees along streets, in gardens and on open land, and draws the borders of plots."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from assets.mesh import Mesh
+from assets.world.fences import PIECE_M, fences_mesh, line_of
+from assets.world.instancing import instances, poses
+from assets.world.kerbside import Kerbside
+from assets.world.obstacles import Obstacles
+from assets.world.overlays import Heights
+from assets.world.plots import Plot
+from assets.world.styles import Style
+from assets.world.trees import broadleaf, bush, conifer
+
+_VARIANTS = 6
+_OPEN_LAND_PER_M2 = 5e-4
+_OPEN_LAND_MOST = 260
+
+
+def trees_mesh(
+    edge: Kerbside, plots: list[Plot], bounds: np.ndarray, blocked: Obstacles, stand_z: Heights, style: Style,
+    rng: np.random.Generator,
+) -> Mesh:  # fmt: skip
+    """Street trees, garden trees and bushes, and trees on open land."""
+    return Mesh.merge(
+        [
+            _street_trees(edge, blocked, stand_z, style, rng),
+            _garden_plants(plots, blocked, stand_z, style, rng),
+            _open_land(bounds, blocked, stand_z, style, rng),
+        ]
+    )
+
+
+def _street_trees(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator) -> Mesh:
+    """Slender trees with high crowns near the kerb."""
+    if style.street_tree_gap_m == 0.0:
+        return Mesh.empty()
+    rows = edge.every(style.street_tree_gap_m, rng)
+    rows = rows[edge.junction_m[rows] > 6.0]
+    spots = edge.point[rows] + 0.45 * edge.outward[rows]
+    keep = blocked.free(spots, 1.1, road_m=0.25)
+    keep[keep] = blocked.take(spots[keep], 1.5)
+    radius = 1.3 if style.setback_m[0] < 1.0 else 1.8
+    templates = [
+        broadleaf(rng, rng.uniform(7.5, 10.0), (radius * rng.uniform(0.85, 1.15),) * 2, rng.uniform(3.4, 4.0))
+        for _ in range(_VARIANTS)
+    ]
+    return _scatter(templates, spots[keep], stand_z, rng)
+
+
+def _garden_plants(
+    plots: list[Plot], blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
+) -> Mesh:
+    """Trees beside and behind the houses, bushes before them."""
+    trees, bushes = [], []
+    for plot in plots:
+        deep = plot.setback_m + plot.size_m[1]
+        for _ in range(rng.poisson(style.garden_trees)):
+            across, inland = rng.uniform(-0.5, 0.5) * plot.width_m, rng.uniform(1.5, deep + 14.0)
+            trees.append(plot.front + plot.along * across + plot.inward * inland)
+        for _ in range(rng.poisson(style.garden_trees)):
+            across, inland = rng.uniform(-0.5, 0.5) * plot.width_m, rng.uniform(0.9, plot.setback_m + 0.9)
+            bushes.append(plot.front + plot.along * across + plot.inward * inland)
+    tree, shrub = np.reshape(trees, (-1, 2)), np.reshape(bushes, (-1, 2))
+    templates = _mixed(rng, style.conifer_share)
+    shrubs = [bush(rng, rng.uniform(0.8, 1.8), rng.uniform(0.5, 1.0)) for _ in range(_VARIANTS)]
+    return Mesh.merge(
+        [
+            _scatter(templates, _rooted(tree, 1.8, 1.6, 1.8, blocked), stand_z, rng),
+            _scatter(shrubs, _rooted(shrub, 0.7, 1.0, 0.6, blocked), stand_z, rng),
+        ]
+    )
+
+
+def _open_land(
+    bounds: np.ndarray, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
+) -> Mesh:
+    """Loose groups of trees between and around the blocks."""
+    area = float(np.prod(bounds[1] - bounds[0]))
+    count = int(min(_OPEN_LAND_MOST, area * _OPEN_LAND_PER_M2))
+    groups = rng.uniform(bounds[0] + 4.0, bounds[1] - 4.0, (max(1, count // 3), 2))
+    spots = np.repeat(groups, 3, axis=0) + rng.normal(0.0, 6.0, (len(groups) * 3, 2))
+    spots = np.clip(spots, bounds[0] + 2.0, bounds[1] - 2.0)
+    return _scatter(_mixed(rng, max(style.conifer_share, 0.15)), _rooted(spots, 2.5, 3.0, 2.2, blocked), stand_z, rng)
+
+
+def _mixed(rng: np.random.Generator, conifer_share: float) -> list[Mesh]:
+    """Garden and field trees: round, oval and columnar crowns and some spruces."""
+    templates = []
+    for _ in range(2 * _VARIANTS):
+        height = rng.uniform(4.5, 11.0)
+        if rng.random() < conifer_share:
+            templates.append(conifer(rng, height, height * rng.uniform(0.17, 0.24)))
+            continue
+        slender = rng.uniform(0.16, 0.30)
+        crown = (height * slender, height * slender * rng.uniform(0.85, 1.15))
+        templates.append(broadleaf(rng, height, crown, height * rng.uniform(0.18, 0.3), clusters=170))
+    return templates
+
+
+def _rooted(spots: np.ndarray, house_m: float, paved_m: float, spacing_m: float, blocked: Obstacles) -> np.ndarray:
+    """The spots with room for a plant, reserved."""
+    spots = spots[blocked.free(spots, house_m, paved_m=paved_m)]
+    return spots[blocked.take(spots, spacing_m)]
+
+
+def _scatter(templates: list[Mesh], spots: np.ndarray, stand_z: Heights, rng: np.random.Generator) -> Mesh:
+    """One random template, turned and scaled, at every spot."""
+    choice = rng.integers(len(templates), size=len(spots))
+    yaw, scale = rng.uniform(0, 2 * np.pi, len(spots)), rng.uniform(0.85, 1.15, len(spots))
+    placed = poses(np.column_stack([spots, stand_z(spots) - 0.03]), yaw, scale)
+    return Mesh.merge([instances(template, placed[choice == k]) for k, template in enumerate(templates)])
+
+
+def borders_mesh(
+    plots: list[Plot], blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
+) -> Mesh:
+    """Fences, walls and hedges around gardens, with a gate in front."""
+    pieces: dict[str, list[np.ndarray]] = {}
+    for plot in plots:
+        if plot.setback_m < 1.0 or rng.random() > style.fence_share:
+            continue
+        half, back = plot.width_m / 2, plot.setback_m + plot.size_m[1] + rng.uniform(4.0, 9.0)
+        gate = rng.uniform(-0.6, 0.6) * half
+        runs = [((-half, 0.35), (gate - 1.5, 0.35)), ((gate + 1.5, 0.35), (half, 0.35))]
+        front, side = str(rng.choice(style.fences)), str(rng.choice(style.fences))
+        lines = [(front, run) for run in runs] + [(side, ((-half, 0.5), (-half, back)))]
+        for kind, (begin, end) in lines:
+            corner = np.array([begin, end])
+            xy = plot.front + corner[:, :1] * plot.along + corner[:, 1:] * plot.inward
+            length = float(np.linalg.norm(xy[1] - xy[0]))
+            if length < 1.0 or corner[1, 0] < corner[0, 0]:
+                continue
+            share = np.linspace(0.0, 1.0, max(1, round(length / PIECE_M)) + 1)[:, None]
+            knots = xy[0] + share * (xy[1] - xy[0])
+            start, stop = knots[:-1], knots[1:]
+            keep = ~blocked.crosses(start, stop)
+            if keep.any():
+                start, stop = start[keep], stop[keep]
+                pieces.setdefault(kind, []).append(line_of(start, stop, stand_z(start), stand_z(stop)))
+    return fences_mesh(pieces, rng)

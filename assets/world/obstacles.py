@@ -1,0 +1,65 @@
+"""What stands where: keeps props off the road, off the walking line, out of houses and out of each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+from shapely import STRtree
+
+from assets.streets import Streets
+from assets.world import polylines
+from assets.world.plots import Plot
+from assets.world.surfaces import Outlines
+
+_WALKING_LINE_M = 0.45  # kept free on either side of a sidewalk's centre line
+
+
+class Obstacles:
+    """Answers where a prop may stand and remembers what has been placed."""
+
+    def __init__(self, streets: Streets, outlines: Outlines, plots: list[Plot]) -> None:
+        """Collects the fixed obstacles of a town."""
+        self._carriageway = outlines.carriageway
+        self._paved = outlines.paved
+        shapely.prepare([self._carriageway, self._paved])
+        self._houses = STRtree([shapely.polygons(plot.corners()) for plot in plots])
+        lines = [lane.centre for lane in streets.lanes if lane.use == "sidewalk"]
+        walked = [polylines.at(line, np.arange(0.0, polylines.stations(line)[-1], 0.4)) for line in lines]
+        self._walked = cKDTree(np.concatenate(walked)) if walked else None
+        self._taken = np.zeros((0, 3))  # x, y, radius
+
+    def free(self, xy: np.ndarray, radius_m: float, road_m: float = 0.15, paved_m: float | None = None) -> np.ndarray:
+        """Whether a prop of `radius_m` may stand at points `xy` (n, 2); earlier props are not asked.
+
+        Args:
+            xy: world points.
+            radius_m: distance to keep from houses.
+            road_m: distance to keep from the carriageway.
+            paved_m: distance to keep from any paved ground, for plants; None allows pavement.
+        """
+        points = shapely.points(xy)
+        ok = ~shapely.dwithin(self._carriageway, points, road_m)
+        if paved_m is not None:
+            ok &= ~shapely.dwithin(self._paved, points, paved_m)
+        ok[self._houses.query(points, predicate="dwithin", distance=radius_m)[0]] = False
+        if self._walked is not None:
+            ok &= self._walked.query(xy)[0] > _WALKING_LINE_M
+        return ok
+
+    def take(self, xy: np.ndarray, radius_m: float) -> np.ndarray:
+        """Reserves points (n, 2) in order; false where an earlier prop is too near."""
+        taken = np.zeros(len(xy), bool)
+        for i, point in enumerate(xy):
+            reach = self._taken[:, 2] + radius_m
+            if (((self._taken[:, :2] - point) ** 2).sum(1) >= reach**2).all():
+                self._taken = np.concatenate([self._taken, [[*point, radius_m]]])
+                taken[i] = True
+        return taken
+
+    def crosses(self, start: np.ndarray, end: np.ndarray, clear_m: float = 0.1) -> np.ndarray:
+        """Whether segments from `start` to `end` (n, 2) come within `clear_m` of a house or paved ground."""
+        segments = shapely.linestrings(np.stack([start, end], axis=1))
+        hit = shapely.dwithin(self._paved, segments, clear_m)
+        hit[self._houses.query(segments, predicate="dwithin", distance=clear_m)[0]] = True
+        return hit

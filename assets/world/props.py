@@ -1,0 +1,140 @@
+"""Places furniture, signs and signals along the kerbs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from assets.mesh import Mesh
+from assets.streets import StopLine, StreetLane, Streets
+from assets.world import furniture, polylines, signs
+from assets.world.instancing import instances, poses
+from assets.world.kerbside import Kerbside
+from assets.world.obstacles import Obstacles
+from assets.world.overlays import Heights
+from assets.world.styles import Style
+
+_KERB_SETBACK_M = 0.4  # poles stand this far behind the kerb
+_MAST_ARM_FROM_LANES = 2
+_SEARCH_M = np.arange(0.35, 14.0, 0.25)
+
+
+def props_mesh(
+    streets: Streets, edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
+) -> Mesh:
+    """Signals, signs, lamps and furniture; `stand_z` gives the height of whatever ground is at a point."""
+    return Mesh.merge(
+        [
+            _controls(streets, blocked, stand_z),
+            _speed_signs(streets, blocked, stand_z, rng),
+            _lamps(edge, blocked, stand_z, style, rng),
+            _shelters(edge, blocked, stand_z, rng),
+            _furniture(edge, blocked, stand_z, style, rng),
+        ]
+    )
+
+
+def _controls(streets: Streets, blocked: Obstacles, stand_z: Heights) -> Mesh:
+    """A signal, stop or yield sign to the right of every controlled approach."""
+    lanes = {lane.id: lane for lane in streets.lanes}
+    approaches: dict[str, list[StopLine]] = {}
+    for stop in streets.stop_lines:
+        approaches.setdefault(lanes[stop.lane].edge if stop.lane in lanes else stop.lane, []).append(stop)
+    parts = []
+    for stops in approaches.values():
+        stop = min(stops, key=_lane_number)
+        width = sum(lanes[s.lane].width_m if s.lane in lanes else 3.2 for s in stops)
+        spot = _right_of(stop.position[:2], stop.heading_rad, blocked)
+        if spot is None:
+            continue
+        place = np.column_stack([spot, stand_z(spot)])
+        if stop.control == "signal":
+            reach = float(np.linalg.norm(spot[0] - stop.position[:2])) + width / 2 - 1.6
+            model = signs.signal_pole(reach if len(stops) >= _MAST_ARM_FROM_LANES else 0.0)
+        else:
+            model = signs.sign(stop.control)
+        parts.append(instances(model, poses(place, stop.heading_rad)))
+    return Mesh.merge(parts)
+
+
+def _lane_number(stop: StopLine) -> int:
+    tail = stop.lane.rsplit("_", 1)[-1]
+    return int(tail) if tail.isdigit() else 0
+
+
+def _right_of(position: np.ndarray, heading_rad: float, blocked: Obstacles) -> np.ndarray | None:
+    """The first free spot (1, 2) to the right of a lane, reserved; None if there is none."""
+    right = np.array([np.sin(heading_rad), -np.cos(heading_rad)])
+    spots = position + right * (_SEARCH_M[:, None] + 1.0)
+    free = blocked.free(spots, 0.3, road_m=0.3)
+    for spot in spots[free][:6]:
+        if blocked.take(spot[None], 0.25)[0]:
+            return spot[None]
+    return None
+
+
+def _speed_signs(streets: Streets, blocked: Obstacles, stand_z: Heights, rng: np.random.Generator) -> Mesh:
+    """Speed, parking, warning and direction signs some way into some streets."""
+    first_lanes: dict[str, StreetLane] = {}
+    for lane in streets.lanes:
+        if lane.use == "drive" and not lane.internal:
+            first_lanes.setdefault(lane.edge, lane)
+    placed: dict[str, list[np.ndarray]] = {}
+    for lane in first_lanes.values():
+        total = polylines.stations(lane.centre)[-1]
+        for station in rng.uniform(8.0, max(total - 15.0, 9.0), rng.poisson(0.9)):
+            kind = str(rng.choice(["speed", "speed", "parking", "warning", "direction"]))
+            ahead = polylines.headings(lane.centre, np.array([station]))[0]
+            heading = float(np.arctan2(ahead[1], ahead[0]))
+            spot = _right_of(polylines.at(lane.centre, np.array([station]))[0], heading, blocked)
+            if spot is not None:
+                placed.setdefault(kind, []).append(poses(np.column_stack([spot, stand_z(spot)]), heading))
+    return Mesh.merge([instances(signs.sign(kind), np.concatenate(placed[kind])) for kind in sorted(placed)])
+
+
+def _lamps(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator) -> Mesh:
+    rows = edge.every(style.lamp_gap_m, rng)
+    lamp = furniture.street_lamp(float(rng.uniform(5.0, 8.0)), float(rng.uniform(0.6, 1.6)))
+    return _at_kerb(lamp, rows, _KERB_SETBACK_M, 0.3, edge, blocked, stand_z)
+
+
+def _shelters(edge: Kerbside, blocked: Obstacles, stand_z: Heights, rng: np.random.Generator) -> Mesh:
+    """A few bus shelters behind the pavement where nothing else stands."""
+    rows = rng.permutation(np.flatnonzero(edge.junction_m > 15.0))[:60]
+    spots = edge.spots(edge.pavement_m + 1.2)[rows]
+    rows = rows[blocked.free(spots, 2.3, road_m=1.0, paved_m=0.9)][:6]
+    return _at_kerb(furniture.bus_shelter(), rows, edge.pavement_m[rows] + 1.2, 2.4, edge, blocked, stand_z)
+
+
+def _furniture(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator) -> Mesh:
+    """Bins, hydrants, cabinets, benches, meters and bollards, each kind at its own spacing."""
+    busy = 1.0 if style.shop_share > 0.2 else 2.2
+    back = np.maximum(edge.pavement_m - 0.3, 0.5)
+    parts = []
+    for model, gap, setback, radius in (
+        (furniture.litter_bin(), 55.0, 0.4, 0.3),
+        (furniture.hydrant(), 110.0, 0.4, 0.25),
+        (furniture.cabinet(float(rng.uniform(0.7, 1.5))), 90.0, back, 0.6),
+        (furniture.bench(), 95.0, back, 0.8),
+        (furniture.parking_meter(), 120.0, 0.35, 0.2),
+        (furniture.wheelie_bin(), 45.0, back, 0.35),
+    ):
+        rows = edge.every(gap * busy * rng.uniform(0.8, 1.2), rng)
+        rows = rows[edge.junction_m[rows] > 3.0]
+        depth = setback[rows] if isinstance(setback, np.ndarray) else setback
+        parts.append(_at_kerb(model, rows, depth, radius, edge, blocked, stand_z))
+    corners = np.flatnonzero((edge.junction_m < 0.3) & (edge.pavement_m > 1.2))[::2]
+    corners = corners[rng.random(len(corners)) < 0.25 / busy]
+    parts.append(_at_kerb(furniture.bollard(), corners, 0.3, 0.5, edge, blocked, stand_z))
+    return Mesh.merge(parts)
+
+
+def _at_kerb(
+    model: Mesh, rows: np.ndarray, setback_m: np.ndarray | float, radius_m: float,
+    edge: Kerbside, blocked: Obstacles, stand_z: Heights,
+) -> Mesh:  # fmt: skip
+    """Copies of a model behind the kerb at the given rows, where there is room."""
+    spots = edge.point[rows] + edge.outward[rows] * np.broadcast_to(setback_m, len(rows))[:, None]
+    keep = blocked.free(spots, min(radius_m, 0.3), road_m=0.2)
+    keep[keep] = blocked.take(spots[keep], radius_m)
+    spots = spots[keep]
+    return instances(model, poses(np.column_stack([spots, stand_z(spots)]), edge.yaw_rad[rows][keep]))
