@@ -100,7 +100,8 @@ class Oxts:
             *(rotation.T @ spin),
             *(level @ spin),
         ]
-        return cls(**dict(zip(_NAMES, map(float, values), strict=False)))
+        measured: dict[str, Any] = dict(zip(_NAMES, map(float, values), strict=False))
+        return cls(**measured)  # the state of the receiver keeps its defaults
 
     @property
     def pose(self) -> np.ndarray:

@@ -13,6 +13,7 @@ from cosim.kitti.rays import PointRays
 
 MAX_RINGS = 256  # ring numbers are uint8
 _BREAK_RAD = 0.1  # azimuth falling back by more starts a ring; less is jitter
+_SPREAD_M = 0.1  # standard deviation of the distances that a slope needs
 _SEAM_RAD = 0.02  # a step of almost a full turn is jitter across the seam, taken back by the next step
 
 
@@ -66,14 +67,19 @@ def _runs(azimuth: np.ndarray) -> np.ndarray:
 
 
 def _run_elevations(points: np.ndarray, runs: np.ndarray, count: int) -> np.ndarray:
-    """Median elevation of each run [rad]; the farther half only, where the optical centre matters less."""
-    reach = np.hypot(points[:, 0], points[:, 1])
-    elevation = np.arctan2(points[:, 2], reach)
-    medians = np.empty(count)
-    for run in range(count):
-        rows = np.flatnonzero(runs == run)
-        medians[run] = np.median(elevation[rows][reach[rows] >= np.median(reach[rows])])
-    return medians
+    """Elevation of each run [rad], (count,).
+
+    A laser's points lie on a cone z = z0 + ρ·tan(elevation) about its optical centre, so the elevation is the
+    slope of a line through them. Where all are at about one distance, the centre is taken to be the origin.
+    """
+    reach, height = np.hypot(points[:, 0], points[:, 1], dtype=np.float64), points[:, 2].astype(np.float64)
+    number = np.bincount(runs, minlength=count)
+    mean_reach = np.bincount(runs, reach, count) / number
+    mean_height = np.bincount(runs, height, count) / number
+    offset = reach - mean_reach[runs]
+    spread = np.bincount(runs, offset**2, count)
+    slope = np.bincount(runs, offset * height, count) / np.where(spread > 0, spread, 1)
+    return np.where(spread > number * _SPREAD_M**2, np.arctan(slope), np.arctan2(mean_height, mean_reach))
 
 
 def _align(found: np.ndarray, expected: np.ndarray) -> np.ndarray:

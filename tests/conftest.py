@@ -1,0 +1,46 @@
+"""Fixtures shared by all tests."""
+
+from __future__ import annotations
+
+import lzma
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+_REAL_FRAMES = 3
+
+
+@pytest.fixture(scope="session")
+def kitti_source() -> Path:
+    """The folder of real KITTI measurements: COSIM_KITTI, or shared/kitti beside the repository."""
+    beside = Path(__file__).resolve().parents[2] / "shared" / "kitti"
+    source = Path(os.environ.get("COSIM_KITTI", beside))
+    if not (source / "velodyne").is_dir():
+        pytest.skip(f"no real KITTI frames at {source}; set COSIM_KITTI to a folder of them")
+    return source
+
+
+@pytest.fixture(scope="session")
+def kitti_root(kitti_source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A few real frames that have images, in KITTI's ordinary layout."""
+    root = tmp_path_factory.mktemp("kitti")
+    images = sorted((kitti_source / "image_2").glob("*.png"))[:_REAL_FRAMES]
+    if not images:
+        pytest.skip(f"no image_2/ in {kitti_source}: nothing to hold projections against")
+    for image in images:
+        for part, suffix in (("image_2", ".png"), ("label_2", ".txt"), ("calib", ".txt")):
+            target = root / "training" / part / (image.stem + suffix)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(kitti_source / part / target.name, target)
+        scan = root / "training" / "velodyne" / f"{image.stem}.bin"
+        scan.parent.mkdir(exist_ok=True)
+        packed = kitti_source / "velodyne" / f"{image.stem}.bin.xz"
+        plain = kitti_source / "velodyne" / scan.name
+        scan.write_bytes(lzma.decompress(packed.read_bytes()) if packed.exists() else plain.read_bytes())
+    (root / "ImageSets").mkdir()
+    names = [image.stem for image in images]
+    (root / "ImageSets" / "train.txt").write_text("\n".join([*names[:2], "999999"]) + "\n")
+    (root / "ImageSets" / "val.txt").write_text(names[2] + "\n" if len(names) > 2 else "")
+    return root
