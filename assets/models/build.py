@@ -7,8 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from assets.mesh import Mesh
+from assets.models.bicycle import build_bicycle
 from assets.models.car import build_car
 from assets.models.catalogue import Body, ModelSpec, model_spec
+from assets.models.pedestrian import build_pedestrian
 from assets.models.plain import build_plain
 from assets.shapes import clean
 
@@ -21,8 +23,8 @@ _BUILDERS: dict[Body, Callable[[ModelSpec], Mesh]] = {
     "truck": build_plain,
     "bus": build_plain,
     "motorcycle": build_plain,
-    "bicycle": build_plain,
-    "pedestrian": build_plain,
+    "bicycle": build_bicycle,
+    "pedestrian": build_pedestrian,
 }
 
 
