@@ -145,18 +145,28 @@ class Traffic:
         """Simulation time."""
         return float(self._sumo.simulation.getTime())
 
-    def step(self) -> Actors:
-        """Advance by one step and read everyone.
+    def advance(self, steps: int) -> Actors:
+        """Go on by some steps and read everyone.
 
         Raises:
             TrafficError: SUMO gave up.
         """
-        try:
-            self._sumo.simulationStep()
-        except self._sumo.TraCIException as error:
-            raise TrafficError(f"SUMO stopped at {self.time_s:.1f} s: {error}") from error
-        self._subscribe()
+        for left in range(steps - 1, -1, -1):
+            try:
+                self._sumo.simulationStep()
+            except self._sumo.TraCIException as error:
+                raise TrafficError(f"SUMO stopped at {self.time_s:.1f} s: {error}") from error
+            self._subscribe()
+            if left == 1:
+                self._read()  # the headings that yaw rates are counted from
         return self._read()
+
+    def demand_present(self, vehicle: str, actors: Actors) -> None:
+        """Raise `TrafficError` where a vehicle has left the simulation."""
+        if vehicle not in actors.ids:
+            raise TrafficError(
+                f"the ego vehicle {vehicle!r} left the road at {actors.time_s:.1f} s; use another seed or town"
+            )
 
     def draw_ego(self, actors: Actors, rng: np.random.Generator) -> str:
         """The id of a car to ride in: one that drives, drawn at random.

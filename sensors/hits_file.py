@@ -57,7 +57,7 @@ def load_hits(path: Path, rays: Rays) -> Hits:
         raise SensorError(f"{path} lacks {', '.join(missing)}; make the frame again")
     if int(arrays["beams"][0]) != len(rays):
         raise SensorError(
-            f"{path} holds {int(arrays['beams'])} beams but the pattern has {len(rays)}; use the drive's own pattern"
+            f"{path} holds {int(arrays['beams'][0])} beams but the pattern has {len(rays)}; use the drive's own pattern"
         )
     rows = np.array([material_index(str(name)) for name in arrays["materials"]], np.uint8)
     surfaces = {

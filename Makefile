@@ -1,0 +1,30 @@
+# Every target sets up what it needs in .venv.
+PYTHON := .venv/bin/python
+COSIM := .venv/bin/cosim
+
+.PHONY: demo test check bench setup setup-dev clean
+
+demo: setup
+	$(COSIM) run --town town01 --frames 12 --seed 1 --workers 2 --out out/demo/drive
+	$(COSIM) view out/demo/drive --out out/demo
+
+test: setup-dev
+	$(PYTHON) -m pytest -n 2
+
+check: setup-dev
+	$(PYTHON) -m ruff format --check .
+	$(PYTHON) -m ruff check .
+	$(PYTHON) -m pyright
+	$(PYTHON) -m pytest -n 2
+
+bench: setup-dev
+	$(PYTHON) -m tests.bench
+
+setup:
+	@sh tools/setup.sh
+
+setup-dev:
+	@sh tools/setup.sh dev
+
+clean:
+	rm -rf out .pytest_cache .ruff_cache

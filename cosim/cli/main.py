@@ -1,0 +1,43 @@
+"""`cosim COMMAND …`: finds the command, runs it, and turns a user's mistake into one line and exit code 2."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+from rich.console import Console
+
+from cosim.cli import run, towns, view
+from cosim.user_errors import USER_ERRORS
+
+_COMMANDS = (run, view, towns)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Complains in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code: 0, or 2 for bad input."""
+    parser = _Parser(prog="cosim", description="Traffic co-simulation on SUMO with LiDAR, cameras and KITTI output.")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
+    for module in _COMMANDS:
+        module.add_command(commands)
+    options = parser.parse_args(arguments)
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")
+    console = Console(stderr=True, quiet=options.quiet)
+    try:
+        options.execute(options, console)
+    except USER_ERRORS as error:
+        sys.stderr.write(f"cosim {options.command}: {error}\n")
+        return 2
+    except KeyboardInterrupt:
+        sys.stderr.write(f"cosim {options.command}: stopped; run the same command again to go on\n")
+        return 130
+    return 0

@@ -1,0 +1,24 @@
+"""Options that commands share."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from cosim.drive_writer import explained
+
+
+def add_common(parser: argparse.ArgumentParser, *, computes: bool = False) -> None:
+    """`--quiet`, and `--json` for commands that compute something."""
+    parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    if computes:
+        parser.add_argument("--json", type=Path, metavar="FILE", help="also write the result as JSON")
+
+
+def write_json(path: Path | None, result: dict[str, Any]) -> None:
+    """Write a command's result where `--json` asked for it."""
+    if path is not None:
+        with explained(path):
+            path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")

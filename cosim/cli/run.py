@@ -1,0 +1,101 @@
+"""`cosim run`: the main job."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from cosim.cli.options import add_common, write_json
+from cosim.config import load_config
+from cosim.worker import Event
+
+
+def add_command(commands: Any) -> None:
+    """Describe the command to the parser."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "run", help="simulate, scan and write a KITTI drive", description=__doc__
+    )
+    parser.add_argument("config", nargs="?", type=Path, metavar="CONFIG.yaml", help="settings; options below win")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the drive to write or to go on with")
+    parser.add_argument("--town", metavar="T", help="a built-in town or the path of a .sumocfg")
+    parser.add_argument("--frames", type=int, metavar="N", help="frames to record")
+    parser.add_argument("--seed", type=int, metavar="S", help="seed of everything random")
+    parser.add_argument("--sensor", metavar="FILE", help="sensor file, or a pattern's name")
+    parser.add_argument("--workers", type=int, default=1, metavar="W", help="processes that share the episodes")
+    add_common(parser, computes=True)
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace, console: Console) -> None:
+    """Record the drive, with a progress bar."""
+    from cosim.runner import run
+
+    config = load_config(
+        options.config, town=options.town, frames=options.frames, seed=options.seed, sensor=options.sensor
+    )
+    begun = time.monotonic()
+    with _Bar(console) as bar:
+        result = run(config, options.out, workers=options.workers, on_start=bar.start, on_event=bar.follow)
+    seconds = time.monotonic() - begun
+    console.print(
+        f"{result.frames} frames, {result.points:,} points in {result.folder} "
+        f"({result.recorded} recorded in {seconds:.0f} s)"
+    )
+    write_json(
+        options.json,
+        {
+            "out": str(result.folder),
+            "frames": result.frames,
+            "points": result.points,
+            "recorded": result.recorded,
+            "seconds": seconds,
+            "frames_per_s": bar.frames_per_s,
+        },
+    )
+
+
+class _Bar:
+    """Frames done, frames a second and the time left; a second is counted from the first frame on."""
+
+    def __init__(self, console: Console) -> None:
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[rate]}"),
+            TimeRemainingColumn(),
+            console=console,
+        )
+        self._task = self._progress.add_task("starting", total=None, rate="")
+        self._first: float | None = None
+        self._since_first = 0
+        self.frames_per_s: float | None = None
+
+    def __enter__(self) -> _Bar:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def start(self, done: int, total: int) -> None:
+        self._progress.update(self._task, total=total, completed=done, description="building the town")
+
+    def follow(self, event: Event) -> None:
+        if event.kind == "ready":
+            self._progress.update(self._task, description="recording")
+        if event.kind != "frame":
+            return
+        now = time.monotonic()
+        if self._first is None:
+            self._first = now
+        else:
+            self._since_first += 1
+            self.frames_per_s = self._since_first / max(now - self._first, 1e-9)
+        rate = "" if self.frames_per_s is None else f"{self.frames_per_s:.1f} frames/s"
+        self._progress.update(self._task, advance=1, rate=rate)

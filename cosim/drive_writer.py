@@ -1,0 +1,183 @@
+"""Writes a drive so that a frame is there whole or not at all, and a run can go on where it stopped."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from cosim.errors import CosimError
+
+MANIFEST = "manifest.jsonl"
+SUMMARY = "drive.yaml"
+UNFINISHED = ".unfinished.yaml"
+_TEMPORARY_SUFFIX = ".partial"
+
+
+class OutputError(CosimError):
+    """The output folder cannot be used."""
+
+
+@contextlib.contextmanager
+def explained(path: Path) -> Iterator[None]:
+    """Turn the operating system's refusals to write into one line with a remedy."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise OutputError(
+                f"no space left to write {path}; free some and run the same command again: finished frames are kept"
+            ) from error
+        raise OutputError(f"cannot write {path}: {error.strerror}; choose another --out") from error
+
+
+class DriveWriter:
+    """One output folder. Any number of processes may write frames of it at the same time.
+
+    Args:
+        folder: the drive.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def open(self, settings: str) -> bool:
+        """Make the folder ready, or take up what an interrupted run left.
+
+        Args:
+            settings: text of the run's effective configuration; a run only goes on with the same.
+
+        Returns:
+            Whether the drive is finished already.
+
+        Raises:
+            OutputError: the folder holds something else, or cannot be written.
+        """
+        with explained(self.folder):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            contents = {item.name for item in self.folder.iterdir()}
+        for name in (UNFINISHED, SUMMARY):
+            if name in contents:
+                self._demand_same(name, settings)
+                break
+        else:
+            # An unfinished marker that was itself interrupted is all such a folder can hold.
+            if contents - {UNFINISHED + _TEMPORARY_SUFFIX}:
+                raise OutputError(f"{self.folder} is not empty and holds no drive; choose another --out or empty it")
+            self.write(UNFINISHED, settings.encode())
+        if SUMMARY in contents:
+            self._remove(UNFINISHED)
+            return True
+        self._clear_partial()
+        return False
+
+    def _demand_same(self, name: str, settings: str) -> None:
+        with explained(self.folder / name):
+            before = (self.folder / name).read_text(encoding="utf-8", errors="replace").splitlines()
+        # A finished drive's summary begins with its settings.
+        changed = [line for line, old in zip(settings.splitlines(), before, strict=False) if line != old]
+        if changed or len(before) < len(settings.splitlines()):
+            old = before[settings.splitlines().index(changed[0])] if changed else "fewer settings"
+            raise OutputError(
+                f"{self.folder} holds a drive made with other settings ({old.strip()!r}, now "
+                f"{(changed or ['more'])[0].strip()!r}); choose another --out, or remove the folder"
+            )
+
+    def write(self, name: str, data: bytes) -> None:
+        """Put one file in place whole: temporary name, fsync, rename.
+
+        Raises:
+            OutputError: it cannot be written; nothing half-written stays.
+        """
+        path = self.folder / name
+        partial = path.with_name(f".{path.name}.{os.getpid()}{_TEMPORARY_SUFFIX}")
+        with explained(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                with partial.open("wb") as file:
+                    file.write(data)
+                    file.flush()
+                    os.fsync(file.fileno())
+                partial.rename(path)
+            except OSError:
+                with contextlib.suppress(OSError):
+                    partial.unlink(missing_ok=True)
+                raise
+
+    def write_once(self, name: str, data: bytes) -> None:
+        """Like `write`, unless the file is there already."""
+        if not (self.folder / name).is_file():
+            self.write(name, data)
+
+    def has(self, name: str) -> bool:
+        """Whether a file is in place."""
+        return (self.folder / name).is_file()
+
+    def write_frame(self, name: str, files: Mapping[str, bytes], counts: Mapping[str, object]) -> None:
+        """Put all files of a frame in place, then list it in the manifest."""
+        for path, data in files.items():
+            self.write(path, data)
+        entry = {
+            "frame": name,
+            **counts,
+            "files": {path: hashlib.sha256(data).hexdigest() for path, data in files.items()},
+        }
+        self._append(json.dumps(entry, separators=(",", ":")) + "\n")
+
+    def manifest(self) -> dict[str, dict]:
+        """Finished frames by name; a last line torn by an interruption is cut off the file."""
+        path = self.folder / MANIFEST
+        if not path.is_file():
+            return {}
+        with explained(path):
+            data = path.read_bytes()
+            whole = data[: data.rfind(b"\n") + 1]
+            if len(whole) < len(data):
+                self.write(MANIFEST, whole)
+        entries = {}
+        for number, line in enumerate(whole.decode("utf-8", errors="replace").splitlines(), start=1):
+            try:
+                entry = json.loads(line)
+                entries[str(entry["frame"])] = entry
+            except (ValueError, KeyError, TypeError):
+                raise OutputError(
+                    f"{path}:{number} is damaged; remove that line to make its frame again"
+                ) from None
+        return entries
+
+    def finish(self, files: Mapping[str, bytes], summary: str) -> None:
+        """Sort the manifest and write what describes the whole drive, the summary last."""
+        entries = self.manifest()
+        lines = [json.dumps(entries[name], separators=(",", ":")) + "\n" for name in sorted(entries)]
+        self.write(MANIFEST, "".join(lines).encode())
+        for path, data in files.items():
+            self.write(path, data)
+        self.write(SUMMARY, summary.encode())
+        self._remove(UNFINISHED)
+
+    def _append(self, line: str) -> None:
+        path = self.folder / MANIFEST
+        with explained(path), path.open("ab") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            start = file.seek(0, os.SEEK_END)
+            try:
+                file.write(line.encode())
+                file.flush()
+                os.fsync(file.fileno())
+            except OSError:
+                file.truncate(start)
+                raise
+
+    def _remove(self, name: str) -> None:
+        with explained(self.folder / name):
+            (self.folder / name).unlink(missing_ok=True)
+
+    def _clear_partial(self) -> None:
+        with explained(self.folder):
+            for path in self.folder.rglob(f".*{_TEMPORARY_SUFFIX}"):
+                path.unlink(missing_ok=True)

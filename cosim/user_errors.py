@@ -1,0 +1,8 @@
+"""All errors that are the user's to mend, whichever package raises them."""
+
+from cosim.errors import CosimError
+from sensors.cameras.errors import CameraError
+from sensors.errors import SensorError
+from sumo_nets.errors import TownError
+
+USER_ERRORS = (CosimError, CameraError, SensorError, TownError)
