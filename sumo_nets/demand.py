@@ -101,7 +101,7 @@ def _walking(demand: Demand, network: Any, rng: np.random.Generator) -> list[str
     lines = []
     for number in range(demand.walking):
         at, walked = int(rng.integers(len(streets))), 0.0
-        place = rng.uniform(0, streets[at].getLength())
+        place = rng.uniform(0, _sidewalk_length(streets[at]))
         lines.append(f'    <person id="ped{number}" type="{WALKING}" depart="0" departPos="{place:.1f}">')
         while walked < demand.duration_s * _WALKING_PACE_MPS:
             away = np.linalg.norm(middle - middle[at], axis=1)
@@ -112,3 +112,7 @@ def _walking(demand: Demand, network: Any, rng: np.random.Generator) -> list[str
             at, walked = to, walked + float(away[to])
         lines.append("    </person>")
     return lines
+
+
+def _sidewalk_length(edge: Any) -> float:
+    return min(lane.getLength() for lane in edge.getLanes() if lane.allows("pedestrian"))

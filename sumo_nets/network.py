@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from sumo_nets.plan import Plan, Street
+from sumo_nets.polyline import densify
 from sumo_nets.recipe import Recipe, StreetRules
 from sumo_nets.relief import Ground
 from sumo_nets.tools import run_tool, strip_comments
 
+_LONGEST_PIECE_M = 12.0
 _MAIN_PRIORITY, _LOCAL_PRIORITY = 3, 1
 _DRIVERS = "passenger delivery truck bus motorcycle bicycle emergency taxi"
 
@@ -34,7 +36,7 @@ def build_network(recipe: Recipe, plan: Plan, ground: Ground, rng: np.random.Gen
 
 
 def drape(net: Path, ground: Ground) -> None:
-    """Put every shape point of a network exactly on the ground.
+    """Put every shape point of a network exactly on the ground, and points where there are few.
 
     netconvert carries the height of a street's middle line sideways to its lanes; where streets meet on a slope, their
     corners would then end at different heights.
@@ -42,6 +44,7 @@ def drape(net: Path, ground: Ground) -> None:
 
     def shape(match: re.Match[str]) -> str:
         xy = np.array([[float(v) for v in point.split(",")[:2]] for point in match[1].split()])
+        xy = densify(xy, _LONGEST_PIECE_M)
         return f' shape="{_points(xy, ground.height(xy))}"'
 
     def junction(match: re.Match[str]) -> str:
@@ -55,25 +58,11 @@ def drape(net: Path, ground: Ground) -> None:
 
 
 def _options() -> list[str]:
-    files = ["--node-files", "town.nod.xml", "--edge-files", "town.edg.xml", "--offset.disable-normalization"]
-    walking = [
-        "--crossings.guess",
-        "--walkingareas",
-        "--default.crossing-width",
-        "3",
-        "--crossings.guess.speed-threshold",
-        "15",
-    ]
-    signals = ["--tls.cycle.time", "60", "--tls.default-type", "static"]
-    junctions = [
-        "--junctions.corner-detail",
-        "5",
-        "--junctions.internal-link-detail",
-        "8",
-        "--default.junctions.radius",
-        "4",
-    ]
-    return files + walking + signals + junctions + ["--precision", "3"]
+    files = "--node-files town.nod.xml --edge-files town.edg.xml --offset.disable-normalization"
+    walking = "--walkingareas --crossings.guess --crossings.guess.speed-threshold 17 --default.crossing-width 3"
+    junctions = "--junctions.corner-detail 5 --junctions.internal-link-detail 8 --default.junctions.radius 4"
+    signals = "--tls.default-type static --tls.cycle.time 60"
+    return f"{files} {walking} {junctions} {signals} --precision 3".split()
 
 
 def _nodes(recipe: Recipe, plan: Plan, ground: Ground, rng: np.random.Generator) -> str:

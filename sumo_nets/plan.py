@@ -14,7 +14,7 @@ from sumo_nets.errors import TownError
 from sumo_nets.recipe import Recipe, StreetRules
 from sumo_nets.tools import run_tool
 
-_SHAPE_STEP_M = 12.0
+_SHAPE_STEP_M = 10.0
 _SHORTEST_PARKING_STREET_M = 55.0
 
 

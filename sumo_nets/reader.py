@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from assets.streets import LaneUse, ParkingBay, StopLine, StreetArea, StreetLane, Streets
 from sumo_nets import polyline
+from sumo_nets.outline import simple_outlines
 from sumo_nets.xml_guard import read_xml
 
 _DRIVERS = {"passenger", "delivery", "truck", "bus", "motorcycle", "taxi", "coach", "private", "hov", "evehicle"}
@@ -34,7 +35,7 @@ def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], 
     lanes, areas, stops = [], [], []
     for edge in net.getEdges(withInternal=True):
         if edge.getFunction() == "walkingarea":
-            areas.append(StreetArea(edge.getID(), "walkingarea", _points(edge.getLanes()[0].getShape3D())))
+            areas += _areas(edge.getID(), "walkingarea", _points(edge.getLanes()[0].getShape3D()))
             continue
         for lane in edge.getLanes():
             centre = _points(lane.getShape3D())
@@ -42,12 +43,18 @@ def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], 
             if use is not None:
                 lanes.append(_lane(edge, lane, use, centre))
             elif not lane.getPermissions():
-                areas.append(StreetArea(lane.getID(), "junction", polyline.strip(centre, lane.getWidth())))
+                areas += _areas(lane.getID(), "junction", polyline.strip(centre, lane.getWidth()))
         stops += _stop_lines(edge)
-    outlines = ((node.getID(), _points(node.getShape3D())) for node in net.getNodes())
-    areas += [StreetArea(node, "junction", outline) for node, outline in outlines if len(outline) > 2]
+    for node in net.getNodes():
+        areas += _areas(node.getID(), "junction", _points(node.getShape3D()))
     parking = [bay for path in additional_paths for bay in _parking(path, net)]
     return Streets(name, tuple(lanes), tuple(areas), tuple(parking), tuple(stops), style)
+
+
+def _areas(name: str, use: Literal["junction", "walkingarea"], points: np.ndarray) -> list[StreetArea]:
+    """Return an area, in pieces `NAME`, `NAME#1`, … where its outline crosses itself."""
+    outlines = simple_outlines(points)
+    return [StreetArea(f"{name}#{i}" if i else name, use, outline) for i, outline in enumerate(outlines)]
 
 
 def _points(shape: Any) -> np.ndarray:
@@ -126,8 +133,8 @@ def _roadside(area: ET.Element, lane: Any) -> ParkingBay:
     start, end = (at + total if at < 0 else at for at in (start, end))
     width = float(area.get("width", _DEFAULT_PARKING_WIDTH_M))
     scale = polyline.length(centre) / total if total > 0 else 1.0
-    part = polyline.cut(centre, start * scale, end * scale)
-    return ParkingBay(area.get("id", ""), polyline.shift_right(part, (float(lane.getWidth()) + width) / 2), width)
+    aside = (float(lane.getWidth()) + width) / 2
+    return ParkingBay(area.get("id", ""), polyline.beside(centre, start * scale, end * scale, aside), width)
 
 
 def _space(area: ET.Element, space: ET.Element, number: int) -> ParkingBay:
