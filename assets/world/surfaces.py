@@ -35,7 +35,7 @@ class Outlines:
     @property
     def paved(self) -> Geometry:
         """Carriageway and pavement together."""
-        return shapely.union(self.carriageway, self.pavement, grid_size=_PRECISION_M)
+        return _polygons_only(shapely.union(self.carriageway, self.pavement, grid_size=_PRECISION_M))
 
 
 def outline(streets: Streets) -> Outlines:
