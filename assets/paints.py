@@ -76,7 +76,7 @@ PAINTS: dict[str, tuple[tuple[float, Paint], ...]] = {
     "van": _TRADE,
     "truck": _TRADE,
     "bus": _BUS,
-    "motorcycle": _CLOTHING,
+    "motorcycle": _CAR,
     "cyclist": _CLOTHING,
     "pedestrian": _CLOTHING,
 }

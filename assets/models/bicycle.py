@@ -35,29 +35,29 @@ class _Ride:
 
 _RIDES = (
     _Ride(  # a town bicycle, ridden upright
-        hands=(0.26, 0.25, 1.09),
+        hands=(0.26, 0.235, 1.09),
         neck=(-0.06, 0.0, 1.47),
-        head=(0.0, 0.0, 1.63),
+        head=(0.0, 0.0, 1.595),
         crank_rad=0.5,
-        bar=((0.20, 0.285, 1.07), (0.32, 0.20, 1.08), (0.345, 0.0, 1.05)),
+        bar=((0.20, 0.27, 1.07), (0.32, 0.20, 1.08), (0.345, 0.0, 1.05)),
         outfit=Outfit(helmet="cycle"),
         mudguards=True,
         rack=True,
     ),
     _Ride(  # a racing bicycle, ridden low
         hands=(0.46, 0.21, 0.98),
-        neck=(0.09, 0.0, 1.36),
-        head=(0.20, 0.0, 1.46),
+        neck=(0.06, 0.0, 1.44),
+        head=(0.16, 0.0, 1.59),
         crank_rad=2.3,
         bar=((0.38, 0.205, 0.86), (0.50, 0.205, 0.90), (0.47, 0.205, 0.98), (0.355, 0.19, 0.985), (0.355, 0.0, 0.985)),
         outfit=Outfit(legs="clothing_dark", sleeves=False, helmet="cycle"),
     ),
     _Ride(  # a touring bicycle with a rider who carries a bag
-        hands=(0.34, 0.28, 1.05),
+        hands=(0.34, 0.25, 1.05),
         neck=(0.0, 0.0, 1.43),
-        head=(0.08, 0.0, 1.58),
+        head=(0.08, 0.0, 1.60),
         crank_rad=-1.0,
-        bar=((0.31, 0.295, 1.03), (0.36, 0.15, 1.03), (0.355, 0.0, 1.02)),
+        bar=((0.31, 0.285, 1.03), (0.36, 0.15, 1.03), (0.355, 0.0, 1.02)),
         outfit=Outfit(backpack=True, helmet="none"),
         mudguards=True,
     ),
@@ -77,7 +77,7 @@ def build_bicycle(spec: ModelSpec) -> Mesh:
     )
 
 
-def spoked_wheel(spokes: int = 10, segments: int = 24) -> Mesh:
+def spoked_wheel(spokes: int = 8, segments: int = 24) -> Mesh:
     """Wheel about the origin in the plane y = 0, a corner straight down."""
     turn = -np.pi / 2 + 2 * np.pi * np.arange(segments) / segments
     ring = np.stack([np.cos(turn), 0 * turn, np.sin(turn)], 1)
@@ -106,11 +106,11 @@ def _frame(front: np.ndarray, rear: np.ndarray) -> Mesh:
         drop = np.array([0.0, side * 0.055, 0.0])
         parts += [_bar(_CRANK, rear + drop, 0.010), _bar(seat, rear + drop, 0.009)]
         parts.append(_bar(_HEAD_LOW + 0.6 * drop, front + drop, 0.013))
-    saddle = np.array(
-        [(-0.13, 0.085), (-0.14, 0.0), (-0.13, -0.085), (0.0, -0.03), (0.14, -0.018), (0.14, 0.018), (0.0, 0.03)]
-    )
+    half = np.array([(-0.13, 0.085), (0.0, 0.03), (0.14, 0.018)])
+    outline = np.concatenate([half * (1, -1), half[::-1], [(-0.14, 0.0)]])
     rings = [
-        np.column_stack([saddle * s, np.full(len(saddle), z)]) for s, z in ((0.75, -0.05), (1.0, -0.01), (0.9, 0.01))
+        np.column_stack([outline * size, np.full(len(outline), height)])
+        for size, height in ((0.75, -0.05), (1.0, -0.01), (0.9, 0.01))
     ]
     return Mesh.merge([*parts, loft(np.stack(rings), "car_trim").moved(_SADDLE)])
 

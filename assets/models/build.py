@@ -10,6 +10,7 @@ from assets.mesh import Mesh
 from assets.models.bicycle import build_bicycle
 from assets.models.car import build_car
 from assets.models.catalogue import Body, ModelSpec, model_spec
+from assets.models.motorcycle import build_motorcycle
 from assets.models.pedestrian import build_pedestrian
 from assets.models.plain import build_plain
 from assets.shapes import clean
@@ -22,7 +23,7 @@ _BUILDERS: dict[Body, Callable[[ModelSpec], Mesh]] = {
     "van": build_car,
     "truck": build_plain,
     "bus": build_plain,
-    "motorcycle": build_plain,
+    "motorcycle": build_motorcycle,
     "bicycle": build_bicycle,
     "pedestrian": build_pedestrian,
 }

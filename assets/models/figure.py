@@ -70,7 +70,7 @@ def figure(pose: Pose) -> Mesh:
     spine = (neck - pelvis) / np.linalg.norm(neck - pelvis)
     for side, hand, ankle, toes in zip((1, -1), pose.hands, pose.ankles, pose.toes_deg, strict=True):
         mirror = np.array([1.0, side, 1.0])
-        shoulder = neck - 0.055 * spine + np.array([0.0, side * 0.185, 0.0])
+        shoulder = neck - 0.055 * spine + np.array([0.0, side * 0.178, 0.0])
         elbow = bend(shoulder, hand, UPPER_ARM_M, FOREARM_M, np.asarray(pose.elbow_hint) * mirror)
         hip = pelvis + np.array([0.0, side * 0.095, -0.02])
         knee = bend(hip, ankle, THIGH_M, SHIN_M, np.asarray(pose.knee_hint) * mirror)
@@ -106,7 +106,7 @@ def limb(points: np.ndarray, radii: Vector, material: str, segments: int = 8) ->
 
 def _arm(shoulder: np.ndarray, elbow: np.ndarray, wrist: np.ndarray, outfit: Outfit) -> Mesh:
     middle = (shoulder + elbow) / 2
-    upper = limb(np.stack([shoulder, middle, elbow]), (0.062, 0.054, 0.046), outfit.top)
+    upper = limb(np.stack([shoulder, middle, elbow]), (0.057, 0.052, 0.045), outfit.top)
     lower = limb(
         np.stack([elbow, (elbow + wrist) / 2, wrist]),
         (0.045, 0.042, 0.032),
@@ -180,7 +180,7 @@ def _cap(centre: np.ndarray, radii: Vector, material: str, brim: float) -> Mesh:
 
 def _skirt(pelvis: np.ndarray, ankles: tuple[Vector, Vector], material: str) -> Mesh:
     reach = abs(float(ankles[0][0]) - float(ankles[1][0])) / 2
-    centres = pelvis + np.array([[0, 0, -0.40], [0, 0, -0.2], [0, 0, 0.03], [0, 0, 0.2]])
+    centres = pelvis + np.array([[0, 0, -0.33], [0, 0, -0.17], [0, 0, 0.03], [0, 0, 0.2]])
     depth = (0.17 + 0.52 * reach, 0.15 + 0.26 * reach, 0.145, 0.112)
     return loft(_sections(centres, depth, (0.235, 0.215, 0.200, 0.155), np.array([0, 0, 1.0]), 12), material)
 

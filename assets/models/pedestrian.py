@@ -7,7 +7,7 @@ from assets.models.catalogue import ModelSpec
 from assets.models.figure import Outfit, Pose, figure
 
 _WALK = Pose(
-    pelvis=(0.0, 0.0, 0.90),
+    pelvis=(0.0, 0.0, 0.925),
     neck=(0.03, 0.0, 1.45),
     head=(0.06, 0.0, 1.625),
     hands=((-0.20, 0.285, 0.94), (0.27, -0.275, 1.02)),
@@ -15,7 +15,7 @@ _WALK = Pose(
     toes_deg=(14.0, -32.0),
 )
 _STROLL = Pose(
-    pelvis=(0.0, 0.0, 0.905),
+    pelvis=(0.0, 0.0, 0.93),
     neck=(0.02, 0.0, 1.46),
     head=(0.045, 0.0, 1.63),
     hands=((0.20, 0.275, 1.00), (-0.12, -0.285, 0.92)),
