@@ -19,6 +19,7 @@ from assets.world.styles import Style
 _FOUNDATION_M = 0.6  # walls reach this far under the lowest ground
 _ROOM_DEPTH_M = 0.6  # from the façade to the dark wall behind its panes
 _DOOR_M = (1.0, 2.1)
+_BLIND_SHARE = (0.04, 0.5, 0.55, 0.5)  # bays without a window: front, right, back, left
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +127,7 @@ def _wall(house: House, start: np.ndarray, end: np.ndarray, side: int, rng: np.r
     width, height, sill = house.window_m
     kind = np.full(n, WINDOW)
     opening = np.tile([(wide - width) / 2, sill, (wide + width) / 2, sill + height], (n, 1))
-    blind = {0: 0.04, 1: 0.45, 2: 0.15, 3: 0.45}[side]
-    kind[rng.random(n) < blind] = BLANK
+    kind[rng.random(n) < _BLIND_SHARE[side]] = BLANK
     if house.terrace and side in (1, 3):
         kind[:] = BLANK
     if side == 0:

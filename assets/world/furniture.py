@@ -11,28 +11,34 @@ from assets.mesh import Mesh
 from assets.shapes import box, cone, cylinder, extrude, tube
 
 
+def pole(radius_m: float, top_radius_m: float, height_m: float, material: str, segments: int = 6) -> Mesh:
+    """An upright tapered pole without a bottom."""
+    closed = cone(radius_m, top_radius_m, height_m, material, segments)
+    return closed.select(closed.normals[:, 2] > -0.9)
+
+
 def street_lamp(height_m: float, arm_m: float) -> Mesh:
     """Tapered pole with an arm over the road and a flat luminaire."""
-    pole = cone(0.09, 0.05, height_m, "steel_galvanised", segments=8)
+    mast = pole(0.09, 0.05, height_m, "steel_galvanised", segments=8)
     path = np.array([[0, 0, height_m - 0.1], [0, arm_m * 0.5, height_m + 0.25], [0, arm_m, height_m + 0.3]])
-    arm = tube(path, 0.035, "steel_galvanised", segments=5)
+    arm = tube(path, 0.035, "steel_galvanised", segments=3)
     head = box((0.22, 0.7, 0.12), (0, arm_m + 0.2, height_m + 0.28), "steel_painted")
     glow = box((0.18, 0.5, 0.03), (0, arm_m + 0.2, height_m + 0.205), "plastic_bright")
-    return Mesh.merge([pole, arm, head, glow, box((0.22, 0.22, 0.25), (0, 0, 0.12), "steel_galvanised")])
+    return Mesh.merge([mast, arm, head, glow])
 
 
 def bollard() -> Mesh:
     """Steel post with a reflecting collar."""
-    post = cone(0.07, 0.06, 0.9, "steel_painted", segments=8)
-    collar = Mesh.merge([cylinder(0.072, 0.08, "sign_face", segments=8).moved((0, 0, 0.72))])
+    post = pole(0.07, 0.06, 0.9, "steel_painted")
+    collar = pole(0.075, 0.075, 0.08, "sign_face").moved((0, 0, 0.72))
     return Mesh.merge([post, collar])
 
 
 def litter_bin() -> Mesh:
     """Round bin on a foot with a lid."""
-    body = cone(0.19, 0.23, 0.65, "steel_painted", segments=8).moved((0, 0, 0.15))
-    lid = cone(0.25, 0.10, 0.14, "plastic_dark", segments=8).moved((0, 0, 0.82))
-    return Mesh.merge([cylinder(0.05, 0.15, "steel_painted", segments=6), body, lid])
+    body = pole(0.19, 0.23, 0.65, "steel_painted", segments=8).moved((0, 0, 0.15))
+    lid = pole(0.25, 0.10, 0.14, "plastic_dark", segments=8).moved((0, 0, 0.82))
+    return Mesh.merge([pole(0.05, 0.05, 0.15, "steel_painted", 4), body, lid])
 
 
 def wheelie_bin() -> Mesh:
@@ -54,8 +60,8 @@ def bench() -> Mesh:
 
 def hydrant() -> Mesh:
     """Above-ground fire hydrant with two outlets."""
-    body = cone(0.13, 0.11, 0.65, "plastic_bright", segments=8)
-    cap = cone(0.14, 0.04, 0.15, "plastic_bright", segments=8).moved((0, 0, 0.65))
+    body = pole(0.13, 0.11, 0.65, "plastic_bright", segments=8)
+    cap = pole(0.14, 0.04, 0.15, "plastic_bright", segments=8).moved((0, 0, 0.65))
     outlet = cylinder(0.055, 0.4, "steel_galvanised", 6, "x").moved((-0.2, 0, 0.5))
     return Mesh.merge([body, cap, outlet])
 
@@ -83,5 +89,5 @@ def bus_shelter() -> Mesh:
 
 def parking_meter() -> Mesh:
     """Ticket machine on a post."""
-    post = cylinder(0.04, 1.05, "steel_galvanised", segments=6)
+    post = pole(0.04, 0.04, 1.05, "steel_galvanised")
     return Mesh.merge([post, box((0.22, 0.18, 0.38), (0, 0, 1.2), "steel_painted")])

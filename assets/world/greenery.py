@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from assets.mesh import Mesh
-from assets.world.fences import PIECE_M, fences_mesh, line_of
+from assets.world.fences import OPEN_KINDS, PIECE_M, fences_mesh, line_of
 from assets.world.instancing import instances, poses
 from assets.world.kerbside import Kerbside
 from assets.world.obstacles import Obstacles
@@ -15,8 +15,9 @@ from assets.world.styles import Style
 from assets.world.trees import broadleaf, bush, conifer
 
 _VARIANTS = 6
-_OPEN_LAND_PER_M2 = 5e-4
-_OPEN_LAND_MOST = 260
+_SIDE_SHARE = 0.55  # fenced plots with a border between neighbours too
+_OPEN_LAND_PER_M2 = 4e-4
+_OPEN_LAND_MOST = 180
 
 
 def trees_mesh(
@@ -64,7 +65,7 @@ def _garden_plants(
             across, inland = rng.uniform(-0.5, 0.5) * plot.width_m, rng.uniform(0.9, plot.setback_m + 0.9)
             bushes.append(plot.front + plot.along * across + plot.inward * inland)
     tree, shrub = np.reshape(trees, (-1, 2)), np.reshape(bushes, (-1, 2))
-    templates = _mixed(rng, style.conifer_share)
+    templates = _mixed(rng, style.conifer_share, 110)
     shrubs = [bush(rng, rng.uniform(0.8, 1.8), rng.uniform(0.5, 1.0)) for _ in range(_VARIANTS)]
     return Mesh.merge(
         [
@@ -83,10 +84,12 @@ def _open_land(
     groups = rng.uniform(bounds[0] + 4.0, bounds[1] - 4.0, (max(1, count // 3), 2))
     spots = np.repeat(groups, 3, axis=0) + rng.normal(0.0, 6.0, (len(groups) * 3, 2))
     spots = np.clip(spots, bounds[0] + 2.0, bounds[1] - 2.0)
-    return _scatter(_mixed(rng, max(style.conifer_share, 0.15)), _rooted(spots, 2.5, 3.0, 2.2, blocked), stand_z, rng)
+    return _scatter(
+        _mixed(rng, max(style.conifer_share, 0.15), 70), _rooted(spots, 2.5, 3.0, 2.2, blocked), stand_z, rng
+    )
 
 
-def _mixed(rng: np.random.Generator, conifer_share: float) -> list[Mesh]:
+def _mixed(rng: np.random.Generator, conifer_share: float, clusters: int) -> list[Mesh]:
     """Garden and field trees: round, oval and columnar crowns and some spruces."""
     templates = []
     for _ in range(2 * _VARIANTS):
@@ -96,7 +99,7 @@ def _mixed(rng: np.random.Generator, conifer_share: float) -> list[Mesh]:
             continue
         slender = rng.uniform(0.16, 0.30)
         crown = (height * slender, height * slender * rng.uniform(0.85, 1.15))
-        templates.append(broadleaf(rng, height, crown, height * rng.uniform(0.18, 0.3), clusters=170))
+        templates.append(broadleaf(rng, height, crown, height * rng.uniform(0.18, 0.3), clusters=clusters))
     return templates
 
 
@@ -118,26 +121,30 @@ def borders_mesh(
     plots: list[Plot], blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
 ) -> Mesh:
     """Fences, walls and hedges around gardens, with a gate in front."""
-    pieces: dict[str, list[np.ndarray]] = {}
+    kinds, starts, ends = [], [], []
     for plot in plots:
         if plot.setback_m < 1.0 or rng.random() > style.fence_share:
             continue
-        half, back = plot.width_m / 2, plot.setback_m + plot.size_m[1] + rng.uniform(4.0, 9.0)
+        half, back = plot.width_m / 2, plot.setback_m + plot.size_m[1] + rng.uniform(2.0, 6.0)
         gate = rng.uniform(-0.6, 0.6) * half
-        runs = [((-half, 0.35), (gate - 1.5, 0.35)), ((gate + 1.5, 0.35), (half, 0.35))]
-        front, side = str(rng.choice(style.fences)), str(rng.choice(style.fences))
-        lines = [(front, run) for run in runs] + [(side, ((-half, 0.5), (-half, back)))]
-        for kind, (begin, end) in lines:
+        front, side = str(rng.choice(style.fences)), str(rng.choice(OPEN_KINDS))
+        for kind, begin, end in (
+            (front, (-half, 0.35), (gate - 1.5, 0.35)),
+            (front, (gate + 1.5, 0.35), (half, 0.35)),
+            (side, (-half, 0.5), (-half, back if rng.random() < _SIDE_SHARE else 0.6)),
+        ):
             corner = np.array([begin, end])
             xy = plot.front + corner[:, :1] * plot.along + corner[:, 1:] * plot.inward
             length = float(np.linalg.norm(xy[1] - xy[0]))
             if length < 1.0 or corner[1, 0] < corner[0, 0]:
                 continue
-            share = np.linspace(0.0, 1.0, max(1, round(length / PIECE_M)) + 1)[:, None]
-            knots = xy[0] + share * (xy[1] - xy[0])
-            start, stop = knots[:-1], knots[1:]
-            keep = ~blocked.crosses(start, stop)
-            if keep.any():
-                start, stop = start[keep], stop[keep]
-                pieces.setdefault(kind, []).append(line_of(start, stop, stand_z(start), stand_z(stop)))
-    return fences_mesh(pieces, rng)
+            knots = xy[0] + np.linspace(0.0, 1.0, max(1, round(length / PIECE_M[kind])) + 1)[:, None] * (xy[1] - xy[0])
+            kinds += [kind] * (len(knots) - 1)
+            starts.append(knots[:-1]), ends.append(knots[1:])
+    if not kinds:
+        return Mesh.empty()
+    start, end = np.concatenate(starts), np.concatenate(ends)
+    keep = ~blocked.crosses(start, end)
+    start, end, kind = start[keep], end[keep], np.array(kinds)[keep]
+    piece_m = np.array([PIECE_M[name] for name in kind])
+    return fences_mesh(kind, line_of(start, end, stand_z(start), stand_z(end), piece_m), rng)

@@ -11,7 +11,7 @@ from shapely import Geometry
 
 from assets.world.surfaces import Outlines
 
-ROAD_EDGE_M = 1.8  # edge length of carriageway triangles
+ROAD_EDGE_M = 2.0  # edge length of carriageway triangles
 _NEAR_EDGE_M, _FAR_EDGE_M = 5.0, 12.0  # terrain
 _NEAR_STREET_M = 30.0
 _SHORTEST_M = 0.12

@@ -9,7 +9,7 @@ import numpy as np
 from assets.mesh import Mesh
 
 Heights = Callable[[np.ndarray], np.ndarray]
-_PIECE_M = 1.8  # a sheet longer than this is cut so that it follows the surface
+_PIECE_M = 2.1  # a sheet longer than this is cut so that it follows the surface
 
 
 def ribbons(start: np.ndarray, end: np.ndarray, width_m: np.ndarray | float, z: Heights, material: str) -> Mesh:

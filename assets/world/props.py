@@ -15,7 +15,7 @@ from assets.world.styles import Style
 
 _KERB_SETBACK_M = 0.4  # poles stand this far behind the kerb
 _MAST_ARM_FROM_LANES = 2
-_SEARCH_M = np.arange(0.35, 14.0, 0.25)
+_SEARCH_M = np.arange(0.35, 12.0, 0.35)
 
 
 def props_mesh(
@@ -39,20 +39,22 @@ def _controls(streets: Streets, blocked: Obstacles, stand_z: Heights) -> Mesh:
     approaches: dict[str, list[StopLine]] = {}
     for stop in streets.stop_lines:
         approaches.setdefault(lanes[stop.lane].edge if stop.lane in lanes else stop.lane, []).append(stop)
-    parts = []
+    placed: dict[tuple[str, float], list[np.ndarray]] = {}
     for stops in approaches.values():
         stop = min(stops, key=_lane_number)
         width = sum(lanes[s.lane].width_m if s.lane in lanes else 3.2 for s in stops)
         spot = _right_of(stop.position[:2], stop.heading_rad, blocked)
         if spot is None:
             continue
-        place = np.column_stack([spot, stand_z(spot)])
-        if stop.control == "signal":
-            reach = float(np.linalg.norm(spot[0] - stop.position[:2])) + width / 2 - 1.6
-            model = signs.signal_pole(reach if len(stops) >= _MAST_ARM_FROM_LANES else 0.0)
-        else:
-            model = signs.sign(stop.control)
-        parts.append(instances(model, poses(place, stop.heading_rad)))
+        reach = 0.0
+        if stop.control == "signal" and len(stops) >= _MAST_ARM_FROM_LANES:
+            reach = round(float(np.linalg.norm(spot[0] - stop.position[:2])) + width / 2 - 1.6)
+        pose = poses(np.column_stack([spot, stand_z(spot)]), stop.heading_rad)
+        placed.setdefault((stop.control, reach), []).append(pose)
+    parts = []
+    for control, reach in sorted(placed):
+        model = signs.signal_pole(reach) if control == "signal" else signs.sign(control)
+        parts.append(instances(model, np.concatenate(placed[control, reach])))
     return Mesh.merge(parts)
 
 

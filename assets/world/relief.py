@@ -41,8 +41,11 @@ class Relief:
             return np.full(len(points), TERRAIN_RISE_M)
         if shapely.is_empty(self.crossings):
             return np.full(len(points), KERB_M)
+        away = np.full(len(points), _RAMP_M[1])
         shapely.prepare(self.crossings)
-        away = shapely.distance(self.crossings, shapely.points(points[:, :2]))
+        spots = shapely.points(points[:, :2])
+        near = shapely.dwithin(self.crossings, spots, _RAMP_M[1])
+        away[near] = shapely.distance(self.crossings, spots[near])
         ramp = np.clip((away - _RAMP_M[0]) / (_RAMP_M[1] - _RAMP_M[0]), 0.0, 1.0)
         return LOWERED_KERB_M + (KERB_M - LOWERED_KERB_M) * ramp
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from assets.mesh import Mesh
-from assets.shapes import box, cylinder, extrude, tube
+from assets.shapes import box, extrude, tube
+from assets.world.furniture import pole
 
 _PLATE_M = 0.02
 _POST_M = 0.03
@@ -43,7 +44,7 @@ def sign(kind: str, clear_m: float = 2.2) -> Mesh:
     back = plate.select(~faces_driver)
     front = plate.select(faces_driver)
     face = Mesh.of(front.vertices, front.faces, "sign_face")
-    post = cylinder(_POST_M, clear_m + 0.4 + 0.2, "steel_galvanised", segments=6)
+    post = pole(_POST_M, _POST_M, clear_m + 0.4 + 0.2, "steel_galvanised", segments=5)
     return Mesh.merge([post, back, face])
 
 
@@ -52,9 +53,17 @@ def signal_head() -> Mesh:
     parts = [box((0.22, 0.30, 0.95), (0, 0, 0), "signal_housing")]
     parts.append(box((0.02, 0.46, 1.12), (0.06, 0, 0), "signal_housing"))
     for z in (-0.3, 0.0, 0.3):
-        parts.append(cylinder(0.10, 0.02, "signal_lens", 10, "x").moved((-0.13, 0, z)))
-        parts.append(box((0.18, 0.24, 0.015), (-0.20, 0, z + 0.125), "signal_housing"))
+        lens = extrude(_polygon(8, 0.10, 0.0), 0.02, "signal_lens", axis="x")
+        parts.append(lens.select(lens.normals[:, 0] < -0.5).moved((-0.115, 0, z)))
+        parts.append(_visor(z + 0.125))
     return Mesh.merge(parts)
+
+
+def _visor(z_m: float) -> Mesh:
+    """A thin hood over a lens, seen from above and below."""
+    top = np.array([[-0.29, -0.12, z_m], [-0.11, -0.12, z_m], [-0.11, 0.12, z_m], [-0.29, 0.12, z_m]])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]])
+    return Mesh.of(np.vstack([top, top - [0, 0, 0.01]]), faces, "signal_housing")
 
 
 def signal_pole(arm_m: float = 0.0) -> Mesh:

@@ -6,13 +6,13 @@ import numpy as np
 
 from assets.materials import material_index
 from assets.mesh import Mesh
-from assets.shapes import box, cone, tube
+from assets.shapes import box
 
 _FOLIAGE = ("foliage", "foliage_dark")
 
 
 def broadleaf(
-    rng: np.random.Generator, height_m: float, crown_m: tuple[float, float], clear_m: float, clusters: int = 220
+    rng: np.random.Generator, height_m: float, crown_m: tuple[float, float], clear_m: float, clusters: int = 150
 ) -> Mesh:
     """A deciduous tree.
 
@@ -25,19 +25,19 @@ def broadleaf(
     """
     radii = np.array([*crown_m, (height_m - clear_m) / 2])
     middle = np.array([0.0, 0.0, clear_m + radii[2]])
-    trunk = cone(0.022 * height_m, 0.010 * height_m, clear_m + 0.9 * radii[2], "bark", segments=6)
+    trunk = spike(np.zeros(3), middle * [1.0, 1.0, 1.15], 0.018 * height_m, sides=6)
     branches = []
-    for turn in rng.uniform(0, 2 * np.pi) + np.arange(4) * np.pi / 2:
+    for turn in rng.uniform(0, 2 * np.pi) + np.arange(3) * 2 * np.pi / 3:
         tip = middle + radii * 0.62 * np.array([np.cos(turn), np.sin(turn), rng.uniform(-0.3, 0.5)])
         fork = np.array([0.0, 0.0, clear_m * rng.uniform(0.85, 1.05)])
-        branches.append(tube(np.stack([fork, tip]), [0.008 * height_m, 0.003 * height_m], "bark", segments=3))
-    leaves = leaf_clusters(rng, middle, radii, clusters, 0.235 * float(radii.mean()))
+        branches.append(spike(fork, tip, 0.008 * height_m, sides=3))
+    leaves = leaf_clusters(rng, middle, radii, clusters, 2.9 / np.sqrt(clusters) * float(radii.mean()))
     return Mesh.merge([trunk, *branches, leaves])
 
 
 def conifer(rng: np.random.Generator, height_m: float, radius_m: float, tiers: int = 7) -> Mesh:
     """A spruce: drooping boughs in tiers around a straight trunk."""
-    trunk = cone(0.02 * height_m, 0.004 * height_m, height_m * 0.97, "bark", segments=5)
+    trunk = spike(np.zeros(3), np.array([0, 0, height_m]), 0.02 * height_m, sides=5)
     boughs = []
     for tier in range(tiers):
         share = tier / tiers
@@ -61,13 +61,13 @@ def conifer(rng: np.random.Generator, height_m: float, radius_m: float, tiers: i
 def bush(rng: np.random.Generator, height_m: float, radius_m: float) -> Mesh:
     """A shrub down to the ground."""
     radii = np.array([radius_m, radius_m, height_m / 2])
-    return leaf_clusters(rng, np.array([0, 0, height_m * 0.48]), radii, 56, 0.42 * radius_m)
+    return leaf_clusters(rng, np.array([0, 0, height_m * 0.48]), radii, 40, 0.48 * radius_m)
 
 
 def hedge(rng: np.random.Generator, length_m: float, width_m: float, height_m: float) -> Mesh:
     """A clipped hedge along x from 0 to `length_m`: a dense core with loose leaves on its faces."""
     core = box((length_m, width_m * 0.8, height_m * 0.95), (length_m / 2, 0, height_m * 0.47), "hedge")
-    count = round(12 * length_m)
+    count = round(5 * length_m)
     side = rng.choice([-1.0, 1.0], count)
     top = rng.random(count) < 0.35
     centre = np.column_stack(
@@ -78,7 +78,19 @@ def hedge(rng: np.random.Generator, length_m: float, width_m: float, height_m: f
         ]
     )
     normal = np.column_stack([np.zeros(count), np.where(top, 0, side), np.where(top, 1.0, 0.2)])
-    return Mesh.merge([core, _leaves(rng, centre, normal, np.full(count, 0.22), rng.random(count) < 0.3)])
+    return Mesh.merge([core, _leaves(rng, centre, normal, np.full(count, 0.24), rng.random(count) < 0.3)])
+
+
+def spike(root: np.ndarray, tip: np.ndarray, radius_m: float, sides: int) -> Mesh:
+    """A trunk or branch from `root` to a point at `tip` (3,), without a cap: `sides` triangles."""
+    axis = (tip - root) / np.linalg.norm(tip - root)
+    u = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    u /= np.linalg.norm(u)
+    angle = 2 * np.pi * np.arange(sides)[:, None] / sides
+    ring = root + radius_m * (np.cos(angle) * u + np.sin(angle) * np.cross(axis, u))
+    k = np.arange(sides)
+    faces = np.stack([k, (k + 1) % sides, np.full(sides, sides)], axis=1)
+    return Mesh.of(np.vstack([ring, tip]), faces, "bark")
 
 
 def leaf_clusters(rng: np.random.Generator, middle: np.ndarray, radii: np.ndarray, count: int, size_m: float) -> Mesh:
