@@ -56,14 +56,15 @@ def recover_rays(
 
 
 def _runs(azimuth: np.ndarray) -> np.ndarray:
-    """Number of the turn each point belongs to, (n,) int64 from 0, every number in use."""
+    """Number of the turn each point belongs to, (n,) int64, not falling, from 0."""
     steps = (np.diff(azimuth) + np.pi) % (2 * np.pi) - np.pi
     small = steps[np.abs(steps) < _BREAK_RAD]
     rising = np.count_nonzero(small > 0) >= np.count_nonzero(small < 0)
     phase = (azimuth if rising else np.pi - azimuth) % (2 * np.pi)
-    change = np.diff(phase, prepend=phase[:1])
-    turns = np.cumsum((change < -_BREAK_RAD).astype(int) - (change > 2 * np.pi - _SEAM_RAD))
-    return np.unique(turns, return_inverse=True)[1].reshape(-1)
+    change = np.diff(phase, prepend=phase[:1], append=phase[-1:])
+    up, down = change > 2 * np.pi - _SEAM_RAD, change < _SEAM_RAD - 2 * np.pi
+    phase = phase - 2 * np.pi * (up[:-1] & down[1:]) + 2 * np.pi * (down[:-1] & up[1:])
+    return np.cumsum(np.diff(phase, prepend=phase[:1]) < -_BREAK_RAD)
 
 
 def _run_elevations(points: np.ndarray, runs: np.ndarray, count: int) -> np.ndarray:
