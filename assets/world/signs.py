@@ -68,8 +68,8 @@ def _visor(z_m: float) -> Mesh:
 
 def signal_pole(arm_m: float = 0.0) -> Mesh:
     """A roadside signal; with `arm_m` > 0 a mast also carries a head over the lanes, to its left."""
-    pole = cylinder(0.06, 3.6 if arm_m == 0 else 5.9, "steel_painted", segments=8)
-    parts = [pole, signal_head().moved((-0.2, 0, 2.9)), box((0.12, 0.05, 0.05), (-0.06, 0, 2.9), "steel_painted")]
+    mast = pole(0.06, 0.06, 3.6 if arm_m == 0 else 5.9, "steel_painted", segments=8)
+    parts = [mast, signal_head().moved((-0.2, 0, 2.9)), box((0.12, 0.05, 0.05), (-0.06, 0, 2.9), "steel_painted")]
     parts.append(box((0.09, 0.10, 0.15), (0, 0.09, 1.05), "plastic_bright"))  # push button
     if arm_m > 0:
         path = np.array([[0, 0, 5.6], [0, arm_m * 0.5, 5.85], [0, arm_m, 5.9]])
