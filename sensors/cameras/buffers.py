@@ -11,6 +11,12 @@ from sensors.cameras.packing import VERTEX, PackedMesh
 
 _INSTANCE_BYTES = 16 * 4
 _INDEX_BYTES = 4
+_ATTRIBUTES = (
+    ("position", 3, GL.GL_FLOAT, GL.GL_FALSE),
+    ("normal", 3, GL.GL_BYTE, GL.GL_TRUE),
+    ("colour", 4, GL.GL_UNSIGNED_BYTE, GL.GL_TRUE),
+    ("shade", 2, GL.GL_UNSIGNED_BYTE, GL.GL_TRUE),
+)
 
 
 class InstanceBuffer:
@@ -35,15 +41,8 @@ class MeshBuffer:
         vertices, indices = GL.glGenBuffers(2)
         GL.glBindBuffer(GL.GL_ARRAY_BUFFER, vertices)
         GL.glBufferData(GL.GL_ARRAY_BUFFER, packed.vertices.nbytes, packed.vertices, GL.GL_STATIC_DRAW)
-        for slot, (field, size, kind, scaled) in enumerate(
-            (
-                ("position", 3, GL.GL_FLOAT, GL.GL_FALSE),
-                ("normal", 3, GL.GL_BYTE, GL.GL_TRUE),
-                ("colour", 4, GL.GL_UNSIGNED_BYTE, GL.GL_TRUE),
-                ("shade", 2, GL.GL_UNSIGNED_BYTE, GL.GL_TRUE),
-            )
-        ):
-            offset = ctypes.c_void_p(VERTEX.fields[field][1])
+        for slot, (field, size, kind, scaled) in enumerate(_ATTRIBUTES):
+            offset = ctypes.c_void_p(_offset(field))
             GL.glVertexAttribPointer(slot, size, kind, scaled, VERTEX.itemsize, offset)
             GL.glEnableVertexAttribArray(slot)
         if instances is not None:
@@ -74,3 +73,8 @@ class MeshBuffer:
         GL.glDrawElementsInstancedBaseInstance(
             GL.GL_TRIANGLES, self._n_indices, GL.GL_UNSIGNED_INT, ctypes.c_void_p(0), count, first
         )
+
+
+def _offset(field: str) -> int:
+    """Bytes from the start of a packed vertex to one of its fields."""
+    return (VERTEX.fields or {})[field][1]

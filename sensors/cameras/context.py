@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from pyrender import OffscreenRenderer, Renderer
 from pyrender.shader_program import ShaderProgram, ShaderProgramCache
@@ -51,20 +52,21 @@ class _Programs(Renderer):
 
 
 class OffscreenContext(OffscreenRenderer):
-    """An OpenGL context without a window. Frame buffers and buffers in it die with it."""
+    """An OpenGL context without a window; frame buffers and meshes in it die with it.
 
-    _platform: object | None
-    _renderer: Renderer | None
+    Attributes:
+        programs: the context's shader programs.
+    """
 
-    @property
-    def programs(self) -> SteadyProgramCache:
-        """The context's shader programs."""
-        return self._renderer._program_cache
+    programs: SteadyProgramCache
 
     def make_current(self) -> None:
         """Direct this thread's OpenGL calls to this context."""
-        self._platform.make_current()
+        platform: Any = self._platform
+        platform.make_current()
 
     def _create(self) -> None:
         super()._create()
-        self._renderer = _Programs(self.viewport_width, self.viewport_height)
+        renderer = _Programs(self.viewport_width, self.viewport_height)
+        self._renderer = renderer
+        self.programs = renderer._program_cache

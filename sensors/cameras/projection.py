@@ -39,11 +39,11 @@ def frustum_planes(clip_from_world: np.ndarray, far_m: float) -> np.ndarray:
 
 def spheres_inside(planes: np.ndarray, centre: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """True where a sphere (n, 3), (n,) may be seen, (n,) bool."""
-    return (centre @ planes[:, :3].T + planes[:, 3] >= -radius[:, None]).all(1)
+    return np.all(centre @ planes[:, :3].T + planes[:, 3] >= -radius[:, None], axis=1)
 
 
 def boxes_inside(planes: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """True where an axis-aligned box (n, 2, 3) may be seen, (n,) bool."""
     normal = planes[:, :3]
     farthest = np.where(normal[None] >= 0, bounds[:, 1][:, None], bounds[:, 0][:, None])
-    return ((farthest * normal).sum(2) + planes[:, 3] >= 0).all(1)
+    return np.all((farthest * normal).sum(2) + planes[:, 3] >= 0, axis=1)
