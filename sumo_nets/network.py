@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +58,7 @@ def drape(net: Path, ground: Ground) -> None:
     net.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _options() -> list[str]:
+def _options() -> Sequence[str]:
     files = "--node-files town.nod.xml --edge-files town.edg.xml --offset.disable-normalization"
     walking = "--walkingareas --crossings.guess --crossings.guess.speed-threshold 17 --default.crossing-width 3"
     junctions = "--junctions.corner-detail 5 --junctions.internal-link-detail 8 --default.junctions.radius 4"

@@ -80,14 +80,14 @@ def _layout(recipe: Recipe, workshop: Path) -> Plan:
     run_tool("netgenerate", *arguments, *outputs, cwd=workshop)
     nodes = ET.parse(workshop / "layout.nod.xml").getroot().findall("node")
     names = tuple(node.get("id", "") for node in nodes)
+    if len(nodes) < 2:
+        raise TownError(f"town {recipe.name!r}: netgenerate made no streets of its layout; choose another")
     number = {name: i for i, name in enumerate(names)}
     positions = np.array([[float(node.get(axis, "nan")) for axis in "xy"] for node in nodes])
     positions -= (positions.min(axis=0) + positions.max(axis=0)) / 2
     edges = ET.parse(workshop / "layout.edg.xml").getroot().findall("edge")
     pairs = {frozenset((number[e.get("from", "")], number[e.get("to", "")])) for e in edges}
     ends = sorted(tuple(sorted(pair)) for pair in pairs if len(pair) == 2)
-    if not ends:
-        raise TownError(f"town {recipe.name!r}: its layout has no streets")
     return Plan(names, positions, tuple(Street(a, b, positions[[a, b]]) for a, b in ends))
 
 

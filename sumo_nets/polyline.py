@@ -1,36 +1,39 @@
-"""Cutting and shifting lines the way SUMO does."""
+"""Cutting and shifting lines the way SUMO does. Lengths are seen from above."""
 
 from __future__ import annotations
 
 from itertools import pairwise
 
 import numpy as np
-
-_SAME_POINT_M = 0.05
+import shapely
+from shapely.ops import substring
 
 
 def length(line: np.ndarray) -> float:
-    """Return the length in metres of a (k, 3) line, seen from above."""
+    """Return the length in metres of a (k, 3) line."""
     return float(np.linalg.norm(np.diff(line[:, :2], axis=0), axis=1).sum())
 
 
-def beside(line: np.ndarray, start_m: float, end_m: float, right_m: float) -> np.ndarray:
-    """Return the line that runs to the right of a part of a (k, 3) line; heights stay.
-
-    The whole line is moved aside before it is cut: a short piece at a bend may be shorter than the bend takes away.
+def beside(line: np.ndarray, right_m: float, start_m: float = 0.0, end_m: float = np.inf) -> np.ndarray:
+    """Return the line that runs to the right of (a part of) a (k, 3) line, without folds at its bends.
 
     Args:
         line: the line.
-        start_m, end_m: the part, distances from the line's start seen from above.
-        right_m: how far aside.
+        right_m: how far aside; negative to the left.
+        start_m, end_m: the part, distances from the line's start.
     """
-    line = _without_repeats(line)
+    middle = shapely.LineString(line[:, :2])
+    moved = middle.offset_curve(-right_m, join_style="mitre")
+    moved = max(shapely.get_parts(moved), key=lambda part: part.length, default=middle)
+    start, end = (moved.project(middle.interpolate(min(at, middle.length))) for at in (start_m, end_m))
+    xy = np.array(substring(moved, start, end).coords)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line[:, :2], axis=0), axis=1))])
-    start_m, end_m = np.clip([start_m, end_m], 0.0, along[-1])
-    inner = along[(along > start_m + _SAME_POINT_M) & (along < end_m - _SAME_POINT_M)]
-    at = np.concatenate([[start_m], inner, [end_m]])
-    moved = shift_right(line, right_m)
-    return np.stack([np.interp(at, along, moved[:, axis]) for axis in range(3)], axis=1)
+    return np.column_stack([xy, np.interp(middle.project(shapely.points(xy)), along, line[:, 2])])
+
+
+def strip(line: np.ndarray, width_m: float) -> np.ndarray:
+    """Return the (k, 3) outline of a strip around a (j, 3) line, counter-clockwise."""
+    return np.vstack([beside(line, width_m / 2), beside(line, -width_m / 2)[::-1]])
 
 
 def densify(line: np.ndarray, step_m: float) -> np.ndarray:
@@ -42,29 +45,8 @@ def densify(line: np.ndarray, step_m: float) -> np.ndarray:
     return np.vstack([*pieces, line[-1:]])
 
 
-def shift_right(line: np.ndarray, distance_m: float) -> np.ndarray:
-    """Return a (k, 3) line moved sideways, every piece by the same distance; heights stay."""
-    line = _without_repeats(line)
-    if len(line) < 2:
-        return line
-    step = np.diff(line[:, :2], axis=0)
-    right = np.stack([step[:, 1], -step[:, 0]], axis=1) / np.linalg.norm(step, axis=1, keepdims=True)
-    before, after = np.vstack([right[:1], right]), np.vstack([right, right[-1:]])
-    mitre = (before + after) / np.maximum(1 + (before * after).sum(axis=1, keepdims=True), 0.2)
-    return np.column_stack([line[:, :2] + distance_m * mitre, line[:, 2]])
-
-
-def _without_repeats(line: np.ndarray) -> np.ndarray:
-    moves = np.linalg.norm(np.diff(line[:, :2], axis=0), axis=1) > 1e-6
-    return line[np.concatenate([[True], moves])]
-
-
-def strip(line: np.ndarray, width_m: float) -> np.ndarray:
-    """Return the (2k, 3) outline of a strip around a (k, 3) line, counter-clockwise."""
-    return np.vstack([shift_right(line, width_m / 2), shift_right(line, -width_m / 2)[::-1]])
-
-
 def heading(line: np.ndarray) -> float:
     """Return the direction of a line's last piece, radians counter-clockwise from east."""
-    dx, dy = np.diff(_without_repeats(line)[-2:, :2], axis=0)[0]
+    step = np.diff(line[:, :2], axis=0)
+    dx, dy = step[np.linalg.norm(step, axis=1) > 1e-6][-1]
     return float(np.arctan2(dy, dx))

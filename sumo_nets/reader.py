@@ -11,6 +11,7 @@ import numpy as np
 
 from assets.streets import LaneUse, ParkingBay, StopLine, StreetArea, StreetLane, Streets
 from sumo_nets import polyline
+from sumo_nets.errors import TownError
 from sumo_nets.outline import simple_outlines
 from sumo_nets.xml_guard import read_xml
 
@@ -31,7 +32,10 @@ def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], 
     import sumolib
 
     read_xml(net_path, "net")
-    net = sumolib.net.readNet(str(net_path), withInternal=True, withPedestrianConnections=True, lxml=False)
+    try:
+        net = sumolib.net.readNet(str(net_path), withInternal=True, withPedestrianConnections=True, lxml=False)
+    except (LookupError, ValueError, TypeError, AttributeError) as error:
+        raise TownError(f"{net_path}: is not a complete network ({type(error).__name__}: {error})") from error
     lanes, areas, stops = [], [], []
     for edge in net.getEdges(withInternal=True):
         if edge.getFunction() == "walkingarea":
@@ -112,21 +116,26 @@ def _parking(path: Path, net: Any) -> list[ParkingBay]:
     200 vehicles: a parked vehicle's front bumper stands at the far end of its lot, within 0.35 m along the strip, 5 cm
     across, 1 cm in height and 0.4° in angle. (Its slope is that of another place: take the strip's.)
 
-    Areas on the carriageway itself (`onRoad`) have no strip; lots given one by one (`<space>`) are a strip each.
+    Heights are the lane's. Areas on the carriageway (`onRoad`) have no strip; vehicles in an angled area reach beyond
+    the strip, which is given as if they stood along the lane; lots given one by one (`<space>`) are a strip each.
     """
     bays = []
-    for area in read_xml(path, "additional").iter("parkingArea"):
-        if area.get("onRoad") in ("true", "1") or not net.hasEdge(area.get("lane", "").rsplit("_", 1)[0]):
+    for area in read_xml(path, "additional", "add").iter("parkingArea"):
+        if area.get("onRoad") in ("true", "1"):
             continue
-        spaces = area.findall("space")
-        if spaces:
-            bays += [_space(area, space, i) for i, space in enumerate(spaces)]
-        else:
-            bays.append(_roadside(area, net.getLane(area.get("lane", ""))))
+        try:
+            spaces = area.findall("space")
+            bays += [_space(area, space, i) for i, space in enumerate(spaces)] or [_roadside(area, net)]
+        except (LookupError, ValueError) as error:
+            raise TownError(f"{path}: parkingArea {area.get('id')!r} cannot be placed ({error})") from error
     return bays
 
 
-def _roadside(area: ET.Element, lane: Any) -> ParkingBay:
+def _roadside(area: ET.Element, net: Any) -> ParkingBay:
+    lane_id = area.get("lane", "")
+    if not net.hasEdge(lane_id.rpartition("_")[0]):
+        raise LookupError(f"lane {lane_id!r} does not exist")
+    lane = net.getLane(lane_id)
     centre = _points(lane.getShape3D())
     total = float(lane.getLength())
     start, end = (float(area.get(key, default)) for key, default in (("startPos", "0"), ("endPos", str(total))))
@@ -134,15 +143,16 @@ def _roadside(area: ET.Element, lane: Any) -> ParkingBay:
     width = float(area.get("width", _DEFAULT_PARKING_WIDTH_M))
     scale = polyline.length(centre) / total if total > 0 else 1.0
     aside = (float(lane.getWidth()) + width) / 2
-    return ParkingBay(area.get("id", ""), polyline.beside(centre, start * scale, end * scale, aside), width)
+    return ParkingBay(area.get("id", ""), polyline.beside(centre, aside, start * scale, end * scale), width)
 
 
 def _space(area: ET.Element, space: ET.Element, number: int) -> ParkingBay:
+    """Return a single lot. Its x, y are the front end; its angle turns counter-clockwise from south (measured)."""
     front = np.array([float(space.get(axis, "0")) for axis in "xyz"])
     size = {
         key: float(space.get(key) or area.get(key) or default) for key, default in (("width", 3.2), ("length", 5.0))
     }
-    angle = math.radians(90 - float(space.get("angle") or area.get("angle") or 0))
+    angle = math.radians(float(space.get("angle") or area.get("angle") or 0) - 90)
     ahead = np.array([math.cos(angle), math.sin(angle), 0.0])
     centre = np.stack([front - size["length"] * ahead, front])
     return ParkingBay(f"{area.get('id', '')}:{number}", centre, size["width"])
