@@ -8,11 +8,12 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.models.bicycle import build_bicycle
+from assets.models.bus import build_bus
 from assets.models.car import build_car
 from assets.models.catalogue import Body, ModelSpec, model_spec
 from assets.models.motorcycle import build_motorcycle
 from assets.models.pedestrian import build_pedestrian
-from assets.models.plain import build_plain
+from assets.models.truck import build_truck
 from assets.shapes import clean
 
 _BUILDERS: dict[Body, Callable[[ModelSpec], Mesh]] = {
@@ -21,8 +22,8 @@ _BUILDERS: dict[Body, Callable[[ModelSpec], Mesh]] = {
     "estate": build_car,
     "suv": build_car,
     "van": build_car,
-    "truck": build_plain,
-    "bus": build_plain,
+    "truck": build_truck,
+    "bus": build_bus,
     "motorcycle": build_motorcycle,
     "bicycle": build_bicycle,
     "pedestrian": build_pedestrian,

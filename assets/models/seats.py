@@ -57,3 +57,19 @@ def steering_wheel(radius_m: float = 0.18, tilt_deg: float = 62.0) -> Mesh:
     spoke = box((0.04, 2 * radius_m, 0.02), (0, 0, -0.01), "car_trim")
     column = extrude(np.array([(-0.03, -0.03), (0.03, -0.03), (0.03, 0.03), (-0.03, 0.03)]), -0.20, "car_trim")
     return Mesh.merge([rim, spoke, column]).transformed(rotation("y", np.radians(90 - tilt_deg + 180)))
+
+
+def plain_seat(width_m: float, sit_m: float = 0.45) -> Mesh:
+    """Hard seat of a bus on its pedestal, facing +x, standing on z = 0 below its hip point."""
+    section = np.array(  # z, x
+        [
+            (sit_m - 0.06, 0.24),
+            (sit_m, 0.25),
+            (sit_m, -0.12),
+            (sit_m + 0.62, -0.26),
+            (sit_m + 0.62, -0.31),
+            (sit_m - 0.06, -0.19),
+        ]
+    )
+    shell = extrude(section, width_m, "car_seat", axis="y").moved((0, -width_m / 2, 0))
+    return Mesh.merge([shell, box((0.10, 0.10, sit_m - 0.06), (0, 0, (sit_m - 0.06) / 2), "steel_galvanised")])

@@ -37,15 +37,19 @@ class HalfShell:
         """Both halves, joined along the centre line."""
         return both_sides(self.half())
 
-    def lining(self, cells: np.ndarray, depth_m: float, material: str) -> Mesh:
-        """Inner skin of both halves: masked cells moved inward by `depth_m` and facing inward."""
+    def half_lining(self, cells: np.ndarray, depth_m: float, material: str) -> Mesh:
+        """Inner skin of the left half: masked cells moved inward by `depth_m` and facing inward."""
         along = np.gradient(self.points, axis=0)
         across = np.gradient(self.points, axis=1)
         normal = np.cross(along, across)
         normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-9)
         normal[:, -1, 1] = 0.0  # the centre line stays in its plane
         inner = HalfShell(self.points - depth_m * normal, np.full_like(self.materials, material_index(material)))
-        return both_sides(flipped(inner.half(cells)))
+        return flipped(inner.half(cells))
+
+    def lining(self, cells: np.ndarray, depth_m: float, material: str) -> Mesh:
+        """Inner skin of both halves."""
+        return both_sides(self.half_lining(cells, depth_m, material))
 
 
 def both_sides(half: Mesh) -> Mesh:
