@@ -63,6 +63,7 @@ def _runs(azimuth: np.ndarray) -> np.ndarray:
     phase = (azimuth if rising else np.pi - azimuth) % (2 * np.pi)
     change = np.diff(phase, prepend=phase[:1], append=phase[-1:])
     up, down = change > 2 * np.pi - _SEAM_RAD, change < _SEAM_RAD - 2 * np.pi
+    up[:1] = True  # the first point may be jitter below the seam
     phase = phase - 2 * np.pi * (up[:-1] & down[1:]) + 2 * np.pi * (down[:-1] & up[1:])
     return np.cumsum(np.diff(phase, prepend=phase[:1]) < -_BREAK_RAD)
 

@@ -100,8 +100,8 @@ class Reader:
         """The (4, 4) rigid motion under a key."""
         matrix = self.array(key, (4, 4))
         rotation = matrix[:3, :3]
-        rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=_ROTATION_TOLERANCE)
-        if not rigid or np.linalg.det(rotation) < 0 or not np.allclose(matrix[3], [0, 0, 0, 1]):
+        rigid = np.abs(rotation @ rotation.T - np.eye(3)).max() < _ROTATION_TOLERANCE  # allclose is ten times slower
+        if not rigid or np.linalg.det(rotation) < 0 or matrix[3].tolist() != [0, 0, 0, 1]:
             raise self._wrong(key, "a rotation, a translation and the row 0 0 0 1")
         return matrix
 

@@ -47,10 +47,19 @@ def test_the_pattern_tells_which_rings_have_no_return(seed: int, kitti_order: bo
     assert np.array_equal(recover_rays(points[seen], 0.1, _ELEVATIONS).ring, ring[seen])
 
 
-def test_jitter_across_the_seam_makes_no_ring() -> None:
-    azimuth = np.array([0.001, 6.2828, 0.002, 1, 3, 6.2, 0.01, 2, 6.28, 0.0003, 6.2829, 0.001, 4])
-    points = np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], -1)
-    assert recover_rays(points, 0.1).ring.max() == 2
+@pytest.mark.parametrize(
+    "azimuth",
+    [
+        [0.001, 6.2828, 0.002, 1, 3, 6.2, 0.01, 2, 6.28, 0.0003, 6.2829, 0.001, 4],
+        [6.283, 0.002, 1, 3, 6.2, 0.01, 2, 6.28, 6.283, 0.0003, 4],
+        [1, 3, 6.2, 0.01, 0.008, 2, 6.28, 0.3],
+    ],
+)
+def test_jitter_across_the_seam_makes_no_ring(azimuth: list[float]) -> None:
+    points = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(len(azimuth))], -1)
+    ring = recover_rays(points, 0.1).ring
+    assert ring.max() == 2
+    assert (np.diff(ring.astype(int)) >= 0).all()
 
 
 def test_scans_of_no_and_one_point() -> None:
