@@ -19,6 +19,7 @@ from assets.world.styles import Style
 _FOUNDATION_M = 0.6  # walls reach this far under the lowest ground
 _ROOM_DEPTH_M = 0.6  # from the façade to the dark wall behind its panes
 _DOOR_M = (1.0, 2.1)
+_OVERHANG = {False: (0.03, 0.06), True: (0.0, 0.025)}  # of roofs, at verge and eaves, share of half the house
 _BLIND_SHARE = (0.04, 0.5, 0.55, 0.5)  # bays without a window: front, right, back, left
 
 
@@ -172,20 +173,20 @@ def _rooms(house: House) -> Mesh:
 
 def _roofs(houses: list[House]) -> Mesh:
     """One instanced unit roof for every combination of shape and materials."""
-    groups: dict[tuple[str, str, str, float], list[np.ndarray]] = {}
+    groups: dict[tuple[str, str, str, float, bool], list[np.ndarray]] = {}
     for house in houses:
         length, depth = house.plot.size_m
-        turned = depth > length  # the ridge runs along the longer side
+        turned = depth > length and not house.terrace  # the ridge runs along the longer side, or the street
         heading = house.plot.heading_rad + (np.pi / 2 if turned else 0.0)
         half = np.array([depth, length] if turned else [length, depth]) / 2
         ridge = round(float(np.clip(1.0 - half[1] / half[0], 0.05, 0.8)), 1) if house.roof == "hip" else 0.0
         place = np.array([[*house.plot.centre, house.eaves_m]])
         pose = poses(place, heading, np.array([[*half, house.roof_m]]))
-        groups.setdefault((house.roof, house.tiles, house.wall, ridge), []).append(pose)
+        groups.setdefault((house.roof, house.tiles, house.wall, ridge, house.terrace), []).append(pose)
     parts = []
-    for (kind, tiles, wall, ridge), placed in sorted(groups.items(), key=lambda item: item[0]):
+    for (kind, tiles, wall, ridge, terrace), placed in sorted(groups.items(), key=lambda item: item[0]):
         if kind == "gable":
-            template = roofs.gable(tiles, wall)
+            template = roofs.gable(tiles, wall, *_OVERHANG[terrace])
         elif kind == "hip":
             template = roofs.hip(tiles, ridge)
         else:

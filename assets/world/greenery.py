@@ -45,7 +45,7 @@ def _street_trees(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: S
     keep[keep] = blocked.take(spots[keep], 1.5)
     radius = 1.3 if style.setback_m[0] < 1.0 else 1.8
     templates = [
-        broadleaf(rng, rng.uniform(7.5, 10.0), (radius * rng.uniform(0.85, 1.15),) * 2, rng.uniform(3.4, 4.0))
+        broadleaf(rng, rng.uniform(8.5, 11.0), (radius * rng.uniform(0.85, 1.15),) * 2, rng.uniform(4.3, 4.9))
         for _ in range(_VARIANTS)
     ]
     return _scatter(templates, spots[keep], stand_z, rng)
@@ -69,8 +69,8 @@ def _garden_plants(
     shrubs = [bush(rng, rng.uniform(0.8, 1.8), rng.uniform(0.5, 1.0)) for _ in range(_VARIANTS)]
     return Mesh.merge(
         [
-            _scatter(templates, _rooted(tree, 1.8, 1.6, 1.8, blocked), stand_z, rng),
-            _scatter(shrubs, _rooted(shrub, 0.7, 1.0, 0.6, blocked), stand_z, rng),
+            _scatter(templates, _rooted(tree, 1.8, 4.2, 1.8, blocked), stand_z, rng),
+            _scatter(shrubs, _rooted(shrub, 0.7, 1.3, 0.6, blocked), stand_z, rng),
         ]
     )
 
@@ -85,7 +85,7 @@ def _open_land(
     spots = np.repeat(groups, 3, axis=0) + rng.normal(0.0, 6.0, (len(groups) * 3, 2))
     spots = np.clip(spots, bounds[0] + 2.0, bounds[1] - 2.0)
     return _scatter(
-        _mixed(rng, max(style.conifer_share, 0.15), 70), _rooted(spots, 2.5, 3.0, 2.2, blocked), stand_z, rng
+        _mixed(rng, max(style.conifer_share, 0.15), 70), _rooted(spots, 2.5, 4.2, 2.2, blocked), stand_z, rng
     )
 
 
@@ -97,15 +97,15 @@ def _mixed(rng: np.random.Generator, conifer_share: float, clusters: int) -> lis
         if rng.random() < conifer_share:
             templates.append(conifer(rng, height, height * rng.uniform(0.17, 0.24)))
             continue
-        slender = rng.uniform(0.16, 0.30)
-        crown = (height * slender, height * slender * rng.uniform(0.85, 1.15))
+        radius = min(height * rng.uniform(0.16, 0.30), 2.4)
+        crown = (radius, radius * rng.uniform(0.85, 1.15))
         templates.append(broadleaf(rng, height, crown, height * rng.uniform(0.18, 0.3), clusters=clusters))
     return templates
 
 
-def _rooted(spots: np.ndarray, house_m: float, paved_m: float, spacing_m: float, blocked: Obstacles) -> np.ndarray:
-    """The spots with room for a plant, reserved."""
-    spots = spots[blocked.free(spots, house_m, paved_m=paved_m)]
+def _rooted(spots: np.ndarray, house_m: float, road_m: float, spacing_m: float, blocked: Obstacles) -> np.ndarray:
+    """The spots off all pavement and far enough from houses, the road and other plants; reserved."""
+    spots = spots[blocked.free(spots, house_m, road_m, paved_m=0.55 * road_m)]
     return spots[blocked.take(spots, spacing_m)]
 
 

@@ -121,7 +121,7 @@ def _along_ring(ring: np.ndarray, style: Style, placed: _Footprints, rng: np.ran
                 continue
             depth = size[1] * max(shrink, 0.65)
             plot = Plot((start + end) / 2, chord / length, width, setback, (size[0] * shrink, depth))
-            if placed.take(plot, min(gap, 1.2)):
+            if placed.take(plot, min(gap, 2.0)):
                 plots.append(plot)
                 station += width
                 break

@@ -10,9 +10,14 @@ from assets.shapes import box, clean
 _THICKNESS = 0.06  # of the unit height
 
 
-def gable(tiles: str, wall: str) -> Mesh:
-    """Two slopes over [−1, 1]² with the ridge along x at height 1 and overhanging eaves; gable walls included."""
-    over_x, over_y = 1.04, 1.10
+def gable(tiles: str, wall: str, verge: float, eaves: float) -> Mesh:
+    """Two slopes over [−1, 1]² with the ridge along x at height 1; gable walls included.
+
+    Args:
+        tiles, wall: materials.
+        verge, eaves: how far the roof reaches beyond the walls along and across the ridge, as a share.
+    """
+    over_x, over_y = 1.0 + verge, 1.0 + eaves
     eave = 1.0 - over_y
     roof = np.array([[s * over_x, y, z] for s in (-1, 1) for y, z in ((-over_y, eave), (0, 1), (over_y, eave))])
     slopes = [[0, 3, 4, 1], [1, 4, 5, 2]]
@@ -41,8 +46,8 @@ def flat(cover: str, wall: str) -> Mesh:
         np.array([[0, 1, 2], [0, 2, 3]]),
         cover,
     )
-    sides = [box((2.02, 0.05, 1.0), (0, s * 0.985, 0.5), wall) for s in (-1, 1)] + [
-        box((0.05, 1.92, 1.0), (s * 0.985, 0, 0.5), wall) for s in (-1, 1)
+    sides = [box((2.0, 0.05, 1.0), (0, s * 0.975, 0.5), wall) for s in (-1, 1)] + [
+        box((0.05, 1.92, 1.0), (s * 0.975, 0, 0.5), wall) for s in (-1, 1)
     ]
     return Mesh.merge([deck, *sides])
 
