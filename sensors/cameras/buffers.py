@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 from OpenGL import GL
@@ -35,7 +38,6 @@ class MeshBuffer:
     """One packed mesh; with `instances`, drawn once for any number of poses."""
 
     def __init__(self, packed: PackedMesh, instances: InstanceBuffer | None = None) -> None:
-        self._n_indices = packed.faces.size
         self._array = GL.glGenVertexArrays(1)
         GL.glBindVertexArray(self._array)
         vertices, indices = GL.glGenBuffers(2)
@@ -61,20 +63,42 @@ class MeshBuffer:
         if not len(first):
             return
         GL.glBindVertexArray(self._array)
-        counts = (np.asarray(count) * 3).astype(np.int32)
-        offsets = (np.asarray(first) * 3 * _INDEX_BYTES).astype(np.uint64)
+        counts = (count * 3).astype(np.int32)
+        offsets = (first * 3 * _INDEX_BYTES).astype(np.uint64)
         GL.glMultiDrawElements(
             GL.GL_TRIANGLES, counts, GL.GL_UNSIGNED_INT, ctypes.c_void_p(offsets.ctypes.data), len(counts)
         )
 
-    def draw_instances(self, first: int, count: int) -> None:
-        """Draw rows first … first + count − 1 of the instance buffer."""
+    def draw_instances(self, faces: slice, instances: slice) -> None:
+        """Draw some faces for some rows of the instance buffer."""
+        n_indices = 3 * (faces.stop - faces.start)
+        if not n_indices:
+            return
         GL.glBindVertexArray(self._array)
         GL.glDrawElementsInstancedBaseInstance(
-            GL.GL_TRIANGLES, self._n_indices, GL.GL_UNSIGNED_INT, ctypes.c_void_p(0), count, first
+            GL.GL_TRIANGLES,
+            n_indices,
+            GL.GL_UNSIGNED_INT,
+            ctypes.c_void_p(3 * faces.start * _INDEX_BYTES),
+            instances.stop - instances.start,
+            instances.start,
         )
+
+
+@contextmanager
+def back_faces(*, drawn: bool) -> Iterator[None]:
+    """Draw both sides of faces, or only those that wind counter-clockwise to the viewer."""
+    if drawn:
+        yield
+        return
+    GL.glFrontFace(GL.GL_CW)  # rows run downwards, which turns every winding round
+    GL.glCullFace(GL.GL_BACK)
+    GL.glEnable(GL.GL_CULL_FACE)
+    yield
+    GL.glDisable(GL.GL_CULL_FACE)
 
 
 def _offset(field: str) -> int:
     """Bytes from the start of a packed vertex to one of its fields."""
-    return (VERTEX.fields or {})[field][1]
+    fields: Any = VERTEX.fields
+    return fields[field][1]

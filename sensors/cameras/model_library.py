@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from assets.mesh import Mesh
-from sensors.cameras.buffers import InstanceBuffer, MeshBuffer
+from sensors.cameras.buffers import InstanceBuffer, MeshBuffer, back_faces
+from sensors.cameras.closed import closed_faces
 from sensors.cameras.packing import drawable, pack
 from sensors.cameras.projection import spheres_inside
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, eq=False)
 class _Model:
     buffer: MeshBuffer
+    closed: slice  # faces of closed surfaces
+    rest: slice  # all other faces
     centre: np.ndarray  # of the bounding sphere, model axes [m]
     half: np.ndarray  # half extents of the box [m]
 
@@ -47,10 +50,13 @@ class ModelLibrary:
         order = np.argsort(group, kind="stable")
         rows, group = rows[order], group[order]
         self._instances.fill(_instance_matrices(instances, rows, camera_from_world))
-        for index, name in enumerate(names):
-            first = int(np.searchsorted(group, index))
-            count = int(np.searchsorted(group, index, "right")) - first
-            self._models[name].buffer.draw_instances(first, count)
+        edges = np.searchsorted(group, np.arange(len(names) + 1)).tolist()
+        groups = [(self._models[name], slice(*edges[k : k + 2])) for k, name in enumerate(names)]
+        with back_faces(drawn=False):
+            for model, members in groups:
+                model.buffer.draw_instances(model.closed, members)
+        for model, members in groups:
+            model.buffer.draw_instances(model.rest, members)
 
     def _in_view(self, instances: Instances, planes: np.ndarray) -> np.ndarray:
         if not len(instances.models):
@@ -65,11 +71,23 @@ class ModelLibrary:
 
     def _model(self, name: str) -> _Model:
         if name not in self._models:
-            mesh = self._load(name)
-            low, high = mesh.bounds.astype(np.float64)
-            buffer = MeshBuffer(pack(drawable(mesh)), self._instances)
-            self._models[name] = _Model(buffer, (low + high) / 2, (high - low) / 2)
+            self._models[name] = self._loaded(self._load(name))
         return self._models[name]
+
+    def _loaded(self, mesh: Mesh) -> _Model:
+        low, high = mesh.bounds.astype(np.float64)
+        mesh = drawable(mesh)
+        closed = closed_faces(mesh)
+        order = np.argsort(~closed, kind="stable")
+        sorted_mesh = Mesh(mesh.vertices, mesh.faces[order], mesh.materials[order])
+        n_closed = int(closed.sum())
+        return _Model(
+            MeshBuffer(pack(sorted_mesh), self._instances),
+            slice(0, n_closed),
+            slice(n_closed, len(order)),
+            (low + high) / 2,
+            (high - low) / 2,
+        )
 
 
 def _instance_matrices(instances: Instances, rows: np.ndarray, camera_from_world: np.ndarray) -> np.ndarray:

@@ -10,18 +10,14 @@ from OpenGL import GL
 from pyrender.shader_program import ShaderProgram
 
 from assets.mesh import Mesh
-from sensors.cameras.buffers import MeshBuffer
 from sensors.cameras.context import OffscreenContext
 from sensors.cameras.light import Light
 from sensors.cameras.model_library import ModelLibrary
-from sensors.cameras.packing import drawable, pack
+from sensors.cameras.static_world import StaticWorld
 from sensors.cameras.target import RenderTarget
-from sensors.cameras.tiles import sort_into_tiles, tiles_of
 
 if TYPE_CHECKING:
     from sensors.scene import Instances
-
-_TILE_M = 64.0
 
 
 class Painter:
@@ -39,11 +35,7 @@ class Painter:
         self._light = light
         self._context = OffscreenContext(width, height)
         self._target = RenderTarget(width, height)
-        visible = drawable(static)
-        order, tile = sort_into_tiles(visible, _TILE_M)
-        packed = pack(Mesh(visible.vertices, visible.faces[order], visible.materials[order]), static_shade)
-        self._tiles = tiles_of(packed.vertices["position"], packed.faces, tile)
-        self._static = MeshBuffer(packed)
+        self._static = StaticWorld(static, static_shade)
         self._models = ModelLibrary(load)
         self._nothing = GL.glGenVertexArrays(1)
 
@@ -69,8 +61,7 @@ class Painter:
         program.set_uniform("view", rotation)
         program.set_uniform("eye", eye)
         program.set_uniform("eye_rest", eye - eye.astype(np.float32))
-        rows = self._tiles.visible(planes, eye)
-        self._static.draw_runs(self._tiles.first[rows], self._tiles.count[rows])
+        self._static.draw(planes, eye)
 
     def _draw_instances(
         self, camera_from_world: np.ndarray, clip: np.ndarray, planes: np.ndarray, instances: Instances

@@ -21,10 +21,13 @@ uniform vec3 sun_rgb;
 uniform vec3 sky_rgb;
 uniform vec3 ground_rgb;
 
+#ifdef INSTANCED
+flat out vec4 lit;                     // light leaving the face, and the instance number: one slot is fastest
+#else
 flat out vec3 sun_part;
 flat out vec3 sky_part;
-flat out uint number;
 out vec2 share;
+#endif
 
 void main() {
 #ifdef INSTANCED
@@ -34,16 +37,20 @@ void main() {
     vec3 unscaled = normal / (row_x.xyz * row_x.xyz + row_y.xyz * row_y.xyz + row_z.xyz * row_z.xyz);
     vec3 n = normalize(vec3(dot(row_x.xyz, unscaled), dot(row_y.xyz, unscaled), dot(row_z.xyz, unscaled)));
     vec3 albedo = mix(colour.rgb * colour.rgb, label.rgb, colour.a);
-    number = uint(label.a + 0.5);
 #else
     vec3 v = view * ((position - eye) - eye_rest);
     vec3 n = view * normal;
     vec3 albedo = colour.rgb * colour.rgb;
-    number = 0u;
 #endif
     gl_Position = clip * vec4(v, 1.0);
     n = dot(n, v) > 0.0 ? -n : n;      // faces have two sides, as they have for the LiDAR
-    sun_part = albedo * sun_rgb * max(dot(n, sun), 0.0);
-    sky_part = albedo * mix(ground_rgb, sky_rgb, 0.5 + 0.5 * dot(n, up));
+    vec3 from_sun = albedo * sun_rgb * max(dot(n, sun), 0.0);
+    vec3 from_sky = albedo * mix(ground_rgb, sky_rgb, 0.5 + 0.5 * dot(n, up));
+#ifdef INSTANCED
+    lit = vec4(from_sun * shade.x + from_sky * shade.y, label.a);
+#else
+    sun_part = from_sun;
+    sky_part = from_sky;
     share = shade;
+#endif
 }

@@ -1,0 +1,63 @@
+"""Which faces belong to closed surfaces, whose insides nobody outside can see."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from assets.mesh import Mesh
+
+
+def closed_faces(mesh: Mesh) -> np.ndarray:
+    """True for faces of closed, outward-facing pieces, (m,) bool: their back may be left undrawn.
+
+    A piece is what hangs together by edges between equal positions. It is closed if every edge is run as
+    often one way as the other, and faces outward if its signed volume is positive. A ray from outside then
+    meets a front face first, so leaving out the back faces changes no pixel.
+    """
+    if not len(mesh.faces):
+        return np.zeros(0, bool)
+    corners = _welded(mesh)
+    edge, flow = _edges(corners)
+    piece = _pieces(edge)
+    n_pieces = piece.max() + 1
+
+    balance = np.bincount(edge.ravel(), flow.ravel())
+    leaky = (balance[edge] != 0).any(1)
+    closed = np.bincount(piece, leaky, n_pieces) == 0
+    return (closed & (_volumes(mesh, piece, n_pieces) > 0))[piece]
+
+
+def _welded(mesh: Mesh) -> np.ndarray:
+    """Faces (m, 3) over positions instead of vertices."""
+    positions = (mesh.vertices + np.float32(0)).view(np.dtype((np.void, 12))).ravel()  # + 0 turns −0 into 0
+    _, number = np.unique(positions, return_inverse=True)
+    return number.ravel()[mesh.faces].astype(np.int64)
+
+
+def _edges(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Number of each face's three undirected edges, (m, 3), and the way it runs them, ±1 (0: no length)."""
+    start, end = corners, np.roll(corners, -1, 1)
+    key = np.minimum(start, end) * (corners.max() + 1) + np.maximum(start, end)
+    _, number = np.unique(key, return_inverse=True)
+    return number.reshape(-1, 3), np.sign(end - start)
+
+
+def _pieces(edge: np.ndarray) -> np.ndarray:
+    """Piece of each face, (m,), by shared edges."""
+    n_faces = len(edge)
+    face = np.repeat(np.arange(n_faces), 3)
+    rows, columns = face, n_faces + edge.ravel()
+    size = n_faces + edge.max() + 1
+    graph = coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(size, size))
+    _, piece = np.unique(connected_components(graph, directed=False)[1][:n_faces], return_inverse=True)
+    return piece.ravel()
+
+
+def _volumes(mesh: Mesh, piece: np.ndarray, n_pieces: int) -> np.ndarray:
+    """Signed volume of each piece, about one of its own corners [m³]."""
+    triangles = mesh.triangles.astype(np.float64)
+    _, first = np.unique(piece, return_index=True)
+    a, b, c = np.moveaxis(triangles - triangles[first[piece], :1], 1, 0)
+    return np.bincount(piece, (a * np.cross(b, c)).sum(1) / 6.0, n_pieces)
