@@ -169,4 +169,4 @@ def write_calibration(path: str | Path, calibration: Calibration) -> None:
 
 def _carry(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     xyz = np.asarray(points, np.float64).reshape(-1, np.shape(points)[-1])[:, :3]
-    return xyz @ matrix[:3, :3].T + matrix[:3, 3]
+    return np.einsum("nj,ij->ni", xyz, matrix[:3, :3]) + matrix[:3, 3]  # no BLAS threads for 3 × 3
