@@ -83,7 +83,7 @@ def _control(arms: int, main_arms: int, rules: StreetRules, rng: np.random.Gener
     signal, stop = rng.random(2)
     if main_arms >= 3 or (main_arms > 0 and arms >= 4 and signal < rules.signal_share):
         return "traffic_light"
-    if main_arms > 0 and arms > main_arms and stop < rules.stop_share:
+    if arms > max(main_arms, 2) and main_arms > 0 and stop < rules.stop_share:
         return "priority_stop"
     return "priority" if main_arms > 0 or arms < 3 else "right_before_left"
 

@@ -87,10 +87,13 @@ def _stop_lines(edge: Any) -> list[StopLine]:
     """Return the stop lines of an edge's driving lanes.
 
     A left turn off a main road yields to oncoming traffic, yet has no line: an edge yields only if none of its
-    movements has the right of way. U-turns do not count.
+    movements has the right of way. U-turns do not count, a bend where no third street joins yields to nobody, and
+    where the right goes before the left nothing is painted.
     """
     if edge.getFunction():
         return []
+    joining = (arm for arm in edge.getToNode().getIncoming() if not arm.getFunction())
+    arms = [arm for arm in joining if any(_use(arm, lane) == "drive" for lane in arm.getLanes())]
     lanes = [lane for lane in edge.getLanes() if _use(edge, lane) == "drive"]
     links = {lane: [link for link in lane.getOutgoing() if link.getDirection() != "t"] for lane in lanes}
     states = {link.getState() for lane in lanes for link in links[lane]}
@@ -100,7 +103,7 @@ def _stop_lines(edge: Any) -> list[StopLine]:
             control = "signal"
         elif states & {"s", "w"}:
             control = "stop"
-        elif states & {"m", "="} and "M" not in states:
+        elif "m" in states and not states & {"M", "="} and len(arms) > 2:
             control = "yield"
         else:
             continue

@@ -80,6 +80,18 @@ def test_stop_lines_are_lane_ends_with_every_control(town):
         assert np.cos(line.heading_rad) * ahead[0] + np.sin(line.heading_rad) * ahead[1] > 0
 
 
+def test_no_one_yields_at_a_bend_nor_everyone_at_a_junction(town):
+    import sumolib
+
+    net = sumolib.net.readNet(str(town.net))
+    for node in net.getNodes():
+        arriving = [edge for edge in node.getIncoming() if edge.allows("passenger")]
+        controls = {line.lane.rpartition("_")[0]: line.control for line in town.streets.stop_lines}
+        held = [edge for edge in arriving if controls.get(edge.getID()) in ("yield", "stop")]
+        assert len(held) < len(arriving)
+        assert not held or len(arriving) > 2
+
+
 def test_parking_lots_keep_off_sidewalks_and_driving_lanes(town):
     lanes = [lane for lane in town.streets.lanes if lane.use in ("drive", "sidewalk") and not lane.internal]
     taken = shapely.union_all([_strip(lane.centre, lane.width_m) for lane in lanes])
