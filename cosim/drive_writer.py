@@ -127,7 +127,7 @@ class DriveWriter:
             **counts,
             "files": {path: hashlib.sha256(data).hexdigest() for path, data in files.items()},
         }
-        self._append(json.dumps(entry, separators=(",", ":")) + "\n")
+        self._append_to(self.folder / MANIFEST, json.dumps(entry, separators=(",", ":")) + "\n")
 
     def manifest(self) -> dict[str, dict]:
         """Finished frames by name; a last line torn by an interruption is cut off the file."""
@@ -145,9 +145,7 @@ class DriveWriter:
                 entry = json.loads(line)
                 entries[str(entry["frame"])] = entry
             except (ValueError, KeyError, TypeError):
-                raise OutputError(
-                    f"{path}:{number} is damaged; remove that line to make its frame again"
-                ) from None
+                raise OutputError(f"{path}:{number} is damaged; remove that line to make its frame again") from None
         return entries
 
     def finish(self, files: Mapping[str, bytes], summary: str) -> None:
@@ -160,17 +158,17 @@ class DriveWriter:
         self.write(SUMMARY, summary.encode())
         self._remove(UNFINISHED)
 
-    def _append(self, line: str) -> None:
-        path = self.folder / MANIFEST
-        with explained(path), path.open("ab") as file:
+    def _append_to(self, path: Path, line: str) -> None:
+        """Add a line whole or not at all, also when other processes do."""
+        with explained(path), path.open("ab", buffering=0) as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             start = file.seek(0, os.SEEK_END)
             try:
                 file.write(line.encode())
-                file.flush()
                 os.fsync(file.fileno())
             except OSError:
-                file.truncate(start)
+                with contextlib.suppress(OSError):
+                    file.truncate(start)
                 raise
 
     def _remove(self, name: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 import numpy as np
 
 from assets import MATERIALS, Mesh, build_model
@@ -20,9 +19,8 @@ from cosim.kitti.rays import PointRays, encode_rays
 from cosim.labelling import Labeller
 from cosim.traffic import Actors
 from cosim.twin import Camera, Ego, Instance, Lidar, TwinFrame, encode_glb, format_materials
-from sensors.cameras import CameraRenderer, Images, Light
-from sensors.cameras.kitti_rig import CAMERA_HEIGHT_PX, CAMERA_WIDTH_PX, KITTI_CALIBRATION, LIDAR_POSE_EGO
-from sensors.cameras.shadows import bake_sun_shadows
+from sensors.cameras import KITTI_CALIBRATION, CameraRenderer, Images, Light, bake_sun_shadows, kitti_cameras
+from sensors.cameras.kitti_rig import lidar_pose_ego
 from sensors.hits_file import encode_hits
 from sensors.point_cloud import PointCloud
 from sensors.scene import Instances, Scene
@@ -31,6 +29,7 @@ from sensors.tracing import Tracer
 from sumo_nets import Town
 
 LABEL_DECIMALS = 4
+_CAMERAS = ("image_0", "image_2")  # gray and depth; colour, and the camera that labels refer to
 _LIGHT_STREAM = 1  # keeps the light's random numbers apart from those of worlds and episodes
 
 
@@ -53,11 +52,9 @@ class Recorder:
 
         world = build_world(town.streets, config.seed)
         light = draw_light(np.random.default_rng([config.seed, _LIGHT_STREAM]))
-        rig = KITTI_CALIBRATION
-        self._calibration = Calibration(
-            rig.P0, rig.P1, rig.P2, rig.P3, rig.R0_rect, rig.Tr_velo_to_cam, rig.Tr_imu_to_velo
-        )
-        self._camera_pose_lidar = self._calibration.rect_to_velo_matrix
+        self._calibration = Calibration(**vars(KITTI_CALIBRATION))
+        self._lidar_pose_ego = lidar_pose_ego()
+        self._cameras = {name: camera for name, camera in kitti_cameras(KITTI_CALIBRATION).items() if name in _CAMERAS}
         self._bridge = Bridge(Ground(world.ground), config.seed)
         self._scene = Scene(world.mesh, self._model)
         self._tracer = Tracer(sensor.pattern.rays(), sensor.pattern.range_m)
@@ -68,10 +65,10 @@ class Recorder:
             world.mesh,
             self._model,
             light,
-            width=CAMERA_WIDTH_PX,
-            height=CAMERA_HEIGHT_PX,
+            width=self._cameras["image_0"].width,
+            height=self._cameras["image_0"].height,
             backend=config.backend,
-            static_shade=bake_sun_shadows(world.mesh, light),
+            static_shade=bake_sun_shadows(world.mesh, light, self._scene.static),
         )
         if not writer.has("twin/static.glb"):
             writer.write("twin/static.glb", encode_glb(world.mesh, town.name))
@@ -83,13 +80,13 @@ class Recorder:
         row = actors.ids.index(ego)
         others = placed.take(np.delete(np.arange(len(placed)), row))
         ego_pose = placed.poses[row]
-        lidar_pose = ego_pose @ LIDAR_POSE_EGO
+        lidar_pose = ego_pose @ self._lidar_pose_ego
 
         hits = self._tracer.trace(self._scene, lidar_pose, others)
         cloud = self._sensor.measure(hits)
-        camera_pose = lidar_pose @ self._camera_pose_lidar
-        left = self._renderer.render(camera_pose, self._calibration.projection(0), others)
-        colour = self._renderer.render(camera_pose, self._calibration.projection(2), others)
+        left, colour = (
+            self._renderer.render(ego_pose @ camera.pose, camera.P, others) for camera in self._cameras.values()
+        )
         labels = self._labeller.label(others, lidar_pose, colour.instance)
 
         twin = self._twin(name, actors, row, others, ego_pose)
@@ -133,18 +130,9 @@ class Recorder:
             files[f"image_2/{name}.png"] = encode_rgb(colour.rgb)
         return files
 
-    def _twin(
-        self, name: str, actors: Actors, row: int, others: Instances, ego_pose: np.ndarray
-    ) -> TwinFrame:
+    def _twin(self, name: str, actors: Actors, row: int, others: Instances, ego_pose: np.ndarray) -> TwinFrame:
         speed, turning = float(actors.speed_mps[row]), float(actors.yaw_rate_radps[row])
         forward, left = ego_pose[:3, 0], ego_pose[:3, 1]
-        camera_pose_ego = LIDAR_POSE_EGO @ self._camera_pose_lidar
-        cameras = {
-            f"image_{index}": Camera(
-                camera_pose_ego, self._calibration.projection(index), CAMERA_WIDTH_PX, CAMERA_HEIGHT_PX
-            )
-            for index in ((0, 2) if self._config.colour_image else (0,))
-        }
         return TwinFrame(
             frame=name,
             time_s=actors.time_s,
@@ -155,8 +143,11 @@ class Recorder:
                 yaw_rate_radps=turning,
                 acceleration_mps2=float(actors.acceleration_mps2[row]) * forward + speed * turning * left,
             ),
-            lidar=Lidar(LIDAR_POSE_EGO, self._sensor.pattern.name),
-            cameras=cameras,
+            lidar=Lidar(self._lidar_pose_ego, self._sensor.pattern.name),
+            cameras={
+                name: Camera(camera.pose, camera.P, camera.width, camera.height)
+                for name, camera in self._cameras.items()
+            },
             instances=_twin_instances(others),
         )
 

@@ -55,9 +55,7 @@ def _record_all(config: RunConfig, folder: Path, done: frozenset[str], tasks: Qu
             plan: EpisodePlan | None = tasks.get()
             if plan is None:
                 return
-            run_episode(
-                plan, config, town, recorder, done=done, on_frame=lambda name: events.put(Event("frame", name))
-            )
+            run_episode(plan, config, town, recorder, done=done, on_frame=lambda name: events.put(Event("frame", name)))
             events.put(Event("episode", str(plan.number)))
     finally:
         recorder.close()

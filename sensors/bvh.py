@@ -14,14 +14,14 @@ class Bvh:
     """Nearest-hit queries on a mesh, with the surface's properties by triangle.
 
     Attributes:
-        normal_code: (m, 2) int16 encoded face normals in the mesh's axes.
+        packed_normal: (m,) int32 face normals in the mesh's axes, both int16 of their code in one.
         normal: (m, 3) float32 face normals in the mesh's axes.
         material: (m,) uint8 rows of the material table.
     """
 
     def __init__(self, mesh: Mesh) -> None:
         self.normal = mesh.normals
-        self.normal_code = encode_normals(self.normal)
+        self.packed_normal = encode_normals(self.normal).view(np.int32).reshape(-1)
         self.material = mesh.materials
         self._scene: EmbreeScene | None = None
         if len(mesh.faces):

@@ -63,7 +63,7 @@ class Tracer:
         )
 
     def _meet_instances(self, scene: Scene, pose: np.ndarray, instances: Instances) -> Iterator[tuple]:
-        """Per model: beams, instance rows, and (distance, normal code, material) of glass and of solid."""
+        """Per model: beams, instance rows, and (distance, packed normal code, material) of glass and of solid."""
         if not len(instances):
             return
         models = {name: scene.model(name) for name in sorted(set(instances.models))}
@@ -108,25 +108,29 @@ class Tracer:
             )
 
     def _meet_static(self, static: Bvh, pose: np.ndarray, solid: _Nearest, pane: _Nearest) -> None:
+        if static.is_empty:
+            return
         rotation = pose[:3, :3].astype(np.float32)
         direction = self.rays.direction @ rotation.T
-        origin = (self._start @ rotation.T + pose[:3, 3].astype(np.float32)).astype(np.float32)
+        origin = self._start @ rotation.T + pose[:3, 3].astype(np.float32)
         limit = np.minimum(solid.distance, np.float32(self._far - self._near))
         distance, triangle = static.first_hit(origin, direction, limit)
-        material = static.material[triangle] if not static.is_empty else np.zeros(len(triangle), np.uint8)
+        material = static.material[triangle]
         hit = triangle >= 0
-        behind_glass = hit & self._is_glass[material]
-        beams = np.flatnonzero(behind_glass).astype(np.int32)
-        pane.offer_static(beams, distance[beams], triangle[beams], static)
-        solid.offer_static_all(hit & ~behind_glass, distance, triangle, material, static)
+        beams = np.flatnonzero(hit & self._is_glass[material]).astype(np.int32)
+        panes = distance[beams]
+        pane.offer_static(beams, panes, triangle[beams], static)
+        hit[beams] = False
+        solid.put_static(hit, distance, triangle, material, static)
 
-        travelled = distance[beams]
+        travelled = panes
         for _ in range(_MOST_PANES):
             if not len(beams):
                 break
             travelled = travelled + np.float32(_STEP_BEHIND_GLASS_M)
+            onward = direction[beams]
             step, triangle = static.first_hit(
-                origin[beams] + direction[beams] * travelled[:, None], direction[beams], limit[beams] - travelled
+                origin[beams] + onward * travelled[:, None], onward, limit[beams] - travelled
             )
             travelled = travelled + step
             hit = triangle >= 0
@@ -140,12 +144,12 @@ def _described(
     bvh: Bvh, distance: np.ndarray, triangle: np.ndarray, turn_normals: np.ndarray, row: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distance, normal code in world axes and material of what was met; misses carry `inf`."""
-    code = np.zeros((len(triangle), 2), np.int16)
+    code = np.zeros(len(triangle), np.int32)
     material = np.zeros(len(triangle), np.uint8)
     hit = np.flatnonzero(triangle >= 0)
     if len(hit):
         normal = np.einsum("nij,nj->ni", turn_normals[row[hit]], bvh.normal[triangle[hit]])
-        code[hit] = encode_normals(normal)
+        code[hit] = encode_normals(normal).view(np.int32)[:, 0]
         material[hit] = bvh.material[triangle[hit]]
     return distance, code, material
 
@@ -155,7 +159,7 @@ class _Nearest:
 
     def __init__(self, beams: int) -> None:
         self.distance = np.full(beams, np.inf, np.float32)
-        self._code = np.zeros((beams, 2), np.int16)
+        self._code = np.zeros(beams, np.int32)
         self._material = np.zeros(beams, np.uint8)
         self._instance = np.full(beams, NOTHING, np.int16)
 
@@ -177,26 +181,25 @@ class _Nearest:
         nearer = distance < self.distance[beams]
         beams, distance, triangle = beams[nearer], distance[nearer], triangle[nearer]
         self.distance[beams] = distance
-        self._code[beams] = static.normal_code[triangle]
+        self._code[beams] = static.packed_normal[triangle]
         self._material[beams] = static.material[triangle]
         self._instance[beams] = STATIC
 
-    def offer_static_all(
-        self, chosen: np.ndarray, distance: np.ndarray, triangle: np.ndarray, material: np.ndarray, static: Bvh
+    def put_static(
+        self, hit: np.ndarray, distance: np.ndarray, triangle: np.ndarray, material: np.ndarray, static: Bvh
     ) -> None:
-        """The same for every beam at once where `chosen`; they are known to be nearer."""
-        np.copyto(self.distance, distance, where=chosen)
-        np.copyto(self._material, material, where=chosen)
-        np.copyto(self._instance, np.int16(STATIC), where=chosen)
-        if not static.is_empty:
-            np.copyto(self._code, static.normal_code[triangle], where=chosen[:, None])
+        """Surfaces of the static world for all beams where `hit`, known to be nearer than what was offered."""
+        self.distance = np.where(hit, distance, self.distance)
+        self._code = np.where(hit, static.packed_normal[triangle], self._code)
+        self._material = np.where(hit, material, self._material)
+        self._instance = np.where(hit, np.int16(STATIC), self._instance)
 
     def surface(self, offset_m: float, beams: np.ndarray | slice = slice(None)) -> Surface:
         """The surfaces of `beams`, ranges counted from the optical centre and rounded to the stored step."""
         steps = np.rint((self.distance[beams] + np.float32(offset_m)) / np.float32(RANGE_STEP_M))
         return Surface(
             range_m=(steps * np.float32(RANGE_STEP_M)).astype(np.float32),
-            normal_code=self._code[beams],
+            normal_code=self._code[beams].view(np.int16).reshape(-1, 2),
             material=self._material[beams],
             instance=self._instance[beams],
         )
