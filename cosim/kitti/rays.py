@@ -12,11 +12,9 @@ import numpy as np
 
 from cosim.errors import FormatError
 from cosim.files import read_bytes
+from sensors.npz import npz_bytes
 
 _DTYPES = {"ring": "|u1", "azimuth": "<f4", "time_s": "<f4", "return_no": "|u1"}
-_DATE = (1980, 1, 1, 0, 0, 0)  # the zip format's zero: equal arrays give equal bytes
-_LEVEL = 1
-_PROBE_BYTES = 32768
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,17 +56,7 @@ class PointRays:
 
 def encode_rays(rays: PointRays) -> bytes:
     """The bytes of an `.npz` file that `numpy.load` reads; equal rays give equal bytes."""
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w") as archive:
-        for name, dtype in _DTYPES.items():
-            member = io.BytesIO()
-            np.lib.format.write_array(member, getattr(rays, name).astype(dtype, copy=False), version=(1, 0))
-            info = zipfile.ZipInfo(f"{name}.npy", _DATE)
-            info.create_system = 3  # else the operating system leaks into the bytes
-            data = member.getvalue()
-            info.compress_type = zipfile.ZIP_DEFLATED if _worth_deflating(data) else zipfile.ZIP_STORED
-            archive.writestr(info, data, compresslevel=_LEVEL)
-    return file.getvalue()
+    return npz_bytes({name: getattr(rays, name) for name in _DTYPES})
 
 
 def decode_rays(data: bytes, source: str | Path = "rays", points: int | None = None) -> PointRays:
@@ -106,13 +94,6 @@ def write_rays(path: str | Path, rays: PointRays) -> None:
 def read_rays(path: str | Path, points: int | None = None) -> PointRays:
     """Read an `.npz` file; see `decode_rays`."""
     return decode_rays(read_bytes(path), path, points)
-
-
-def _worth_deflating(data: bytes) -> bool:
-    """Whether a sample from the middle shrinks: azimuths of fanned lasers do not, and cost most."""
-    start = max(0, (len(data) - _PROBE_BYTES) // 2)
-    sample = data[start : start + _PROBE_BYTES]
-    return len(zlib.compress(sample, _LEVEL)) < 0.8 * len(sample)
 
 
 def _check_column(array: np.ndarray, dtype: np.dtype, what: str, points: int | None) -> None:
