@@ -60,23 +60,23 @@ def facade_mesh(cells: Cells) -> Mesh:
     """Walls with their windows and doors."""
     blank, open_ = cells.where(cells.kind == BLANK), cells.where(cells.kind != BLANK)
     zero = np.zeros(len(blank.kind))
-    whole = _rectangle(blank, zero, zero, *blank.size.T)
-    parts = [_quads(*whole, blank.material)]
+    whole = _rectangle(blank, zero, zero, blank.size[:, 0], blank.size[:, 1])
+    parts = [_quads(whole, blank.material)]
     zero = np.zeros(len(open_.kind))
-    outer = _rectangle(open_, zero, zero, *open_.size.T)
+    outer = _rectangle(open_, zero, zero, open_.size[:, 0], open_.size[:, 1])
     left, bottom, right, top = open_.opening.T
     hole = _rectangle(open_, left, bottom, right, top)
     sill = np.where(open_.kind == DOOR, 0.0, _FRAME_M)
-    inner_sides = (left + _FRAME_M, bottom + sill, right - _FRAME_M, top - _FRAME_M)
-    pane = _rectangle(open_, *inner_sides, depth_m=_RECESS_M)
+    inner = (left + _FRAME_M, bottom + sill, right - _FRAME_M, top - _FRAME_M)
+    pane = _rectangle(open_, inner[0], inner[1], inner[2], inner[3], _RECESS_M)
     frame = np.full(len(open_.kind), material_index("window_frame"))
     leaf = np.where(open_.kind == DOOR, open_.leaf, material_index("window_glass"))
     for k in range(4):
         m = (k + 1) % 4
-        parts.append(_quads(outer[k], outer[m], hole[m], hole[k], open_.material))
-        parts.append(_quads(hole[k], hole[m], pane[m], pane[k], frame))
-    parts.append(_quads(*pane, leaf))
-    parts.append(_mullions(open_, inner_sides))
+        parts.append(_quads([outer[k], outer[m], hole[m], hole[k]], open_.material))
+        parts.append(_quads([hole[k], hole[m], pane[m], pane[k]], frame))
+    parts.append(_quads(pane, leaf))
+    parts.append(_mullions(open_, inner))
     return Mesh.merge(parts)
 
 
@@ -87,7 +87,7 @@ def _mullions(cells: Cells, sides: tuple[np.ndarray, ...]) -> Mesh:
     middle = ((left + right) / 2)[wide]
     some = cells.where(wide)
     bar = _rectangle(some, middle - _MULLION_M / 2, bottom[wide], middle + _MULLION_M / 2, top[wide], _RECESS_M - 0.03)
-    return _quads(*bar, np.full(len(middle), material_index("window_frame")))
+    return _quads(bar, np.full(len(middle), material_index("window_frame")))
 
 
 def _rectangle(
@@ -98,14 +98,14 @@ def _rectangle(
     return [cells.points(x, y, depth_m) for x, y in sides]
 
 
-def _quads(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, materials: np.ndarray) -> Mesh:
-    """Two triangles for each row of four corners; those without area are left out."""
-    n = len(a)
+def _quads(corners: list[np.ndarray], materials: np.ndarray) -> Mesh:
+    """Two triangles for each row of four corners, each (n, 3); those without area are left out."""
+    n = len(materials)
     index = np.arange(n)
     faces = np.concatenate(
         [np.stack([index, index + n, index + 2 * n], 1), np.stack([index, index + 2 * n, index + 3 * n], 1)]
     )
-    vertices = np.concatenate([a, b, c, d])
+    vertices = np.concatenate(corners)
     p, q, r = (vertices[faces[:, k]] for k in range(3))
     solid = np.linalg.norm(np.cross(q - p, r - p), axis=1) > 1e-6
     return Mesh(vertices, faces[solid], np.tile(materials, 2)[solid])

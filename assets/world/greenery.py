@@ -44,10 +44,10 @@ def _street_trees(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: S
     keep = blocked.free(spots, 1.1, road_m=0.25)
     keep[keep] = blocked.take(spots[keep], 1.5)
     radius = 1.3 if style.setback_m[0] < 1.0 else 1.8
-    templates = [
-        broadleaf(rng, rng.uniform(8.5, 11.0), (radius * rng.uniform(0.85, 1.15),) * 2, rng.uniform(4.3, 4.9))
-        for _ in range(_VARIANTS)
-    ]
+    templates = []
+    for _ in range(_VARIANTS):
+        crown = (radius * rng.uniform(0.85, 1.15), radius * rng.uniform(0.85, 1.15))
+        templates.append(broadleaf(rng, rng.uniform(8.5, 11.0), crown, rng.uniform(4.3, 4.9)))
     return _scatter(templates, spots[keep], stand_z, rng)
 
 
@@ -140,7 +140,8 @@ def borders_mesh(
                 continue
             knots = xy[0] + np.linspace(0.0, 1.0, max(1, round(length / PIECE_M[kind])) + 1)[:, None] * (xy[1] - xy[0])
             kinds += [kind] * (len(knots) - 1)
-            starts.append(knots[:-1]), ends.append(knots[1:])
+            starts.append(knots[:-1])
+            ends.append(knots[1:])
     if not kinds:
         return Mesh.empty()
     start, end = np.concatenate(starts), np.concatenate(ends)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from scipy.spatial import Delaunay, cKDTree
+from scipy.spatial import Delaunay, KDTree
 from shapely import Geometry
 
 from assets.world.surfaces import Outlines
@@ -37,9 +37,9 @@ class Plan:
 def triangulate(outlines: Outlines, low: np.ndarray, high: np.ndarray) -> Plan:
     """Delaunay triangulation whose edges contain all outlines (Ruppert 1995: unencroached segments)."""
     paved = outlines.paved
-    linework = shapely.union(outlines.carriageway.boundary, paved.boundary, grid_size=0.01)
+    linework = shapely.union(shapely.boundary(outlines.carriageway), shapely.boundary(paved), grid_size=0.01)
     edge_points, midpoints = _unencroached(linework)
-    clearance = cKDTree(np.concatenate([edge_points, midpoints]))
+    clearance = KDTree(np.concatenate([edge_points, midpoints]))
     points = np.concatenate([edge_points, *_fill(paved, low, high, clearance)])
     faces = Delaunay(points).simplices
     a, b, c = (points[faces[:, k]] for k in range(3))
@@ -63,7 +63,7 @@ def _unencroached(linework: Geometry) -> tuple[np.ndarray, np.ndarray]:
     for _ in range(8):
         points = np.unique(np.concatenate([start, end]), axis=0)
         half = np.linalg.norm(end - start, axis=1) / 2
-        nearest, _ = cKDTree(points).query((start + end) / 2)
+        nearest, _ = KDTree(points).query((start + end) / 2)
         encroached = (nearest < half * 0.999) & (half > _SHORTEST_M)
         if not encroached.any():
             break
@@ -83,10 +83,11 @@ def _subdivide(start: np.ndarray, end: np.ndarray, count: np.ndarray) -> tuple[n
     return first, last
 
 
-def _fill(paved: Geometry, low: np.ndarray, high: np.ndarray, clearance: cKDTree) -> list[np.ndarray]:
+def _fill(paved: Geometry, low: np.ndarray, high: np.ndarray, clearance: KDTree) -> list[np.ndarray]:
     """Inner points: fine on paved ground, coarser on terrain, coarsest far from any street."""
     shapely.prepare(paved)
-    fine = _hexagonal(*np.array(paved.bounds).reshape(2, 2), ROAD_EDGE_M)
+    around = np.asarray(shapely.bounds(paved))
+    fine = _hexagonal(around[:2], around[2:], ROAD_EDGE_M)
     fine = fine[shapely.contains_xy(paved, fine[:, 0], fine[:, 1])]
     fine = fine[clearance.query(fine)[0] > 0.58 * ROAD_EDGE_M]
     parts = [fine]

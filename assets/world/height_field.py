@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solveh_banded
 from scipy.ndimage import map_coordinates
-from scipy.sparse import coo_matrix, csr_matrix, diags, eye, kron, spmatrix
+from scipy.sparse import coo_array, csr_array, eye_array, kron
 
 from assets.streets import Streets
 
@@ -50,7 +50,9 @@ def fit_height_field(streets: Streets, low: np.ndarray, high: np.ndarray, spacin
     basis = _basis((samples[:, :2] - origin) / spacing_m, shape)
     level = float(samples[:, 2].mean())
     normal = basis.T @ basis + _penalty(shape)
-    control = solveh_banded(_lower_band(normal), basis.T @ (samples[:, 2] - level), lower=True)
+    control = solveh_banded(
+        _lower_band(csr_array(normal), shape[0] * shape[1]), basis.T @ (samples[:, 2] - level), lower=True
+    )
     return HeightField(origin, spacing_m, control.reshape(shape) + level)
 
 
@@ -61,7 +63,7 @@ def _resample(line: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(stations, along, line[:, k]) for k in range(3)], axis=1)
 
 
-def _basis(uv: np.ndarray, shape: tuple[int, ...]) -> csr_matrix:
+def _basis(uv: np.ndarray, shape: tuple[int, ...]) -> csr_array:
     """Sparse matrix (n, nx·ny) that evaluates the spline at control-grid coordinates `uv` (n, 2)."""
     cell = np.floor(uv).astype(int)
     t = uv - cell
@@ -70,24 +72,42 @@ def _basis(uv: np.ndarray, shape: tuple[int, ...]) -> csr_matrix:
     row = np.broadcast_to(np.arange(len(uv)), (4, 4, len(uv)))
     column = node[:, None, :, 0] * shape[1] + node[None, :, :, 1]
     value = weight[:, None, :, 0] * weight[None, :, :, 1]
-    return coo_matrix((value.ravel(), (row.ravel(), column.ravel())), shape=(len(uv), shape[0] * shape[1])).tocsr()
+    return coo_array((value.ravel(), (row.ravel(), column.ravel())), shape=(len(uv), shape[0] * shape[1])).tocsr()
 
 
-def _penalty(shape: tuple[int, ...]) -> spmatrix:
+def _penalty(shape: tuple[int, ...]) -> csr_array:
     """Bending energy (∂xx² + 2∂xy² + ∂yy²) and slope of the control net."""
-    slope = [diags([-1.0, 1.0], [0, 1], shape=(n - 1, n)) for n in shape]
-    bend = [diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(n - 2, n)) for n in shape]
-    unit = [eye(n) for n in shape]
-    bending = (kron(bend[0], unit[1]), np.sqrt(2) * kron(slope[0], slope[1]), kron(unit[0], bend[1]))
-    sloping = (kron(slope[0], unit[1]), kron(unit[0], slope[1]))
-    return _BENDING * sum(d.T @ d for d in bending) + _SLOPE * sum(d.T @ d for d in sloping)
+    slope = [_difference(n, (-1.0, 1.0)) for n in shape]
+    bend = [_difference(n, (1.0, -2.0, 1.0)) for n in shape]
+    unit = [eye_array(n) for n in shape]
+    terms = (
+        (_BENDING, kron(bend[0], unit[1])),
+        (2 * _BENDING, kron(slope[0], slope[1])),
+        (_BENDING, kron(unit[0], bend[1])),
+        (_SLOPE, kron(slope[0], unit[1])),
+        (_SLOPE, kron(unit[0], slope[1])),
+    )
+    count = shape[0] * shape[1]
+    total = csr_array((count, count))
+    for weight, term in terms:
+        total = total + weight * (term.T @ term)
+    return csr_array(total)
 
 
-def _lower_band(matrix: spmatrix) -> np.ndarray:
+def _difference(count: int, stencil: tuple[float, ...]) -> csr_array:
+    """Finite differences of `count` equally spaced values."""
+    rows = count - len(stencil) + 1
+    total = csr_array((rows, count))
+    for k, value in enumerate(stencil):
+        total = total + value * eye_array(rows, count, k=k)
+    return csr_array(total)
+
+
+def _lower_band(matrix: csr_array, count: int) -> np.ndarray:
     """LAPACK's lower banded storage of a symmetric sparse matrix."""
     entries = matrix.tocoo()
     keep = entries.row >= entries.col
     row, column, value = entries.row[keep], entries.col[keep], entries.data[keep]
-    band = np.zeros((int((row - column).max()) + 1, matrix.shape[0]))
+    band = np.zeros((int((row - column).max()) + 1, count))
     np.add.at(band, (row - column, column), value)
     return band

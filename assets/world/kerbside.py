@@ -63,13 +63,16 @@ def kerbside(streets: Streets, outlines: Outlines) -> Kerbside:
         left = ahead[:, ::-1] * [-1.0, 1.0]
         probe = point + 0.2 * left
         inside = shapely.contains_xy(outlines.carriageway, probe[:, 0], probe[:, 1])
-        points.append(point), outward.append(np.where(inside[:, None], -left, left))
+        points.append(point)
+        outward.append(np.where(inside[:, None], -left, left))
         run.append(np.full(len(point), number))
     point, normal = np.concatenate(points), np.concatenate(outward)
-    knots = [shapely.polygons(area.outline[:, :2]) for area in streets.areas if area.use == "junction"]
+    knots = [shapely.Polygon(area.outline[:, :2]) for area in streets.areas if area.use == "junction"]
     knot = shapely.union_all([*knots, outlines.crossings])
-    shapely.prepare(knot)
-    away = shapely.distance(knot, shapely.points(point)) if not shapely.is_empty(knot) else np.full(len(point), 1e3)
+    away = np.full(len(point), 1e3)
+    if not knot.is_empty:
+        shapely.prepare(knot)
+        away = np.asarray(shapely.distance(knot, shapely.points(point)))
     return Kerbside(point, normal, np.concatenate(run), _pavement_width(point, normal, outlines), away)
 
 

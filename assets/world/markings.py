@@ -47,7 +47,9 @@ def repairs_mesh(streets: Streets, carriageway: Geometry, height: Heights, rng: 
             run = rng.uniform(1.2, 7.0)
             line = polylines.offset(lane.centre, rng.uniform(-0.6, 0.6))
             ends = polylines.at(line, np.array([station, min(station + run, total)]))
-            start.append(ends[0]), end.append(ends[1]), width.append(rng.uniform(0.5, 1.7))
+            start.append(ends[0])
+            end.append(ends[1])
+            width.append(rng.uniform(0.5, 1.7))
         for station in rng.uniform(0, total, rng.poisson(total / 55.0)):
             lids.append(polylines.at(polylines.offset(lane.centre, rng.uniform(-0.9, 0.9)), np.array([station]))[0])
     patches = ribbons(
@@ -67,7 +69,7 @@ def _lane_lines(streets: Streets, carriageway: Geometry) -> list[Pieces]:
         if lane.use in ("drive", "cycle") and not lane.internal:
             edges.setdefault(lane.edge, []).append(lane)
     shapely.prepare(carriageway)
-    rim = carriageway.boundary
+    rim = shapely.boundary(carriageway)
     shapely.prepare(rim)
     pieces: list[Pieces] = []
     centres: list[Geometry] = []
@@ -76,10 +78,10 @@ def _lane_lines(streets: Streets, carriageway: Geometry) -> list[Pieces]:
         for lane in lanes[:-1]:
             pieces.append(_widths(*polylines.dashes(polylines.offset(lane.centre, lane.width_m / 2), 3.0, 4.5)))
         line = polylines.offset(lanes[-1].centre, lanes[-1].width_m / 2)
-        middle = shapely.points(polylines.at(line, polylines.stations(line)[-1:] / 2)[0])
+        middle = shapely.Point(polylines.at(line, polylines.stations(line)[-1:] / 2)[0])
         inside = shapely.contains(carriageway, middle) and shapely.distance(rim, middle) > 0.8
         if inside and (not centres or shapely.distance(np.array(centres), middle).min() > 0.8):
-            centres.append(shapely.linestrings(line))
+            centres.append(shapely.LineString(line))
             pieces += _centre_line(line)
     return pieces
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 from shapely import STRtree
 
 from assets.streets import Streets
@@ -23,10 +23,10 @@ class Obstacles:
         self._carriageway = outlines.carriageway
         self._paved = outlines.paved
         shapely.prepare([self._carriageway, self._paved])
-        self._houses = STRtree([shapely.polygons(plot.corners()) for plot in plots])
+        self._houses = STRtree([shapely.Polygon(plot.corners()) for plot in plots])
         lines = [lane.centre for lane in streets.lanes if lane.use == "sidewalk"]
         walked = [polylines.at(line, np.arange(0.0, polylines.stations(line)[-1], 0.4)) for line in lines]
-        self._walked = cKDTree(np.concatenate(walked)) if walked else None
+        self._walked = KDTree(np.concatenate(walked)) if walked else None
         self._taken = np.zeros((0, 3))  # x, y, radius
 
     def free(self, xy: np.ndarray, radius_m: float, road_m: float = 0.15, paved_m: float | None = None) -> np.ndarray:
@@ -39,9 +39,9 @@ class Obstacles:
             paved_m: distance to keep from any paved ground, for plants; None allows pavement.
         """
         points = shapely.points(xy)
-        ok = ~shapely.dwithin(self._carriageway, points, road_m)
+        ok = ~np.asarray(shapely.dwithin(self._carriageway, points, road_m))
         if paved_m is not None:
-            ok &= ~shapely.dwithin(self._paved, points, paved_m)
+            ok &= ~np.asarray(shapely.dwithin(self._paved, points, paved_m))
         ok[self._houses.query(points, predicate="dwithin", distance=radius_m)[0]] = False
         if self._walked is not None:
             ok &= self._walked.query(xy)[0] > _WALKING_LINE_M
@@ -60,6 +60,6 @@ class Obstacles:
     def crosses(self, start: np.ndarray, end: np.ndarray, clear_m: float = 0.1) -> np.ndarray:
         """Whether segments from `start` to `end` (n, 2) come within `clear_m` of a house or paved ground."""
         segments = shapely.linestrings(np.stack([start, end], axis=1))
-        hit = shapely.dwithin(self._paved, segments, clear_m)
+        hit = np.asarray(shapely.dwithin(self._paved, segments, clear_m))
         hit[self._houses.query(segments, predicate="dwithin", distance=clear_m)[0]] = True
         return hit

@@ -74,7 +74,7 @@ class _Footprints:
 
     def take(self, plot: Plot, gap_m: float) -> bool:
         """Reserves the plot's footprint if it is free."""
-        shape = shapely.polygons(plot.corners())
+        shape = shapely.Polygon(plot.corners())
         if shapely.intersects(self._blocked, shape):
             return False
         radius = np.hypot(*plot.size_m) / 2
@@ -105,7 +105,7 @@ def _along_ring(ring: np.ndarray, style: Style, placed: _Footprints, rng: np.ran
     plots: list[Plot] = []
     station = float(rng.uniform(0.0, 3.0))
     while station < along[-1]:
-        if rng.random() < style.gap_share * 0.3:
+        if rng.random() < style.gap_share * 0.6:
             station += rng.uniform(8.0, 20.0)
         gap = rng.uniform(*style.side_gap_m)
         front = min(rng.uniform(*style.front_m), along[-1] * 0.3)

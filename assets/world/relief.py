@@ -43,7 +43,7 @@ class Relief:
             return np.full(len(points), KERB_M)
         away = np.full(len(points), _RAMP_M[1])
         shapely.prepare(self.crossings)
-        spots = shapely.points(points[:, :2])
+        spots = np.asarray(shapely.points(points[:, :2]))
         near = shapely.dwithin(self.crossings, spots, _RAMP_M[1])
         away[near] = shapely.distance(self.crossings, spots[near])
         ramp = np.clip((away - _RAMP_M[0]) / (_RAMP_M[1] - _RAMP_M[0]), 0.0, 1.0)

@@ -56,12 +56,12 @@ def _strips(streets: Streets, uses: tuple[LaneUse, ...]) -> list[Geometry]:
 
 
 def _strip(centre: np.ndarray, width_m: float) -> Geometry:
-    line = shapely.linestrings(centre[:, :2])
+    line = shapely.LineString(centre[:, :2])
     return shapely.buffer(line, width_m / 2, cap_style="flat", join_style="mitre", mitre_limit=2.0)
 
 
 def _areas(streets: Streets, use: str) -> list[Geometry]:
-    shapes = [shapely.polygons(area.outline[:, :2]) for area in streets.areas if area.use == use]
+    shapes = [shapely.Polygon(area.outline[:, :2]) for area in streets.areas if area.use == use]
     return [shapely.make_valid(shape) for shape in shapes]
 
 
