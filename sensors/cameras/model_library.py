@@ -11,6 +11,7 @@ import numpy as np
 from assets.mesh import Mesh
 from sensors.cameras.buffers import InstanceBuffer, MeshBuffer, back_faces
 from sensors.cameras.closed import closed_faces
+from sensors.cameras.occlusion import box_corners
 from sensors.cameras.packing import drawable, pack
 from sensors.cameras.projection import spheres_inside
 
@@ -23,8 +24,7 @@ class _Model:
     buffer: MeshBuffer
     closed: slice  # faces of closed surfaces
     rest: slice  # all other faces
-    centre: np.ndarray  # of the bounding sphere, model axes [m]
-    half: np.ndarray  # half extents of the box [m]
+    bounds: np.ndarray  # (2, 3) corners of the box, model axes [m]
 
 
 class ModelLibrary:
@@ -35,15 +35,34 @@ class ModelLibrary:
         self._models: dict[str, _Model] = {}
         self._instances = InstanceBuffer()
 
-    def draw(self, instances: Instances, camera_from_world: np.ndarray, planes: np.ndarray) -> None:
-        """Draw the instances inside the frustum; the program must be in use.
+    def in_view(self, instances: Instances, planes: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (k,) of the instances inside the frustum, nearest first, and their boxes' corners (k, 8, 3).
 
         Args:
-            instances: all instances; the k-th carries number k + 1.
-            camera_from_world: (4, 4) float64.
+            instances: everything that moves.
             planes: (6, 4) float64 frustum planes, world axes.
+            eye: (3,) camera centre, world axes.
         """
-        rows = self._in_view(instances, planes)
+        if not len(instances.models):
+            return np.zeros(0, np.int64), np.zeros((0, 8, 3))
+        bounds = np.stack([self._model(name).bounds for name in instances.models])
+        poses = np.asarray(instances.poses, np.float64)
+        local = box_corners(bounds * np.asarray(instances.scales, np.float64)[:, None])
+        corners = np.einsum("nij,nkj->nki", poses[:, :3, :3], local) + poses[:, None, :3, 3]
+        centre = corners.mean(1)
+        radius = np.linalg.norm(corners[:, 0] - centre, axis=1)
+        rows = np.flatnonzero(spheres_inside(planes, centre, radius))
+        rows = rows[np.argsort(np.linalg.norm(centre[rows] - eye, axis=1), kind="stable")]
+        return rows, corners[rows]
+
+    def draw(self, instances: Instances, rows: np.ndarray, camera_from_world: np.ndarray) -> None:
+        """Draw some instances; instance k carries number k + 1, and the program must be in use.
+
+        Args:
+            instances: everything that moves.
+            rows: (k,) which to draw.
+            camera_from_world: (4, 4) float64.
+        """
         if not len(rows):
             return
         names, group = np.unique([instances.models[row] for row in rows], return_inverse=True)
@@ -58,24 +77,13 @@ class ModelLibrary:
         for model, members in groups:
             model.buffer.draw_instances(model.rest, members)
 
-    def _in_view(self, instances: Instances, planes: np.ndarray) -> np.ndarray:
-        if not len(instances.models):
-            return np.zeros(0, np.int64)
-        models = [self._model(name) for name in instances.models]
-        scales = np.asarray(instances.scales, np.float64)
-        poses = np.asarray(instances.poses, np.float64)
-        centre = np.stack([model.centre for model in models]) * scales
-        radius = np.linalg.norm(np.stack([model.half for model in models]) * scales, axis=1)
-        world = np.einsum("nij,nj->ni", poses[:, :3, :3], centre) + poses[:, :3, 3]
-        return np.flatnonzero(spheres_inside(planes, world, radius))
-
     def _model(self, name: str) -> _Model:
         if name not in self._models:
             self._models[name] = self._loaded(self._load(name))
         return self._models[name]
 
     def _loaded(self, mesh: Mesh) -> _Model:
-        low, high = mesh.bounds.astype(np.float64)
+        bounds = mesh.bounds.astype(np.float64)
         mesh = drawable(mesh)
         closed = closed_faces(mesh)
         order = np.argsort(~closed, kind="stable")
@@ -85,8 +93,7 @@ class ModelLibrary:
             MeshBuffer(pack(sorted_mesh), self._instances),
             slice(0, n_closed),
             slice(n_closed, len(order)),
-            (low + high) / 2,
-            (high - low) / 2,
+            bounds,
         )
 
 

@@ -1,4 +1,4 @@
-"""The drawing order of one pass: near tiles, instances, sky. Imports OpenGL."""
+"""The drawing order of one pass: what is near, what it leaves in sight, the sky. Imports OpenGL."""
 
 from __future__ import annotations
 
@@ -13,11 +13,17 @@ from assets.mesh import Mesh
 from sensors.cameras.context import OffscreenContext
 from sensors.cameras.light import Light
 from sensors.cameras.model_library import ModelLibrary
+from sensors.cameras.occlusion import Horizon, box_corners
+from sensors.cameras.projection import View
 from sensors.cameras.static_world import StaticWorld
 from sensors.cameras.target import RenderTarget
 
 if TYPE_CHECKING:
     from sensors.scene import Instances
+
+
+_NEAR_TILES_M = 30.0
+_NEAR_INSTANCES = 16
 
 
 class Painter:
@@ -39,41 +45,50 @@ class Painter:
         self._models = ModelLibrary(load)
         self._nothing = GL.glGenVertexArrays(1)
 
-    def paint(
-        self, camera_from_world: np.ndarray, clip: np.ndarray, planes: np.ndarray, instances: Instances
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Draw everything and read it back: RGBA, instance number, near / depth, each (h, w, …)."""
+    def paint(self, view: View, instances: Instances) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Draw everything and read it back: RGBA, instance number, near / depth, each (h, w, …).
+
+        What is near goes first; of the rest, only what it does not hide.
+        """
         self._context.make_current()
         self._target.begin()
-        self._draw_static(camera_from_world, clip, planes)
-        self._draw_instances(camera_from_world, clip, planes, instances)
-        self._draw_sky(camera_from_world, clip)
+        tiles, distance = self._static.tiles.in_view(view.planes, view.eye)
+        actors, corners = self._models.in_view(instances, view.planes, view.eye)
+        near = distance < _NEAR_TILES_M
+        self._draw_static(view, tiles[near])
+        self._draw_instances(view, instances, actors[:_NEAR_INSTANCES])
+
+        far, actors, corners = tiles[~near], actors[_NEAR_INSTANCES:], corners[_NEAR_INSTANCES:]
+        if len(far) or len(actors):
+            horizon = Horizon(self._target.read_depth(), view.clip @ view.camera_from_world, view.near_m)
+            self._draw_static(view, far[~horizon.hides(box_corners(self._static.tiles.bounds[far]))])
+            self._draw_instances(view, instances, actors[~horizon.hides(corners)])
+        self._draw_sky(view)
         return self._target.read()
 
     def close(self) -> None:
         """Destroy the context and all it holds."""
         self._context.delete()
 
-    def _draw_static(self, camera_from_world: np.ndarray, clip: np.ndarray, planes: np.ndarray) -> None:
-        rotation = camera_from_world[:3, :3]
-        eye = -np.linalg.solve(rotation, camera_from_world[:3, 3])
-        program = self._surface_program(rotation, clip)
-        program.set_uniform("view", rotation)
-        program.set_uniform("eye", eye)
-        program.set_uniform("eye_rest", eye - eye.astype(np.float32))
-        self._static.draw(planes, eye)
+    def _draw_static(self, view: View, tiles: np.ndarray) -> None:
+        if not len(tiles):
+            return
+        program = self._surface_program(view)
+        program.set_uniform("view", view.camera_from_world[:3, :3])
+        program.set_uniform("eye", view.eye)
+        program.set_uniform("eye_rest", view.eye - view.eye.astype(np.float32))
+        self._static.draw(tiles)
 
-    def _draw_instances(
-        self, camera_from_world: np.ndarray, clip: np.ndarray, planes: np.ndarray, instances: Instances
-    ) -> None:
-        self._surface_program(camera_from_world[:3, :3], clip, INSTANCED=1)
-        self._models.draw(instances, camera_from_world, planes)
+    def _draw_instances(self, view: View, instances: Instances, rows: np.ndarray) -> None:
+        if len(rows):
+            self._surface_program(view, INSTANCED=1)
+            self._models.draw(instances, rows, view.camera_from_world)
 
-    def _surface_program(self, rotation: np.ndarray, clip: np.ndarray, **defines: int) -> ShaderProgram:
-        light = self._light
+    def _surface_program(self, view: View, **defines: int) -> ShaderProgram:
+        light, rotation = self._light, view.camera_from_world[:3, :3]
         program = self._context.programs.get_program("surface.vert", "surface.frag", defines=defines)
         program._bind()
-        program.set_uniform("clip", clip)
+        program.set_uniform("clip", view.clip)
         program.set_uniform("sun", rotation @ np.array(light.sun_direction))
         program.set_uniform("up", rotation[:, 2].copy())
         program.set_uniform("sun_rgb", np.array(light.sun_rgb) * light.exposure)
@@ -83,12 +98,12 @@ class Painter:
         program.set_uniform("haze_per_m", float(light.haze_per_m))
         return program
 
-    def _draw_sky(self, camera_from_world: np.ndarray, clip: np.ndarray) -> None:
+    def _draw_sky(self, view: View) -> None:
         light = self._light
         program = self._context.programs.get_program("sky.vert", "sky.frag")
         program._bind()
-        program.set_uniform("ray", np.linalg.inv(clip[[0, 1, 3], :3]))
-        program.set_uniform("up", camera_from_world[:3, 2].copy())
+        program.set_uniform("ray", np.linalg.inv(view.clip[[0, 1, 3], :3]))
+        program.set_uniform("up", view.camera_from_world[:3, 2].copy())
         program.set_uniform("zenith_rgb", np.array(light.zenith_rgb) * light.exposure)
         program.set_uniform("horizon_rgb", np.array(light.horizon_rgb) * light.exposure)
         GL.glDepthFunc(GL.GL_GEQUAL)

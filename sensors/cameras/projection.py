@@ -2,9 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from sensors.cameras.errors import CameraError
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One camera at one instant.
+
+    Attributes:
+        camera_from_world: (4, 4) float64, camera-0 axes x right, y down, z forward.
+        clip: (4, 4) float64 clip-from-camera.
+        planes: (6, 4) float64 frustum planes, world axes.
+        eye: (3,) float64 centre of camera 0, world axes [m].
+        near_m: near plane [m].
+    """
+
+    camera_from_world: np.ndarray
+    clip: np.ndarray
+    planes: np.ndarray
+    eye: np.ndarray
+    near_m: float
+
+    @classmethod
+    def of(cls, pose: np.ndarray, P: np.ndarray, size_px: tuple[int, int], range_m: tuple[float, float]) -> View:
+        """From world-from-camera pose (4, 4), P (3, 4), width and height [px], near and far [m]."""
+        pose = np.asarray(pose, np.float64)
+        clip = clip_matrix(P, *size_px, range_m[0])
+        inverse = np.linalg.inv(pose)
+        return cls(inverse, clip, frustum_planes(clip @ inverse, range_m[1]), pose[:3, 3].copy(), range_m[0])
 
 
 def clip_matrix(P: np.ndarray, width: int, height: int, near_m: float) -> np.ndarray:

@@ -12,7 +12,7 @@ from sensors.cameras.backend import select_backend
 from sensors.cameras.errors import CameraError
 from sensors.cameras.images import Images
 from sensors.cameras.light import Light
-from sensors.cameras.projection import clip_matrix, frustum_planes
+from sensors.cameras.projection import View
 
 if TYPE_CHECKING:
     from sensors.scene import Instances
@@ -75,10 +75,8 @@ class CameraRenderer:
             raise CameraError("the renderer is closed: make a new one")
         if len(instances.models) > _MAX_INSTANCES:
             raise CameraError(f"{len(instances.models)} instances: numbers reach {_MAX_INSTANCES}; give fewer")
-        clip = clip_matrix(P, self.width, self.height, NEAR_M)
-        camera_from_world = np.linalg.inv(np.asarray(camera_pose_world, np.float64))
-        planes = frustum_planes(clip @ camera_from_world, FAR_M)
-        rgba, number, inverse_depth = self._painter.paint(camera_from_world, clip, planes, instances)
+        view = View.of(camera_pose_world, P, (self.width, self.height), (NEAR_M, FAR_M))
+        rgba, number, inverse_depth = self._painter.paint(view, instances)
         return _images(rgba, number, inverse_depth)
 
     def close(self) -> None:

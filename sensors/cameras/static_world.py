@@ -26,13 +26,12 @@ class StaticWorld:
         closed = closed_faces(mesh)
         order, tile = sort_into_tiles(mesh, closed, _TILE_M)
         packed = pack(Mesh(mesh.vertices, mesh.faces[order], mesh.materials[order]), shade)
-        self._tiles = tiles_of(packed.vertices["position"], packed.faces, tile, closed[order])
+        self.tiles = tiles_of(packed.vertices["position"], packed.faces, tile, closed[order])
         self._buffer = MeshBuffer(packed)
 
-    def draw(self, planes: np.ndarray, eye: np.ndarray) -> None:
-        """Draw the tiles inside the frustum `planes` (6, 4), seen from `eye` (3,); the program must be in use."""
-        rows = self._tiles.visible(planes, eye)
+    def draw(self, rows: np.ndarray) -> None:
+        """Draw some tiles (k,) in the order given, closed surfaces first; the program must be in use."""
         for closed in (True, False):
-            chosen = rows[self._tiles.closed[rows] == closed]
+            chosen = rows[self.tiles.closed[rows] == closed]
             with back_faces(drawn=not closed):
-                self._buffer.draw_runs(self._tiles.first[chosen], self._tiles.count[chosen])
+                self._buffer.draw_runs(self.tiles.first[chosen], self.tiles.count[chosen])

@@ -37,6 +37,7 @@ class RenderTarget:
         """Bind, clear, and set the state every draw of a pass shares: reversed depth, no blending."""
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._frame)
         GL.glDrawBuffers(2, [GL.GL_COLOR_ATTACHMENT0, GL.GL_COLOR_ATTACHMENT1])
+        GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
         GL.glViewport(0, 0, self.width, self.height)
         glClipControl(GL.GL_LOWER_LEFT, GL.GL_ZERO_TO_ONE)
         for switch in (GL.GL_BLEND, GL.GL_CULL_FACE, GL.GL_DITHER, GL.GL_MULTISAMPLE):
@@ -49,15 +50,18 @@ class RenderTarget:
         GL.glClearBufferuiv(GL.GL_COLOR, 1, np.zeros(4, np.uint32))
         GL.glClearBufferfv(GL.GL_DEPTH, 0, np.zeros(1, np.float32))
 
+    def read_depth(self) -> np.ndarray:
+        """The depth buffer, (h, w) float32, first row on top."""
+        depth = np.empty((self.height, self.width), np.float32)
+        GL.glReadPixels(0, 0, self.width, self.height, GL.GL_DEPTH_COMPONENT, GL.GL_FLOAT, array=depth)
+        return depth
+
     def read(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Colour (h, w, 4) uint8, valid until the next read, number (h, w) uint16, depth buffer (h, w) float32."""
         number = np.empty((self.height, self.width), np.uint16)
-        depth = np.empty((self.height, self.width), np.float32)
-        GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
         window = (0, 0, self.width, self.height)
         GL.glReadBuffer(GL.GL_COLOR_ATTACHMENT0)
         GL.glReadPixels(*window, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, array=self._rgba)
         GL.glReadBuffer(GL.GL_COLOR_ATTACHMENT1)
         GL.glReadPixels(*window, GL.GL_RED_INTEGER, GL.GL_UNSIGNED_SHORT, array=number)
-        GL.glReadPixels(*window, GL.GL_DEPTH_COMPONENT, GL.GL_FLOAT, array=depth)
-        return self._rgba, number, depth
+        return self._rgba, number, self.read_depth()

@@ -26,11 +26,13 @@ class Tiles:
     bounds: np.ndarray
     closed: np.ndarray
 
-    def visible(self, planes: np.ndarray, eye: np.ndarray) -> np.ndarray:
-        """Rows of the tiles inside the frustum `planes` (6, 4), nearest to `eye` (3,) first."""
+    def in_view(self, planes: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (k,) of the tiles inside the frustum `planes` (6, 4), nearest first, and distances from `eye` [m]."""
         rows = np.flatnonzero(boxes_inside(planes, self.bounds))
         nearest = np.clip(eye, self.bounds[rows, 0], self.bounds[rows, 1])
-        return rows[np.argsort(np.linalg.norm(nearest - eye, axis=1), kind="stable")]
+        distance = np.linalg.norm(nearest - eye, axis=1)
+        order = np.argsort(distance, kind="stable")
+        return rows[order], distance[order]
 
 
 def sort_into_tiles(mesh: Mesh, closed: np.ndarray, side_m: float) -> tuple[np.ndarray, np.ndarray]:

@@ -227,6 +227,23 @@ def test_a_roof_shades_the_ground_below_it():
 
 
 @needs_osmesa
+def test_what_is_left_out_would_not_have_shown(monkeypatch):
+    rng = np.random.default_rng(3)
+    blocks = [cuboid(rng.uniform(2, 12, 3), (x, y, 2.0)) for x, y in rng.uniform((20, -60), (200, 60), (60, 2))]
+    world = Mesh.merge([ground(), cuboid((1.0, 6.0, 5.0), (15.0, 4.0, 2.0)), *blocks])
+    places = rng.uniform((6, -30, 0.5), (120, 30, 2.5), (80, 3))
+    crowd = placed(*(("crate", at, rng.uniform(0.5, 3.0, 3)) for at in places))
+    quick = shoot(world, crowd)
+    monkeypatch.setattr("sensors.cameras.occlusion.Horizon.hides", lambda _, corners: np.zeros(len(corners), bool))
+    for module in ("static_world", "model_library"):
+        monkeypatch.setattr(f"sensors.cameras.{module}.closed_faces", lambda mesh: np.zeros(len(mesh.faces), bool))
+    full = shoot(world, crowd)
+    assert len(np.unique(full.instance)) > 10
+    for name in ("depth_m", "instance", "rgb"):
+        assert np.array_equal(getattr(quick, name), getattr(full, name))
+
+
+@needs_osmesa
 def test_25_renders_compile_nothing_new_and_repeat_to_the_bit():
     with CameraRenderer(ground(), MODELS, Light(), width=WIDTH, height=HEIGHT) as renderer:
         crate = placed(("crate", (6.0, 0.0, 1.5), (1, 1, 1)))
