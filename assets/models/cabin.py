@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from assets.materials import material_index
 from assets.mesh import Mesh
 from assets.models.car_lines import CarLines
 from assets.models.catalogue import ModelSpec
@@ -36,15 +35,15 @@ def cabin(spec: ModelSpec, style: Style, lines: CarLines, skin: HalfShell, belt_
     inside = (lines.behind > cowl - 0.02) & (lines.behind < tail + 0.01)
     belt = skin.points[inside, belt_row]
     door = _doors(spec, lines, inside, belt, floor)
-    parts = [_tub(door, belt), _end_wall(door)]
-    width = 2 * float(np.median(door[:, 2, 1])) - 0.01
+    parts = [_tub(door, belt), _end_wall(door[-1]), flipped(_end_wall(door[0]))]
+    width = 2 * float(np.median(door[:, -1, 1])) - 0.01
     front_seat = length / 2 - spec.front_axle_x_m + 0.50 * min(spec.wheelbase_m, 2.7)
     sit = floor + 0.20 + 0.25 * max(spec.height_m - 1.5, 0)
     scale = float(np.clip(spec.height_m / 1.5, 0.95, 1.12))
     lateral = 0.225 * spec.width_m
     for y in (-lateral, lateral):
         parts.append(seat(sit, scale).moved((length / 2 - front_seat, y, 0)))
-    parts.append(_dashboard(lines, skin, belt_row, cowl, width, floor))
+    parts.append(_dashboard(lines, skin, belt_row, cowl, width))
     wheel_x = length / 2 - front_seat + 0.42
     parts.append(steering_wheel().moved((wheel_x, lateral, sit + 0.36)))
     if style.bulkhead < 1:
@@ -58,7 +57,7 @@ def _rear_rows(
     """Benches, as high as the roof above them allows, and in a car the cover of the boot."""
     length = lines.behind[-1]
     axle = length / 2 - spec.rear_axle_x_m
-    hips = [axle - 0.40] if spec.kind == "car" else [axle - 0.85, axle + 0.05]
+    hips = [axle - 0.48] if spec.kind == "car" else [axle - 1.25, axle - 0.45]
     parts = []
     for hip in hips:
         room = float(np.interp(hip + 0.42, lines.behind, lines.crest)) - 0.06 - sit
@@ -69,18 +68,18 @@ def _rear_rows(
 
 
 def _doors(spec: ModelSpec, lines: CarLines, inside: np.ndarray, belt: np.ndarray, floor: float) -> np.ndarray:
-    """Points (c, 3, 3) of the tub's section: floor centre, foot of the door panel, its top."""
+    """Points (c, 5, 3) of the tub's section: floor centre, foot of the door panel or wheel box, its top edge,
+    the panel above it, the panel's top."""
+    near_arch = lines.in_arch.copy()
+    near_arch[:-1] |= lines.in_arch[1:]
+    near_arch[1:] |= lines.in_arch[:-1]
     top = np.maximum(belt[:, 1] - _DOOR_DEPTH_M, 0.02)
-    foot = np.where(lines.in_arch[inside], np.minimum(spec.track_m / 2 - 0.17, top), top - 0.02)
-    x, height = belt[:, 0], belt[:, 2] - 0.04
-    return np.stack(
-        [
-            np.stack([x, np.zeros_like(x), np.full_like(x, floor)], -1),
-            np.stack([x, foot, np.full_like(x, floor)], -1),
-            np.stack([x, top, height], -1),
-        ],
-        1,
-    )
+    foot = np.where(near_arch[inside], np.minimum(spec.track_m / 2 - 0.17, top), top - 0.02)
+    x, high = belt[:, 0], belt[:, 2] - 0.04
+    low = np.full_like(x, floor)
+    crown = np.minimum(lines.bottom.max() + 0.03, high - 0.02)
+    rows = [(np.zeros_like(x), low), (foot, low), (foot, crown), (top, crown), (top, high)]
+    return np.stack([np.stack([x, y, z], -1) for y, z in rows], 1)
 
 
 def _tub(door: np.ndarray, belt: np.ndarray) -> Mesh:
@@ -89,27 +88,25 @@ def _tub(door: np.ndarray, belt: np.ndarray) -> Mesh:
     return both_sides(flipped(quad_strip(np.concatenate([door, ledge], 1), "car_interior")))
 
 
-def _end_wall(door: np.ndarray) -> Mesh:
-    """Rear wall of the tub, looking forward."""
-    edge = door[-1]
-    centre = edge * (1, 0, 1)
-    return both_sides(quad_strip(np.stack([edge[1:], centre[1:]]), "car_interior"))
+def _end_wall(edge: np.ndarray) -> Mesh:
+    """Wall across the tub within its section `edge` (5, 3), looking forward."""
+    return both_sides(quad_strip(np.stack([edge[1:] * (1, 0, 1), edge[1:]]), "car_interior"))
 
 
-def _dashboard(lines: CarLines, skin: HalfShell, belt_row: int, cowl: float, width: float, floor: float) -> Mesh:
+def _dashboard(lines: CarLines, skin: HalfShell, belt_row: int, cowl: float, width: float) -> Mesh:
     """Dashboard under the windscreen, from the cowl back to the instruments."""
     column = int(np.searchsorted(lines.behind, cowl - 0.01))
     x = float(skin.points[column, belt_row, 0])
     top = float(skin.points[column, belt_row, 2]) - 0.01
+    low = max(float(lines.bottom.max()) + 0.03, top - 0.32)
     section = np.array(  # z, x
         [
-            (floor + 0.01, x - 0.02),
+            (low, x - 0.02),
             (top - 0.02, x + 0.03),
             (top, x - 0.20),
             (top - 0.03, x - 0.42),
-            (top - 0.16, x - 0.44),
-            (top - 0.28, x - 0.30),
-            (floor + 0.01, x - 0.15),
+            (top - 0.15, x - 0.44),
+            (low, x - 0.30),
         ]
     )
     return extrude(section, width, "car_interior", axis="y").moved((0, -width / 2, 0))
@@ -118,13 +115,12 @@ def _dashboard(lines: CarLines, skin: HalfShell, belt_row: int, cowl: float, wid
 def _parcel_shelf(door: np.ndarray, belt: np.ndarray, start_x: float) -> Mesh:
     """Cover of the boot, from behind the rear seats to the tailgate."""
     behind = belt[:, 0] < start_x
-    edge = door[behind, 2] - (0.0, 0.0, 0.03)
-    return both_sides(quad_strip(np.stack([edge, edge * (1, 0, 1)], 1)[:, :], "car_interior"))
+    edge = door[behind, -1] - (0.0, 0.0, 0.03)
+    return both_sides(quad_strip(np.stack([edge, edge * (1, 0, 1)], 1), "car_interior"))
 
 
 def _bulkhead(skin: HalfShell, column: int, belt_row: int) -> Mesh:
     """Wall between the cab of a panel van and its load, from the belt to the roof, looking forward."""
     outline = skin.points[column, belt_row:] - (0.0, 0.012, 0.012)
     outline[:, 1] = np.maximum(outline[:, 1], 0.0)
-    wall = both_sides(quad_strip(np.stack([outline, outline * (1, 0, 1)]), "car_interior"))
-    return Mesh(wall.vertices, wall.faces, np.full(len(wall.faces), material_index("car_interior"), np.uint8))
+    return both_sides(quad_strip(np.stack([outline * (1, 0, 1), outline]), "car_interior"))

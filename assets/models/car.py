@@ -53,7 +53,7 @@ def _mirrors(spec: ModelSpec, style: Style, lines: CarLines, skin: HalfShell) ->
     column = int(np.searchsorted(lines.behind / lines.behind[-1], style.panes[0][0] - 0.01))
     x, y, z = skin.points[column, STRIP]
     size = 1.0 if spec.kind == "car" else 1.5
-    return side_mirrors((x, y - 0.03, z), spec.width_m / 2, size)
+    return side_mirrors((x + 0.10 * size, y - 0.03, z), spec.width_m / 2, size)
 
 
 def _plates(spec: ModelSpec, style: Style, lines: CarLines) -> list[Mesh]:

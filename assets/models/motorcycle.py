@@ -129,7 +129,7 @@ def _tail(spec: ModelSpec, rear: float) -> Mesh:
     lamp = box((0.05, 0.16, 0.06), (-0.80, 0, 0.82), "tail_lamp")
     top = np.array([(-0.78, -0.07, 0.80), (-0.78, 0.07, 0.80), (-0.80, 0.07, 0.78), (-0.80, -0.07, 0.78)])
     foot = np.array([(0.02, -0.07, 0.56), (0.02, 0.07, 0.56), (0.03, 0.07, 0.55), (0.03, -0.07, 0.55)])
-    guard = loft(np.stack([top, foot + np.array([end, 0.0, 0.0])])[:, ::-1], "plastic_dark")
+    guard = loft(np.stack([top, foot + np.array([end, 0.0, 0.0])]), "plastic_dark")
     plate = box((0.012, 0.20, 0.16), (end + 0.006, 0, 0.58), "number_plate")
     return Mesh.merge([lamp, guard, plate])
 

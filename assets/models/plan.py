@@ -39,17 +39,16 @@ def sections(
     shares = np.array(fractions)
     turn = np.linspace(0, np.pi, 9)
     arches = [axle - arch_radius * np.cos(turn) for axle in axles]
-    must = np.concatenate(
-        [
-            superellipse_depth(shares, *nose),
-            length - superellipse_depth(shares, *tail),
-            *(arch[[0, -1]] for arch in arches),
-        ]
-    )
+    arch_ends = np.concatenate([arch[[0, -1]] for arch in arches])
+    ends = np.concatenate([superellipse_depth(shares, *nose), length - superellipse_depth(shares, *tail)])
+    tips = (ends == 0) | (ends == length)
+    must = np.concatenate([arch_ends, ends[tips | _apart(ends, arch_ends, 0.5 * _MERGE_M)]])
     edges = np.unique(np.round(edges, 4))
-    wish = np.concatenate([*(arch[1:-1] for arch in arches), np.linspace(0, length, spread + 2)[1:-1]])
+    edges = edges[np.diff(edges, prepend=-1.0) > 0.012]
     places = np.concatenate([must, edges[_apart(edges, must, 0.012)]])
-    return np.sort(np.concatenate([places, wish[_apart(wish, places, _MERGE_M)]]))
+    for wish in (np.concatenate([arch[1:-1] for arch in arches]), np.linspace(0, length, spread + 2)[1:-1]):
+        places = np.concatenate([places, wish[_apart(wish, places, _MERGE_M)]])
+    return np.sort(places)
 
 
 def _apart(candidates: np.ndarray, others: np.ndarray, gap_m: float) -> np.ndarray:

@@ -16,7 +16,7 @@ _WHEEL_RADIUS_M = 0.48
 _TYRE_WIDTH_M = 0.29
 _NOSE_GAP_M = 0.10  # the mirrors reach this far ahead of the windscreen
 _CAB_LENGTH_M = 2.05
-_CAB_FLOOR_M = 1.05
+_CAB_FLOOR_M = 1.10
 _BED_M = 1.10  # underside of the load
 # height, inset of the flanks, inset of the ends
 _CAB_LEVELS = (
