@@ -9,14 +9,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from assets.streets import LaneUse, ParkingBay, StopLine, StreetArea, StreetLane, Streets
+from assets.streets import LaneUse, ParkingBay, StreetArea, StreetLane, Streets
 from sumo_nets import polyline
 from sumo_nets.errors import TownError
+from sumo_nets.lanes import points, use_of
 from sumo_nets.outline import simple_outlines
+from sumo_nets.stop_lines import stop_lines
 from sumo_nets.xml_guard import read_xml
 
-_DRIVERS = {"passenger", "delivery", "truck", "bus", "motorcycle", "taxi", "coach", "private", "hov", "evehicle"}
-_DRIVERS |= {"trailer", "moped", "emergency", "army", "vip", "authority"}
 _DEFAULT_PARKING_WIDTH_M = 3.2
 
 
@@ -39,77 +39,31 @@ def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], 
     lanes, areas, stops = [], [], []
     for edge in net.getEdges(withInternal=True):
         if edge.getFunction() == "walkingarea":
-            areas += _areas(edge.getID(), "walkingarea", _points(edge.getLanes()[0].getShape3D()))
+            areas += _areas(edge.getID(), "walkingarea", points(edge.getLanes()[0].getShape3D()))
             continue
         for lane in edge.getLanes():
-            centre = _points(lane.getShape3D())
-            use = _use(edge, lane)
+            centre = points(lane.getShape3D())
+            use = use_of(edge, lane)
             if use is not None:
                 lanes.append(_lane(edge, lane, use, centre))
             elif not lane.getPermissions():
                 areas += _areas(lane.getID(), "junction", polyline.strip(centre, lane.getWidth()))
-        stops += _stop_lines(edge)
+        stops += stop_lines(edge)
     for node in net.getNodes():
-        areas += _areas(node.getID(), "junction", _points(node.getShape3D()))
+        areas += _areas(node.getID(), "junction", points(node.getShape3D()))
     parking = [bay for path in additional_paths for bay in _parking(path, net)]
     return Streets(name, tuple(lanes), tuple(areas), tuple(parking), tuple(stops), style)
 
 
-def _areas(name: str, use: Literal["junction", "walkingarea"], points: np.ndarray) -> list[StreetArea]:
+def _areas(name: str, use: Literal["junction", "walkingarea"], corners: np.ndarray) -> list[StreetArea]:
     """Return an area, in pieces `NAME`, `NAME#1`, … where its outline crosses itself."""
-    outlines = simple_outlines(points)
+    outlines = simple_outlines(corners)
     return [StreetArea(f"{name}#{i}" if i else name, use, outline) for i, outline in enumerate(outlines)]
-
-
-def _points(shape: Any) -> np.ndarray:
-    points = np.array([(*p, 0.0)[:3] for p in shape], dtype=np.float64).reshape(-1, 3)
-    points.setflags(write=False)
-    return points
-
-
-def _use(edge: Any, lane: Any) -> LaneUse | None:
-    allowed = set(lane.getPermissions())
-    if edge.getFunction() == "crossing":
-        return "crossing"
-    if allowed & _DRIVERS:
-        return "drive"
-    if "pedestrian" in allowed:
-        return "sidewalk"
-    return "cycle" if "bicycle" in allowed else None
 
 
 def _lane(edge: Any, lane: Any, use: LaneUse, centre: np.ndarray) -> StreetLane:
     internal = edge.getFunction() in ("internal", "crossing")
     return StreetLane(lane.getID(), edge.getID(), use, centre, float(lane.getWidth()), float(lane.getSpeed()), internal)
-
-
-def _stop_lines(edge: Any) -> list[StopLine]:
-    """Return the stop lines of an edge's driving lanes.
-
-    A left turn off a main road yields to oncoming traffic, yet has no line: an edge yields only if none of its
-    movements has the right of way. U-turns do not count, a bend where no third street joins yields to nobody, and
-    where the right goes before the left nothing is painted.
-    """
-    if edge.getFunction():
-        return []
-    joining = (arm for arm in edge.getToNode().getIncoming() if not arm.getFunction())
-    arms = [arm for arm in joining if any(_use(arm, lane) == "drive" for lane in arm.getLanes())]
-    lanes = [lane for lane in edge.getLanes() if _use(edge, lane) == "drive"]
-    links = {lane: [link for link in lane.getOutgoing() if link.getDirection() != "t"] for lane in lanes}
-    states = {link.getState() for lane in lanes for link in links[lane]}
-    lines = []
-    for lane in lanes:
-        if any(link.getTLSID() for link in links[lane]):
-            control = "signal"
-        elif states & {"s", "w"}:
-            control = "stop"
-        elif "m" in states and not states & {"M", "="} and len(arms) > 2:
-            control = "yield"
-        else:
-            continue
-        centre = _points(lane.getShape3D())
-        lines.append(StopLine(lane.getID(), centre[-1], polyline.heading(centre), control))
-    return lines
 
 
 def _parking(path: Path, net: Any) -> list[ParkingBay]:
@@ -139,7 +93,7 @@ def _roadside(area: ET.Element, net: Any) -> ParkingBay:
     if not net.hasEdge(lane_id.rpartition("_")[0]):
         raise LookupError(f"lane {lane_id!r} does not exist")
     lane = net.getLane(lane_id)
-    centre = _points(lane.getShape3D())
+    centre = points(lane.getShape3D())
     total = float(lane.getLength())
     start, end = (float(area.get(key, default)) for key, default in (("startPos", "0"), ("endPos", str(total))))
     start, end = (at + total if at < 0 else at for at in (start, end))

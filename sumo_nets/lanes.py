@@ -1,0 +1,31 @@
+"""What sumolib's lanes say, in plain terms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from assets.streets import LaneUse
+
+_DRIVERS = {"passenger", "delivery", "truck", "bus", "motorcycle", "taxi", "coach", "private", "hov", "evehicle"}
+_DRIVERS |= {"trailer", "moped", "emergency", "army", "vip", "authority"}
+
+
+def points(shape: Any) -> np.ndarray:
+    """Return a sumolib shape as a read-only (k, 3) array, world metres; heights that are missing are zero."""
+    array = np.array([(*p, 0.0)[:3] for p in shape], dtype=np.float64).reshape(-1, 3)
+    array.setflags(write=False)
+    return array
+
+
+def use_of(edge: Any, lane: Any) -> LaneUse | None:
+    """Return who moves on a sumolib lane, or None where nobody (of the road) does."""
+    allowed = set(lane.getPermissions())
+    if edge.getFunction() == "crossing":
+        return "crossing"
+    if allowed & _DRIVERS:
+        return "drive"
+    if "pedestrian" in allowed:
+        return "sidewalk"
+    return "cycle" if "bicycle" in allowed else None
