@@ -11,7 +11,7 @@ from assets.models.shell import HalfShell
 from assets.models.styles import Style
 
 FLANK = (0.0, 0.20, 0.42, 0.62, 0.83, 1.0)  # flank rows, share of the way from underbody to belt
-ROOF = (0.93, 0.64, 0.32, 0.0)  # roof rows, share of the way from the centre line to the crest
+ROOF = (0.93, 0.54, 0.0)  # roof rows, share of the way from the centre line to the crest
 BELT_STRIP_M, CANTRAIL_M = 0.025, 0.055  # opaque strips below and above the side windows
 # rows of cells
 SILL, INTAKE, BUMPER, LAMP, SHOULDER = range(3, 8)
@@ -31,7 +31,7 @@ def car_skin(spec: ModelSpec, style: Style, lines: CarLines) -> HalfShell:
     return HalfShell(points, _materials(style, lines, points))
 
 
-def flank_inset(lines: CarLines, share: np.ndarray) -> np.ndarray:
+def _flank_inset(lines: CarLines, share: np.ndarray) -> np.ndarray:
     """How far the flank lies inside the plan outline; `share` (c, k) of the way from underbody to belt."""
     facing = np.abs(lines.normal[:, :1])
     tuck = 0.045 + 0.02 * facing
@@ -52,7 +52,7 @@ def _inward(lines: CarLines, inset: np.ndarray, height: np.ndarray) -> np.ndarra
 def _flank(style: Style, lines: CarLines) -> np.ndarray:
     height = lines.bottom[:, None] + (lines.belt - lines.bottom)[:, None] * np.array(FLANK)
     share = (height - style.clearance_m) / (lines.belt - style.clearance_m)[:, None]
-    return _inward(lines, flank_inset(lines, share), height)
+    return _inward(lines, _flank_inset(lines, share), height)
 
 
 def _greenhouse(style: Style, lines: CarLines, foot: np.ndarray) -> np.ndarray:

@@ -34,10 +34,10 @@ def build_motorcycle(spec: ModelSpec) -> Mesh:
     parts = [
         _wheel(0.12).moved((front, 0, _RADIUS_M)),
         _wheel(0.17).moved((rear, 0, _RADIUS_M)),
-        _engine(front, rear),
+        _engine(rear),
         _fork(front),
         _tank_and_seat(),
-        _tail(spec, rear),
+        _tail(spec),
         _rider(faired),
         side_mirrors((0.36, 0.30, 1.08), spec.width_m / 2, 0.7),
     ]
@@ -73,7 +73,7 @@ def _bar(start: Vector, end: Vector, radius: float, material: str) -> Mesh:
     return tube(np.array([start, end], float), radius, material, 6)
 
 
-def _engine(front: float, rear: float) -> Mesh:
+def _engine(rear: float) -> Mesh:
     block = _blob(
         [(-0.22, 0.40, 0.13, 0.12), (-0.12, 0.42, 0.19, 0.17), (0.18, 0.42, 0.19, 0.17), (0.26, 0.42, 0.13, 0.11)],
         "wheel_rim",
@@ -124,7 +124,7 @@ def _tank_and_seat() -> Mesh:
     return Mesh.merge([tank, seat, side])
 
 
-def _tail(spec: ModelSpec, rear: float) -> Mesh:
+def _tail(spec: ModelSpec) -> Mesh:
     end = -spec.length_m / 2
     lamp = box((0.05, 0.16, 0.06), (-0.80, 0, 0.82), "tail_lamp")
     top = np.array([(-0.78, -0.07, 0.80), (-0.78, 0.07, 0.80), (-0.80, 0.07, 0.78), (-0.80, -0.07, 0.78)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 ARCH_GAP_M = 0.05
-_MERGE_M = 0.045
+_MERGE_M = 0.06
 Rounding = tuple[float, float]  # depth (m) and exponent of a superellipse
 
 

@@ -50,13 +50,13 @@ def bench(sit_m: float, width_m: float, scale: float = 1.0, places: int = 3) -> 
 
 
 def steering_wheel(radius_m: float = 0.18, tilt_deg: float = 62.0) -> Mesh:
-    """Rim and spoke about the origin, leaning towards a driver who looks along +x."""
+    """Rim, spoke and column about the origin, facing a driver who looks along +x; a tilt of 0 lies flat."""
     turn = 2 * np.pi * np.arange(9) / 9
     ring = np.stack([np.cos(turn), np.sin(turn), 0 * turn], 1) * radius_m
     rim = tube(ring, 0.016, "car_trim", 3, closed=True)
     spoke = box((0.04, 2 * radius_m, 0.02), (0, 0, -0.01), "car_trim")
-    column = extrude(np.array([(-0.03, -0.03), (0.03, -0.03), (0.03, 0.03), (-0.03, 0.03)]), -0.20, "car_trim")
-    return Mesh.merge([rim, spoke, column]).transformed(rotation("y", np.radians(90 - tilt_deg + 180)))
+    column = box((0.06, 0.06, 0.20), (0, 0, -0.11), "car_trim")
+    return Mesh.merge([rim, spoke, column]).transformed(rotation("y", -np.radians(tilt_deg)))
 
 
 def plain_seat(width_m: float, sit_m: float = 0.45) -> Mesh:
