@@ -8,10 +8,12 @@ from assets.mesh import Mesh
 from sensors.bvh import Bvh
 from sensors.cameras.light import Light
 
-_LIFT_M = 0.05
+_WORLD_LIFT_M, _MODEL_LIFT_M = 0.05, 0.01  # rays start this far off the surface
 _SUN_REACH_M = 150.0
-_SKY_REACH_M = 12.0
-_SKY_DIRECTIONS = 5
+_WORLD_SKY_REACH_M, _MODEL_SKY_REACH_M = 12.0, 2.0
+_WORLD_RINGS = ((55.0, 4),)  # rays round the normal: tilt [deg], number
+_MODEL_RINGS = ((35.0, 6), (65.0, 10))
+_DARKEST = 0.25  # light that reaches the deepest hollow by reflection
 
 
 def bake_sun_shadows(mesh: Mesh, light: Light, bvh: Bvh | None = None) -> np.ndarray:
@@ -26,13 +28,37 @@ def bake_sun_shadows(mesh: Mesh, light: Light, bvh: Bvh | None = None) -> np.nda
     """
     bvh = bvh or Bvh(mesh)
     normal = _vertex_normals(mesh)
-    origin = mesh.vertices + _LIFT_M * normal
+    origin = mesh.vertices + _WORLD_LIFT_M * normal
     sun = np.array(light.sun_direction, np.float32)
     sunlit = ~_blocked(bvh, origin, np.broadcast_to(sun, origin.shape), _SUN_REACH_M)
-    sky = np.zeros(len(origin), np.float32)
-    for direction in _around(normal):
-        sky += ~_blocked(bvh, origin, direction, _SKY_REACH_M)
-    return np.stack([sunlit.astype(np.float32), 0.25 + 0.75 * sky / _SKY_DIRECTIONS], 1)
+    sky = _sky_share(bvh, origin, normal, _WORLD_RINGS, _WORLD_SKY_REACH_M)
+    return np.stack([sunlit.astype(np.float32), sky], 1)
+
+
+def bake_hollows(mesh: Mesh) -> np.ndarray:
+    """Share of light at each vertex of a model that stands on the ground and may turn any way, (n, 2) float32.
+
+    Sun and sky fade alike, since the sun may come from anywhere: cabins and undersides darken.
+    """
+    low, high = mesh.bounds
+    (x0, y0), (x1, y1) = low[:2] - 2, high[:2] + 2
+    corners = np.array([(x0, y0, 0), (x1, y0, 0), (x1, y1, 0), (x0, y1, 0)])
+    floor = Mesh.of(corners, np.array([(0, 1, 2), (0, 2, 3)]), "asphalt")
+    normal = _vertex_normals(mesh)
+    origin = mesh.vertices + _MODEL_LIFT_M * normal
+    sky = _sky_share(Bvh(Mesh.merge([mesh, floor])), origin, normal, _MODEL_RINGS, _MODEL_SKY_REACH_M)
+    sky = _spread(mesh, sky[mesh.faces].mean(1, keepdims=True))[:, 0]
+    return np.stack([sky, sky], 1)
+
+
+def _sky_share(
+    bvh: Bvh, origin: np.ndarray, normal: np.ndarray, rings: tuple[tuple[float, int], ...], reach_m: float
+) -> np.ndarray:
+    directions = _around(normal, rings)
+    free = np.zeros(len(origin), np.float32)
+    for direction in directions:
+        free += ~_blocked(bvh, origin, direction, reach_m)
+    return _DARKEST + (1.0 - _DARKEST) * free / len(directions)
 
 
 def _blocked(bvh: Bvh, origin: np.ndarray, direction: np.ndarray, reach_m: float) -> np.ndarray:
@@ -41,21 +67,30 @@ def _blocked(bvh: Bvh, origin: np.ndarray, direction: np.ndarray, reach_m: float
     return triangle >= 0
 
 
+def _spread(mesh: Mesh, values: np.ndarray) -> np.ndarray:
+    """Mean at each vertex (n, k) of what its faces hold (m, k); 0 where it has none."""
+    corners, count = mesh.faces.ravel(), len(mesh.vertices)
+    total = [np.bincount(corners, np.repeat(column, 3), count) for column in values.T]
+    return np.stack(total, 1) / np.maximum(np.bincount(corners, minlength=count), 1)[:, None]
+
+
 def _vertex_normals(mesh: Mesh) -> np.ndarray:
     """Mean of the adjoining faces' unit normals, (n, 3) float32 of unit length; up where they cancel."""
-    corners, normals = mesh.faces.ravel(), np.repeat(mesh.normals, 3, axis=0)
-    count = len(mesh.vertices)
-    total = np.stack([np.bincount(corners, normals[:, axis], count) for axis in range(3)], 1)
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.where(length > 1e-6, total / np.maximum(length, 1e-6), (0.0, 0.0, 1.0)).astype(np.float32)
+    mean = _spread(mesh, mesh.normals)
+    length = np.linalg.norm(mean, axis=1, keepdims=True)
+    return np.where(length > 1e-6, mean / np.maximum(length, 1e-6), (0.0, 0.0, 1.0)).astype(np.float32)
 
 
-def _around(normal: np.ndarray) -> list[np.ndarray]:
-    """Directions (n, 3) spread over the hemisphere of each normal: the pole and a ring at 55°."""
+def _around(normal: np.ndarray, rings: tuple[tuple[float, int], ...]) -> list[np.ndarray]:
+    """Directions (n, 3) spread over the hemisphere of each normal: the pole and rings about it."""
     helper = np.where(np.abs(normal[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     u = np.cross(normal, helper)
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     v = np.cross(normal, u)
-    ring = np.arange(_SKY_DIRECTIONS - 1) * (2 * np.pi / (_SKY_DIRECTIONS - 1)) + np.pi / 4
-    tilt = np.radians(55.0)
-    return [normal] + [np.cos(tilt) * normal + np.sin(tilt) * (np.cos(turn) * u + np.sin(turn) * v) for turn in ring]
+    directions = [normal]
+    for tilt_deg, number in rings:
+        tilt = np.radians(tilt_deg)
+        for turn in (np.arange(number) + 0.5) * (2 * np.pi / number):
+            sideways = np.cos(turn) * u + np.sin(turn) * v
+            directions.append(np.cos(tilt) * normal + np.sin(tilt) * sideways)
+    return directions

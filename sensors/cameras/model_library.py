@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from assets.mesh import Mesh
+from sensors.cameras.baking import bake_hollows
 from sensors.cameras.buffers import InstanceBuffer, MeshBuffer, back_faces
 from sensors.cameras.closed import closed_faces
 from sensors.cameras.occlusion import box_corners
@@ -90,7 +91,7 @@ class ModelLibrary:
         sorted_mesh = Mesh(mesh.vertices, mesh.faces[order], mesh.materials[order])
         n_closed = int(closed.sum())
         return _Model(
-            MeshBuffer(pack(sorted_mesh), self._instances),
+            MeshBuffer(pack(sorted_mesh, bake_hollows(sorted_mesh)), self._instances),
             slice(0, n_closed),
             slice(n_closed, len(order)),
             bounds,

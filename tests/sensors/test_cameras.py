@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 
 from assets.mesh import Mesh
 from sensors.cameras import CameraError, CameraRenderer, Light, bake_sun_shadows
+from sensors.cameras.baking import bake_hollows
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 300.0
 P = np.array([[FOCAL, 0, 150.3, 0], [0, FOCAL, 118.7, 0], [0, 0, 1, 0]])
@@ -243,14 +245,26 @@ def test_what_is_left_out_would_not_have_shown(monkeypatch):
         assert np.array_equal(getattr(quick, name), getattr(full, name))
 
 
+def test_undersides_and_hollows_of_a_model_darken():
+    table = Mesh.merge([cuboid((2, 1, 0.1), (0, 0, 0.7)), cuboid((0.1, 0.1, 0.65), (0, 0, 0.325))])
+    light = bake_hollows(table)[:, 1]
+    top, underside = np.isclose(table.vertices[:, 2], 0.75), np.isclose(table.vertices[:, 2], 0.65)
+    assert light[top].min() > light[underside].max()
+
+
+def _resident_bytes() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+
 @needs_osmesa
 def test_25_renders_compile_nothing_new_and_repeat_to_the_bit():
     with CameraRenderer(ground(), MODELS, Light(), width=WIDTH, height=HEIGHT) as renderer:
         crate = placed(("crate", (6.0, 0.0, 1.5), (1, 1, 1)))
         first = renderer.render(POSE, P, crate)
-        programs = len(renderer._painter._context.programs)
+        programs, memory = len(renderer._painter._context.programs), _resident_bytes()
         last = [renderer.render(POSE, P, crate) for _ in range(25)][-1]
         assert len(renderer._painter._context.programs) == programs <= 3
+        assert _resident_bytes() - memory < 30e6
     for name in ("rgb", "gray", "depth_m", "instance"):
         assert np.array_equal(getattr(first, name), getattr(last, name))
 
