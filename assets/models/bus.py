@@ -105,6 +105,7 @@ def _saloon(spec: ModelSpec, front: float, length: float) -> list[Mesh]:
     parts.append(box((0.32, 1.5, 0.62), (front - 0.42, 0.45, _FLOOR_M + 0.31), "car_interior"))
     double = plain_seat(0.86, 0.46)
     for x in np.arange(front - 2.5, front - length + 0.9, -0.80):
+        podium = 0.68 if min(abs(x - axle) for axle in axles) < 0.9 else 0.02
         for side in (-1, 1):
-            parts.append(double.moved((x, side * (spec.width_m / 2 - 0.56), _FLOOR_M + 0.02)))
+            parts.append(double.moved((x, side * (spec.width_m / 2 - 0.56), _FLOOR_M + podium)))
     return parts

@@ -43,7 +43,7 @@ def cabin(spec: ModelSpec, style: Style, lines: CarLines, skin: HalfShell, belt_
     lateral = 0.225 * spec.width_m
     for y in (-lateral, lateral):
         parts.append(seat(sit, scale).moved((length / 2 - front_seat, y, 0)))
-    parts.append(_dashboard(lines, skin, belt_row, cowl, width))
+    parts += [_dashboard(lines, skin, belt_row, cowl, width), _cowl(lines, skin, belt_row, cowl)]
     wheel_x = length / 2 - front_seat + 0.42
     parts.append(steering_wheel().moved((wheel_x, lateral, sit + 0.36)))
     if style.bulkhead < 1:
@@ -110,6 +110,14 @@ def _dashboard(lines: CarLines, skin: HalfShell, belt_row: int, cowl: float, wid
         ]
     )
     return extrude(section, width, "car_interior", axis="y").moved((0, -width / 2, 0))
+
+
+def _cowl(lines: CarLines, skin: HalfShell, belt_row: int, cowl: float) -> Mesh:
+    """Ledge that fills the bow of the windscreen ahead of the dashboard."""
+    column = int(np.searchsorted(lines.behind, cowl - 0.01))
+    foot = skin.points[column, belt_row + 4 :] - (0.0, 0.0, 0.025)
+    back = np.stack([np.full(len(foot), skin.points[column, belt_row, 0] - 0.03), foot[:, 1], foot[:, 2]], 1)
+    return both_sides(quad_strip(np.stack([foot, back]), "car_interior"))
 
 
 def _parcel_shelf(door: np.ndarray, belt: np.ndarray, start_x: float) -> Mesh:

@@ -44,7 +44,7 @@ def _lined(style: Style, lines: CarLines, skin: HalfShell) -> np.ndarray:
     cabin_end = min(style.backlight[1], style.bulkhead)
     inside = (start > style.windscreen[0] - 0.004) & (end < cabin_end + 0.004)
     lined = opaque & inside[:, None]
-    lined[:, : STRIP + 1] = False
+    lined[:, :STRIP] = False
     lined[end < style.windscreen[1], RAIL : ROOF_EDGE + 1] = False  # the A-pillar is thinner than a lining
     return lined
 
