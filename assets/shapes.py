@@ -81,9 +81,7 @@ def box(size: Vector, centre: Vector, material: str) -> Mesh:
     return Mesh.of(corners * np.asarray(size) + np.asarray(centre), faces, material)
 
 
-def lathe(
-    profile: np.ndarray, material: str, segments: int = 16, axis: str = "z", phase_rad: float = 0.0
-) -> Mesh:
+def lathe(profile: np.ndarray, material: str, segments: int = 16, axis: str = "z", phase_rad: float = 0.0) -> Mesh:
     """Profile turned about an axis through the origin.
 
     Args:
@@ -103,9 +101,7 @@ def lathe(
     return weld(quad_strip(points, material, wrap=True))
 
 
-def cone(
-    radius: float, top_radius: float, height: float, material: str, segments: int = 16, axis: str = "z"
-) -> Mesh:
+def cone(radius: float, top_radius: float, height: float, material: str, segments: int = 16, axis: str = "z") -> Mesh:
     """Closed frustum standing on the origin along `axis`; `top_radius` 0 makes a cone."""
     return lathe(np.array([[0, 0], [radius, 0], [top_radius, height], [0, height]]), material, segments, axis)
 
@@ -134,9 +130,7 @@ def triangulate(polygon: np.ndarray, holes: Sequence[np.ndarray] = ()) -> tuple[
     return points, faces
 
 
-def plate(
-    polygon: np.ndarray, material: str, height_m: float = 0.0, holes: Sequence[np.ndarray] = ()
-) -> Mesh:
+def plate(polygon: np.ndarray, material: str, height_m: float = 0.0, holes: Sequence[np.ndarray] = ()) -> Mesh:
     """Flat sheet facing up at z = `height_m` over a polygon (n, 2)."""
     points, faces = triangulate(polygon, holes)
     return clean(Mesh.of(np.insert(points, 2, height_m, axis=1), faces, material))
@@ -184,9 +178,7 @@ def loft(sections: np.ndarray, material: str, caps: bool = True) -> Mesh:
     return weld(Mesh.of(vertices, np.concatenate(faces), material))
 
 
-def tube(
-    path: np.ndarray, radius: float | Vector, material: str, segments: int = 8, closed: bool = False
-) -> Mesh:
+def tube(path: np.ndarray, radius: float | Vector, material: str, segments: int = 8, closed: bool = False) -> Mesh:
     """Round bar along a path (k, 3) of one radius or one a point; `closed` joins the ends, else capped."""
     path = np.asarray(path, np.float64)
     tangent = np.roll(path, -1, 0) - np.roll(path, 1, 0) if closed else np.gradient(path, axis=0)
