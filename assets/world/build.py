@@ -9,6 +9,7 @@ import numpy as np
 from assets.mesh import Mesh
 from assets.streets import Streets
 from assets.world.buildings import buildings_mesh, design
+from assets.world.entrances import entrances_mesh
 from assets.world.greenery import borders_mesh, trees_mesh
 from assets.world.ground import TERRAIN, triangulate
 from assets.world.height_field import HeightField, fit_height_field
@@ -81,6 +82,7 @@ def build_world(streets: Streets, seed: int) -> World:
         buildings_mesh(houses, rng),
         props_mesh(streets, edge, blocked, stand_z, style, rng),
         trees_mesh(edge, plots, bounds, blocked, stand_z, style, rng),
-        borders_mesh(plots, blocked, stand_z, style, rng),
+        entrances_mesh(houses, stand_z, rng),
+        borders_mesh(houses, blocked, stand_z, style, rng),
     ]
     return World(Mesh.merge(parts), ground, height, bounds)

@@ -38,6 +38,7 @@ class House:
         window_m: width and height of a window, and height of its sill.
         shop: shop windows at street level.
         terrace: side walls without windows.
+        door_share: place of the street door along the front, 0–1.
     """
 
     plot: Plot
@@ -53,11 +54,23 @@ class House:
     window_m: tuple[float, float, float]
     shop: bool
     terrace: bool
+    door_share: float
 
     @property
     def eaves_m(self) -> float:
         """World height of the top of the walls."""
         return self.floor_m + self.storeys * self.storey_m
+
+    def bays(self, length_m: float) -> int:
+        """Count of window axes on a wall."""
+        return max(1, int((length_m - 0.4) / self.bay_m))
+
+    @property
+    def door_m(self) -> float:
+        """Distance of the street door from the middle of the front, along the street."""
+        length = self.plot.size_m[0]
+        bays = self.bays(length)
+        return (int(self.door_share * bays) + 0.5) * length / bays - length / 2
 
 
 def design(
@@ -94,6 +107,7 @@ def _draw(plot: Plot, style: Style, ground_m: np.ndarray, rng: np.random.Generat
         window_m=window,
         shop=bool(rng.random() < style.shop_share),
         terrace=style.side_gap_m[1] < 0.5,
+        door_share=float(rng.random()),
     )
 
 
@@ -119,7 +133,7 @@ def _walls(house: House, rng: np.random.Generator) -> list[Cells]:
 def _wall(house: House, start: np.ndarray, end: np.ndarray, side: int, rng: np.random.Generator) -> list[Cells]:
     length = float(np.linalg.norm(end - start))
     right = (end - start) / length
-    columns = max(1, int((length - 0.4) / house.bay_m))
+    columns = house.bays(length)
     wide, tall = length / columns, house.storey_m
     column, storey = (grid.reshape(-1) for grid in np.meshgrid(np.arange(columns), np.arange(house.storeys)))
     n = len(column)
@@ -135,7 +149,7 @@ def _wall(house: House, start: np.ndarray, end: np.ndarray, side: int, rng: np.r
         if house.shop:
             opening[storey == 0] = [0.2, 0.35, wide - 0.2, min(tall - 0.5, 2.7)]
             kind[storey == 0] = WINDOW
-        door = (storey == 0) & (column == rng.integers(columns))
+        door = (storey == 0) & (column == int(house.door_share * columns))
         kind[door] = DOOR
         opening[door] = [(wide - _DOOR_M[0]) / 2, 0.0, (wide + _DOOR_M[0]) / 2, _DOOR_M[1]]
     if wide < width + 0.3:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from assets.mesh import Mesh
+from assets.world.buildings import House
 from assets.world.fences import OPEN_KINDS, PIECE_M, fences_mesh, line_of
 from assets.world.instancing import instances, poses
 from assets.world.kerbside import Kerbside
@@ -17,7 +18,7 @@ from assets.world.trees import broadleaf, bush, conifer
 _VARIANTS = 6
 _SIDE_SHARE = 0.55  # fenced plots with a border between neighbours too
 _OPEN_LAND_PER_M2 = 4e-4
-_OPEN_LAND_MOST = 180
+_OPEN_LAND_MOST = 220
 
 
 def trees_mesh(
@@ -118,19 +119,20 @@ def _scatter(templates: list[Mesh], spots: np.ndarray, stand_z: Heights, rng: np
 
 
 def borders_mesh(
-    plots: list[Plot], blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
+    houses: list[House], blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
 ) -> Mesh:
     """Fences, walls and hedges around gardens, with a gate in front."""
     kinds, starts, ends = [], [], []
-    for plot in plots:
+    for house in houses:
+        plot = house.plot
         if plot.setback_m < 1.0 or rng.random() > style.fence_share:
             continue
         half, back = plot.width_m / 2, plot.setback_m + plot.size_m[1] + rng.uniform(2.0, 6.0)
-        gate = rng.uniform(-0.6, 0.6) * half
+        gate = float(np.clip(house.door_m, 1.5 - half, half - 1.5))
         front, side = str(rng.choice(style.fences)), str(rng.choice(OPEN_KINDS))
         for kind, begin, end in (
-            (front, (-half, 0.35), (gate - 1.5, 0.35)),
-            (front, (gate + 1.5, 0.35), (half, 0.35)),
+            (front, (-half, 0.35), (gate - 1.1, 0.35)),
+            (front, (gate + 1.1, 0.35), (half, 0.35)),
             (side, (-half, 0.5), (-half, back if rng.random() < _SIDE_SHARE else 0.6)),
         ):
             corner = np.array([begin, end])

@@ -101,7 +101,7 @@ def _stop_line(stop: StopLine, lane_width_m: float) -> Pieces:
     """A bar across the lane, or teeth where one only yields."""
     ahead = np.array([np.cos(stop.heading_rad), np.sin(stop.heading_rad)])
     left = np.array([-ahead[1], ahead[0]])
-    middle = stop.position[:2] - ahead * (_STOP_LINE_M / 2 + 0.2)
+    middle = stop.position[:2] - ahead * (_STOP_LINE_M / 2 + 0.6)
     half = lane_width_m / 2 - 0.1
     if stop.control != "yield":
         return _widths((middle - left * half)[None], (middle + left * half)[None], _STOP_LINE_M)

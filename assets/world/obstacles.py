@@ -13,6 +13,7 @@ from assets.world.plots import Plot
 from assets.world.surfaces import Outlines
 
 _WALKING_LINE_M = 0.45  # kept free on either side of a sidewalk's centre line
+_CROSSING_M = 1.2  # kept free around crossings
 
 
 class Obstacles:
@@ -22,7 +23,8 @@ class Obstacles:
         """Collects the fixed obstacles of a town."""
         self._carriageway = outlines.carriageway
         self._paved = outlines.paved
-        shapely.prepare([self._carriageway, self._paved])
+        self._crossings = outlines.crossings
+        shapely.prepare([self._carriageway, self._paved, self._crossings])
         self._houses = STRtree([shapely.Polygon(plot.corners()) for plot in plots])
         lines = [lane.centre for lane in streets.lanes if lane.use == "sidewalk"]
         walked = [polylines.at(line, np.arange(0.0, polylines.stations(line)[-1], 0.4)) for line in lines]
@@ -40,6 +42,8 @@ class Obstacles:
         """
         points = shapely.points(xy)
         ok = ~np.asarray(shapely.dwithin(self._carriageway, points, road_m))
+        if not shapely.is_empty(self._crossings):
+            ok &= ~np.asarray(shapely.dwithin(self._crossings, points, _CROSSING_M))
         if paved_m is not None:
             ok &= ~np.asarray(shapely.dwithin(self._paved, points, paved_m))
         ok[self._houses.query(points, predicate="dwithin", distance=radius_m)[0]] = False

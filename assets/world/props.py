@@ -124,7 +124,7 @@ def _furniture(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Styl
         rows = rows[edge.junction_m[rows] > 3.0]
         depth = setback[rows] if isinstance(setback, np.ndarray) else setback
         parts.append(_at_kerb(model, rows, depth, radius, edge, blocked, stand_z))
-    corners = np.flatnonzero((edge.junction_m < 0.3) & (edge.pavement_m > 1.2))[::2]
+    corners = np.flatnonzero((edge.junction_m < 2.5) & (edge.pavement_m > 1.2))[::2]
     corners = corners[rng.random(len(corners)) < 0.25 / busy]
     parts.append(_at_kerb(furniture.bollard(), corners, 0.3, 0.5, edge, blocked, stand_z))
     return Mesh.merge(parts)

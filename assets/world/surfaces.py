@@ -89,4 +89,4 @@ def _clean(shape: Geometry) -> Geometry:
 def _polygons_only(shape: Geometry) -> Geometry:
     """The polygons of a geometry, without the points and lines that overlays leave behind."""
     parts = shapely.get_parts(shapely.get_parts(shape))
-    return shapely.multipolygons([p for p in parts if shapely.get_dimensions(p) == 2 and shapely.area(p) > 0.05])
+    return shapely.MultiPolygon([p for p in parts if shapely.get_dimensions(p) == 2 and shapely.area(p) > 0.05])

@@ -12,7 +12,7 @@ _FOLIAGE = ("foliage", "foliage_dark")
 
 
 def broadleaf(
-    rng: np.random.Generator, height_m: float, crown_m: tuple[float, float], clear_m: float, clusters: int = 150
+    rng: np.random.Generator, height_m: float, crown_m: tuple[float, float], clear_m: float, clusters: int = 135
 ) -> Mesh:
     """A deciduous tree.
 

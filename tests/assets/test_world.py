@@ -1,5 +1,7 @@
 """What users of a built world rely on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -204,6 +206,15 @@ def test_most_beams_of_a_64_beam_scanner_return_on_a_street(world):
 def test_the_sheet_of_the_ground_is_one_piece_without_duplicate_faces(world):
     mesh = trimesh.Trimesh(world.ground.vertices, world.ground.faces, process=False)
     assert mesh.unique_faces().all()
+
+
+def test_a_town_without_pavements_or_signs_still_has_a_whole_road(streets):
+    lanes = tuple(lane for lane in streets.lanes if lane.use == "drive")
+    bare = replace(streets, lanes=lanes, parking=(), stop_lines=())
+    xy = points_in(outline(bare).carriageway, 1000)
+    world = build_world(bare, seed=0)
+    z, _ = fall(world.ground, xy)
+    np.testing.assert_allclose(z, world.height(xy), atol=0.01)
 
 
 def test_an_unknown_style_is_refused_by_name():
