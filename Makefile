@@ -9,13 +9,13 @@ demo: setup
 	$(COSIM) view out/demo/drive --out out/demo
 
 test: setup-dev
-	$(PYTHON) -m pytest -n 2
+	$(PYTHON) -m pytest -n 2 --dist loadgroup
 
 check: setup-dev
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m pyright
-	$(PYTHON) -m pytest -n 2
+	$(PYTHON) -m pytest -n 2 --dist loadgroup
 
 bench: setup-dev
 	$(PYTHON) -m tests.bench

@@ -14,6 +14,7 @@ from sensors.scene import Instances
 
 _SAME_SIZE_M = 1e-6
 _HALF_TRACK_OF_NARROW_M = 0.15
+_TEXTURE_M = 0.004  # tyres rest on the tips of the road's texture, which its mesh lacks
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class Bridge:
         upright = walks | np.array([look.model.track_m == 0 for look in looks], bool)
         bank = np.where(upright, 0, bank)
         slope = np.where(walks, 0, slope)
-        base = z.mean(1) - slope * axles.mean(1)
+        base = z.mean(1) - slope * axles.mean(1) + _TEXTURE_M
 
         x_axis = np.column_stack([forward, slope])
         x_axis /= np.linalg.norm(x_axis, axis=1, keepdims=True)

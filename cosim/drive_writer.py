@@ -118,14 +118,18 @@ class DriveWriter:
         """Whether a file is in place."""
         return (self.folder / name).is_file()
 
-    def write_frame(self, name: str, files: Mapping[str, bytes], counts: Mapping[str, object]) -> None:
-        """Put all files of a frame in place, then list it in the manifest."""
+    def write_frame(
+        self, name: str, files: Mapping[str, bytes], counts: Mapping[str, int], **about: str | float
+    ) -> None:
+        """Put all files of a frame in place, then list it in the manifest with `about` it."""
         for path, data in files.items():
             self.write(path, data)
         entry = {
-            "frame": name,
-            **counts,
-            "files": {path: hashlib.sha256(data).hexdigest() for path, data in files.items()},
+            "name": name,
+            **about,
+            "counts": dict(counts),
+            "files": list(files),
+            "sha256": [hashlib.sha256(data).hexdigest() for data in files.values()],
         }
         self._append_to(self.folder / MANIFEST, json.dumps(entry, separators=(",", ":")) + "\n")
 
@@ -143,7 +147,7 @@ class DriveWriter:
         for number, line in enumerate(whole.decode("utf-8", errors="replace").splitlines(), start=1):
             try:
                 entry = json.loads(line)
-                entries[str(entry["frame"])] = entry
+                entries[str(entry["name"])] = entry
             except (ValueError, KeyError, TypeError):
                 raise OutputError(f"{path}:{number} is damaged; remove that line to make its frame again") from None
         return entries

@@ -98,14 +98,14 @@ class Recorder:
         self._writer.write_frame(
             name,
             files,
-            {
-                "episode": episode,
-                "time_s": round(actors.time_s, 6),
-                "ego": ego,
+            counts={
                 "points": len(cloud),
                 "instances": len(others),
                 "labels": sum(kind != DONT_CARE for kind in labels.type),
             },
+            episode=episode,
+            time_s=round(actors.time_s, 6),
+            ego=ego,
         )
 
     def close(self) -> None:

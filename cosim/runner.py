@@ -94,7 +94,7 @@ def run(
         on_start(config.frames, config.frames)
         recorded = 0
     entries = writer.manifest().values()
-    return RunResult(folder, len(entries), sum(entry["points"] for entry in entries), recorded)
+    return RunResult(folder, len(entries), sum(entry["counts"]["points"] for entry in entries), recorded)
 
 
 @contextmanager
@@ -180,7 +180,9 @@ def _finish(writer: DriveWriter, config: RunConfig, sensor: SensorModel) -> None
         "sweep_s": sensor.pattern.sweep_s,
         "seed": config.seed,
         "sensor": yaml.safe_load(sensor.to_yaml()),
-        "counts": {key: sum(entry[key] for entry in entries.values()) for key in ("points", "labels", "instances")}
+        "counts": {
+            key: sum(entry["counts"][key] for entry in entries.values()) for key in ("points", "labels", "instances")
+        }
         | {"frames": len(names), "episodes": len({entry["episode"] for entry in entries.values()})},
     }
     writer.finish(files, _settings(config) + yaml.safe_dump(summary, sort_keys=False))

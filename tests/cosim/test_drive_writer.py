@@ -25,8 +25,9 @@ def test_a_frame_is_listed_with_the_checksums_of_its_files(tmp_path):
     writer = started(tmp_path / "d")
     writer.write_frame("000000", {"velodyne/000000.bin": b"abc"}, {"points": 3})
     entry = writer.manifest()["000000"]
-    assert entry["points"] == 3
-    assert entry["files"] == {"velodyne/000000.bin": "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"}
+    assert entry["counts"] == {"points": 3}
+    assert entry["files"] == ["velodyne/000000.bin"]
+    assert entry["sha256"] == ["ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"]
     assert (tmp_path / "d/velodyne/000000.bin").read_bytes() == b"abc"
 
 
@@ -54,7 +55,7 @@ def test_a_torn_last_line_is_cut_off_and_its_frame_is_not_done(tmp_path):
     again = started(tmp_path / "d")
     assert list(again.manifest()) == ["000000"]
     again.write_frame("000001", {"b": b"2"}, {})
-    assert [json.loads(line)["frame"] for line in path.read_text().splitlines()] == ["000000", "000001"]
+    assert [json.loads(line)["name"] for line in path.read_text().splitlines()] == ["000000", "000001"]
 
 
 def test_half_written_files_of_an_interrupted_run_are_cleared(tmp_path):
@@ -110,7 +111,7 @@ def _append_many(folder: Path, worker: int) -> None:
     writer = DriveWriter(folder)
     for number in range(25):
         name = f"{worker}{number:05d}"
-        writer.write_frame(name, {f"velodyne/{name}.bin": bytes(2000)}, {"filler": "x" * 3000})
+        writer.write_frame(name, {f"velodyne/{name}.bin": bytes(2000)}, {}, filler="x" * 3000)
 
 
 def test_two_processes_may_write_at_once(tmp_path):

@@ -1,0 +1,164 @@
+"""The main job from the command line: files, resumption, and what bad input gets."""
+
+import hashlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tests.cosim.conftest import cosim
+
+pytestmark = pytest.mark.xdist_group("drive")
+
+
+def checksums(folder: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_a_drive_has_every_part_of_every_frame(drive_folder):
+    names = [f"{number:06d}" for number in range(8)]
+    parts = {
+        "velodyne": ".bin",
+        "rays": ".npz",
+        "hits": ".npz",
+        "image_0": ".png",
+        "image_2": ".png",
+        "depth_0": ".png",
+        "calib": ".txt",
+        "label_2": ".txt",
+        "oxts": ".txt",
+        "twin/frames": ".json",
+    }
+    for part, suffix in parts.items():
+        assert sorted(path.name for path in (drive_folder / part).iterdir()) == [name + suffix for name in names], part
+    for name in (
+        "drive.yaml",
+        "manifest.jsonl",
+        "pattern.yaml",
+        "sensor.yaml",
+        "twin/static.glb",
+        "twin/materials.yaml",
+    ):
+        assert (drive_folder / name).is_file(), name
+    assert (drive_folder / "ImageSets/trainval.txt").read_text().split() == names
+    halves = [(drive_folder / f"ImageSets/{split}.txt").read_text().split() for split in ("train", "val")]
+    assert halves == [names[:4], names[4:]]
+    summary = yaml.safe_load((drive_folder / "drive.yaml").read_text())
+    assert summary["kind"] == "simulated" and summary["counts"]["frames"] == 8 and summary["seed"] == 3
+
+
+def test_files_stay_within_their_sizes(drive_folder):
+    for name in (f"{number:06d}" for number in range(8)):
+        sizes = {path: path.stat().st_size for path in drive_folder.rglob(f"{name}.*")}
+        hits = sum(size for path, size in sizes.items() if path.parent.name == "hits")
+        assert hits <= 1.5e6
+        assert sum(sizes.values()) - hits <= 3e6
+
+
+def test_a_run_killed_half_way_goes_on_to_the_same_bytes(drive_folder, run_config, tmp_path):
+    folder = tmp_path / "killed"
+    code = "import sys; from cosim.cli import main; sys.exit(main())"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "run", str(run_config), "--out", str(folder), "--quiet"], start_new_session=True
+    )
+    manifest = folder / "manifest.jsonl"
+    deadline = time.monotonic() + 300
+    while not manifest.is_file() or manifest.read_bytes().count(b"\n") < 3:
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    kept = manifest.read_bytes().count(b"\n")
+    assert 3 <= kept < 8 and not (folder / "drive.yaml").exists()
+    cosim("run", run_config, "--out", folder, "--quiet")
+    assert checksums(folder) == checksums(drive_folder)
+
+
+def test_a_finished_drive_is_left_as_it_is(drive_folder, run_config):
+    before = {path: path.stat().st_mtime_ns for path in drive_folder.rglob("*") if path.is_file()}
+    cosim("run", run_config, "--out", drive_folder, "--quiet")
+    assert {path: path.stat().st_mtime_ns for path in drive_folder.rglob("*") if path.is_file()} == before
+
+
+def test_another_seed_gives_another_drive_and_is_refused_in_the_same_folder(drive_folder, run_config):
+    result = cosim("run", run_config, "--seed", 4, "--out", drive_folder, check=False)
+    assert result.returncode == 2
+    assert "seed: 3" in result.stderr and "seed: 4" in result.stderr and result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--town", "atlantis"], "town 'atlantis' does not exist; choose one of town01"),
+        (["--frames", "0"], "frames: Input should be greater than or equal to 1 (got 0)"),
+        (["--frames", "ten"], "invalid int value: 'ten'"),
+        (["--sensor", "hdl65"], "sensor 'hdl65' does not exist"),
+        (["--workers", "0"], "workers is 0; give 1 or more"),
+        (["--colour", "red"], "unrecognized arguments: --colour red"),
+        (["missing.yaml"], "cannot read missing.yaml"),
+    ],
+)
+def test_bad_input_gets_one_line_and_exit_code_2(tmp_path, arguments, complaint):
+    result = cosim("run", *arguments, "--out", tmp_path / "out", check=False)
+    assert result.returncode == 2
+    assert complaint in result.stderr
+    assert result.stderr.count("\n") == 1 and "Traceback" not in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_foreign_output_folder_is_left_alone(tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    result = cosim("run", "--frames", 1, "--out", tmp_path, check=False)
+    assert result.returncode == 2 and "is not empty and holds no drive" in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_folder_that_cannot_be_written_is_named():
+    result = cosim("run", "--frames", 1, "--out", "/proc/drive", check=False)
+    assert result.returncode == 2 and "cannot write /proc/drive" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_scenario_that_sumo_refuses_is_named(tmp_path):
+    (tmp_path / "broken.net.xml").write_text("<net><edge id='a' from='x' to='y'/></net>")
+    (tmp_path / "broken.sumocfg").write_text(
+        "<configuration><input><net-file value='broken.net.xml'/></input></configuration>"
+    )
+    result = cosim("run", "--town", tmp_path / "broken.sumocfg", "--out", tmp_path / "out", check=False)
+    assert result.returncode == 2 and "broken" in result.stderr and result.stderr.count("\n") == 1
+
+
+def test_an_empty_disk_is_reported_and_nothing_finished_is_lost(drive_folder, run_config, tmp_path):
+    """On a small file system of its own, where mounting one is permitted."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if (
+        shutil.which("mount") is None
+        or subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", "size=24m", "tmpfs", str(disk)], capture_output=True
+        ).returncode
+    ):
+        pytest.skip("this user may not mount a small file system")
+    try:
+        result = cosim("run", run_config, "--out", disk / "drive", "--quiet", check=False)
+        assert result.returncode == 2 and "no space left" in result.stderr and result.stderr.count("\n") == 1
+        written = checksums(disk / "drive")
+        whole = checksums(drive_folder)
+        kept = {name for name in written if name.startswith("velodyne/")}
+        assert kept and all(written[name] == whole[name] for name in kept)
+        assert not any(name.endswith(".partial") for name in written)
+        subprocess.run(["mount", "-o", "remount,size=200m", str(disk)], check=True)
+        cosim("run", run_config, "--out", disk / "drive", "--quiet")
+        assert checksums(disk / "drive") == whole
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
