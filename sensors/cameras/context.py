@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
+from OpenGL.error import GLError
 from pyrender import OffscreenRenderer, Renderer
 from pyrender.shader_program import ShaderProgram, ShaderProgramCache
+
+from sensors.cameras.errors import CameraError
 
 SHADER_DIR = Path(__file__).parent / "shaders"
 
@@ -49,6 +53,21 @@ class _Programs(Renderer):
     def __init__(self, width: int, height: int) -> None:
         super().__init__(width, height)
         self._program_cache = SteadyProgramCache()
+
+
+def open_context(width: int, height: int) -> OffscreenContext:
+    """A current OpenGL context of the selected backend.
+
+    Raises:
+        CameraError: the library is there but gives no context.
+    """
+    try:
+        return OffscreenContext(width, height)
+    except (AssertionError, AttributeError, ImportError, IndexError, RuntimeError, ValueError, GLError) as error:
+        raise CameraError(
+            f"OpenGL backend {os.environ.get('PYOPENGL_PLATFORM')!r} gives no context ({error}): "
+            "try the other one of 'osmesa' and 'egl'"
+        ) from error
 
 
 class OffscreenContext(OffscreenRenderer):

@@ -10,7 +10,7 @@ from OpenGL import GL
 from pyrender.shader_program import ShaderProgram
 
 from assets.mesh import Mesh
-from sensors.cameras.context import OffscreenContext
+from sensors.cameras.context import open_context
 from sensors.cameras.light import Light
 from sensors.cameras.model_library import ModelLibrary
 from sensors.cameras.occlusion import Horizon, box_corners
@@ -39,7 +39,7 @@ class Painter:
         static_shade: np.ndarray | None,
     ) -> None:
         self._light = light
-        self._context = OffscreenContext(width, height)
+        self._context = open_context(width, height)
         self._target = RenderTarget(width, height)
         self._static = StaticWorld(static, static_shade)
         self._models = ModelLibrary(load)

@@ -270,6 +270,20 @@ def test_25_renders_compile_nothing_new_and_repeat_to_the_bit():
 
 
 @needs_osmesa
+def test_renderers_of_two_sizes_do_not_disturb_each_other():
+    crate = placed(("crate", (6.0, 0.0, 1.5), (1, 1, 1)))
+    with (
+        CameraRenderer(ground(), MODELS, CLEAR, width=WIDTH, height=HEIGHT) as large,
+        CameraRenderer(ground(), MODELS, CLEAR, width=WIDTH // 2, height=HEIGHT) as small,
+    ):
+        first = large.render(POSE, P, crate)
+        part = small.render(POSE, P, crate)
+        again = large.render(POSE, P, crate)
+    assert np.array_equal(first.depth_m, again.depth_m) and np.array_equal(first.rgb, again.rgb)
+    assert np.allclose(part.depth_m, first.depth_m[:, : WIDTH // 2], atol=1e-3)
+
+
+@needs_osmesa
 def test_a_closed_renderer_says_so():
     renderer = CameraRenderer(ground(), MODELS, Light(), width=WIDTH, height=HEIGHT)
     renderer.close()
