@@ -8,11 +8,12 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.streets import Streets
-from assets.world.buildings import buildings_mesh, design
+from assets.world.buildings import buildings_mesh
 from assets.world.entrances import entrances_mesh
 from assets.world.greenery import borders_mesh, trees_mesh
 from assets.world.ground import TERRAIN, triangulate
 from assets.world.height_field import HeightField, fit_height_field
+from assets.world.houses import design
 from assets.world.kerbside import kerbside
 from assets.world.markings import markings_mesh, repairs_mesh
 from assets.world.obstacles import Obstacles
@@ -29,6 +30,8 @@ _MARGIN_M = 120.0  # land beyond the streets
 @dataclass(frozen=True, eq=False)
 class World:
     """Everything in a town that does not move; world axes (x east, y north, z up), metres.
+
+    Leaves, panes and pickets are single sheets: trace and draw them from both sides.
 
     Attributes:
         mesh: all surfaces.

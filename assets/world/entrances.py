@@ -6,7 +6,7 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.shapes import box
-from assets.world.buildings import House
+from assets.world.houses import House
 from assets.world.instancing import instances, poses
 from assets.world.overlays import Heights, ribbons
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from assets.mesh import Mesh
-from assets.world.buildings import House
 from assets.world.fences import OPEN_KINDS, PIECE_M, fences_mesh, line_of
+from assets.world.houses import House
 from assets.world.instancing import instances, poses
 from assets.world.kerbside import Kerbside
 from assets.world.obstacles import Obstacles

@@ -11,8 +11,9 @@ from embreex.rtcore_scene import EmbreeScene
 
 from assets.materials import MATERIAL_NAMES, material_index
 from assets.world import build_world
-from assets.world.buildings import buildings_mesh, design
+from assets.world.buildings import buildings_mesh
 from assets.world.ground import CARRIAGEWAY, PAVEMENT, triangulate
+from assets.world.houses import design
 from assets.world.plots import lay_out
 from assets.world.styles import STYLES, style_of
 from assets.world.surfaces import outline
