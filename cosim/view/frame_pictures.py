@@ -1,0 +1,174 @@
+"""All pictures of one frame, in the order of the page; what cannot be drawn is named with the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.errors import FormatError
+from cosim.kitti import Boxes, Drive, Frame, PointRays
+from cosim.view import captions
+from cosim.view.birds_eye import GroundPlan, draw_from_above, draw_outlines, name_boxes
+from cosim.view.camera import ENLARGED, draw_depth, draw_labels, draw_points, enlarge
+from cosim.view.captions import Caption
+from cosim.view.close_ups import FEWEST_POINTS, best_seen, draw_close_ups
+from cosim.view.colours import BACKGROUND, Scale, colour_by_instance
+from cosim.view.drawing import draw_colour_bar
+from cosim.view.objects import Objects, PointInstances, find_instances, find_objects, labelled_boxes
+from cosim.view.perspective import chase_view, draw_perspective, draw_wires
+from cosim.view.projection import View
+from cosim.view.range_image import RangeGrid, draw_range_image, nearest_points
+from sensors.pattern import load_pattern
+
+DISTANCE = Scale("depth [m]", 3, 80, "turbo", near_is_warm=True, logarithmic=True)
+RANGE = Scale("range [m]", 3, 80, "turbo", near_is_warm=True, logarithmic=True)
+_FEWEST_POINTS = 5  # objects with fewer are not outlined
+_RECOVERED_COLUMNS = 1800  # recovered azimuths jitter by half a step: wider cells leave no false gaps
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture: what it shows, and its pixels (h, w, 3) uint8 RGB."""
+
+    caption: Caption
+    image: np.ndarray
+
+
+@dataclass(frozen=True)
+class Absent:
+    """A picture that cannot be drawn, and why."""
+
+    caption: Caption
+    reason: str
+
+
+class FramePictures:
+    """Draws one frame. Iterate to get every `Picture` or `Absent` one.
+
+    Args:
+        drive: the drive.
+        name: of the frame.
+        intensity: the scale of intensities, the same for all frames of a page.
+
+    Attributes:
+        frame: the frame.
+        objects: its objects.
+        instances: the object of every point.
+    """
+
+    def __init__(self, drive: Drive, name: str, intensity: Scale) -> None:
+        self.frame: Frame = drive[name]
+        self._drive = drive
+        self._intensity = intensity
+        self.objects: Objects = find_objects(self.frame)
+        self.instances: PointInstances = find_instances(drive, self.frame, self.objects)
+        self._labelled: Boxes = labelled_boxes(self.frame)
+        self._classes = self.frame.labels.cared_for.type if self.frame.has("label_2") else ()
+        self._counts = np.bincount(self.instances.number + 1, minlength=len(self.objects) + 1)[1:]
+        points = self.frame.points
+        self._by_intensity = intensity.colours(points[:, 3])
+        self._by_instance = colour_by_instance(self.instances.number, intensity.share(points[:, 3]))
+
+    def __iter__(self) -> Iterator[Picture | Absent]:
+        yield from self._cameras()
+        yield from self._perspectives()
+        yield from self._plans()
+        yield self._close_ups()
+        yield from self._range_images()
+        yield self._depth()
+
+    def _seen(self) -> tuple[Boxes, tuple[str, ...]]:
+        """The objects that points hit."""
+        rows = np.flatnonzero(self._counts >= _FEWEST_POINTS)
+        return self.objects.boxes[rows], tuple(self.objects.kinds[row] for row in rows)
+
+    def _perspectives(self) -> Iterator[Picture | Absent]:
+        points, view = self.frame.points, chase_view()
+        image = draw_perspective(points, self._by_intensity, view)
+        draw_wires(image, self._labelled, self._classes, view)
+        yield Picture(captions.PERSPECTIVE_INTENSITY, self._with_bar(image))
+        if self.objects.source == "none":
+            yield Absent(captions.PERSPECTIVE_INSTANCE, "there are neither labels nor a twin to tell objects by")
+            return
+        image = draw_perspective(points, self._by_instance, view)
+        draw_wires(image, *self._seen(), view)
+        yield Picture(captions.PERSPECTIVE_INSTANCE, image)
+
+    def _plans(self) -> Iterator[Picture | Absent]:
+        points, plan = self.frame.points, GroundPlan()
+        image = draw_from_above(points, self._by_intensity, plan)
+        draw_outlines(image, self._labelled, self._classes, plan, thickness=2)
+        name_boxes(image, self._labelled, self._classes, plan)
+        yield Picture(captions.ABOVE_INTENSITY, self._with_bar(image))
+        if self.objects.source == "none":
+            yield Absent(captions.ABOVE_INSTANCE, "there are neither labels nor a twin to tell objects by")
+            return
+        image = draw_from_above(points, self._by_instance, plan)
+        draw_outlines(image, self.objects.boxes, self.objects.kinds, plan)
+        name_boxes(image, *self._seen(), plan)
+        yield Picture(captions.ABOVE_INSTANCE, image)
+
+    def _close_ups(self) -> Picture | Absent:
+        if not len(best_seen(self._counts)):
+            return Absent(captions.CLOSE_UPS, f"no object has {FEWEST_POINTS} points")
+        return Picture(
+            captions.CLOSE_UPS,
+            draw_close_ups(self.frame.points, self._by_instance, self.objects, self._counts),
+        )
+
+    def _range_images(self) -> Iterator[Picture | Absent]:
+        points = self.frame.points
+        try:
+            rays = self.frame.rays
+        except FormatError as error:
+            if self.frame.has("rays"):
+                raise
+            yield Absent(captions.RANGE, str(error))
+            yield Absent(captions.RANGE_INTENSITY, "see the range image")
+            return
+        distance = np.linalg.norm(points[:, :3], axis=1)
+        cells = nearest_points(rays.ring, rays.azimuth, distance, self._grid(rays))
+        yield Picture(captions.RANGE, draw_range_image(cells, distance, RANGE))
+        yield Picture(captions.RANGE_INTENSITY, draw_range_image(cells, points[:, 3], self._intensity))
+
+    def _grid(self, rays: PointRays) -> RangeGrid:
+        rings = max(64, int(rays.ring.max(initial=0)) + 1)
+        if rays.recovered or self._drive.pattern is None:
+            return RangeGrid(rings, _RECOVERED_COLUMNS)
+        pattern = load_pattern(self._drive.pattern)
+        return RangeGrid(pattern.rings, pattern.firings)
+
+    def _cameras(self) -> Iterator[Picture | Absent]:
+        folder = next((part for part in ("image_2", "image_0") if self.frame.has(part)), None)
+        if folder is None:
+            yield Absent(captions.CAMERA_DEPTH, "there is no image_2/ or image_0/")
+            yield Absent(captions.CAMERA_BOXES, "there is no image_2/ or image_0/")
+            return
+        image = self.frame.image(folder)
+        view = View.of_camera(self.frame.calibration, int(folder[-1]), image.shape[1], image.shape[0])
+        view, image = view.enlarged(ENLARGED), enlarge(image)
+        if self.frame.has("label_2"):
+            yield Picture(captions.CAMERA_BOXES, draw_labels(image, self.frame.labels, self._labelled, view))
+        else:
+            yield Absent(captions.CAMERA_BOXES, "there is no label_2/")
+        yield Picture(captions.CAMERA_DEPTH, draw_points(image, self.frame.points, view, DISTANCE))
+
+    def _depth(self) -> Picture | Absent:
+        if not self.frame.has("depth_0"):
+            return Absent(captions.DEPTH, "there is no depth_0/")
+        return Picture(captions.DEPTH, draw_depth(self.frame.depth, DISTANCE))
+
+    def _with_bar(self, image: np.ndarray) -> np.ndarray:
+        bottom = image.shape[0]
+        image[bottom - 64 :, :372] = BACKGROUND
+        draw_colour_bar(image, self._intensity, (20, bottom - 40), (330, 13))
+        return image
+
+
+def intensity_scale(drive: Drive, names: tuple[str, ...]) -> Scale:
+    """A scale from 0 that 97.5 % of the points of these frames fit in."""
+    tops = [np.percentile(points[:, 3], 97.5) for points in (drive[name].points for name in names) if len(points)]
+    top = max(0.1, float(np.ceil(max(tops, default=1.0) * 20) / 20))
+    return Scale("intensity", 0, top, "viridis", start=0.16)

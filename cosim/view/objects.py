@@ -1,0 +1,122 @@
+"""What a frame holds besides points: boxes of its objects, and the object every point belongs to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from cosim.errors import FormatError
+from cosim.kitti import Boxes, Drive, Frame, points_in_boxes
+from cosim.twin import TwinFrame
+from sensors.hits import NOTHING, Hits
+from sensors.hits_file import load_hits
+from sensors.pattern import Pattern, load_pattern
+
+STATIC = -1
+_BOX_MARGIN_M = 0.1
+_ON_SURFACE_M = 1.0  # a point farther from what its beam met came from something else
+
+
+@dataclass(frozen=True, eq=False)
+class Objects:
+    """The objects of a frame, those nobody labelled included where a twin knows them.
+
+    Attributes:
+        boxes: n boxes in LiDAR axes.
+        kinds: n classes or kinds.
+        source: where they come from.
+    """
+
+    boxes: Boxes
+    kinds: tuple[str, ...]
+    source: Literal["twin", "labels", "none"]
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+
+@dataclass(frozen=True, eq=False)
+class PointInstances:
+    """The object of every point.
+
+    Attributes:
+        number: (n,) int64 row of `Objects`, −1 for the static world.
+        source: `hits` where traced, `boxes` where points were sorted into boxes, `none` without objects.
+    """
+
+    number: np.ndarray
+    source: Literal["hits", "boxes", "none"]
+
+
+def labelled_boxes(frame: Frame) -> Boxes:
+    """The labelled boxes in LiDAR axes, `DontCare` left out; none without labels."""
+    if not frame.has("label_2"):
+        return Boxes(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    return frame.labels.cared_for.boxes_velo(frame.calibration)
+
+
+def find_objects(frame: Frame) -> Objects:
+    """The objects of the twin, else of the labels, else none."""
+    if frame.has("twin/frames"):
+        twin = frame.twin
+        instances = twin.instances
+        return Objects(
+            _twin_boxes(twin),
+            tuple(instance.kind for instance in instances),
+            "twin",
+        )
+    boxes = labelled_boxes(frame)
+    kinds = frame.labels.cared_for.type if frame.has("label_2") else ()
+    return Objects(boxes, kinds, "labels" if frame.has("label_2") else "none")
+
+
+def find_instances(drive: Drive, frame: Frame, objects: Objects) -> PointInstances:
+    """The object of every point: from the stored hits where there are some, else by the boxes.
+
+    Raises:
+        SensorError: stored hits or the pattern are broken.
+        FormatError: hits and twin do not belong together.
+    """
+    if frame.has("hits") and frame.has("rays") and objects.source == "twin" and drive.pattern is not None:
+        pattern = load_pattern(drive.pattern)
+        hits = load_hits(frame.hits_path, pattern.rays())
+        if len(hits.paint) != len(objects):
+            raise FormatError(
+                f"{frame.hits_path}: hits of {len(hits.paint)} instances but the twin has {len(objects)}; "
+                "they are of different runs: make the frame again"
+            )
+        return PointInstances(_of_hits(frame, hits, pattern), "hits")
+    if not len(objects):
+        return PointInstances(np.full(len(frame.points), STATIC), "none")
+    inside = points_in_boxes(frame.points, _above_ground(objects.boxes), _BOX_MARGIN_M)
+    return PointInstances(np.where(inside.any(0), inside.argmax(0), STATIC), "boxes")
+
+
+def _above_ground(boxes: Boxes) -> Boxes:
+    """Boxes raised at the bottom, so that with the margin the road beneath stays outside."""
+    raised = [0, 0, _BOX_MARGIN_M]
+    return Boxes(boxes.centre + raised, np.maximum(boxes.size - raised, _BOX_MARGIN_M), boxes.yaw)
+
+
+def _twin_boxes(twin: TwinFrame) -> Boxes:
+    """Boxes of the instances in LiDAR axes; their little pitch and roll are not shown."""
+    lidar_from_world = np.linalg.inv(twin.ego.pose @ twin.lidar.pose_ego)
+    sizes = np.array([[box.length_m, box.width_m, box.height_m] for box in twin.instances]).reshape(-1, 3)
+    poses = np.array([lidar_from_world @ box.pose for box in twin.instances]).reshape(-1, 4, 4)
+    centre = poses[:, :3, 3] + poses[:, :3, 2] * sizes[:, 2:] / 2
+    return Boxes(centre, sizes, np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
+
+
+def _of_hits(frame: Frame, hits: Hits, pattern: Pattern) -> np.ndarray:
+    """The instance that each point's beam met, (n,); static where the point is not on what it met."""
+    rays = frame.rays
+    offset = np.radians(np.array(pattern.azimuth_offset_deg))[rays.ring]
+    column = np.mod(np.pi - (rays.azimuth.astype(np.float64) - offset), 2 * np.pi)
+    firing = np.clip(np.rint(column / (2 * np.pi) * pattern.firings - 0.5).astype(int), 0, pattern.firings - 1)
+    met = hits.solid.take(rays.ring.astype(int) * pattern.firings + firing)
+    distance = np.linalg.norm(frame.points[:, :3], axis=1)
+    with np.errstate(invalid="ignore"):
+        on_it = np.abs(distance - met.range_m) < _ON_SURFACE_M
+    return np.where(on_it & (met.instance != NOTHING), met.instance, STATIC).astype(np.int64)

@@ -1,0 +1,190 @@
+"""The page: one HTML file without scripts or outside resources, pictures beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from urllib.parse import quote
+
+from cosim.view.captions import Caption
+
+GENERATOR = "cosim view"
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A picture on the page: its file relative to the page, its words, its size in pixels."""
+
+    file: str
+    caption: Caption
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class Missing:
+    """A picture left out, and why."""
+
+    title: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class FrameSection:
+    """One frame on the page.
+
+    Attributes:
+        name: of the frame.
+        facts: name and value pairs.
+        pictures: in order.
+        missing: what was left out.
+    """
+
+    name: str
+    facts: Sequence[tuple[str, str]]
+    pictures: Sequence[Shown]
+    missing: Sequence[Missing]
+
+
+@dataclass(frozen=True)
+class Thumbnail:
+    """One frame of the overview: its picture's file, and whether the page shows the frame in full."""
+
+    name: str
+    file: str
+    width: int
+    height: int
+    shown: bool
+
+
+@dataclass(frozen=True)
+class Page:
+    """Everything the page says; plain text, escaped when written.
+
+    Attributes:
+        title: of the drive.
+        facts: name and value pairs about the drive.
+        notes: what is absent, a sentence each.
+        overview: frames spread over the drive.
+        frames: those shown in full.
+    """
+
+    title: str
+    facts: Sequence[tuple[str, str]]
+    notes: Sequence[str]
+    overview: Sequence[Thumbnail]
+    frames: Sequence[FrameSection]
+
+
+def format_page(page: Page) -> str:
+    """The HTML text of a page."""
+    body = [
+        f"<header><h1>{escape(page.title)}</h1>{_facts(page.facts)}</header>",
+        _overview(page.overview),
+        *(_section(frame) for frame in page.frames),
+        _notes(page.notes),
+    ]
+    return _DOCUMENT.format(
+        generator=GENERATOR, title=escape(page.title), style=_STYLE, body="\n".join(part for part in body if part)
+    )
+
+
+def _facts(facts: Sequence[tuple[str, str]]) -> str:
+    cells = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in facts)
+    return f"<dl>{cells}</dl>"
+
+
+def _overview(thumbnails: Sequence[Thumbnail]) -> str:
+    if not thumbnails:
+        return ""
+    cells = []
+    for item in thumbnails:
+        target = f"#{_anchor(item.name)}" if item.shown else quote(item.file)
+        mark = ' class="shown"' if item.shown else ""
+        cells.append(
+            f'<a{mark} href="{target}"><img src="{quote(item.file)}" width="{item.width}" height="{item.height}" '
+            f'alt="frame {escape(item.name)}"><span>{escape(item.name)}</span></a>'
+        )
+    return f'<nav aria-label="overview of the drive">{"".join(cells)}</nav>'
+
+
+def _section(frame: FrameSection) -> str:
+    figures = "\n".join(_figure(frame.name, picture) for picture in frame.pictures)
+    absent = ""
+    if frame.missing:
+        items = "".join(f"<li>{escape(gap.title)}: {escape(gap.reason)}</li>" for gap in frame.missing)
+        absent = f'<div class="absent"><h3>Left out</h3><ul>{items}</ul></div>'
+    return (
+        f'<section id="{_anchor(frame.name)}"><h2>Frame {escape(frame.name)}</h2>{_facts(frame.facts)}'
+        f'<div class="pictures">\n{figures}\n</div>{absent}</section>'
+    )
+
+
+def _figure(frame: str, picture: Shown) -> str:
+    file, caption = quote(picture.file), picture.caption
+    wide = ' class="wide"' if caption.wide else ""
+    return (
+        f"<figure{wide}>"
+        f'<a href="{file}"><img loading="lazy" src="{file}" width="{picture.width}" height="{picture.height}" '
+        f'alt="{escape(caption.title)}, frame {escape(frame)}"></a>'
+        f"<figcaption><h3>{escape(caption.title)}</h3><p>{escape(caption.text)}</p></figcaption></figure>"
+    )
+
+
+def _notes(notes: Sequence[str]) -> str:
+    if not notes:
+        return ""
+    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
+    return f'<section class="absent"><h2>Absent from this drive</h2><ul>{items}</ul></section>'
+
+
+def _anchor(name: str) -> str:
+    return quote(f"frame-{name}", safe="")
+
+
+_STYLE = """
+:root { color-scheme: dark; --ground: #0d1016; --panel: #151a23; --line: #262d39; --text: #e2e8f0; --muted: #8692a6;
+  --accent: #ffb23e; }
+* { box-sizing: border-box; }
+body { margin: 0 auto; max-width: 1840px; padding: 28px clamp(12px, 2.5vw, 40px) 60px; background: var(--ground);
+  color: var(--text); font: 15px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif; }
+h1 { margin: 0 0 14px; font-size: 27px; font-weight: 650; letter-spacing: -.01em; overflow-wrap: anywhere; }
+h2 { margin: 0 0 10px; font-size: 20px; font-weight: 650; overflow-wrap: anywhere; }
+h3 { margin: 0; font-size: 15px; font-weight: 600; }
+p { margin: 3px 0 0; color: var(--muted); max-width: 100ch; }
+dl { display: flex; flex-wrap: wrap; gap: 8px 30px; margin: 0 0 18px; }
+dt { color: var(--muted); font-size: 12px; }
+dd { margin: 0; font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
+header dd { font-size: 18px; font-weight: 600; }
+nav { display: grid; grid-template-columns: repeat(auto-fill, minmax(200px, 1fr)); gap: 8px; margin: 4px 0 34px; }
+nav a { position: relative; display: block; border: 2px solid var(--line); border-radius: 6px; overflow: hidden; }
+nav a.shown { border-color: var(--accent); }
+nav span { position: absolute; left: 6px; bottom: 6px; padding: 1px 7px; border-radius: 4px; background: #0d1016d0;
+  color: var(--text); font-size: 12px; }
+section { border-top: 1px solid var(--line); padding-top: 22px; margin-top: 26px; }
+.pictures { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 18px; }
+.wide { grid-column: 1 / -1; }
+figure { margin: 0; border: 1px solid var(--line); border-radius: 8px; overflow: hidden; background: var(--panel); }
+figcaption { padding: 10px 14px 13px; }
+img { display: block; width: 100%; height: auto; }
+a:focus-visible { outline: 2px solid var(--accent); outline-offset: 2px; }
+.absent { margin-top: 18px; color: var(--muted); }
+.absent ul { margin: 6px 0 0; padding-left: 20px; }
+@media (max-width: 900px) { .pictures { grid-template-columns: minmax(0, 1fr); } }
+"""
+
+_DOCUMENT = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="generator" content="{generator}">
+<title>{title}</title>
+<style>{style}</style>
+</head>
+<body>
+{body}
+</body>
+</html>
+"""

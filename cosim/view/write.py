@@ -1,0 +1,116 @@
+"""Draws frames of a drive and writes the page with its pictures."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import unquote
+
+import cv2
+import numpy as np
+
+from cosim.drive_writer import explained
+from cosim.kitti import Drive, encode_rgb
+from cosim.view.birds_eye import GroundPlan, draw_from_above
+from cosim.view.captions import Caption
+from cosim.view.colours import Scale
+from cosim.view.facts import drive_facts, frame_facts
+from cosim.view.frame_pictures import Absent, FramePictures, intensity_scale
+from cosim.view.page import GENERATOR, FrameSection, Missing, Page, Shown, Thumbnail, format_page
+from cosim.view.selection import spread_evenly
+
+_PICTURES = "pictures"
+_OVERVIEW_FRAMES = 8
+_THUMBNAIL_PX = (414, 125)
+
+
+def write_view(
+    drive: Drive, names: tuple[str, ...], folder: Path, on_frame: Callable[[str], None] = lambda name: None
+) -> Path:
+    """Write `folder/index.html` and `folder/pictures/*.png`; pictures of a page that was there are removed.
+
+    Args:
+        drive: the drive.
+        names: frames to show in full.
+        folder: made if need be.
+        on_frame: told the name of every frame before it is drawn.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        OutputError: the folder cannot be written.
+        CosimError: a part of a frame is broken.
+    """
+    index = folder / "index.html"
+    with explained(folder):
+        (folder / _PICTURES).mkdir(parents=True, exist_ok=True)
+        _remove_pictures(index)
+    intensity = intensity_scale(drive, names)
+    sections = []
+    for name in names:
+        on_frame(name)
+        sections.append(_draw_frame(drive, name, intensity, folder))
+    overview = [
+        _draw_thumbnail(drive, name, intensity, folder, shown=name in names)
+        for name in sorted({*names, *spread_evenly(drive.frames, max(0, _OVERVIEW_FRAMES - len(names)))})
+    ]
+    page = Page(_title(drive), drive_facts(drive), drive.missing, overview, sections)
+    with explained(index):
+        index.write_text(format_page(page), encoding="utf-8", newline="\n")
+    return index
+
+
+def _draw_frame(drive: Drive, name: str, intensity: Scale, folder: Path) -> FrameSection:
+    frame_pictures = FramePictures(drive, name, intensity)
+    shown, missing = [], []
+    for picture in frame_pictures:
+        if isinstance(picture, Absent):
+            missing.append(Missing(picture.caption.title, picture.reason))
+        else:
+            shown.append(_save(picture.image, picture.caption, name, folder))
+    facts = frame_facts(frame_pictures.frame, frame_pictures.objects, frame_pictures.instances)
+    return FrameSection(name, facts, shown, missing)
+
+
+def _save(image: np.ndarray, caption: Caption, name: str, folder: Path) -> Shown:
+    file = f"{_PICTURES}/{name}-{caption.key}.png"
+    with explained(folder / file):
+        (folder / file).write_bytes(encode_rgb(image))
+    return Shown(file, caption, image.shape[1], image.shape[0])
+
+
+def _draw_thumbnail(drive: Drive, name: str, intensity: Scale, folder: Path, *, shown: bool) -> Thumbnail:
+    """The camera image if there is one, else the scan from above."""
+    frame = drive[name]
+    folder_name = next((part for part in ("image_2", "image_0") if frame.has(part)), None)
+    if folder_name is not None:
+        image = frame.image(folder_name)
+        image = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+    else:
+        width, height = _THUMBNAIL_PX
+        image = draw_from_above(frame.points, intensity.colours(frame.points[:, 3]), GroundPlan(40, width * 2))
+        image = image[width - height : width + height]
+    small = cv2.resize(image, _THUMBNAIL_PX, interpolation=cv2.INTER_AREA)
+    saved = _save(small, Caption("overview", "", ""), name, folder)
+    return Thumbnail(name, saved.file, saved.width, saved.height, shown)
+
+
+def _title(drive: Drive) -> str:
+    config = drive.info.get("config")
+    town = config.get("town") if isinstance(config, dict) else None
+    root = drive.root.resolve()
+    folder = f"{root.parent.name}/{root.name}" if root.name in ("training", "testing") else root.name
+    return f"{town}: simulated drive" if town else f"{folder}: {drive.kind} drive"
+
+
+def _remove_pictures(index: Path) -> None:
+    """Remove the pictures that a page written here before refers to, so that none is left that no page shows."""
+    if not index.is_file():
+        return
+    text = index.read_text(encoding="utf-8", errors="replace")
+    if f'<meta name="generator" content="{GENERATOR}">' not in text:
+        return
+    for reference in re.findall(rf'src="({_PICTURES}/[^"/]+\.png)"', text):
+        (index.parent / _PICTURES / Path(unquote(reference)).name).unlink(missing_ok=True)
