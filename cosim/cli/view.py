@@ -19,7 +19,11 @@ def add_command(commands: Any) -> None:
     parser.add_argument("drive", type=Path, metavar="DIR", help="a drive, simulated or in KITTI's layout")
     parser.add_argument("--out", type=Path, metavar="OUT", help="folder of the page (default: DIR-view beside DIR)")
     parser.add_argument(
-        "--frames", metavar="NAMES|COUNT", default="3", help="names with commas between, or how many (default: 3)"
+        "--frames",
+        metavar="NAMES|COUNT",
+        default="3",
+        help="names with commas between; or how many, spread over the drive where labelled objects show largest "
+        "(default: 3)",
     )
     add_common(parser)
     parser.set_defaults(execute=execute)

@@ -7,7 +7,7 @@ import numpy as np
 
 from cosim.kitti import Boxes, Labels
 from cosim.view.colours import BACKGROUND, MUTED, Scale, class_colour, dimmed
-from cosim.view.drawing import LabelPlacer, draw_colour_bar, draw_path, draw_segments
+from cosim.view.drawing import LabelPlacer, above, draw_colour_bar, draw_path, draw_segments
 from cosim.view.projection import View
 
 ENLARGED = 2
@@ -68,7 +68,7 @@ def draw_labels(image: np.ndarray, labels: Labels, boxes: Boxes, view: View) -> 
         if objects.truncated[row] >= _SHOWN_TRUNCATION:
             text += f", {100 * objects.truncated[row]:.0f}% cut off"
         middle = (left + right) / 2
-        placer.place(text, [(middle, top - 18 - 29 * step) for step in range(9)], class_colour(objects.type[row]))
+        placer.place(text, above(middle, top - 18, step_px=29), class_colour(objects.type[row]))
     return drawn
 
 

@@ -102,6 +102,13 @@ class LabelPlacer:
         draw_text(self._image, text, (x, y), self._height_px, BACKGROUND, (0.5, 0.5), plate)
 
 
+def above(x: float, y: float, step_px: float) -> list[tuple[float, float]]:
+    """Places for a label at (x, y): there, ever higher, then beside it to the right and to the left."""
+    higher = [(x, y - step * step_px) for step in range(7)]
+    beside = [(x + side * 4 * step_px, y + down * step_px) for side in (1, -1, 2, -2) for down in (0, 1, 2)]
+    return higher + beside
+
+
 def draw_colour_bar(image: np.ndarray, scale: Scale, at: tuple[int, int], size: tuple[int, int]) -> None:
     """Draw what colours mean: a bar with ticks, its name above.
 

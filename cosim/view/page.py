@@ -157,7 +157,7 @@ dl { display: flex; flex-wrap: wrap; gap: 8px 30px; margin: 0 0 18px; }
 dt { color: var(--muted); font-size: 12px; }
 dd { margin: 0; font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
 header dd { font-size: 18px; font-weight: 600; }
-nav { display: grid; grid-template-columns: repeat(auto-fill, minmax(200px, 1fr)); gap: 8px; margin: 4px 0 34px; }
+nav { display: grid; grid-template-columns: repeat(auto-fill, minmax(180px, 1fr)); gap: 8px; margin: 4px 0 34px; }
 nav a { position: relative; display: block; border: 2px solid var(--line); border-radius: 6px; overflow: hidden; }
 nav a.shown { border-color: var(--accent); }
 nav span { position: absolute; left: 6px; bottom: 6px; padding: 1px 7px; border-radius: 4px; background: #0d1016d0;

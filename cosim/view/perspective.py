@@ -7,7 +7,7 @@ import numpy as np
 
 from cosim.kitti import Boxes
 from cosim.view.colours import BACKGROUND, GRID, class_colour
-from cosim.view.drawing import LabelPlacer, draw_segments
+from cosim.view.drawing import LabelPlacer, above, draw_segments
 from cosim.view.projection import View
 from cosim.view.splatting import NOTHING, shade, splat
 
@@ -72,7 +72,7 @@ def draw_wires(image: np.ndarray, boxes: Boxes, kinds: tuple[str, ...], view: Vi
         if view.inside(uv)[0]:
             x, y = uv[0]
             text = f"{kinds[row]} {distance[row]:.0f} m"
-            placer.place(text, [(x, y - 20 - 25 * step) for step in range(6)], colour)
+            placer.place(text, above(x, y - 20, step_px=25), colour)
 
 
 def _draw_ground_rings(image: np.ndarray, view: View) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.errors import DriveError
-from cosim.kitti import Drive
+from cosim.kitti import Drive, box_areas
 
 _MOST_FRAMES = 200
 _CANDIDATES = 12
@@ -14,8 +14,8 @@ _CANDIDATES = 12
 def choose_frames(drive: Drive, wanted: str) -> tuple[str, ...]:
     """Frames by names with commas between, or by how many.
 
-    A number of frames is spread over the drive: it is cut into as many parts, and of each the frame with most
-    labelled objects is taken (of at most 12 looked at), the earliest if equal.
+    A number of frames is spread over the drive: it is cut into as many parts, and of each the frame whose
+    labelled objects cover most of the image is taken (of at most 12 looked at), the earliest if equal.
 
     Args:
         drive: the drive.
@@ -51,9 +51,10 @@ def _spread(drive: Drive, count: int) -> tuple[str, ...]:
 
 def _richest(drive: Drive, names: tuple[str, ...]) -> str:
     candidates = spread_evenly(names, _CANDIDATES)
-    return max(candidates, key=lambda name: _labelled(drive, name))
+    return max(candidates, key=lambda name: _labelled_area(drive, name))
 
 
-def _labelled(drive: Drive, name: str) -> int:
+def _labelled_area(drive: Drive, name: str) -> float:
+    """Area of the 2D boxes of a frame [px²]."""
     frame = drive[name]
-    return len(frame.labels.cared_for) if frame.has("label_2") else 0
+    return float(box_areas(frame.labels.cared_for.bbox).sum()) if frame.has("label_2") else 0.0
