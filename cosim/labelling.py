@@ -26,6 +26,7 @@ KITTI_TYPE = {
 _HIDDEN_SHARES = (0.1, 0.75)  # above these, occluded is 1 and 2
 _MOST_SAMPLES = 1600
 _FARTHEST_M = 1e4
+_MOST_LIFT_M = 0.03
 # corners of a unit box standing on the origin: bottom four round the box, then top four
 _BOX = np.array([(x, y, z) for z in (0, 1) for x, y in ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))])
 
@@ -135,10 +136,17 @@ class Labeller:
 
 
 def boxes_in_lidar(instances: Instances, rows: np.ndarray, lidar_pose: np.ndarray) -> Boxes:
-    """The boxes of some instances in LiDAR axes."""
+    """Upright boxes of some instances in LiDAR axes.
+
+    KITTI's boxes turn about one axis only. Where the true box is tilted against the LiDAR, the road under its
+    raised end would lie inside the upright one; that is lifted onto its highest bottom corner, by 3 cm at most.
+    """
     poses = np.linalg.inv(lidar_pose) @ instances.poses[rows]
-    centre = poses[:, :3, 3] + poses[:, :3, 2] * instances.sizes[rows, 2:] / 2
-    return Boxes(centre, instances.sizes[rows], np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
+    size = instances.sizes[rows]
+    centre = poses[:, :3, 3] + poses[:, :3, 2] * size[:, 2:] / 2
+    rise = np.abs(poses[:, 2, 0]) * size[:, 0] / 2 + np.abs(poses[:, 2, 1]) * size[:, 1] / 2
+    centre[:, 2] += np.minimum(rise, _MOST_LIFT_M)
+    return Boxes(centre, size, np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
 
 
 def _dont_care_beyond(labels: Labels, far: np.ndarray) -> Labels:

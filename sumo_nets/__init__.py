@@ -4,6 +4,6 @@ from sumo_nets.builder import build_town
 from sumo_nets.errors import TownError
 from sumo_nets.recipe import Recipe
 from sumo_nets.recipes import RECIPES, TOWNS
-from sumo_nets.town import Town, read_town
+from sumo_nets.town import Town, built_in_folder, read_town
 
-__all__ = ["RECIPES", "TOWNS", "Recipe", "Town", "TownError", "build_town", "read_town"]
+__all__ = ["RECIPES", "TOWNS", "Recipe", "Town", "TownError", "build_town", "built_in_folder", "read_town"]

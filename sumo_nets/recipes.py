@@ -9,10 +9,10 @@ RECIPES: dict[str, Recipe] = {
     for recipe in (
         Recipe(
             name="town01",
-            style="suburb",
+            style="village",
             seed=11,
             layout=GridLayout(columns=6, rows=6, spacing_m=112, jitter_m=9),
-            relief=Relief(range_m=8),
+            relief=Relief(range_m=5),
             streets=StreetRules(dropped=0.17, bend_m=7, signal_share=0.9),
             demand=Demand(driving=100, parked=200, walking=45),
         ),

@@ -42,6 +42,8 @@ def run_tool(tool: str, *arguments: str | Path, cwd: Path | None = None, timeout
         raise TownError(f"{tool} did not finish within {timeout_s:g} s") from error
     except OSError as error:
         raise TownError(f"{tool} could not be started: {error}") from error
+    if done.returncode < 0:
+        raise TownError(f"{tool} crashed (signal {-done.returncode})")
     if done.returncode != 0:
         raise TownError(f"{tool} failed: {first_error(done.stderr)}")
     return done.stdout

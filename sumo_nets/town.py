@@ -45,13 +45,18 @@ def read_town(name_or_path: str | Path) -> Town:
     """
     built_in = str(name_or_path) in RECIPES
     name = str(name_or_path)
-    config = _BUILT / name / f"{name}.sumocfg" if built_in else _find_config(Path(name_or_path))
+    config = built_in_folder(name) / f"{name}.sumocfg" if built_in else _find_config(Path(name_or_path))
     net, additional = _inputs(config)
     if not built_in:
         _try_in_sumo(net)
     style = RECIPES[name].style if built_in else "suburb"
     streets = read_streets(config.stem, net, additional, style)
     return Town(config.stem, config.parent, config, net, style, streets)
+
+
+def built_in_folder(name: str) -> Path:
+    """Where the files of a built-in town are."""
+    return _BUILT / name
 
 
 def _find_config(path: Path) -> Path:

@@ -12,6 +12,7 @@ from assets.world.styles import Style
 
 _CLEAR_OF_STREET_M = 0.2
 _WALK_M = 2.0  # step along the front after a footprint found no room
+_MEADOW_M = (40.0, 120.0)  # frontage of open land between groups of houses
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +108,8 @@ def _along_ring(ring: np.ndarray, style: Style, placed: _Footprints, rng: np.ran
     while station < along[-1]:
         if rng.random() < style.gap_share * 0.6:
             station += rng.uniform(8.0, 20.0)
+        if rng.random() < style.meadow_chance:
+            station += rng.uniform(*_MEADOW_M)
         gap = rng.uniform(*style.side_gap_m)
         front = min(rng.uniform(*style.front_m), along[-1] * 0.3)
         size = (front, rng.uniform(*style.depth_m))

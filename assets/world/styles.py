@@ -29,6 +29,7 @@ class Style:
         gap_share: share of the frontage left open.
         fences: border kinds to choose from.
         conifer_share: share of conifers among garden trees.
+        meadow_chance: chance that open land follows a house.
     """
 
     setback_m: Range
@@ -49,16 +50,17 @@ class Style:
     gap_share: float
     fences: tuple[str, ...]
     conifer_share: float
+    meadow_chance: float
 
 
 _RENDERED = ("plaster_white", "plaster_white", "plaster_yellow", "plaster_grey", "plaster_red", "brick")
 
 STYLES: dict[str, Style] = {
     "village": Style(
-        setback_m=(1.5, 7.0),
-        front_m=(8.0, 14.0),
+        setback_m=(7.0, 17.0),
+        front_m=(7.5, 11.5),
         depth_m=(8.0, 12.0),
-        side_gap_m=(3.0, 10.0),
+        side_gap_m=(10.0, 26.0),
         storeys=(1, 2),
         storey_m=(2.6, 2.9),
         roofs=("gable", "gable", "gable", "hip"),
@@ -67,12 +69,13 @@ STYLES: dict[str, Style] = {
         shop_share=0.05,
         fence_share=0.75,
         street_tree_gap_m=0.0,
-        garden_trees=1.5,
+        garden_trees=1.0,
         lamp_gap_m=45.0,
         ground=("grass", "soil"),
         gap_share=0.22,
         fences=("picket", "picket", "wall_stone", "wire", "hedge", "hedge"),
         conifer_share=0.2,
+        meadow_chance=0.55,
     ),
     "suburb": Style(
         setback_m=(3.0, 6.5),
@@ -93,6 +96,7 @@ STYLES: dict[str, Style] = {
         gap_share=0.1,
         fences=("picket", "wire", "hedge", "hedge", "wall_brick", "wall_plaster"),
         conifer_share=0.25,
+        meadow_chance=0.2,
     ),
     "urban": Style(
         setback_m=(0.25, 0.6),
@@ -113,6 +117,7 @@ STYLES: dict[str, Style] = {
         gap_share=0.1,
         fences=("wall_brick", "wall_plaster", "railing"),
         conifer_share=0.05,
+        meadow_chance=0.02,
     ),
     "industrial": Style(
         setback_m=(5.0, 12.0),
@@ -133,6 +138,7 @@ STYLES: dict[str, Style] = {
         gap_share=0.15,
         fences=("railing", "wire", "wire", "wall_brick"),
         conifer_share=0.1,
+        meadow_chance=0.06,
     ),
     "boulevard": Style(
         setback_m=(0.4, 3.0),
@@ -153,6 +159,7 @@ STYLES: dict[str, Style] = {
         gap_share=0.08,
         fences=("railing", "hedge", "wall_stone"),
         conifer_share=0.0,
+        meadow_chance=0.02,
     ),
 }
 

@@ -70,6 +70,7 @@ class _Bar:
             TextColumn("{task.fields[rate]}"),
             TimeRemainingColumn(),
             console=console,
+            disable=not console.is_terminal,
         )
         self._task = self._progress.add_task("starting", total=None, rate="")
         self._first: float | None = None
@@ -77,13 +78,13 @@ class _Bar:
         self.frames_per_s: float | None = None
 
     def __enter__(self) -> _Bar:
-        self._progress.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
 
     def start(self, done: int, total: int) -> None:
+        self._progress.start()
         self._progress.update(self._task, total=total, completed=done, description="building the town")
 
     def follow(self, event: Event) -> None:

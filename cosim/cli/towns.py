@@ -25,7 +25,7 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """List or build."""
-    from sumo_nets import RECIPES, TownError, build_town, town_folder
+    from sumo_nets import RECIPES, TownError, build_town, built_in_folder
 
     if options.town is not None and options.town not in RECIPES:
         raise TownError(f"town {options.town!r} does not exist; choose one of {', '.join(RECIPES)}")
@@ -33,8 +33,8 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         if options.town not in (None, name):
             continue
         if options.action == "build":
-            folder = options.out / name if options.out else town_folder(name)
+            folder = options.out / name if options.out else built_in_folder(name)
             build_town(recipe, folder)
             console.print(f"{name}: built in {folder}")
         else:
-            console.print(f"{name}: {recipe.description}")
+            console.print(f"{name}: {recipe.style}, seed {recipe.seed}")

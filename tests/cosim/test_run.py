@@ -104,7 +104,7 @@ def test_another_seed_gives_another_drive_and_is_refused_in_the_same_folder(driv
         (["--frames", "ten"], "invalid int value: 'ten'"),
         (["--sensor", "hdl65"], "sensor 'hdl65' does not exist"),
         (["--workers", "0"], "workers is 0; give 1 or more"),
-        (["--colour", "red"], "unrecognized arguments: --colour red"),
+        (["--colour=red"], "unrecognized arguments: --colour=red"),
         (["missing.yaml"], "cannot read missing.yaml"),
     ],
 )
