@@ -41,9 +41,12 @@ class Recorder:
         town: where.
         sensor: the LiDAR.
         writer: of the drive.
+        threads: threads it may use.
     """
 
-    def __init__(self, config: RunConfig, town: Town, sensor: SensorModel, writer: DriveWriter) -> None:
+    def __init__(
+        self, config: RunConfig, town: Town, sensor: SensorModel, writer: DriveWriter, *, threads: int = 1
+    ) -> None:
         self._config = config
         self._sensor = sensor
         self._writer = writer
@@ -56,7 +59,7 @@ class Recorder:
         self._lidar_pose_ego = lidar_pose_ego()
         self._cameras = {name: camera for name, camera in kitti_cameras(KITTI_CALIBRATION).items() if name in _CAMERAS}
         self._bridge = Bridge(Ground(world.ground), config.seed)
-        self._scene = Scene(world.mesh, self._model)
+        self._scene = Scene(world.mesh, self._model, threads)
         self._tracer = Tracer(sensor.pattern.rays(), sensor.pattern.range_m)
         self._labeller = Labeller(
             self._scene, self._calibration, range_m=config.label_range_m, min_pixels=config.min_label_pixels

@@ -25,13 +25,8 @@ from sumo_nets import read_town
 
 _POLL_S = 0.5
 _PATIENCE_S = 10.0
-# One thread a process: the workers share the cores among themselves.
-_SINGLE_THREADED = {
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-    "LP_NUM_THREADS": "0",
-}
+# Matrix products here are too small for BLAS to gain by threads; on busy cores it loses much.
+_WITHOUT_BLAS_THREADS = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 _REPORTED_PACKAGES = ("cosim", "eclipse-sumo", "embreex", "numpy", "trimesh", "pyrender2")
 
 
@@ -105,13 +100,16 @@ def _workers(
     context = multiprocessing.get_context("spawn")
     tasks, events = context.Queue(), context.Queue()
     count = min(count, len(pending))
+    threads = max(1, (os.cpu_count() or 1) // max(count, 1))
+    environment = {**_WITHOUT_BLAS_THREADS, "LP_NUM_THREADS": str(threads if threads > 1 else 0)}
     for plan in [*pending, *[None] * count]:
         tasks.put(plan)
     processes: list[BaseProcess] = [
-        context.Process(target=work, args=(config, folder, done, tasks, events), daemon=True) for _ in range(count)
+        context.Process(target=work, args=(config, folder, done, tasks, events, threads), daemon=True)
+        for _ in range(count)
     ]
-    before = {name: os.environ.get(name) for name in _SINGLE_THREADED}
-    os.environ.update(_SINGLE_THREADED)
+    before = {name: os.environ.get(name) for name in environment}
+    os.environ.update(environment)
     try:
         for process in processes:
             process.start()

@@ -31,24 +31,26 @@ class Event:
     text: str = ""
 
 
-def work(config: RunConfig, folder: Path, done: frozenset[str], tasks: Queue, events: Queue) -> None:
-    """Record episodes until the queue gives None."""
+def work(config: RunConfig, folder: Path, done: frozenset[str], tasks: Queue, events: Queue, threads: int) -> None:
+    """Record episodes until the queue gives None, with so many threads."""
     _end_with_parent()
     try:
-        _record_all(config, folder, done, tasks, events)
+        _record_all(config, folder, done, tasks, events, threads)
     except USER_ERRORS as error:
         events.put(Event("refused", str(error)))
     except Exception:  # noqa: BLE001 — whatever it is, the runner must hear of it
         events.put(Event("failed", traceback.format_exc()))
 
 
-def _record_all(config: RunConfig, folder: Path, done: frozenset[str], tasks: Queue, events: Queue) -> None:
+def _record_all(
+    config: RunConfig, folder: Path, done: frozenset[str], tasks: Queue, events: Queue, threads: int
+) -> None:
     from cosim.recorder import Recorder
     from sensors.sensor_model import load_sensor
     from sumo_nets import read_town
 
     town = read_town(config.town)
-    recorder = Recorder(config, town, load_sensor(config.sensor), DriveWriter(folder))
+    recorder = Recorder(config, town, load_sensor(config.sensor), DriveWriter(folder), threads=threads)
     events.put(Event("ready"))
     try:
         while True:

@@ -8,11 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from assets.materials import material_column
-from sensors.normals import decode_normals
+from sensors.normals import decode_normals, dot_with_normals
 from sensors.rays import Rays
 
 RANGE_STEP_M = 1e-4
 STATIC, NOTHING = -1, -2
+_REFLECTANCE = material_column("reflectance").astype(np.float32)
+_IS_PAINT = material_column("paint")
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,12 +87,11 @@ class Hits:
     def cos_incidence(self, surface: Surface, beams: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Cosine between beam and face normal, (n,) float32 in 0–1, of surfaces met by `beams`."""
         direction = self.rays.direction[beams] @ self.pose[:3, :3].T.astype(np.float32)
-        return np.abs(np.einsum("ij,ij->i", surface.normal, direction)).clip(0, 1)
+        return np.minimum(np.abs(dot_with_normals(surface.normal_code, direction)), np.float32(1))
 
     def reflectance(self, surface: Surface) -> np.ndarray:
         """Diffuse reflectance at 905 nm, (n,) float32; the instance's paint where the material is paint."""
-        values = material_column("reflectance").astype(np.float32)[surface.material]
-        painted = np.flatnonzero(material_column("paint")[surface.material] & (surface.instance >= 0))
+        values = _REFLECTANCE[surface.material]
+        painted = np.flatnonzero(_IS_PAINT[surface.material] & (surface.instance >= 0))
         values[painted] = self.paint[surface.instance[painted]]
-        values[~surface.exists] = 0
-        return values
+        return np.where(surface.exists, values, np.float32(0))

@@ -20,8 +20,21 @@ def encode_normals(normals: np.ndarray) -> np.ndarray:
 
 def decode_normals(codes: np.ndarray) -> np.ndarray:
     """Unit vectors, (n, 3) float32, of octahedral codes (n, 2)."""
-    x, y = (np.asarray(codes, np.float32) / np.float32(_STEPS)).T
+    normals = np.stack(_unfolded(codes), 1)
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def dot_with_normals(codes: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Scalar products, (n,) float32, of the unit vectors of codes (n, 2) with `vectors` (n, 3) float32."""
+    x, y, z = _unfolded(codes)
+    dot = x * vectors[:, 0] + y * vectors[:, 1] + z * vectors[:, 2]
+    return dot / np.sqrt(x * x + y * y + z * z)
+
+
+def _unfolded(codes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points on the octahedron |x| + |y| + |z| = 1, each coordinate (n,) float32."""
+    scale = np.float32(1 / _STEPS)
+    x, y = codes[:, 0] * scale, codes[:, 1] * scale
     z = 1 - np.abs(x) - np.abs(y)
     fold = np.maximum(-z, 0)
-    normals = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], 1)
-    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return x - np.copysign(fold, x), y - np.copysign(fold, y), z

@@ -44,15 +44,17 @@ class PointCloud:
 
 def bare_returns(hits: Hits) -> PointCloud:
     """The points of a sensor without effects: every first solid surface, intensity its reflectance."""
-    beams = np.flatnonzero(hits.solid.exists)
-    rays, surface = hits.rays, hits.solid.take(beams)
+    rays, solid = hits.rays, hits.solid
+    beams = np.flatnonzero(solid.exists)
+    xyz = rays.direction.take(beams, axis=0) * solid.range_m.take(beams)[:, None]
+    xyz += rays.origin.take(beams, axis=0)
     return PointCloud(
-        xyz=rays.origin[beams] + rays.direction[beams] * surface.range_m[:, None],
-        intensity=hits.reflectance(surface),
-        ring=rays.ring[beams],
-        azimuth=rays.azimuth[beams],
-        time_s=rays.time_s[beams],
+        xyz=xyz,
+        intensity=hits.reflectance(solid).take(beams),
+        ring=rays.ring.take(beams),
+        azimuth=rays.azimuth.take(beams),
+        time_s=rays.time_s.take(beams),
         return_no=np.zeros(len(beams), np.uint8),
-        instance=surface.instance,
-        material=surface.material,
+        instance=solid.instance.take(beams),
+        material=solid.material.take(beams),
     )

@@ -1,4 +1,4 @@
-"""The world as rays meet it: one static BVH, one opaque and one glass BVH per model, posed instances."""
+"""The world as rays meet it: one static BVH, a pair of BVHs (with and without glass) per model, posed instances."""
 
 from __future__ import annotations
 
@@ -58,13 +58,14 @@ class TracedModel:
     """A model ready for tracing.
 
     Attributes:
-        opaque, glass: its two BVHs.
+        whole: all its faces.
+        opaque: those that are not glass, for the beams that meet glass first.
         vertices: (n, 3) float32 of its mesh.
         bounds: (2, 3) float64 corners of its box.
     """
 
+    whole: Bvh
     opaque: Bvh
-    glass: Bvh
     vertices: np.ndarray
     bounds: np.ndarray
 
@@ -72,7 +73,8 @@ class TracedModel:
     def of(cls, mesh: Mesh) -> TracedModel:
         """Build both BVHs."""
         opaque, glass = mesh.split_glass()
-        return cls(Bvh(opaque), Bvh(glass), mesh.vertices, mesh.bounds.astype(np.float64))
+        whole = Bvh(mesh)
+        return cls(whole, Bvh(opaque) if len(glass.faces) else whole, mesh.vertices, mesh.bounds.astype(np.float64))
 
 
 class Scene:
@@ -81,10 +83,11 @@ class Scene:
     Args:
         static: the static world in world axes, coordinates within about a kilometre of the origin.
         load_model: gives the mesh of a model name; called once a model, when first met.
+        threads: threads that share a query of the static world.
     """
 
-    def __init__(self, static: Mesh, load_model: Callable[[str], Mesh]) -> None:
-        self.static = Bvh(static)
+    def __init__(self, static: Mesh, load_model: Callable[[str], Mesh], threads: int = 1) -> None:
+        self.static = Bvh(static, threads)
         self._load_model = load_model
         self._models: dict[str, TracedModel] = {}
 

@@ -1,16 +1,13 @@
 """From rays and a posed scene to hits.
 
-Instances are met first, in their own frames and only by the rays of their angular window; what they leave is
-traced in the static world, each ray no farther than the instance that already stopped it.
+The static world is met first. Instances are then met in their own frames, the nearest first, each only by the
+rays of its angular window and no farther than what already stopped them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
-from assets.materials import material_column
 from sensors.bvh import Bvh
 from sensors.hits import NOTHING, RANGE_STEP_M, STATIC, Hits, Surface
 from sensors.normals import encode_normals
@@ -21,6 +18,7 @@ from sensors.scene import Instances, Scene
 _CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 _STEP_BEHIND_GLASS_M = 1e-3
 _MOST_PANES = 16
+_WORTH_CULLING = 200  # beams; testing fewer against a box costs more than tracing them
 
 
 class Tracer:
@@ -35,9 +33,7 @@ class Tracer:
         self.rays = rays
         self._near, self._far = range_m
         self._index = RayIndex(rays)
-        self._is_glass = material_column("kind") == "glass"
-        # Embree has no nearest distance: rays start that far out.
-        self._start = rays.origin + rays.direction * np.float32(self._near)
+        self._one_centre = not rays.origin.any()
 
     def trace(self, scene: Scene, pose: np.ndarray, instances: Instances) -> Hits:
         """First pane and first solid surface of every beam.
@@ -47,159 +43,201 @@ class Tracer:
             pose: (4, 4) float64 world pose of the LiDAR.
             instances: what moves, at the same instant.
         """
-        solid, pane = _Nearest(len(self.rays)), _Nearest(len(self.rays))
-        for beams, row, glass, opaque in self._meet_instances(scene, pose, instances):
-            solid.offer(beams, row, *opaque)
-            pane.offer(beams, row, *glass)
-        self._meet_static(scene.static, pose, solid, pane)
+        solid, pane = self._meet_static(scene.static, pose)
+        if len(instances):
+            self._meet_instances(scene, pose, instances, solid, pane)
         pane_beam = np.flatnonzero(pane.distance < solid.distance).astype(np.int32)
         return Hits(
             rays=self.rays,
             pose=pose,
-            solid=solid.surface(self._near),
+            solid=solid.surface(),
             pane_beam=pane_beam,
-            pane=pane.surface(self._near, pane_beam),
+            pane=pane.surface(pane_beam),
             paint=instances.paint,
         )
 
-    def _meet_instances(self, scene: Scene, pose: np.ndarray, instances: Instances) -> Iterator[tuple]:
-        """Per model: beams, instance rows, and (distance, packed normal code, material) of glass and of solid."""
-        if not len(instances):
-            return
+    def _meet_static(self, static: Bvh, pose: np.ndarray) -> tuple[_Nearest, _Nearest]:
+        limit = np.full(len(self.rays), self._far, np.float32)
+        if static.is_empty:
+            return _Nearest.nothing(limit), _Nearest.nothing(limit)
+        matrix = pose.astype(np.float32)
+        direction = self.rays.direction @ matrix[:3, :3].T
+        origin = self._centres(matrix, slice(None))
+        distance, triangle = self._first_hit(static, origin, direction, limit)
+        material = static.material[triangle]
+        behind = np.flatnonzero(static.is_glass[triangle] & (triangle >= 0))
+        travelled, panes = distance[behind], triangle[behind]
+        distance[behind], triangle[behind] = limit[behind], -1
+        solid, pane = _Nearest.of_static(static, distance, triangle, material), _Nearest.nothing(limit)
+        pane.put_static(behind, travelled, panes, static)
+
+        for _ in range(_MOST_PANES):
+            if not len(behind):
+                break
+            travelled = travelled + np.float32(_STEP_BEHIND_GLASS_M)
+            onward = direction[behind]
+            start = origin[behind] + onward * travelled[:, None]
+            step, triangle = static.first_hit(start, onward, limit[behind] - travelled)
+            travelled = travelled + step
+            glass = (triangle >= 0) & static.is_glass[triangle]
+            done = (triangle >= 0) & ~glass
+            solid.put_static(behind[done], travelled[done], triangle[done], static)
+            behind, travelled = behind[glass], travelled[glass]
+        return solid, pane
+
+    def _meet_instances(
+        self, scene: Scene, pose: np.ndarray, instances: Instances, solid: _Nearest, pane: _Nearest
+    ) -> None:
         models = {name: scene.model(name) for name in sorted(set(instances.models))}
         bounds = np.stack([models[name].bounds for name in instances.models])
-        # world-from-model with the scale folded in, then LiDAR-from-model and its inverse
-        placed = instances.poses.copy()
+        placed = instances.poses.copy()  # world from model, with the scale folded in
         placed[:, :3, :3] *= instances.scales[:, None, :]
         lidar_from_model = np.linalg.inv(pose) @ placed
         model_from_lidar = np.linalg.inv(lidar_from_model)
+        turn_normals = np.linalg.inv(placed[:, :3, :3]).astype(np.float32)
 
         sensor = model_from_lidar[:, :3, 3]
         outside = np.maximum(np.maximum(bounds[:, 0] - sensor, sensor - bounds[:, 1]), 0)
         nearest = np.linalg.norm(outside * instances.scales, axis=1)
         reach = np.flatnonzero(nearest < self._far)
-        if not len(reach):
-            return
+        reach = reach[np.argsort(nearest[reach], kind="stable")]
         corner = np.where(_CORNERS[None], bounds[reach, None, 1], bounds[reach, None, 0])
         corners = np.einsum("kij,kcj->kci", lidar_from_model[reach, :3, :3], corner)
         corners += lidar_from_model[reach, None, :3, 3]
-        beams, box = self._index.window_pairs(corners, nearest[reach])
-        row = reach[box].astype(np.int16)
+        pairs, box = self._index.window_pairs(corners, nearest[reach])
 
+        open_way = solid.distance[pairs] > nearest[reach].astype(np.float32)[box]
+        pairs, box = pairs[open_way], box[open_way]
+        directions = self.rays.direction.take(pairs, axis=0)
         carry = model_from_lidar.astype(np.float32)
-        names = np.array(instances.models)
-        turn_normals = np.linalg.inv(placed[:, :3, :3]).transpose(0, 2, 1).astype(np.float32)
-        for name, model in models.items():
-            here = np.flatnonzero((names == name)[row])
-            if not len(here):
+        ends = np.searchsorted(box, np.arange(len(reach) + 1)).tolist()
+        for number, row in enumerate(reach.tolist()):
+            window = slice(ends[number], ends[number + 1])
+            if window.start == window.stop:
                 continue
-            b, r = beams[here], row[here]
-            matrix = carry[r]
-            origin = np.einsum("nij,nj->ni", matrix[:, :3, :3], self._start[b]) + matrix[:, :3, 3]
-            direction = np.einsum("nij,nj->ni", matrix[:, :3, :3], self.rays.direction[b])
-            limit = np.full(len(b), self._far - self._near, np.float32)
-            distance, triangle = model.opaque.first_hit(origin, direction, limit)
-            pane_distance, pane_triangle = model.glass.first_hit(origin, direction, np.minimum(distance, limit))
-            yield (
-                b,
-                r,
-                _described(model.glass, pane_distance, pane_triangle, turn_normals, r),
-                _described(model.opaque, distance, triangle, turn_normals, r),
+            model, matrix, turn = models[instances.models[row]], carry[row], turn_normals[row]
+            beams, direction = pairs[window], directions[window] @ matrix[:3, :3].T
+            origin = self._centres(matrix, beams)
+            if len(beams) > _WORTH_CULLING:
+                kept = np.flatnonzero(_meets_box(origin, direction, model.bounds.astype(np.float32)))
+                beams, direction, origin = beams[kept], direction[kept], origin[kept]
+            limit = solid.distance[beams]
+            distance, triangle = self._first_hit(model.whole, origin, direction, limit)
+            hit = np.flatnonzero(triangle >= 0)
+            if not len(hit):
+                continue
+            beams, distance, triangle = beams[hit], distance[hit], triangle[hit]
+            glass = np.flatnonzero(model.whole.is_glass[triangle])
+            if len(glass):
+                pane.put_instance(beams[glass], distance[glass], triangle[glass], model.whole, turn, row)
+                behind = hit[glass]
+                limit = limit[behind]
+                step, inner = self._first_hit(model.opaque, origin[behind], direction[behind], limit)
+                solid.put_instance(beams[glass], np.where(inner >= 0, step, np.inf), inner, model.opaque, turn, row)
+                distance[glass] = np.inf
+            solid.put_instance(beams, distance, triangle, model.whole, turn, row)
+        solid.settle()
+        pane.settle()
+
+    def _centres(self, matrix: np.ndarray, beams: np.ndarray | slice) -> np.ndarray:
+        """Optical centres of some beams carried by a (4, 4) float32 matrix, (k, 3)."""
+        if self._one_centre:
+            centres = np.empty_like(
+                self.rays.origin[beams] if isinstance(beams, slice) else self.rays.origin[: len(beams)]
             )
+            centres[:] = matrix[:3, 3]
+            return centres
+        return self.rays.origin[beams] @ matrix[:3, :3].T + matrix[:3, 3]
 
-    def _meet_static(self, static: Bvh, pose: np.ndarray, solid: _Nearest, pane: _Nearest) -> None:
-        if static.is_empty:
-            return
-        rotation = pose[:3, :3].astype(np.float32)
-        direction = self.rays.direction @ rotation.T
-        origin = self._start @ rotation.T + pose[:3, 3].astype(np.float32)
-        limit = np.minimum(solid.distance, np.float32(self._far - self._near))
-        distance, triangle = static.first_hit(origin, direction, limit)
-        material = static.material[triangle]
-        hit = triangle >= 0
-        beams = np.flatnonzero(hit & self._is_glass[material]).astype(np.int32)
-        panes = distance[beams]
-        pane.offer_static(beams, panes, triangle[beams], static)
-        hit[beams] = False
-        solid.put_static(hit, distance, triangle, material, static)
-
-        travelled = panes
-        for _ in range(_MOST_PANES):
-            if not len(beams):
-                break
-            travelled = travelled + np.float32(_STEP_BEHIND_GLASS_M)
-            onward = direction[beams]
-            step, triangle = static.first_hit(
-                origin[beams] + onward * travelled[:, None], onward, limit[beams] - travelled
-            )
-            travelled = travelled + step
-            hit = triangle >= 0
-            glass = hit & self._is_glass[static.material[triangle]]
-            done = hit & ~glass
-            solid.offer_static(beams[done], travelled[done], triangle[done], static)
-            beams, travelled = beams[glass], travelled[glass]
+    def _first_hit(
+        self, bvh: Bvh, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Nearest hit from the nearest range on, which Embree itself does not know."""
+        distance, triangle = bvh.first_hit(origin, direction, limit)
+        close = np.flatnonzero(distance < self._near)
+        if len(close):
+            start, onward = origin[close] + direction[close] * np.float32(self._near), direction[close]
+            step, triangle[close] = bvh.first_hit(start, onward, limit[close] - np.float32(self._near))
+            distance[close] = step + np.float32(self._near)
+        return distance, triangle
 
 
-def _described(
-    bvh: Bvh, distance: np.ndarray, triangle: np.ndarray, turn_normals: np.ndarray, row: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distance, normal code in world axes and material of what was met; misses carry `inf`."""
-    code = np.zeros(len(triangle), np.int32)
-    material = np.zeros(len(triangle), np.uint8)
-    hit = np.flatnonzero(triangle >= 0)
-    if len(hit):
-        normal = np.einsum("nij,nj->ni", turn_normals[row[hit]], bvh.normal[triangle[hit]])
-        code[hit] = encode_normals(normal).view(np.int32)[:, 0]
-        material[hit] = bvh.material[triangle[hit]]
-    return distance, code, material
+def _meets_box(origin: np.ndarray, direction: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Whether rays (n) meet an axis-aligned box (2, 3): the slab test (Kay and Kajiya, SIGGRAPH 1986)."""
+    enter, leave = np.zeros(len(direction), np.float32), np.full(len(direction), np.inf, np.float32)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for axis in range(3):
+            inverse = 1 / direction[:, axis]
+            low = (bounds[0, axis] - origin[:, axis]) * inverse
+            high = (bounds[1, axis] - origin[:, axis]) * inverse
+            # fmax and fmin pass over the NaN of a ray within a face's plane: it may meet.
+            enter = np.fmax(enter, np.minimum(low, high))
+            leave = np.fmin(leave, np.maximum(low, high))
+    return leave >= enter
 
 
 class _Nearest:
-    """The nearest surface offered so far to each beam."""
+    """The nearest surface met so far by each beam.
 
-    def __init__(self, beams: int) -> None:
-        self.distance = np.full(beams, np.inf, np.float32)
-        self._code = np.zeros(beams, np.int32)
-        self._material = np.zeros(beams, np.uint8)
-        self._instance = np.full(beams, NOTHING, np.int16)
+    Attributes:
+        distance: (n,) float32, the farthest that counts where there is none.
+        code: (n,) int32 packed normal codes, world axes.
+        material: (n,) uint8.
+        instance: (n,) int16.
+    """
 
-    def offer(
-        self, beams: np.ndarray, row: np.ndarray, distance: np.ndarray, code: np.ndarray, material: np.ndarray
-    ) -> None:
-        """Surfaces of instances; a beam may be offered several, misses carry `inf`."""
-        better = np.flatnonzero(distance < self.distance[beams])
-        # Of several offers to one beam the last assignment stands: the nearest.
-        better = better[np.argsort(-distance[better], kind="stable")]
-        rows = beams[better]
-        self.distance[rows] = distance[better]
-        self._code[rows] = code[better]
-        self._material[rows] = material[better]
-        self._instance[rows] = row[better]
+    def __init__(self, distance: np.ndarray, code: np.ndarray, material: np.ndarray, instance: np.ndarray) -> None:
+        self.distance, self.code, self.material, self.instance = distance, code, material, instance
+        self._normals: list[tuple[np.ndarray, np.ndarray]] = []
 
-    def offer_static(self, beams: np.ndarray, distance: np.ndarray, triangle: np.ndarray, static: Bvh) -> None:
-        """Surfaces of the static world, at most one a beam."""
-        nearer = distance < self.distance[beams]
-        beams, distance, triangle = beams[nearer], distance[nearer], triangle[nearer]
+    @classmethod
+    def nothing(cls, limit: np.ndarray) -> _Nearest:
+        """No surfaces within the limits (n,)."""
+        beams = len(limit)
+        return cls(
+            limit.copy(), np.zeros(beams, np.int32), np.zeros(beams, np.uint8), np.full(beams, NOTHING, np.int16)
+        )
+
+    @classmethod
+    def of_static(cls, static: Bvh, distance: np.ndarray, triangle: np.ndarray, material: np.ndarray) -> _Nearest:
+        """What a query of all beams met in the static world."""
+        instance = np.where(triangle >= 0, np.int16(STATIC), np.int16(NOTHING))
+        return cls(distance, static.packed_normal[triangle], material, instance)
+
+    def put_static(self, beams: np.ndarray, distance: np.ndarray, triangle: np.ndarray, static: Bvh) -> None:
+        """Surfaces of the static world, for beams that met none so far."""
         self.distance[beams] = distance
-        self._code[beams] = static.packed_normal[triangle]
-        self._material[beams] = static.material[triangle]
-        self._instance[beams] = STATIC
+        self.code[beams] = static.packed_normal[triangle]
+        self.material[beams] = static.material[triangle]
+        self.instance[beams] = STATIC
 
-    def put_static(
-        self, hit: np.ndarray, distance: np.ndarray, triangle: np.ndarray, material: np.ndarray, static: Bvh
+    def put_instance(
+        self, beams: np.ndarray, distance: np.ndarray, triangle: np.ndarray, bvh: Bvh, turn: np.ndarray, row: int
     ) -> None:
-        """Surfaces of the static world for all beams where `hit`, known to be nearer than what was offered."""
-        self.distance = np.where(hit, distance, self.distance)
-        self._code = np.where(hit, static.packed_normal[triangle], self._code)
-        self._material = np.where(hit, material, self._material)
-        self._instance = np.where(hit, np.int16(STATIC), self._instance)
+        """Surfaces of one instance where they are nearer; normals times `turn` are in world axes."""
+        hit = np.flatnonzero(distance < self.distance[beams])
+        beams, triangle = beams[hit], triangle[hit]
+        self.distance[beams] = distance[hit]
+        self.material[beams] = bvh.material[triangle]
+        self.instance[beams] = row
+        self._normals.append((beams, bvh.normal[triangle] @ turn))
 
-    def surface(self, offset_m: float, beams: np.ndarray | slice = slice(None)) -> Surface:
-        """The surfaces of `beams`, ranges counted from the optical centre and rounded to the stored step."""
-        steps = np.rint((self.distance[beams] + np.float32(offset_m)) / np.float32(RANGE_STEP_M))
+    def settle(self) -> None:
+        """Encode the normals of instances, all at once; of several for one beam the last is the nearest."""
+        if self._normals:
+            beams, normals = (np.concatenate(column) for column in zip(*self._normals, strict=True))
+            self.code[beams] = encode_normals(normals).view(np.int32)[:, 0]
+            self._normals.clear()
+
+    def surface(self, beams: np.ndarray | slice = slice(None)) -> Surface:
+        """The surfaces of `beams`, ranges rounded to the stored step."""
+        instance = self.instance[beams]
+        steps = np.rint(self.distance[beams] / np.float32(RANGE_STEP_M))
+        steps *= np.float32(RANGE_STEP_M)
+        steps[instance == NOTHING] = np.inf
         return Surface(
-            range_m=(steps * np.float32(RANGE_STEP_M)).astype(np.float32),
-            normal_code=self._code[beams].view(np.int16).reshape(-1, 2),
-            material=self._material[beams],
-            instance=self._instance[beams],
+            range_m=steps,
+            normal_code=self.code[beams].view(np.int16).reshape(-1, 2),
+            material=self.material[beams],
+            instance=instance,
         )

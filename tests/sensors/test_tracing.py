@@ -66,8 +66,8 @@ def test_culling_by_windows_finds_what_one_merged_mesh_finds(tracer):
     merged = Bvh(Mesh.merge([plane(), *(car.transformed(p) for p in poses)]))
     direction = (tracer.rays.direction @ tilt[:3, :3].T).astype(np.float32)
     origin = (tilt[:3, 3] + direction * 0.9).astype(np.float32)
-    distance, _ = merged.first_hit(origin, direction, np.full(len(origin), 119.1, np.float32))
-    expected = distance + 0.9
+    distance, triangle = merged.first_hit(origin, direction, np.full(len(origin), 119.1, np.float32))
+    expected = np.where(triangle >= 0, distance + 0.9, np.inf)
     both = np.isfinite(expected) & np.isfinite(hits.solid.range_m)
     assert (np.isfinite(expected) == np.isfinite(hits.solid.range_m)).all()
     # Edges of boxes are met to one side or the other by float32's last digit.
@@ -88,8 +88,9 @@ def test_a_scaled_instance_is_met_where_its_scaled_mesh_stands(tracer, x, y, yaw
     hits = tracer.trace(Scene(Mesh.empty(), lambda name: car), np.eye(4), placed)
     stretched = Mesh(car.vertices * np.array(scale), car.faces, car.materials).transformed(placed.poses[0])
     origin = (tracer.rays.direction * 0.9).astype(np.float32)
-    distance, _ = Bvh(stretched).first_hit(origin, tracer.rays.direction, np.full(len(origin), 119.1, np.float32))
-    expected = np.isfinite(distance)
+    limit = np.full(len(origin), 119.1, np.float32)
+    distance, triangle = Bvh(stretched).first_hit(origin, tracer.rays.direction, limit)
+    expected = triangle >= 0
     assert np.count_nonzero(expected != hits.solid.exists) <= 2 + expected.sum() // 500
     both = expected & hits.solid.exists
     assert np.mean(np.abs(distance[both] + 0.9 - hits.solid.range_m[both]) > 2e-3) <= 0.005 if both.any() else True

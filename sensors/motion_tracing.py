@@ -1,0 +1,235 @@
+"""Tracing while everything moves: each ray at its own instant, carried into each instance's frame at that instant."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from assets.materials import material_column
+from sensors.bvh import Bvh
+from sensors.hits import NOTHING, RANGE_STEP_M, STATIC, Hits, Surface
+from sensors.motion import EgoMotion, moved_poses, yaw_matrices
+from sensors.normals import encode_normals
+from sensors.ray_index import RayIndex
+from sensors.rays import Rays
+from sensors.scene import Instances, Scene
+
+_CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
+_INSTANTS = 5
+_WINDOW_MARGIN_M = 0.03  # covers the bow of a turning box's path between two instants
+_STEP_BEHIND_GLASS_M = 1e-3
+_MOST_PANES = 16
+
+
+class MotionTracer:
+    """Traces one fixed fan of rays that leave one by one from a moving sensor.
+
+    Args:
+        rays: beams in the sensor's own axes.
+        range_m: nearest and farthest distance at which a surface counts [m].
+    """
+
+    def __init__(self, rays: Rays, range_m: tuple[float, float]) -> None:
+        self.rays = rays
+        self._near, self._far = range_m
+        self._index = RayIndex(rays)
+
+    def trace(
+        self, scene: Scene, ego: EgoMotion, lidar_in_ego: np.ndarray, time_s: np.ndarray, instances: Instances
+    ) -> tuple[Hits, np.ndarray, np.ndarray]:
+        """First pane and first solid surface of every beam.
+
+        Args:
+            scene: what there is.
+            ego: the vehicle at the pose time, and its motion.
+            lidar_in_ego: (4, 4) pose of the sensor in the vehicle.
+            time_s: (n,) float32 instant of each ray from the pose time.
+            instances: what moves, at the pose time.
+
+        Returns:
+            Hits, true optical centres (n, 3) float64 and directions (n, 3) float32 in world axes.
+        """
+        origin, direction = _carried_rays(self.rays, ego, lidar_in_ego, time_s)
+        # Around the sensor, so that float32 keeps its digits.
+        centre = (ego.pose @ lidar_in_ego)[:3, 3]
+        start = (origin - centre + direction * self._near).astype(np.float32)
+        reach = np.float32(self._far - self._near)
+        solid, pane = Nearest(len(self.rays)), Nearest(len(self.rays))
+        meet_static(scene.static, start, direction, centre, reach, solid, pane)
+        for row, beams in self._windows(scene, ego, lidar_in_ego, time_s, instances):
+            meet_instance(scene, instances, row, beams, start, direction, centre, time_s, reach, solid, pane)
+        beam = np.flatnonzero(pane.distance < solid.distance).astype(np.int32)
+        hits = Hits(
+            rays=self.rays,
+            pose=ego.pose @ lidar_in_ego,
+            solid=solid.surface(self._near),
+            pane_beam=beam,
+            pane=pane.surface(self._near).take(beam),
+            paint=instances.paint,
+        )
+        return hits, origin, direction
+
+    def _windows(
+        self, scene: Scene, ego: EgoMotion, lidar_in_ego: np.ndarray, time_s: np.ndarray, instances: Instances
+    ) -> list[tuple[int, np.ndarray]]:
+        """Instances and the rays that may meet them at any instant of the sweep."""
+        if not len(instances):
+            return []
+        bounds = np.stack([scene.model(name).bounds for name in instances.models])
+        corner = np.where(_CORNERS[None], bounds[:, None, 1], bounds[:, None, 0]) * instances.scales[:, None, :]
+        corners, nearest = [], []
+        for instant in np.linspace(time_s.min(), time_s.max(), _INSTANTS):
+            placed = moved_poses(instances.poses, instances.velocity_mps, instances.yaw_rate_radps, float(instant))
+            seen = np.linalg.inv(ego.pose_at(float(instant)) @ lidar_in_ego) @ placed
+            corners.append(np.einsum("kij,kcj->kci", seen[:, :3, :3], corner) + seen[:, None, :3, 3])
+            sensor = -np.einsum("kji,kj->ki", seen[:, :3, :3], seen[:, :3, 3])
+            low, high = bounds[:, 0] * instances.scales, bounds[:, 1] * instances.scales
+            nearest.append(np.linalg.norm(np.maximum(np.maximum(low - sensor, sensor - high), 0), axis=1))
+        swept = np.concatenate(corners, axis=1)
+        middle = swept.mean(1, keepdims=True)
+        swept += np.sign(swept - middle) * _WINDOW_MARGIN_M
+        near = np.maximum(np.min(nearest, axis=0) - 0.1, 0)
+        reach = np.flatnonzero(near < self._far)
+        reach = reach[np.argsort(near[reach], kind="stable")]
+        beams, box = self._index.window_pairs(swept[reach], near[reach])
+        ends = np.searchsorted(box, np.arange(len(reach) + 1))
+        return [(int(row), beams[ends[i] : ends[i + 1]]) for i, row in enumerate(reach) if ends[i] < ends[i + 1]]
+
+
+def shoot(
+    scene: Scene, instances: Instances, origin: np.ndarray, direction: np.ndarray, time_s: np.ndarray, limit_m: float
+) -> Surface:
+    """First solid surface along single rays (k, 3) in world axes, each at its own instant (k,)."""
+    solid, pane = Nearest(len(origin)), Nearest(len(origin))
+    if len(origin):
+        centre = origin.mean(0)
+        start, direction = (origin - centre).astype(np.float32), direction.astype(np.float32)
+        reach = np.float32(limit_m)
+        meet_static(scene.static, start, direction, centre, reach, solid, pane)
+        for row in range(len(instances)):
+            bounds = scene.model(instances.models[row]).bounds * instances.scales[row]
+            radius = float(np.abs(bounds).max(0) @ np.abs(bounds).max(0)) ** 0.5
+            place = (instances.poses[row, :3, 3] - centre).astype(np.float32)
+            offset = place + instances.velocity_mps[row].astype(np.float32) * time_s[:, None] - start
+            along = np.einsum("ij,ij->i", offset, direction)
+            aside = np.einsum("ij,ij->i", offset, offset) - along * np.abs(along)
+            beams = np.flatnonzero((aside < radius**2) & (along < reach + radius))
+            meet_instance(scene, instances, row, beams, start, direction, centre, time_s, reach, solid, pane)
+    return solid.surface(0.0)
+
+
+def meet_static(
+    static: Bvh, start: np.ndarray, direction: np.ndarray, centre: np.ndarray, reach: np.float32, solid, pane
+) -> None:
+    """Offer the static world to all rays; behind panes they go on."""
+    if static.is_empty:
+        return
+    is_glass = material_column("kind") == "glass"
+    start = start + centre.astype(np.float32)
+    beams = np.arange(len(start))
+    travelled = np.zeros(len(start), np.float32)
+    for number in range(_MOST_PANES):
+        if not len(beams):
+            return
+        begin = start[beams] + direction[beams] * travelled[:, None] if number else start
+        step, triangle = static.first_hit(begin, direction[beams], reach - travelled)
+        hit = triangle >= 0
+        beams, travelled, triangle = beams[hit], (travelled + step)[hit], triangle[hit]
+        code, material = static.packed_normal[triangle], static.material[triangle]
+        glass = is_glass[material]
+        solid.offer(beams[~glass], travelled[~glass], code[~glass], material[~glass], STATIC)
+        beams, travelled = beams[glass], travelled[glass]
+        if number == 0:
+            pane.offer(beams, travelled, code[glass], material[glass], STATIC)
+        travelled = travelled + np.float32(_STEP_BEHIND_GLASS_M)
+
+
+def meet_instance(
+    scene: Scene,
+    instances: Instances,
+    row: int,
+    beams: np.ndarray,
+    start: np.ndarray,
+    direction: np.ndarray,
+    centre: np.ndarray,
+    time_s: np.ndarray,
+    reach: np.float32,
+    solid: Nearest,
+    pane: Nearest,
+) -> None:
+    """Offer one instance to some rays, each carried into its frame at the ray's own instant."""
+    if not len(beams):
+        return
+    model, instant = scene.model(instances.models[row]), time_s[beams]
+    turn = yaw_matrices(-instances.yaw_rate_radps[row] * instant).astype(np.float32)
+    shift = (instances.poses[row, :3, 3] - centre).astype(np.float32)
+    place = shift + instances.velocity_mps[row].astype(np.float32) * instant[:, None]
+    still = instances.yaw_rate_radps[row] == 0
+    unscaled = np.linalg.inv(instances.poses[row, :3, :3] * instances.scales[row]).astype(np.float32)
+
+    def carry(vectors: np.ndarray) -> np.ndarray:
+        back = vectors if still else np.einsum("nij,nj->ni", turn, vectors)
+        return np.ascontiguousarray(back @ unscaled.T)
+
+    origin, onward = carry(start[beams] - place), carry(direction[beams])
+    limit = np.minimum(solid.distance[beams], reach)
+    for bvh, nearest in ((model.opaque, solid), (model.glass, pane)):
+        if bvh.is_empty:
+            continue
+        distance, triangle = bvh.first_hit(origin, onward, limit)
+        limit = np.minimum(limit, distance)
+        hit = np.flatnonzero(triangle >= 0)
+        normal = bvh.normal[triangle[hit]] @ unscaled
+        if not still:
+            normal = np.einsum("nji,nj->ni", turn[hit], normal)
+        code = encode_normals(normal).view(np.int32).reshape(-1)
+        nearest.offer(beams[hit], distance[hit], code, bvh.material[triangle[hit]], row)
+
+
+class Nearest:
+    """The nearest surface offered so far to each of n rays."""
+
+    def __init__(self, rays: int) -> None:
+        self.distance = np.full(rays, np.inf, np.float32)
+        self._code = np.zeros(rays, np.int32)
+        self._material = np.zeros(rays, np.uint8)
+        self._instance = np.full(rays, NOTHING, np.int16)
+
+    def offer(
+        self, rays: np.ndarray, distance: np.ndarray, code: np.ndarray, material: np.ndarray, instance: int
+    ) -> None:
+        """Surfaces of one thing, at most one a ray."""
+        nearer = np.flatnonzero(distance < self.distance[rays])
+        rows = rays[nearer]
+        self.distance[rows] = distance[nearer]
+        self._code[rows] = code[nearer]
+        self._material[rows] = material[nearer]
+        self._instance[rows] = instance
+
+    def surface(self, offset_m: float) -> Surface:
+        """The surfaces, ranges counted from the optical centre and rounded to the stored step."""
+        steps = np.rint((self.distance + np.float32(offset_m)) / np.float32(RANGE_STEP_M))
+        return Surface(
+            range_m=(steps * np.float32(RANGE_STEP_M)).astype(np.float32),
+            normal_code=self._code.view(np.int16).reshape(-1, 2),
+            material=self._material,
+            instance=self._instance,
+        )
+
+
+def _carried_rays(
+    rays: Rays, ego: EgoMotion, lidar_in_ego: np.ndarray, time_s: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Origins (n, 3) float64 and directions (n, 3) float32 of the rays in world axes, each at its own instant."""
+    now = (ego.pose @ lidar_in_ego)[:3, :3]
+    arm = ego.pose[:3, :3] @ lidar_in_ego[:3, 3]
+    angle = ego.yaw_rate_radps * time_s.astype(np.float64)
+    cos, sin = np.cos(angle), np.sin(angle)
+
+    def yawed(vectors: np.ndarray) -> np.ndarray:
+        x, y, z = vectors.T
+        return np.stack([cos * x - sin * y, sin * x + cos * y, np.broadcast_to(z, angle.shape)], 1)
+
+    centre = ego.pose[:3, 3] + np.asarray(ego.velocity_mps, float) * time_s.astype(np.float64)[:, None]
+    origin = centre + yawed(rays.origin.astype(np.float64) @ now.T + arm)
+    direction = yawed(rays.direction.astype(np.float64) @ now.T)
+    return origin, direction.astype(np.float32)

@@ -1,0 +1,131 @@
+"""The posed scene as a sensor in motion sees it: traces whole revolutions and single further rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sensors.effects.beams import Beams
+from sensors.hits import Hits, Surface
+from sensors.motion import EgoMotion, instances_at
+from sensors.motion_tracing import MotionTracer, shoot
+from sensors.rays import Rays
+from sensors.scene import Instances, Scene
+from sensors.tracing import Tracer
+
+
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """What the beams of a revolution met and how they really left.
+
+    Attributes:
+        hits: surfaces by beam.
+        moving: (n, 3) origins and directions in world axes and instants, where each beam has its own pose.
+    """
+
+    hits: Hits
+    moving: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+    delay_s: float = 0.0
+
+    @cached_property
+    def origin(self) -> np.ndarray:
+        """True optical centres, (n, 3) float64 world axes."""
+        if self.moving is not None:
+            return self.moving[0]
+        pose = self.hits.pose
+        return self.hits.rays.origin.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
+
+    @cached_property
+    def direction(self) -> np.ndarray:
+        """True unit directions, (n, 3) float32 world axes."""
+        if self.moving is not None:
+            return self.moving[1]
+        return self.hits.rays.direction @ self.hits.pose[:3, :3].T.astype(np.float32)
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """Instants at which the world was seen, (n,) or one for all, from the pose time."""
+        return np.array([self.delay_s], np.float32) if self.moving is None else self.moving[2]
+
+
+class TracerCache:
+    """Tracers of rays that come again frame after frame: sorting rays costs about as much as tracing them."""
+
+    def __init__(self, range_m: tuple[float, float]) -> None:
+        self._range_m = range_m
+        self._tracers: dict[str, Tracer | MotionTracer] = {}
+
+    def fixed(self, slot: str, rays: Rays) -> Tracer:
+        """A tracer of rays that all leave at once."""
+        tracer = self._tracers.get(slot)
+        if not isinstance(tracer, Tracer) or not _same(tracer.rays, rays):
+            tracer = self._tracers[slot] = Tracer(rays, self._range_m)
+        return tracer
+
+    def moving(self, slot: str, rays: Rays) -> MotionTracer:
+        """A tracer of rays that leave one by one."""
+        tracer = self._tracers.get(slot)
+        if not isinstance(tracer, MotionTracer) or not _same(tracer.rays, rays):
+            tracer = self._tracers[slot] = MotionTracer(rays, self._range_m)
+        return tracer
+
+
+class World:
+    """One frame's scene.
+
+    Args:
+        scene: what there is.
+        pose: (4, 4) nominal world pose of the LiDAR at the pose time.
+        instances: what moves, at the pose time.
+        ego: the vehicle that carries the LiDAR.
+        range_m: nearest and farthest measurable range.
+        tracers: kept from frame to frame.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        pose: np.ndarray,
+        instances: Instances,
+        ego: EgoMotion,
+        range_m: tuple[float, float],
+        tracers: TracerCache,
+    ) -> None:
+        self._scene = scene
+        self._pose = pose
+        self._instances = instances
+        self.ego = ego
+        self._range_m = range_m
+        self._tracers = tracers
+
+    def trace(self, beams: Beams, slot: str = "beams") -> Traced:
+        """First pane and first solid surface of every beam; `slot` names the fan whose tracer is kept."""
+        rays = Rays(beams.origin, beams.direction, beams.rays.ring, beams.rays.azimuth, beams.rays.time_s)
+        if beams.firing_s is None:
+            pose = self._lidar_pose(beams)
+            instances = instances_at(self._instances, beams.delay_s)
+            hits = self._tracers.fixed(slot, rays).trace(self._scene, pose, instances)
+            return Traced(hits, delay_s=beams.delay_s)
+        tracer = self._tracers.moving(slot, rays)
+        lidar_in_ego = beams.body @ np.linalg.solve(self.ego.pose, self._pose) @ beams.mount
+        time_s = beams.firing_s + np.float32(beams.delay_s)
+        hits, origin, direction = tracer.trace(self._scene, self.ego, lidar_in_ego, time_s, self._instances)
+        return Traced(hits, (origin, direction, time_s))
+
+    def shoot(self, origin: np.ndarray, direction: np.ndarray, time_s: np.ndarray, limit_m: float) -> Surface:
+        """First solid surface along single rays (k, 3) in world axes, each at its own instant (k,)."""
+        return shoot(self._scene, self._instances, origin, direction, time_s, limit_m)
+
+    def _lidar_pose(self, beams: Beams) -> np.ndarray:
+        if beams.delay_s == 0 and np.array_equal(beams.body, np.eye(4)):
+            return self._pose @ beams.mount
+        lidar_in_ego = np.linalg.solve(self.ego.pose, self._pose)
+        return self.ego.pose_at(beams.delay_s) @ beams.body @ lidar_in_ego @ beams.mount
+
+
+def _same(left: Rays, right: Rays) -> bool:
+    return left is right or (
+        np.array_equal(left.direction, right.direction) and np.array_equal(left.origin, right.origin)
+    )
