@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sumo_nets.connectivity import demand_connected
 from sumo_nets.demand import make_demand
 from sumo_nets.network import build_network
 from sumo_nets.parking import make_parking, write_parking
-from sumo_nets.plan import make_plan
+from sumo_nets.planning import make_plan
 from sumo_nets.recipe import Recipe
 from sumo_nets.relief import make_ground
+from sumo_nets.type_table import read_types
+from sumo_nets.sumo_files import configuration, write_xml
 from sumo_nets.vtypes import make_vtypes, write_vtypes
 
 if TYPE_CHECKING:
@@ -38,7 +41,7 @@ def build_town(recipe: Recipe, folder: Path, models: Iterable[Model] | None = No
         models: models to make vehicle types of; the whole catalogue by default.
 
     Raises:
-        TownError: one of SUMO's programs refused its input.
+        TownError: one of SUMO's programs refused its input, or the streets are not all connected.
     """
     if models is None:
         from assets.models.catalogue import CATALOGUE
@@ -52,10 +55,13 @@ def build_town(recipe: Recipe, folder: Path, models: Iterable[Model] | None = No
         plan = make_plan(recipe, rng, workshop)
         ground = make_ground(recipe.relief, float(np.abs(plan.positions).max()) + _BEYOND_THE_STREETS_M, rng)
         build_network(recipe, plan, ground, rng, net)
-        lots = make_parking(plan, _lane_lengths(net), rng)
-        _write(additional, "additional", write_vtypes(make_vtypes(models)) + write_parking(lots, recipe.streets))
-        _write(routes, "routes", make_demand(recipe.demand, net, lots, rng))
-        _write(config, "configuration", _configuration(recipe))
+        network = read_network(net)
+        demand_connected(recipe.name, network)
+        lots = make_parking(plan, recipe.streets, _lane_lengths(network), rng)
+        write_xml(additional, "additional", write_vtypes(make_vtypes(models)) + write_parking(lots, recipe.streets))
+        write_xml(routes, "routes", make_demand(recipe.demand, network, lots, read_types((additional,)), rng))
+        files = {"net-file": net.name, "additional-files": additional.name, "route-files": routes.name}
+        write_xml(config, "configuration", configuration(files, recipe.demand))
         folder.mkdir(parents=True, exist_ok=True)
         for path in built:
             shutil.copyfile(path, folder / path.name)
@@ -67,29 +73,12 @@ def _specs(catalogue: Any) -> list[Model]:
     return list(catalogue.values() if isinstance(catalogue, dict) else catalogue)
 
 
-def _lane_lengths(net: Path) -> dict[str, float]:
+def read_network(net: Path) -> Any:
+    """Return a network as sumolib reads it, without what lies inside junctions."""
     import sumolib
 
-    edges = sumolib.net.readNet(str(net)).getEdges()
-    return {lane.getID(): lane.getLength() for edge in edges for lane in edge.getLanes()}
+    return sumolib.net.readNet(str(net))
 
 
-def _configuration(recipe: Recipe) -> list[str]:
-    options = {
-        "net-file": f"{recipe.name}.net.xml",
-        "additional-files": f"{recipe.name}.add.xml",
-        "route-files": f"{recipe.name}.rou.xml",
-        "begin": "0",
-        "end": f"{recipe.demand.duration_s:g}",
-        "step-length": "0.1",
-        "time-to-teleport": "-1",
-        "collision.action": "warn",
-        "pedestrian.striping.stripe-width": "0.75",
-        "no-step-log": "true",
-    }
-    return [f'    <{name} value="{value}"/>' for name, value in options.items()]
-
-
-def _write(path: Path, root: str, lines: list[str]) -> None:
-    text = "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', f"<{root}>", *lines, f"</{root}>", ""])
-    path.write_text(text, encoding="utf-8", newline="\n")
+def _lane_lengths(network: Any) -> dict[str, float]:
+    return {lane.getID(): lane.getLength() for edge in network.getEdges() for lane in edge.getLanes()}

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sumo_nets.parking import Lot
 from sumo_nets.recipe import Demand
-from sumo_nets.vtypes import DRIVING, PARKED, WALKING
+from sumo_nets.type_table import TypeTable
 
 # Faster than anyone gets along on average, so that no route ends before the simulation does.
 _DRIVING_PACE_MPS = 10.0
+_CYCLING_PACE_MPS = 6.0
 _WALKING_PACE_MPS = 1.6
 _LEG_M = (120.0, 450.0)
 _FIRST_S = 1.0  # parked vehicles take their places first
 
 
-def make_demand(demand: Demand, net: Path, lots: tuple[Lot, ...], rng: np.random.Generator) -> list[str]:
+def make_demand(
+    demand: Demand, network: Any, lots: tuple[Lot, ...], types: TypeTable, rng: np.random.Generator
+) -> list[str]:
     """Return the lines of a route file.
 
     Drivers and cyclists wander through the town along lane connections, preferring streets that few have taken so far;
@@ -26,23 +28,22 @@ def make_demand(demand: Demand, net: Path, lots: tuple[Lot, ...], rng: np.random
 
     Args:
         demand: how many of each.
-        net: the built network.
+        network: the built network, as sumolib reads it.
         lots: places for the parked vehicles; no more are parked than fit.
+        types: vehicle types to choose from.
         rng: source of every choice made here.
     """
-    import sumolib
-
-    network = sumolib.net.readNet(str(net))
-    walking = _walking(demand, network, rng)
-    return walking + _parked(demand, lots, rng) + _driving(demand, network, rng)
+    walking = _walking(demand, network, types, rng)
+    return walking + _parked(demand, lots, types, rng) + _driving(demand, network, types, rng)
 
 
-def _parked(demand: Demand, lots: tuple[Lot, ...], rng: np.random.Generator) -> list[str]:
+def _parked(demand: Demand, lots: tuple[Lot, ...], types: TypeTable, rng: np.random.Generator) -> list[str]:
     chosen = sorted(rng.permutation(len(lots))[: demand.parked].tolist())
+    kinds = types.parked(len(chosen), rng)
     lines = []
     for number, lot in enumerate(lots[i] for i in chosen):
         lines += [
-            f'    <vehicle id="parked{number}" type="{PARKED}" depart="0" departPos="stop">',
+            f'    <vehicle id="parked{number}" type="{kinds[number]}" depart="0" departPos="stop">',
             f'        <route edges="{lot.edge}"/>',
             f'        <stop parkingArea="{lot.id}" duration="1000000"/>',
             "    </vehicle>",
@@ -50,17 +51,23 @@ def _parked(demand: Demand, lots: tuple[Lot, ...], rng: np.random.Generator) -> 
     return lines
 
 
-def _driving(demand: Demand, network: Any, rng: np.random.Generator) -> list[str]:
+def _driving(demand: Demand, network: Any, types: TypeTable, rng: np.random.Generator) -> list[str]:
     streets = [edge for edge in network.getEdges() if edge.allows("passenger")]
-    onward = {edge.getID(): _ways_on(edge) for edge in streets}
+    kinds = types.driving(demand.kinds, demand.driving, rng)
+    everywhere = {edge.getID(): _ways_on(edge) for edge in streets}
+    slow = _open_to_bicycles(everywhere, streets)
     taken = {edge.getID(): 0 for edge in streets}
     starts = [streets[i] for i in rng.permutation(len(streets))]
+    slow_starts = [edge for edge in starts if edge.getID() in slow] or starts
     lines = []
     for number in range(demand.driving):
-        route = _wander(starts[number % len(starts)], onward, taken, demand.duration_s * _DRIVING_PACE_MPS, rng)
+        cycles = types.is_bicycle(kinds[number])
+        onward, begin = (slow, slow_starts) if cycles else (everywhere, starts)
+        pace = _CYCLING_PACE_MPS if cycles else _DRIVING_PACE_MPS
+        route = _wander(begin[number % len(begin)], onward, taken, demand.duration_s * pace, rng)
         depart = _FIRST_S + demand.fill_s * number / demand.driving
         lines += [
-            f'    <vehicle id="veh{number}" type="{DRIVING}" depart="{depart:.1f}" departLane="best" '
+            f'    <vehicle id="veh{number}" type="{kinds[number]}" depart="{depart:.1f}" departLane="best" '
             'departPos="random_free" departSpeed="0">',
             f'        <route edges="{" ".join(route)}"/>',
             "    </vehicle>",
@@ -79,6 +86,17 @@ def _ways_on(edge: Any) -> list[Any]:
     return onward or [way for _, way in sorted(ways.items())]
 
 
+def _open_to_bicycles(onward: dict[str, list[Any]], streets: list[Any]) -> dict[str, list[Any]]:
+    """Return the ways on for bicycles: streets open to them from which they never run out of such streets."""
+    open_ = {edge.getID() for edge in streets if edge.allows("bicycle")}
+    while True:
+        ways = {name: [way for way in onward[name] if way.getID() in open_] for name in sorted(open_)}
+        stuck = {name for name, some in ways.items() if not some}
+        if not stuck:
+            return ways
+        open_ -= stuck
+
+
 def _wander(
     start: Any, onward: dict[str, list[Any]], taken: dict[str, int], length_m: float, rng: np.random.Generator
 ) -> list[str]:
@@ -93,16 +111,17 @@ def _wander(
     return route
 
 
-def _walking(demand: Demand, network: Any, rng: np.random.Generator) -> list[str]:
+def _walking(demand: Demand, network: Any, types: TypeTable, rng: np.random.Generator) -> list[str]:
     streets = [edge for edge in network.getEdges() if edge.allows("pedestrian")]
-    if not streets:
+    if not streets or demand.walking == 0:
         return []
+    kinds = types.walking(demand.walking, rng)
     middle = np.array([np.mean(edge.getShape(), axis=0)[:2] for edge in streets])
     lines = []
     for number in range(demand.walking):
         at, walked = int(rng.integers(len(streets))), 0.0
         place = rng.uniform(0, _sidewalk_length(streets[at]))
-        lines.append(f'    <person id="ped{number}" type="{WALKING}" depart="0" departPos="{place:.1f}">')
+        lines.append(f'    <person id="ped{number}" type="{kinds[number]}" depart="0" departPos="{place:.1f}">')
         while walked < demand.duration_s * _WALKING_PACE_MPS:
             away = np.linalg.norm(middle - middle[at], axis=1)
             near = np.flatnonzero((away >= _LEG_M[0]) & (away <= _LEG_M[1]))

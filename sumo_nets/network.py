@@ -8,14 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from sumo_nets.plan import Plan, Street
-from sumo_nets.polyline import densify
+from sumo_nets.plan import Plan, Street, road_of
+from sumo_nets.polyline import beside, densify
 from sumo_nets.recipe import Recipe, StreetRules
 from sumo_nets.relief import Ground
 from sumo_nets.tools import run_tool, strip_comments
 
 _LONGEST_PIECE_M = 12.0
-_MAIN_PRIORITY, _LOCAL_PRIORITY = 3, 1
 _DRIVERS = "passenger delivery truck bus motorcycle bicycle emergency taxi"
 
 
@@ -31,7 +30,8 @@ def build_network(recipe: Recipe, plan: Plan, ground: Ground, rng: np.random.Gen
     folder = net.parent
     (folder / "town.nod.xml").write_text(_nodes(recipe, plan, ground, rng), encoding="utf-8")
     (folder / "town.edg.xml").write_text(_edges(recipe, plan, ground), encoding="utf-8")
-    run_tool("netconvert", *_options(), "-o", net.name, cwd=folder)
+    (folder / "town.con.xml").write_text(_connections(plan), encoding="utf-8")
+    run_tool("netconvert", *_options(plan), "-o", net.name, cwd=folder)
     strip_comments(net)
     drape(net, ground)
 
@@ -58,12 +58,21 @@ def drape(net: Path, ground: Ground) -> None:
     net.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _options() -> Sequence[str]:
+def _options(plan: Plan) -> Sequence[str]:
     files = "--node-files town.nod.xml --edge-files town.edg.xml --offset.disable-normalization"
     walking = "--walkingareas --crossings.guess --crossings.guess.speed-threshold 17 --default.crossing-width 3"
     junctions = "--junctions.corner-detail 5 --junctions.internal-link-detail 8 --default.junctions.radius 4"
     signals = "--tls.default-type static --tls.cycle.time 60"
-    return f"{files} {walking} {junctions} {signals} --precision 3".split()
+    links = "--connection-files town.con.xml" if plan.links else ""
+    return f"{files} {links} {walking} {junctions} {signals} --precision 3".split()
+
+
+def _connections(plan: Plan) -> str:
+    lines = [
+        f'    <connection from="{link.edge}" to="{link.to_edge}" fromLane="{link.lane}" toLane="{link.to_lane}"/>'
+        for link in plan.links
+    ]
+    return "\n".join(["<connections>", *lines, "</connections>", ""])
 
 
 def _nodes(recipe: Recipe, plan: Plan, ground: Ground, rng: np.random.Generator) -> str:
@@ -73,6 +82,7 @@ def _nodes(recipe: Recipe, plan: Plan, ground: Ground, rng: np.random.Generator)
         if arms[i] == 0:
             continue
         kind = _control(int(arms[i]), int(main_arms[i]), recipe.streets, rng)
+        kind = plan.controls.get(name, kind)
         z = float(ground.height(np.array([x, y])))
         lines.append(f'    <node id="{name}" x="{x:.2f}" y="{y:.2f}" z="{z:.3f}" type="{kind}"/>')
     return "\n".join([*lines, "</nodes>", ""])
@@ -92,22 +102,25 @@ def _edges(recipe: Recipe, plan: Plan, ground: Ground) -> str:
     lines = ["<edges>"]
     for street in plan.streets:
         lines += _edge(recipe.streets, plan, ground, street, forward=True)
-        lines += _edge(recipe.streets, plan, ground, street, forward=False)
+        if not road_of(street, recipe.streets).oneway:
+            lines += _edge(recipe.streets, plan, ground, street, forward=False)
     return "\n".join([*lines, "</edges>", ""])
 
 
 def _edge(rules: StreetRules, plan: Plan, ground: Ground, street: Street, forward: bool) -> list[str]:
     start, end = (street.start, street.end) if forward else (street.end, street.start)
+    road = road_of(street, rules)
     xy = street.shape if forward else street.shape[::-1]
-    speed = (rules.main_speed_kmh if street.main else rules.local_speed_kmh) / 3.6
-    lanes = [f'allow="pedestrian" width="{rules.sidewalk_width_m}"']
+    if road.median_m > 0:
+        xy = beside(np.column_stack([xy, np.zeros(len(xy))]), road.median_m / 2)[:, :2]
+    lanes = [f'allow="pedestrian" width="{rules.sidewalk_width_m}"'] if road.sidewalk else []
     if street.parking[0 if forward else 1]:
         lanes.append(f'disallow="all" width="{rules.parking_width_m}"')
-    lanes += [f'allow="{_DRIVERS}" width="{rules.lane_width_m}"'] * (rules.main_lanes if street.main else 1)
-    names = plan.names[start], plan.names[end]
-    priority = _MAIN_PRIORITY if street.main else _LOCAL_PRIORITY
-    head = f'    <edge id="{names[0]}_{names[1]}" from="{names[0]}" to="{names[1]}" priority="{priority}"'
-    head += f' numLanes="{len(lanes)}" speed="{speed:.2f}" shape="{_points(xy, ground.height(xy))}">'
+    allowed = _DRIVERS if road.bicycles else _DRIVERS.replace(" bicycle", "")
+    lanes += [f'allow="{allowed}" width="{road.lane_width_m}"'] * road.lanes
+    head = f'    <edge id="{plan.edge(street, forward)}" from="{plan.names[start]}" to="{plan.names[end]}"'
+    head += f' priority="{road.priority}" numLanes="{len(lanes)}" speed="{road.speed_kmh / 3.6:.2f}"'
+    head += f' shape="{_points(xy, ground.height(xy))}">'
     return [head, *(f'        <lane index="{i}" {lane}/>' for i, lane in enumerate(lanes)), "    </edge>"]
 
 

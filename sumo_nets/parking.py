@@ -7,18 +7,20 @@ first steps on, and which lots stay free is the demand's choice.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from sumo_nets.plan import Plan
+from sumo_nets.plan import Plan, road_of
 from sumo_nets.recipe import StreetRules
+from sumo_nets.xml_guard import read_xml
 
 _LOT_M = (5.8, 6.8)  # shortest and longest lot: a car and room to manoeuvre
 _CLEAR_OF_JUNCTION_M = 7.0  # from the ends of the lane, for sight and turning
 _DRIVEWAY_M = 5.5  # between two bays
 _LOTS_PER_BAY = (2, 6)
-_INDEX_OF_LANE = 2  # right-most driving lane: sidewalk 0, parking strip 1
 
 
 @dataclass(frozen=True)
@@ -38,21 +40,24 @@ class Lot:
     end_m: float
 
 
-def make_parking(plan: Plan, lane_lengths: dict[str, float], rng: np.random.Generator) -> tuple[Lot, ...]:
+def make_parking(
+    plan: Plan, rules: StreetRules, lane_lengths: dict[str, float], rng: np.random.Generator
+) -> tuple[Lot, ...]:
     """Cut every parking strip into bays of a few lots with driveways between them.
 
     Args:
         plan: which streets have strips.
+        rules: how streets are cut.
         lane_lengths: length in metres of every lane of the built network.
         rng: source of bay sizes.
     """
     lots: list[Lot] = []
     for street in plan.streets:
-        ways = ((street.start, street.end), (street.end, street.start))
-        for (start, end), wanted in zip(ways, street.parking, strict=True):
+        beside = 2 if road_of(street, rules).sidewalk else 1  # lanes from the right: sidewalk, strip, driving lane
+        for forward, wanted in zip((True, False), street.parking, strict=True):
             if wanted:
-                edge = f"{plan.names[start]}_{plan.names[end]}"
-                lane = f"{edge}_{_INDEX_OF_LANE}"
+                edge = plan.edge(street, forward)
+                lane = f"{edge}_{beside}"
                 spans = _spans(lane_lengths[lane], rng)
                 lots += [Lot(f"lot_{edge}_{i}", edge, lane, *span) for i, span in enumerate(spans)]
     return tuple(lots)
@@ -80,3 +85,19 @@ def write_parking(lots: tuple[Lot, ...], rules: StreetRules) -> list[str]:
         f'roadsideCapacity="1" width="{rules.parking_width_m}"/>'
         for lot in lots
     ]
+
+
+def read_parking(paths: Iterable[Path]) -> tuple[Lot, ...]:
+    """Return the roadside lots of additional files that hold one vehicle each; areas of other kinds are left alone."""
+    areas = [area for path in paths for area in read_xml(path, "additional", "add").iter("parkingArea")]
+    return tuple(
+        Lot(
+            area.get("id", ""),
+            area.get("lane", "").rpartition("_")[0],
+            area.get("lane", ""),
+            float(area.get("startPos", "0")),
+            float(area.get("endPos", "0")),
+        )
+        for area in areas
+        if area.get("roadsideCapacity") == "1"
+    )

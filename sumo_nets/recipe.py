@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 TownStyle = Literal["village", "suburb", "urban", "industrial", "boulevard"]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -62,6 +62,23 @@ class RandomLayout(_Part):
         return [*arguments, "--rand.max-distance", str(self.spacing_m[1]), "--bidi-probability", "1"]
 
 
+class RingRoadLayout(_Part):
+    """A web of streets inside a fast ring road; arms are numbered counter-clockwise from east."""
+
+    kind: Literal["ring_road"] = "ring_road"
+    arms: int = Field(default=8, ge=3, le=20, description="radial streets of the web")
+    circles_m: tuple[float, ...] = Field(
+        default=(55.0, 115.0, 175.0), min_length=1, description="radii of the web's ring streets [m], inside out"
+    )
+    radius_m: float = Field(default=270.0, ge=120, le=2000, description="radius of the ring road's middle line [m]")
+    lanes: int = Field(default=2, ge=1, le=4, description="driving lanes of each carriageway")
+    median_m: float = Field(default=6.0, ge=1, le=40, description="distance of the two carriageways [m]")
+    speed_kmh: float = Field(default=80.0, ge=40, le=130, description="speed limit on the ring road [km/h]")
+    gates: tuple[int, ...] = Field(default=(0, 4), description="arms that meet the ring road at traffic lights")
+    ramps: tuple[int, ...] = Field(default=(2, 6), description="arms that join the inner carriageway by ramps")
+    services: tuple[int, ...] = Field(default=(2, 6), description="arms at which the outer one has a service road")
+
+
 class Relief(_Part):
     """How the ground rises and falls."""
 
@@ -84,6 +101,14 @@ class StreetRules(_Part):
     sidewalk_width_m: float = Field(default=2.2, ge=1.2, le=8, description="width of the sidewalk on each side")
     parking_width_m: float = Field(default=2.1, ge=2.0, le=3.0, description="width of the parking strip")
     parking_share: Share = Field(default=0.65, description="share of the sides of local streets with a parking strip")
+    main_parking_share: Share = Field(
+        default=0.0, description="share of the sides of main streets with a parking strip"
+    )
+    median_m: float = Field(
+        default=0.0, ge=0, le=20, description="green between the two directions of a main street [m]"
+    )
+    roundabouts: int = Field(default=0, ge=0, le=20, description="busiest junctions made roundabouts, at most")
+    roundabout_m: float = Field(default=13.0, ge=8, le=40, description="radius of a roundabout's island [m]")
     signal_share: Share = Field(
         default=0.4, description="share of four-armed main junctions with traffic lights; main crossings all have them"
     )
@@ -92,12 +117,30 @@ class StreetRules(_Part):
     )
 
 
+class KindShares(_Part):
+    """Relative frequencies of the kinds of vehicles on the move; they need not add up to 1."""
+
+    car: float = Field(default=0.80, ge=0, allow_inf_nan=False, description="passenger cars")
+    van: float = Field(default=0.08, ge=0, allow_inf_nan=False, description="vans")
+    truck: float = Field(default=0.025, ge=0, allow_inf_nan=False, description="lorries")
+    bus: float = Field(default=0.01, ge=0, allow_inf_nan=False, description="buses")
+    motorcycle: float = Field(default=0.03, ge=0, allow_inf_nan=False, description="motorcycles with riders")
+    cyclist: float = Field(default=0.055, ge=0, allow_inf_nan=False, description="bicycles with riders")
+
+    @model_validator(mode="after")
+    def _not_all_zero(self) -> Self:
+        if sum(self.model_dump().values()) <= 0:
+            raise ValueError("all shares are 0: give at least one kind a positive share")
+        return self
+
+
 class Demand(_Part):
     """Who is about."""
 
     driving: int = Field(default=100, ge=0, le=5000, description="vehicles on the move, bicycles among them")
     parked: int = Field(default=160, ge=0, le=5000, description="vehicles parked for the whole time")
     walking: int = Field(default=45, ge=0, le=5000, description="people on foot")
+    kinds: KindShares = KindShares()
     fill_s: float = Field(default=40.0, gt=0, description="time over which the vehicles enter")
     duration_s: float = Field(default=1800.0, gt=0, description="time for which the population is kept up")
 
@@ -108,7 +151,9 @@ class Recipe(_Part):
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the town's name, and its files' stem")
     style: TownStyle = Field(default="suburb", description="what the buildings and greens look like")
     seed: int = Field(default=1, ge=0, description="of every random choice")
-    layout: GridLayout | SpiderLayout | RandomLayout = Field(default=GridLayout(), discriminator="kind")
+    layout: GridLayout | SpiderLayout | RandomLayout | RingRoadLayout = Field(
+        default=GridLayout(), discriminator="kind"
+    )
     relief: Relief = Relief()
     streets: StreetRules = StreetRules()
     demand: Demand = Demand()

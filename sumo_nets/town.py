@@ -25,6 +25,7 @@ class Town:
         folder: where its files are.
         sumocfg: the configuration to start SUMO with.
         net: the network.
+        additional: further files, with vehicle types and parking areas.
         style: what it looks like, as `Streets.style`.
         streets: its geometry, world metres (x east, y north, z up).
     """
@@ -33,6 +34,7 @@ class Town:
     folder: Path
     sumocfg: Path
     net: Path
+    additional: tuple[Path, ...]
     style: str
     streets: Streets
 
@@ -51,7 +53,7 @@ def read_town(name_or_path: str | Path) -> Town:
         _try_in_sumo(net)
     style = RECIPES[name].style if built_in else "suburb"
     streets = read_streets(config.stem, net, additional, style)
-    return Town(config.stem, config.parent, config, net, style, streets)
+    return Town(config.stem, config.parent, config, net, additional, style, streets)
 
 
 def built_in_folder(name: str) -> Path:

@@ -1,0 +1,57 @@
+"""How many road users of which kinds an episode has: distributions to draw a demand from."""
+
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from assets.ranges import CountRange, Range, draw, draw_count
+from sumo_nets.recipe import Demand, KindShares
+
+
+class DemandConfig(BaseModel):
+    """Distributions of an episode's population, around what is usual in its town.
+
+    A range is written as [minimum, maximum], or as one number for a fixed value.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    driving: CountRange | None = Field(None, description="vehicles on the move; none: from driving_factor")
+    parked: CountRange | None = Field(None, description="vehicles parked; none: from parked_factor")
+    walking: CountRange | None = Field(None, description="people on foot; none: from walking_factor")
+    driving_factor: Range = Field((0.5, 1.2), description="vehicles on the move over what is usual in the town [1]")
+    parked_factor: Range = Field((0.4, 1.2), description="parked vehicles over what is usual in the town [1]")
+    walking_factor: Range = Field((0.3, 2.0), description="people on foot over what is usual in the town [1]")
+    kinds: KindShares | None = Field(None, description="mean shares of the kinds on the move; none: the town's own")
+    kind_spread: float = Field(
+        0.35, ge=0, le=3, description="standard deviation of the logarithm of each kind's share, cars aside [1]"
+    )
+
+    @model_validator(mode="after")
+    def _someone_drives(self) -> Self:
+        if self.driving is not None and self.driving[1] == 0:
+            raise ValueError("driving is 0: the ego vehicle is one of them; give at least 1")
+        return self
+
+    def draw(self, usual: Demand, rng: np.random.Generator) -> Demand:
+        """Return the population of one episode.
+
+        Args:
+            usual: the town's own demand (`RECIPES[name].demand`); its times are kept.
+            rng: source of every choice made here.
+        """
+        counts = {
+            name: draw_count(fixed, rng) if fixed is not None else round(getattr(usual, name) * draw(factor, rng))
+            for name, fixed, factor in (
+                ("driving", self.driving, self.driving_factor),
+                ("parked", self.parked, self.parked_factor),
+                ("walking", self.walking, self.walking_factor),
+            )
+        }
+        shares = (self.kinds or usual.kinds).model_dump()
+        spread = np.exp(rng.normal(0.0, self.kind_spread, len(shares)))
+        kinds = {kind: shares[kind] * (1.0 if kind == "car" else s) for kind, s in zip(shares, spread, strict=True)}
+        return usual.model_copy(update={**counts, "kinds": KindShares(**kinds)})

@@ -1,0 +1,115 @@
+"""From a layout to a street plan: main streets, bends, roundabouts, parking."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from sumo_nets.netgenerate import lay_out
+from sumo_nets.plan import Plan, Street
+from sumo_nets.recipe import Recipe, RingRoadLayout, StreetRules
+from sumo_nets.ring_road import ring_road
+from sumo_nets.roundabouts import add_roundabouts
+
+_SHAPE_STEP_M = 10.0
+_SHORTEST_PARKING_STREET_M = 55.0
+
+
+def make_plan(recipe: Recipe, rng: np.random.Generator, workshop: Path) -> Plan:
+    """Lay out a town, choose its main streets, drop some others, bend the rest and give them parking.
+
+    Args:
+        recipe: the town's recipe.
+        rng: source of every choice made here.
+        workshop: folder for netgenerate's files.
+
+    Raises:
+        TownError: netgenerate refused the layout.
+    """
+    if isinstance(recipe.layout, RingRoadLayout):
+        plan = ring_road(recipe.layout, recipe.streets)
+    else:
+        plan = lay_out(recipe, workshop)
+        plan = _mark_main(plan, recipe.streets, rng)
+    plan = _drop_streets(plan, recipe.streets, rng)
+    plan = _bend(plan, recipe.streets, rng)
+    plan = add_roundabouts(plan, recipe.streets)
+    return _add_parking(plan, recipe.streets, rng)
+
+
+def _graph(plan: Plan, streets: list[Street] | tuple[Street, ...]) -> csr_matrix:
+    n = len(plan.names)
+    a, b = np.array([(s.start, s.end) for s in streets]).T
+    length = np.linalg.norm(plan.positions[a] - plan.positions[b], axis=1)
+    return csr_matrix((length, (a, b)), shape=(n, n))
+
+
+def _mark_main(plan: Plan, rules: StreetRules, rng: np.random.Generator) -> Plan:
+    """Make the shortest ways across the town, in evenly spread directions, its main streets."""
+    main: set[tuple[int, int]] = set()
+    graph = _graph(plan, plan.streets)
+    first = rng.uniform(-0.2, 0.2)
+    for angle in first + np.pi * np.arange(rules.main_routes) / max(rules.main_routes, 1):
+        along = plan.positions @ np.array([np.cos(angle), np.sin(angle)])
+        aside = 0.7 * np.abs(plan.positions @ np.array([-np.sin(angle), np.cos(angle)]))
+        start, node = int(np.argmin(along + aside)), int(np.argmax(along - aside))
+        before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)[1]
+        while node != start:
+            main.add((min(node, int(before[node])), max(node, int(before[node]))))
+            node = int(before[node])
+    return replace(plan, streets=tuple(replace(s, main=(s.start, s.end) in main) for s in plan.streets))
+
+
+def _drop_streets(plan: Plan, rules: StreetRules, rng: np.random.Generator) -> Plan:
+    """Leave out local streets, but never cut the town in two nor make a dead end."""
+    kept = list(plan.streets)
+    arms = plan.arms()
+    to_drop = round(rules.dropped * len(kept))
+    for index in rng.permutation(len(kept)):
+        street = plan.streets[index]
+        rest = [s for s in kept if s is not street]
+        if to_drop == 0:
+            break
+        if street.main or street.road is not None or min(arms[street.start], arms[street.end]) < 3:
+            continue
+        if connected_components(_graph(plan, rest), directed=False, return_labels=False) > 1:
+            continue
+        kept = rest
+        arms[[street.start, street.end]] -= 1
+        to_drop -= 1
+    return replace(plan, streets=tuple(kept))
+
+
+def _bend(plan: Plan, rules: StreetRules, rng: np.random.Generator) -> Plan:
+    """Bow the straight local streets sideways and give every straight street closely spaced shape points."""
+    streets = []
+    for street in plan.streets:
+        if street.road is not None or len(street.shape) > 2:
+            streets.append(street)
+            continue
+        a, b = street.shape
+        length = float(np.linalg.norm(b - a))
+        along = np.linspace(0, 1, max(2, int(np.ceil(length / _SHAPE_STEP_M)) + 1))
+        bow = rng.uniform(-rules.bend_m, rules.bend_m) * min(1.0, length / 100)
+        left = np.array([a[1] - b[1], b[0] - a[0]]) / length
+        aside = (0 if street.main else bow) * np.sin(np.pi * along) ** 2
+        shape = a + along[:, None] * (b - a) + aside[:, None] * left
+        streets.append(replace(street, shape=shape))
+    return replace(plan, streets=tuple(streets))
+
+
+def _add_parking(plan: Plan, rules: StreetRules, rng: np.random.Generator) -> Plan:
+    streets = []
+    for street in plan.streets:
+        length = np.linalg.norm(np.diff(street.shape, axis=0), axis=1).sum()
+        chosen = rng.random(2) < (rules.main_parking_share if street.main else rules.parking_share)
+        if street.road is not None:
+            chosen = street.parking
+        elif length < _SHORTEST_PARKING_STREET_M:
+            chosen = (False, False)
+        streets.append(replace(street, parking=(bool(chosen[0]), bool(chosen[1]))))
+    return replace(plan, streets=tuple(streets))
