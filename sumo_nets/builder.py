@@ -18,8 +18,8 @@ from sumo_nets.parking import make_parking, write_parking
 from sumo_nets.planning import make_plan
 from sumo_nets.recipe import Recipe
 from sumo_nets.relief import make_ground
-from sumo_nets.type_table import read_types
 from sumo_nets.sumo_files import configuration, write_xml
+from sumo_nets.type_table import read_types
 from sumo_nets.vtypes import make_vtypes, write_vtypes
 
 if TYPE_CHECKING:

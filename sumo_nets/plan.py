@@ -59,7 +59,7 @@ class Street:
 
 @dataclass(frozen=True)
 class Link:
-    """A way from a lane of one edge to a lane of the next, where netconvert is not to guess; lanes count from the right."""
+    """A way from a lane of one edge to a lane of the next, not left to netconvert; lanes count from the right."""
 
     edge: str
     to_edge: str

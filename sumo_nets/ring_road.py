@@ -7,6 +7,7 @@ and from the outer one to service roads with parking.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -102,7 +103,7 @@ def _web(draft: _Draft) -> list[int]:
             along = arm * step + np.linspace(0, step, max(3, int(np.ceil(step * radius / _SHAPE_STEP_M)) + 1))
             shape = np.array([_polar(radius, angle) for angle in along])
             draft.add(Street(start, end, shape, main=number == len(rings) - 1))
-    for inner, outer in zip(rings[:-1], rings[1:], strict=True):
+    for inner, outer in itertools.pairwise(rings):
         for arm, (start, end) in enumerate(zip(inner, outer, strict=True)):
             main = arm in layout.gates or arm in layout.ramps
             draft.add(Street(start, end, np.array([draft.points[start], draft.points[end]]), main=main))

@@ -1,4 +1,4 @@
-"""`cosim towns`: lists the built-in towns, or rebuilds their SUMO files."""
+"""`cosim towns`: lists the built-in towns, rebuilds their SUMO files, or draws them all on one page."""
 
 from __future__ import annotations
 
@@ -14,27 +14,45 @@ from cosim.cli.options import add_common
 def add_command(commands: Any) -> None:
     """Describe the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "towns", help="list or rebuild the built-in towns", description=__doc__
+        "towns", help="list, rebuild or draw the built-in towns", description=__doc__
     )
-    parser.add_argument("action", nargs="?", choices=("list", "build"), default="list", help="default: list")
+    parser.add_argument("action", nargs="?", choices=("list", "build", "show"), default="list", help="default: list")
     parser.add_argument("--town", metavar="T", help="only this one")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="build here instead of in place")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="build or draw here (default: in place; out/towns)")
     add_common(parser)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """List or build."""
-    from sumo_nets import RECIPES, TownError, build_town, built_in_folder
+    """List, build or show."""
+    from sumo_nets import RECIPES, TownError
 
     if options.town is not None and options.town not in RECIPES:
         raise TownError(f"town {options.town!r} does not exist; choose one of {', '.join(RECIPES)}")
-    for name, recipe in RECIPES.items():
-        if options.town not in (None, name):
-            continue
-        if options.action == "build":
-            folder = options.out / name if options.out else built_in_folder(name)
-            build_town(recipe, folder)
-            console.print(f"{name}: built in {folder}")
-        else:
-            console.print(f"{name}: {recipe.style}, seed {recipe.seed}")
+    names = [name for name in RECIPES if options.town in (None, name)]
+    {"list": _list, "build": _build, "show": _show}[options.action](names, options.out, console)
+
+
+def _list(names: list[str], _: Path | None, console: Console) -> None:
+    from sumo_nets import RECIPES
+
+    for name in names:
+        console.print(f"{name}: {RECIPES[name].style}, {RECIPES[name].layout.kind}, seed {RECIPES[name].seed}")
+
+
+def _build(names: list[str], out: Path | None, console: Console) -> None:
+    from sumo_nets import RECIPES, build_town, built_in_folder
+
+    for name in names:
+        folder = out / name if out else built_in_folder(name)
+        build_town(RECIPES[name], folder)
+        console.print(f"{name}: built in {folder}")
+
+
+def _show(names: list[str], out: Path | None, console: Console) -> None:
+    from cosim.town_map import write_town_page
+    from sumo_nets import read_town
+
+    with console.status("drawing"):
+        page = write_town_page([read_town(name) for name in names], out or Path("out/towns"))
+    console.print(f"{len(names)} towns on {page}", soft_wrap=True)
