@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from assets import CATALOGUE, ModelSpec, Paint, draw_paint
+from assets.external import ExternalModels
+from assets.external.models import stretch
 from cosim.ground import Ground
 from cosim.traffic import Actors
 from sensors.scene import Instances
@@ -35,11 +37,13 @@ class Bridge:
     Args:
         ground: the surface to stand on.
         seed: of the drawing of models and paints.
+        external: models drawn beside the catalogue's, each as often as one of those.
     """
 
-    def __init__(self, ground: Ground, seed: int) -> None:
+    def __init__(self, ground: Ground, seed: int, external: ExternalModels | None = None) -> None:
         self._ground = ground
         self._seed = seed
+        self._external = external or ExternalModels()
         self._looks: dict[tuple[str, str], Look] = {}
 
     def place(self, actors: Actors) -> Instances:
@@ -67,7 +71,7 @@ class Bridge:
         key = (name, vtype)
         if key not in self._looks:
             rng = np.random.default_rng([self._seed, zlib.crc32(name.encode())])
-            specs = models_of_size(kind, size)
+            specs = [*models_of_size(kind, size), *self._external.of_size(kind, size)]
             spec = specs[int(rng.integers(len(specs)))]
             scale = tuple(float(wanted / own) for wanted, own in zip(size, spec.size_m, strict=True))
             self._looks[key] = Look(spec, scale, draw_paint(kind, rng))
@@ -117,5 +121,4 @@ def models_of_size(kind: str, size: np.ndarray) -> list[ModelSpec]:
     exact = [spec for spec in same_kind if np.abs(np.subtract(spec.size_m, size)).max() < _SAME_SIZE_M]
     if exact:
         return exact
-    stretch = [np.abs(np.log(np.divide(size, spec.size_m))).max() for spec in same_kind]
-    return [same_kind[int(np.argmin(stretch))]]
+    return [min(same_kind, key=lambda spec: stretch(spec, size))]

@@ -31,6 +31,9 @@ class RunConfig(BaseModel):
     record_every_s: float = Field(1.0, gt=0, le=600, description="simulated time between frames [s]")
     label_range_m: float = Field(80.0, gt=0, le=500, description="beyond this, objects become DontCare [m]")
     min_label_pixels: int = Field(20, ge=1, description="fewer visible pixels than this give no label")
+    external_vehicles: Path | None = Field(
+        None, description="folder of vehicle meshes with a vehicles.yaml, drawn beside the built-in models"
+    )
     store_hits: bool = Field(True, description="keep hits/, from which sensor variants can be made again")
     colour_image: bool = Field(True, description="render image_2 in colour")
     backend: Literal["osmesa", "egl"] = Field("osmesa", description="how images are rendered")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from assets import MATERIALS, Mesh, build_model
+from assets.external import load_external
 from assets.world import build_world
 from cosim.bridge import Bridge
 from cosim.config import RunConfig
@@ -50,7 +51,8 @@ class Recorder:
         self._config = config
         self._sensor = sensor
         self._writer = writer
-        self._models: dict[str, Mesh] = {}
+        external = load_external(config.external_vehicles)
+        self._models: dict[str, Mesh] = dict(external.meshes)
         self._written_models: set[str] = set()
 
         world = build_world(town.streets, config.seed)
@@ -58,7 +60,7 @@ class Recorder:
         self._calibration = Calibration(**vars(KITTI_CALIBRATION))
         self._lidar_pose_ego = lidar_pose_ego()
         self._cameras = {name: camera for name, camera in kitti_cameras(KITTI_CALIBRATION).items() if name in _CAMERAS}
-        self._bridge = Bridge(Ground(world.ground), config.seed)
+        self._bridge = Bridge(Ground(world.ground), config.seed, external)
         self._scene = Scene(world.mesh, self._model, threads)
         self._tracer = Tracer(sensor.pattern.rays(), sensor.pattern.range_m)
         self._labeller = Labeller(

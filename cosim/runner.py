@@ -15,6 +15,7 @@ from typing import Any
 
 import yaml
 
+from assets.external import load_external
 from cosim.config import RunConfig
 from cosim.drive_writer import DriveWriter
 from cosim.episode import EpisodePlan, plan_episodes
@@ -70,12 +71,13 @@ def run(
 
     Raises:
         CosimError: the folder, the town, the sensor or the disk refuses; frames already written stay.
-        TownError, SensorError, CameraError: likewise.
+        AssetError, TownError, SensorError, CameraError: likewise.
     """
     if workers < 1:
         raise RunError(f"workers is {workers}; give 1 or more")
     sensor = load_sensor(config.sensor)
     read_town(config.town)
+    load_external(config.external_vehicles)
     writer = DriveWriter(folder)
     if not writer.open(_settings(config)):
         done = frozenset(writer.manifest())

@@ -1,0 +1,116 @@
+"""A folder of foreign vehicles as models that stand beside those of the catalogue."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from assets.errors import AssetError
+from assets.external.axles import find_axles
+from assets.external.manifest import VehicleEntry, read_manifest
+from assets.external.material_words import sort_material
+from assets.external.reading import MeshFile, read_mesh_file
+from assets.external.standing import stand
+from assets.mesh import Mesh
+from assets.models.catalogue import CATALOGUE, Body, Kind, ModelSpec
+from assets.shapes import clean
+
+_LOG = logging.getLogger(__name__)
+_OTHERWISE = "car_paint"  # the largest surface of a vehicle
+_BODIES: dict[Kind, Body] = {
+    "car": "saloon",
+    "van": "van",
+    "truck": "truck",
+    "bus": "bus",
+    "motorcycle": "motorcycle",
+    "cyclist": "bicycle",
+    "pedestrian": "pedestrian",
+}
+MOST_STRETCH = 1.25
+
+
+@dataclass(frozen=True, eq=False)
+class ExternalModels:
+    """Foreign models by name; `ExternalModels()` holds none.
+
+    Attributes:
+        specs: name → what the catalogue would say of it; the box is that of the mesh.
+        meshes: name → mesh in our frame, its bounds exactly the box of the spec, materials of our table.
+    """
+
+    specs: Mapping[str, ModelSpec] = field(default_factory=dict)
+    meshes: Mapping[str, Mesh] = field(default_factory=dict)
+
+    def of_size(self, kind: str, size_m: np.ndarray) -> list[ModelSpec]:
+        """Models of a kind that reach a size (3,) with every side stretched or shrunk by at most a quarter."""
+        return [
+            spec for spec in self.specs.values() if spec.kind == kind and stretch(spec, size_m) <= np.log(MOST_STRETCH)
+        ]
+
+
+def stretch(spec: ModelSpec, size_m: np.ndarray) -> float:
+    """How much the side of a model that changes most must change to reach a size: |ln(size / own)|."""
+    return float(np.abs(np.log(np.divide(size_m, spec.size_m))).max())
+
+
+def load_external(folder: Path | None) -> ExternalModels:
+    """All vehicles of a folder with a `vehicles.yaml`; none if there is no folder.
+
+    Raises:
+        AssetError: the manifest or a mesh cannot be used; the line names the file.
+    """
+    if folder is None:
+        return ExternalModels()
+    specs, meshes = {}, {}
+    for entry in read_manifest(folder):
+        content = read_mesh_file(folder, entry.file)
+        mesh = _build(content, entry, folder / entry.file)
+        specs[entry.name], meshes[entry.name] = _spec(entry, mesh), mesh
+        if not any(
+            stretch(spec, np.array(specs[entry.name].size_m)) <= np.log(MOST_STRETCH)
+            for spec in CATALOGUE.values()
+            if spec.kind == entry.kind
+        ):
+            _LOG.warning("%s: no %s in the traffic is within a quarter of its size: never seen", entry.file, entry.kind)
+    return ExternalModels(specs, meshes)
+
+
+def _build(content: MeshFile, entry: VehicleEntry, file: Path) -> Mesh:
+    parts, unsorted = [], set()
+    for part, mesh in zip(content.parts, stand(content, entry, file), strict=True):
+        material = entry.materials.get(part.names[0]) or next(filter(None, map(sort_material, part.names)), None)
+        if material is None:
+            unsorted.add(next(filter(None, part.names), "without a name"))
+        parts.append(Mesh.of(mesh.vertices, mesh.faces, material or _OTHERWISE))
+    if unsorted:
+        _LOG.warning(
+            "%s: materials taken for body paint: %s; name them under materials: if they are not",
+            *(file, ", ".join(sorted(unsorted))),
+        )
+    whole = clean(Mesh.merge(parts))
+    if not len(whole.faces):
+        raise AssetError(f"{file}: all its faces are without area; export it again")
+    return whole
+
+
+def _spec(entry: VehicleEntry, mesh: Mesh) -> ModelSpec:
+    length, width, height = (float(side) for side in np.ptp(mesh.bounds, axis=0))
+    axles = find_axles(mesh, entry.kind)
+    walks = entry.kind == "pedestrian"
+    return ModelSpec(
+        name=entry.name,
+        kind=entry.kind,
+        body=_BODIES[entry.kind],
+        length_m=length,
+        width_m=width,
+        height_m=height,
+        wheelbase_m=0.0 if walks else axles.front_x_m - axles.rear_x_m,
+        front_axle_x_m=axles.front_x_m,
+        rear_axle_x_m=axles.rear_x_m,
+        track_m=axles.track_m,
+        variant=0,
+    )
