@@ -28,11 +28,11 @@ _VILLAGE_WITH_ROUNDABOUTS = Recipe(
     name="town02",
     style="village",
     seed=23,
-    layout=GridLayout(columns=5, rows=4, spacing_m=130, jitter_m=20),
+    layout=GridLayout(columns=5, rows=4, spacing_m=130, jitter_m=14),
     relief=Relief(range_m=9),
     streets=StreetRules(
-        dropped=0.2,
-        bend_m=16,
+        dropped=0.13,
+        bend_m=15,
         main_lanes=1,
         main_routes=2,
         signal_share=0,
@@ -86,7 +86,9 @@ _RING_ROAD = Recipe(
     seed=6,
     layout=RingRoadLayout(),
     relief=Relief(range_m=6),
-    streets=StreetRules(dropped=0.1, bend_m=0, main_lanes=2, main_speed_kmh=60, parking_share=0.6, signal_share=0.4),
+    streets=StreetRules(
+        dropped=0.06, bend_m=0, main_lanes=2, main_speed_kmh=60, parking_share=0.85, signal_share=0
+    ),
     demand=Demand(driving=130, parked=120, walking=35, kinds=KindShares(truck=0.05)),
 )
 
@@ -95,8 +97,8 @@ _HILLS = Recipe(
     style="suburb",
     seed=7,
     layout=SpiderLayout(arms=6, circles=4, spacing_m=78),
-    relief=Relief(range_m=34, waves=4, wavelength_m=(420.0, 800.0), max_grade=0.079),
-    streets=StreetRules(dropped=0.22, bend_m=22, main_lanes=1, main_routes=2, parking_share=0.5, signal_share=0.2),
+    relief=Relief(range_m=40, waves=3, wavelength_m=(500.0, 900.0), max_grade=0.079),
+    streets=StreetRules(dropped=0.15, bend_m=14, main_lanes=1, main_routes=2, parking_share=0.5, signal_share=0.2),
     demand=Demand(driving=80, parked=130, walking=35),
 )
 
@@ -107,7 +109,7 @@ _INDUSTRY = Recipe(
     layout=GridLayout(columns=4, rows=5, spacing_m=165, jitter_m=7),
     relief=Relief(range_m=3),
     streets=StreetRules(
-        dropped=0.2,
+        dropped=0.1,
         bend_m=5,
         lane_width_m=3.5,
         main_lanes=2,

@@ -117,24 +117,24 @@ def _stops(draft: _Draft, rims: list[int], arm: int, side: int) -> list[tuple[fl
     if arm in layout.gates:
         return [(side * middle % (2 * np.pi), *[_gate(draft, rims[arm], arm)] * 2)]
     if side < 0 and arm in layout.ramps:
-        end = draft.node(f"P{arm}", layout.radius_m - _RAMP_DEPTH_M - layout.median_m, middle, "priority")
+        end = draft.node(f"end{arm}", layout.radius_m - _RAMP_DEPTH_M - layout.median_m, middle, "priority")
         draft.add(Street(rims[arm], end, _straight(draft, rims[arm], end), main=True))
-        return [_interchange(draft, f"I{arm}", middle, side, end, end)]
+        return [_interchange(draft, f"in{arm}", middle, side, end, end)]
     if side > 0 and arm in layout.services:
         radius = layout.radius_m + _RAMP_DEPTH_M
         half = _SERVICE_M / 2 / radius
-        first, last = (draft.node(f"S{arm}{k}", radius, middle + t, "priority") for k, t in (("a", -half), ("b", half)))
+        first, last = (draft.node(f"service{arm}{k}", radius, middle + t, "priority") for k, t in (("a", -half), ("b", half)))
         road = Road(1, 4.0, 30.0, RAMP_PRIORITY, sidewalk=False, oneway=True)
         at = middle + np.linspace(-half, half, 8)
         shape = np.array([_polar(radius, angle) for angle in at])
         draft.add(Street(first, last, shape, parking=(True, False), road=road))
-        return [_interchange(draft, f"O{arm}", middle, side, first, last)]
+        return [_interchange(draft, f"out{arm}", middle, side, first, last)]
     return []
 
 
 def _gate(draft: _Draft, rim: int, arm: int) -> int:
     """Add, or find again, the signalled junction where a main street meets the ring."""
-    name = f"G{arm}"
+    name = f"gate{arm}"
     if name in draft.names:
         return draft.names.index(name)
     gate = draft.node(name, draft.layout.radius_m, 2 * np.pi * arm / draft.layout.arms, "traffic_light")

@@ -33,7 +33,7 @@ def heights(streets: Streets, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return the ground's height in metres on a grid over a rectangle, first axis east, second north."""
     points = np.concatenate([lane.centre for lane in streets.lanes])
     points = points[:: max(1, len(points) // _MOST_SAMPLES)]
-    surface = RBFInterpolator(points[:, :2], points[:, 2], neighbors=24, smoothing=1.0, kernel="linear")
+    surface = RBFInterpolator(points[:, :2], points[:, 2], neighbors=48, smoothing=1.0, kernel="linear")
     x, y = (np.linspace(low[k], high[k], _CELLS) for k in (0, 1))
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     return surface(grid).reshape(_CELLS, _CELLS)
