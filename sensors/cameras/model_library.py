@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,9 +13,10 @@ from assets.mesh import Mesh
 from sensors.cameras.baking import bake_hollows
 from sensors.cameras.buffers import InstanceBuffer, MeshBuffer, back_faces
 from sensors.cameras.closed import closed_faces
+from sensors.cameras.detail import CELLS_M, coarsened, level_of
 from sensors.cameras.occlusion import box_corners
 from sensors.cameras.packing import drawable, pack
-from sensors.cameras.projection import spheres_inside
+from sensors.cameras.projection import View, spheres_inside
 
 if TYPE_CHECKING:
     from sensors.scene import Instances
@@ -25,7 +27,6 @@ class _Model:
     buffer: MeshBuffer
     closed: slice  # faces of closed surfaces
     rest: slice  # all other faces
-    bounds: np.ndarray  # (2, 3) corners of the box, model axes [m]
 
 
 class ModelLibrary:
@@ -33,7 +34,8 @@ class ModelLibrary:
 
     def __init__(self, load: Callable[[str], Mesh]) -> None:
         self._load = load
-        self._models: dict[str, _Model] = {}
+        self._models: dict[tuple[str, int], _Model] = {}
+        self._bounds: dict[str, np.ndarray] = {}
         self._instances = InstanceBuffer()
 
     def in_view(self, instances: Instances, planes: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -46,7 +48,7 @@ class ModelLibrary:
         """
         if not len(instances.models):
             return np.zeros(0, np.int64), np.zeros((0, 8, 3))
-        bounds = np.stack([self._model(name).bounds for name in instances.models])
+        bounds = np.stack([self._box(name) for name in instances.models])
         poses = np.asarray(instances.poses, np.float64)
         local = box_corners(bounds * np.asarray(instances.scales, np.float64)[:, None])
         corners = np.einsum("nij,nkj->nki", poses[:, :3, :3], local) + poses[:, None, :3, 3]
@@ -56,35 +58,43 @@ class ModelLibrary:
         rows = rows[np.argsort(np.linalg.norm(centre[rows] - eye, axis=1), kind="stable")]
         return rows, corners[rows]
 
-    def draw(self, instances: Instances, rows: np.ndarray, camera_from_world: np.ndarray) -> None:
+    def draw(self, instances: Instances, rows: np.ndarray, view: View) -> None:
         """Draw some instances; instance k carries number k + 1, and the program must be in use.
 
         Args:
             instances: everything that moves.
             rows: (k,) which to draw.
-            camera_from_world: (4, 4) float64.
+            view: the camera.
         """
         if not len(rows):
             return
-        names, group = np.unique([instances.models[row] for row in rows], return_inverse=True)
-        order = np.argsort(group, kind="stable")
-        rows, group = rows[order], group[order]
-        self._instances.fill(_instance_matrices(instances, rows, camera_from_world))
-        edges = np.searchsorted(group, np.arange(len(names) + 1)).tolist()
-        groups = [(self._models[name], slice(*edges[k : k + 2])) for k, name in enumerate(names)]
+        matrices = _instance_matrices(instances, rows, view.camera_from_world)
+        levels = level_of(matrices[:, 2, 3], view.focal_px).tolist()
+        kinds = [(instances.models[row], level) for row, level in zip(rows, levels, strict=True)]
+        order = sorted(range(len(kinds)), key=kinds.__getitem__)
+        self._instances.fill(matrices[order])
+        groups, start = [], 0
+        for kind, members in groupby(order, key=kinds.__getitem__):
+            stop = start + len(list(members))
+            groups.append((self._model(*kind), slice(start, stop)))
+            start = stop
         with back_faces(drawn=False):
             for model, members in groups:
                 model.buffer.draw_instances(model.closed, members)
         for model, members in groups:
             model.buffer.draw_instances(model.rest, members)
 
-    def _model(self, name: str) -> _Model:
-        if name not in self._models:
-            self._models[name] = self._loaded(self._load(name))
-        return self._models[name]
+    def _box(self, name: str) -> np.ndarray:
+        if name not in self._bounds:
+            self._bounds[name] = self._load(name).bounds.astype(np.float64)
+        return self._bounds[name]
+
+    def _model(self, name: str, level: int) -> _Model:
+        if (name, level) not in self._models:
+            self._models[name, level] = self._loaded(coarsened(self._load(name), CELLS_M[level]))
+        return self._models[name, level]
 
     def _loaded(self, mesh: Mesh) -> _Model:
-        bounds = mesh.bounds.astype(np.float64)
         mesh = drawable(mesh)
         closed = closed_faces(mesh)
         order = np.argsort(~closed, kind="stable")
@@ -94,7 +104,6 @@ class ModelLibrary:
             MeshBuffer(pack(sorted_mesh, bake_hollows(sorted_mesh)), self._instances),
             slice(0, n_closed),
             slice(n_closed, len(order)),
-            bounds,
         )
 
 

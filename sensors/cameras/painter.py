@@ -82,7 +82,7 @@ class Painter:
     def _draw_instances(self, view: View, instances: Instances, rows: np.ndarray) -> None:
         if len(rows):
             self._surface_program(view, INSTANCED=1)
-            self._models.draw(instances, rows, view.camera_from_world)
+            self._models.draw(instances, rows, view)
 
     def _surface_program(self, view: View, **defines: int) -> ShaderProgram:
         light, rotation = self._light, view.camera_from_world[:3, :3]

@@ -19,6 +19,7 @@ class View:
         planes: (6, 4) float64 frustum planes, world axes.
         eye: (3,) float64 centre of camera 0, world axes [m].
         near_m: near plane [m].
+        focal_px: the longer focal length.
     """
 
     camera_from_world: np.ndarray
@@ -26,6 +27,7 @@ class View:
     planes: np.ndarray
     eye: np.ndarray
     near_m: float
+    focal_px: float
 
     @classmethod
     def of(cls, pose: np.ndarray, P: np.ndarray, size_px: tuple[int, int], range_m: tuple[float, float]) -> View:
@@ -33,7 +35,8 @@ class View:
         pose = np.asarray(pose, np.float64)
         clip = clip_matrix(P, *size_px, range_m[0])
         inverse = np.linalg.inv(pose)
-        return cls(inverse, clip, frustum_planes(clip @ inverse, range_m[1]), pose[:3, 3].copy(), range_m[0])
+        planes = frustum_planes(clip @ inverse, range_m[1])
+        return cls(inverse, clip, planes, pose[:3, 3].copy(), range_m[0], float(max(P[0][0], P[1][1])))
 
 
 def clip_matrix(P: np.ndarray, width: int, height: int, near_m: float) -> np.ndarray:

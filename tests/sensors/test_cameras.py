@@ -11,9 +11,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from assets import build_model
 from assets.mesh import Mesh
 from sensors.cameras import CameraError, CameraRenderer, Light, bake_sun_shadows
 from sensors.cameras.baking import bake_hollows
+from sensors.cameras.detail import CELLS_M, coarsened, level_of
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 300.0
 P = np.array([[FOCAL, 0, 150.3, 0], [0, FOCAL, 118.7, 0], [0, 0, 1, 0]])
@@ -318,3 +320,18 @@ def test_a_missing_library_is_named_with_its_remedy():
         "except CameraError as error: print(error)\n"
     )
     assert "apt-get install libosmesa6" in done.stdout and done.stdout.count("\n") == 1, done.stderr
+
+
+@pytest.mark.parametrize("name", ["hatchback_01", "truck_01", "bicycle_01"])
+@pytest.mark.parametrize("cell_m", CELLS_M[1:])
+def test_a_coarser_model_keeps_its_outline_to_a_cell(name, cell_m):
+    mesh = build_model(name)
+    coarse = coarsened(mesh, cell_m)
+    assert len(coarse.faces) < len(mesh.faces) * (0.6 if cell_m < 0.2 else 0.35)
+    np.testing.assert_allclose(coarse.bounds, mesh.bounds, atol=cell_m)
+    assert (coarse.normals**2).sum(1) == pytest.approx(1, abs=1e-3)
+
+
+def test_detail_falls_where_cells_shrink_below_pixels():
+    levels = level_of(np.array([5.0, 40.0, 60.0, 100.0, 150.0, 390.0]), focal_px=721.5)
+    assert levels.tolist() == [0, 0, 1, 1, 2, 2]
