@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from assets.materials import material_column
 from sensors.bvh import Bvh
 from sensors.hits import NOTHING, RANGE_STEP_M, STATIC, Hits, Surface
 from sensors.motion import EgoMotion, moved_poses, yaw_matrices
@@ -111,19 +110,24 @@ def shoot(
             place = (instances.poses[row, :3, 3] - centre).astype(np.float32)
             offset = place + instances.velocity_mps[row].astype(np.float32) * time_s[:, None] - start
             along = np.einsum("ij,ij->i", offset, direction)
-            aside = np.einsum("ij,ij->i", offset, offset) - along * np.abs(along)
+            aside = np.einsum("ij,ij->i", offset, offset) - np.maximum(along, 0) ** 2
             beams = np.flatnonzero((aside < radius**2) & (along < reach + radius))
             meet_instance(scene, instances, row, beams, start, direction, centre, time_s, reach, solid, pane)
     return solid.surface(0.0)
 
 
 def meet_static(
-    static: Bvh, start: np.ndarray, direction: np.ndarray, centre: np.ndarray, reach: np.float32, solid, pane
+    static: Bvh,
+    start: np.ndarray,
+    direction: np.ndarray,
+    centre: np.ndarray,
+    reach: np.float32,
+    solid: Nearest,
+    pane: Nearest,
 ) -> None:
     """Offer the static world to all rays; behind panes they go on."""
     if static.is_empty:
         return
-    is_glass = material_column("kind") == "glass"
     start = start + centre.astype(np.float32)
     beams = np.arange(len(start))
     travelled = np.zeros(len(start), np.float32)
@@ -135,7 +139,7 @@ def meet_static(
         hit = triangle >= 0
         beams, travelled, triangle = beams[hit], (travelled + step)[hit], triangle[hit]
         code, material = static.packed_normal[triangle], static.material[triangle]
-        glass = is_glass[material]
+        glass = static.is_glass[triangle]
         solid.offer(beams[~glass], travelled[~glass], code[~glass], material[~glass], STATIC)
         beams, travelled = beams[glass], travelled[glass]
         if number == 0:
@@ -172,17 +176,22 @@ def meet_instance(
 
     origin, onward = carry(start[beams] - place), carry(direction[beams])
     limit = np.minimum(solid.distance[beams], reach)
-    for bvh, nearest in ((model.opaque, solid), (model.glass, pane)):
-        if bvh.is_empty:
-            continue
-        distance, triangle = bvh.first_hit(origin, onward, limit)
-        limit = np.minimum(limit, distance)
-        hit = np.flatnonzero(triangle >= 0)
-        normal = bvh.normal[triangle[hit]] @ unscaled
+    distance, triangle = model.whole.first_hit(origin, onward, limit)
+    hit = triangle >= 0
+    glass = hit & model.whole.is_glass[triangle]
+    behind = np.flatnonzero(glass)
+    step, inner = model.opaque.first_hit(origin[behind], onward[behind], limit[behind])
+    met = (
+        (pane, model.whole, behind, distance[behind], triangle[behind]),
+        (solid, model.whole, np.flatnonzero(hit & ~glass), distance[hit & ~glass], triangle[hit & ~glass]),
+        (solid, model.opaque, behind[inner >= 0], step[inner >= 0], inner[inner >= 0]),
+    )
+    for nearest, bvh, rays, at, face in met:
+        normal = bvh.normal[face] @ unscaled
         if not still:
-            normal = np.einsum("nji,nj->ni", turn[hit], normal)
+            normal = np.einsum("nji,nj->ni", turn[rays], normal)
         code = encode_normals(normal).view(np.int32).reshape(-1)
-        nearest.offer(beams[hit], distance[hit], code, bvh.material[triangle[hit]], row)
+        nearest.offer(beams[rays], at, code, bvh.material[face], row)
 
 
 class Nearest:

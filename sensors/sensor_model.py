@@ -1,16 +1,27 @@
-"""A sensor: a beam pattern and the effects that make it real, read from a small file."""
+"""A sensor: a beam pattern and the effects that make it real."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 import yaml
 
+from sensors.beams import Beams
+from sensors.effects.acting import Streams, act_on_beams, act_on_returns
+from sensors.effects.base import Effect
 from sensors.errors import SensorError
 from sensors.hits import Hits
-from sensors.pattern import Pattern, load_pattern, pattern_names
+from sensors.motion import EgoMotion
+from sensors.pattern import Pattern
 from sensors.point_cloud import PointCloud, bare_returns
+from sensors.rays import Rays
+from sensors.returns import Returns
+from sensors.scene import Instances, Scene
+from sensors.shot import Shot, returns_of
+from sensors.world import Traced, TracerCache, World
 
 
 @dataclass(frozen=True)
@@ -19,47 +30,128 @@ class SensorModel:
 
     Attributes:
         pattern: its beams.
+        effects: its physics; they act in the order of their phases.
+        origin: where it was read, for messages.
     """
 
     pattern: Pattern
+    effects: tuple[Effect, ...] = ()
+    origin: str = ""
 
-    def measure(self, hits: Hits) -> PointCloud:
-        """The points it reports of traced hits."""
-        return bare_returns(hits)
+    @property
+    def needs_new_rays(self) -> bool:
+        """Whether stored hits do not suffice: `trace_and_measure` then takes the place of `measure`."""
+        return any(effect.needs_new_rays for effect in self.effects)
+
+    def measure(self, hits: Hits, rng: np.random.Generator | None = None) -> PointCloud:
+        """The points it reports of traced hits.
+
+        Args:
+            hits: of this pattern's nominal beams.
+            rng: for effects that draw; the same generator gives the same points.
+
+        Raises:
+            SensorError: an effect needs new rays, or a user's effect breaks the rules.
+        """
+        if not self.effects:
+            return bare_returns(hits)
+        returns, shot = self.measure_returns(hits, rng)
+        return _points(returns, shot.rays)
+
+    def measure_returns(self, hits: Hits, rng: np.random.Generator | None = None) -> tuple[Returns, Shot]:
+        """What `measure` makes points of, with the beam of each return."""
+        new = [effect.name for effect in self.effects if effect.needs_new_rays]
+        if new:
+            raise SensorError(f"sensor {self.origin}: {', '.join(new)} cannot be made from stored hits; trace again")
+        shot = Shot(self.pattern, hits.rays, traced=Traced(hits))
+        return act_on_returns(self._ordered, returns_of(hits), shot, Streams(_given(rng)), self.origin), shot
+
+    def trace_and_measure(
+        self,
+        scene: Scene,
+        pose: np.ndarray,
+        instances: Instances,
+        ego: EgoMotion,
+        rng: np.random.Generator | None = None,
+    ) -> PointCloud:
+        """The points it reports of a scene, traced with its true beams.
+
+        Args:
+            scene: what there is.
+            pose: (4, 4) nominal world pose of the LiDAR at the pose time.
+            instances: what moves, at the pose time.
+            ego: the vehicle that carries the LiDAR, and its motion.
+            rng: for effects that draw.
+
+        Raises:
+            SensorError: a user's effect breaks the rules.
+        """
+        returns, shot = self.trace_returns(scene, pose, instances, ego, rng)
+        return _points(returns, shot.rays)
+
+    def trace_returns(
+        self,
+        scene: Scene,
+        pose: np.ndarray,
+        instances: Instances,
+        ego: EgoMotion,
+        rng: np.random.Generator | None = None,
+    ) -> tuple[Returns, Shot]:
+        """What `trace_and_measure` makes points of, with the beam of each return."""
+        world = World(scene, pose, instances, ego, self.pattern.range_m, self._tracers)
+        streams = Streams(_given(rng))
+        before = Shot(self.pattern, self._rays, world=world)
+        beams = act_on_beams(self._ordered, Beams.nominal(self._rays), before, streams, self.origin)
+        traced = world.trace(beams)
+        shot = Shot(self.pattern, beams.rays, beams=beams, traced=traced, world=world)
+        return act_on_returns(self._ordered, returns_of(traced.hits), shot, streams, self.origin), shot
 
     def to_yaml(self) -> str:
         """The sensor file; it names the pattern, which is stored beside it."""
-        return yaml.safe_dump({"pattern": self.pattern.name, "effects": []}, sort_keys=False)
+        effects = [{"effect": e.source or e.name, **e.model_dump(mode="json")} for e in self.effects]
+        values = {"pattern": self.pattern.name, "effects": effects}
+        return yaml.safe_dump(values, sort_keys=False, allow_unicode=True, width=110)
+
+    @cached_property
+    def _ordered(self) -> tuple[Effect, ...]:
+        return tuple(sorted(self.effects, key=lambda effect: effect.phase))
+
+    @cached_property
+    def _rays(self) -> Rays:
+        return self.pattern.rays()
+
+    @cached_property
+    def _tracers(self) -> TracerCache:
+        return TracerCache(self.pattern.range_m)
 
 
 def load_sensor(name_or_path: str | Path) -> SensorModel:
-    """A sensor from its file, or a bare one from the name of a pattern.
+    """A sensor from its file, a built-in one by name, or a bare one from the name of a pattern.
 
     Raises:
-        SensorError: no such file or pattern, an unknown key or effect.
+        SensorError: no such file, sensor or pattern; an unknown key or effect; a parameter out of bounds.
     """
-    text = str(name_or_path)
-    if text in pattern_names():
-        return SensorModel(load_pattern(text))
-    path = Path(text)
-    if not path.is_file():
-        raise SensorError(
-            f"sensor {text!r} does not exist; give the path of a sensor file or a pattern: {', '.join(pattern_names())}"
-        )
-    try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise SensorError(f"sensor {path} cannot be read: {' '.join(str(error).split())}") from error
-    if not isinstance(values, dict) or not isinstance(values.get("pattern"), str):
-        raise SensorError(f"sensor {path} names no pattern; write `pattern: hdl64e`")
-    unknown = sorted(set(values) - {"pattern", "effects"})
-    if unknown:
-        raise SensorError(f"sensor {path}: unknown key {unknown[0]!r}; use pattern and effects")
-    effects = values.get("effects") or []
-    if not isinstance(effects, list):
-        raise SensorError(f"sensor {path}: effects is {effects!r}; give a list")
-    if effects:
-        named = effects[0].get("effect", effects[0]) if isinstance(effects[0], dict) else effects[0]
-        raise SensorError(f"sensor {path}: effect {named!r} is unknown; remove it")
-    beside = path.parent / values["pattern"]
-    return SensorModel(load_pattern(beside if beside.is_file() else values["pattern"]))
+    from sensors.sensor_file import read_sensor
+
+    return read_sensor(str(name_or_path))
+
+
+def _given(rng: np.random.Generator | None) -> np.random.Generator:
+    return np.random.default_rng(0) if rng is None else rng
+
+
+def _points(returns: Returns, rays: Rays) -> PointCloud:
+    """Points at the reported optical centre + measured range × nominal direction."""
+    beam = returns.beam
+    xyz = rays.direction.take(beam, axis=0) * returns.range_m[:, None]
+    xyz += rays.origin.take(beam, axis=0)
+    return PointCloud(
+        xyz=xyz,
+        intensity=returns.intensity.astype(np.float32),
+        ring=rays.ring.take(beam),
+        azimuth=rays.azimuth.take(beam),
+        time_s=rays.time_s.take(beam),
+        return_no=returns.return_no,
+        instance=returns.instance,
+        material=returns.material,
+    )

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sensors.effects.beams import Beams
+from sensors.beams import Beams
 from sensors.hits import Hits, Surface
 from sensors.motion import EgoMotion, instances_at
 from sensors.motion_tracing import MotionTracer, shoot

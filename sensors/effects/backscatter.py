@@ -1,0 +1,49 @@
+"""Drops of fog and rain answer before the target does."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from sensors.effects.base import ScanEffect, number
+from sensors.effects.phases import Phase
+from sensors.returns import Returns
+from sensors.shot import Shot
+
+_INTENSITY = 0.02
+
+
+class Backscatter(ScanEffect):
+    """Per beam and metre, hazard density·e^(−r/mean_range) from the nearest measurable range on; the nearest echo wins.
+
+    Also beams that meet nothing may answer. Intensity is 0.02 ± 20 %.
+    """
+
+    name: ClassVar = "backscatter"
+    phase: ClassVar = Phase.BACKSCATTER
+    channel: ClassVar = "spurious"
+    also: ClassVar = ("drop", "range", "intensity")
+    equation: ClassVar = "h(r) = density·exp(−r/mean_range)"
+    reference: ClassVar = "Goodin et al.: Predicting the influence of rain on LIDAR in ADAS, Electronics 2019"
+    confusable_with: ClassVar = ("false_alarms",)
+    repeatable: ClassVar = True
+    example: ClassVar = {"density_per_m": 0.02, "mean_range_m": 6.0}
+    neutral: ClassVar = {"density_per_m": 0.0, "mean_range_m": 6.0}
+
+    density_per_m: float = number("chance of an echo per metre, at range 0", unit="1/m", ge=0, le=10)
+    mean_range_m: float = number("how far drops are seen", unit="m", ge=0.1, le=1000)
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """Returns with drops in front of them."""
+        beams = len(shot.rays)
+        hazard, brightness = rng.exponential(size=beams), rng.normal(1, 0.2, beams).clip(0, 2)
+        near, far = shot.pattern.range_m
+        # ∫ h dr from `near` to r equals a unit exponential at the first echo.
+        total = self.density_per_m * self.mean_range_m
+        left = np.exp(-near / self.mean_range_m) - hazard / max(total, 1e-12)
+        echo = np.where(left > 0, -self.mean_range_m * np.log(np.maximum(left, 1e-300)), np.inf)
+        nearest = np.full(beams, far, np.float32)
+        np.minimum.at(nearest, returns.beam, returns.range_m)
+        beam = np.flatnonzero(echo < nearest)
+        return returns.replacing_beams(Returns.spurious(beam, echo[beam], _INTENSITY * brightness[beam]))

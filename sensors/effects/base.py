@@ -1,0 +1,160 @@
+"""What an effect is: validated parameters, what it acts on, and what it can be mistaken for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, get_args, get_origin
+
+import numpy as np
+from annotated_types import Ge, Le
+from pydantic import BaseModel, ConfigDict, Field
+
+from sensors.beams import Beams
+from sensors.effects.phases import Channel, Phase, Stage
+from sensors.pattern import Pattern
+from sensors.returns import Returns
+from sensors.shot import Shot
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect, as `cosim effects` shows it and as fits need it.
+
+    Attributes:
+        name: key in a sensor file.
+        unit: of its values; empty for pure numbers.
+        low, high: bounds, or None where it has none.
+        description: one sentence.
+        per_ring: a list with one value a laser.
+        choices: allowed words, for parameters that are no numbers.
+    """
+
+    name: str
+    unit: str
+    low: float | None
+    high: float | None
+    description: str
+    per_ring: bool
+    choices: tuple[str, ...] = ()
+
+
+class Effect(BaseModel):
+    """One physical effect: a frozen set of parameters and a law. Subclass one of the four stages below.
+
+    Class attributes:
+        name: key in sensor files.
+        stage: what it acts on: beams, echoes, points or the whole scan.
+        phase: when it acts.
+        channel: what it is about; `also`: further channels it cannot but touch.
+        equation: the law, in one line.
+        reference: where the law comes from.
+        confusable_with: effects whose traces in data look alike.
+        needs_new_rays: cannot be made from stored hits.
+        repeatable: may stand in a sensor file more than once.
+        example: parameters that show it.
+        neutral: parameters that do nothing, the start of fits; None where there are none.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    name: ClassVar[str]
+    stage: ClassVar[Stage]
+    phase: ClassVar[Phase]
+    channel: ClassVar[Channel]
+    also: ClassVar[tuple[Channel, ...]] = ()
+    equation: ClassVar[str] = ""
+    reference: ClassVar[str] = ""
+    confusable_with: ClassVar[tuple[str, ...]] = ()
+    needs_new_rays: ClassVar[bool] = False
+    repeatable: ClassVar[bool] = False
+    example: ClassVar[dict[str, Any]] = {}
+    neutral: ClassVar[dict[str, Any] | None] = None
+    source: ClassVar[str] = ""  # where a user's effect was loaded from, as sensor files name it
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        """Its parameters in order."""
+        return tuple(_parameter(name, info) for name, info in cls.model_fields.items())
+
+    def check(self, pattern: Pattern) -> None:
+        """Raise ValueError where the parameters do not fit the beam pattern."""
+        for parameter in self.parameters():
+            count = len(getattr(self, parameter.name)) if parameter.per_ring else pattern.rings
+            if count != pattern.rings:
+                raise ValueError(
+                    f"{parameter.name} has {count} entries but pattern {pattern.name} has {pattern.rings} lasers; "
+                    "give one a laser"
+                )
+
+
+class BeamEffect(Effect):
+    """Changes the beams before they are traced."""
+
+    stage: ClassVar[Stage] = "beam"
+    phase: ClassVar[Phase] = Phase.OWN_BEAM
+    needs_new_rays: ClassVar[bool] = True
+
+    def apply(self, beams: Beams, shot: Shot, rng: np.random.Generator) -> Beams:
+        """The changed beams; as many as before."""
+        raise NotImplementedError
+
+
+class EchoEffect(Effect):
+    """Decides which surfaces answer, how strongly, and whether that is noticed."""
+
+    stage: ClassVar[Stage] = "echo"
+    phase: ClassVar[Phase] = Phase.OWN_ECHO
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """The changed returns; rows may go, or be replaced by those of other surfaces."""
+        raise NotImplementedError
+
+
+class PointEffect(Effect):
+    """Changes ranges and intensities of returns, and never their number."""
+
+    stage: ClassVar[Stage] = "point"
+    phase: ClassVar[Phase] = Phase.OWN_POINT
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """The changed returns; as many as before."""
+        raise NotImplementedError
+
+
+class ScanEffect(Effect):
+    """Adds returns that no surface gave, or removes returns."""
+
+    stage: ClassVar[Stage] = "scan"
+    phase: ClassVar[Phase] = Phase.OWN_SCAN
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """The changed returns, sorted by beam."""
+        raise NotImplementedError
+
+
+def number(description: str, *, unit: str = "", ge: float | None = None, le: float | None = None) -> Any:
+    """A required number of an effect, with its unit and bounds."""
+    return Field(description=description, ge=ge, le=le, json_schema_extra={"unit": unit})
+
+
+def per_ring(description: str, *, unit: str = "") -> Any:
+    """A required list with one value a laser; bounds stand in the item's type."""
+    return Field(description=description, min_length=1, max_length=256, json_schema_extra={"unit": unit})
+
+
+def bounded(low: float, high: float) -> Any:
+    """The type of a list of numbers between two bounds."""
+    return tuple[Annotated[float, Field(ge=low, le=high)], ...]
+
+
+def _parameter(name: str, info: Any) -> Parameter:
+    marks, annotation = list(info.metadata), info.annotation
+    per_laser = get_origin(annotation) is tuple
+    if per_laser:
+        item = get_args(annotation)[0]
+        marks = [mark for field in get_args(item)[1:] for mark in field.metadata] if get_args(item) else []
+    low: Any = next((m.ge for m in marks if isinstance(m, Ge)), None)
+    high: Any = next((m.le for m in marks if isinstance(m, Le)), None)
+    words = get_args(annotation) if annotation is not None and not per_laser else ()
+    unit = str((info.json_schema_extra or {}).get("unit", ""))
+    return Parameter(name, unit, low, high, info.description or "", per_laser, tuple(str(word) for word in words))

@@ -1,0 +1,51 @@
+"""A beam is not a line: its footprint meets several surfaces at an edge."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from sensors.effects.base import EchoEffect, number
+from sensors.effects.footprint import FOOTPRINT, strongest_echo
+from sensors.effects.phases import Phase
+from sensors.returns import Returns
+from sensors.shot import Shot, returns_of
+
+
+class BeamDivergence(EchoEffect):
+    """Five rays sample the footprint; those whose echoes lie closer than c·τ/2 merge into one.
+
+    The strongest merged echo answers: its range is the mean weighted by signal (a mixed pixel at edges), its
+    intensity the sum over the part of the footprint it fills.
+    """
+
+    name: ClassVar = "beam_divergence"
+    phase: ClassVar = Phase.DIVERGENCE
+    channel: ClassVar = "range"
+    also: ClassVar = ("intensity", "drop")
+    equation: ClassVar = "R = Σ wᵢρᵢRᵢ / Σ wᵢρᵢ over echoes closer than c·τ/2"
+    reference: ClassVar = "Wagner et al.: Gaussian decomposition of full-waveform lidar, ISPRS J. 2006"
+    confusable_with: ClassVar = ("range_noise", "incidence_bias")
+    needs_new_rays: ClassVar = True
+    example: ClassVar = {"divergence_mrad": 6.0, "pulse_ns": 6.0}
+    neutral: ClassVar = {"divergence_mrad": 0.0, "pulse_ns": 6.0}
+
+    divergence_mrad: float = number("full angle of the beam", unit="mrad", ge=0, le=50)
+    pulse_ns: float = number("τ, length of the pulse", unit="ns", ge=0, le=1000)
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """Returns of whole footprints."""
+        if self.divergence_mrad == 0:
+            return returns
+        if shot.world is None or shot.beams is None:
+            raise ValueError("the footprint is new rays; measure with trace_and_measure")
+        samples = [returns]
+        for number_, (up, left) in enumerate(FOOTPRINT[1:]):
+            radius = self.divergence_mrad / 2000
+            flat = np.hypot(shot.beams.direction[:, 0], shot.beams.direction[:, 1])
+            aside = shot.beams.turned(left * radius / np.maximum(flat, 1e-3)).raised(up * radius)
+            traced = shot.world.trace(replace(aside, rays=shot.beams.rays), slot=f"footprint {number_}")
+            samples.append(returns_of(traced.hits))
+        return strongest_echo(samples, len(shot.rays), pulse_m=self.pulse_ns * 0.299792458 / 2)

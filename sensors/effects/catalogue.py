@@ -1,0 +1,86 @@
+"""All built-in effects of a LiDAR."""
+
+from __future__ import annotations
+
+from sensors.effects.atmospheric_extinction import AtmosphericExtinction
+from sensors.effects.backscatter import Backscatter
+from sensors.effects.base import Effect
+from sensors.effects.beam_divergence import BeamDivergence
+from sensors.effects.blooming import Blooming
+from sensors.effects.detection_threshold import DetectionThreshold
+from sensors.effects.dual_block import DualBlock
+from sensors.effects.elevation_offset import ElevationOffset
+from sensors.effects.encoder_eccentricity import EncoderEccentricity
+from sensors.effects.false_alarms import FalseAlarms
+from sensors.effects.focal_response import FocalResponse
+from sensors.effects.glass_transmission import GlassTransmission
+from sensors.effects.incidence_bias import IncidenceBias
+from sensors.effects.incidence_falloff import IncidenceFalloff
+from sensors.effects.intensity_floor import IntensityFloor
+from sensors.effects.intensity_noise import IntensityNoise
+from sensors.effects.intensity_quantization import IntensityQuantization
+from sensors.effects.max_range import MaxRange
+from sensors.effects.mirror_ghost import MirrorGhost
+from sensors.effects.mount_rotation import MountRotation
+from sensors.effects.mount_translation import MountTranslation
+from sensors.effects.paint_gloss import PaintGloss
+from sensors.effects.random_dropout import RandomDropout
+from sensors.effects.range_bias import RangeBias
+from sensors.effects.range_falloff import RangeFalloff
+from sensors.effects.range_noise import RangeNoise
+from sensors.effects.range_quantization import RangeQuantization
+from sensors.effects.range_scale import RangeScale
+from sensors.effects.range_walk import RangeWalk
+from sensors.effects.retroreflection import Retroreflection
+from sensors.effects.ring_elevation import RingElevation
+from sensors.effects.ring_gain import RingGain
+from sensors.effects.ring_range_offset import RingRangeOffset
+from sensors.effects.suspension_pitch import SuspensionPitch
+from sensors.effects.sweep_motion import SweepMotion
+from sensors.effects.time_offset import TimeOffset
+from sensors.effects.wet_road import WetRoad
+
+BUILT_IN: dict[str, type[Effect]] = {
+    effect.name: effect
+    for effect in sorted(
+        (
+            AtmosphericExtinction,
+            Backscatter,
+            BeamDivergence,
+            Blooming,
+            DetectionThreshold,
+            DualBlock,
+            ElevationOffset,
+            EncoderEccentricity,
+            FalseAlarms,
+            FocalResponse,
+            GlassTransmission,
+            IncidenceBias,
+            IncidenceFalloff,
+            IntensityFloor,
+            IntensityNoise,
+            IntensityQuantization,
+            MaxRange,
+            MirrorGhost,
+            MountRotation,
+            MountTranslation,
+            PaintGloss,
+            RandomDropout,
+            RangeBias,
+            RangeFalloff,
+            RangeNoise,
+            RangeQuantization,
+            RangeScale,
+            RangeWalk,
+            Retroreflection,
+            RingElevation,
+            RingGain,
+            RingRangeOffset,
+            SuspensionPitch,
+            SweepMotion,
+            TimeOffset,
+            WetRoad,
+        ),
+        key=lambda effect: effect.phase,
+    )
+}

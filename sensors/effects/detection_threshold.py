@@ -1,0 +1,34 @@
+"""Weak returns are missed, the weaker the more often."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from sensors.effects.base import EchoEffect, number
+from sensors.effects.phases import Phase
+from sensors.returns import Returns
+from sensors.shot import Shot
+
+
+class DetectionThreshold(EchoEffect):
+    """Kept with probability 1/(1 + e^(−(I − threshold)/softness)), I in 0–1."""
+
+    name: ClassVar = "detection_threshold"
+    phase: ClassVar = Phase.THRESHOLD
+    channel: ClassVar = "drop"
+    equation: ClassVar = "P(kept) = 1/(1 + exp(−(I − threshold)/softness))"
+    reference: ClassVar = "Richmond, Cain: Direct-Detection LADAR Systems, SPIE 2010, ch. 3"
+    confusable_with: ClassVar = ("random_dropout", "max_range", "atmospheric_extinction")
+    example: ClassVar = {"threshold": 0.2, "softness": 0.02}
+    neutral: ClassVar = {"threshold": 0.0, "softness": 0.0001}
+
+    threshold: float = number("intensity that is kept every other time", ge=0, le=1)
+    softness: float = number("width of the change from lost to kept", ge=0.0001, le=1)
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """The returns that are noticed."""
+        excess = (returns.intensity - self.threshold) / self.softness
+        kept = 1 / (1 + np.exp(-np.clip(excess, -50, 50)))
+        return returns.take(shot.per_return(returns, rng.random((2, len(shot.rays)))) < kept)

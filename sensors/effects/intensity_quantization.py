@@ -1,0 +1,33 @@
+"""Intensities are stored in steps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from sensors.effects.base import PointEffect, number
+from sensors.effects.phases import Phase
+from sensors.returns import Returns
+from sensors.shot import Shot
+
+
+class IntensityQuantization(PointEffect):
+    """I clipped to 0–1, then rounded to the nearest step; KITTI's is 0.01, 8 bit is 1/255."""
+
+    name: ClassVar = "intensity_quantization"
+    phase: ClassVar = Phase.ROUNDING
+    channel: ClassVar = "intensity"
+    equation: ClassVar = "step·round(clip(I, 0, 1)/step)"
+    reference: ClassVar = "Geiger et al.: Vision meets robotics, IJRR 2013; steps measured on its files"
+    confusable_with: ClassVar = ("intensity_noise", "intensity_floor")
+    example: ClassVar = {"step": 0.1}
+    neutral: ClassVar = None
+
+    step: float = number("step", ge=0.0001, le=0.5)
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """Rounded intensities."""
+        steps = np.rint(returns.intensity / self.step)
+        return replace(returns, intensity=np.minimum(steps * self.step, 1).astype(np.float32))

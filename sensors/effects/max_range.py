@@ -1,0 +1,33 @@
+"""Dark surfaces are seen less far."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from sensors.effects.base import EchoEffect, number
+from sensors.effects.phases import Phase
+from sensors.returns import Returns
+from sensors.shot import Shot
+
+
+class MaxRange(EchoEffect):
+    """Kept while R ≤ range·√(ρ/0.1), ρ the bare reflectance: data sheets state the range on a target of 10 %."""
+
+    name: ClassVar = "max_range"
+    phase: ClassVar = Phase.MAX_RANGE
+    channel: ClassVar = "drop"
+    equation: ClassVar = "kept while R ≤ range·√(ρ/0.1)"
+    reference: ClassVar = "Velodyne and Ouster data sheets; signal ∝ ρ/R² for targets wider than the beam"
+    confusable_with: ClassVar = ("detection_threshold", "atmospheric_extinction")
+    example: ClassVar = {"range_m": 30.0}
+    neutral: ClassVar = {"range_m": 1000.0}
+
+    range_m: float = number("range on a target of 10 % reflectance", unit="m", ge=1, le=1000)
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """The returns within reach."""
+        return returns.take(
+            returns.range_m <= np.float32(self.range_m) * np.sqrt(returns.reflectance / np.float32(0.1))
+        )

@@ -1,0 +1,58 @@
+"""The order in which effects act."""
+
+from __future__ import annotations
+
+from enum import IntEnum, auto
+from typing import Literal
+
+Stage = Literal["beam", "echo", "point", "scan", "label", "traffic"]
+Channel = Literal["range", "range_variance", "intensity", "intensity_variance", "drop", "spurious", "pose"]
+
+
+class Phase(IntEnum):
+    """When an effect acts; effects are sorted by it, whatever their order in the sensor file.
+
+    `OWN_…` phases are where a user's effect acts unless it chooses another.
+    """
+
+    MOUNT = auto()
+    ELEVATION = auto()
+    AZIMUTH = auto()
+    BLOCKS = auto()
+    SWEEP = auto()
+    TIME = auto()
+    SUSPENSION = auto()
+    OWN_BEAM = auto()
+    DIVERGENCE = auto()
+    WET_ROAD = auto()
+    GLASS = auto()
+    GHOST = auto()
+    GLOSS = auto()
+    INCIDENCE = auto()
+    RANGE_FALLOFF = auto()
+    EXTINCTION = auto()
+    FOCAL_RESPONSE = auto()
+    RING_GAIN = auto()
+    RETRO = auto()
+    OWN_ECHO = auto()
+    DETECTOR_FLOOR = auto()
+    THRESHOLD = auto()
+    DROPOUT = auto()
+    MAX_RANGE = auto()
+    RANGE_BIAS = auto()
+    RANGE_SCALE = auto()
+    RING_OFFSET = auto()
+    RANGE_WALK = auto()
+    INCIDENCE_BIAS = auto()
+    OWN_POINT = auto()
+    INTENSITY_NOISE = auto()
+    RANGE_NOISE = auto()
+    BACKSCATTER = auto()
+    FALSE_ALARMS = auto()
+    BLOOMING = auto()
+    OWN_SCAN = auto()
+    ROUNDING = auto()
+
+
+CLIP_BEFORE = (Phase.THRESHOLD, Phase.INTENSITY_NOISE, Phase.ROUNDING)
+"""Intensity is clipped to 0–1 before the first effect at or after each of these, and at the end."""

@@ -1,0 +1,31 @@
+"""Returns are lost for no reason that shows."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from sensors.effects.base import EchoEffect, number
+from sensors.effects.phases import Phase
+from sensors.returns import Returns
+from sensors.shot import Shot
+
+
+class RandomDropout(EchoEffect):
+    """Each return is lost with the same probability, independently."""
+
+    name: ClassVar = "random_dropout"
+    phase: ClassVar = Phase.DROPOUT
+    channel: ClassVar = "drop"
+    equation: ClassVar = "P(lost) = probability"
+    reference: ClassVar = "Manivasagam et al.: LiDARsim, CVPR 2020, section 4.2"
+    confusable_with: ClassVar = ("detection_threshold",)
+    example: ClassVar = {"probability": 0.2}
+    neutral: ClassVar = {"probability": 0.0}
+
+    probability: float = number("share of returns lost", ge=0, le=1)
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """The returns that are left."""
+        return returns.take(shot.per_return(returns, rng.random((2, len(shot.rays)))) >= self.probability)

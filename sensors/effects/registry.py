@@ -1,0 +1,119 @@
+"""Finds effects by name: built-in ones, installed ones, and those in a user's own file."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import sys
+from difflib import get_close_matches
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from sensors.effects.base import BeamEffect, EchoEffect, Effect, PointEffect, ScanEffect
+from sensors.effects.catalogue import BUILT_IN
+from sensors.errors import SensorError
+
+GROUP = "cosim.effects"
+_STAGES = (BeamEffect, EchoEffect, PointEffect, ScanEffect)
+_ELSEWHERE = {
+    "box_shrink": "label",
+    **dict.fromkeys(
+        (
+            "speeding",
+            "short_gap",
+            "lane_offset",
+            "lane_changing",
+            "u_turns",
+            "parked_pull_out",
+            "imperfection",
+            "reaction_time",
+        ),
+        "traffic",
+    ),
+}
+
+
+def effect_classes() -> dict[str, type[Effect]]:
+    """All built-in and installed effects by name, in the order in which they act.
+
+    Raises:
+        SensorError: an installed one does not load or takes a built-in name.
+    """
+    classes = dict(BUILT_IN)
+    for entry in entry_points(group=GROUP):
+        try:
+            loaded = entry.load()
+        except Exception as error:
+            raise SensorError(f"effect {entry.value}: {_told(error)}; mend or uninstall it") from error
+        found = _checked(loaded, entry.value)
+        if found.name in classes:
+            raise SensorError(f"effect {entry.value} takes the name {found.name!r}, which is in use; rename it")
+        classes[found.name] = found
+    return dict(sorted(classes.items(), key=lambda item: item[1].phase))
+
+
+def find_effect(text: str, folder: Path = Path()) -> type[Effect]:
+    """The effect of a name, or of `path.py:ClassName` relative to `folder`.
+
+    Raises:
+        SensorError: no such effect; a file that does not load or holds no effect of that name.
+    """
+    if ".py:" in text:
+        return _from_file(text, folder)
+    classes = effect_classes()
+    if text in classes:
+        return classes[text]
+    if text in _ELSEWHERE:
+        raise SensorError(
+            f"effect {text!r} is of the {_ELSEWHERE[text]} stage and no part of a sensor; "
+            f"name it under {_ELSEWHERE[text]} in the run's configuration"
+        )
+    close = get_close_matches(text, classes, n=3, cutoff=0.5)
+    hint = f"did you mean {' or '.join(close)}?" if close else "`cosim effects` lists all"
+    raise SensorError(f"effect {text!r} is unknown; {hint}")
+
+
+def _from_file(text: str, folder: Path) -> type[Effect]:
+    file, _, name = text.rpartition(":")
+    path = (folder / file).resolve()
+    if not path.is_file():
+        raise SensorError(f"effect {text!r}: file {path} does not exist; give its path relative to the sensor file")
+    # Pydantic looks annotations up in the module's entry of sys.modules.
+    module_name = f"cosim_effect_{hashlib.sha256(path.read_bytes() + bytes(path)).hexdigest()[:16]}"
+    module = sys.modules.get(module_name)
+    if module is None:
+        spec = importlib.util.spec_from_file_location(module_name, path)
+        assert spec is not None and spec.loader is not None  # a .py file always has a loader
+        module = sys.modules[module_name] = importlib.util.module_from_spec(spec)
+        try:
+            spec.loader.exec_module(module)
+        except Exception as error:
+            del sys.modules[module_name]
+            raise SensorError(f"effect {text!r}: {path} does not load: {_told(error)}; mend the file") from error
+    if not hasattr(module, name):
+        raise SensorError(f"effect {text!r}: {path} holds no {name!r}; name one of its classes after the colon")
+    found = _checked(getattr(module, name), text)
+    found.source = f"{path}:{name}"
+    return found
+
+
+def _checked(found: object, origin: str) -> type[Effect]:
+    """The class, if it keeps the rules of effects."""
+    base = next((stage for stage in _STAGES if isinstance(found, type) and issubclass(found, stage)), None)
+    if base is None or not isinstance(found, type) or not issubclass(found, Effect):
+        names = ", ".join(stage.__name__ for stage in _STAGES)
+        raise SensorError(f"effect {origin}: is no sensor effect; derive the class from one of {names}")
+    if found.stage != base.stage:
+        raise SensorError(
+            f"effect {origin}: stage {found.stage!r} but derived from {base.__name__}; "
+            f"leave out `stage` or derive it from the class of that stage"
+        )
+    if not isinstance(getattr(found, "name", None), str) or not hasattr(found, "channel"):
+        raise SensorError(f"effect {origin}: lacks `name` or `channel`; write `name: ClassVar = ...` in the class")
+    if found.apply is base.apply:  # type: ignore[attr-defined]
+        raise SensorError(f"effect {origin}: has no `apply`; define it as {base.__name__} says")
+    return found
+
+
+def _told(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"

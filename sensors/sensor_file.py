@@ -1,0 +1,106 @@
+"""Sensor files: `pattern:` and a list of `effects:`."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from sensors.effects.base import Effect
+from sensors.effects.registry import find_effect
+from sensors.errors import SensorError
+from sensors.pattern import Pattern, first_problem, load_pattern, pattern_names
+from sensors.sensor_model import SensorModel
+
+_MODELS = files("sensors") / "models"
+_KEYS = ("pattern", "effects")
+
+
+def model_names() -> list[str]:
+    """Names of the built-in sensors."""
+    return sorted(item.name.removesuffix(".yaml") for item in _MODELS.iterdir() if item.name.endswith(".yaml"))
+
+
+def read_sensor(text: str) -> SensorModel:
+    """A bare sensor of a pattern's name, a built-in sensor by name, or one from a file.
+
+    Raises:
+        SensorError: see `load_sensor`.
+    """
+    if text in pattern_names():
+        return SensorModel(load_pattern(text), origin=text)
+    if text in model_names():
+        return parse_sensor((_MODELS / f"{text}.yaml").read_text(encoding="utf-8"), origin=text, folder=Path())
+    path = Path(text)
+    if not path.is_file():
+        raise SensorError(
+            f"sensor {text!r} does not exist; give the path of a sensor file, a sensor "
+            f"({', '.join(model_names())}) or a pattern ({', '.join(pattern_names())})"
+        )
+    try:
+        content = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SensorError(f"sensor {path} cannot be read: {' '.join(str(error).split())}") from error
+    return parse_sensor(content, origin=text, folder=path.parent)
+
+
+def parse_sensor(content: str, *, origin: str, folder: Path) -> SensorModel:
+    """A sensor from the text of its file; paths in it are relative to `folder`.
+
+    Raises:
+        SensorError: the text breaks the format.
+    """
+    try:
+        values = yaml.safe_load(content)
+    except yaml.YAMLError as error:
+        raise SensorError(f"sensor {origin} cannot be read: {' '.join(str(error).split())}") from error
+    if not isinstance(values, dict) or not isinstance(values.get("pattern"), str):
+        raise SensorError(f"sensor {origin} names no pattern; write `pattern: hdl64e`")
+    unknown = sorted(str(key) for key in set(values) - set(_KEYS))
+    if unknown:
+        raise SensorError(f"sensor {origin}: unknown key {unknown[0]!r}; use pattern and effects")
+    beside = folder / values["pattern"]
+    pattern = load_pattern(beside if beside.is_file() else values["pattern"])
+    entries = values.get("effects") or []
+    if not isinstance(entries, list):
+        raise SensorError(f"sensor {origin}: effects is {entries!r}; give a list")
+    effects = tuple(parse_effect(entry, origin=origin, folder=folder, pattern=pattern) for entry in entries)
+    _check_doubles(effects, origin)
+    return SensorModel(pattern, effects, origin)
+
+
+def parse_effect(entry: Any, *, origin: str, folder: Path, pattern: Pattern) -> Effect:
+    """One effect from `{effect: NAME, parameter: value, …}`.
+
+    Raises:
+        SensorError: unknown effect, unknown or missing parameter, value out of bounds or unfit for the pattern.
+    """
+    if isinstance(entry, str):
+        entry = {"effect": entry}
+    if not isinstance(entry, dict) or not isinstance(entry.get("effect"), str):
+        raise SensorError(f"sensor {origin}: {entry!r} names no effect; write `{{effect: NAME, parameter: value}}`")
+    name = entry["effect"]
+    try:
+        kind = find_effect(name, folder)
+    except SensorError as error:
+        raise SensorError(f"sensor {origin}: {error}") from error
+    try:
+        effect = kind.model_validate({key: value for key, value in entry.items() if key != "effect"})
+        effect.check(pattern)
+    except ValidationError as error:
+        known = ", ".join(kind.model_fields) or "none"
+        raise SensorError(f"sensor {origin}: effect {name}: {first_problem(error)}; parameters: {known}") from error
+    except ValueError as error:
+        raise SensorError(f"sensor {origin}: effect {name}: {error}") from error
+    return effect
+
+
+def _check_doubles(effects: tuple[Effect, ...], origin: str) -> None:
+    seen: set[str] = set()
+    for effect in effects:
+        if effect.name in seen and not effect.repeatable:
+            raise SensorError(f"sensor {origin}: effect {effect.name} is listed twice; list it once with its total")
+        seen.add(effect.name)

@@ -1,0 +1,112 @@
+"""What effects may know of one revolution beyond the returns themselves."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from assets.materials import material_column
+from sensors.beams import Beams
+from sensors.hits import NOTHING, Hits
+from sensors.normals import dot_with_normals
+from sensors.pattern import Pattern
+from sensors.rays import Rays
+from sensors.returns import Returns
+from sensors.world import Traced, World
+
+
+class Shot:
+    """One revolution over one scene.
+
+    Attributes:
+        pattern: the beam pattern.
+        rays: the n beams as the sensor reports them, LiDAR axes.
+        beams: how they really left; None before they are traced, and where only stored hits are at hand.
+        traced: what they met; None before they are traced.
+        world: shoots new rays; None where only stored hits are at hand.
+    """
+
+    def __init__(
+        self,
+        pattern: Pattern,
+        rays: Rays,
+        *,
+        beams: Beams | None = None,
+        traced: Traced | None = None,
+        world: World | None = None,
+    ) -> None:
+        self.pattern = pattern
+        self.rays = rays
+        self.beams = beams
+        self.traced = traced
+        self.world = world
+
+    @property
+    def hits(self) -> Hits:
+        """What the beams met."""
+        return self._traced.hits
+
+    @cached_property
+    def panes(self) -> Returns:
+        """The pane of glass in front of what each beam met, where there is one; intensity 0."""
+        return returns_of(self.hits, "pane")
+
+    @cached_property
+    def block(self) -> np.ndarray:
+        """Optical block of each beam, (n,) int."""
+        return np.array(self.pattern.block)[self.rays.ring]
+
+    def cos_incidence(self, returns: Returns) -> np.ndarray:
+        """Cosine between beams and the faces they met, (m,) float32 in 0–1; 0 where no surface stands."""
+        cos = dot_with_normals(returns.normal_code, self._traced.direction.take(returns.beam, axis=0))
+        return np.where(returns.instance == NOTHING, np.float32(0), np.minimum(np.abs(cos), np.float32(1)))
+
+    def points_in_world(self, returns: Returns) -> np.ndarray:
+        """Where the beams met their surfaces, (m, 3) float64 world axes, before range errors."""
+        origin, direction = self._traced.origin[returns.beam], self._traced.direction[returns.beam]
+        return origin + direction * returns.range_m.astype(np.float64)[:, None]
+
+    def direction_in_world(self, returns: Returns) -> np.ndarray:
+        """True directions of the returns' beams, (m, 3) float32 world axes."""
+        return self._traced.direction[returns.beam]
+
+    def time_s(self, returns: Returns) -> np.ndarray:
+        """Instants at which the returns' beams saw the world, (m,) float32 from the pose time."""
+        return np.broadcast_to(self._traced.time_s, len(self.rays))[returns.beam]
+
+    def per_return(self, returns: Returns, draw: np.ndarray) -> np.ndarray:
+        """Values (m,) out of a draw (2, n): its row is the return's number, so a beam's fate is its own."""
+        return draw[np.minimum(returns.return_no, 1), returns.beam]
+
+    def is_material(self, attribute: str, returns: Returns) -> np.ndarray:
+        """(m,) bool: whether the surface's material has `retro`, `metal`, `road` or `paint`."""
+        return material_column(attribute)[returns.material] & (returns.instance >= -1)
+
+    @property
+    def _traced(self) -> Traced:
+        if self.traced is None:
+            raise ValueError("beams have not been traced at this stage; use an echo, point or scan effect")
+        return self.traced
+
+
+def returns_of(hits: Hits, layer: str = "solid") -> Returns:
+    """Every solid surface met, or every first pane, with its bare reflectance as intensity."""
+    if layer == "solid":
+        beam = np.flatnonzero(hits.solid.exists).astype(np.int32)
+        surface = hits.solid.take(beam)
+        intensity = reflectance = hits.reflectance(surface)
+    else:
+        beam, surface = hits.pane_beam, hits.pane
+        reflectance = hits.reflectance(surface)
+        intensity = np.zeros(len(beam), np.float32)
+    return Returns(
+        beam=beam,
+        range_m=surface.range_m,
+        intensity=intensity,
+        reflectance=reflectance,
+        normal_code=surface.normal_code,
+        material=surface.material,
+        instance=surface.instance,
+        return_no=np.zeros(len(beam), np.uint8),
+    )
