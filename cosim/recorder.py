@@ -22,7 +22,9 @@ from cosim.traffic import Actors
 from cosim.twin import Camera, Ego, Instance, Lidar, TwinFrame, encode_glb, format_materials
 from sensors.cameras import KITTI_CALIBRATION, CameraRenderer, Images, Light, bake_sun_shadows, kitti_cameras
 from sensors.cameras.kitti_rig import lidar_pose_ego
+from sensors.hits import Hits
 from sensors.hits_file import encode_hits
+from sensors.motion import EgoMotion
 from sensors.point_cloud import PointCloud
 from sensors.scene import Instances, Scene
 from sensors.sensor_model import SensorModel
@@ -88,13 +90,13 @@ class Recorder:
         lidar_pose = ego_pose @ self._lidar_pose_ego
 
         hits = self._tracer.trace(self._scene, lidar_pose, others)
-        cloud = self._sensor.measure(hits)
+        twin = self._twin(name, actors, row, others, ego_pose)
+        cloud = self._measure(name, hits, lidar_pose, others, twin.ego)
         left, colour = (
             self._renderer.render(ego_pose @ camera.pose, camera.P, others) for camera in self._cameras.values()
         )
         labels = self._labeller.label(others, lidar_pose, colour.instance)
 
-        twin = self._twin(name, actors, row, others, ego_pose)
         oxts = Oxts.from_motion(ego_pose, twin.ego.velocity_mps, twin.ego.yaw_rate_radps, twin.ego.acceleration_mps2)
         files = self._files(name, cloud, left, colour, labels, twin, oxts)
         if self._config.store_hits:
@@ -116,6 +118,13 @@ class Recorder:
     def close(self) -> None:
         """Free the renderer."""
         self._renderer.close()
+
+    def _measure(self, name: str, hits: Hits, lidar_pose: np.ndarray, others: Instances, ego: Ego) -> PointCloud:
+        rng = np.random.default_rng([self._config.seed, int(name)])
+        if not self._sensor.needs_new_rays:
+            return self._sensor.measure(hits, rng)
+        motion = EgoMotion(ego.pose, ego.velocity_mps, ego.yaw_rate_radps, ego.acceleration_mps2)
+        return self._sensor.trace_and_measure(self._scene, lidar_pose, others, motion, rng)
 
     def _files(
         self, name: str, cloud: PointCloud, left: Images, colour: Images, labels: Labels, twin: TwinFrame, oxts: Oxts

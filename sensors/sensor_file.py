@@ -62,14 +62,21 @@ def parse_sensor(content: str, *, origin: str, folder: Path) -> SensorModel:
     unknown = sorted(str(key) for key in set(values) - set(_KEYS))
     if unknown:
         raise SensorError(f"sensor {origin}: unknown key {unknown[0]!r}; use pattern and effects")
-    beside = folder / values["pattern"]
-    pattern = load_pattern(beside if beside.is_file() else values["pattern"])
+    pattern = _pattern(values["pattern"], folder)
     entries = values.get("effects") or []
     if not isinstance(entries, list):
         raise SensorError(f"sensor {origin}: effects is {entries!r}; give a list")
     effects = tuple(parse_effect(entry, origin=origin, folder=folder, pattern=pattern) for entry in entries)
     _check_doubles(effects, origin)
     return SensorModel(pattern, effects, origin)
+
+
+def _pattern(name: str, folder: Path) -> Pattern:
+    """The pattern of a name or path; drives hold their own beside the sensor file as `pattern.yaml`."""
+    for beside in (folder / name, folder / "pattern.yaml"):
+        if beside.is_file() and (beside.name == Path(name).name or load_pattern(beside).name == name):
+            return load_pattern(beside)
+    return load_pattern(name)
 
 
 def parse_effect(entry: Any, *, origin: str, folder: Path, pattern: Pattern) -> Effect:
