@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from OpenGL.error import GLError
-from pyrender import OffscreenRenderer, Renderer
-from pyrender.shader_program import ShaderProgram, ShaderProgramCache
 
+from sensors.cameras import windowless  # noqa: F401 — before pyrender
 from sensors.cameras.errors import CameraError
+
+from pyrender import OffscreenRenderer, Renderer  # isort: skip
+from pyrender.shader_program import ShaderProgram, ShaderProgramCache  # isort: skip
 
 SHADER_DIR = Path(__file__).parent / "shaders"
 

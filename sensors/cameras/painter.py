@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from OpenGL import GL
-from pyrender.shader_program import ShaderProgram
 
 from assets.mesh import Mesh
-from sensors.cameras.context import open_context
+from sensors.cameras.context import ShaderProgram, open_context
 from sensors.cameras.light import Light
 from sensors.cameras.model_library import ModelLibrary
 from sensors.cameras.occlusion import Horizon, box_corners
