@@ -1,5 +1,6 @@
 """The static world of a town: ground, streets, buildings, plants and furniture."""
 
 from assets.world.build import World, build_world
+from assets.world.environment import PROP_KINDS, Environment, EnvironmentConfig, PropDensities
 
-__all__ = ["World", "build_world"]
+__all__ = ["PROP_KINDS", "Environment", "EnvironmentConfig", "PropDensities", "World", "build_world"]

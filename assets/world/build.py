@@ -10,6 +10,8 @@ from assets.mesh import Mesh
 from assets.streets import Streets
 from assets.world.buildings import buildings_mesh
 from assets.world.entrances import entrances_mesh
+from assets.world.environment import Environment
+from assets.world.furnishing import furnish
 from assets.world.greenery import borders_mesh, trees_mesh
 from assets.world.ground import TERRAIN, triangulate
 from assets.world.height_field import HeightField, fit_height_field
@@ -46,18 +48,24 @@ class World:
     bounds: np.ndarray
 
 
-def build_world(streets: Streets, seed: int) -> World:
+def build_world(streets: Streets, seed: int, environment: Environment | None = None) -> World:
     """Builds the static world around a street network.
 
     The same streets and seed give byte-identical meshes; another seed gives other buildings, façades,
     plants and furniture along the same streets.
+
+    Args:
+        streets: the network and its style.
+        seed: of every choice.
+        environment: how densely it is built, planted and furnished; as the style has it by default.
 
     Raises:
         ValueError: the network has no lanes, or its style is unknown.
     """
     if not streets.lanes:
         raise ValueError(f"town {streets.name!r} has no lanes: nothing to build a world around")
-    style = style_of(streets.style)
+    environment = environment or Environment()
+    style = environment.dress(style_of(streets.style))
     rng = np.random.default_rng(seed)
     town = np.concatenate([lane.centre[:, :2] for lane in streets.lanes])
     town_low, town_high = town.min(0), town.max(0)
@@ -84,6 +92,7 @@ def build_world(streets: Streets, seed: int) -> World:
         repairs_mesh(streets, outlines.carriageway, height, rng),
         buildings_mesh(houses, rng),
         props_mesh(streets, edge, blocked, stand_z, style, rng),
+        furnish(edge, blocked, stand_z, style, environment, rng),
         trees_mesh(edge, plots, bounds, blocked, stand_z, style, rng),
         entrances_mesh(houses, stand_z, rng),
         borders_mesh(houses, blocked, stand_z, style, rng),

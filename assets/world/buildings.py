@@ -16,6 +16,7 @@ _ROOM_DEPTH_M = 0.6  # from the façade to the dark wall behind its panes
 _DOOR_M = (1.0, 2.1)
 _OVERHANG = {False: (0.03, 0.06), True: (0.0, 0.025)}  # of roofs, at verge and eaves, share of half the house
 _BLIND_SHARE = (0.04, 0.5, 0.55, 0.5)  # bays without a window: front, right, back, left
+_BLIND_YARDS = 0.9  # the same at the back of terraces, which streets do not see
 
 
 def buildings_mesh(houses: list[House], rng: np.random.Generator) -> Mesh:
@@ -49,7 +50,7 @@ def _wall(house: House, start: np.ndarray, end: np.ndarray, side: int, rng: np.r
     width, height, sill = house.window_m
     kind = np.full(n, WINDOW)
     opening = np.tile([(wide - width) / 2, sill, (wide + width) / 2, sill + height], (n, 1))
-    kind[rng.random(n) < _BLIND_SHARE[side]] = BLANK
+    kind[rng.random(n) < (_BLIND_YARDS if house.terrace and side == 2 else _BLIND_SHARE[side])] = BLANK
     if house.terrace and side in (1, 3):
         kind[:] = BLANK
     if side == 0:

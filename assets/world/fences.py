@@ -72,11 +72,20 @@ def _pickets(length_m: float) -> Mesh:
 
 
 def _board(x: float, width_m: float, bottom_m: float, top_m: float, y: float) -> Mesh:
-    """A thin board seen from both sides: four triangles."""
+    """A thin upright board: one sheet, seen from both sides."""
     half = width_m / 2
     corners = np.array([[x - half, y, bottom_m], [x + half, y, bottom_m], [x + half, y, top_m], [x - half, y, top_m]])
-    back = corners - [0, 0.02, 0]
-    return Mesh.of(np.vstack([corners, back]), np.array([[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]]), "wood")
+    return Mesh.of(corners, np.array([[0, 2, 1], [0, 3, 2]]), "wood")
+
+
+def _strip(start: tuple[float, float, float], end: tuple[float, float, float], width_m: float, metal: str) -> Mesh:
+    """A thin bar in the plane of the fence: one sheet, seen from both sides."""
+    root, tip = np.array(start), np.array(end)
+    along = (tip - root) / np.linalg.norm(tip - root)
+    side = np.array([-along[2], 0.0, along[0]]) * width_m / 2
+    return Mesh.of(
+        np.stack([root - side, tip - side, tip + side, root + side]), np.array([[0, 1, 2], [0, 2, 3]]), metal
+    )
 
 
 def _rod(start: tuple[float, float, float], end: tuple[float, float, float], radius_m: float, metal: str) -> Mesh:
@@ -94,13 +103,13 @@ def _rod(start: tuple[float, float, float], end: tuple[float, float, float], rad
 
 
 def _wire(length_m: float) -> Mesh:
-    wires = [_rod((0, 0, z), (length_m, 0, z), 0.008, "steel_galvanised") for z in (0.2, 0.7, 1.2)]
+    wires = [_strip((0, 0, z), (length_m, 0, z), 0.016, "steel_galvanised") for z in (0.2, 0.7, 1.2)]
     return Mesh.merge([_rod((0, 0, -0.2), (0, 0, 1.25), 0.035, "steel_galvanised"), *wires])
 
 
 def _railing(length_m: float) -> Mesh:
-    rails = [_rod((0, 0, z), (length_m, 0, z), 0.025, "steel_painted") for z in (0.2, 1.7)]
-    bars = [_rod((0.25 * k, 0, 0.2), (0.25 * k, 0, 1.75), 0.014, "steel_painted") for k in range(1, 8)]
+    rails = [_strip((0, 0, z), (length_m, 0, z), 0.05, "steel_painted") for z in (0.2, 1.7)]
+    bars = [_strip((0.25 * k, 0, 0.2), (0.25 * k, 0, 1.75), 0.028, "steel_painted") for k in range(1, 8)]
     return Mesh.merge([_rod((0, 0, -0.2), (0, 0, 1.9), 0.05, "steel_painted"), *rails, *bars])
 
 

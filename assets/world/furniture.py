@@ -19,7 +19,7 @@ def pole(radius_m: float, top_radius_m: float, height_m: float, material: str, s
 
 def street_lamp(height_m: float, arm_m: float) -> Mesh:
     """Tapered pole with an arm over the road and a flat luminaire."""
-    mast = pole(0.09, 0.05, height_m, "steel_galvanised", segments=8)
+    mast = pole(0.09, 0.05, height_m, "steel_galvanised", segments=5)
     path = np.array([[0, 0, height_m - 0.1], [0, arm_m * 0.5, height_m + 0.25], [0, arm_m, height_m + 0.3]])
     arm = tube(path, 0.035, "steel_galvanised", segments=3)
     head = box((0.22, 0.7, 0.12), (0, arm_m + 0.2, height_m + 0.28), "steel_painted")

@@ -48,7 +48,7 @@ def _street_trees(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: S
     templates = []
     for _ in range(_VARIANTS):
         crown = (radius * rng.uniform(0.85, 1.15), radius * rng.uniform(0.85, 1.15))
-        templates.append(broadleaf(rng, rng.uniform(8.5, 11.0), crown, rng.uniform(4.3, 4.9)))
+        templates.append(broadleaf(rng, rng.uniform(8.5, 11.0), crown, rng.uniform(4.3, 4.9), clusters=96))
     return _scatter(templates, spots[keep], stand_z, rng)
 
 
@@ -66,7 +66,7 @@ def _garden_plants(
             across, inland = rng.uniform(-0.5, 0.5) * plot.width_m, rng.uniform(0.9, plot.setback_m + 0.9)
             bushes.append(plot.front + plot.along * across + plot.inward * inland)
     tree, shrub = np.reshape(trees, (-1, 2)), np.reshape(bushes, (-1, 2))
-    templates = _mixed(rng, style.conifer_share, 110)
+    templates = _mixed(rng, style.conifer_share, 84)
     shrubs = [bush(rng, rng.uniform(0.8, 1.8), rng.uniform(0.5, 1.0)) for _ in range(_VARIANTS)]
     return Mesh.merge(
         [
@@ -81,12 +81,12 @@ def _open_land(
 ) -> Mesh:
     """Loose groups of trees between and around the blocks."""
     area = float(np.prod(bounds[1] - bounds[0]))
-    count = int(min(_OPEN_LAND_MOST, area * _OPEN_LAND_PER_M2))
+    count = int(min(_OPEN_LAND_MOST, area * _OPEN_LAND_PER_M2) * style.wild_trees)
     groups = rng.uniform(bounds[0] + 4.0, bounds[1] - 4.0, (max(1, count // 3), 2))
     spots = np.repeat(groups, 3, axis=0) + rng.normal(0.0, 6.0, (len(groups) * 3, 2))
     spots = np.clip(spots, bounds[0] + 2.0, bounds[1] - 2.0)
     return _scatter(
-        _mixed(rng, max(style.conifer_share, 0.15), 70), _rooted(spots, 2.5, 4.2, 2.2, blocked), stand_z, rng
+        _mixed(rng, max(style.conifer_share, 0.15), 48), _rooted(spots, 2.5, 4.2, 2.2, blocked), stand_z, rng
     )
 
 

@@ -99,6 +99,6 @@ def _draw(plot: Plot, style: Style, ground_m: np.ndarray, rng: np.random.Generat
         bay_m=bay,
         window_m=window,
         shop=bool(rng.random() < style.shop_share),
-        terrace=style.side_gap_m[1] < 0.5,
+        terrace=style.terrace,
         door_share=float(rng.random()),
     )

@@ -51,10 +51,12 @@ class Obstacles:
             ok &= self._walked.query(xy)[0] > _WALKING_LINE_M
         return ok
 
-    def take(self, xy: np.ndarray, radius_m: float) -> np.ndarray:
-        """Reserves points (n, 2) in order; false where an earlier prop is too near."""
+    def take(self, xy: np.ndarray, radius_m: float, most: int | None = None) -> np.ndarray:
+        """Reserves points (n, 2) in order, `most` at most; false where an earlier prop is too near."""
         taken = np.zeros(len(xy), bool)
         for i, point in enumerate(xy):
+            if most is not None and taken.sum() >= most:
+                break
             reach = self._taken[:, 2] + radius_m
             if (((self._taken[:, :2] - point) ** 2).sum(1) >= reach**2).all():
                 self._taken = np.concatenate([self._taken, [[*point, radius_m]]])

@@ -12,6 +12,7 @@ from assets.world.styles import Style
 
 _CLEAR_OF_STREET_M = 0.2
 _WALK_M = 2.0  # step along the front after a footprint found no room
+_SMALL_ISLAND_M2 = 900.0  # land within a roundabout or between carriageways, where nobody builds
 _MEADOW_M = (40.0, 120.0)  # frontage of open land between groups of houses
 
 
@@ -93,6 +94,8 @@ def _land_on_left(paved: Geometry) -> list[np.ndarray]:
     rings = []
     for polygon in shapely.get_parts(paved):
         for k, ring in enumerate((polygon.exterior, *polygon.interiors)):
+            if k > 0 and shapely.Polygon(ring).area < _SMALL_ISLAND_M2:
+                continue
             simple = shapely.get_coordinates(shapely.simplify(ring, 0.25))
             if shapely.is_ccw(shapely.linearrings(simple)) != (k > 0):
                 simple = simple[::-1]

@@ -1,4 +1,4 @@
-"""Places furniture, signs and signals along the kerbs."""
+"""Places signals, signs and lamps along the kerbs."""
 
 from __future__ import annotations
 
@@ -21,14 +21,12 @@ _SEARCH_M = np.arange(0.35, 12.0, 0.35)
 def props_mesh(
     streets: Streets, edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
 ) -> Mesh:
-    """Signals, signs, lamps and furniture; `stand_z` gives the height of whatever ground is at a point."""
+    """Signals, signs and lamps; `stand_z` gives the height of whatever ground is at a point."""
     return Mesh.merge(
         [
             _controls(streets, blocked, stand_z),
             _speed_signs(streets, blocked, stand_z, rng),
             _lamps(edge, blocked, stand_z, style, rng),
-            _shelters(edge, blocked, stand_z, rng),
-            _furniture(edge, blocked, stand_z, style, rng),
         ]
     )
 
@@ -97,37 +95,6 @@ def _lamps(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, r
     rows = edge.every(style.lamp_gap_m, rng)
     lamp = furniture.street_lamp(float(rng.uniform(5.0, 8.0)), float(rng.uniform(0.6, 1.6)))
     return _at_kerb(lamp, rows, _KERB_SETBACK_M, 0.3, edge, blocked, stand_z)
-
-
-def _shelters(edge: Kerbside, blocked: Obstacles, stand_z: Heights, rng: np.random.Generator) -> Mesh:
-    """A few bus shelters behind the pavement where nothing else stands."""
-    rows = rng.permutation(np.flatnonzero(edge.junction_m > 15.0))[:60]
-    spots = edge.spots(edge.pavement_m + 1.2)[rows]
-    rows = rows[blocked.free(spots, 2.3, road_m=1.0, paved_m=0.9)][:6]
-    return _at_kerb(furniture.bus_shelter(), rows, edge.pavement_m[rows] + 1.2, 2.4, edge, blocked, stand_z)
-
-
-def _furniture(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator) -> Mesh:
-    """Bins, hydrants, cabinets, benches, meters and bollards, each kind at its own spacing."""
-    busy = 1.0 if style.shop_share > 0.2 else 2.2
-    back = np.maximum(edge.pavement_m - 0.3, 0.5)
-    parts = []
-    for model, gap, setback, radius in (
-        (furniture.litter_bin(), 55.0, 0.4, 0.3),
-        (furniture.hydrant(), 110.0, 0.4, 0.25),
-        (furniture.cabinet(float(rng.uniform(0.7, 1.5))), 90.0, back, 0.6),
-        (furniture.bench(), 95.0, back, 0.8),
-        (furniture.parking_meter(), 120.0, 0.35, 0.2),
-        (furniture.wheelie_bin(), 45.0, back, 0.35),
-    ):
-        rows = edge.every(gap * busy * rng.uniform(0.8, 1.2), rng)
-        rows = rows[edge.junction_m[rows] > 3.0]
-        depth = setback[rows] if isinstance(setback, np.ndarray) else setback
-        parts.append(_at_kerb(model, rows, depth, radius, edge, blocked, stand_z))
-    corners = np.flatnonzero((edge.junction_m < 2.5) & (edge.pavement_m > 1.2))[::2]
-    corners = corners[rng.random(len(corners)) < 0.25 / busy]
-    parts.append(_at_kerb(furniture.bollard(), corners, 0.3, 0.5, edge, blocked, stand_z))
-    return Mesh.merge(parts)
 
 
 def _at_kerb(

@@ -30,6 +30,7 @@ class Style:
         fences: border kinds to choose from.
         conifer_share: share of conifers among garden trees.
         meadow_chance: chance that open land follows a house.
+        wild_trees: trees on open land over the usual number.
     """
 
     setback_m: Range
@@ -51,16 +52,22 @@ class Style:
     fences: tuple[str, ...]
     conifer_share: float
     meadow_chance: float
+    wild_trees: float = 1.0
+
+    @property
+    def terrace(self) -> bool:
+        """Whether neighbours stand wall to wall."""
+        return self.side_gap_m[1] < 0.5
 
 
 _RENDERED = ("plaster_white", "plaster_white", "plaster_yellow", "plaster_grey", "plaster_red", "brick")
 
 STYLES: dict[str, Style] = {
     "village": Style(
-        setback_m=(7.0, 17.0),
+        setback_m=(8.0, 19.0),
         front_m=(7.5, 11.5),
         depth_m=(8.0, 12.0),
-        side_gap_m=(10.0, 26.0),
+        side_gap_m=(12.0, 30.0),
         storeys=(1, 2),
         storey_m=(2.6, 2.9),
         roofs=("gable", "gable", "gable", "hip"),
@@ -75,7 +82,7 @@ STYLES: dict[str, Style] = {
         gap_share=0.22,
         fences=("picket", "picket", "wall_stone", "wire", "hedge", "hedge"),
         conifer_share=0.2,
-        meadow_chance=0.55,
+        meadow_chance=0.6,
     ),
     "suburb": Style(
         setback_m=(3.0, 6.5),

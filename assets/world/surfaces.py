@@ -46,7 +46,7 @@ def outline(streets: Streets) -> Outlines:
     walkable = [*_strips(streets, ("sidewalk",)), *_areas(streets, "walkingarea")]
     carriageway = _clean(_closed(shapely.union_all(drivable, grid_size=_PRECISION_M)))
     paved = _closed(shapely.union_all([carriageway, *walkable], grid_size=_PRECISION_M))
-    paved = shapely.union(_clean(paved), carriageway, grid_size=_PRECISION_M)
+    paved = _polygons_only(shapely.union(_clean(paved), carriageway, grid_size=_PRECISION_M))
     pavement = _opened(shapely.difference(paved, carriageway, grid_size=_PRECISION_M))
     return Outlines(carriageway, _polygons_only(pavement), crossings, parking)
 

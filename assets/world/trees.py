@@ -43,7 +43,7 @@ def conifer(rng: np.random.Generator, height_m: float, radius_m: float, tiers: i
         share = tier / tiers
         reach = radius_m * (1.0 - share) + 0.15
         level = height_m * (0.12 + 0.80 * share)
-        count = max(5, round(12 * (1 - 0.6 * share)))
+        count = max(5, round(9 * (1 - 0.5 * share)))
         turn = rng.uniform(0, 2 * np.pi) + (np.arange(count) + rng.uniform(-0.2, 0.2, count)) * 2 * np.pi / count
         spread = 0.9 * np.pi / count
         drop = height_m * 0.07 * rng.uniform(0.7, 1.3, count)

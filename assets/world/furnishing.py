@@ -1,0 +1,109 @@
+"""Furnishes the pavements: so many props of every kind on 100 m of sidewalk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from assets.mesh import Mesh
+from assets.world import furniture, street_life
+from assets.world.environment import Environment
+from assets.world.instancing import instances, poses
+from assets.world.kerbside import Kerbside
+from assets.world.obstacles import Obstacles
+from assets.world.overlays import Heights
+from assets.world.styles import Style
+
+_VARIANTS = 3
+_TRIES = 4  # places looked at for every prop wanted
+_NARROWEST_M = 0.8  # pavement that counts as one
+_BUSY_SHOP_SHARE = 0.2
+
+
+@dataclass(frozen=True)
+class _Prop:
+    """How a kind of prop is made and where it stands.
+
+    Attributes:
+        make: gives a template.
+        busy, quiet: usual density in streets with and without shops, per 100 m of sidewalk.
+        place: at the kerb, at the back of the pavement, at the kerb of corners, or behind the pavement.
+        radius_m: room it takes.
+        pavement_m: narrowest pavement it stands on.
+    """
+
+    make: Callable[[np.random.Generator], Mesh]
+    busy: float
+    quiet: float
+    place: Literal["kerb", "back", "corner", "behind"]
+    radius_m: float
+    pavement_m: float = 1.2
+
+
+_PROPS: dict[str, _Prop] = {
+    "bus_stop": _Prop(lambda _: furniture.bus_shelter(), 0.10, 0.06, "behind", 2.3),
+    "market_stall": _Prop(street_life.market_stall, 0.25, 0.0, "back", 1.4, 3.3),
+    "table": _Prop(lambda _: street_life.cafe_table(), 0.7, 0.02, "back", 1.0, 2.9),
+    "litter_bin": _Prop(lambda _: furniture.litter_bin(), 0.9, 0.5, "kerb", 0.3),
+    "hydrant": _Prop(lambda _: furniture.hydrant(), 0.4, 0.3, "kerb", 0.25),
+    "cabinet": _Prop(lambda rng: furniture.cabinet(float(rng.uniform(0.7, 1.5))), 0.5, 0.3, "back", 0.6),
+    "bench": _Prop(lambda _: furniture.bench(), 0.6, 0.2, "back", 0.8),
+    "parking_meter": _Prop(lambda _: furniture.parking_meter(), 0.5, 0.15, "kerb", 0.2),
+    "wheelie_bin": _Prop(lambda _: furniture.wheelie_bin(), 0.7, 0.9, "back", 0.35),
+    "box": _Prop(street_life.boxes, 0.4, 0.15, "back", 0.7),
+    "planter": _Prop(street_life.planter, 0.7, 0.15, "back", 0.45),
+    "bicycle": _Prop(street_life.parked_bicycle, 1.1, 0.25, "back", 0.75),
+    "fence": _Prop(lambda _: street_life.guard_rail(), 0.35, 0.1, "kerb", 2.0),
+    "bollard": _Prop(lambda _: furniture.bollard(), 0.6, 0.15, "corner", 0.5),
+}
+
+
+def furnish(
+    edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, environment: Environment,
+    rng: np.random.Generator,
+) -> Mesh:  # fmt: skip
+    """All loose props of the pavements; `stand_z` gives the height of whatever ground is at a point."""
+    walkable_m = float(np.count_nonzero(edge.pavement_m > _NARROWEST_M))  # a point a metre
+    busy = style.shop_share > _BUSY_SHOP_SHARE
+    parts = []
+    for kind, prop in _PROPS.items():
+        density = environment.density(kind, prop.busy if busy else prop.quiet)
+        wanted = int(rng.poisson(density * walkable_m / 100))
+        rows = rng.permutation(np.flatnonzero(_suits(prop, edge)))[: wanted * _TRIES]
+        templates = [prop.make(rng) for _ in range(_VARIANTS)]
+        parts.append(_stand(templates, rows, prop, wanted, edge, blocked, stand_z))
+    return Mesh.merge(parts)
+
+
+def _suits(prop: _Prop, edge: Kerbside) -> np.ndarray:
+    wide = edge.pavement_m > prop.pavement_m
+    if prop.place == "corner":
+        return wide & (edge.junction_m < 2.5)
+    return wide & (edge.junction_m > (15.0 if prop.place == "behind" else 3.0 + prop.radius_m))
+
+
+def _stand(
+    templates: list[Mesh], rows: np.ndarray, prop: _Prop, wanted: int, edge: Kerbside, blocked: Obstacles,
+    stand_z: Heights,
+) -> Mesh:  # fmt: skip
+    """Copies of the templates at the first rows, up to a number, where there is room."""
+    depth = {
+        "kerb": np.full(len(rows), 0.4),
+        "corner": np.full(len(rows), 0.3),
+        "back": np.maximum(edge.pavement_m[rows] - min(0.3 + 0.3 * prop.radius_m, 0.75), 0.5),
+        "behind": edge.pavement_m[rows] + 1.2,
+    }[prop.place]
+    spots = edge.point[rows] + edge.outward[rows] * depth[:, None]
+    if prop.place == "behind":
+        keep = blocked.free(spots, prop.radius_m, road_m=1.0, paved_m=0.9)
+    else:
+        keep = blocked.free(spots, min(prop.radius_m, 0.5 if prop.radius_m < 0.9 else 0.8), road_m=0.2)
+    rows, spots = rows[keep], spots[keep]
+    taken = blocked.take(spots, prop.radius_m, most=wanted)
+    rows, spots = rows[taken], spots[taken]
+    placed = poses(np.column_stack([spots, stand_z(spots)]), edge.yaw_rad[rows])
+    which = np.arange(len(rows)) % len(templates)
+    return Mesh.merge([instances(template, placed[which == k]) for k, template in enumerate(templates)])
