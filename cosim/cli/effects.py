@@ -1,0 +1,108 @@
+"""The catalogue of sensor effects: laws, parameters, units, bounds, and what each can be mistaken for."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from cosim.cli.options import add_common, write_json
+from cosim.drive_writer import explained
+
+
+def add_command(commands: Any) -> None:
+    """Describe the command to the parser."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "effects", help="the catalogue of sensor effects", description=__doc__
+    )
+    parser.add_argument("name", nargs="?", metavar="NAME", help="one effect, or my_effect.py:ClassName")
+    parser.add_argument("--out", type=Path, metavar="FILE.png", help="also draw NAME before and after")
+    add_common(parser, computes=True)
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace, console: Console) -> None:
+    """List all, or show one."""
+    from sensors.effects.registry import effect_classes, find_effect
+    from sensors.errors import SensorError
+
+    if options.name is None:
+        if options.out is not None:
+            raise SensorError(f"--out {options.out} draws one effect; name it: cosim effects NAME --out FILE.png")
+        classes = effect_classes()
+        for effect in classes.values():
+            _say(f"{effect.name:24s} {effect.stage:6s} {effect.channel:19s} {effect.equation}", options)
+        write_json(options.json, {name: _described(effect) for name, effect in classes.items()})
+        return
+    effect = find_effect(options.name)
+    for line in _lines(effect):
+        _say(line, options)
+    write_json(options.json, _described(effect))
+    if options.out is not None:
+        _draw(effect, options.out)
+        console.print(f"{options.out}: {effect.name} before and after")
+
+
+def _draw(effect: Any, path: Path) -> None:
+    from pydantic import ValidationError
+
+    from sensors.effects.describing import picture
+    from sensors.errors import SensorError
+    from sensors.pattern import first_problem
+
+    try:
+        shown = effect.model_validate(effect.example)
+    except ValidationError as error:
+        raise SensorError(
+            f"effect {effect.name}: its `example` does not fit ({first_problem(error)}); mend the class attribute"
+        ) from error
+    with explained(path):
+        path.write_bytes(picture(shown))
+
+
+def _lines(effect: Any) -> list[str]:
+    summary = " ".join((effect.__doc__ or "").split())
+    lines = [f"{effect.name}: {effect.stage} stage, about {effect.channel}", f"  {effect.equation}", f"  {summary}"]
+    for parameter in effect.parameters():
+        bounds = " or ".join(parameter.choices)
+        if not bounds:
+            bounds = f"{parameter.low:g} … {parameter.high:g}" if parameter.low is not None else "any"
+        unit = f" {parameter.unit}" if parameter.unit else ""
+        many = ", one a laser" if parameter.per_ring else ""
+        lines.append(f"  {parameter.name}: {parameter.description} [{bounds}{unit}{many}]")
+    if effect.also:
+        lines.append(f"  also touches: {', '.join(effect.also)}")
+    lines.append(f"  confused with: {', '.join(effect.confusable_with) or 'nothing in the catalogue'}")
+    lines.append(f"  needs new rays: {'yes' if effect.needs_new_rays else 'no'}")
+    lines.append(f"  reference: {effect.reference or 'none given'}")
+    return lines
+
+
+def _described(effect: Any) -> dict[str, Any]:
+    return {
+        "stage": effect.stage,
+        "channel": effect.channel,
+        "also": list(effect.also),
+        "equation": effect.equation,
+        "reference": effect.reference,
+        "confusable_with": list(effect.confusable_with),
+        "needs_new_rays": effect.needs_new_rays,
+        "parameters": {
+            p.name: {
+                "unit": p.unit,
+                "low": p.low,
+                "high": p.high,
+                "description": p.description,
+                "per_ring": p.per_ring,
+                "choices": list(p.choices),
+            }
+            for p in effect.parameters()
+        },
+    }
+
+
+def _say(line: str, options: argparse.Namespace) -> None:
+    if not options.quiet:
+        print(line)
