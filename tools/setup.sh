@@ -41,8 +41,14 @@ if [ "$(cat .venv/.installed 2>/dev/null || true)" != "$wanted" ]; then
     printf '%s\n' "$wanted" > .venv/.installed
 fi
 
-has_library() { .venv/bin/python -c "import ctypes.util, sys; sys.exit(ctypes.util.find_library('$1') is None)"; }
-if ! has_library OSMesa; then
-    apt_install libosmesa6 && has_library OSMesa ||
-        die "libOSMesa is missing and cannot be installed here; run: sudo apt-get install libosmesa6 (where your release has none: libegl1, and backend: egl in the configuration)"
+# What the binary packages expect of the system: library and Debian package.
+has_library() { .venv/bin/python -c "import ctypes, sys; ctypes.CDLL('$1')" 2>/dev/null; }
+missing=""
+for entry in libOSMesa.so.8:libosmesa6 libGL.so.1:libgl1 libX11.so.6:libx11-6 libXext.so.6:libxext6 \
+    libXrender.so.1:libxrender1 libatomic.so.1:libatomic1; do
+    has_library "${entry%%:*}" || missing="$missing ${entry#*:}"
+done
+if [ -n "$missing" ]; then
+    apt_install $missing ||
+        die "system libraries are missing and cannot be installed here; run: sudo apt-get install$missing (where your release has no libosmesa6: libegl1, and backend: egl in the configuration)"
 fi
