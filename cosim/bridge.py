@@ -10,12 +10,14 @@ import numpy as np
 from assets import CATALOGUE, ModelSpec, Paint, draw_paint
 from assets.external import ExternalModels
 from assets.external.models import stretch
+from cosim.actors import Actors
 from cosim.ground import Ground
-from cosim.traffic import Actors
 from sensors.scene import Instances
 
 _SAME_SIZE_M = 1e-6
 _HALF_TRACK_OF_NARROW_M = 0.15
+_WHEELS_SHIFT_M = 0.02  # how far wheels may leave the road with the body, each way
+_LARGEST_LEAN_RAD = np.radians(1.5)
 _TEXTURE_M = 0.004  # tyres rest on the tips of the road's texture, which its mesh lacks
 
 
@@ -61,7 +63,7 @@ class Bridge:
             poses=poses,
             scales=scales,
             sizes=actors.size,
-            velocity_mps=actors.speed_mps[:, None] * poses[:, :3, 0],
+            velocity_mps=_velocity(actors, poses),
             yaw_rate_radps=actors.yaw_rate_radps,
             paint=np.array([look.paint.reflectance for look in looks], np.float32),
             rgb=np.array([look.paint.rgb for look in looks], np.float32).reshape(-1, 3),
@@ -104,6 +106,13 @@ class Bridge:
         slope = np.where(walks, 0, slope)
         base = z.mean(1) - slope * axles.mean(1) + _TEXTURE_M
 
+        # the body on its springs turns about the middle between its wheels, as far as a rigid mesh may
+        pitch, roll = (np.where(upright, 0, angle) for angle in (actors.body_pitch_rad, actors.body_roll_rad))
+        pitch = _within(pitch, 2 * _WHEELS_SHIFT_M / (axles[:, 0] - axles[:, 1]))
+        roll = _within(roll, _WHEELS_SHIFT_M / half_track)
+        base = base + pitch * axles.mean(1)
+        slope, bank = slope - pitch, bank - roll
+
         x_axis = np.column_stack([forward, slope])
         x_axis /= np.linalg.norm(x_axis, axis=1, keepdims=True)
         y_axis = np.column_stack([left, bank])
@@ -113,6 +122,16 @@ class Bridge:
         poses[:, :3, 0], poses[:, :3, 1], poses[:, :3, 2] = x_axis, y_axis, np.cross(x_axis, y_axis)
         poses[:, :2, 3], poses[:, 2, 3] = centre, base
         return poses
+
+
+def _velocity(actors: Actors, poses: np.ndarray) -> np.ndarray:
+    """World velocity (n, 3): along the pose's own x axis, level where it goes sideways."""
+    sideways = np.column_stack([-np.sin(actors.heading_rad), np.cos(actors.heading_rad), np.zeros(len(actors))])
+    return actors.speed_mps[:, None] * poses[:, :3, 0] + actors.lateral_mps[:, None] * sideways
+
+
+def _within(angle: np.ndarray, largest: np.ndarray) -> np.ndarray:
+    return np.clip(angle, -np.minimum(largest, _LARGEST_LEAN_RAD), np.minimum(largest, _LARGEST_LEAN_RAD))
 
 
 def models_of_size(kind: str, size: np.ndarray) -> list[ModelSpec]:

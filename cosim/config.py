@@ -8,6 +8,7 @@ from typing import Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from cosim.behaviour.config import BehaviourConfig
 from cosim.errors import CosimError
 from sensors.pattern import first_problem
 
@@ -34,6 +35,7 @@ class RunConfig(BaseModel):
     external_vehicles: Path | None = Field(
         None, description="folder of vehicle meshes with a vehicles.yaml, drawn beside the built-in models"
     )
+    behaviour: BehaviourConfig = Field(BehaviourConfig(), description="how drivers behave; or a preset's name")
     store_hits: bool = Field(True, description="keep hits/, from which sensor variants can be made again")
     colour_image: bool = Field(True, description="render image_2 in colour")
     backend: Literal["osmesa", "egl"] = Field("osmesa", description="how images are rendered")

@@ -8,8 +8,10 @@ from typing import Protocol
 
 import numpy as np
 
+from cosim.actors import Actors
 from cosim.config import RunConfig
-from cosim.traffic import Actors, Traffic
+from cosim.living import LivingTraffic
+from cosim.traffic import Traffic
 from sumo_nets import Town
 
 
@@ -65,12 +67,14 @@ def run_episode(
         return
     rng = np.random.default_rng([config.seed, plan.number])
     with Traffic(town.sumocfg, seed=int(rng.integers(2**31)), step_s=config.step_s) as traffic:
-        actors = traffic.advance(max(2, round(config.warm_up_s / config.step_s)))
+        living = LivingTraffic(traffic, config.behaviour, seed=int(rng.integers(2**31)))
+        actors = living.advance(max(2, round(config.warm_up_s / config.step_s)))
         ego = traffic.draw_ego(actors, rng)
+        living.protect(ego)
         steps = max(1, round(config.record_every_s / config.step_s))
         for name in plan.frames[: plan.frames.index(pending[-1]) + 1]:
             traffic.prolong_route(ego, rng)
-            actors = traffic.advance(steps)
+            actors = living.advance(steps)
             traffic.demand_present(ego, actors)
             if name in done:
                 continue

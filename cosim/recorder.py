@@ -7,6 +7,7 @@ import numpy as np
 from assets import MATERIALS, Mesh, build_model
 from assets.external import load_external
 from assets.world import build_world
+from cosim.actors import Actors
 from cosim.bridge import Bridge
 from cosim.config import RunConfig
 from cosim.drive_writer import DriveWriter
@@ -18,7 +19,6 @@ from cosim.kitti.oxts import Oxts, format_oxts
 from cosim.kitti.points import encode_points
 from cosim.kitti.rays import PointRays, encode_rays
 from cosim.labelling import Labeller
-from cosim.traffic import Actors
 from cosim.twin import Camera, Ego, Instance, Lidar, TwinFrame, encode_glb, format_materials
 from sensors.cameras import KITTI_CALIBRATION, CameraRenderer, Images, Light, bake_sun_shadows, kitti_cameras
 from sensors.cameras.kitti_rig import lidar_pose_ego

@@ -13,7 +13,9 @@ from typing import Self
 
 import numpy as np
 
+from cosim.actors import Actors
 from cosim.errors import CosimError
+from cosim.motion.corners import corner_speed
 
 # SUMO vehicle class → kind of road user
 KIND_OF_CLASS = {
@@ -33,48 +35,14 @@ KIND_OF_CLASS = {
     "bicycle": "cyclist",
     "pedestrian": "pedestrian",
 }
+_LANE_CHANGE_S = 3.0  # SUMO's own default is a jump
+_CHANGES_LANE = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.25"}  # no sliding sideways at rest
 _FEW_EDGES_LEFT = 4
 _TRIES_TO_EXTEND = 20
 
 
 class TrafficError(CosimError):
     """SUMO refuses the scenario, or the simulation cannot go on."""
-
-
-@dataclass(frozen=True, eq=False)
-class Actors:
-    """All road users at one simulation step: a struct of arrays.
-
-    Attributes:
-        time_s: simulation time.
-        ids: n SUMO ids.
-        types: n vType ids.
-        kinds: n kinds (`car`, `van`, `truck`, `bus`, `motorcycle`, `cyclist`, `pedestrian`).
-        lanes: n lane ids (empty for someone off the road).
-        front: (n, 3) float64 world position of the front bumper's centre (the middle of a pedestrian) [m].
-        heading_rad: (n,) float64 counter-clockwise from east.
-        speed_mps: (n,) float64 along the heading.
-        acceleration_mps2: (n,) float64 along the heading.
-        yaw_rate_radps: (n,) float64, from the last step's heading.
-        size: (n, 3) float64 length, width, height of the vType [m].
-        signals: (n,) int64 SUMO's bit set of lamps.
-    """
-
-    time_s: float
-    ids: tuple[str, ...]
-    types: tuple[str, ...]
-    kinds: tuple[str, ...]
-    lanes: tuple[str, ...]
-    front: np.ndarray
-    heading_rad: np.ndarray
-    speed_mps: np.ndarray
-    acceleration_mps2: np.ndarray
-    yaw_rate_radps: np.ndarray
-    size: np.ndarray
-    signals: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.ids)
 
 
 @dataclass(frozen=True)
@@ -104,7 +72,9 @@ class Traffic:
                 *("--seed", str(seed % 2**31)),
                 *("--step-length", str(step_s)),
                 *("--time-to-teleport", "-1"),
+                *("--lanechange.duration", str(_LANE_CHANGE_S)),
                 *("--collision.action", "warn"),
+                *("--collision.mingap-factor", "0"),
                 "--no-step-log",
                 "--no-warnings",
             ]
@@ -116,6 +86,7 @@ class Traffic:
             constants.VAR_SPEED,
             constants.VAR_ACCELERATION,
             constants.VAR_LANE_ID,
+            constants.VAR_LANEPOSITION,
             constants.VAR_SIGNALS,
             constants.VAR_TYPE,
         ]
@@ -128,6 +99,9 @@ class Traffic:
         ]
         self._types: dict[str, _TypeInfo] = {}
         self._headings: dict[str, float] = {}
+        self._parked: dict[str, dict] = {}
+        self._hidden: set[str] = set()
+        self._slow_for_corners()
         self._subscribe()
 
     def __enter__(self) -> Self:
@@ -145,20 +119,37 @@ class Traffic:
         """Simulation time."""
         return float(self._sumo.simulation.getTime())
 
+    @property
+    def api(self) -> ModuleType:
+        """The running libsumo, for what this class has no word for."""
+        return self._sumo
+
+    def hide(self, vehicle: str) -> None:
+        """Leave a vehicle out of the actors from now on: it only keeps a place free."""
+        self._hidden.add(vehicle)
+
     def advance(self, steps: int) -> Actors:
-        """Go on by some steps and read everyone.
+        """Go on by some steps and read everyone as SUMO has them.
 
         Raises:
             TrafficError: SUMO gave up.
         """
-        for left in range(steps - 1, -1, -1):
-            try:
-                self._sumo.simulationStep()
-            except self._sumo.TraCIException as error:
-                raise TrafficError(f"SUMO stopped at {self.time_s:.1f} s: {error}") from error
-            self._subscribe()
-            if left == 1:
-                self._read()  # the headings that yaw rates are counted from
+        for _ in range(steps - 1):
+            self.step()
+        return self.step()
+
+    def step(self) -> Actors:
+        """Go on by one step and read everyone as SUMO has them.
+
+        Raises:
+            TrafficError: SUMO gave up.
+        """
+        try:
+            self._sumo.simulationStep()
+        except self._sumo.TraCIException as error:
+            raise TrafficError(f"SUMO stopped at {self.time_s:.1f} s: {error}") from error
+        self._subscribe()
+        self._rest()
         return self._read()
 
     def demand_present(self, vehicle: str, actors: Actors) -> None:
@@ -196,25 +187,48 @@ class Traffic:
             target = str(rng.choice(edges))
             if target == route[-1] or vehicle_class in self._sumo.lane.getDisallowed(f"{target}_0"):
                 continue
-            way = self._sumo.simulation.findRoute(route[-1], target, api.getTypeID(vehicle)).edges
+            way = self._sumo.simulation.findRoute(route[-1], target, _shared_type(api.getTypeID(vehicle))).edges
             if len(way) > _FEW_EDGES_LEFT:
                 api.setRoute(vehicle, [*route[api.getRouteIndex(vehicle) :], *way[1:]])
                 return
 
     def _subscribe(self) -> None:
-        """Subscribe to whoever has just entered."""
+        """Subscribe to whoever has just entered or leaves his parking place."""
         for vehicle in self._sumo.simulation.getDepartedIDList():
-            self._sumo.vehicle.subscribe(vehicle, self._vehicle_variables)
+            if vehicle not in self._hidden:
+                self._sumo.vehicle.subscribe(vehicle, self._vehicle_variables)
+                for name, value in _CHANGES_LANE.items():
+                    self._sumo.vehicle.setParameter(vehicle, f"laneChangeModel.{name}", value)
+        for vehicle in self._sumo.simulation.getParkingEndingVehiclesIDList():
+            if self._parked.pop(vehicle, None) is not None:
+                self._sumo.vehicle.subscribe(vehicle, self._vehicle_variables)
         for person in self._sumo.simulation.getDepartedPersonIDList():
             self._sumo.person.subscribe(person, self._person_variables)
 
+    def _slow_for_corners(self) -> None:
+        """Limit lanes to what their bends allow: SUMO takes corners at 5.5 m/s² sideways, and faster."""
+        api = self._sumo.lane
+        for lane in api.getIDList():
+            comfortable = corner_speed(np.array(api.getShape(lane)))
+            if comfortable < api.getMaxSpeed(lane) and not _on_foot(api.getAllowed(lane)):
+                api.setMaxSpeed(lane, comfortable)
+
+    def _rest(self) -> None:
+        """Read those who have just parked a last time: they stand still, and most road users are they."""
+        for vehicle in self._sumo.simulation.getParkingStartingVehiclesIDList():
+            values = self._sumo.vehicle.getSubscriptionResults(vehicle)
+            if values:
+                still = {self._sumo.constants.VAR_SPEED: 0.0, self._sumo.constants.VAR_ACCELERATION: 0.0}
+                self._parked[vehicle] = {**values, **still}
+                self._sumo.vehicle.unsubscribe(vehicle)
+
     def _read(self) -> Actors:
         sumo, constants = self._sumo, self._sumo.constants
-        vehicles = sumo.vehicle.getAllSubscriptionResults()
+        vehicles = {**sumo.vehicle.getAllSubscriptionResults(), **self._parked}
         persons = sumo.person.getAllSubscriptionResults()
         rows: list[tuple[str, dict]] = [*sorted(vehicles.items()), *sorted(persons.items())]
         ids = tuple(name for name, _ in rows)
-        types = tuple(values[constants.VAR_TYPE] for _, values in rows)
+        types = tuple(_shared_type(values[constants.VAR_TYPE]) for _, values in rows)
         infos = [self._type(name) for name in types]
         heading = np.radians(90.0 - np.array([values[constants.VAR_ANGLE] for _, values in rows], float))
         before = np.array([self._headings.get(name, angle) for name, angle in zip(ids, heading, strict=True)])
@@ -233,6 +247,11 @@ class Traffic:
             yaw_rate_radps=turned / self.step_s,
             size=np.array([info.size for info in infos], float).reshape(-1, 3),
             signals=_column(rows, constants.VAR_SIGNALS).astype(np.int64),
+            lane_position_m=_column(rows, constants.VAR_LANEPOSITION),
+            parked=np.array([name in self._parked for name in ids], bool),
+            lateral_mps=np.zeros(len(rows)),
+            body_pitch_rad=np.zeros(len(rows)),
+            body_roll_rad=np.zeros(len(rows)),
         )
 
     def _type(self, name: str) -> _TypeInfo:
@@ -249,6 +268,15 @@ class Traffic:
 
 def _column(rows: Sequence[tuple[str, dict]], variable: int) -> np.ndarray:
     return np.array([values.get(variable, 0.0) for _, values in rows], float)
+
+
+def _shared_type(name: str) -> str:
+    """The vType that SUMO made a single vehicle's own type from."""
+    return name.partition("@")[0]
+
+
+def _on_foot(allowed: Sequence[str]) -> bool:
+    return tuple(allowed) == ("pedestrian",)
 
 
 def _start(command: list[str]) -> ModuleType:

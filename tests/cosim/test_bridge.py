@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from assets import CATALOGUE, Mesh, build_model
+from cosim.actors import Actors
 from cosim.bridge import Bridge, models_of_size
 from cosim.ground import Ground
-from cosim.traffic import Actors
 
 
 def slope(along: float, across: float) -> Mesh:
@@ -29,6 +29,11 @@ def actors(kinds, sizes, front, heading, speed=0.0) -> Actors:
         yaw_rate_radps=np.zeros(n),
         size=np.array(sizes, float),
         signals=np.zeros(n, np.int64),
+        lane_position_m=np.zeros(n),
+        parked=np.zeros(n, bool),
+        lateral_mps=np.zeros(n),
+        body_pitch_rad=np.zeros(n),
+        body_roll_rad=np.zeros(n),
     )
 
 

@@ -1,0 +1,73 @@
+"""All drivers of an episode."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+from cosim.actors import Actors
+from cosim.behaviour.collisions import Collisions
+from cosim.behaviour.config import BehaviourConfig
+from cosim.behaviour.events import Event
+from cosim.behaviour.free_driving import FreeDriving
+from cosim.behaviour.lane_changes import LaneChanges
+from cosim.behaviour.pull_in import PullIn
+from cosim.behaviour.pull_out import PullOut
+from cosim.behaviour.roads import Roads
+from cosim.behaviour.stage import Stage
+from cosim.behaviour.u_turns import UTurns
+from cosim.motion import Motion
+from cosim.traffic import Traffic
+
+
+class Drivers:
+    """Makes vehicles behave as a configuration says.
+
+    Args:
+        config: how.
+        seed: of all draws; those of habits follow from it and a vehicle's id alone.
+    """
+
+    def __init__(self, config: BehaviourConfig, seed: int) -> None:
+        def rng(name: str) -> np.random.Generator:
+            return np.random.default_rng([seed, zlib.crc32(name.encode())])
+
+        driving = FreeDriving(seed)
+        self._config = config
+        self._behaviours = (
+            driving,
+            LaneChanges(rng("lane changes"), driving),
+            PullOut(rng("pull-outs")),
+            PullIn(rng("pull-ins")),
+            UTurns(rng("U-turns")),
+            Collisions(rng("collisions")),
+        )
+        self._stage: Stage | None = None
+        self._exempt: set[str] = set()
+
+    @property
+    def events(self) -> list[Event]:
+        """What has happened so far, in order of time."""
+        return [] if self._stage is None else self._stage.events
+
+    def exempt(self, vehicle: str) -> None:
+        """Let a vehicle (the ego) neither park nor collide."""
+        self._exempt.add(vehicle)
+
+    def apply(self, traffic: Traffic, motion: Motion, actors: Actors) -> None:
+        """Act after a step.
+
+        Args:
+            traffic: the running simulation.
+            motion: that smooths it.
+            actors: smoothed, after the step.
+        """
+        if self._stage is None:
+            rows = {name: row for row, name in enumerate(actors.ids)}
+            self._stage = Stage(
+                self._config, traffic, motion, Roads(traffic.api), actors, rows, traffic.step_s, exempt=self._exempt
+            )
+        self._stage.see(actors)
+        for behaviour in self._behaviours:
+            behaviour.step(self._stage)

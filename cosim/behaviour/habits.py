@@ -1,0 +1,48 @@
+"""What each driver is like, drawn once by his vehicle's id, so that nobody's draw depends on another's."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.behaviour.config import BehaviourConfig
+
+
+@dataclass(frozen=True)
+class Habits:
+    """One driver.
+
+    Attributes:
+        over_mps, over_share: how much he exceeds limits on free roads.
+        gap_m, headway_s: to the leader.
+        lane_offset_m: beside the lane's middle, positive to the left.
+        changes_left, changes_right: chance of a change on a stretch of road with a lane there.
+    """
+
+    over_mps: float
+    over_share: float
+    gap_m: float
+    headway_s: float
+    lane_offset_m: float
+    changes_left: float
+    changes_right: float
+
+    def speed_factor(self, limit_mps: float) -> float:
+        """Share of a limit he wants to drive."""
+        return 1.0 + self.over_share + self.over_mps / max(limit_mps, 1.0)
+
+
+def draw_habits(config: BehaviourConfig, seed: int, vehicle: str) -> Habits:
+    """The habits of a vehicle's driver."""
+    rng = np.random.default_rng([seed, zlib.crc32(vehicle.encode())])
+    return Habits(
+        over_mps=config.speeding_kmh.draw(rng) / 3.6,
+        over_share=config.speeding_share.draw(rng),
+        gap_m=config.gap_m.draw(rng),
+        headway_s=config.headway_s.draw(rng),
+        lane_offset_m=config.lane_offset_m.draw(rng),
+        changes_left=config.lane_change_share.draw(rng),
+        changes_right=config.lane_change_share.draw(rng),
+    )

@@ -1,0 +1,38 @@
+"""How fast the bends of a network can be taken in comfort."""
+
+from __future__ import annotations
+
+import numpy as np
+
+_COMFORT_MPS2 = 2.8
+_YAW_RATE_RADPS = 0.6
+_WINDOW_M = 4.0
+_STEP_M = 0.5
+_SLOWEST_MPS = 2.5
+
+
+def corner_speed(shape: np.ndarray) -> float:
+    """Speed at which a vehicle takes a lane's sharpest bend [m/s]; infinite on a straight one.
+
+    Lateral acceleration κ·v² stays within 2.8 m/s², about what drivers accept in towns, and the yaw rate κ·v within
+    0.6 rad/s.
+
+    Args:
+        shape: (k, 2 or 3) middle line, metres.
+    """
+    xy = np.asarray(shape, float)[:, :2]
+    pieces = np.diff(xy, axis=0)
+    lengths = np.hypot(pieces[:, 0], pieces[:, 1])
+    pieces, lengths = pieces[lengths > 1e-3], lengths[lengths > 1e-3]
+    if len(pieces) < 2:
+        return float("inf")
+    heading = np.unwrap(np.arctan2(pieces[:, 1], pieces[:, 0]))
+    at = np.concatenate([[0.0], np.cumsum(lengths)])
+    window = min(_WINDOW_M, 0.7 * at[-1])
+    middle = (at[:-1] + at[1:]) / 2
+    start = np.arange(0.0, max(at[-1] - window, 0.0) + _STEP_M, _STEP_M)
+    turned = np.interp(start + window, middle, heading) - np.interp(start, middle, heading)
+    curvature = float(np.abs(turned).max()) / window
+    if curvature < 1e-3:
+        return float("inf")
+    return max(min(np.sqrt(_COMFORT_MPS2 / curvature), _YAW_RATE_RADPS / curvature), _SLOWEST_MPS)
