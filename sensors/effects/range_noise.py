@@ -26,7 +26,7 @@ class RangeNoise(PointEffect):
     neutral: ClassVar = {"sigma_m": 0.0, "sigma_per_m": 0.0}
 
     sigma_m: float = number("σ0, standard deviation at range 0", unit="m", ge=0, le=2)
-    sigma_per_m: float = number("σ1, growth with range", unit="1", ge=0, le=0.1)
+    sigma_per_m: float = number("σ1, growth with range", unit="m/m", ge=0, le=0.1)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Scattered ranges, never below zero."""
