@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 COSIM := .venv/bin/cosim
 
-.PHONY: demo test check bench setup setup-dev clean
+.PHONY: demo test slow check bench setup setup-dev clean
 
 demo: setup
 	$(COSIM) run --town town01 --frames 12 --seed 1 --workers 2 --out out/demo/drive
@@ -10,6 +10,9 @@ demo: setup
 
 test: setup-dev
 	$(PYTHON) -m pytest -n 2 --dist loadgroup
+
+slow: setup-dev
+	$(PYTHON) -m pytest -m slow -n 2
 
 check: setup-dev
 	$(PYTHON) -m ruff format --check .

@@ -87,8 +87,8 @@ class Streets:
     Attributes:
         name: the town's name.
         lanes, areas, parking, stop_lines: its parts.
-        style: what the town looks like, read by the world builder: `village`, `suburb`, `urban`,
-            `industrial` or `boulevard`.
+        style: what the town looks like, read by the world builder: `village`, `hamlet`, `suburb`,
+            `urban`, `industrial` or `boulevard`.
     """
 
     name: str

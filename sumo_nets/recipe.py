@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-TownStyle = Literal["village", "suburb", "urban", "industrial", "boulevard"]
+TownStyle = Literal["village", "hamlet", "suburb", "urban", "industrial", "boulevard"]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -77,6 +77,18 @@ class RingRoadLayout(_Part):
     gates: tuple[int, ...] = Field(default=(0, 4), description="arms that meet the ring road at traffic lights")
     ramps: tuple[int, ...] = Field(default=(2, 6), description="arms that join the inner carriageway by ramps")
     services: tuple[int, ...] = Field(default=(2, 6), description="arms at which the outer one has a service road")
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        unknown = sorted({*self.gates, *self.ramps, *self.services} - set(range(self.arms)))
+        if unknown:
+            raise ValueError(f"arm {unknown[0]} does not exist; number arms from 0 to {self.arms - 1}")
+        both = sorted(set(self.gates) & {*self.ramps, *self.services})
+        if both:
+            raise ValueError(f"arm {both[0]} has a gate and ramps; choose one of them")
+        if list(self.circles_m) != sorted(set(self.circles_m)) or self.circles_m[-1] > self.radius_m - 75:
+            raise ValueError(f"circles_m {self.circles_m} must grow and end 75 m within radius_m {self.radius_m:g}")
+        return self
 
 
 class Relief(_Part):

@@ -26,7 +26,7 @@ _SMALL_TOWN = Recipe(
 
 _VILLAGE_WITH_ROUNDABOUTS = Recipe(
     name="town02",
-    style="village",
+    style="hamlet",
     seed=23,
     layout=GridLayout(columns=5, rows=4, spacing_m=130, jitter_m=14),
     relief=Relief(range_m=9),
@@ -86,15 +86,13 @@ _RING_ROAD = Recipe(
     seed=6,
     layout=RingRoadLayout(),
     relief=Relief(range_m=6),
-    streets=StreetRules(
-        dropped=0.06, bend_m=0, main_lanes=2, main_speed_kmh=60, parking_share=0.85, signal_share=0
-    ),
+    streets=StreetRules(dropped=0.06, bend_m=0, main_lanes=2, main_speed_kmh=60, parking_share=0.85, signal_share=0),
     demand=Demand(driving=130, parked=120, walking=35, kinds=KindShares(truck=0.05)),
 )
 
 _HILLS = Recipe(
     name="town07",
-    style="suburb",
+    style="hamlet",
     seed=7,
     layout=SpiderLayout(arms=6, circles=4, spacing_m=78),
     relief=Relief(range_m=40, waves=3, wavelength_m=(500.0, 900.0), max_grade=0.079),

@@ -28,7 +28,7 @@ def ring_road(layout: RingRoadLayout, rules: StreetRules) -> Plan:
     rims = _web(draft)
     for carriageway in (-1, 1):
         stops = sorted(stop for arm in range(layout.arms) for stop in _stops(draft, rims, arm, carriageway))
-        for (_, _, leave), (_, arrive, _) in zip(stops, [*stops[1:], stops[0]], strict=True):
+        for (_, _, leave), (_, arrive, _) in zip(stops, [*stops[1:], *stops[:1]], strict=True):
             draft.carriageway(leave, arrive, carriageway, extra=0)
     return draft.plan()
 
@@ -123,7 +123,9 @@ def _stops(draft: _Draft, rims: list[int], arm: int, side: int) -> list[tuple[fl
     if side > 0 and arm in layout.services:
         radius = layout.radius_m + _RAMP_DEPTH_M
         half = _SERVICE_M / 2 / radius
-        first, last = (draft.node(f"service{arm}{k}", radius, middle + t, "priority") for k, t in (("a", -half), ("b", half)))
+        first, last = (
+            draft.node(f"service{arm}{k}", radius, middle + t, "priority") for k, t in (("a", -half), ("b", half))
+        )
         road = Road(1, 4.0, 30.0, RAMP_PRIORITY, sidewalk=False, oneway=True)
         at = middle + np.linspace(-half, half, 8)
         shape = np.array([_polar(radius, angle) for angle in at])

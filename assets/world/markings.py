@@ -82,8 +82,13 @@ def _lane_lines(streets: Streets, carriageway: Geometry) -> list[Pieces]:
         inside = shapely.contains(carriageway, middle) and shapely.distance(rim, middle) > 0.8
         if inside and (not centres or shapely.distance(np.array(centres), middle).min() > 0.8):
             centres.append(shapely.LineString(line))
-            pieces += _centre_line(line)
+            pieces += _centre_line(line) if len(lanes) == 1 else _double_line(line)
     return pieces
+
+
+def _double_line(line: np.ndarray) -> list[Pieces]:
+    """Two unbroken lines: nobody crosses the middle of a street with several lanes a direction."""
+    return [_widths(*polylines.solid(polylines.offset(line, side))) for side in (-_LINE_M, _LINE_M)]
 
 
 def _centre_line(line: np.ndarray) -> list[Pieces]:

@@ -6,8 +6,8 @@ import pytest
 from pydantic import ValidationError
 
 from assets.models.catalogue import CATALOGUE
-from sumo_nets import RECIPES, Recipe, TownError, build_town
-from sumo_nets.recipe import Demand, RandomLayout, SpiderLayout
+from sumo_nets import RECIPES, TOWNS, Recipe, TownError, build_town, built_in_folder
+from sumo_nets.recipe import Demand, GridLayout, RandomLayout, RingRoadLayout, SpiderLayout, StreetRules
 from sumo_nets.tools import run_tool
 from sumo_nets.town import read_town
 from sumo_nets.vtypes import vtype_id
@@ -15,12 +15,23 @@ from sumo_nets.vtypes import vtype_id
 _MODELS = list(CATALOGUE.values() if isinstance(CATALOGUE, dict) else CATALOGUE)
 
 
-def test_rebuilding_gives_the_committed_bytes(tmp_path, town):
-    build_town(RECIPES["town01"], tmp_path)
-    built = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    kept = {path.name: path.read_bytes() for path in town.folder.iterdir()}
+def _assert_rebuilt(name, folder):
+    build_town(RECIPES[name], folder)
+    built = {path.name: path.read_bytes() for path in folder.iterdir()}
+    kept = {path.name: path.read_bytes() for path in built_in_folder(name).iterdir()}
     assert built.keys() == kept.keys()
     assert [name for name in kept if built[name] != kept[name]] == []
+
+
+@pytest.mark.parametrize("name", ["town01", "town06"])
+def test_rebuilding_gives_the_committed_bytes(tmp_path, name):
+    _assert_rebuilt(name, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(set(TOWNS) - {"town01", "town06"}))
+def test_rebuilding_any_town_gives_the_committed_bytes(tmp_path, name):
+    _assert_rebuilt(name, tmp_path)
 
 
 def test_files_hold_no_dates_and_no_absolute_paths(town):
@@ -52,6 +63,40 @@ def test_a_layout_without_streets_is_refused_and_leaves_nothing(tmp_path):
     with pytest.raises(TownError, match="made no streets"):
         build_town(recipe, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_town_in_pieces_is_refused_in_one_line_and_leaves_nothing(tmp_path):
+    island = RingRoadLayout(gates=(), ramps=(), services=(2,))
+    with pytest.raises(TownError, match=r"town 'bad' is disconnected: \d+ of its \d+ streets") as caught:
+        build_town(Recipe(name="bad", layout=island), tmp_path / "out")
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_roundabouts_run_one_way_and_have_right_of_way(tmp_path):
+    streets = StreetRules(roundabouts=1, main_lanes=1, signal_share=0)
+    recipe = Recipe(name="round", layout=GridLayout(columns=3, rows=3, jitter_m=0), streets=streets)
+    build_town(recipe, tmp_path)
+    net = ET.parse(tmp_path / "round.net.xml").getroot()
+    (circle,) = net.findall("roundabout")
+    ring = circle.get("edges").split()
+    assert len(ring) == 4
+    edges = {edge.get("id"): int(edge.get("priority")) for edge in net.findall("edge") if not edge.get("function")}
+    assert not {"_".join(reversed(edge.split("_"))) for edge in ring} & set(edges)
+    assert min(edges[edge] for edge in ring) > max(p for edge, p in edges.items() if edge not in ring)
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"gates": (0, 9)}, "arm 9 does not exist"),
+        ({"gates": (2,)}, "arm 2 has a gate and ramps"),
+        ({"circles_m": (50.0, 250.0)}, "end 75 m within"),
+    ],
+)
+def test_ring_roads_that_cannot_be_are_refused(values, says):
+    with pytest.raises(ValidationError, match=says):
+        RingRoadLayout(**values)
 
 
 def test_the_first_error_of_a_tool_is_one_line():

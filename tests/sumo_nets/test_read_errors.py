@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 
-from sumo_nets import TownError, read_town
+from sumo_nets import TOWNS, TownError, read_town
 
 _CONFIG = '<configuration><net-file value="a.net.xml"/></configuration>'
 
@@ -24,7 +24,8 @@ def _message(path) -> str:
 
 
 def test_an_unknown_town_is_told_the_known_ones():
-    assert _message("town99") == ("town 'town99' does not exist; choose one of town01, or give the path of a .sumocfg")
+    known = ", ".join(TOWNS)
+    assert _message("town99") == f"town 'town99' does not exist; choose one of {known}, or give the path of a .sumocfg"
 
 
 @pytest.mark.parametrize(
