@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -44,13 +45,11 @@ class Instances:
 
     def take(self, rows: np.ndarray) -> Instances:
         """The instances at `rows`."""
-        columns = {field.name: getattr(self, field.name) for field in fields(self)}
-        return Instances(
-            **{
-                name: tuple(column[row] for row in rows) if isinstance(column, tuple) else column[rows]
-                for name, column in columns.items()
-            }
-        )
+        columns: dict[str, Any] = {}
+        for field in fields(self):
+            column = getattr(self, field.name)
+            columns[field.name] = tuple(column[row] for row in rows) if isinstance(column, tuple) else column[rows]
+        return Instances(**columns)
 
 
 @dataclass(frozen=True, eq=False)
