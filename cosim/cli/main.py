@@ -10,10 +10,10 @@ from typing import NoReturn
 
 from rich.console import Console
 
-from cosim.cli import effects, run, towns, view
+from cosim.cli import effects, run, stats, towns, view
 from cosim.user_errors import USER_ERRORS
 
-_COMMANDS = (run, view, towns, effects)
+_COMMANDS = (run, view, stats, towns, effects)
 
 
 class _Parser(argparse.ArgumentParser):

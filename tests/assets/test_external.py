@@ -80,7 +80,8 @@ def write_dae(path: Path, parts: dict[str, trimesh.Trimesh], up: str = "Z_UP", u
             f'{positions}</float_array><technique_common><accessor source="#a{row}" count="{len(part.vertices)}" '
             'stride="3"><param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>'
             f'</accessor></technique_common></source><vertices id="v{row}"><input semantic="POSITION" '
-            f'source="#s{row}"/></vertices><triangles count="{len(part.faces)}" material="sym"><input semantic="VERTEX" source="#v{row}" '
+            f'source="#s{row}"/></vertices><triangles count="{len(part.faces)}" material="sym">'
+            f'<input semantic="VERTEX" source="#v{row}" '
             f'offset="0"/><p>{faces}</p></triangles></mesh></geometry>'
         )
         nodes.append(

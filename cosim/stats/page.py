@@ -1,0 +1,195 @@
+"""The page: one HTML file with everything in it, no scripts and nothing fetched."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from math import isfinite
+
+from cosim.stats.charts import STYLES, Chart, label_charts, point_charts, position_charts, scan_charts
+from cosim.stats.compare import DIRECTIONS, Distance
+from cosim.stats.summary import describe, histogram_mean, zero_share
+from cosim.stats.tally import FOCUS, INTENSITIES, Collected
+
+_MOST_RELATIVE = 2.0  # standard deviations that fill the bar
+
+
+def format_page(sets: Sequence[Collected], distances: Sequence[Distance]) -> str:
+    """The HTML text about one set, or two with their distances."""
+    title = " against ".join(found.title for found in sets)
+    sections = [
+        f"<header><h1>{escape(title)}</h1>{_facts(sets)}</header>",
+        _absent(sets),
+        _distances(distances, sets),
+        _section("Where the cars are", position_charts(sets), "maps" if len(sets) > 1 else ""),
+        _section("Points on cars against distance", point_charts(sets), "pairs"),
+        _section("Scans", scan_charts(sets)),
+        _section("Labels", label_charts(sets)),
+        _dimensions(sets),
+    ]
+    body = "\n".join(part for part in sections if part)
+    return _DOCUMENT.format(title=escape(title), style=_STYLE, body=body)
+
+
+def _facts(sets: Sequence[Collected]) -> str:
+    rows = []
+    for style, found in zip(STYLES, sets, strict=False):
+        facts = [("", found.title), ("Kind", found.kind), ("Frames", f"{len(found.frames):,}")]
+        if found.labelled.any():
+            facts += [("Objects", f"{len(found.objects):,}"), (f"{FOCUS}s", f"{len(found.focus):,}")]
+            facts.append((f"{FOCUS}s a frame", f"{found.focus_per_frame.mean():.2f}"))
+        if found.scanned.any():
+            scans = found.scans
+            facts.append(("Points a scan", f"{scans.points[found.scanned].mean():,.0f}"))
+            told = scans.rings[found.scanned & (scans.rings > 0)]
+            facts.append(("Rings", f"{told.mean():.0f}" if len(told) else "not told"))
+            for name, counts in (("all points", scans.intensity.sum(0)), ("cars", scans.car_intensity.sum(0))):
+                mean = histogram_mean(counts, INTENSITIES)
+                if isfinite(mean):
+                    facts.append((f"Intensity, {name}", f"{mean:.3f}"))
+                    facts.append((f"Zeros, {name}", f"{zero_share(counts):.1%}"))
+        cells = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in facts)
+        rows.append(f'<dl class="{style}">{cells}</dl>')
+    return "".join(rows)
+
+
+def _absent(sets: Sequence[Collected]) -> str:
+    notes = [f"{found.title}: {note}" for found in sets for note in found.notes]
+    if not notes:
+        return ""
+    return f'<ul class="absent">{"".join(f"<li>{escape(note)}</li>" for note in notes)}</ul>'
+
+
+def _distances(distances: Sequence[Distance], sets: Sequence[Collected]) -> str:
+    if len(sets) < 2:
+        return ""
+    if not distances:
+        return "<section><h2>Distances</h2><p>The two sets have nothing in common that could be compared.</p></section>"
+    rows = []
+    for item in distances:
+        share = min(item.relative / _MOST_RELATIVE, 1)
+        chance = item.chance / item.wasserstein * share if item.wasserstein > 0 else 0
+        kolmogorov = "" if item.kolmogorov is None else f"{item.kolmogorov:.2f}"
+        tick = f'<b style="left:{min(100 * chance, 100):.1f}%"></b>'
+        bar = f'<span class="meter"><i style="width:{100 * share:.1f}%"></i>{tick}</span>'
+        rows.append(
+            f"<tr><th>{escape(item.title)}</th><td>{_number(item.wasserstein)}</td>"
+            f"<td>{_number(item.low)} – {_number(item.high)}</td><td>{_number(item.chance)}</td>"
+            f"<td class=unit>{escape('' if item.unit == '1' else item.unit)}</td>"
+            f"<td>{item.relative:.2f}</td><td class=bar>{bar}</td><td>{kolmogorov}</td></tr>"
+        )
+    return (
+        "<section><h2>Distances</h2>"
+        "<p>1-Wasserstein distance: how far, on average, one set’s values must move to become the other’s; of "
+        f"positions the mean over {DIRECTIONS} directions of the plane (sliced), distance × height with both axes in "
+        "standard deviations. The interval is drawn over frames; frames of one drive resemble each other, so it is "
+        "rather too narrow. Chance is what two sets of these sizes drawn from both together would show: the tick on "
+        "the bar.</p>"
+        "<table><thead><tr><th></th><th>distance</th><th>95 %</th><th>chance</th><th></th>"
+        f"<th>in sd of {escape(sets[1].title)}</th><th></th><th>KS</th></tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table></section>"
+    )
+
+
+def _section(title: str, charts: Sequence[Chart], layout: str = "") -> str:
+    if not charts:
+        return ""
+    figures = "\n".join(
+        f'<figure class="{chart.size}"><figcaption><h3>{escape(chart.title)}</h3><p>{escape(chart.text)}</p>'
+        f"</figcaption>"
+        f"{chart.svg}</figure>"
+        for chart in charts
+    )
+    return f'<section><h2>{escape(title)}</h2><div class="charts {layout}">{figures}</div></section>'
+
+
+def _dimensions(sets: Sequence[Collected]) -> str:
+    rows = []
+    for style, found in zip(STYLES, sets, strict=False):
+        for name in sorted(set(found.objects.type.tolist()), key=lambda word: -found.classes[word]):
+            size = found.objects.of_type(name).size
+            cells = []
+            for column in range(3):
+                told = describe(size[:, column])
+                cells.append(
+                    f"<td>{told['mean']:.2f} ± {told['sd']:.2f}</td><td>{told['p5']:.2f} – {told['p95']:.2f}</td>"
+                )
+            rows.append(
+                f'<tr><th class="{style}">{escape(found.title)}</th><th>{escape(name)}</th><td>{len(size):,}</td>'
+                f"{''.join(cells)}</tr>"
+            )
+    if not rows:
+        return ""
+    heads = "".join(f"<th>{side} (m)</th><th>5 – 95 %</th>" for side in ("length", "width", "height"))
+    return (
+        f"<section><h2>Sizes by class</h2><table><thead><tr><th></th><th></th><th>objects</th>{heads}</tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table></section>"
+    )
+
+
+def _number(value: float) -> str:
+    if value >= 1000:
+        return f"{value:,.0f}"
+    return f"{value:.3f}" if value < 1 else f"{value:.2f}"
+
+
+_STYLE = """
+:root { color-scheme: dark; --ground: #0d1016; --panel: #151a23; --line: #262d39; --text: #e2e8f0; --muted: #8692a6;
+  --a: #ffb23e; --b: #5aa9ff; }
+* { box-sizing: border-box; }
+body { margin: 0 auto; max-width: 1840px; padding: 28px clamp(12px, 2.5vw, 40px) 60px; background: var(--ground);
+  color: var(--text); font: 15px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif; }
+h1 { margin: 0 0 14px; font-size: 27px; font-weight: 650; letter-spacing: -.01em; overflow-wrap: anywhere; }
+h2 { margin: 0 0 10px; font-size: 20px; font-weight: 650; }
+h3 { margin: 0; font-size: 15px; font-weight: 600; }
+p { margin: 3px 0 0; color: var(--muted); max-width: 110ch; }
+dl { display: flex; flex-wrap: wrap; align-items: end; gap: 6px 30px; margin: 0 0 12px; padding-left: 12px;
+  border-left: 4px solid; }
+dl.a { border-color: var(--a); } dl.b { border-color: var(--b); }
+dl div:first-child { min-width: 130px; } dl div:first-child dd { font-weight: 650; }
+dl.a div:first-child dd, th.a { color: var(--a); } dl.b div:first-child dd, th.b { color: var(--b); }
+dt { color: var(--muted); font-size: 12px; } dd { margin: 0; font-size: 17px; font-variant-numeric: tabular-nums; }
+section { border-top: 1px solid var(--line); padding-top: 22px; margin-top: 26px; }
+.charts { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(420px, 100%), 1fr)); gap: 16px; }
+.maps { grid-template-columns: repeat(3, minmax(0, 1fr)); }
+.pairs { grid-template-columns: repeat(2, minmax(0, 1fr)); }
+.wide { grid-column: span 2; } .full { grid-column: 1 / -1; }
+figure { margin: 0; border: 1px solid var(--line); border-radius: 8px; background: var(--panel); display: flex;
+  flex-direction: column; justify-content: space-between; }
+figcaption { padding: 10px 14px 2px; } figcaption p { font-size: 13px; }
+svg.plot { display: block; width: 100%; height: auto; padding: 4px 8px 6px; }
+svg text { fill: var(--muted); font-size: 12px; font-variant-numeric: tabular-nums; }
+svg .label { font-size: 12.5px; } svg .value { font-size: 11px; fill: var(--text); }
+.grid { stroke: var(--line); stroke-width: 1; fill: none; } .axis { stroke: #4a5568; fill: none; }
+.line { fill: none; stroke-width: 1.8; stroke-linejoin: round; } .area { opacity: .16; } .band { opacity: .2; }
+.bar { opacity: .85; }
+.line.a { stroke: var(--a); } .line.b { stroke: var(--b); }
+.area.a, .band.a, .bar.a, .dot.a { fill: var(--a); } .area.b, .band.b, .bar.b, .dot.b { fill: var(--b); }
+table { border-collapse: collapse; margin-top: 14px; font-variant-numeric: tabular-nums; font-size: 14px; }
+th, td { padding: 4px 14px 4px 0; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--line); }
+thead th { color: var(--muted); font-weight: 500; font-size: 12.5px; }
+tbody th { text-align: left; font-weight: 500; } .unit { text-align: left; color: var(--muted); padding-left: 0; }
+td + td { padding-left: 10px; } td.unit { padding-left: 0; }
+.meter { display: inline-block; position: relative; width: 220px; height: 11px; background: #1d2430;
+  border-radius: 3px; }
+.meter i { position: absolute; inset: 0 auto 0 0; background: var(--a); border-radius: 3px; }
+.meter b { position: absolute; top: -2px; bottom: -2px; width: 2px; background: var(--text); }
+.absent { margin: 10px 0 0; padding-left: 20px; color: var(--muted); }
+@media (max-width: 900px) { .maps, .pairs { grid-template-columns: minmax(0, 1fr); } .wide { grid-column: auto; }
+  section { overflow-x: auto; } }
+"""
+
+_DOCUMENT = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="generator" content="cosim stats">
+<title>{title}</title>
+<style>{style}</style>
+</head>
+<body>
+{body}
+</body>
+</html>
+"""
