@@ -19,15 +19,19 @@ class DemandConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    driving: CountRange | None = Field(None, description="vehicles on the move; none: from driving_factor")
-    parked: CountRange | None = Field(None, description="vehicles parked; none: from parked_factor")
-    walking: CountRange | None = Field(None, description="people on foot; none: from walking_factor")
-    driving_factor: Range = Field((0.5, 1.2), description="vehicles on the move over what is usual in the town [1]")
-    parked_factor: Range = Field((0.4, 1.2), description="parked vehicles over what is usual in the town [1]")
-    walking_factor: Range = Field((0.3, 2.0), description="people on foot over what is usual in the town [1]")
-    kinds: KindShares | None = Field(None, description="mean shares of the kinds on the move; none: the town's own")
+    driving: CountRange | None = Field(default=None, description="vehicles on the move; none: from driving_factor")
+    parked: CountRange | None = Field(default=None, description="vehicles parked; none: from parked_factor")
+    walking: CountRange | None = Field(default=None, description="people on foot; none: from walking_factor")
+    driving_factor: Range = Field(
+        default=(0.5, 1.2), description="vehicles on the move over what is usual in the town [1]"
+    )
+    parked_factor: Range = Field(default=(0.4, 1.2), description="parked vehicles over what is usual in the town [1]")
+    walking_factor: Range = Field(default=(0.3, 2.0), description="people on foot over what is usual in the town [1]")
+    kinds: KindShares | None = Field(
+        default=None, description="mean shares of the kinds on the move; none: the town's own"
+    )
     kind_spread: float = Field(
-        0.35, ge=0, le=3, description="standard deviation of the logarithm of each kind's share, cars aside [1]"
+        default=0.35, ge=0, le=3, description="standard deviation of the logarithm of each kind's share, cars aside [1]"
     )
 
     @model_validator(mode="after")

@@ -115,7 +115,8 @@ def _stops(draft: _Draft, rims: list[int], arm: int, side: int) -> list[tuple[fl
     layout = draft.layout
     middle = 2 * np.pi * arm / layout.arms
     if arm in layout.gates:
-        return [(side * middle % (2 * np.pi), *[_gate(draft, rims[arm], arm)] * 2)]
+        gate = _gate(draft, rims[arm], arm)
+        return [(side * middle % (2 * np.pi), gate, gate)]
     if side < 0 and arm in layout.ramps:
         end = draft.node(f"end{arm}", layout.radius_m - _RAMP_DEPTH_M - layout.median_m, middle, "priority")
         draft.add(Street(rims[arm], end, _straight(draft, rims[arm], end), main=True))
@@ -144,10 +145,12 @@ def _gate(draft: _Draft, rim: int, arm: int) -> int:
     return gate
 
 
-def _interchange(draft: _Draft, name: str, middle: float, side: int, exit_to: int, entry_from: int):
+def _interchange(
+    draft: _Draft, name: str, middle: float, side: int, exit_to: int, entry_from: int
+) -> tuple[float, int, int]:
     """Add the ramps that leave for one junction and come back from another, with their lanes to change speed on."""
     radius, lanes = draft.inner_edge_m(side), draft.layout.lanes
-    half = np.linalg.norm(draft.points[exit_to] - draft.points[entry_from]) / 2
+    half = float(np.linalg.norm(draft.points[exit_to] - draft.points[entry_from])) / 2
     nose, ahead = (_RAMP_M + half) / radius, (_RAMP_M + half + _SPEED_CHANGE_M) / radius
     places = zip("abcd", (-ahead, -nose, nose, ahead), strict=True)
     a, b, c, d = (draft.node(name + key, radius, middle + side * at, "priority") for key, at in places)
@@ -186,7 +189,8 @@ def _curve(start: np.ndarray, start_way: np.ndarray, end: np.ndarray, end_way: n
     reach = 0.4 * np.linalg.norm(end - start)
     t = np.linspace(0, 1, 14)[:, None]
     points = start, start + reach * start_way, end - reach * end_way, end
-    return sum(k * (1 - t) ** (3 - i) * t**i * p for i, (k, p) in enumerate(zip((1, 3, 3, 1), points, strict=True)))
+    weights = np.stack([(1 - t) ** 3, 3 * (1 - t) ** 2 * t, 3 * (1 - t) * t**2, t**3])
+    return (weights * np.array(points)[:, None]).sum(axis=0)
 
 
 def _polar(radius_m: float, angle: float) -> np.ndarray:

@@ -23,7 +23,7 @@ from assets.world.plots import lay_out
 from assets.world.props import props_mesh
 from assets.world.relief import Relief, ground_mesh, kerb_stones
 from assets.world.styles import style_of
-from assets.world.surfaces import outline
+from assets.world.surfaces import open_roads, outline
 from assets.world.terrain import terrain_materials
 
 _MARGIN_M = 120.0  # land beyond the streets
@@ -76,7 +76,7 @@ def build_world(streets: Streets, seed: int, environment: Environment | None = N
     relief = Relief(height, outlines.crossings)
     plan = triangulate(outlines, low, high)
     ground = ground_mesh(plan, relief, terrain_materials(plan, style, town_low, town_high, rng))
-    plots = lay_out(outlines.paved, style, rng)
+    plots = lay_out(outlines.paved, style, rng, open_roads(streets))
     houses = design(plots, style, lambda xy: relief.z(xy, TERRAIN), rng)
 
     def stand_z(xy: np.ndarray) -> np.ndarray:

@@ -57,20 +57,22 @@ class PropDensities(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    litter_bin: Range | None = Field(None, description="litter bins at the kerb [per 100 m]")
-    wheelie_bin: Range | None = Field(None, description="household bins at the back of the pavement [per 100 m]")
-    bench: Range | None = Field(None, description="benches facing the road [per 100 m]")
-    table: Range | None = Field(None, description="café tables with chairs, on wide pavements [per 100 m]")
-    box: Range | None = Field(None, description="piles of boxes and crates [per 100 m]")
-    planter: Range | None = Field(None, description="bushes in tubs [per 100 m]")
-    bicycle: Range | None = Field(None, description="parked bicycles [per 100 m]")
-    bus_stop: Range | None = Field(None, description="bus shelters [per 100 m]")
-    hydrant: Range | None = Field(None, description="fire hydrants [per 100 m]")
-    fence: Range | None = Field(None, description="4 m pieces of guard rail at the kerb [per 100 m]")
-    market_stall: Range | None = Field(None, description="market stalls, on wide pavements [per 100 m]")
-    cabinet: Range | None = Field(None, description="distribution cabinets [per 100 m]")
-    parking_meter: Range | None = Field(None, description="ticket machines at the kerb [per 100 m]")
-    bollard: Range | None = Field(None, description="bollards at corners [per 100 m]")
+    litter_bin: Range | None = Field(default=None, description="litter bins at the kerb [per 100 m]")
+    wheelie_bin: Range | None = Field(
+        default=None, description="household bins at the back of the pavement [per 100 m]"
+    )
+    bench: Range | None = Field(default=None, description="benches facing the road [per 100 m]")
+    table: Range | None = Field(default=None, description="café tables with chairs, on wide pavements [per 100 m]")
+    box: Range | None = Field(default=None, description="piles of boxes and crates [per 100 m]")
+    planter: Range | None = Field(default=None, description="bushes in tubs [per 100 m]")
+    bicycle: Range | None = Field(default=None, description="parked bicycles [per 100 m]")
+    bus_stop: Range | None = Field(default=None, description="bus shelters [per 100 m]")
+    hydrant: Range | None = Field(default=None, description="fire hydrants [per 100 m]")
+    fence: Range | None = Field(default=None, description="4 m pieces of guard rail at the kerb [per 100 m]")
+    market_stall: Range | None = Field(default=None, description="market stalls, on wide pavements [per 100 m]")
+    cabinet: Range | None = Field(default=None, description="distribution cabinets [per 100 m]")
+    parking_meter: Range | None = Field(default=None, description="ticket machines at the kerb [per 100 m]")
+    bollard: Range | None = Field(default=None, description="bollards at corners [per 100 m]")
 
 
 PROP_KINDS: tuple[str, ...] = tuple(PropDensities.model_fields)
@@ -81,13 +83,18 @@ class EnvironmentConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    props_per_100m: PropDensities = Field(PropDensities(), description="densities of single kinds of props [per 100 m]")
-    prop_factor: Range = Field(
-        (0.3, 1.8), description="density of each other kind of prop over the style's own, drawn kind by kind [1]"
+    props_per_100m: PropDensities = Field(
+        default=PropDensities(), description="densities of single kinds of props [per 100 m]"
     )
-    building_density: Range = Field((0.8, 1.15), description="houses per street front over the style's own [1]")
-    setback: Range = Field((0.85, 1.25), description="distance of façades from the pavement over the style's own [1]")
-    vegetation: Range = Field((0.4, 1.4), description="trees and bushes over the style's own [1]")
+    prop_factor: Range = Field(
+        default=(0.3, 1.8),
+        description="density of each other kind of prop over the style's own, drawn kind by kind [1]",
+    )
+    building_density: Range = Field(default=(0.8, 1.15), description="houses per street front over the style's own [1]")
+    setback: Range = Field(
+        default=(0.85, 1.25), description="distance of façades from the pavement over the style's own [1]"
+    )
+    vegetation: Range = Field(default=(0.4, 1.4), description="trees and bushes over the style's own [1]")
 
     def draw(self, rng: np.random.Generator) -> Environment:
         """Return one environment; `rng` is the source of every choice."""

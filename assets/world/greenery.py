@@ -16,6 +16,7 @@ from assets.world.styles import Style
 from assets.world.trees import broadleaf, bush, conifer
 
 _VARIANTS = 6
+_VERGE_M = 2.2  # from the kerb to street trees where there is no pavement
 _SIDE_SHARE = 0.55  # fenced plots with a border between neighbours too
 _OPEN_LAND_PER_M2 = 4e-4
 _OPEN_LAND_MOST = 220
@@ -41,7 +42,8 @@ def _street_trees(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: S
         return Mesh.empty()
     rows = edge.every(style.street_tree_gap_m, rng)
     rows = rows[edge.junction_m[rows] > 6.0]
-    spots = edge.point[rows] + 0.45 * edge.outward[rows]
+    behind_m = np.where(edge.pavement_m[rows] > 0.5, 0.45, _VERGE_M)
+    spots = edge.point[rows] + behind_m[:, None] * edge.outward[rows]
     keep = blocked.free(spots, 1.1, road_m=0.25)
     keep[keep] = blocked.take(spots[keep], 1.5)
     radius = 1.3 if style.setback_m[0] < 1.0 else 1.8

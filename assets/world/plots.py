@@ -11,6 +11,7 @@ from shapely import Geometry
 from assets.world.styles import Style
 
 _CLEAR_OF_STREET_M = 0.2
+_CLEAR_OF_OPEN_ROAD_M = 15.0
 _WALK_M = 2.0  # step along the front after a footprint found no room
 _SMALL_ISLAND_M2 = 900.0  # land within a roundabout or between carriageways, where nobody builds
 _MEADOW_M = (40.0, 120.0)  # frontage of open land between groups of houses
@@ -55,9 +56,11 @@ class Plot:
         return self.centre + half[:, :1] * self.along + half[:, 1:] * self.inward
 
 
-def lay_out(paved: Geometry, style: Style, rng: np.random.Generator) -> list[Plot]:
-    """Plots along every edge of the paved area, in order along the streets."""
+def lay_out(paved: Geometry, style: Style, rng: np.random.Generator, open_roads: Geometry | None = None) -> list[Plot]:
+    """Plots along every edge of the paved area, in order along the streets; none along open roads."""
     blocked = shapely.buffer(paved, _CLEAR_OF_STREET_M, quad_segs=2)
+    if open_roads is not None:
+        blocked = shapely.union(blocked, shapely.buffer(open_roads, _CLEAR_OF_OPEN_ROAD_M, quad_segs=4))
     shapely.prepare(blocked)
     placed = _Footprints(blocked)
     plots: list[Plot] = []

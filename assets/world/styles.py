@@ -64,9 +64,9 @@ _RENDERED = ("plaster_white", "plaster_white", "plaster_yellow", "plaster_grey",
 
 STYLES: dict[str, Style] = {
     "village": Style(
-        setback_m=(9.0, 21.0),
-        front_m=(6.5, 9.5),
-        depth_m=(7.0, 9.5),
+        setback_m=(9.0, 23.0),
+        front_m=(6.0, 9.0),
+        depth_m=(6.5, 9.0),
         side_gap_m=(12.0, 30.0),
         storeys=(1, 2),
         storey_m=(2.6, 2.9),
@@ -82,7 +82,7 @@ STYLES: dict[str, Style] = {
         gap_share=0.22,
         fences=("picket", "picket", "wall_stone", "wire", "hedge", "hedge"),
         conifer_share=0.2,
-        meadow_chance=0.64,
+        meadow_chance=0.7,
     ),
     "hamlet": Style(
         setback_m=(0.8, 6.0),

@@ -14,6 +14,7 @@ _GAP_M = 0.7  # narrower gaps between paved parts are paved over
 _SPIKE_M = 0.15
 _SMALL_HOLE_M2 = 12.0
 _PRECISION_M = 0.01
+_FAST_MPS = 18.0
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,17 @@ def outline(streets: Streets) -> Outlines:
     paved = _polygons_only(shapely.union(_clean(paved), carriageway, grid_size=_PRECISION_M))
     pavement = _opened(shapely.difference(paved, carriageway, grid_size=_PRECISION_M))
     return Outlines(carriageway, _polygons_only(pavement), crossings, parking)
+
+
+def open_roads(streets: Streets) -> Geometry:
+    """Lanes of fast roads and, in a town of sidewalks, of roads that have none: nobody lives along them."""
+    walked = {lane.edge for lane in streets.lanes if lane.use == "sidewalk"}
+    lanes = [lane for lane in streets.lanes if lane.use == "drive" and not lane.internal]
+    bare = {lane.edge for lane in lanes} - walked
+    if len(bare) > len(walked):
+        bare = set()
+    fast = [lane for lane in lanes if lane.edge in bare or (lane.speed_mps > _FAST_MPS and lane.edge not in walked)]
+    return shapely.union_all([_strip(lane.centre, lane.width_m) for lane in fast])
 
 
 def _strips(streets: Streets, uses: tuple[LaneUse, ...]) -> list[Geometry]:
