@@ -6,7 +6,7 @@ import numpy as np
 
 from sensors.bvh import Bvh
 from sensors.hits import NOTHING, RANGE_STEP_M, STATIC, Hits, Surface
-from sensors.motion import EgoMotion, moved_poses, yaw_matrices
+from sensors.motion import EgoMotion, moved_poses
 from sensors.normals import encode_normals
 from sensors.ray_index import RayIndex
 from sensors.rays import Rays
@@ -45,12 +45,13 @@ class MotionTracer:
             instances: what moves, at the pose time.
 
         Returns:
-            Hits, true optical centres (n, 3) float64 and directions (n, 3) float32 in world axes.
+            Hits; true optical centres from the sensor's place at the pose time, and directions, (n, 3) float32 in
+            world axes.
         """
         origin, direction = _carried_rays(self.rays, ego, lidar_in_ego, time_s)
         # Around the sensor, so that float32 keeps its digits.
         centre = (ego.pose @ lidar_in_ego)[:3, 3]
-        start = (origin - centre + direction * self._near).astype(np.float32)
+        start = origin + direction * np.float32(self._near)
         reach = np.float32(self._far - self._near)
         solid, pane = Nearest(len(self.rays)), Nearest(len(self.rays))
         meet_static(scene.static, start, direction, centre, reach, solid, pane)
@@ -62,7 +63,7 @@ class MotionTracer:
             pose=ego.pose @ lidar_in_ego,
             solid=solid.surface(self._near),
             pane_beam=beam,
-            pane=pane.surface(self._near).take(beam),
+            pane=pane.surface(self._near, beam),
             paint=instances.paint,
         )
         return hits, origin, direction
@@ -129,22 +130,24 @@ def meet_static(
     if static.is_empty:
         return
     start = start + centre.astype(np.float32)
-    beams = np.arange(len(start))
-    travelled = np.zeros(len(start), np.float32)
-    for number in range(_MOST_PANES):
+    travelled, triangle = static.first_hit(start, direction, np.full(len(start), reach, np.float32))
+    glass = static.is_glass[triangle] & (triangle >= 0)
+    solid.fill(travelled, triangle, static, (triangle >= 0) & ~glass)
+    beams = np.flatnonzero(glass)
+    travelled, triangle = travelled[beams], triangle[beams]
+    pane.offer(beams, travelled, static.packed_normal[triangle], static.material[triangle], STATIC)
+    for _ in range(_MOST_PANES):
         if not len(beams):
             return
-        begin = start[beams] + direction[beams] * travelled[:, None] if number else start
+        travelled = travelled + np.float32(_STEP_BEHIND_GLASS_M)
+        begin = start[beams] + direction[beams] * travelled[:, None]
         step, triangle = static.first_hit(begin, direction[beams], reach - travelled)
         hit = triangle >= 0
         beams, travelled, triangle = beams[hit], (travelled + step)[hit], triangle[hit]
-        code, material = static.packed_normal[triangle], static.material[triangle]
         glass = static.is_glass[triangle]
-        solid.offer(beams[~glass], travelled[~glass], code[~glass], material[~glass], STATIC)
+        rows, face = beams[~glass], triangle[~glass]
+        solid.offer(rows, travelled[~glass], static.packed_normal[face], static.material[face], STATIC)
         beams, travelled = beams[glass], travelled[glass]
-        if number == 0:
-            pane.offer(beams, travelled, code[glass], material[glass], STATIC)
-        travelled = travelled + np.float32(_STEP_BEHIND_GLASS_M)
 
 
 def meet_instance(
@@ -164,15 +167,13 @@ def meet_instance(
     if not len(beams):
         return
     model, instant = scene.model(instances.models[row]), time_s[beams]
-    turn = yaw_matrices(-instances.yaw_rate_radps[row] * instant).astype(np.float32)
+    angle = np.float32(instances.yaw_rate_radps[row]) * instant
     shift = (instances.poses[row, :3, 3] - centre).astype(np.float32)
     place = shift + instances.velocity_mps[row].astype(np.float32) * instant[:, None]
-    still = instances.yaw_rate_radps[row] == 0
     unscaled = np.linalg.inv(instances.poses[row, :3, :3] * instances.scales[row]).astype(np.float32)
 
     def carry(vectors: np.ndarray) -> np.ndarray:
-        back = vectors if still else np.einsum("nij,nj->ni", turn, vectors)
-        return np.ascontiguousarray(back @ unscaled.T)
+        return np.ascontiguousarray(yawed(vectors, -angle) @ unscaled.T)
 
     origin, onward = carry(start[beams] - place), carry(direction[beams])
     limit = np.minimum(solid.distance[beams], reach)
@@ -187,9 +188,7 @@ def meet_instance(
         (solid, model.opaque, behind[inner >= 0], step[inner >= 0], inner[inner >= 0]),
     )
     for nearest, bvh, rays, at, face in met:
-        normal = bvh.normal[face] @ unscaled
-        if not still:
-            normal = np.einsum("nji,nj->ni", turn[rays], normal)
+        normal = yawed(bvh.normal[face] @ unscaled, angle[rays])
         code = encode_normals(normal).view(np.int32).reshape(-1)
         nearest.offer(beams[rays], at, code, bvh.material[face], row)
 
@@ -203,6 +202,12 @@ class Nearest:
         self._material = np.zeros(rays, np.uint8)
         self._instance = np.full(rays, NOTHING, np.int16)
 
+    def fill(self, distance: np.ndarray, triangle: np.ndarray, bvh: Bvh, hit: np.ndarray) -> None:
+        """Surfaces of the static world for all rays where `hit`, when nothing was offered before."""
+        self.distance = np.where(hit, distance, np.float32(np.inf))
+        self._code, self._material = bvh.packed_normal[triangle], bvh.material[triangle]
+        self._instance = np.where(hit, np.int16(STATIC), np.int16(NOTHING))
+
     def offer(
         self, rays: np.ndarray, distance: np.ndarray, code: np.ndarray, material: np.ndarray, instance: int
     ) -> None:
@@ -214,31 +219,39 @@ class Nearest:
         self._material[rows] = material[nearer]
         self._instance[rows] = instance
 
-    def surface(self, offset_m: float) -> Surface:
-        """The surfaces, ranges counted from the optical centre and rounded to the stored step."""
-        steps = np.rint((self.distance + np.float32(offset_m)) / np.float32(RANGE_STEP_M))
+    def surface(self, offset_m: float, rays: np.ndarray | slice = slice(None)) -> Surface:
+        """The surfaces of `rays`, ranges counted from the optical centre and rounded to the stored step."""
+        steps = np.rint((self.distance[rays] + np.float32(offset_m)) / np.float32(RANGE_STEP_M))
+        steps *= np.float32(RANGE_STEP_M)
         return Surface(
-            range_m=(steps * np.float32(RANGE_STEP_M)).astype(np.float32),
-            normal_code=self._code.view(np.int16).reshape(-1, 2),
-            material=self._material,
-            instance=self._instance,
+            range_m=steps,
+            normal_code=self._code[rays].view(np.int16).reshape(-1, 2),
+            material=self._material[rays],
+            instance=self._instance[rays],
         )
 
 
 def _carried_rays(
     rays: Rays, ego: EgoMotion, lidar_in_ego: np.ndarray, time_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Origins (n, 3) float64 and directions (n, 3) float32 of the rays in world axes, each at its own instant."""
-    now = (ego.pose @ lidar_in_ego)[:3, :3]
-    arm = ego.pose[:3, :3] @ lidar_in_ego[:3, 3]
-    angle = ego.yaw_rate_radps * time_s.astype(np.float64)
+    """Origins, from the sensor's place at the pose time, and directions of the rays in world axes, (n, 3) float32."""
+    now = (ego.pose @ lidar_in_ego)[:3, :3].astype(np.float32)
+    arm = (ego.pose[:3, :3] @ lidar_in_ego[:3, 3]).astype(np.float32)
+    angle = np.float32(ego.yaw_rate_radps) * time_s
+    direction = yawed(rays.direction @ now.T, angle)
+    lever = rays.origin @ now.T + arm if rays.origin.any() else np.broadcast_to(arm, direction.shape)
+    travelled = time_s[:, None] * np.asarray(ego.velocity_mps, np.float32)
+    travelled += yawed(lever, angle) - arm
+    return travelled, direction
+
+
+def yawed(vectors: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Vectors (n, 3) float32, each turned about z by its own angle (n,)."""
+    if not angle.any():
+        return vectors
     cos, sin = np.cos(angle), np.sin(angle)
-
-    def yawed(vectors: np.ndarray) -> np.ndarray:
-        x, y, z = vectors.T
-        return np.stack([cos * x - sin * y, sin * x + cos * y, np.broadcast_to(z, angle.shape)], 1)
-
-    centre = ego.pose[:3, 3] + np.asarray(ego.velocity_mps, float) * time_s.astype(np.float64)[:, None]
-    origin = centre + yawed(rays.origin.astype(np.float64) @ now.T + arm)
-    direction = yawed(rays.direction.astype(np.float64) @ now.T)
-    return origin, direction.astype(np.float32)
+    turned = np.empty(vectors.shape, np.float32)
+    turned[:, 0] = cos * vectors[:, 0] - sin * vectors[:, 1]
+    turned[:, 1] = sin * vectors[:, 0] + cos * vectors[:, 1]
+    turned[:, 2] = vectors[:, 2]
+    return turned

@@ -22,7 +22,9 @@ class Traced:
 
     Attributes:
         hits: surfaces by beam.
-        moving: (n, 3) origins and directions in world axes and instants, where each beam has its own pose.
+        moving: where each beam has its own pose: optical centres from that of the pose time and directions, (n, 3)
+            float32 world axes, and instants (n,).
+        delay_s: instant of all beams, where they share one pose.
     """
 
     hits: Hits
@@ -33,7 +35,7 @@ class Traced:
     def origin(self) -> np.ndarray:
         """True optical centres, (n, 3) float64 world axes."""
         if self.moving is not None:
-            return self.moving[0]
+            return self.hits.pose[:3, 3] + self.moving[0]
         pose = self.hits.pose
         return self.hits.rays.origin.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
 

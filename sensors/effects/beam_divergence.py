@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 
 from sensors.effects.base import EchoEffect, number
-from sensors.effects.footprint import FOOTPRINT, strongest_echo
+from sensors.effects.footprint import samples_aside, strongest_echo
 from sensors.effects.phases import Phase
 from sensors.returns import Returns
-from sensors.shot import Shot, returns_of
+from sensors.shot import Shot
+
+_METRES_PER_NS = 0.299792458
 
 
 class BeamDivergence(EchoEffect):
@@ -41,11 +42,7 @@ class BeamDivergence(EchoEffect):
             return returns
         if shot.world is None or shot.beams is None:
             raise ValueError("the footprint is new rays; measure with trace_and_measure")
-        samples = [returns]
-        for number_, (up, left) in enumerate(FOOTPRINT[1:]):
-            radius = self.divergence_mrad / 2000
-            flat = np.hypot(shot.beams.direction[:, 0], shot.beams.direction[:, 1])
-            aside = shot.beams.turned(left * radius / np.maximum(flat, 1e-3)).raised(up * radius)
-            traced = shot.world.trace(replace(aside, rays=shot.beams.rays), slot=f"footprint {number_}")
-            samples.append(returns_of(traced.hits))
-        return strongest_echo(samples, len(shot.rays), pulse_m=self.pulse_ns * 0.299792458 / 2)
+        samples = [shot.hits]
+        for sample, beams in enumerate(samples_aside(shot.beams, self.divergence_mrad / 2000)):
+            samples.append(shot.world.trace(beams, slot=f"footprint {sample}").hits)
+        return strongest_echo(returns, samples, pulse_m=self.pulse_ns * _METRES_PER_NS / 2)

@@ -7,13 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from sensors.effects.base import EchoEffect, number
+from sensors.effects.base import PointEffect, number
 from sensors.effects.phases import Phase
 from sensors.returns import Returns
 from sensors.shot import Shot
 
 
-class IntensityFloor(EchoEffect):
+class IntensityFloor(PointEffect):
     """I → max(I − floor, 0)/(1 − floor). The range is still reported: KITTI holds 13.6 % of points with intensity 0."""
 
     name: ClassVar = "intensity_floor"
