@@ -8,9 +8,13 @@ from typing import Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from assets.world import EnvironmentConfig
 from cosim.behaviour.config import BehaviourConfig
+from cosim.collection import Collection
 from cosim.errors import CosimError
+from cosim.rig import RigJitter
 from sensors.pattern import first_problem
+from sumo_nets import TOWNS, DemandConfig
 
 
 class ConfigError(CosimError):
@@ -22,14 +26,20 @@ class RunConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    town: str = Field("town01", description="name of a built-in town, or the path of a .sumocfg file")
+    town: str | tuple[str, ...] = Field(
+        "town01", description="built-in towns (`town01`, a list, or `all`), or the path of a .sumocfg file"
+    )
     frames: int = Field(100, ge=1, le=1_000_000, description="frames to record")
     seed: int = Field(0, ge=0, lt=2**31, description="seed of traffic, world, models and paints")
     sensor: str = Field("hdl64e", description="a sensor file's path, or the name of a beam pattern used bare")
     frames_per_episode: int = Field(25, ge=1, le=10_000, description="frames recorded in one SUMO simulation")
     warm_up_s: float = Field(60.0, ge=0, le=3600, description="simulated time before the first frame [s]")
     step_s: float = Field(0.1, gt=0, le=1, description="SUMO's step length [s]")
-    record_every_s: float = Field(1.0, gt=0, le=600, description="simulated time between frames [s]")
+    collection: Collection = Field(Collection(), description="which instants become frames")
+    population: DemandConfig = Field(DemandConfig(), description="who is about in built-in towns")
+    environment: EnvironmentConfig = Field(EnvironmentConfig(), description="how built-in and own towns are furnished")
+    episodes_per_world: int = Field(4, ge=1, le=10_000, description="episodes in one random world of a town")
+    rig_jitter: RigJitter = Field(RigJitter(), description="random rotation of the sensor rig, frame by frame")
     label_range_m: float = Field(80.0, gt=0, le=500, description="beyond this, objects become DontCare [m]")
     min_label_pixels: int = Field(20, ge=1, description="fewer visible pixels than this give no label")
     external_vehicles: Path | None = Field(
@@ -39,6 +49,13 @@ class RunConfig(BaseModel):
     store_hits: bool = Field(True, description="keep hits/, from which sensor variants can be made again")
     colour_image: bool = Field(True, description="render image_2 in colour")
     backend: Literal["osmesa", "egl"] = Field("osmesa", description="how images are rendered")
+
+    @property
+    def towns(self) -> tuple[str, ...]:
+        """The towns that take turns."""
+        if self.town == "all":
+            return TOWNS
+        return (self.town,) if isinstance(self.town, str) else self.town
 
 
 def load_config(path: Path | None, **overrides: object) -> RunConfig:

@@ -133,29 +133,44 @@ class DriveWriter:
         }
         self._append_to(self.folder / MANIFEST, json.dumps(entry, separators=(",", ":")) + "\n")
 
+    def write_note(self, entry: Mapping[str, object]) -> None:
+        """Add a remark about an episode (`episode` and `attempt` name it) to the manifest."""
+        self._append_to(self.folder / MANIFEST, json.dumps(entry, separators=(",", ":")) + "\n")
+
     def manifest(self) -> dict[str, dict]:
-        """Finished frames by name; a last line torn by an interruption is cut off the file."""
+        """Finished frames by name."""
+        return {entry["name"]: entry for entry in self._lines() if "name" in entry}
+
+    def notes(self) -> dict[tuple[int, int], dict]:
+        """Remarks by episode and attempt."""
+        return {(entry["episode"], entry["attempt"]): entry for entry in self._lines() if "name" not in entry}
+
+    def _lines(self) -> list[dict]:
+        """What the manifest holds; a last line torn by an interruption is cut off the file."""
         path = self.folder / MANIFEST
         if not path.is_file():
-            return {}
+            return []
         with explained(path):
             data = path.read_bytes()
             whole = data[: data.rfind(b"\n") + 1]
             if len(whole) < len(data):
                 self.write(MANIFEST, whole)
-        entries = {}
+        entries = []
         for number, line in enumerate(whole.decode("utf-8", errors="replace").splitlines(), start=1):
             try:
                 entry = json.loads(line)
-                entries[str(entry["name"])] = entry
-            except (ValueError, KeyError, TypeError):
+                if not isinstance(entry.get("name", ""), str) or not ("name" in entry or "attempt" in entry):
+                    raise ValueError
+            except (ValueError, AttributeError):
                 raise OutputError(f"{path}:{number} is damaged; remove that line to make its frame again") from None
+            entries.append(entry)
         return entries
 
     def finish(self, files: Mapping[str, bytes], summary: str) -> None:
         """Sort the manifest and write what describes the whole drive, the summary last."""
-        entries = self.manifest()
-        lines = [json.dumps(entries[name], separators=(",", ":")) + "\n" for name in sorted(entries)]
+        frames, notes = self.manifest(), self.notes()
+        entries = [*(frames[name] for name in sorted(frames)), *(notes[key] for key in sorted(notes))]
+        lines = [json.dumps(entry, separators=(",", ":")) + "\n" for entry in entries]
         self.write(MANIFEST, "".join(lines).encode())
         for path, data in files.items():
             self.write(path, data)

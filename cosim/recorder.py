@@ -6,12 +6,10 @@ import numpy as np
 
 from assets import MATERIALS, Mesh, build_model
 from assets.external import load_external
-from assets.world import build_world
 from cosim.actors import Actors
 from cosim.bridge import Bridge
 from cosim.config import RunConfig
 from cosim.drive_writer import DriveWriter
-from cosim.ground import Ground
 from cosim.kitti.calibration import Calibration, format_calibration
 from cosim.kitti.images import encode_depth, encode_gray, encode_rgb
 from cosim.kitti.labels import DONT_CARE, Labels, format_labels
@@ -19,8 +17,10 @@ from cosim.kitti.oxts import Oxts, format_oxts
 from cosim.kitti.points import encode_points
 from cosim.kitti.rays import PointRays, encode_rays
 from cosim.labelling import Labeller
+from cosim.place import Place
+from cosim.plan import EpisodePlan, plan_episodes, world_count
 from cosim.twin import Camera, Ego, Instance, Lidar, TwinFrame, encode_glb, format_materials
-from sensors.cameras import KITTI_CALIBRATION, CameraRenderer, Images, Light, bake_sun_shadows, kitti_cameras
+from sensors.cameras import KITTI_CALIBRATION, Images, kitti_cameras
 from sensors.cameras.kitti_rig import lidar_pose_ego
 from sensors.hits import Hits
 from sensors.hits_file import encode_hits
@@ -29,71 +29,85 @@ from sensors.point_cloud import PointCloud
 from sensors.scene import Instances, Scene
 from sensors.sensor_model import SensorModel
 from sensors.tracing import Tracer
-from sumo_nets import Town
+from sumo_nets import Town, read_town
 
 LABEL_DECIMALS = 4
 _CAMERAS = ("image_0", "image_2")  # gray and depth; colour, and the camera that labels refer to
-_LIGHT_STREAM = 1  # keeps the light's random numbers apart from those of worlds and episodes
+_RIG_STREAM = 2  # keeps the rig's random numbers apart from those of the measurement
 
 
 class Recorder:
-    """A rig in a town: built once a process, then asked for frame after frame.
+    """A sensor rig that goes from place to place and takes frame after frame.
 
     Args:
         config: of the run.
-        town: where.
         sensor: the LiDAR.
         writer: of the drive.
         threads: threads it may use.
     """
 
-    def __init__(
-        self, config: RunConfig, town: Town, sensor: SensorModel, writer: DriveWriter, *, threads: int = 1
-    ) -> None:
+    def __init__(self, config: RunConfig, sensor: SensorModel, writer: DriveWriter, *, threads: int = 1) -> None:
         self._config = config
         self._sensor = sensor
         self._writer = writer
-        external = load_external(config.external_vehicles)
-        self._models: dict[str, Mesh] = dict(external.meshes)
+        self._threads = threads
+        self._external = load_external(config.external_vehicles)
+        self._models: dict[str, Mesh] = dict(self._external.meshes)
         self._written_models: set[str] = set()
-
-        world = build_world(town.streets, config.seed)
-        light = draw_light(np.random.default_rng([config.seed, _LIGHT_STREAM]))
+        self._worlds = world_count(plan_episodes(config))
         self._calibration = Calibration(**vars(KITTI_CALIBRATION))
-        self._lidar_pose_ego = lidar_pose_ego()
         self._cameras = {name: camera for name, camera in kitti_cameras(KITTI_CALIBRATION).items() if name in _CAMERAS}
-        self._bridge = Bridge(Ground(world.ground), config.seed, external)
-        self._scene = Scene(world.mesh, self._model, threads)
         self._tracer = Tracer(sensor.pattern.rays(), sensor.pattern.range_m)
-        self._labeller = Labeller(
-            self._scene, self._calibration, range_m=config.label_range_m, min_pixels=config.min_label_pixels
-        )
-        self._renderer = CameraRenderer(
-            world.mesh,
-            self._model,
-            light,
-            width=self._cameras["image_0"].width,
-            height=self._cameras["image_0"].height,
-            backend=config.backend,
-            static_shade=bake_sun_shadows(world.mesh, light, self._scene.static),
-        )
-        if not writer.has("twin/static.glb"):
-            writer.write("twin/static.glb", encode_glb(world.mesh, town.name))
+        self._place: Place | None = None
         writer.write_once("twin/materials.yaml", format_materials(MATERIALS).encode())
 
-    def record(self, name: str, episode: int, actors: Actors, ego: str) -> None:
+    def move_to(self, plan: EpisodePlan) -> Town:
+        """Make an episode's place ready; gives its town. The same place is not built twice in a row."""
+        town = read_town(plan.town)
+        if self._place is None or (self._place.town.name, self._place.world) != (town.name, plan.world):
+            self.close()
+            self._place = Place.build(
+                self._config,
+                town,
+                plan.world,
+                camera=self._cameras["image_0"],
+                load_model=self._model,
+                threads=self._threads,
+            )
+            self._labeller = Labeller(
+                self._place.scene,
+                self._calibration,
+                range_m=self._config.label_range_m,
+                min_pixels=self._config.min_label_pixels,
+            )
+            path = f"twin/{self._static_file() or 'static.glb'}"
+            if not self._writer.has(path):
+                self._writer.write(path, encode_glb(self._place.mesh, town.name))
+        self._bridge = Bridge(self._place.ground, self._config.seed + plan.number, self._external)
+        return town
+
+    def note(self, entry: dict[str, object]) -> None:
+        """Write a remark about an episode into the manifest."""
+        self._writer.write_note(entry)
+
+    def record(self, name: str, plan: EpisodePlan, actors: Actors, ego: str) -> None:
         """Measure one instant and write the frame."""
+        assert self._place is not None
+        scene, renderer = self._place.scene, self._place.renderer
         placed = self._bridge.place(actors)
         row = actors.ids.index(ego)
         others = placed.take(np.delete(np.arange(len(placed)), row))
         ego_pose = placed.poses[row]
-        lidar_pose = ego_pose @ self._lidar_pose_ego
+        jitter = np.random.default_rng([self._config.seed, int(name), _RIG_STREAM])
+        lidar_pose_ego_now = self._config.rig_jitter.turned(lidar_pose_ego(), jitter)
+        lidar_pose = ego_pose @ lidar_pose_ego_now
+        camera_pose_ego = lidar_pose_ego_now @ self._calibration.rect_to_velo_matrix
 
-        hits = self._tracer.trace(self._scene, lidar_pose, others)
-        twin = self._twin(name, actors, row, others, ego_pose)
-        cloud = self._measure(name, hits, lidar_pose, others, twin.ego)
+        hits = self._tracer.trace(scene, lidar_pose, others)
+        twin = self._twin(name, actors, row, others, ego_pose, lidar_pose_ego_now, camera_pose_ego)
+        cloud = self._measure(name, scene, hits, lidar_pose, others, twin.ego)
         left, colour = (
-            self._renderer.render(ego_pose @ camera.pose, camera.P, others) for camera in self._cameras.values()
+            renderer.render(ego_pose @ camera_pose_ego, camera.P, others) for camera in self._cameras.values()
         )
         labels = self._labeller.label(others, lidar_pose, colour.instance)
 
@@ -110,21 +124,31 @@ class Recorder:
                 "instances": len(others),
                 "labels": sum(kind != DONT_CARE for kind in labels.type),
             },
-            episode=episode,
+            episode=plan.number,
+            town=self._place.town.name,
             time_s=round(actors.time_s, 6),
             ego=ego,
         )
 
     def close(self) -> None:
-        """Free the renderer."""
-        self._renderer.close()
+        """Leave the place and free its renderer."""
+        if self._place is not None:
+            self._place.renderer.close()
+            self._place = None
 
-    def _measure(self, name: str, hits: Hits, lidar_pose: np.ndarray, others: Instances, ego: Ego) -> PointCloud:
+    def _static_file(self) -> str | None:
+        """Where the twin keeps this place's world, relative to `twin/`, in a drive of several; else None."""
+        assert self._place is not None
+        return f"worlds/{self._place.town.name}-{self._place.world:03d}.glb" if self._worlds > 1 else None
+
+    def _measure(
+        self, name: str, scene: Scene, hits: Hits, lidar_pose: np.ndarray, others: Instances, ego: Ego
+    ) -> PointCloud:
         rng = np.random.default_rng([self._config.seed, int(name)])
         if not self._sensor.needs_new_rays:
             return self._sensor.measure(hits, rng)
         motion = EgoMotion(ego.pose, ego.velocity_mps, ego.yaw_rate_radps, ego.acceleration_mps2)
-        return self._sensor.trace_and_measure(self._scene, lidar_pose, others, motion, rng)
+        return self._sensor.trace_and_measure(scene, lidar_pose, others, motion, rng)
 
     def _files(
         self, name: str, cloud: PointCloud, left: Images, colour: Images, labels: Labels, twin: TwinFrame, oxts: Oxts
@@ -144,7 +168,16 @@ class Recorder:
             files[f"image_2/{name}.png"] = encode_rgb(colour.rgb)
         return files
 
-    def _twin(self, name: str, actors: Actors, row: int, others: Instances, ego_pose: np.ndarray) -> TwinFrame:
+    def _twin(
+        self,
+        name: str,
+        actors: Actors,
+        row: int,
+        others: Instances,
+        ego_pose: np.ndarray,
+        lidar_pose: np.ndarray,
+        camera_pose: np.ndarray,
+    ) -> TwinFrame:
         speed, turning = float(actors.speed_mps[row]), float(actors.yaw_rate_radps[row])
         forward, left = ego_pose[:3, 0], ego_pose[:3, 1]
         return TwinFrame(
@@ -157,12 +190,13 @@ class Recorder:
                 yaw_rate_radps=turning,
                 acceleration_mps2=float(actors.acceleration_mps2[row]) * forward + speed * turning * left,
             ),
-            lidar=Lidar(self._lidar_pose_ego, self._sensor.pattern.name),
+            lidar=Lidar(lidar_pose, self._sensor.pattern.name),
             cameras={
-                name: Camera(camera.pose, camera.P, camera.width, camera.height)
+                name: Camera(camera_pose, camera.P, camera.width, camera.height)
                 for name, camera in self._cameras.items()
             },
             instances=_twin_instances(others),
+            static=self._static_file(),
         )
 
     def _model(self, name: str) -> Mesh:
@@ -176,14 +210,6 @@ class Recorder:
             if not self._writer.has(path):
                 self._writer.write(path, encode_glb(self._model(name), name))
             self._written_models.add(name)
-
-
-def draw_light(rng: np.random.Generator) -> Light:
-    """Sun of a random hour."""
-    return Light(
-        sun_elevation_deg=float(rng.uniform(22, 60)),
-        sun_azimuth_deg=float(rng.uniform(-180, 180)),
-    )
 
 
 def _twin_instances(instances: Instances) -> tuple[Instance, ...]:

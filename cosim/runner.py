@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import queue
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -18,8 +18,8 @@ import yaml
 from assets.external import load_external
 from cosim.config import RunConfig
 from cosim.drive_writer import DriveWriter
-from cosim.episode import EpisodePlan, plan_episodes
 from cosim.errors import CosimError
+from cosim.plan import EpisodePlan, plan_episodes
 from cosim.worker import Event, work
 from sensors.sensor_model import SensorModel, load_sensor
 from sumo_nets import read_town
@@ -76,22 +76,32 @@ def run(
     if workers < 1:
         raise RunError(f"workers is {workers}; give 1 or more")
     sensor = load_sensor(config.sensor)
-    read_town(config.town)
+    for town in config.towns:
+        read_town(town)
     load_external(config.external_vehicles)
     writer = DriveWriter(folder)
     if not writer.open(_settings(config)):
         done = frozenset(writer.manifest())
         on_start(len(done), config.frames)
-        pending = [plan for plan in plan_episodes(config) if not done.issuperset(plan.frames)]
+        pending = _pending(plan_episodes(config), writer.notes(), config.collection.attempts)
         with _workers(config, folder, done, pending, workers) as (processes, events):
             _follow(processes, events, len(pending), on_event)
         _finish(writer, config, sensor)
-        recorded = config.frames - len(done)
+        recorded = len(writer.manifest()) - len(done)
     else:
         on_start(config.frames, config.frames)
         recorded = 0
     entries = writer.manifest().values()
     return RunResult(folder, len(entries), sum(entry["counts"]["points"] for entry in entries), recorded)
+
+
+def _pending(plans: list[EpisodePlan], notes: Mapping[tuple[int, int], dict], attempts: int) -> list[EpisodePlan]:
+    """Episodes that have not come to their end, those of one place together."""
+    ended = {
+        number for (number, attempt), note in notes.items() if note["ended"] == "complete" or attempt == attempts - 1
+    }
+    left = [plan for plan in plans if plan.number not in ended]
+    return sorted(left, key=lambda plan: (plan.town, plan.world, plan.number))
 
 
 @contextmanager

@@ -13,7 +13,8 @@ from typing import Literal
 
 from cosim.config import RunConfig
 from cosim.drive_writer import DriveWriter
-from cosim.episode import EpisodePlan, run_episode
+from cosim.episode import run_episode
+from cosim.plan import EpisodePlan
 from cosim.user_errors import USER_ERRORS
 
 
@@ -47,16 +48,15 @@ def _record_all(
 ) -> None:
     from cosim.recorder import Recorder
     from sensors.sensor_model import load_sensor
-    from sumo_nets import read_town
 
-    town = read_town(config.town)
-    recorder = Recorder(config, town, load_sensor(config.sensor), DriveWriter(folder), threads=threads)
-    events.put(Event("ready"))
+    recorder = Recorder(config, load_sensor(config.sensor), DriveWriter(folder), threads=threads)
     try:
         while True:
             plan: EpisodePlan | None = tasks.get()
             if plan is None:
                 return
+            town = recorder.move_to(plan)
+            events.put(Event("ready"))
             run_episode(plan, config, town, recorder, done=done, on_frame=lambda name: events.put(Event("frame", name)))
             events.put(Event("episode", str(plan.number)))
     finally:

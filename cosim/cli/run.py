@@ -22,7 +22,7 @@ def add_command(commands: Any) -> None:
     )
     parser.add_argument("config", nargs="?", type=Path, metavar="CONFIG.yaml", help="settings; options below win")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the drive to write or to go on with")
-    parser.add_argument("--town", metavar="T", help="a built-in town or the path of a .sumocfg")
+    parser.add_argument("--town", metavar="T", help="built-in towns (town01,town02 or all) or a .sumocfg")
     parser.add_argument("--frames", type=int, metavar="N", help="frames to record")
     parser.add_argument("--seed", type=int, metavar="S", help="seed of everything random")
     parser.add_argument("--sensor", metavar="FILE", help="sensor file, or a pattern's name")
@@ -36,7 +36,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from cosim.runner import run
 
     config = load_config(
-        options.config, town=options.town, frames=options.frames, seed=options.seed, sensor=options.sensor
+        options.config, town=_towns(options.town), frames=options.frames, seed=options.seed, sensor=options.sensor
     )
     begun = time.monotonic()
     with _Bar(console) as bar:
@@ -46,6 +46,8 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         f"{result.frames} frames, {result.points:,} points in {result.folder} "
         f"({result.recorded} recorded in {seconds:.0f} s)"
     )
+    if result.frames < config.frames:
+        console.print(f"{config.frames - result.frames} frames are missing: their episodes jammed, see manifest.jsonl")
     write_json(
         options.json,
         {
@@ -57,6 +59,11 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             "frames_per_s": bar.frames_per_s,
         },
     )
+
+
+def _towns(text: str | None) -> str | tuple[str, ...] | None:
+    """One town, or several that are separated by commas."""
+    return text if text is None or "," not in text else tuple(name for name in text.split(",") if name)
 
 
 class _Bar:

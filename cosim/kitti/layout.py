@@ -63,7 +63,10 @@ def read_manifest(file: Path) -> list[str]:
         if not line.endswith("\n") or not line.strip():
             continue
         try:
-            name = json.loads(line)["name"]
+            entry = json.loads(line)
+            if "name" not in entry and "episode" in entry:
+                continue  # a remark about an episode
+            name = entry["name"]
         except (ValueError, KeyError, TypeError):
             raise DriveError(f"{file}:{number}: not an object with a name; remove the line") from None
         names.append(_checked(name, f"{file}:{number}"))

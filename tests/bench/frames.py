@@ -13,11 +13,11 @@ from rich.table import Table
 
 from cosim.config import RunConfig
 from cosim.drive_writer import DriveWriter
-from cosim.episode import EpisodePlan, run_episode
+from cosim.episode import run_episode
+from cosim.plan import plan_episodes
 from cosim.recorder import Recorder
 from cosim.runner import run
 from sensors.sensor_model import load_sensor
-from sumo_nets import read_town
 
 _PROFILED = 20
 _TIMED = 60
@@ -37,8 +37,7 @@ _STAGES = {
 def stage_table() -> Table:
     """Share of each stage in a frame, one process."""
     config = RunConfig(frames=_PROFILED + 2, frames_per_episode=_PROFILED + 2, seed=1)
-    names = [f"{number:06d}" for number in range(config.frames)]
-    town = read_town(config.town)
+    plan = plan_episodes(config)[0]
     profile = cProfile.Profile()
     seen: list[str] = []
 
@@ -48,8 +47,8 @@ def stage_table() -> Table:
             profile.enable()
 
     with tempfile.TemporaryDirectory() as folder:
-        recorder = Recorder(config, town, load_sensor(config.sensor), DriveWriter(Path(folder)))
-        run_episode(EpisodePlan(0, tuple(names)), config, town, recorder, done=(), on_frame=follow)
+        recorder = Recorder(config, load_sensor(config.sensor), DriveWriter(Path(folder)))
+        run_episode(plan, config, recorder.move_to(plan), recorder, done=(), on_frame=follow)
         profile.disable()
         recorder.close()
     times = pstats.Stats(profile).stats  # type: ignore[attr-defined]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-CONFIG = "town: town01\nseed: 3\nframes: 8\nframes_per_episode: 4\nrecord_every_s: 2.0\nwarm_up_s: 45\n"
+CONFIG = "town: town01\nseed: 3\nframes: 8\nframes_per_episode: 4\ncollection: {every_s: 2.0}\nwarm_up_s: 45\n"
 
 
 def cosim(*arguments: object, check: bool = True) -> subprocess.CompletedProcess[str]:

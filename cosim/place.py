@@ -1,0 +1,79 @@
+"""A town with one of its random worlds, ready to be driven through, scanned and drawn."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from assets import Mesh
+from assets.world import build_world
+from cosim.config import RunConfig
+from cosim.ground import Ground
+from sensors.cameras import Camera, CameraRenderer, Light, bake_sun_shadows
+from sensors.scene import Scene
+from sumo_nets import Town
+
+_WORLD_STREAM, _LIGHT_STREAM = 0, 1  # keep the random numbers of world and light apart
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where episodes happen.
+
+    Attributes:
+        town: its streets and traffic.
+        world: number of the random world.
+        mesh: the static world.
+        ground: what wheels stand on.
+        scene: the world as rays meet it.
+        renderer: draws it.
+    """
+
+    town: Town
+    world: int
+    mesh: Mesh
+    ground: Ground
+    scene: Scene
+    renderer: CameraRenderer
+
+    @classmethod
+    def build(
+        cls,
+        config: RunConfig,
+        town: Town,
+        world: int,
+        *,
+        camera: Camera,
+        load_model: Callable[[str], Mesh],
+        threads: int,
+    ) -> Place:
+        """Build the world that the run's seed, the town and the world's number determine."""
+        seeds = [config.seed, zlib.crc32(town.name.encode()), world]
+        environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
+        static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment)
+        light = draw_light(np.random.default_rng([*seeds, _LIGHT_STREAM]))
+        scene = Scene(static.mesh, load_model, threads)
+        renderer = CameraRenderer(
+            static.mesh,
+            load_model,
+            light,
+            width=camera.width,
+            height=camera.height,
+            backend=config.backend,
+            static_shade=bake_sun_shadows(static.mesh, light, scene.static),
+        )
+        return cls(town, world, static.mesh, Ground(static.ground), scene, renderer)
+
+
+def draw_light(rng: np.random.Generator) -> Light:
+    """Sun and sky of a random hour and weather."""
+    clear = float(rng.uniform(0.35, 1.0))
+    return Light(
+        sun_elevation_deg=float(rng.uniform(22, 60)),
+        sun_azimuth_deg=float(rng.uniform(-180, 180)),
+        sun_rgb=(0.80 * clear, 0.76 * clear, 0.68 * clear),
+        exposure=float(rng.uniform(0.9, 1.0)) / (0.45 + 0.55 * clear),
+    )
