@@ -35,7 +35,7 @@ KIND_OF_CLASS = {
     "bicycle": "cyclist",
     "pedestrian": "pedestrian",
 }
-_LANE_CHANGE_S = 3.0  # SUMO's own default is a jump
+_SUBLANE_M = 0.8  # lane changes take their time; SUMO's own default is a jump
 _CHANGES_LANE = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.25"}  # no sliding sideways at rest
 _FEW_EDGES_LEFT = 4
 _TRIES_TO_EXTEND = 20
@@ -72,7 +72,7 @@ class Traffic:
                 *("--seed", str(seed % 2**31)),
                 *("--step-length", str(step_s)),
                 *("--time-to-teleport", "-1"),
-                *("--lanechange.duration", str(_LANE_CHANGE_S)),
+                *("--lateral-resolution", str(_SUBLANE_M)),
                 *("--collision.action", "warn"),
                 *("--collision.mingap-factor", "0"),
                 "--no-step-log",

@@ -95,6 +95,7 @@ class Collisions:
         gap = _gap(stage, row, ahead)
         if gap < 0.0:
             stage.record("collision", crash.driver, crash.victim)
+            stage.collided.add((min(crash.driver, crash.victim), max(crash.driver, crash.victim)))
             crash.until_s = actors.time_s + crash.stands_s
             api.vehicle.setSpeed(crash.driver, 0.0)
             return True

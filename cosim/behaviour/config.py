@@ -40,7 +40,9 @@ class BehaviourConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    preset: Literal["paper", "reference", "calm"] = Field(default="paper", description="where values come from by default")
+    preset: Literal["paper", "reference", "calm"] = Field(
+        default="paper", description="where values come from by default"
+    )
     speeding_kmh: Annotated[Distribution, within(0, 60)] = Field(
         default=Uniform(min=0.0, max=30.0), description="how much a driver exceeds the limit on free roads [km/h]"
     )
@@ -60,7 +62,9 @@ class BehaviourConfig(BaseModel):
         default=Choice(values=(0.0, 0.4, 0.8)),
         description="chance that a driver changes to a side on a stretch of road with a lane there; for each side",
     )
-    u_turns_per_min: Rate = Field(default=1.0, description="U-turns in the middle of the road begun in the town a minute")
+    u_turns_per_min: Rate = Field(
+        default=1.0, description="U-turns in the middle of the road begun in the town a minute"
+    )
     collisions_per_min: Rate = Field(default=0.4, description="drivers in the town a minute who brake too late")
     collision_stands_s: Annotated[Distribution, within(0, 600)] = Field(
         default=Uniform(min=15.0, max=45.0), description="how long those stand who have collided [s]"

@@ -15,6 +15,7 @@ from cosim.behaviour.lane_changes import LaneChanges
 from cosim.behaviour.pull_in import PullIn
 from cosim.behaviour.pull_out import PullOut
 from cosim.behaviour.roads import Roads
+from cosim.behaviour.scrapes import Scrapes
 from cosim.behaviour.stage import Stage
 from cosim.behaviour.u_turns import UTurns
 from cosim.motion import Motion
@@ -42,6 +43,7 @@ class Drivers:
             PullIn(rng("pull-ins")),
             UTurns(rng("U-turns")),
             Collisions(rng("collisions")),
+            Scrapes(),
         )
         self._stage: Stage | None = None
         self._exempt: set[str] = set()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-EventKind = Literal["lane_change", "u_turn", "pull_out", "pull_in", "collision"]
+EventKind = Literal["lane_change", "u_turn", "pull_out", "pull_in", "collision", "scrape"]
 
 
 @dataclass(frozen=True)
@@ -13,7 +13,8 @@ class Event:
     """One event.
 
     Attributes:
-        kind: what happened.
+        kind: what happened. A collision is one of the configured ones; in a scrape a stiff body, mostly a long one,
+            touches another in a turn that SUMO thinks it can take.
         time_s: simulation time when it began.
         vehicles: SUMO ids of those who took part, the one at fault first.
     """

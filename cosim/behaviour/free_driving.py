@@ -13,6 +13,7 @@ from cosim.behaviour.stage import Stage
 MOTORISED = frozenset({"car", "van", "truck", "bus", "motorcycle"})
 _BRAKES_MPS2 = 2.5
 _EARLY_M = 8.0
+_CYCLISTS_OFF_KERB_M = 0.05  # SUMO lets them touch what is parked beside the lane
 
 
 @dataclass(eq=False)
@@ -42,6 +43,9 @@ class FreeDriving:
         positions, speeds = actors.lane_position_m.tolist(), actors.speed_mps.tolist()
         parked = actors.parked.tolist()
         for row, (vehicle, kind, lane) in enumerate(zip(actors.ids, actors.kinds, actors.lanes, strict=True)):
+            if kind == "cyclist" and vehicle not in self._drivers:
+                self._drivers[vehicle] = _Driver(draw_habits(stage.config, self._seed, vehicle))
+                stage.motion.keep_offset(vehicle, _CYCLISTS_OFF_KERB_M)
             if kind not in MOTORISED or parked[row] or not lane:
                 continue
             driver = self._drivers.get(vehicle)

@@ -29,6 +29,7 @@ class Stage:
         step_s: SUMO's step length.
         busy: vehicles in a manoeuvre, which no other may begin with.
         exempt: vehicles that neither park nor collide (the ego).
+        collided: pairs, in alphabetical order, that have collided as drawn.
         events: what has happened.
     """
 
@@ -41,6 +42,7 @@ class Stage:
     step_s: float
     busy: set[str] = field(default_factory=set)
     exempt: set[str] = field(default_factory=set)
+    collided: set[tuple[str, str]] = field(default_factory=set)
     events: list[Event] = field(default_factory=list)
 
     @property

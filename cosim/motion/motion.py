@@ -16,7 +16,7 @@ from cosim.motion.trail import Trail
 from cosim.motion.walking import walk
 
 _ARRIVED_M = 0.5  # SUMO puts vehicles that begin parked on the lane first
-_LOST_M = 12.0  # farther than this from SUMO's place a filter starts anew
+_LOST_M = 8.0  # where SUMO's place jumps farther than this in a step a filter starts anew
 _COURSE_GAIN = 0.3
 _TRAVELS_M = 0.02
 _STATE = {"front": 2, "raw": 2, "velocity": 2, "springs": 4}
@@ -101,7 +101,7 @@ class Motion:
         raw, raw_heading = actors.front[:, :2], actors.heading_rad
         fresh = of["known"] == 0
         fresh |= actors.parked & (of["way"] < _ARRIVED_M) & (_length(raw - of["raw"]) > drift.JUMP_M)
-        fresh |= ~self._walks & ~actors.parked & (_length(raw - of["front"]) > _LOST_M) & ~self._scripted()
+        fresh |= ~self._walks & ~actors.parked & (_length(raw - of["raw"]) > _LOST_M) & ~self._scripted()
         self._enter(actors, np.flatnonzero(fresh))
         before, heading_before = of["front"].copy(), of["heading"].copy()
 
