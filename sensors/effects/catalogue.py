@@ -8,6 +8,7 @@ from sensors.effects.base import Effect
 from sensors.effects.beam_divergence import BeamDivergence
 from sensors.effects.blooming import Blooming
 from sensors.effects.detection_threshold import DetectionThreshold
+from sensors.effects.detector_compression import DetectorCompression
 from sensors.effects.dual_block import DualBlock
 from sensors.effects.elevation_offset import ElevationOffset
 from sensors.effects.encoder_eccentricity import EncoderEccentricity
@@ -49,6 +50,7 @@ BUILT_IN: dict[str, type[Effect]] = {
             BeamDivergence,
             Blooming,
             DetectionThreshold,
+            DetectorCompression,
             DualBlock,
             ElevationOffset,
             EncoderEccentricity,

@@ -34,6 +34,7 @@ class Phase(IntEnum):
     FOCAL_RESPONSE = auto()
     RING_GAIN = auto()
     RETRO = auto()
+    COMPRESSION = auto()
     OWN_ECHO = auto()
     THRESHOLD = auto()
     DROPOUT = auto()
