@@ -83,15 +83,14 @@ def points_ratio(a: Collected, b: Collected, edges_m: np.ndarray) -> np.ndarray:
 
 
 def _measure(quantity: _Quantity, a: list[Sample], b: list[Sample], draws: int, rng: np.random.Generator) -> Distance:
-    frames = (a[0].frames, b[0].frames)
     scales = [axis.spread or 1.0 for axis in b] if quantity.standardised else [1.0] * len(b)
     if len(b) == 1:
-        pairs = [Pair(a[0], b[0], quantity.period)]
+        samples = [(a[0], b[0])]
     else:
         angles = np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
-        pairs = [Pair(_project(a, scales, angle), _project(b, scales, angle)) for angle in angles]
-    result = estimate(pairs, frames, draws, rng)
-    once = [np.ones((1, count)) for count in frames]
+        samples = [(_project(a, scales, angle), _project(b, scales, angle)) for angle in angles]
+    result = estimate(samples, quantity.period, draws, rng)
+    once = np.ones((1, a[0].frames)), np.ones((1, b[0].frames))
     spread = float(np.sqrt(np.mean([(axis.spread / scale) ** 2 for axis, scale in zip(b, scales, strict=True)])))
     spread = spread if quantity.period is None else quantity.period / 4
     return Distance(
@@ -103,7 +102,7 @@ def _measure(quantity: _Quantity, a: list[Sample], b: list[Sample], draws: int, 
         result.high,
         result.chance,
         result.value / spread if spread > 0 else float(result.value > 0),
-        float(pairs[0].kolmogorov(*once)[0]) if len(b) == 1 else None,
+        float(Pair(a[0], b[0], quantity.period).kolmogorov(*once)[0]) if len(b) == 1 else None,
     )
 
 
