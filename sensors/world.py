@@ -9,8 +9,9 @@ import numpy as np
 
 from sensors.beams import Beams
 from sensors.hits import Hits, Surface
+from sensors.meeting import shoot
 from sensors.motion import EgoMotion, instances_at
-from sensors.motion_tracing import MotionTracer, shoot
+from sensors.motion_tracing import MotionTracer
 from sensors.rays import Rays
 from sensors.scene import Instances, Scene
 from sensors.tracing import Tracer
