@@ -155,7 +155,7 @@ section { border-top: 1px solid var(--line); padding-top: 22px; margin-top: 26px
 .pairs { grid-template-columns: repeat(2, minmax(0, 1fr)); }
 .wide { grid-column: span 2; } .full { grid-column: 1 / -1; }
 figure { margin: 0; border: 1px solid var(--line); border-radius: 8px; background: var(--panel); display: flex;
-  flex-direction: column; justify-content: space-between; }
+  flex-direction: column; justify-content: flex-start; }
 figcaption { padding: 10px 14px 2px; } figcaption p { font-size: 13px; }
 svg.plot { display: block; width: 100%; height: auto; padding: 4px 8px 6px; }
 svg text { fill: var(--muted); font-size: 12px; font-variant-numeric: tabular-nums; }
