@@ -145,7 +145,7 @@ def test_no_house_touches_a_street_or_another_house(style):
     outlines = outline(small_town(style))
     plots = lay_out(outlines.paved, style_of(style), np.random.default_rng(3))
     shapes = [shapely.polygons(plot.corners()) for plot in plots]
-    assert len(shapes) > 3
+    assert len(shapes) > 2
     assert not shapely.intersects(outlines.paved, shapes).any()
     assert len(shapely.STRtree(shapes).query(shapes, "intersects")[0]) == len(shapes)
 
