@@ -98,6 +98,10 @@ class Traffic:
             constants.VAR_TYPE,
         ]
         self._types: dict[str, _TypeInfo] = {}
+        self._ids: tuple[str, ...] = ()
+        self._types_now: tuple[str, ...] = ()
+        self._kinds_now: tuple[str, ...] = ()
+        self._sizes_now = np.zeros((0, 3))
         self._headings: dict[str, float] = {}
         self._parked: dict[str, dict] = {}
         self._hidden: set[str] = set()
@@ -228,8 +232,12 @@ class Traffic:
         persons = sumo.person.getAllSubscriptionResults()
         rows: list[tuple[str, dict]] = [*sorted(vehicles.items()), *sorted(persons.items())]
         ids = tuple(name for name, _ in rows)
-        types = tuple(_shared_type(values[constants.VAR_TYPE]) for _, values in rows)
-        infos = [self._type(name) for name in types]
+        if ids != self._ids:
+            self._ids = ids
+            self._types_now = tuple(_shared_type(values[constants.VAR_TYPE]) for _, values in rows)
+            infos = [self._type(name) for name in self._types_now]
+            self._kinds_now = tuple(info.kind for info in infos)
+            self._sizes_now = np.array([info.size for info in infos], float).reshape(-1, 3)
         heading = np.radians(90.0 - np.array([values[constants.VAR_ANGLE] for _, values in rows], float))
         before = np.array([self._headings.get(name, angle) for name, angle in zip(ids, heading, strict=True)])
         self._headings = dict(zip(ids, heading.tolist(), strict=True))
@@ -237,15 +245,15 @@ class Traffic:
         return Actors(
             time_s=self.time_s,
             ids=ids,
-            types=types,
-            kinds=tuple(info.kind for info in infos),
+            types=self._types_now,
+            kinds=self._kinds_now,
             lanes=tuple(values[constants.VAR_LANE_ID] for _, values in rows),
             front=np.array([values[constants.VAR_POSITION3D] for _, values in rows], float).reshape(-1, 3),
             heading_rad=np.angle(np.exp(1j * heading)) if len(rows) else heading,
             speed_mps=_column(rows, constants.VAR_SPEED),
             acceleration_mps2=_column(rows, constants.VAR_ACCELERATION),
             yaw_rate_radps=turned / self.step_s,
-            size=np.array([info.size for info in infos], float).reshape(-1, 3),
+            size=self._sizes_now,
             signals=_column(rows, constants.VAR_SIGNALS).astype(np.int64),
             lane_position_m=_column(rows, constants.VAR_LANEPOSITION),
             parked=np.array([name in self._parked for name in ids], bool),

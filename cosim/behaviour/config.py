@@ -59,7 +59,7 @@ class BehaviourConfig(BaseModel):
         default=Uniform(min=-0.2, max=0.2), description="place beside the lane's middle, positive to the left [m]"
     )
     lane_change_share: Annotated[Distribution, within(0, 1)] = Field(
-        default=Choice(values=(0.0, 0.4, 0.8)),
+        default=Choice(values=(0.0, 0.4, 0.8), weights=None),
         description="chance that a driver changes to a side on a stretch of road with a lane there; for each side",
     )
     u_turns_per_min: Rate = Field(

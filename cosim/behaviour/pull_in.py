@@ -16,7 +16,7 @@ _STRAIGHT_RAD = np.radians(4.0)
 _MARGIN_M = 0.12
 _LONGEST_M = 5.0
 _BEFORE_M = 28.0
-_GIVES_UP_S = 60.0
+_LOTS_TRIED = 3
 
 
 class PullIn:
@@ -25,7 +25,7 @@ class PullIn:
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
         self._due = 0
-        self._going: dict[str, tuple[str, float]] = {}  # vehicle → lot, until
+        self._going: dict[str, str] = {}  # vehicle → lot
 
     def step(self, stage: Stage) -> None:
         """Choose who parks where; note when he stands."""
@@ -56,11 +56,9 @@ class PullIn:
         if not found:
             return False
         row, places = found[int(self._rng.integers(len(found)))]
-        taken = {lot for lot, _ in self._going.values()}
-        for lot in places:
-            if lot.id not in taken and not stage.api.parkingarea.getVehicleIDs(lot.id) and self._try(stage, row, lot):
-                return True
-        return False
+        taken = set(self._going.values())
+        free = [lot for lot in places if lot.id not in taken and not stage.api.parkingarea.getVehicleIDs(lot.id)]
+        return any(self._try(stage, row, lot) for lot in free[:_LOTS_TRIED])
 
     def _try(self, stage: Stage, row: int, lot: Lot) -> bool:
         actors, vehicle = stage.actors, stage.actors.ids[row]
@@ -76,11 +74,11 @@ class PullIn:
             def offset(x: np.ndarray, start: float = start, end: float = end) -> np.ndarray:
                 return aside * (1 - drift.smooth((start - (_BEFORE_M - x)) / (start - end)))
 
-            poses = rehearse(actors.kinds[row], size[0], _BEFORE_M, offset, stage.step_s)
+            poses = rehearse(actors.kinds[row], size[0], _BEFORE_M, offset)
             if abs(poses[-1, 2]) < _STRAIGHT_RAD and clear(poses, size, boxes, _MARGIN_M):
                 stage.api.vehicle.setParkingAreaStop(vehicle, lot.id, _FOR_EVER_S)
                 stage.motion.approach(vehicle, Approach(stop, aside, start, end))
                 stage.busy.add(vehicle)
-                self._going[vehicle] = (lot.id, actors.time_s + _GIVES_UP_S)
+                self._going[vehicle] = lot.id
                 return True
         return False

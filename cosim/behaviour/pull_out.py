@@ -84,7 +84,7 @@ class PullOut:
             def offset(x: np.ndarray, length: float = length) -> np.ndarray:
                 return -left * (1 - drift.steep(x / length))
 
-            poses = rehearse(actors.kinds[row], size[0], _WAY_M, offset, stage.step_s)
+            poses = rehearse(actors.kinds[row], size[0], _WAY_M, offset)
             if clear(poses, size, boxes, _MARGIN_M):
                 return self._set_off(stage, vehicle, lane.edge, length)
         return False

@@ -12,28 +12,26 @@ from cosim.motion.footprint import separation
 
 _SPEED_MPS = 2.5
 _ACCELERATION_MPS2 = 1.5
+_STEP_S = 0.2
 
 
-def rehearse(
-    kind: str, length_m: float, way_m: float, offset: Callable[[np.ndarray], np.ndarray], step_s: float
-) -> np.ndarray:
+def rehearse(kind: str, length_m: float, way_m: float, offset: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Poses (k, 3) of a front bumper — x, y, heading — in axes at its start, x along the road.
 
     Args:
         kind, length_m: of the vehicle.
         way_m: how far it goes along the road.
         offset: lateral place (m,) at distances (m,) along the road, zero at the start.
-        step_s: time between poses.
     """
     chassis = Chassis.of((kind,), np.array([length_m]))
     state = BicycleState(np.zeros((1, 2)), np.zeros(1), np.zeros(1), np.zeros(1))
     poses, x, speed = [np.zeros(3)], 0.0, 0.0
     while x < way_m:
-        speed = min(speed + _ACCELERATION_MPS2 * step_s, _SPEED_MPS, max(0.6, np.sqrt(3.0 * (way_m - x))))
-        x += speed * step_s
+        speed = min(speed + _ACCELERATION_MPS2 * _STEP_S, _SPEED_MPS, max(0.6, np.sqrt(3.0 * (way_m - x))))
+        x += speed * _STEP_S
         y = offset(np.array([x - 0.1, x, x + 0.1]))
         travel = np.arctan((y[2:] - y[:1]) / 0.2)
-        state = follow(state, chassis, np.array([[x, y[1]]]), np.zeros(1), travel, step_s)
+        state = follow(state, chassis, np.array([[x, y[1]]]), np.zeros(1), travel, _STEP_S)
         poses.append(np.array([*state.front[0], state.heading_rad[0]]))
     return np.array(poses)
 
