@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from assets import CATALOGUE, Mesh, build_model
-from cosim.actors import Actors
 from cosim.bridge import Bridge, models_of_size
 from cosim.ground import Ground
+from tests.cosim.road_users import road_users
 
 
 def slope(along: float, across: float) -> Mesh:
@@ -14,34 +14,13 @@ def slope(along: float, across: float) -> Mesh:
     return Mesh.of(np.column_stack([xy, z]), np.array([[0, 1, 2], [0, 2, 3]]), "asphalt")
 
 
-def actors(kinds, sizes, front, heading, speed=0.0) -> Actors:
-    n = len(kinds)
-    return Actors(
-        time_s=0.0,
-        ids=tuple(f"a{i}" for i in range(n)),
-        types=tuple(f"t{i}" for i in range(n)),
-        kinds=tuple(kinds),
-        lanes=("lane",) * n,
-        front=np.array(front, float),
-        heading_rad=np.array(heading, float),
-        speed_mps=np.full(n, speed),
-        acceleration_mps2=np.zeros(n),
-        yaw_rate_radps=np.zeros(n),
-        size=np.array(sizes, float),
-        signals=np.zeros(n, np.int64),
-        lane_position_m=np.zeros(n),
-        parked=np.zeros(n, bool),
-        lateral_mps=np.zeros(n),
-        body_pitch_rad=np.zeros(n),
-        body_roll_rad=np.zeros(n),
-    )
-
-
 def one_of_each(heading=0.3, rise=(0.0, 0.0)):
     """One actor of every body, on a plane that rises by `rise` to the east and north."""
     specs = [next(spec for spec in CATALOGUE.values() if spec.body == body) for body in sorted(_bodies())]
     front = [[x, 3.0, x * rise[0] + 3.0 * rise[1]] for x in 7.0 * np.arange(len(specs)) - 35]
-    return specs, actors([spec.kind for spec in specs], [spec.size_m for spec in specs], front, [heading] * len(specs))
+    return specs, road_users(
+        [spec.kind for spec in specs], front, sizes=[spec.size_m for spec in specs], heading_rad=heading
+    )
 
 
 def _bodies():
@@ -59,7 +38,7 @@ def test_every_actor_gets_a_mesh_of_exactly_its_vtypes_size():
 @pytest.mark.parametrize("kind", sorted({spec.kind for spec in CATALOGUE.values()}))
 def test_a_size_outside_the_catalogue_is_met_by_scaling(kind):
     size = [3.31, 1.23, 1.61]
-    placed = Bridge(Ground(slope(0, 0)), seed=1).place(actors([kind], [size], [[0, 0, 0]], [0]))
+    placed = Bridge(Ground(slope(0, 0)), seed=1).place(road_users([kind], [[0, 0, 0]], sizes=[size]))
     box = build_model(placed.models[0]).bounds * placed.scales[0]
     np.testing.assert_allclose(box[1] - box[0], size, atol=1e-6)
 
@@ -103,7 +82,7 @@ def test_uphill_lifts_the_nose():
 
 def test_looks_last_for_life_and_follow_the_seed():
     sizes = np.tile(CATALOGUE["hatchback_01"].size_m, (60, 1))
-    many = actors(["car"] * 60, sizes, np.zeros((60, 3)), np.zeros(60))
+    many = road_users(["car"] * 60, np.zeros((60, 3)), sizes=sizes)
     first = Bridge(Ground(slope(0, 0)), seed=1)
     a, b = first.place(many), first.place(many)
     other = Bridge(Ground(slope(0, 0)), seed=2).place(many)
@@ -115,7 +94,7 @@ def test_looks_last_for_life_and_follow_the_seed():
 
 def test_velocity_follows_the_road():
     _, row = one_of_each(heading=0.0, rise=(0.06, 0))
-    moving = actors(row.kinds, row.size, row.front, row.heading_rad, speed=10.0)
+    moving = road_users(row.kinds, row.front, sizes=row.size, heading_rad=row.heading_rad, speed_mps=10.0)
     placed = Bridge(Ground(slope(0.06, 0)), seed=1).place(moving)
     np.testing.assert_allclose(np.linalg.norm(placed.velocity_mps, axis=1), 10)
     drives = np.array([kind != "pedestrian" for kind in row.kinds])
