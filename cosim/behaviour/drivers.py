@@ -12,11 +12,13 @@ from cosim.behaviour.config import BehaviourConfig
 from cosim.behaviour.events import Event
 from cosim.behaviour.free_driving import FreeDriving
 from cosim.behaviour.lane_changes import LaneChanges
+from cosim.behaviour.patience import Patience
 from cosim.behaviour.pull_in import PullIn
 from cosim.behaviour.pull_out import PullOut
 from cosim.behaviour.roads import Roads
 from cosim.behaviour.scrapes import Scrapes
 from cosim.behaviour.stage import Stage
+from cosim.behaviour.turnarounds import Turnarounds
 from cosim.behaviour.u_turns import UTurns
 from cosim.motion import Motion
 from cosim.traffic import Traffic
@@ -43,6 +45,8 @@ class Drivers:
             PullIn(rng("pull-ins")),
             UTurns(rng("U-turns")),
             Collisions(rng("collisions")),
+            Turnarounds(),
+            Patience(),
             Scrapes(),
         )
         self._stage: Stage | None = None

@@ -91,9 +91,12 @@ class Roads:
                 shape=np.array(api.lane.getShape(name), float)[:, :2],
                 onward={},
             )
+        self.turnarounds: dict[str, Lane] = {}
         for lane in self.lanes.values():
             for link in api.lane.getLinks(lane.id):
                 target, via = link[0], link[4]
+                if link[6] == "t" and target in self.lanes and not lane.edge.startswith(":"):
+                    self.turnarounds[via] = self.lanes[target]
                 if target in self.lanes:
                     slow = min(self.lanes[target].limit_mps, self._across(api, via))
                     edge = self.lanes[target].edge

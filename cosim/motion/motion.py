@@ -16,7 +16,7 @@ from cosim.motion.trail import Trail
 from cosim.motion.walking import walk
 
 _ARRIVED_M = 0.5  # SUMO puts vehicles that begin parked on the lane first
-_LOST_M = 8.0  # where SUMO's place jumps farther than this in a step a filter starts anew
+_LOST_M = 20.0  # farther than this from SUMO's place a filter starts anew
 _COURSE_GAIN = 0.3
 _TRAVELS_M = 0.02
 _STATE = {"front": 2, "raw": 2, "velocity": 2, "springs": 4}
@@ -80,6 +80,12 @@ class Motion:
         """Whether a script still runs."""
         return vehicle in self._scripts
 
+    def lag(self) -> np.ndarray:
+        """How far the wheeled and unparked are from SUMO's places beyond their sideways ways (n,) [m]."""
+        of = self._of
+        meant = np.abs(of["jump"]) + 4.0 * np.array([name in self._approaches for name in self._ids], float)
+        return np.where(self._walks, 0.0, np.maximum(_length(of["raw"] - of["front"]) - meant, 0.0))
+
     def approach(self, vehicle: str, approach: Approach) -> None:
         """Let a vehicle move over to a parking place while SUMO takes it there along the lane."""
         self._approaches[vehicle] = approach
@@ -101,7 +107,7 @@ class Motion:
         raw, raw_heading = actors.front[:, :2], actors.heading_rad
         fresh = of["known"] == 0
         fresh |= actors.parked & (of["way"] < _ARRIVED_M) & (_length(raw - of["raw"]) > drift.JUMP_M)
-        fresh |= ~self._walks & ~actors.parked & (_length(raw - of["raw"]) > _LOST_M) & ~self._scripted()
+        fresh |= ~self._walks & ~actors.parked & (_length(raw - of["front"]) > _LOST_M) & ~self._scripted()
         self._enter(actors, np.flatnonzero(fresh))
         before, heading_before = of["front"].copy(), of["heading"].copy()
 
