@@ -71,7 +71,7 @@ class Labeller:
         hidden = np.array(
             [
                 self._hidden_share(instances, row, box, camera_from_world, instance_image)
-                for row, box in zip(rows, clipped, strict=True)
+                for row, box in zip(rows.tolist(), clipped, strict=True)
             ]
         )
         boxes = boxes_in_lidar(instances, rows, lidar_pose)

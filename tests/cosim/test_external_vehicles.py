@@ -13,7 +13,8 @@ from cosim.bridge import Bridge
 from cosim.cli import main
 from cosim.ground import Ground
 from tests.assets.test_external import car_parts, manifest, write_gltf
-from tests.cosim.test_bridge import actors, slope
+from tests.cosim.road_users import road_users
+from tests.cosim.test_bridge import slope
 
 CARS = 80
 
@@ -27,7 +28,7 @@ def vehicles(tmp_path: Path) -> Path:
 def test_the_bridge_draws_among_both_and_scales_to_the_vtype(vehicles: Path) -> None:
     external = load_external(vehicles)
     size = np.array(CATALOGUE["hatchback_05"].size_m)
-    many = actors(["car"] * CARS, np.tile(size, (CARS, 1)), np.zeros((CARS, 3)), np.zeros(CARS))
+    many = road_users(["car"] * CARS, np.zeros((CARS, 3)), sizes=np.tile(size, (CARS, 1)))
     placed = Bridge(Ground(slope(0, 0)), 1, external).place(many)
     assert "blocky" in placed.models
     assert len(set(placed.models)) > 1
@@ -39,7 +40,7 @@ def test_the_bridge_draws_among_both_and_scales_to_the_vtype(vehicles: Path) -> 
 
 def test_without_external_vehicles_nothing_changes(vehicles: Path) -> None:
     size = np.array(CATALOGUE["bus_01"].size_m)
-    many = actors(["bus"] * CARS, np.tile(size, (CARS, 1)), np.zeros((CARS, 3)), np.zeros(CARS))
+    many = road_users(["bus"] * CARS, np.zeros((CARS, 3)), sizes=np.tile(size, (CARS, 1)))
     plain = Bridge(Ground(slope(0, 0)), 1).place(many)
     assert Bridge(Ground(slope(0, 0)), 1, load_external(vehicles)).place(many).models == plain.models
 

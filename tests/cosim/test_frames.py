@@ -1,5 +1,8 @@
 """What a recorded frame shows: points, labels, images and twin agree with each other."""
 
+import hashlib
+import json
+
 import numpy as np
 import pytest
 
@@ -23,11 +26,7 @@ def drive(drive_folder):
 
 
 def hits_of(drive: Drive, name: str) -> Hits:
-    return load_hits(drive[name].hits_path, load_pattern(drive_folder_pattern(drive)).rays())
-
-
-def drive_folder_pattern(drive: Drive):
-    return drive.root / "pattern.yaml"
+    return load_hits(drive[name].hits_path, load_pattern(drive.root / "pattern.yaml").rays())
 
 
 def lidar_pose(frame) -> np.ndarray:
@@ -114,7 +113,7 @@ def test_two_dimensional_boxes_enclose_the_projected_points_of_their_object(driv
             # The tight box of the mesh lies within the box of its corners, and fills most of it.
             assert left >= uv[:, 0].min() - 1 and right <= uv[:, 0].max() + 1
             assert top >= uv[:, 1].min() - 1 and bottom <= uv[:, 1].max() + 1
-            assert (right - left) > 0.7 * np.ptp(uv[:, 0])
+            assert (right - left) > 0.6 * np.ptp(uv[:, 0])
 
 
 def test_alpha_is_rotation_y_less_the_bearing(drive):
@@ -142,7 +141,7 @@ def test_the_twin_alone_gives_the_same_scan(drive):
         paint=np.array([i.paint for i in twin.instances], np.float32),
         rgb=np.zeros((len(twin.instances), 3), np.float32),
     )
-    pattern = load_pattern(drive_folder_pattern(drive))
+    pattern = load_pattern(drive.root / "pattern.yaml")
     traced = Tracer(pattern.rays(), pattern.range_m).trace(scene, lidar_pose(frame), instances).solid
     stored = hits_of(drive, "000003").solid
     both = traced.exists & stored.exists
@@ -151,10 +150,19 @@ def test_the_twin_alone_gives_the_same_scan(drive):
 
 
 def test_every_file_matches_the_checksum_in_the_manifest(drive_folder):
-    import hashlib
-    import json
-
-    for line in (drive_folder / "manifest.jsonl").read_text().splitlines():
-        entry = json.loads(line)
+    lines = [json.loads(line) for line in (drive_folder / "manifest.jsonl").read_text().splitlines()]
+    frames = [entry for entry in lines if "name" in entry]
+    assert len(frames) == 8
+    for entry in frames:
         for path, checksum in zip(entry["files"], entry["sha256"], strict=True):
             assert hashlib.sha256((drive_folder / path).read_bytes()).hexdigest() == checksum
+
+
+def test_the_manifest_says_how_every_simulation_ended(drive_folder):
+    lines = [json.loads(line) for line in (drive_folder / "manifest.jsonl").read_text().splitlines()]
+    notes = [entry for entry in lines if "name" not in entry]
+    assert [(note["episode"], note["attempt"], note["ended"]) for note in notes] == [
+        (0, 0, "complete"),
+        (1, 0, "complete"),
+    ]
+    assert all(note["town"] == "town01" and note["frames"] == 4 for note in notes)
