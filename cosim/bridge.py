@@ -75,8 +75,8 @@ class Bridge:
             rng = np.random.default_rng([self._seed, zlib.crc32(name.encode())])
             specs = [*models_of_size(kind, size), *self._external.of_size(kind, size)]
             spec = specs[int(rng.integers(len(specs)))]
-            scale = tuple(float(wanted / own) for wanted, own in zip(size, spec.size_m, strict=True))
-            self._looks[key] = Look(spec, scale, draw_paint(kind, rng))
+            length, width, height = (float(wanted / own) for wanted, own in zip(size, spec.size_m, strict=True))
+            self._looks[key] = Look(spec, (length, width, height), draw_paint(kind, rng))
         return self._looks[key]
 
     def _stand(self, actors: Actors, looks: list[Look], scales: np.ndarray) -> np.ndarray:

@@ -13,13 +13,17 @@ class Collection(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    every_s: float = Field(1.0, gt=0, le=600, description="least simulated time between frames [s]")
-    min_travel_m: float = Field(1.0, ge=0, le=1000, description="least way of the ego vehicle between frames [m]")
-    company_m: float = Field(
-        60.0, ge=0, le=1000, description="someone must be this near, else it is empty; 0: never [m]"
+    every_s: float = Field(default=1.0, gt=0, le=600, description="least simulated time between frames [s]")
+    min_travel_m: float = Field(
+        default=1.0, ge=0, le=1000, description="least way of the ego vehicle between frames [m]"
     )
-    patience_s: float = Field(90.0, gt=0, le=36000, description="an episode ends after so long without a frame [s]")
-    attempts: int = Field(4, ge=1, le=100, description="simulations started to fill one episode's frames")
+    company_m: float = Field(
+        default=60.0, ge=0, le=1000, description="someone must be this near, else it is empty; 0: never [m]"
+    )
+    patience_s: float = Field(
+        default=90.0, gt=0, le=36000, description="an episode ends after so long without a frame [s]"
+    )
+    attempts: int = Field(default=4, ge=1, le=100, description="simulations started to fill one episode's frames")
 
 
 class Watch:

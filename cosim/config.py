@@ -27,28 +27,30 @@ class RunConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     town: str | tuple[str, ...] = Field(
-        "town01", description="built-in towns (`town01`, a list, or `all`), or the path of a .sumocfg file"
+        default="town01", description="built-in towns (`town01`, a list, or `all`), or the path of a .sumocfg file"
     )
-    frames: int = Field(100, ge=1, le=1_000_000, description="frames to record")
-    seed: int = Field(0, ge=0, lt=2**31, description="seed of traffic, world, models and paints")
-    sensor: str = Field("hdl64e", description="a sensor file's path, or the name of a beam pattern used bare")
-    frames_per_episode: int = Field(25, ge=1, le=10_000, description="frames recorded in one SUMO simulation")
-    warm_up_s: float = Field(60.0, ge=0, le=3600, description="simulated time before the first frame [s]")
-    step_s: float = Field(0.1, gt=0, le=1, description="SUMO's step length [s]")
-    collection: Collection = Field(Collection(), description="which instants become frames")
-    population: DemandConfig = Field(DemandConfig(), description="who is about in built-in towns")
-    environment: EnvironmentConfig = Field(EnvironmentConfig(), description="how built-in and own towns are furnished")
-    episodes_per_world: int = Field(4, ge=1, le=10_000, description="episodes in one random world of a town")
-    rig_jitter: RigJitter = Field(RigJitter(), description="random rotation of the sensor rig, frame by frame")
-    label_range_m: float = Field(80.0, gt=0, le=500, description="beyond this, objects become DontCare [m]")
-    min_label_pixels: int = Field(20, ge=1, description="fewer visible pixels than this give no label")
+    frames: int = Field(default=100, ge=1, le=1_000_000, description="frames to record")
+    seed: int = Field(default=0, ge=0, lt=2**31, description="seed of traffic, world, models and paints")
+    sensor: str = Field(default="hdl64e", description="a sensor file's path, or the name of a beam pattern used bare")
+    frames_per_episode: int = Field(default=25, ge=1, le=10_000, description="frames recorded in one SUMO simulation")
+    warm_up_s: float = Field(default=60.0, ge=0, le=3600, description="simulated time before the first frame [s]")
+    step_s: float = Field(default=0.1, gt=0, le=1, description="SUMO's step length [s]")
+    collection: Collection = Field(default=Collection(), description="which instants become frames")
+    population: DemandConfig = Field(default=DemandConfig(), description="who is about in built-in towns")
+    environment: EnvironmentConfig = Field(
+        default=EnvironmentConfig(), description="how built-in and own towns are furnished"
+    )
+    episodes_per_world: int = Field(default=4, ge=1, le=10_000, description="episodes in one random world of a town")
+    rig_jitter: RigJitter = Field(default=RigJitter(), description="random rotation of the sensor rig, frame by frame")
+    label_range_m: float = Field(default=80.0, gt=0, le=500, description="beyond this, objects become DontCare [m]")
+    min_label_pixels: int = Field(default=20, ge=1, description="fewer visible pixels than this give no label")
     external_vehicles: Path | None = Field(
-        None, description="folder of vehicle meshes with a vehicles.yaml, drawn beside the built-in models"
+        default=None, description="folder of vehicle meshes with a vehicles.yaml, drawn beside the built-in models"
     )
-    behaviour: BehaviourConfig = Field(BehaviourConfig(), description="how drivers behave; or a preset's name")
-    store_hits: bool = Field(True, description="keep hits/, from which sensor variants can be made again")
-    colour_image: bool = Field(True, description="render image_2 in colour")
-    backend: Literal["osmesa", "egl"] = Field("osmesa", description="how images are rendered")
+    behaviour: BehaviourConfig = Field(default=BehaviourConfig(), description="how drivers behave; or a preset's name")
+    store_hits: bool = Field(default=True, description="keep hits/, from which sensor variants can be made again")
+    colour_image: bool = Field(default=True, description="render image_2 in colour")
+    backend: Literal["osmesa", "egl"] = Field(default="osmesa", description="how images are rendered")
 
     @property
     def towns(self) -> tuple[str, ...]:

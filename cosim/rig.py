@@ -15,10 +15,10 @@ class RigJitter(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    enabled: bool = Field(False, description="whether the rig turns at all")
-    roll_deg: float = Field(1.5, ge=0, le=30, description="standard deviation about the forward axis [°]")
-    pitch_deg: float = Field(0.5, ge=0, le=30, description="standard deviation about the left axis [°]")
-    yaw_deg: float = Field(4.71, ge=0, le=90, description="standard deviation about the upward axis [°]")
+    enabled: bool = Field(default=False, description="whether the rig turns at all")
+    roll_deg: float = Field(default=1.5, ge=0, le=30, description="standard deviation about the forward axis [°]")
+    pitch_deg: float = Field(default=0.5, ge=0, le=30, description="standard deviation about the left axis [°]")
+    yaw_deg: float = Field(default=4.71, ge=0, le=90, description="standard deviation about the upward axis [°]")
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """A rotation (3, 3) in LiDAR axes, Rz(yaw)·Ry(pitch)·Rx(roll); the identity where switched off."""

@@ -27,10 +27,10 @@ class Turnarounds:
                 self._begin(stage, row, vehicle, stage.roads.turnarounds[lane])
         for vehicle, back in list(self._turning.items()):
             row = stage.rows.get(vehicle)
-            plays = row is not None and stage.motion.plays(vehicle)
-            if plays and stage.actors.lanes[row] == back.id:
+            plays = stage.motion.plays(vehicle)
+            if row is not None and plays and stage.actors.lanes[row] == back.id:
                 stage.api.vehicle.setSpeed(vehicle, 0.0)
-            elif not plays:
+            elif row is None or not plays:
                 del self._turning[vehicle]
                 stage.busy.discard(vehicle)
                 if row is not None:
