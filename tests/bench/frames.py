@@ -22,7 +22,7 @@ from sensors.sensor_model import load_sensor
 _PROFILED = 20
 _TIMED = 60
 _STAGES = {
-    "traffic": ("traffic.py", "advance"),
+    "traffic and motion": ("living.py", "advance"),
     "bridge": ("bridge.py", "place"),
     "LiDAR trace": ("tracing.py", "trace"),
     "LiDAR points": ("sensor_model.py", "measure"),
