@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 
 from cosim.kitti.boxes import Boxes
 from cosim.kitti.calibration import Calibration
-from cosim.kitti.image_boxes import NEAR_M, box_areas, clip_boxes, project_corners
+from cosim.kitti.image_boxes import NEAR_M, box_areas, clip_boxes
 from cosim.kitti.labels import DONT_CARE, Labels
 from sensors.scene import Instances, Scene
 
@@ -27,8 +27,8 @@ _HIDDEN_SHARES = (0.1, 0.75)  # above these, occluded is 1 and 2
 _MOST_SAMPLES = 1600
 _FARTHEST_M = 1e4
 _MOST_LIFT_M = 0.03
-# corners of a unit box standing on the origin: bottom four round the box, then top four
-_BOX = np.array([(x, y, z) for z in (0, 1) for x, y in ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))])
+# points that fill a unit box standing on the origin
+_FILLED_BOX = np.stack(np.meshgrid(*(np.linspace(-0.5, 0.5, 9),) * 2, np.linspace(0, 1, 5)), -1).reshape(-1, 3)
 
 
 class Labeller:
@@ -60,14 +60,10 @@ class Labeller:
             lidar_pose: (4, 4) world pose of the LiDAR.
             instance_image: (h, w) integers, row of `instances` + 1 where one is seen, 0 elsewhere.
         """
-        height, width = instance_image.shape
         pixels = np.bincount(instance_image.ravel(), minlength=len(instances) + 1)[1 : len(instances) + 1]
         rows = np.flatnonzero(pixels >= self._min_pixels)
         camera_from_world = self._calibration.velo_to_rect_matrix @ np.linalg.inv(lidar_pose)
-        full = self._image_boxes(instances, rows, camera_from_world)
-        clipped = clip_boxes(full, width, height)
-        area = box_areas(full)
-        truncated = np.where(area > 0, 1 - box_areas(clipped) / np.maximum(area, 1e-9), 0).clip(0, 1)
+        clipped, truncated = self._image_boxes(instances, rows, camera_from_world, instance_image)
         hidden = np.array(
             [
                 self._hidden_share(instances, row, box, camera_from_world, instance_image)
@@ -85,19 +81,37 @@ class Labeller:
         )
         return _dont_care_beyond(labels, np.linalg.norm(boxes.centre, axis=1) > self._range_m)
 
-    def _image_boxes(self, instances: Instances, rows: np.ndarray, camera_from_world: np.ndarray) -> np.ndarray:
-        """Tight boxes around the projected models, (n, 4), not cut to the image."""
-        boxes = np.zeros((len(rows), 4))
+    def _image_boxes(
+        self, instances: Instances, rows: np.ndarray, camera_from_world: np.ndarray, instance_image: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Tight boxes around the projected models within the image (n, 4), and the share outside it (n,).
+
+        What reaches behind the camera has no projection to bound: its box is that of its pixels, and the share
+        outside is one of its volume.
+        """
+        height, width = instance_image.shape
+        boxes, truncated = np.zeros((len(rows), 4)), np.zeros(len(rows))
         for i, row in enumerate(rows):
             camera_from_model = camera_from_world @ instances.poses[row]
             points = _carried(camera_from_model, self._hull(instances.models[row]) * instances.scales[row])
             if points[:, 2].min() > NEAR_M:
-                projected = points @ self._P[:, :3].T + self._P[:, 3]
-                uv = projected[:, :2] / projected[:, 2:]
-                boxes[i] = [*uv.min(0), *uv.max(0)]
+                uv = self._project(points)
+                full = np.array([*uv.min(0), *uv.max(0)])
+                boxes[i] = clip_boxes(full, width, height)
+                truncated[i] = 1 - box_areas(boxes[i : i + 1])[0] / max(box_areas(full[None])[0], 1e-9)
             else:
-                boxes[i] = project_corners(_carried(camera_from_model, _BOX * instances.sizes[row])[None], self._P)[0]
-        return boxes
+                v, u = np.nonzero(instance_image == row + 1)
+                boxes[i] = u.min(), v.min(), u.max(), v.max()
+                volume = _carried(camera_from_model, _FILLED_BOX * instances.sizes[row])
+                uv = self._project(volume)
+                inside = (uv >= 0).all(1) & (uv <= [width - 1, height - 1]).all(1) & (volume[:, 2] > NEAR_M)
+                truncated[i] = 1 - inside.mean()
+        return boxes, truncated.clip(0, 1)
+
+    def _project(self, points: np.ndarray) -> np.ndarray:
+        """Pixels (n, 2) of points in camera axes; those behind the camera give nonsense."""
+        projected = points @ self._P[:, :3].T + self._P[:, 3]
+        return projected[:, :2] / np.where(np.abs(projected[:, 2:]) > 1e-6, projected[:, 2:], 1e-6)
 
     def _hull(self, name: str) -> np.ndarray:
         """Corners of a model's convex hull, (k, 3) in the model frame."""
