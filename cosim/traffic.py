@@ -289,7 +289,10 @@ def _on_foot(allowed: Sequence[str]) -> bool:
 
 def _start(command: list[str]) -> ModuleType:
     """Start libsumo; what it complains of becomes the error's line instead of noise on the terminal."""
-    import libsumo
+    try:
+        import libsumo
+    except ImportError as error:
+        raise TrafficError(f"SUMO's library cannot be loaded: {error}; run `sh tools/setup.sh`") from error
 
     if libsumo.simulation.isLoaded():
         raise TrafficError("a SUMO simulation already runs in this process; close it first or use another process")
