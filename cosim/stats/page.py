@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from html import escape
 from math import isfinite
 
+from cosim.html import document
 from cosim.stats.charts import STYLES, Chart, label_charts, point_charts, position_charts, scan_charts
 from cosim.stats.compare import DIRECTIONS, Distance
 from cosim.stats.summary import describe, histogram_mean, zero_share
@@ -27,8 +28,7 @@ def format_page(sets: Sequence[Collected], distances: Sequence[Distance]) -> str
         _section("Labels", label_charts(sets)),
         _dimensions(sets),
     ]
-    body = "\n".join(part for part in sections if part)
-    return _DOCUMENT.format(title=escape(title), style=_STYLE, body=body)
+    return document(title, sections, style=_STYLE, generator="cosim stats")
 
 
 def _facts(sets: Sequence[Collected]) -> str:
@@ -134,15 +134,7 @@ def _number(value: float) -> str:
 
 
 _STYLE = """
-:root { color-scheme: dark; --ground: #0d1016; --panel: #151a23; --line: #262d39; --text: #e2e8f0; --muted: #8692a6;
-  --a: #ffb23e; --b: #5aa9ff; }
-* { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 1840px; padding: 28px clamp(12px, 2.5vw, 40px) 60px; background: var(--ground);
-  color: var(--text); font: 15px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif; }
-h1 { margin: 0 0 14px; font-size: 27px; font-weight: 650; letter-spacing: -.01em; overflow-wrap: anywhere; }
-h2 { margin: 0 0 10px; font-size: 20px; font-weight: 650; }
-h3 { margin: 0; font-size: 15px; font-weight: 600; }
-p { margin: 3px 0 0; color: var(--muted); max-width: 110ch; }
+:root { --a: #ffb23e; --b: #5aa9ff; }
 dl { display: flex; flex-wrap: wrap; align-items: end; gap: 6px 30px; margin: 0 0 12px; padding-left: 12px;
   border-left: 4px solid; }
 dl.a { border-color: var(--a); } dl.b { border-color: var(--b); }
@@ -177,19 +169,4 @@ td + td { padding-left: 10px; } td.unit { padding-left: 0; }
 .absent { margin: 10px 0 0; padding-left: 20px; color: var(--muted); }
 @media (max-width: 900px) { .maps, .pairs { grid-template-columns: minmax(0, 1fr); } .wide { grid-column: auto; }
   section { overflow-x: auto; } }
-"""
-
-_DOCUMENT = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="generator" content="cosim stats">
-<title>{title}</title>
-<style>{style}</style>
-</head>
-<body>
-{body}
-</body>
-</html>
 """

@@ -6,21 +6,21 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
+from cosim.html import document
 from cosim.town_map.drawing import COLOURS, town_svg
 from cosim.town_map.facts import TownFacts, town_facts
 from sumo_nets import Town
 
 _STYLE = """
-body{font:15px/1.45 system-ui,sans-serif;margin:0 auto;max-width:1500px;padding:1.5rem;color:#1d2127;background:#fbfaf7}
-h1{font-size:1.5rem;margin:0 0 .3rem}h2{font-size:1.05rem;margin:.2rem 0}
-main{display:grid;grid-template-columns:repeat(auto-fill,minmax(440px,1fr));gap:1.2rem;margin-top:1rem}
-figure{margin:0;background:#fff;border:1px solid #ddd;border-radius:6px;padding:.6rem}
-svg{width:100%;aspect-ratio:1;display:block}figcaption{font-size:.85rem;color:#444;margin-top:.4rem}
-table{border-collapse:collapse;font-size:.85rem;margin-top:1rem;width:100%}
-th,td{padding:.25rem .5rem;text-align:right;border-bottom:1px solid #e3e0d8}
-th:first-child,td:first-child,td:nth-child(2),th:nth-child(2){text-align:left}
-ul{list-style:none;padding:0;display:flex;flex-wrap:wrap;gap:.3rem 1rem;font-size:.85rem;margin:.5rem 0}
-i{display:inline-block;width:.9em;height:.9em;margin-right:.35em;vertical-align:-.1em;border:1px solid #0003}
+main { display: grid; grid-template-columns: repeat(auto-fill, minmax(440px, 1fr)); gap: 18px; margin-top: 16px; }
+figure { margin: 0; background: #fbfaf7; color: #1d2127; border-radius: 8px; padding: 10px; }
+svg { width: 100%; aspect-ratio: 1; display: block; }
+figcaption { font-size: 13px; color: #444; margin-top: 6px; }
+table { border-collapse: collapse; font-size: 13.5px; margin-top: 20px; width: 100%; }
+th, td { padding: 4px 8px; text-align: right; border-bottom: 1px solid var(--line); }
+th:first-child, td:first-child, td:nth-child(2), th:nth-child(2) { text-align: left; }
+ul { list-style: none; padding: 0; display: flex; flex-wrap: wrap; gap: 5px 16px; font-size: 13.5px; margin: 8px 0; }
+i { display: inline-block; width: .9em; height: .9em; margin-right: .35em; vertical-align: -.1em; }
 """
 _HEADINGS = (
     "town", "looks", "junctions", "traffic lights", "crossings", "driving lanes [km]", "sidewalks [km]",
@@ -35,13 +35,13 @@ def write_town_page(towns: Sequence[Town], folder: Path) -> Path:
     figures = "".join(_figure(town, fact) for town, fact in zip(towns, facts, strict=True))
     rows = "".join(_row(town, fact) for town, fact in zip(towns, facts, strict=True))
     head = "".join(f"<th>{heading}</th>" for heading in _HEADINGS)
-    text = (
-        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>Towns</title>'
-        f"<style>{_STYLE}</style></head><body><h1>Towns</h1>"
-        "<p>North is up; the ground is shaded from low (green) to high (sand), lit from the north-west.</p>"
-        f"<ul>{legend}</ul><main>{figures}</main>"
-        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></body></html>\n"
-    )
+    parts = [
+        "<h1>Towns</h1>",
+        "<p>North is up; the ground is shaded from low (green) to high (sand), lit from the north-west.</p>",
+        f"<ul>{legend}</ul><main>{figures}</main>",
+        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>",
+    ]
+    text = document("Towns", parts, style=_STYLE, generator="cosim towns")
     folder.mkdir(parents=True, exist_ok=True)
     page = folder / "index.html"
     page.write_text(text, encoding="utf-8")

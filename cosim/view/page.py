@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from urllib.parse import quote
 
+from cosim.html import document
 from cosim.view.captions import Caption
 
 GENERATOR = "cosim view"
@@ -85,9 +86,7 @@ def format_page(page: Page) -> str:
         *(_section(frame) for frame in page.frames),
         _notes(page.notes),
     ]
-    return _DOCUMENT.format(
-        generator=GENERATOR, title=escape(page.title), style=_STYLE, body="\n".join(part for part in body if part)
-    )
+    return document(page.title, body, style=_STYLE, generator=GENERATOR)
 
 
 def _facts(facts: Sequence[tuple[str, str]]) -> str:
@@ -144,15 +143,6 @@ def _anchor(name: str) -> str:
 
 
 _STYLE = """
-:root { color-scheme: dark; --ground: #0d1016; --panel: #151a23; --line: #262d39; --text: #e2e8f0; --muted: #8692a6;
-  --accent: #ffb23e; }
-* { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 1840px; padding: 28px clamp(12px, 2.5vw, 40px) 60px; background: var(--ground);
-  color: var(--text); font: 15px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif; }
-h1 { margin: 0 0 14px; font-size: 27px; font-weight: 650; letter-spacing: -.01em; overflow-wrap: anywhere; }
-h2 { margin: 0 0 10px; font-size: 20px; font-weight: 650; overflow-wrap: anywhere; }
-h3 { margin: 0; font-size: 15px; font-weight: 600; }
-p { margin: 3px 0 0; color: var(--muted); max-width: 100ch; }
 dl { display: flex; flex-wrap: wrap; gap: 8px 30px; margin: 0 0 18px; }
 dt { color: var(--muted); font-size: 12px; }
 dd { margin: 0; font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
@@ -172,19 +162,4 @@ a:focus-visible { outline: 2px solid var(--accent); outline-offset: 2px; }
 .absent { margin-top: 18px; color: var(--muted); }
 .absent ul { margin: 6px 0 0; padding-left: 20px; }
 @media (max-width: 900px) { .pictures { grid-template-columns: minmax(0, 1fr); } }
-"""
-
-_DOCUMENT = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="generator" content="{generator}">
-<title>{title}</title>
-<style>{style}</style>
-</head>
-<body>
-{body}
-</body>
-</html>
 """
