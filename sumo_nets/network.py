@@ -63,7 +63,7 @@ def _options(plan: Plan) -> Sequence[str]:
     walking = "--walkingareas --crossings.guess --crossings.guess.speed-threshold 17 --default.crossing-width 3"
     junctions = "--junctions.corner-detail 5 --junctions.internal-link-detail 8 --default.junctions.radius 4"
     signals = "--tls.default-type static --tls.cycle.time 60"
-    links = "--connection-files town.con.xml" if plan.links else ""
+    links = "--connection-files town.con.xml" if plan.links or plan.closed else ""
     return f"{files} {links} {walking} {junctions} {signals} --precision 3".split()
 
 
@@ -72,6 +72,7 @@ def _connections(plan: Plan) -> str:
         f'    <connection from="{link.edge}" to="{link.to_edge}" fromLane="{link.lane}" toLane="{link.to_lane}"/>'
         for link in plan.links
     ]
+    lines += [f'    <delete from="{edge}" to="{to_edge}"/>' for edge, to_edge in plan.closed]
     return "\n".join(["<connections>", *lines, "</connections>", ""])
 
 
@@ -84,7 +85,8 @@ def _nodes(recipe: Recipe, plan: Plan, ground: Ground, rng: np.random.Generator)
         kind = _control(int(arms[i]), int(main_arms[i]), recipe.streets, rng)
         kind = plan.controls.get(name, kind)
         z = float(ground.height(np.array([x, y])))
-        lines.append(f'    <node id="{name}" x="{x:.2f}" y="{y:.2f}" z="{z:.3f}" type="{kind}"/>')
+        wide = f' radius="{plan.radii[name]:.1f}"' if name in plan.radii else ""
+        lines.append(f'    <node id="{name}" x="{x:.2f}" y="{y:.2f}" z="{z:.3f}" type="{kind}"{wide}/>')
     return "\n".join([*lines, "</nodes>", ""])
 
 

@@ -77,6 +77,8 @@ class Plan:
         streets: what joins them.
         controls: SUMO junction type of those junctions that do not follow the rules.
         links: lane connections that do not either.
+        closed: turns from one edge to another that nobody may take.
+        radii: turning radius of corners [m] at junctions that are wider than others.
     """
 
     names: tuple[str, ...]
@@ -84,6 +86,8 @@ class Plan:
     streets: tuple[Street, ...]
     controls: Mapping[str, str] = field(default_factory=dict)
     links: tuple[Link, ...] = ()
+    closed: tuple[tuple[str, str], ...] = ()
+    radii: Mapping[str, float] = field(default_factory=dict)
 
     def arms(self, main_only: bool = False) -> np.ndarray:
         """Return how many (main) streets meet at each junction, (n,) int."""

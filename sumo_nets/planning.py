@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from sumo_nets.corners import ease_corners
 from sumo_nets.netgenerate import lay_out
 from sumo_nets.plan import Plan, Street
 from sumo_nets.recipe import Recipe, RingRoadLayout, StreetRules
@@ -17,6 +18,7 @@ from sumo_nets.roundabouts import add_roundabouts
 
 _SHAPE_STEP_M = 10.0
 _SHORTEST_PARKING_STREET_M = 55.0
+_PARKING_RADIUS_M = 10.0  # in tighter bends nobody parks
 
 
 def make_plan(recipe: Recipe, rng: np.random.Generator, workshop: Path) -> Plan:
@@ -38,6 +40,7 @@ def make_plan(recipe: Recipe, rng: np.random.Generator, workshop: Path) -> Plan:
     plan = _drop_streets(plan, recipe.streets, rng)
     plan = _bend(plan, recipe.streets, rng)
     plan = add_roundabouts(plan, recipe.streets)
+    plan = ease_corners(plan)
     return _add_parking(plan, recipe.streets, rng)
 
 
@@ -109,7 +112,15 @@ def _add_parking(plan: Plan, rules: StreetRules, rng: np.random.Generator) -> Pl
         chosen = rng.random(2) < (rules.main_parking_share if street.main else rules.parking_share)
         if street.road is not None:
             chosen = street.parking
-        elif length < _SHORTEST_PARKING_STREET_M:
+        elif length < _SHORTEST_PARKING_STREET_M or _tightest_radius_m(street.shape) < _PARKING_RADIUS_M:
             chosen = (False, False)
         streets.append(replace(street, parking=(bool(chosen[0]), bool(chosen[1]))))
     return replace(plan, streets=tuple(streets))
+
+
+def _tightest_radius_m(shape: np.ndarray) -> float:
+    pieces = np.diff(shape, axis=0)
+    length = np.linalg.norm(pieces, axis=1)
+    heading = np.unwrap(np.arctan2(pieces[:, 1], pieces[:, 0]))
+    turned = np.abs(np.diff(heading)) / ((length[:-1] + length[1:]) / 2)
+    return 1 / max(float(turned.max(initial=0.0)), 1e-9)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.errors import CosimError
+from cosim.motion.bicycle import MAX_YAW_RATE_RADPS
 from cosim.motion.chassis import Chassis
 from cosim.motion.footprint import separation
 from cosim.motion.script import Script
@@ -67,7 +68,7 @@ def plan_turn(front: np.ndarray, heading_rad: float, kind: str, size: np.ndarray
         arc = _arc(pose, gear, curvature, rear_m, size, room)
         if (len(arc) - 1) * _STEP_M < _SHORTEST_ARC_M:
             break
-        poses.append(_drive(arc, gear, step_s))
+        poses.append(_drive(arc, min(_SPEED_MPS[gear], MAX_YAW_RATE_RADPS / curvature), step_s))
         pose = arc[-1]
         if pose[2] >= np.pi:
             return _script(np.concatenate(poses), front, heading_rad, rear_m)
@@ -108,10 +109,10 @@ def _fits(arc: np.ndarray, rear_m: float, size: np.ndarray, room: Room) -> np.nd
     return fits
 
 
-def _drive(arc: np.ndarray, gear: int, step_s: float) -> np.ndarray:
+def _drive(arc: np.ndarray, fastest_mps: float, step_s: float) -> np.ndarray:
     """Poses along an arc, one a time step, from rest to rest."""
     length = (len(arc) - 1) * _STEP_M
-    top = min(_SPEED_MPS[gear], np.sqrt(_ACCELERATION_MPS2 * length))
+    top = min(fastest_mps, np.sqrt(_ACCELERATION_MPS2 * length))
     ramp_s = top / _ACCELERATION_MPS2
     total_s = length / top + ramp_s
     time = np.arange(1, int(np.ceil(total_s / step_s)) + 1) * step_s
