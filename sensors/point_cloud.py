@@ -47,7 +47,8 @@ def bare_returns(hits: Hits) -> PointCloud:
     rays, solid = hits.rays, hits.solid
     beams = np.flatnonzero(solid.exists)
     xyz = rays.direction.take(beams, axis=0) * solid.range_m.take(beams)[:, None]
-    xyz += rays.origin.take(beams, axis=0)
+    if not rays.one_centre:
+        xyz += rays.origin.take(beams, axis=0)
     return PointCloud(
         xyz=xyz,
         intensity=hits.reflectance(solid).take(beams),

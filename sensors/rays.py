@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -27,3 +28,8 @@ class Rays:
 
     def __len__(self) -> int:
         return len(self.ring)
+
+    @cached_property
+    def one_centre(self) -> bool:
+        """Whether all beams leave from the sensor's origin."""
+        return not self.origin.any()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from assets.materials import material_column
 from sensors.bvh import Bvh
 from sensors.hits import NOTHING, RANGE_STEP_M, STATIC, Hits, Surface
 from sensors.normals import encode_normals
@@ -33,7 +34,7 @@ class Tracer:
         self.rays = rays
         self._near, self._far = range_m
         self._index = RayIndex(rays)
-        self._one_centre = not rays.origin.any()
+        self._is_glass = material_column("kind") == "glass"
 
     def trace(self, scene: Scene, pose: np.ndarray, instances: Instances) -> Hits:
         """First pane and first solid surface of every beam.
@@ -62,10 +63,10 @@ class Tracer:
             return _Nearest.nothing(limit), _Nearest.nothing(limit)
         matrix = pose.astype(np.float32)
         direction = self.rays.direction @ matrix[:3, :3].T
-        origin = self._centres(matrix, slice(None))
+        origin = self._centres(matrix)
         distance, triangle = self._first_hit(static, origin, direction, limit)
         material = static.material[triangle]
-        behind = np.flatnonzero(static.is_glass[triangle] & (triangle >= 0))
+        behind = np.flatnonzero(self._is_glass[material] & (triangle >= 0))
         travelled, panes = distance[behind], triangle[behind]
         distance[behind], triangle[behind] = limit[behind], -1
         solid, pane = _Nearest.of_static(static, distance, triangle, material), _Nearest.nothing(limit)
@@ -139,15 +140,14 @@ class Tracer:
         solid.settle()
         pane.settle()
 
-    def _centres(self, matrix: np.ndarray, beams: np.ndarray | slice) -> np.ndarray:
-        """Optical centres of some beams carried by a (4, 4) float32 matrix, (k, 3)."""
-        if self._one_centre:
-            centres = np.empty_like(
-                self.rays.origin[beams] if isinstance(beams, slice) else self.rays.origin[: len(beams)]
-            )
+    def _centres(self, matrix: np.ndarray, beams: np.ndarray | None = None) -> np.ndarray:
+        """Optical centres of some beams (all if None) carried by a (4, 4) float32 matrix, (k, 3)."""
+        if self.rays.one_centre:
+            centres = np.empty((len(self.rays if beams is None else beams), 3), np.float32)
             centres[:] = matrix[:3, 3]
             return centres
-        return self.rays.origin[beams] @ matrix[:3, :3].T + matrix[:3, 3]
+        origin = self.rays.origin if beams is None else self.rays.origin[beams]
+        return origin @ matrix[:3, :3].T + matrix[:3, 3]
 
     def _first_hit(
         self, bvh: Bvh, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray
