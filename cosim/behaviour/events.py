@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-EventKind = Literal["lane_change", "u_turn", "pull_out", "pull_in", "collision", "scrape"]
+EventKind = Literal["lane_change", "u_turn", "pull_out", "pull_in", "collision", "scrape", "taken_away"]
 
 
 @dataclass(frozen=True)
@@ -13,8 +13,9 @@ class Event:
     """One event.
 
     Attributes:
-        kind: what happened. A collision is one of the configured ones; in a scrape a stiff body, mostly a long one,
-            touches another in a turn that SUMO thinks it can take.
+        kind: what happened. In a scrape a stiff body, mostly a long one, touches another in a turn that SUMO thinks it
+            can take; one that stays deep for a second is a collision, as are the configured ones. Who cannot get on
+            any more, or has lost his way, is taken away.
         time_s: simulation time when it began.
         vehicles: SUMO ids of those who took part, the one at fault first.
     """

@@ -13,7 +13,7 @@ from cosim.behaviour.stage import Stage
 MOTORISED = frozenset({"car", "van", "truck", "bus", "motorcycle"})
 _BRAKES_MPS2 = 2.5
 _EARLY_M = 8.0
-_CYCLISTS_OFF_KERB_M = 0.05  # SUMO lets them touch what is parked beside the lane
+_CYCLISTS_OFF_KERB_M = 0.15  # SUMO lets them touch what is parked beside the lane
 
 
 @dataclass(eq=False)

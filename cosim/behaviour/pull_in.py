@@ -12,7 +12,8 @@ from cosim.motion.rehearsal import clear, rehearse
 _FOR_EVER_S = 1_000_000.0
 _WAYS_M = ((14.0, 4.0), (17.0, 5.0), (19.0, 7.0), (22.0, 9.0), (26.0, 11.0))
 _AHEAD_M = 45.0
-_STRAIGHT_RAD = np.radians(4.0)
+_STRAIGHT_RAD = np.radians(3.0)
+_BESIDE_M = 0.1  # farthest from the middle of the place
 _MARGIN_M = 0.12
 _LONGEST_M = 5.0
 _BEFORE_M = 28.0
@@ -75,7 +76,8 @@ class PullIn:
                 return aside * (1 - drift.smooth((start - (_BEFORE_M - x)) / (start - end)))
 
             poses = rehearse(actors.kinds[row], size[0], _BEFORE_M, offset)
-            if abs(poses[-1, 2]) < _STRAIGHT_RAD and clear(poses, size, boxes, _MARGIN_M):
+            stands_well = abs(poses[-1, 2]) < _STRAIGHT_RAD and abs(poses[-1, 1] - aside) < _BESIDE_M
+            if stands_well and clear(poses, size, boxes, _MARGIN_M):
                 stage.api.vehicle.setParkingAreaStop(vehicle, lot.id, _FOR_EVER_S)
                 stage.motion.approach(vehicle, Approach(stop, aside, start, end))
                 stage.busy.add(vehicle)

@@ -28,7 +28,7 @@ class Stage:
         rows: vehicle → row of `actors`.
         step_s: SUMO's step length.
         busy: vehicles in a manoeuvre, which no other may begin with.
-        exempt: vehicles that neither park nor collide (the ego).
+        exempt: vehicles that neither park nor collide nor are taken away (the ego).
         collided: pairs, in alphabetical order, that have collided as drawn.
         events: what has happened.
     """
@@ -59,6 +59,16 @@ class Stage:
     def record(self, kind: EventKind, *vehicles: str) -> None:
         """Note an event."""
         self.events.append(Event(kind, self.actors.time_s, vehicles))
+
+    def take_away(self, vehicle: str) -> bool:
+        """Let a vehicle leave the simulation, unless it is exempt; whether it does."""
+        if vehicle in self.exempt:
+            return False
+        self.record("taken_away", vehicle)
+        self.api.vehicle.unsubscribe(vehicle)
+        self.api.vehicle.remove(vehicle)
+        self.busy.add(vehicle)
+        return True
 
     def due(self, per_min: float, rng: np.random.Generator) -> bool:
         """Whether an incident of a rate falls into this step."""

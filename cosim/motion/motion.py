@@ -16,7 +16,6 @@ from cosim.motion.trail import Trail
 from cosim.motion.walking import walk
 
 _ARRIVED_M = 0.5  # SUMO puts vehicles that begin parked on the lane first
-_LOST_M = 20.0  # farther than this from SUMO's place a filter starts anew
 _COURSE_GAIN = 0.3
 _TRAVELS_M = 0.02
 _STATE = {"front": 2, "raw": 2, "velocity": 2, "springs": 4}
@@ -86,6 +85,11 @@ class Motion:
         meant = np.abs(of["jump"]) + 4.0 * np.array([name in self._approaches for name in self._ids], float)
         return np.where(self._walks, 0.0, np.maximum(_length(of["raw"] - of["front"]) - meant, 0.0))
 
+    def ahead(self) -> np.ndarray:
+        """How far SUMO's places are before the bumpers, in the direction these point (n,) [m]."""
+        away, heading = self._of["raw"] - self._of["front"], self._of["heading"]
+        return away[:, 0] * np.cos(heading) + away[:, 1] * np.sin(heading)
+
     def approach(self, vehicle: str, approach: Approach) -> None:
         """Let a vehicle move over to a parking place while SUMO takes it there along the lane."""
         self._approaches[vehicle] = approach
@@ -107,7 +111,6 @@ class Motion:
         raw, raw_heading = actors.front[:, :2], actors.heading_rad
         fresh = of["known"] == 0
         fresh |= actors.parked & (of["way"] < _ARRIVED_M) & (_length(raw - of["raw"]) > drift.JUMP_M)
-        fresh |= ~self._walks & ~actors.parked & (_length(raw - of["front"]) > _LOST_M) & ~self._scripted()
         self._enter(actors, np.flatnonzero(fresh))
         before, heading_before = of["front"].copy(), of["heading"].copy()
 
@@ -224,13 +227,6 @@ class Motion:
         of["jump"][row] = away[1] * np.cos(course) - away[0] * np.sin(course) - of["lane_offset"][row]
         of["jump_at"][row], of["jump_steep"][row] = 0.0, 0.0
         of["jump_length"][row] = float(drift.change_length(np.zeros(1))[0])
-
-    def _scripted(self) -> np.ndarray:
-        flags = np.zeros(len(self._ids), bool)
-        for vehicle in self._scripts:
-            if vehicle in self._rows:
-                flags[self._rows[vehicle]] = True
-        return flags
 
     def _enter(self, actors: Actors, rows: np.ndarray) -> None:
         """Take new road users as SUMO has them."""

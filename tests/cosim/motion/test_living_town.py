@@ -95,7 +95,8 @@ def test_the_same_seed_gives_the_same_world():
 def test_what_is_switched_off_never_happens():
     inspector, events, teleports, _ = live(450, BehaviourConfig(preset="calm"))
     check(inspector, events, teleports)
-    assert {event.kind for event in events} <= {"scrape"}
+    # bodies may still touch in turns; nothing that is drawn happens
+    assert {event.kind for event in events} <= {"scrape", "collision", "taken_away"}
 
 
 @pytest.mark.slow
