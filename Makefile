@@ -21,7 +21,7 @@ check: setup-dev
 	$(PYTHON) -m pytest -n 2 --dist loadgroup
 
 bench: setup-dev
-	$(PYTHON) -m tests.bench
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.bench  # as workers run
 
 setup:
 	@sh tools/setup.sh
