@@ -156,13 +156,6 @@ class Traffic:
         self._rest()
         return self._read()
 
-    def demand_present(self, vehicle: str, actors: Actors) -> None:
-        """Raise `TrafficError` where a vehicle has left the simulation."""
-        if vehicle not in actors.ids:
-            raise TrafficError(
-                f"the ego vehicle {vehicle!r} left the road at {actors.time_s:.1f} s; use another seed or town"
-            )
-
     def draw_ego(self, actors: Actors, rng: np.random.Generator) -> str:
         """The id of a car to ride in: one that drives, drawn at random.
 
