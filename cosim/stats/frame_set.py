@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from cosim.errors import DriveError
@@ -25,11 +25,11 @@ class FrameSet:
         notes: what is absent, a sentence each.
     """
 
-    def __init__(self, path: str | Path) -> None:
-        """Open the set at `path`.
+    def __init__(self, path: str | Path, names: Sequence[str] | None = None) -> None:
+        """Open the set at `path`, or some of its frames.
 
         Raises:
-            DriveError: no such folder, neither scans nor labels in it, or no frame.
+            DriveError: no such folder, neither scans nor labels in it, no frame, or not those that are named.
         """
         given = Path(path)
         if not given.is_dir():
@@ -49,6 +49,11 @@ class FrameSet:
             self.names = tuple(sorted(f.stem for f in (root / "label_2").glob("*.txt") if is_safe_name(f.stem)))
             if not self.names:
                 raise DriveError(f"{root / 'label_2'}: holds no .txt file; a set needs at least one frame")
+        if names is not None:
+            absent = sorted(set(names) - set(self.names))
+            if absent or not names:
+                raise DriveError(f"{self.root}: has no frame {absent[0] if absent else 'named'}; name frames it holds")
+            self.names = tuple(sorted(set(names)))
         self.title = _title(self.root)
         self.notes = self._find_notes()
 

@@ -1,0 +1,201 @@
+"""Ours beside real: `python -m tests.bench.realism DRIVE... --real DIR [--frames FILE] [--json FILE]`.
+
+A DRIVE is any folder in KITTI's layout with labels: a drive, or what `cosim variants` wrote of one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from cosim.stats import FrameSet
+from tests.bench.scan_signature import CAR_EDGES_M, INTENSITIES, REACH_EDGES_M, RINGS, SATURATED, Signature, measure
+
+CAR_DISTANCES_M = np.array([5, 10, 15, 20, 25, 30, 35, 40, 50], float)
+TOLERANCE = 0.10
+
+
+@dataclass(frozen=True)
+class Row:
+    """One quantity of both sets, each with the standard error of its mean; `distance` closes a group."""
+
+    group: str
+    name: str
+    ours: float
+    real: float
+    ours_error: float = float("nan")
+    real_error: float = float("nan")
+
+    @property
+    def ratio(self) -> float:
+        """Ours over real."""
+        return self.ours / self.real if self.real else float("nan")
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The one number of a group of rows."""
+
+    group: str
+    name: str
+    value: float
+
+
+def rows(ours: Signature, real: Signature) -> Iterator[Row | Gap]:
+    """Every quantity, group by group, each group with its distance."""
+    yield _row("scan", "points a frame", *(_mean(s.points, np.ones(len(s.points))) for s in (ours, real)))
+    yield Gap("scan", "1-Wasserstein distance of points a frame", _wasserstein(ours.points, real.points))
+    yield from _group("points a visible car", "mean |ln ratio|", _car_points(ours, real))
+    blocks = {"upper block": slice(0, 32), "rings 32–47": slice(32, 48), "rings 48–63": slice(48, 64)}
+    for name, part in blocks.items():
+        yield _row("returns a ring", name, *(_mean(s.rings[:, part].mean(1), None) for s in (ours, real)))
+    by_ring = [s.rings.mean(0) for s in (ours, real)]
+    yield Gap("returns a ring", "mean |ln ratio| over 64 rings", _log_distance(*by_ring))
+    places = [f"{low:.0f}–{high:.0f} m" for low, high in pairwise(REACH_EDGES_M)]
+    lost = [
+        _row("share of firings lost", place, *(_share(s.lost[:, k, 0], s.lost[:, k].sum(1)) for s in (ours, real)))
+        for k, place in enumerate(places)
+    ]
+    yield from _group("share of firings lost", "mean |difference|", lost, logarithmic=False)
+    for title, column in (("intensity elsewhere", "intensity"), ("intensity on cars", "car_intensity")):
+        yield from _histogram(title, getattr(ours, column), getattr(real, column))
+    yield from _histogram("intensity of all", *(s.intensity + s.car_intensity for s in (ours, real)))
+    for title, column, edges in (("all", "reach", REACH_EDGES_M), ("cars", "car_reach", CAR_EDGES_M)):
+        for word, sums in (("mean intensity", 1), ("zero share", 2)):
+            group = f"{word} by range, {title}"
+            found = [
+                _row(
+                    group,
+                    f"{low:.0f}–{high:.0f} m",
+                    *(_share(getattr(s, column)[:, k, sums], getattr(s, column)[:, k, 0]) for s in (ours, real)),
+                )
+                for k, (low, high) in enumerate(pairwise(edges))
+            ]
+            yield from _group(group, "mean |difference|", found, logarithmic=False)
+    spacing = [np.nanmedian(s.elevation_deg, axis=0) for s in (ours, real)]
+    steps = [float(np.nanmean(-np.diff(elevation))) for elevation in spacing]
+    yield Row("rings", "mean spacing [°]", *steps)
+    difference = np.diff(spacing[0]) - np.diff(spacing[1])
+    yield Gap("rings", f"RMS difference of spacing over {RINGS} rings [°]", float(np.sqrt(np.nanmean(difference**2))))
+
+
+def _car_points(ours: Signature, real: Signature) -> list[Row]:
+    found = []
+    for low, high in pairwise(CAR_DISTANCES_M):
+        values = []
+        for cars in (ours.cars, real.cars):
+            chosen = cars.visible & (cars.distance_m >= low) & (cars.distance_m < high)
+            values.append(_mean(cars.points[chosen].astype(float), None))
+        counts = [
+            int((c.visible & (c.distance_m >= low) & (c.distance_m < high)).sum()) for c in (ours.cars, real.cars)
+        ]
+        found.append(_row("points a visible car", f"{low:.0f}–{high:.0f} m ({counts[0]}, {counts[1]} cars)", *values))
+    return found
+
+
+def _histogram(group: str, ours: np.ndarray, real: np.ndarray) -> Iterator[Row | Gap]:
+    sides = (ours, real)
+    yield _row(group, "mean", *(_share(side @ INTENSITIES, side.sum(1)) for side in sides))
+    yield _row(group, "zero share", *(_share(side[:, 0], side.sum(1)) for side in sides))
+    bright = INTENSITIES > SATURATED
+    yield _row(group, "saturated share", *(_share(side[:, bright].sum(1), side.sum(1)) for side in sides))
+    shares = [side.sum(0).cumsum() / side.sum() for side in sides]
+    yield Gap(group, "1-Wasserstein distance", float(np.abs(shares[0] - shares[1]).sum() * (INTENSITIES[1])))
+
+
+def _group(group: str, name: str, found: list[Row], *, logarithmic: bool = True) -> Iterator[Row | Gap]:
+    yield from found
+    ours, real = (np.array([getattr(row, side) for row in found]) for side in ("ours", "real"))
+    value = _log_distance(ours, real) if logarithmic else float(np.nanmean(np.abs(ours - real)))
+    yield Gap(group, name, value)
+
+
+def _log_distance(ours: np.ndarray, real: np.ndarray) -> float:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.abs(np.log(ours / real))
+    return float(ratio[np.isfinite(ratio)].mean())
+
+
+def _wasserstein(a: np.ndarray, b: np.ndarray) -> float:
+    share = (np.arange(1000) + 0.5) / 1000
+    return float(np.abs(np.quantile(a, share) - np.quantile(b, share)).mean())
+
+
+def _row(group: str, name: str, ours: tuple[float, float], real: tuple[float, float]) -> Row:
+    return Row(group, name, ours[0], real[0], ours[1], real[1])
+
+
+def _mean(values: np.ndarray, weights: np.ndarray | None) -> tuple[float, float]:
+    return _share(values, np.ones(len(values)) if weights is None else weights)
+
+
+def _share(part: np.ndarray, whole: np.ndarray) -> tuple[float, float]:
+    """Ratio of sums over frames and its standard error, frames being what is drawn (Cochran 1977, section 6.4)."""
+    total = whole.sum()
+    if not total:
+        return float("nan"), float("nan")
+    ratio = part.sum() / total
+    rows_ = np.count_nonzero(whole)
+    error = np.sqrt(((part - ratio * whole) ** 2).sum() * rows_ / max(rows_ - 1, 1)) / total
+    return float(ratio), float(error)
+
+
+def _table(title: str, found: list[Row | Gap]) -> Table:
+    table = Table(title=title)
+    for column in ("quantity", "ours", "±", "real", "±", "ratio", f"within {TOLERANCE:.0%}"):
+        table.add_column(column, justify="left" if column == "quantity" else "right")
+    group = ""
+    for item in found:
+        if item.group != group:
+            group = item.group
+            table.add_section()
+            table.add_row(f"[bold]{group}")
+        if isinstance(item, Gap):
+            table.add_row(f"  [italic]{item.name}", _text(item.value))
+            continue
+        met = "yes" if abs(item.ratio - 1) <= TOLERANCE else "no"
+        values = (item.ours, item.ours_error, item.real, item.real_error)
+        table.add_row(f"  {item.name}", *(_text(value) for value in values), f"{item.ratio:.3f}", met)
+    return table
+
+
+def _text(value: float) -> str:
+    if not np.isfinite(value):
+        return ""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+
+
+def main() -> None:
+    """Print a table for every drive."""
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.realism", description=__doc__)
+    parser.add_argument("drives", nargs="+", type=Path, metavar="DRIVE")
+    parser.add_argument("--real", type=Path, required=True, metavar="DIR", help="measured frames in KITTI's layout")
+    parser.add_argument("--frames", type=Path, metavar="FILE", help="names of the measured frames to use, one a line")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
+    options = parser.parse_args()
+    console = Console(width=110)
+    names = options.frames.read_text(encoding="utf-8").split() if options.frames else None
+    real = measure(FrameSet(options.real, names))
+    result = {}
+    for drive in options.drives:
+        found = list(rows(measure(FrameSet(drive)), real))
+        console.print(_table(f"{drive} beside {options.real}", found))
+        result[str(drive)] = [
+            {"group": item.group, "name": item.name}
+            | ({"distance": item.value} if isinstance(item, Gap) else {"ours": item.ours, "real": item.real})
+            for item in found
+        ]
+    if options.json:
+        options.json.write_text(json.dumps(result, indent=1), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
