@@ -47,3 +47,16 @@ class Backscatter(ScanEffect):
         np.minimum.at(nearest, returns.beam, returns.range_m)
         beam = np.flatnonzero(echo < nearest)
         return returns.replacing_beams(Returns.spurious(beam, echo[beam], _INTENSITY * brightness[beam]))
+
+    def survival(self, returns: Returns, shot: Shot) -> np.ndarray:
+        """Chance that no drop answers before the surface does."""
+        return np.exp(-self._hazard_up_to(returns.range_m, shot))
+
+    def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
+        """Hazard at the range times the chance to get there."""
+        hazard = self.density_per_m * np.exp(-range_m / self.mean_range_m)
+        return hazard * np.exp(-self._hazard_up_to(range_m, shot)) * (range_m >= shot.pattern.range_m[0])
+
+    def _hazard_up_to(self, range_m: np.ndarray, shot: Shot) -> np.ndarray:
+        near = np.exp(-shot.pattern.range_m[0] / self.mean_range_m)
+        return self.density_per_m * self.mean_range_m * np.maximum(near - np.exp(-range_m / self.mean_range_m), 0)

@@ -7,10 +7,11 @@ from typing import Annotated, Any, ClassVar, get_args, get_origin
 
 import numpy as np
 from annotated_types import Ge, Le
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from sensors.beams import Beams
 from sensors.effects.phases import Channel, Phase, Stage
+from sensors.label_boxes import LabelBoxes
 from sensors.pattern import Pattern
 from sensors.returns import Returns
 from sensors.shot import Shot
@@ -27,6 +28,7 @@ class Parameter:
         description: one sentence.
         per_ring: a list with one value a laser.
         choices: allowed words, for parameters that are no numbers.
+        per_axis: a list with values for length, width and height; one number stands for all three.
     """
 
     name: str
@@ -36,20 +38,22 @@ class Parameter:
     description: str
     per_ring: bool
     choices: tuple[str, ...] = ()
+    per_axis: bool = False
 
 
 class Effect(BaseModel):
-    """One physical effect: a frozen set of parameters and a law. Subclass one of the four stages below.
+    """One physical effect: a frozen set of parameters and a law. Subclass one of the stages below.
 
     Class attributes:
         name: key in sensor files.
-        stage: what it acts on: beams, echoes, points or the whole scan.
+        stage: what it acts on: beams, echoes, points, the whole scan or the labels.
         phase: when it acts.
         channel: what it is about; `also`: further channels it cannot but touch.
         equation: the law, in one line.
         reference: where the law comes from.
         confusable_with: effects whose traces in data look alike.
         needs_new_rays: cannot be made from stored hits.
+        needs_camera: uses the frame's grayscale and depth image where they are at hand.
         repeatable: may stand in a sensor file more than once.
         example: parameters that show it.
         neutral: parameters that do nothing, the start of fits; None where there are none.
@@ -66,6 +70,7 @@ class Effect(BaseModel):
     reference: ClassVar[str] = ""
     confusable_with: ClassVar[tuple[str, ...]] = ()
     needs_new_rays: ClassVar[bool] = False
+    needs_camera: ClassVar[bool] = False
     repeatable: ClassVar[bool] = False
     example: ClassVar[dict[str, Any]] = {}
     neutral: ClassVar[dict[str, Any] | None] = None
@@ -109,6 +114,30 @@ class EchoEffect(Effect):
         """The changed returns; rows may go, or be replaced by those of other surfaces."""
         raise NotImplementedError
 
+    def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
+        """The returns with chance left out, and the probability (m,) of each to be there.
+
+        Effects without chance need not say more than `apply`.
+        """
+        changed = self.apply(returns, shot, np.random.default_rng(0))
+        return changed, np.ones(len(changed))
+
+
+class DetectionEffect(EchoEffect):
+    """Loses returns by chance, each on its own."""
+
+    def kept(self, returns: Returns, shot: Shot) -> np.ndarray:
+        """Probability (m,) of each return to be noticed."""
+        raise NotImplementedError
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """The returns that are noticed."""
+        return returns.take(shot.per_return(returns, rng.random((2, len(shot.rays)))) < self.kept(returns, shot))
+
+    def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
+        """All returns, and their chances."""
+        return returns, self.kept(returns, shot)
+
 
 class PointEffect(Effect):
     """Changes ranges and intensities of returns, and never their number."""
@@ -118,6 +147,14 @@ class PointEffect(Effect):
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """The changed returns; as many as before."""
+        raise NotImplementedError
+
+
+class NoiseEffect(PointEffect):
+    """Scatters what is measured around its mean."""
+
+    def spread(self, returns: Returns, shot: Shot) -> tuple[np.ndarray | float, np.ndarray | float]:
+        """Standard deviations of range [m] and of intensity, (m,) or one for all."""
         raise NotImplementedError
 
 
@@ -131,10 +168,40 @@ class ScanEffect(Effect):
         """The changed returns, sorted by beam."""
         raise NotImplementedError
 
+    def survival(self, returns: Returns, shot: Shot) -> np.ndarray:
+        """Probability (m,) of each return not to be replaced."""
+        return np.ones(len(returns))
+
+    def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
+        """Probability per metre (k,) that it puts a return of `beam` (k,) at `range_m` (k,), with nothing in front."""
+        return np.zeros(len(beam))
+
+
+class LabelEffect(Effect):
+    """Changes what an annotator writes down of the objects, never the points."""
+
+    stage: ClassVar[Stage] = "label"
+    phase: ClassVar[Phase] = Phase.OWN_LABEL
+    channel: ClassVar[Channel] = "label"
+
+    def apply(self, boxes: LabelBoxes, rng: np.random.Generator) -> LabelBoxes:
+        """The changed boxes; as many as before, those not worth a label no longer `kept`."""
+        raise NotImplementedError
+
 
 def number(description: str, *, unit: str = "", ge: float | None = None, le: float | None = None) -> Any:
     """A required number of an effect, with its unit and bounds."""
     return Field(description=description, ge=ge, le=le, json_schema_extra={"unit": unit})
+
+
+def per_axis(low: float, high: float) -> Any:
+    """The type of a value each for length, width and height within bounds; one number is taken for all three."""
+    item = Annotated[float, Field(ge=low, le=high)]
+    return Annotated[tuple[item, item, item], BeforeValidator(_for_all_axes)]
+
+
+def _for_all_axes(value: object) -> object:
+    return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 def per_ring(description: str, *, unit: str = "") -> Any:
@@ -149,12 +216,15 @@ def bounded(low: float, high: float) -> Any:
 
 def _parameter(name: str, info: Any) -> Parameter:
     marks, annotation = list(info.metadata), info.annotation
-    per_laser = get_origin(annotation) is tuple
-    if per_laser:
+    is_list = get_origin(annotation) is tuple
+    axes = is_list and Ellipsis not in get_args(annotation)
+    per_laser = is_list and not axes
+    if is_list:
         item = get_args(annotation)[0]
         marks = [mark for field in get_args(item)[1:] for mark in field.metadata] if get_args(item) else []
     low: Any = next((m.ge for m in marks if isinstance(m, Ge)), None)
     high: Any = next((m.le for m in marks if isinstance(m, Le)), None)
-    words = get_args(annotation) if annotation is not None and not per_laser else ()
+    words = get_args(annotation) if annotation is not None and not is_list else ()
     unit = str((info.json_schema_extra or {}).get("unit", ""))
-    return Parameter(name, unit, low, high, info.description or "", per_laser, tuple(str(word) for word in words))
+    choices = tuple(str(word) for word in words)
+    return Parameter(name, unit, low, high, info.description or "", per_laser, choices, axes)

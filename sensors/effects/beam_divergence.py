@@ -46,3 +46,7 @@ class BeamDivergence(EchoEffect):
         for sample, beams in enumerate(samples_aside(shot.beams, self.divergence_mrad / 2000)):
             samples.append(shot.world.trace(beams, slot=f"footprint {sample}").hits)
         return strongest_echo(returns, samples, pulse_m=self.pulse_ns * _METRES_PER_NS / 2)
+
+    def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
+        """Away from edges the footprint lies on one face, and nothing changes."""
+        return returns, np.ones(len(returns))

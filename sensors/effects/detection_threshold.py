@@ -6,13 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from sensors.effects.base import EchoEffect, number
+from sensors.effects.base import DetectionEffect, number
 from sensors.effects.phases import Phase
 from sensors.returns import Returns
 from sensors.shot import Shot
 
 
-class DetectionThreshold(EchoEffect):
+class DetectionThreshold(DetectionEffect):
     """Kept with probability 1/(1 + e^(−(I − threshold)/softness)), I in 0–1."""
 
     name: ClassVar = "detection_threshold"
@@ -27,8 +27,7 @@ class DetectionThreshold(EchoEffect):
     threshold: float = number("intensity that is kept every other time", ge=0, le=1)
     softness: float = number("width of the change from lost to kept", ge=0.0001, le=1)
 
-    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """The returns that are noticed."""
+    def kept(self, returns: Returns, shot: Shot) -> np.ndarray:
+        """The more likely, the stronger."""
         excess = (returns.intensity - self.threshold) / self.softness
-        kept = 1 / (1 + np.exp(-np.clip(excess, -50, 50)))
-        return returns.take(shot.per_return(returns, rng.random((2, len(shot.rays)))) < kept)
+        return 1 / (1 + np.exp(-np.clip(excess, -50, 50)))

@@ -35,9 +35,25 @@ class FalseAlarms(ScanEffect):
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Returns with false ones among them."""
-        away = np.angle(np.exp(1j * (shot.rays.azimuth.astype(np.float64) - np.radians(self.azimuth_deg))))
-        sector = np.flatnonzero(np.abs(away) <= np.radians(self.width_deg / 2) + 1e-12)
+        sector = np.flatnonzero(self._in_sector(shot.rays.azimuth))
         count = min(int(rng.poisson(self.rate_per_frame)), len(sector))
         beam = np.sort(rng.choice(sector, count, replace=False)) if count else sector[:0]
         false = Returns.spurious(beam, rng.uniform(*shot.pattern.range_m, count), rng.uniform(0, 0.1, count))
         return returns.replacing_beams(false)
+
+    def survival(self, returns: Returns, shot: Shot) -> np.ndarray:
+        """Chance of a beam not to be among those that answer falsely."""
+        return 1 - self._share(returns.beam, shot)
+
+    def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
+        """Uniform over the measurable ranges."""
+        near, far = shot.pattern.range_m
+        return self._share(beam, shot) / (far - near)
+
+    def _share(self, beam: np.ndarray, shot: Shot) -> np.ndarray:
+        sector = max(shot.pattern.firings * shot.pattern.rings * min(self.width_deg, 360) / 360, 1)
+        return self._in_sector(shot.rays.azimuth[beam]) * min(self.rate_per_frame / sector, 1)
+
+    def _in_sector(self, azimuth_rad: np.ndarray) -> np.ndarray:
+        away = np.angle(np.exp(1j * (azimuth_rad.astype(np.float64) - np.radians(self.azimuth_deg))))
+        return np.abs(away) <= np.radians(self.width_deg / 2) + 1e-12

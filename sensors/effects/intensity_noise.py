@@ -7,13 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from sensors.effects.base import PointEffect, number
+from sensors.effects.base import NoiseEffect, number
 from sensors.effects.phases import Phase
 from sensors.returns import Returns
 from sensors.shot import Shot
 
 
-class IntensityNoise(PointEffect):
+class IntensityNoise(NoiseEffect):
     """I·(1 + ε), ε ~ N(0, σ²): speckle and gain noise grow with the signal."""
 
     name: ClassVar = "intensity_noise"
@@ -31,3 +31,7 @@ class IntensityNoise(PointEffect):
         """Scattered intensities."""
         noise = shot.per_return(returns, rng.standard_normal((2, len(shot.rays)), np.float32))
         return replace(returns, intensity=returns.intensity * (1 + np.float32(self.sigma_rel) * noise))
+
+    def spread(self, returns: Returns, shot: Shot) -> tuple[float, np.ndarray]:
+        """No spread of range; of intensity in proportion to it."""
+        return 0.0, np.float32(self.sigma_rel) * returns.intensity

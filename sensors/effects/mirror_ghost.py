@@ -36,8 +36,16 @@ class MirrorGhost(EchoEffect):
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Returns with ghosts in place of those of mirrored beams."""
         chosen = rng.random(len(shot.rays)) < self.strength
-        on_metal = material_column("metal")[returns.material] & ~np.isin(returns.beam, shot.panes.beam)
-        mirrors = returns.take(on_metal & (returns.return_no == 0)).merged(shot.panes)
+        mirrors = returns.take(self._on_metal(returns, shot) & (returns.return_no == 0)).merged(shot.panes)
         mirrors = mirrors.take(chosen[mirrors.beam])
         ghosts, _ = mirrored_returns(mirrors, shot, shot.pattern.range_m[1])
         return returns.replacing_beams(ghosts)
+
+    def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
+        """All returns; mirrored beams are taken to meet something."""
+        mirrors = self._on_metal(returns, shot) | np.isin(returns.beam, shot.panes.beam)
+        return returns, 1 - self.strength * mirrors
+
+    @staticmethod
+    def _on_metal(returns: Returns, shot: Shot) -> np.ndarray:
+        return material_column("metal")[returns.material] & ~np.isin(returns.beam, shot.panes.beam)

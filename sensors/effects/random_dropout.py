@@ -6,13 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from sensors.effects.base import EchoEffect, number
+from sensors.effects.base import DetectionEffect, number
 from sensors.effects.phases import Phase
 from sensors.returns import Returns
 from sensors.shot import Shot
 
 
-class RandomDropout(EchoEffect):
+class RandomDropout(DetectionEffect):
     """Each return is lost with the same probability, independently."""
 
     name: ClassVar = "random_dropout"
@@ -26,6 +26,6 @@ class RandomDropout(EchoEffect):
 
     probability: float = number("share of returns lost", ge=0, le=1)
 
-    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """The returns that are left."""
-        return returns.take(shot.per_return(returns, rng.random((2, len(shot.rays)))) >= self.probability)
+    def kept(self, returns: Returns, shot: Shot) -> np.ndarray:
+        """One for all."""
+        return np.full(len(returns), 1 - self.probability)

@@ -7,13 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from sensors.effects.base import PointEffect, number
+from sensors.effects.base import NoiseEffect, number
 from sensors.effects.phases import Phase
 from sensors.returns import Returns
 from sensors.shot import Shot
 
 
-class RangeNoise(PointEffect):
+class RangeNoise(NoiseEffect):
     """R + ε, ε ~ N(0, σ²), σ² = σ0² + (σ1·R)²."""
 
     name: ClassVar = "range_noise"
@@ -30,6 +30,10 @@ class RangeNoise(PointEffect):
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Scattered ranges, never below zero."""
-        sigma = np.hypot(np.float32(self.sigma_m), np.float32(self.sigma_per_m) * returns.range_m)
+        sigma, _ = self.spread(returns, shot)
         noise = shot.per_return(returns, rng.standard_normal((2, len(shot.rays)), np.float32))
         return replace(returns, range_m=np.maximum(returns.range_m + sigma * noise, np.float32(0)))
+
+    def spread(self, returns: Returns, shot: Shot) -> tuple[np.ndarray, float]:
+        """σ by range; no spread of intensity."""
+        return np.hypot(np.float32(self.sigma_m), np.float32(self.sigma_per_m) * returns.range_m), 0.0

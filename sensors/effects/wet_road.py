@@ -39,11 +39,15 @@ class WetRoad(EchoEffect):
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Darker roads, lost returns, and a few below ground."""
-        road = shot.is_material("road", returns)
-        dark = np.where(road, returns.intensity * np.float32(1 - self.film / 2), returns.intensity)
-        returns = replace(returns, intensity=dark)
-        f0 = ((_WATER_INDEX - 1) / (_WATER_INDEX + 1)) ** 2
-        fresnel = f0 + (1 - f0) * (1 - shot.cos_incidence(returns)) ** 5
-        mirrored = road & (rng.random(len(shot.rays))[returns.beam] < self.film * fresnel)
+        returns, kept = self.expected(returns, shot)
+        mirrored = rng.random(len(shot.rays))[returns.beam] >= kept
         ghosts, _ = mirrored_returns(returns.take(mirrored), shot, _PATH_M)
         return returns.take(~mirrored).merged(ghosts)
+
+    def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
+        """Darker roads, and which share of their beams is not mirrored."""
+        road = shot.is_material("road", returns)
+        dark = np.where(road, returns.intensity * np.float32(1 - self.film / 2), returns.intensity)
+        f0 = ((_WATER_INDEX - 1) / (_WATER_INDEX + 1)) ** 2
+        fresnel = f0 + (1 - f0) * (1 - shot.cos_incidence(returns)) ** 5
+        return replace(returns, intensity=dark), 1 - road * self.film * fresnel
