@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from assets.world import EnvironmentConfig
 from cosim.behaviour.config import BehaviourConfig
 from cosim.collection import Collection
 from cosim.errors import CosimError
+from cosim.products import check_products
 from cosim.rig import RigJitter
 from sensors.pattern import first_problem
 from sumo_nets import TOWNS, DemandConfig
@@ -49,8 +50,17 @@ class RunConfig(BaseModel):
     )
     behaviour: BehaviourConfig = Field(default=BehaviourConfig(), description="how drivers behave; or a preset's name")
     store_hits: bool = Field(default=True, description="keep hits/, from which sensor variants can be made again")
-    colour_image: bool = Field(default=True, description="render image_2 in colour")
+    images: tuple[str, ...] = Field(
+        default=("image_0", "image_2", "depth_0"),
+        description="folders of images to write: image_, depth_, semantic_ or instance_ with a camera's number, 0 to 3",
+    )
     backend: Literal["osmesa", "egl"] = Field(default="osmesa", description="how images are rendered")
+
+    @field_validator("images")
+    @classmethod
+    def _known_images(cls, images: tuple[str, ...]) -> tuple[str, ...]:
+        check_products(images)
+        return images
 
     @property
     def towns(self) -> tuple[str, ...]:

@@ -11,7 +11,6 @@ from cosim.bridge import Bridge
 from cosim.config import RunConfig
 from cosim.drive_writer import DriveWriter
 from cosim.kitti.calibration import Calibration, format_calibration
-from cosim.kitti.images import encode_depth, encode_gray, encode_rgb
 from cosim.kitti.labels import DONT_CARE, Labels, format_labels
 from cosim.kitti.oxts import Oxts, format_oxts
 from cosim.kitti.points import encode_points
@@ -19,8 +18,10 @@ from cosim.kitti.rays import PointRays, encode_rays
 from cosim.labelling import Labeller
 from cosim.place import Place
 from cosim.plan import EpisodePlan, plan_episodes, world_count
+from cosim.product_files import encode_products
+from cosim.products import cameras_of
 from cosim.twin import Camera, Ego, Instance, Lidar, TwinFrame, encode_glb, format_materials
-from sensors.cameras import KITTI_CALIBRATION, Images, kitti_cameras
+from sensors.cameras import KITTI_CALIBRATION, kitti_cameras
 from sensors.cameras.kitti_rig import lidar_pose_ego
 from sensors.hits import Hits
 from sensors.hits_file import encode_hits
@@ -32,7 +33,7 @@ from sensors.tracing import Tracer
 from sumo_nets import Town, read_town
 
 LABEL_DECIMALS = 4
-_CAMERAS = ("image_0", "image_2")  # gray and depth; colour, and the camera that labels refer to
+_LABELLED = 2  # the camera that labels refer to
 _RIG_STREAM = 2  # keeps the rig's random numbers apart from those of the measurement
 
 
@@ -56,7 +57,10 @@ class Recorder:
         self._written_models: set[str] = set()
         self._worlds = world_count(plan_episodes(config))
         self._calibration = Calibration(**vars(KITTI_CALIBRATION))
-        self._cameras = {name: camera for name, camera in kitti_cameras(KITTI_CALIBRATION).items() if name in _CAMERAS}
+        rig = kitti_cameras(KITTI_CALIBRATION)
+        self._cameras = {
+            number: rig[f"image_{number}"] for number in cameras_of([*config.images, f"image_{_LABELLED}"])
+        }
         self._tracer = Tracer(sensor.pattern.rays(), sensor.pattern.range_m)
         self._place: Place | None = None
         writer.write_once("twin/materials.yaml", format_materials(MATERIALS).encode())
@@ -70,7 +74,7 @@ class Recorder:
                 self._config,
                 town,
                 plan.world,
-                camera=self._cameras["image_0"],
+                camera=self._cameras[_LABELLED],
                 load_model=self._model,
                 threads=self._threads,
             )
@@ -106,13 +110,15 @@ class Recorder:
         hits = self._tracer.trace(scene, lidar_pose, others)
         twin = self._twin(name, actors, row, others, ego_pose, lidar_pose_ego_now, camera_pose_ego)
         cloud = self._measure(name, scene, hits, lidar_pose, others, twin.ego)
-        left, colour = (
-            renderer.render(ego_pose @ camera_pose_ego, camera.P, others) for camera in self._cameras.values()
-        )
-        labels = self._labeller.label(others, lidar_pose, colour.instance)
+        images = {
+            number: renderer.render(ego_pose @ camera_pose_ego, camera.P, others)
+            for number, camera in self._cameras.items()
+        }
+        labels = self._labeller.label(others, lidar_pose, images[_LABELLED].instance)
 
         oxts = Oxts.from_motion(ego_pose, twin.ego.velocity_mps, twin.ego.yaw_rate_radps, twin.ego.acceleration_mps2)
-        files = self._files(name, cloud, left, colour, labels, twin, oxts)
+        files = self._files(name, cloud, labels, twin, oxts)
+        files |= encode_products(self._config.images, images, others.kinds, name)
         if self._config.store_hits:
             files[f"hits/{name}.npz"] = encode_hits(hits)
         self._write_models(others.models)
@@ -150,23 +156,16 @@ class Recorder:
         motion = EgoMotion(ego.pose, ego.velocity_mps, ego.yaw_rate_radps, ego.acceleration_mps2)
         return self._sensor.trace_and_measure(scene, lidar_pose, others, motion, rng)
 
-    def _files(
-        self, name: str, cloud: PointCloud, left: Images, colour: Images, labels: Labels, twin: TwinFrame, oxts: Oxts
-    ) -> dict[str, bytes]:
+    def _files(self, name: str, cloud: PointCloud, labels: Labels, twin: TwinFrame, oxts: Oxts) -> dict[str, bytes]:
         rays = PointRays(cloud.ring, cloud.azimuth, cloud.time_s, cloud.return_no)
-        files = {
+        return {
             f"velodyne/{name}.bin": encode_points(cloud.kitti),
             f"rays/{name}.npz": encode_rays(rays),
-            f"image_0/{name}.png": encode_gray(left.gray),
-            f"depth_0/{name}.png": encode_depth(left.depth_m),
             f"calib/{name}.txt": format_calibration(self._calibration).encode(),
             f"label_2/{name}.txt": format_labels(labels, LABEL_DECIMALS).encode(),
             f"oxts/{name}.txt": format_oxts(oxts).encode(),
             f"twin/frames/{name}.json": twin.to_json().encode(),
         }
-        if self._config.colour_image:
-            files[f"image_2/{name}.png"] = encode_rgb(colour.rgb)
-        return files
 
     def _twin(
         self,
@@ -192,8 +191,8 @@ class Recorder:
             ),
             lidar=Lidar(lidar_pose, self._sensor.pattern.name),
             cameras={
-                name: Camera(camera_pose, camera.P, camera.width, camera.height)
-                for name, camera in self._cameras.items()
+                camera.name: Camera(camera_pose, camera.P, camera.width, camera.height)
+                for camera in self._cameras.values()
             },
             instances=_twin_instances(others),
             static=self._static_file(),

@@ -13,7 +13,7 @@ import numpy as np
 
 from cosim.errors import DriveError
 from cosim.kitti.calibration import Calibration, read_calibration
-from cosim.kitti.images import read_depth, read_image
+from cosim.kitti.images import read_depth, read_image, read_instances
 from cosim.kitti.labels import Labels, read_labels
 from cosim.kitti.oxts import Oxts, read_oxts
 from cosim.kitti.points import read_points_lenient
@@ -30,11 +30,8 @@ PARTS = {
     "calib": (".txt",),
     "rays": (".npz",),
     "hits": (".npz",),
-    "image_0": (".png", ".jpg"),
-    "image_1": (".png", ".jpg"),
-    "image_2": (".png", ".jpg"),
-    "image_3": (".png", ".jpg"),
-    "depth_0": (".png",),
+    **{f"image_{camera}": (".png", ".jpg") for camera in range(4)},
+    **{f"{kind}_{camera}": (".png",) for kind in ("depth", "semantic", "instance") for camera in range(4)},
     "label_2": (".txt",),
     "oxts": (".txt",),
     "twin/frames": (".json",),
@@ -123,8 +120,12 @@ class Frame:
         return self._read("depth_0", read_depth)
 
     def image(self, part: str = "image_2") -> np.ndarray:
-        """An image: (h, w) uint8 if gray, (h, w, 3) uint8 RGB if coloured. Not kept."""
+        """An image: (h, w) uint8 if gray or `semantic_2`, (h, w, 3) uint8 RGB if coloured. Not kept."""
         return self._read(part, read_image)
+
+    def instances(self, part: str = "instance_2") -> np.ndarray:
+        """What stands in each pixel, (h, w) uint16: row of the twin's instances + 1, 0 for all else. Not kept."""
+        return self._read(part, read_instances)
 
     @property
     def hits_path(self) -> Path:

@@ -1,4 +1,4 @@
-"""PNG images: 8-bit grayscale, 8-bit RGB, and 16-bit depth on the KITTI scale (256 = 1 m, 0 = nothing)."""
+"""PNG images: 8-bit gray, 8-bit RGB, 16-bit depth on the KITTI scale (256 = 1 m, 0 = nothing), 16-bit instances."""
 
 from __future__ import annotations
 
@@ -56,6 +56,16 @@ def encode_depth(depth_m: np.ndarray) -> bytes:
     return _encode(depth_to_png16(depth_m))
 
 
+def encode_instances(numbers: np.ndarray) -> bytes:
+    """PNG bytes of an instance image, (h, w) uint16: row of the frame's instances + 1, 0 for all else.
+
+    Raises:
+        FormatError: another shape or dtype.
+    """
+    _check(numbers, 2, np.uint16, "an instance image", "(h, w)")
+    return _encode(numbers)
+
+
 def depth_to_png16(depth_m: np.ndarray) -> np.ndarray:
     """Depth in metres as the uint16 values of KITTI's scale; see `encode_depth`."""
     scaled = np.nan_to_num(np.rint(depth_m * DEPTH_SCALE_PER_M), nan=0, posinf=0, neginf=0)
@@ -92,6 +102,18 @@ def decode_depth(data: bytes, source: str | Path = "depth") -> np.ndarray:
     return image.astype(np.float32) / np.float32(DEPTH_SCALE_PER_M)
 
 
+def decode_instances(data: bytes, source: str | Path = "instances") -> np.ndarray:
+    """Instance numbers, (h, w) uint16; see `encode_instances`.
+
+    Raises:
+        FormatError: not a 16-bit single-channel image.
+    """
+    image = _decode(data, source)
+    if image.dtype != np.uint16 or image.ndim != 2:
+        raise FormatError(f"{source}: {image.dtype} of shape {image.shape}; instances are one 16-bit channel")
+    return image
+
+
 def read_image(path: str | Path) -> np.ndarray:
     """Read an 8-bit image; see `decode_image`."""
     return decode_image(read_bytes(path), path)
@@ -100,6 +122,11 @@ def read_image(path: str | Path) -> np.ndarray:
 def read_depth(path: str | Path) -> np.ndarray:
     """Read a depth image; see `decode_depth`."""
     return decode_depth(read_bytes(path), path)
+
+
+def read_instances(path: str | Path) -> np.ndarray:
+    """Read an instance image; see `decode_instances`."""
+    return decode_instances(read_bytes(path), path)
 
 
 def _encode(image: np.ndarray) -> bytes:

@@ -7,8 +7,10 @@ from sensors.cameras.images import Images
 from sensors.cameras.kitti_rig import KITTI_CALIBRATION, KittiCalibration, kitti_cameras, lidar_pose_ego
 from sensors.cameras.light import Light
 from sensors.cameras.renderer import CameraRenderer
+from sensors.cameras.semantics import CLASSES, semantic_image
 
 __all__ = [
+    "CLASSES",
     "KITTI_CALIBRATION",
     "Camera",
     "CameraError",
@@ -19,4 +21,5 @@ __all__ = [
     "bake_sun_shadows",
     "kitti_cameras",
     "lidar_pose_ego",
+    "semantic_image",
 ]

@@ -16,9 +16,11 @@ class Images:
         gray: (h, w) uint8, luma of `rgb`.
         depth_m: (h, w) float32 depth along the optical axis at the pixel's centre, 0 where nothing is hit.
         instance: (h, w) uint16, 0 for the static world and the sky, k + 1 for the k-th instance given.
+        material: (h, w) uint8, 0 for the sky, k + 1 for row k of the material table.
     """
 
     rgb: np.ndarray
     gray: np.ndarray
     depth_m: np.ndarray
     instance: np.ndarray
+    material: np.ndarray

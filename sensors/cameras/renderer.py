@@ -104,4 +104,4 @@ def _images(rgba: np.ndarray, number: np.ndarray, inverse_depth: np.ndarray) -> 
     depth = np.zeros_like(inverse_depth)
     np.divide(np.float32(NEAR_M), inverse_depth, out=depth, where=inverse_depth > 0)
     rgb = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB)
-    return Images(rgb, cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), depth, number)
+    return Images(rgb, cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), depth, number, cv2.extractChannel(rgba, 3))

@@ -8,6 +8,6 @@ layout(location = 1) out uint instance;
 
 void main() {
     float height = max(dot(normalize(direction), up), 0.0);
-    rgb = vec4(sqrt(mix(horizon_rgb, zenith_rgb, sqrt(height))), 1.0);
+    rgb = vec4(sqrt(mix(horizon_rgb, zenith_rgb, sqrt(height))), 0.0);
     instance = 0u;
 }

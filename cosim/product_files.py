@@ -1,0 +1,41 @@
+"""The files of a frame's images."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from cosim.kitti.images import encode_depth, encode_gray, encode_instances, encode_rgb
+from cosim.products import camera_of
+from sensors.cameras import Images, semantic_image
+
+_GRAY_CAMERAS = (0, 1)
+_ENCODERS: Mapping[str, Callable[[Images, tuple[str, ...]], bytes]] = {
+    "gray": lambda images, _: encode_gray(images.gray),
+    "colour": lambda images, _: encode_rgb(images.rgb),
+    "depth": lambda images, _: encode_depth(images.depth_m),
+    "semantic": lambda images, kinds: encode_gray(semantic_image(images, kinds)),
+    "instance": lambda images, _: encode_instances(images.instance),
+}
+
+
+def encode_products(
+    products: Sequence[str], images: Mapping[int, Images], kinds: tuple[str, ...], name: str
+) -> dict[str, bytes]:
+    """Files of a frame, by path.
+
+    Args:
+        products: folders, as `cosim.products.PRODUCTS` lists them.
+        images: by number of camera.
+        kinds: of the instances in them.
+        name: of the frame.
+    """
+    return {
+        f"{product}/{name}.png": _ENCODERS[_content(product)](images[camera_of(product)], kinds) for product in products
+    }
+
+
+def _content(product: str) -> str:
+    kind = product.rpartition("_")[0]
+    if kind != "image":
+        return kind
+    return "gray" if camera_of(product) in _GRAY_CAMERAS else "colour"

@@ -1,0 +1,29 @@
+"""Which images a frame keeps: of what, seen by which of the four cameras of KITTI's rig."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+PRODUCTS = tuple(f"{kind}_{camera}" for kind in ("image", "depth", "semantic", "instance") for camera in range(4))
+"""The folders. Cameras 0 (left) and 1 (right) are grayscale, 2 (left) and 3 (right) see colour."""
+
+
+def check_products(products: Sequence[str]) -> None:
+    """Raise ValueError where a name is no image folder, or is there twice."""
+    for product in products:
+        if product not in PRODUCTS:
+            raise ValueError(
+                f"{product!r} is no image: give image_, depth_, semantic_ or instance_ with a camera's number, 0 to 3"
+            )
+        if products.count(product) > 1:
+            raise ValueError(f"{product!r} is there twice; keep one")
+
+
+def cameras_of(products: Sequence[str]) -> tuple[int, ...]:
+    """Numbers of the cameras that some products need, sorted."""
+    return tuple(sorted({camera_of(product) for product in products}))
+
+
+def camera_of(product: str) -> int:
+    """Number of the camera that a product shows."""
+    return int(product.rpartition("_")[2])
