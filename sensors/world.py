@@ -97,7 +97,7 @@ class World:
         tracers: TracerCache,
     ) -> None:
         self._scene = scene
-        self._pose = pose
+        self.pose = pose
         self._instances = instances
         self.ego = ego
         self._range_m = range_m
@@ -112,7 +112,7 @@ class World:
             hits = self._tracers.fixed(slot, rays).trace(self._scene, pose, instances)
             return Traced(hits, delay_s=beams.delay_s)
         tracer = self._tracers.moving(slot, rays)
-        lidar_in_ego = beams.body @ np.linalg.solve(self.ego.pose, self._pose) @ beams.mount
+        lidar_in_ego = beams.body @ np.linalg.solve(self.ego.pose, self.pose) @ beams.mount
         time_s = beams.firing_s + np.float32(beams.delay_s)
         hits, origin, direction = tracer.trace(self._scene, self.ego, lidar_in_ego, time_s, self._instances)
         return Traced(hits, (origin, direction, time_s))
@@ -123,8 +123,8 @@ class World:
 
     def _lidar_pose(self, beams: Beams) -> np.ndarray:
         if beams.delay_s == 0 and np.array_equal(beams.body, np.eye(4)):
-            return self._pose @ beams.mount
-        lidar_in_ego = np.linalg.solve(self.ego.pose, self._pose)
+            return self.pose @ beams.mount
+        lidar_in_ego = np.linalg.solve(self.ego.pose, self.pose)
         return self.ego.pose_at(beams.delay_s) @ beams.body @ lidar_in_ego @ beams.mount
 
 
