@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,10 +11,12 @@ import numpy as np
 import yaml
 
 from sensors.beams import Beams
-from sensors.effects.acting import Streams, act_on_beams, act_on_returns
-from sensors.effects.base import Effect
+from sensors.camera_view import CameraView
+from sensors.effects.acting import Streams, act_on_beams, act_on_boxes, act_on_returns
+from sensors.effects.base import BeamEffect, Effect, LabelEffect
 from sensors.errors import SensorError
 from sensors.hits import Hits
+from sensors.label_boxes import LabelBoxes
 from sensors.motion import EgoMotion
 from sensors.pattern import Pattern
 from sensors.point_cloud import PointCloud, bare_returns
@@ -43,28 +46,43 @@ class SensorModel:
         """Whether stored hits do not suffice: `trace_and_measure` then takes the place of `measure`."""
         return any(effect.needs_new_rays for effect in self.effects)
 
-    def measure(self, hits: Hits, rng: np.random.Generator | None = None) -> PointCloud:
+    @property
+    def needs_camera(self) -> bool:
+        """Whether an effect takes its light from the frame's grayscale image, where that is at hand."""
+        return any(effect.needs_camera for effect in self.effects)
+
+    @property
+    def relabels(self) -> bool:
+        """Whether an effect changes the labels."""
+        return any(isinstance(effect, LabelEffect) for effect in self.effects)
+
+    def measure(
+        self, hits: Hits, rng: np.random.Generator | None = None, camera: CameraView | None = None
+    ) -> PointCloud:
         """The points it reports of traced hits.
 
         Args:
             hits: of this pattern's nominal beams.
             rng: for effects that draw; the same generator gives the same points.
+            camera: what the grayscale camera saw.
 
         Raises:
             SensorError: an effect needs new rays, or a user's effect breaks the rules.
         """
         if not self.effects:
             return bare_returns(hits)
-        returns, shot = self.measure_returns(hits, rng)
-        return _points(returns, shot.rays)
+        returns, shot = self.measure_returns(hits, rng, camera)
+        return points_of(returns, shot.rays)
 
-    def measure_returns(self, hits: Hits, rng: np.random.Generator | None = None) -> tuple[Returns, Shot]:
+    def measure_returns(
+        self, hits: Hits, rng: np.random.Generator | None = None, camera: CameraView | None = None
+    ) -> tuple[Returns, Shot]:
         """What `measure` makes points of, with the beam of each return."""
         new = [effect.name for effect in self.effects if effect.needs_new_rays]
         if new:
             raise SensorError(f"sensor {self.origin}: {', '.join(new)} cannot be made from stored hits; trace again")
-        shot = Shot(self.pattern, hits.rays, traced=Traced(hits))
-        return act_on_returns(self._ordered, returns_of(hits), shot, Streams(_given(rng)), self.origin), shot
+        shot = Shot(self.pattern, hits.rays, traced=Traced(hits), camera=camera)
+        return self.answer(shot, rng), shot
 
     def trace_and_measure(
         self,
@@ -73,6 +91,7 @@ class SensorModel:
         instances: Instances,
         ego: EgoMotion,
         rng: np.random.Generator | None = None,
+        camera: CameraView | None = None,
     ) -> PointCloud:
         """The points it reports of a scene, traced with its true beams.
 
@@ -82,12 +101,13 @@ class SensorModel:
             instances: what moves, at the pose time.
             ego: the vehicle that carries the LiDAR, and its motion.
             rng: for effects that draw.
+            camera: what the grayscale camera saw.
 
         Raises:
             SensorError: a user's effect breaks the rules.
         """
-        returns, shot = self.trace_returns(scene, pose, instances, ego, rng)
-        return _points(returns, shot.rays)
+        returns, shot = self.trace_returns(scene, pose, instances, ego, rng, camera)
+        return points_of(returns, shot.rays)
 
     def trace_returns(
         self,
@@ -96,15 +116,50 @@ class SensorModel:
         instances: Instances,
         ego: EgoMotion,
         rng: np.random.Generator | None = None,
+        camera: CameraView | None = None,
     ) -> tuple[Returns, Shot]:
         """What `trace_and_measure` makes points of, with the beam of each return."""
+        given = _given(rng)
+        shot = self.trace(scene, pose, instances, ego, deepcopy(given), camera)
+        return self.answer(shot, given), shot
+
+    def trace(
+        self,
+        scene: Scene,
+        pose: np.ndarray,
+        instances: Instances,
+        ego: EgoMotion,
+        rng: np.random.Generator | None = None,
+        camera: CameraView | None = None,
+    ) -> Shot:
+        """One revolution of its true beams, before anything is measured.
+
+        Sensors that differ in other than their pattern and beam effects may `answer` from the same shot.
+        """
         world = World(scene, pose, instances, ego, self.pattern.range_m, self._tracers)
         streams = Streams(_given(rng))
         before = Shot(self.pattern, self._rays, world=world)
         beams = act_on_beams(self._ordered, Beams.nominal(self._rays), before, streams, self.origin)
         traced = world.trace(beams)
-        shot = Shot(self.pattern, beams.rays, beams=beams, traced=traced, world=world)
-        return act_on_returns(self._ordered, returns_of(traced.hits), shot, streams, self.origin), shot
+        return Shot(self.pattern, beams.rays, beams=beams, traced=traced, world=world, camera=camera)
+
+    def answer(self, shot: Shot, rng: np.random.Generator | None = None) -> Returns:
+        """What it reports of a traced revolution.
+
+        Args:
+            shot: of its own pattern and beam effects; its world, if effects need new rays.
+            rng: in the state in which `trace` was given it.
+        """
+        return act_on_returns(self._ordered, returns_of(shot.hits), shot, Streams(_given(rng)), self.origin)
+
+    def relabel(self, boxes: LabelBoxes, rng: np.random.Generator | None = None) -> LabelBoxes:
+        """The labelled boxes after its label effects."""
+        return act_on_boxes(self._ordered, boxes, Streams(_given(rng)), self.origin)
+
+    @property
+    def beam_effects(self) -> tuple[BeamEffect, ...]:
+        """What decides, with the pattern, which way beams leave; in the order of their phases."""
+        return tuple(effect for effect in self._ordered if isinstance(effect, BeamEffect))
 
     def to_yaml(self) -> str:
         """The sensor file; it names the pattern, which is stored beside it."""
@@ -140,7 +195,7 @@ def _given(rng: np.random.Generator | None) -> np.random.Generator:
     return np.random.default_rng(0) if rng is None else rng
 
 
-def _points(returns: Returns, rays: Rays) -> PointCloud:
+def points_of(returns: Returns, rays: Rays) -> PointCloud:
     """Points at the reported optical centre + measured range × nominal direction."""
     beam = returns.beam
     xyz = rays.direction.take(beam, axis=0) * returns.range_m[:, None]

@@ -8,6 +8,7 @@ import numpy as np
 
 from assets.materials import material_column
 from sensors.beams import Beams
+from sensors.camera_view import CameraView
 from sensors.hits import NOTHING, Hits
 from sensors.normals import dot_with_normals
 from sensors.pattern import Pattern
@@ -25,6 +26,7 @@ class Shot:
         beams: how they really left; None before they are traced, and where only stored hits are at hand.
         traced: what they met; None before they are traced.
         world: shoots new rays; None where only stored hits are at hand.
+        camera: what the grayscale camera saw at the pose time; None where no image is at hand.
     """
 
     def __init__(
@@ -35,12 +37,14 @@ class Shot:
         beams: Beams | None = None,
         traced: Traced | None = None,
         world: World | None = None,
+        camera: CameraView | None = None,
     ) -> None:
         self.pattern = pattern
         self.rays = rays
         self.beams = beams
         self.traced = traced
         self.world = world
+        self.camera = camera
 
     @property
     def hits(self) -> Hits:

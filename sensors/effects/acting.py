@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import zlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import fields, replace
 
 import numpy as np
 
 from sensors.beams import Beams
-from sensors.effects.base import BeamEffect, EchoEffect, Effect, PointEffect, ScanEffect
+from sensors.effects.base import BeamEffect, EchoEffect, Effect, LabelEffect, PointEffect, ScanEffect
 from sensors.effects.phases import CLIP_BEFORE
 from sensors.errors import SensorError
+from sensors.label_boxes import LabelBoxes
 from sensors.returns import Returns
 from sensors.shot import Shot
 
@@ -60,16 +62,36 @@ def act_on_returns(effects: Sequence[Effect], returns: Returns, shot: Shot, stre
     return returns if usable.all() else returns.take(usable)
 
 
+def act_on_boxes(effects: Sequence[Effect], boxes: LabelBoxes, streams: Streams, origin: str) -> LabelBoxes:
+    """The labelled boxes after all label effects."""
+    for effect in effects:
+        if not isinstance(effect, LabelEffect):
+            continue
+        with _blamed(effect, origin):
+            changed = effect.apply(boxes, streams.of(effect))
+        if effect.source:
+            _check_boxes(effect, boxes, changed, origin)
+        boxes = changed
+    return boxes
+
+
 def _clipped(returns: Returns) -> Returns:
     return replace(returns, intensity=returns.intensity.clip(0, 1))
 
 
 def _called(effect, state, shot: Shot, rng: np.random.Generator, origin: str):
-    if not effect.source:
+    with _blamed(effect, origin):
         return effect.apply(state, shot, rng)
+
+
+@contextmanager
+def _blamed(effect: Effect, origin: str) -> Iterator[None]:
+    """Errors of a user's effect in one line that names it; those of built-in ones as they are."""
     try:
-        return effect.apply(state, shot, rng)
+        yield
     except Exception as error:
+        if not effect.source:
+            raise
         told = f"{type(error).__name__}: {' '.join(str(error).split())}"
         raise _broken(effect, origin, f"raised {told}; mend its apply") from error
 
@@ -99,6 +121,17 @@ def _check_returns(effect: Effect, before: Returns, after: object, shot: Shot, o
         raise _broken(effect, origin, "gave NaN or infinity; keep range_m and intensity finite")
     if rows and (after.beam.min() < 0 or after.beam.max() >= len(shot.rays) or (np.diff(after.beam) < 0).any()):
         raise _broken(effect, origin, "gave beams out of order or bounds; sort rows by beam")
+
+
+def _check_boxes(effect: Effect, before: LabelBoxes, after: object, origin: str) -> None:
+    if not isinstance(after, LabelBoxes):
+        raise _broken(effect, origin, f"returned {type(after).__name__}; return LabelBoxes")
+    for name in ("centre", "size", "yaw", "kept"):
+        values, wanted = getattr(after, name), np.shape(getattr(before, name))
+        if np.shape(values) != wanted or not np.isfinite(values).all():
+            raise _broken(effect, origin, f"gave {name} of shape {np.shape(values)} or not finite; give {wanted}")
+    if (after.size <= 0).any():
+        raise _broken(effect, origin, "gave a size that is not above zero; keep every edge positive")
 
 
 def _broken(effect: Effect, origin: str, what: str) -> SensorError:

@@ -6,7 +6,7 @@ from enum import IntEnum, auto
 from typing import Literal
 
 Stage = Literal["beam", "echo", "point", "scan", "label", "traffic"]
-Channel = Literal["range", "range_variance", "intensity", "intensity_variance", "drop", "spurious", "pose"]
+Channel = Literal["range", "range_variance", "intensity", "intensity_variance", "drop", "spurious", "pose", "label"]
 
 
 class Phase(IntEnum):
@@ -25,11 +25,13 @@ class Phase(IntEnum):
     OWN_BEAM = auto()
     DIVERGENCE = auto()
     WET_ROAD = auto()
+    PROJECTION = auto()
     GLASS = auto()
     GHOST = auto()
     GLOSS = auto()
     INCIDENCE = auto()
     RANGE_FALLOFF = auto()
+    LINEAR_FALLOFF = auto()
     EXTINCTION = auto()
     FOCAL_RESPONSE = auto()
     RING_GAIN = auto()
@@ -46,13 +48,19 @@ class Phase(IntEnum):
     INCIDENCE_BIAS = auto()
     OWN_POINT = auto()
     INTENSITY_NOISE = auto()
+    INTENSITY_JITTER = auto()
     RANGE_NOISE = auto()
     DETECTOR_FLOOR = auto()
+    CUTOFF = auto()
     BACKSCATTER = auto()
     FALSE_ALARMS = auto()
     BLOOMING = auto()
     OWN_SCAN = auto()
     ROUNDING = auto()
+    DOWNSAMPLING = auto()
+    BOX_SHRINK = auto()
+    FEW_POINTS = auto()
+    OWN_LABEL = auto()
 
 
 CLIP_BEFORE = (Phase.THRESHOLD, Phase.INTENSITY_NOISE, Phase.ROUNDING)

@@ -9,14 +9,13 @@ from difflib import get_close_matches
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from sensors.effects.base import BeamEffect, EchoEffect, Effect, PointEffect, ScanEffect
+from sensors.effects.base import BeamEffect, EchoEffect, Effect, LabelEffect, PointEffect, ScanEffect
 from sensors.effects.catalogue import BUILT_IN
 from sensors.errors import SensorError
 
 GROUP = "cosim.effects"
-_STAGES = (BeamEffect, EchoEffect, PointEffect, ScanEffect)
+_STAGES = (BeamEffect, EchoEffect, PointEffect, ScanEffect, LabelEffect)
 _ELSEWHERE = {
-    "box_shrink": "label",
     **dict.fromkeys(
         (
             "speeding",

@@ -5,10 +5,14 @@ import pytest
 
 from sensors.effects.catalogue import BUILT_IN
 from sensors.hits import NOTHING
+from sensors.label_boxes import LabelBoxes
 from sensors.motion import EgoMotion
-from tests.sensors.effects.scenes import cars, effect, room, sensor, shoot, street
+from sensors.sensor_model import points_of
+from tests.sensors.effects.scenes import LIDAR, cars, effect, room, sensor, shoot, street
 
 EGO = EgoMotion(np.eye(4), np.array([10.0, 2.0, 0.0]), 0.3, np.array([2.0, 0.0, 0.0]))
+ON_SCANS = [name for name, kind in BUILT_IN.items() if kind.stage != "label"]
+ON_LABELS = [name for name, kind in BUILT_IN.items() if kind.stage == "label"]
 SHOWS_AS = {"pose": "range", "range_variance": "range", "intensity_variance": "intensity"}
 
 
@@ -35,7 +39,7 @@ def changed_channels(before, after):
     return {channel for channel, changed in found.items() if changed}
 
 
-@pytest.mark.parametrize("name", BUILT_IN)
+@pytest.mark.parametrize("name", ON_SCANS)
 def test_it_changes_its_own_channel_and_no_other(bare, name):
     kind = BUILT_IN[name]
     # Beams that turn meet other things: only where all is alike do they show in the range alone.
@@ -46,6 +50,26 @@ def test_it_changes_its_own_channel_and_no_other(bare, name):
     changed = changed_channels(bare[where][0], after)
     assert SHOWS_AS.get(kind.channel, kind.channel) in changed
     assert changed <= {SHOWS_AS.get(channel, channel) for channel in (kind.channel, *kind.also)}
+
+
+@pytest.mark.parametrize("name", ON_LABELS)
+def test_an_effect_on_labels_changes_labels_and_no_point(bare, name):
+    after, shot = shoot(sensor(effect(name)), street(), placed=cars(), ego=EGO)
+    before = bare["street"][0]
+    for column in ("beam", "range_m", "intensity", "return_no"):
+        np.testing.assert_array_equal(getattr(after, column), getattr(before, column))
+    placed = cars()
+    boxes = LabelBoxes(
+        kinds=("Car",) * len(placed),
+        centre=(np.linalg.inv(LIDAR) @ placed.poses)[:, :3, 3] + [[0, 0, 0.75], [0, 0, 30]],  # one on a car, one in the sky
+        size=np.tile([4.0, 1.7, 1.5], (len(placed), 1)),
+        yaw=np.arctan2(placed.poses[:, 1, 0], placed.poses[:, 0, 0]),
+        kept=np.ones(len(placed), bool),
+        points=points_of(after, shot.rays).xyz,
+    )
+    changed = sensor(effect(name)).relabel(boxes)
+    same = all(np.array_equal(getattr(boxes, part), getattr(changed, part)) for part in ("centre", "size", "kept"))
+    assert not same
 
 
 @pytest.mark.parametrize("name", [name for name, kind in BUILT_IN.items() if kind.neutral is not None])

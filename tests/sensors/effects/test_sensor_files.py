@@ -28,7 +28,8 @@ def sensor_file(tmp_path, effects):
     [
         ("[{effect: range_nois}]", "unknown; did you mean range_noise"),
         ("[{effect: xyzzy}]", "lists all"),
-        ("[{effect: box_shrink}]", "label stage"),
+        ("[{effect: box_shrink, a_m: [0.1, 0.2], b: 0}]", "box_shrink: a_m"),
+        ("[{effect: box_shrink, a_m: -1, b: 0}]", "box_shrink: a_m"),
         ("[{effect: speeding}]", "traffic stage"),
         ("[{effect: range_bias, offset_m: 99}]", "range_bias: offset_m: .* less than or equal to 5"),
         ("[{effect: range_bias, offset_m: .nan}]", "range_bias: offset_m"),
@@ -81,8 +82,7 @@ def test_a_drive_s_own_pattern_stands_beside_its_sensor(tmp_path):
 def test_every_effect_tells_what_it_is(name):
     kind = BUILT_IN[name]
     assert kind.name == name and kind.equation and kind.reference and kind.__doc__
-    known = {*BUILT_IN, "box_shrink"}
-    assert set(kind.confusable_with) <= known - {name}
+    assert set(kind.confusable_with) <= set(BUILT_IN) - {name}
     assert all(p.description for p in kind.parameters())
     for parameter in kind.parameters():
         if parameter.name.endswith("_per_m"):
