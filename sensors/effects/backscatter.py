@@ -30,6 +30,7 @@ class Backscatter(ScanEffect):
     repeatable: ClassVar = True
     example: ClassVar = {"density_per_m": 0.02, "mean_range_m": 6.0}
     neutral: ClassVar = {"density_per_m": 0.0, "mean_range_m": 6.0}
+    shapes: ClassVar = tuple({"mean_range_m": reach} for reach in (3.0, 8.0, 20.0, 60.0))
 
     density_per_m: float = number("chance of an echo per metre, at range 0", unit="1/m", ge=0, le=10)
     mean_range_m: float = number("how far drops are seen", unit="m", ge=0.1, le=1000)

@@ -57,6 +57,8 @@ class Effect(BaseModel):
         repeatable: may stand in a sensor file more than once.
         example: parameters that show it.
         neutral: parameters that do nothing, the start of fits; None where there are none.
+        shapes: settings of parameters that an amplitude alone does not show, each worth starting a fit from.
+        is_candidate: whether a diagnosis asks for it unbidden.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -74,6 +76,8 @@ class Effect(BaseModel):
     repeatable: ClassVar[bool] = False
     example: ClassVar[dict[str, Any]] = {}
     neutral: ClassVar[dict[str, Any] | None] = None
+    shapes: ClassVar[tuple[dict[str, Any], ...]] = ()
+    is_candidate: ClassVar[bool] = True
     source: ClassVar[str] = ""  # where a user's effect was loaded from, as sensor files name it
 
     @classmethod

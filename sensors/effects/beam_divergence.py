@@ -32,6 +32,7 @@ class BeamDivergence(EchoEffect):
     needs_new_rays: ClassVar = True
     example: ClassVar = {"divergence_mrad": 6.0, "pulse_ns": 6.0}
     neutral: ClassVar = {"divergence_mrad": 0.0, "pulse_ns": 6.0}
+    shapes: ClassVar = tuple({"divergence_mrad": angle} for angle in (1.0, 3.0, 6.0))
 
     divergence_mrad: float = number("full angle of the beam", unit="mrad", ge=0, le=50)
     pulse_ns: float = number("τ, length of the pulse", unit="ns", ge=0, le=1000)

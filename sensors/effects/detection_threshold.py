@@ -23,6 +23,10 @@ class DetectionThreshold(DetectionEffect):
     confusable_with: ClassVar = ("random_dropout", "max_range", "atmospheric_extinction")
     example: ClassVar = {"threshold": 0.2, "softness": 0.02}
     neutral: ClassVar = {"threshold": 0.0, "softness": 0.0001}
+    shapes: ClassVar = tuple(
+        {"threshold": threshold, "softness": softness}
+        for threshold, softness in ((0.03, 0.01), (0.08, 0.02), (0.15, 0.04), (0.3, 0.05), (0.3, 0.15))
+    )
 
     threshold: float = number("intensity that is kept every other time", ge=0, le=1)
     softness: float = number("width of the change from lost to kept", ge=0.0001, le=1)

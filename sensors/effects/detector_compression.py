@@ -24,6 +24,7 @@ class DetectorCompression(EchoEffect):
     confusable_with: ClassVar = ("range_falloff", "incidence_falloff")
     example: ClassVar = {"gamma": 0.5, "pivot": 0.3}
     neutral: ClassVar = {"gamma": 1.0, "pivot": 0.3}
+    is_candidate: ClassVar = False
 
     gamma: float = number("γ, 1 for a linear detector", ge=0.1, le=3)
     pivot: float = number("c, the intensity that stays as it is", ge=0.01, le=1)

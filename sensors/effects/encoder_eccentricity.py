@@ -23,6 +23,7 @@ class EncoderEccentricity(BeamEffect):
     confusable_with: ClassVar = ("mount_rotation", "mount_translation", "sweep_motion", "time_offset")
     example: ClassVar = {"amplitude_deg": 1.0, "phase_deg": 0.0}
     neutral: ClassVar = {"amplitude_deg": 0.0, "phase_deg": 0.0}
+    shapes: ClassVar = tuple({"phase_deg": phase} for phase in (0.0, 90.0, 180.0, 270.0))
 
     amplitude_deg: float = number("A, greatest azimuth error", unit="°", ge=0, le=5)
     phase_deg: float = number("φ, where on the circle the error vanishes", unit="°", ge=-360, le=360)

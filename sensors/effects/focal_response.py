@@ -24,6 +24,7 @@ class FocalResponse(EchoEffect):
     confusable_with: ClassVar = ("range_falloff", "atmospheric_extinction")
     example: ClassVar = {"focal_distance_m": 12.0, "slope": 1.3}
     neutral: ClassVar = {"focal_distance_m": 12.0, "slope": 0.0}
+    shapes: ClassVar = tuple({"focal_distance_m": focus} for focus in (2.0, 7.0, 12.0, 20.0, 40.0))
 
     focal_distance_m: float = number("distance of sharpest focus", unit="m", ge=0, le=131)
     slope: float = number("strength of the compensation", ge=-10, le=10)

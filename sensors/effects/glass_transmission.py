@@ -30,6 +30,11 @@ class GlassTransmission(EchoEffect):
     confusable_with: ClassVar = ("mirror_ghost", "random_dropout")
     example: ClassVar = {"transmission": 0.6, "mode": "strongest"}
     neutral: ClassVar = {"transmission": 1.0, "mode": "last"}
+    shapes: ClassVar = tuple(
+        {"transmission": transmission, "mode": mode}
+        for mode in ("last", "strongest", "first")
+        for transmission in (0.9, 0.6)
+    )
 
     transmission: float = number("T, share of light a pane lets through, one way", ge=0, le=1)
     mode: Literal["first", "strongest", "last", "dual"] = Field(description="which of the echoes is reported")

@@ -24,6 +24,7 @@ class IntensityFloor(PointEffect):
     confusable_with: ClassVar = ("range_falloff", "intensity_quantization")
     example: ClassVar = {"floor": 0.1}
     neutral: ClassVar = {"floor": 0.0}
+    is_candidate: ClassVar = False
 
     floor: float = number("signal that is reported as zero", ge=0, le=0.9)
 

@@ -23,6 +23,7 @@ class MaxRange(EchoEffect):
     confusable_with: ClassVar = ("detection_threshold", "atmospheric_extinction")
     example: ClassVar = {"range_m": 30.0}
     neutral: ClassVar = {"range_m": 1000.0}
+    shapes: ClassVar = tuple({"range_m": range_m} for range_m in (20.0, 35.0, 50.0, 70.0, 100.0))
 
     range_m: float = number("range on a target of 10 % reflectance", unit="m", ge=1, le=1000)
 

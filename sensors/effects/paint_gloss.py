@@ -24,6 +24,7 @@ class PaintGloss(EchoEffect):
     confusable_with: ClassVar = ("incidence_falloff",)
     example: ClassVar = {"gloss": 0.8, "exponent": 8.0}
     neutral: ClassVar = {"gloss": 0.0, "exponent": 8.0}
+    is_candidate: ClassVar = False
 
     gloss: float = number("share of the light in the glossy lobe", ge=0, le=1)
     exponent: float = number("n, narrowness of the lobe", ge=0, le=200)

@@ -24,6 +24,7 @@ class RangeFalloff(EchoEffect):
     confusable_with: ClassVar = ("atmospheric_extinction", "focal_response", "incidence_falloff")
     example: ClassVar = {"reference_m": 30.0, "exponent": 2.0}
     neutral: ClassVar = {"reference_m": 30.0, "exponent": 0.0}
+    shapes: ClassVar = ({"reference_m": 5.0}, {"reference_m": 15.0}, {"reference_m": 50.0}, {"reference_m": 150.0})
 
     reference_m: float = number("R0", unit="m", ge=0.1, le=10000)
     exponent: float = number("p", ge=0, le=10)

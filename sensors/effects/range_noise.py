@@ -24,6 +24,7 @@ class RangeNoise(NoiseEffect):
     confusable_with: ClassVar = ("beam_divergence", "range_quantization")
     example: ClassVar = {"sigma_m": 0.1, "sigma_per_m": 0.0}
     neutral: ClassVar = {"sigma_m": 0.0, "sigma_per_m": 0.0}
+    shapes: ClassVar = ({}, {"sigma_per_m": 0.001})
 
     sigma_m: float = number("σ0, standard deviation at range 0", unit="m", ge=0, le=2)
     sigma_per_m: float = number("σ1, growth with range", unit="m/m", ge=0, le=0.1)

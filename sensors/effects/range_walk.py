@@ -24,6 +24,7 @@ class RangeWalk(PointEffect):
     confusable_with: ClassVar = ("incidence_bias", "range_bias")
     example: ClassVar = {"amplitude_m": 0.2, "decay": 5.0}
     neutral: ClassVar = {"amplitude_m": 0.0, "decay": 5.0}
+    shapes: ClassVar = ({"decay": 1.0}, {"decay": 3.0}, {"decay": 8.0}, {"decay": 20.0})
 
     amplitude_m: float = number("a, delay of the weakest echo", unit="m", ge=-2, le=2)
     decay: float = number("k, how fast it fades with intensity", ge=0, le=1000)
