@@ -10,10 +10,10 @@ from typing import NoReturn
 
 from rich.console import Console
 
-from cosim.cli import effects, run, stats, towns, view
+from cosim.cli import effects, run, stats, towns, twin, variants, view
 from cosim.user_errors import USER_ERRORS
 
-_COMMANDS = (run, view, stats, towns, effects)
+_COMMANDS = (run, variants, view, stats, towns, effects, twin)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -15,6 +15,8 @@ from cosim.errors import DriveError
 from cosim.files import is_safe_name, read_text
 from cosim.kitti.frame import Frame
 from cosim.kitti.layout import find_layout, list_scans, read_manifest, read_split
+from cosim.kitti.points import POINT_COLUMNS
+from cosim.kitti.scan_notes import scan_notes
 
 _LOG = logging.getLogger(__name__)
 _SWEEP_S = 0.1  # HDL-64E at 10 Hz, as in KITTI
@@ -64,6 +66,7 @@ class Drive:
         self.info: Mapping[str, Any] = _read_mapping(self.root / "drive.yaml")
         self.kind: Literal["simulated", "measured"] = self._find_kind()
         self.sweep_s = self._find_sweep()
+        self._columns = self._find_columns()
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -84,7 +87,7 @@ class Drive:
             raise DriveError(
                 f"{self.root}: no frame {name!r}; it has {len(self)}, {self.frames[0]} to {self.frames[-1]}"
             )
-        return Frame(name, self.root, self.sweep_s, self._elevations_rad)
+        return Frame(name, self.root, self.sweep_s, self._elevations_rad, self._columns)
 
     @property
     def splits(self) -> tuple[str, ...]:
@@ -166,6 +169,20 @@ class Drive:
             said.append(f"{self._lost} frames that manifest.jsonl lists have no scan: left out")
         return tuple(filter(None, said))
 
+    def notes(self, names: Iterable[str] | None = None) -> tuple[str, ...]:
+        """What is missing, and what the scans of some frames lack, a sentence each, for commands to print.
+
+        Reads the scans.
+
+        Args:
+            names: of the frames; all by default.
+
+        Raises:
+            DriveError: none of them holds a point, or there is no such frame.
+            FormatError: a scan cannot be read.
+        """
+        return (*self.missing, *scan_notes([self[name] for name in (self.frames if names is None else names)]))
+
     def _absence(self, part: str, consequence: str) -> str:
         absent = sum(not frame.has(part) for frame in self)
         if not absent:
@@ -187,6 +204,14 @@ class Drive:
         if isinstance(sweep, bool) or not isinstance(sweep, int | float) or not 0 < sweep < 100:
             raise DriveError(f"{self.root}: sweep_s is {sweep!r}; give seconds a turn, as 0.1 (drive or pattern.yaml)")
         return float(sweep)
+
+    def _find_columns(self) -> int:
+        columns = self.info.get("columns", POINT_COLUMNS)
+        if isinstance(columns, bool) or columns not in (POINT_COLUMNS - 1, POINT_COLUMNS):
+            raise DriveError(
+                f"{self.root / 'drive.yaml'}: columns is {columns!r}; a point has 4 (x y z intensity) or 3 (x y z)"
+            )
+        return columns
 
     @cached_property
     def _pattern_content(self) -> Mapping[str, Any]:

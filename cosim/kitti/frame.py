@@ -16,7 +16,7 @@ from cosim.kitti.calibration import Calibration, read_calibration
 from cosim.kitti.images import read_depth, read_image, read_instances
 from cosim.kitti.labels import Labels, read_labels
 from cosim.kitti.oxts import Oxts, read_oxts
-from cosim.kitti.points import read_points_lenient
+from cosim.kitti.points import POINT_COLUMNS, read_points_lenient
 from cosim.kitti.rays import PointRays, read_rays
 from cosim.kitti.rings import recover_rays
 from cosim.twin.frame import TwinFrame, read_frame
@@ -33,8 +33,10 @@ PARTS = {
     **{f"image_{camera}": (".png", ".jpg") for camera in range(4)},
     **{f"{kind}_{camera}": (".png",) for kind in ("depth", "semantic", "instance") for camera in range(4)},
     "label_2": (".txt",),
+    "label_2_exact": (".txt",),
     "oxts": (".txt",),
     "twin/frames": (".json",),
+    "twin/trust": (".npz",),
 }
 
 
@@ -47,12 +49,14 @@ class Frame:
         root: the folder that holds `velodyne/`.
         sweep_s: duration of a turn, to make up firing times with.
         elevations_rad: (k,) of the pattern's rings, if the drive tells; helps to recover rings.
+        columns: floats a point in the file: 4, or 3 where intensity was not recorded.
     """
 
     name: str
     root: Path
     sweep_s: float = 0.1
     elevations_rad: np.ndarray | None = None
+    columns: int = 4
 
     def find(self, part: str) -> Path | None:
         """The file of a part (a folder such as `label_2`), or None if it is absent."""
@@ -80,6 +84,11 @@ class Frame:
         """(n, 4) float32 x, y, z [m] in LiDAR axes and intensity; rows with NaN or infinity left out."""
         return self._scan[0]
 
+    @cached_property
+    def has_intensity(self) -> bool:
+        """Whether intensities were recorded: not all of the finite points' are zero."""
+        return self.columns > POINT_COLUMNS - 1 and bool(self.points[:, 3].any())
+
     @property
     def bad_points(self) -> int:
         """How many rows of the file were left out because they hold NaN or infinity."""
@@ -103,6 +112,11 @@ class Frame:
     def labels(self) -> Labels:
         """The labelled objects, `DontCare` regions included."""
         return self._read("label_2", read_labels)
+
+    @cached_property
+    def exact_labels(self) -> Labels:
+        """The labels before label effects, those of `label_2` where a drive keeps no others."""
+        return self._read("label_2_exact", read_labels) if self.has("label_2_exact") else self.labels
 
     @cached_property
     def oxts(self) -> Oxts:
@@ -153,7 +167,7 @@ class Frame:
 
     @cached_property
     def _scan(self) -> tuple[np.ndarray, np.ndarray]:
-        points, finite = self._read("velodyne", read_points_lenient)
+        points, finite = self._read("velodyne", lambda path: read_points_lenient(path, self.columns))
         if not finite.all():
             _LOG.warning("%s: left out %d of %d points with NaN or infinity", self.path("velodyne"), *self._bad(finite))
         return points, finite

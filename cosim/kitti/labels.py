@@ -141,6 +141,14 @@ class Labels:
         chosen = {name: None if column is None else column[index] for name, column in columns.items()}
         return replace(self, type=tuple(self.type[i] for i in index), **chosen)
 
+    def followed_by(self, others: Labels) -> Labels:
+        """These objects and then others; scores stay only where both have them."""
+        columns = {}
+        for name in (field.name for field in fields(self)[1:]):
+            mine, theirs = getattr(self, name), getattr(others, name)
+            columns[name] = None if mine is None or theirs is None else np.concatenate([mine, theirs])
+        return Labels(type=(*self.type, *others.type), **columns)
+
     def of_type(self, *types: str) -> Labels:
         """The objects of the named classes, case-insensitive as in KITTI's evaluation."""
         wanted = {name.lower() for name in types}

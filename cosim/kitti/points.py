@@ -9,7 +9,8 @@ import numpy as np
 from cosim.errors import FormatError
 from cosim.files import read_bytes
 
-POINT_BYTES = 16
+POINT_COLUMNS = 4
+POINT_BYTES = 4 * POINT_COLUMNS
 
 
 def encode_points(points: np.ndarray) -> bytes:
@@ -31,26 +32,33 @@ def encode_points(points: np.ndarray) -> bytes:
     return stored.tobytes()
 
 
-def decode_points(data: bytes, source: str | Path = "scan") -> tuple[np.ndarray, np.ndarray]:
+def decode_points(
+    data: bytes, source: str | Path = "scan", columns: int = POINT_COLUMNS
+) -> tuple[np.ndarray, np.ndarray]:
     """The points of a `.bin` file that may hold broken rows.
 
     Args:
         data: the content of the file.
         source: the name that errors mention.
+        columns: floats a point: x, y, z, intensity; or 3 without intensity, which is then 0.
 
     Returns:
         The finite points, (n, 4) float32, and the mask (m,) bool of the stored rows that are finite, so
         that per-point arrays of the same frame can be thinned alike; `(~mask).sum()` rows were dropped.
 
     Raises:
-        FormatError: the size is not a multiple of 16 bytes.
+        FormatError: the size is not a multiple of that of a point.
     """
-    if len(data) % POINT_BYTES:
-        raise FormatError(
-            f"{source}: {len(data)} bytes are not a multiple of {POINT_BYTES} (float32 x y z intensity); "
-            "the file is truncated or of another format: write it again"
-        )
-    points = np.frombuffer(data, "<f4").reshape(-1, 4).astype(np.float32)
+    size = 4 * columns
+    if len(data) % size:
+        held = "x y z intensity" if columns == POINT_COLUMNS else "x y z"
+        remedy = "the file is truncated or of another format: write it again"
+        if columns == POINT_COLUMNS and len(data) % 12 == 0:
+            remedy = "if it holds x y z alone, say `columns: 3` in drive.yaml; else it is truncated: write it again"
+        raise FormatError(f"{source}: {len(data)} bytes are not a multiple of {size} (float32 {held}); {remedy}")
+    stored = np.frombuffer(data, "<f4").reshape(-1, columns)
+    points = np.zeros((len(stored), POINT_COLUMNS), np.float32)
+    points[:, :columns] = stored
     finite = _finite_rows(points)
     return (points if finite.all() else points[finite]), finite
 
@@ -73,9 +81,9 @@ def read_points(path: str | Path) -> np.ndarray:
     return points
 
 
-def read_points_lenient(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+def read_points_lenient(path: str | Path, columns: int = POINT_COLUMNS) -> tuple[np.ndarray, np.ndarray]:
     """The finite points of a `.bin` file and the mask of its finite rows; see `decode_points`."""
-    return decode_points(read_bytes(path), path)
+    return decode_points(read_bytes(path), path, columns)
 
 
 def _finite_rows(points: np.ndarray) -> np.ndarray:

@@ -1,0 +1,152 @@
+"""Which beams may be compared with a twin made from labels: `twin/trust/NAME.npz`.
+
+Such a twin holds the ground around the vehicle and the labelled objects, and nothing else. What the file marks are
+*areas*, chosen by how evenly the ground lies there and whether the fitted surface follows it, never single points by
+how well they fit: choosing points would cut the tails off the residuals that are to be studied.
+
+- A measured return is trusted where it lies over a trusted cell, within 0.3 m of the surface in height, or within
+  0.3 m of a labelled object's box.
+- A traced hit is trusted where it is an instance, or static ground in a trusted cell.
+- A beam is compared where its traced hit is trusted and its measured return, if it has one, is trusted too: a
+  return from elsewhere is something that nobody labelled, standing in front.
+- `ground_range` says whether ranges on the ground mean something: with road seen to one side only, a slope and a
+  sensor that looks too low are the same thing. Intensities and lost returns are good either way.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cosim.errors import FormatError
+from cosim.files import read_bytes
+from cosim.twin import Instance
+from sensors.npz import npz_bytes
+
+CELL_M = 0.5
+MARGIN_M = 0.3
+_ARRAYS = ("corner_m", "cell_m", "ground", "height_m", "ground_range", "cone_deg", "lever_m")
+
+
+@dataclass(frozen=True, eq=False)
+class Trust:
+    """Trusted ground of one frame, world axes.
+
+    Attributes:
+        corner_m: (2,) float64 x, y of the corner of the first cell.
+        cell_m: size of a cell.
+        ground: (k, m) bool by x, then y.
+        height_m: (k, m) float32 world z of the surface at the middle of each cell.
+        ground_range: whether ranges on the ground may be compared.
+        cone_deg: opening of the cone seen in this frame's ground: an elevation error and the lie of the land.
+        lever_m: how well it is known, see `GroundSurface`.
+    """
+
+    corner_m: np.ndarray
+    cell_m: float
+    ground: np.ndarray
+    height_m: np.ndarray
+    ground_range: bool
+    cone_deg: float
+    lever_m: float
+
+    @classmethod
+    def nothing(cls) -> Trust:
+        """No ground at all."""
+        return cls(np.zeros(2), CELL_M, np.zeros((1, 1), bool), np.zeros((1, 1), np.float32), False, 0.0, 0.0)
+
+    def ground_at(self, xy: np.ndarray) -> np.ndarray:
+        """Whether places (n, 2) lie in trusted cells, (n,) bool; NaN places do not."""
+        rows, inside = self._cells(xy)
+        return inside & self.ground[tuple(rows)]
+
+    def above_ground(self, xyz: np.ndarray) -> np.ndarray:
+        """Heights (n,) of places (n, 3) above the surface, to about a centimetre; infinite outside the cells."""
+        rows, inside = self._cells(xyz[:, :2])
+        return np.where(inside, xyz[:, 2] - self.height_m[tuple(rows)], np.inf)
+
+    def measured(self, xyz: np.ndarray, instances: Sequence[Instance]) -> np.ndarray:
+        """Which measured returns are of something that the twin holds, (n,) bool.
+
+        Args:
+            xyz: (n, 3) world places of the returns; NaN where a beam has none.
+            instances: of the frame.
+        """
+        trusted = self.ground_at(xyz[:, :2]) & (np.abs(self.above_ground(xyz)) <= MARGIN_M)
+        for instance in instances:
+            trusted |= in_box(xyz, instance, MARGIN_M)
+        return trusted
+
+    def traced(self, xyz: np.ndarray, instance: np.ndarray) -> np.ndarray:
+        """Which traced hits are of something that is known, (n,) bool.
+
+        Args:
+            xyz: (n, 3) world places of the hits; anything where a beam hits nothing.
+            instance: (n,) rows of the instances, −1 the static world, −2 nothing.
+        """
+        return (instance >= 0) | ((instance == -1) & self.ground_at(xyz[:, :2]))
+
+    def _cells(self, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        place = (np.asarray(xy, np.float64) - self.corner_m) / self.cell_m
+        inside = np.all((place >= 0) & (place < self.ground.shape), axis=1)  # false for NaN
+        return np.where(inside, place.T, 0).astype(int), np.asarray(inside)
+
+
+def in_box(xyz: np.ndarray, instance: Instance, margin_m: float) -> np.ndarray:
+    """Which places (n, 3) lie in an instance's box, grown on every side, (n,) bool."""
+    local = (np.asarray(xyz, np.float64) - instance.pose[:3, 3]) @ instance.pose[:3, :3]
+    half = np.array([instance.length_m, instance.width_m]) / 2 + margin_m
+    level = (np.abs(local[:, :2]) <= half).all(1)
+    return level & (local[:, 2] >= -margin_m) & (local[:, 2] <= instance.height_m + margin_m)
+
+
+def encode_trust(trust: Trust) -> bytes:
+    """The bytes of a file."""
+    return npz_bytes(
+        {
+            "corner_m": np.asarray(trust.corner_m, np.float64),
+            "cell_m": np.array(trust.cell_m),
+            "ground": trust.ground.astype(np.uint8),
+            "height_m": np.round(trust.height_m, 4).astype(np.float32),
+            "ground_range": np.array(trust.ground_range, np.uint8),
+            "cone_deg": np.array(trust.cone_deg),
+            "lever_m": np.array(trust.lever_m),
+        }
+    )
+
+
+def read_trust(path: str | Path) -> Trust:
+    """Read a file.
+
+    Raises:
+        FormatError: it is missing, not such an archive, or an array is missing or of the wrong shape.
+    """
+    try:
+        with np.load(io.BytesIO(read_bytes(path)), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in _ARRAYS if name in archive.files}
+    except (ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error, AttributeError) as error:
+        raise FormatError(f"{path}: not a readable .npz archive ({error}); make the twin again") from None
+    missing = [name for name in _ARRAYS if name not in arrays]
+    if missing:
+        raise FormatError(f"{path}: lacks {', '.join(missing)}; make the twin again with `cosim twin`")
+    ground, height = arrays["ground"], arrays["height_m"]
+    single = [name for name in ("cell_m", "ground_range", "cone_deg", "lever_m") if arrays[name].shape != ()]
+    numeric = all(array.dtype.kind in "uif" and np.isfinite(array).all() for array in arrays.values())
+    flat = ground.ndim == 2 and ground.size > 0 and ground.shape == height.shape and arrays["corner_m"].shape == (2,)
+    if single or not numeric or not flat or not arrays["cell_m"] > 0:
+        raise FormatError(f"{path}: arrays of the wrong shape or kind; make the twin again with `cosim twin`")
+    return Trust(
+        corner_m=arrays["corner_m"].astype(np.float64),
+        cell_m=float(arrays["cell_m"]),
+        ground=ground != 0,
+        height_m=height.astype(np.float32),
+        ground_range=bool(arrays["ground_range"]),
+        cone_deg=float(arrays["cone_deg"]),
+        lever_m=float(arrays["lever_m"]),
+    )

@@ -1,0 +1,181 @@
+"""`cosim twin`: a measured drive with a twin made from its labels and points."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from assets import MATERIALS, build_model
+from cosim.discrepancy.labelled_twin.frame_twin import FrameTwin, check_labelled, make_frame_twin
+from cosim.discrepancy.labelled_twin.trust import encode_trust
+from cosim.drive_writer import DriveWriter, OutputError, explained
+from cosim.kitti import Drive, Frame
+from cosim.twin import encode_glb, format_materials
+from sensors.pattern import Pattern, load_pattern
+
+KITTI_PATTERN = "hdl64e_kitti"
+_LINKED = ("velodyne", "rays", "image_0", "image_1", "image_2", "image_3", "calib", "label_2", "oxts")
+
+
+@dataclass
+class TwinSummary:
+    """What was made of a drive.
+
+    Attributes:
+        folder: the new drive.
+        frames: names, in order.
+        rows: what each frame's twin counts and measures.
+        notes: what was missing or could not be known, a sentence each.
+    """
+
+    folder: Path
+    frames: list[str] = field(default_factory=list)
+    rows: list[dict[str, float | int | bool | None]] = field(default_factory=list)
+    notes: tuple[str, ...] = ()
+
+    def as_json(self) -> dict[str, object]:
+        """For `--json`."""
+        points = sum(int(row["points"] or 0) for row in self.rows)
+        trusted = sum(int(row["points_trusted"] or 0) for row in self.rows)
+        spreads = [float(row["ground_sd_m"]) for row in self.rows if row["ground_sd_m"] is not None]
+        return {
+            "out": str(self.folder),
+            "frames": len(self.frames),
+            "points": points,
+            "points_trusted_share": trusted / points if points else None,
+            "ground_sd_m": float(np.median(spreads)) if spreads else None,
+            "frames_with_ground": len(spreads),
+            "frames_with_ground_range": sum(bool(row["ground_range"]) for row in self.rows),
+            "objects": sum(int(row["objects"] or 0) for row in self.rows),
+            "objects_without_model": sum(int(row["objects_without_model"] or 0) for row in self.rows),
+            "notes": list(self.notes),
+            "per_frame": {name: row for name, row in zip(self.frames, self.rows, strict=True)},
+        }
+
+
+def write_labelled_twin(
+    drive: Drive,
+    names: Sequence[str],
+    folder: Path,
+    pattern: str | None = None,
+    on_frame: Callable[[str], None] = lambda name: None,
+) -> TwinSummary:
+    """Make a drive with twins of some frames; one that was interrupted is taken up again.
+
+    Args:
+        drive: measured, with labels.
+        names: of the frames.
+        folder: of the new drive; its scans and images are links to the old ones where the disk allows.
+        pattern: name or path of the beam pattern; by default the drive's own, or that of KITTI's sensor.
+        on_frame: called after each frame.
+
+    Raises:
+        CosimError: a frame lacks labels or is broken, or the folder cannot be used.
+        SensorError: no such pattern.
+    """
+    if folder.resolve() == drive.root.resolve():
+        raise OutputError(f"{folder} is the measured drive itself; choose another --out")
+    beams = load_pattern(pattern or drive.pattern or KITTI_PATTERN)
+    for name in names:
+        check_labelled(drive[name])
+    writer = DriveWriter(folder)
+    settings = {"kind": "measured", "source": str(drive.root.resolve()), "twin": "labels", "pattern": beams.name}
+    writer.open(yaml.safe_dump(settings | {"cosim": version("cosim")}, sort_keys=False))
+    done = writer.manifest()
+    for name in names:
+        if name not in done:
+            _write_frame(writer, drive[name], make_frame_twin(drive[name], beams))
+        on_frame(name)
+    notes = _notes(drive, names)
+    return _finish(writer, list(names), beams, settings, notes)
+
+
+def _write_frame(writer: DriveWriter, frame: Frame, made: FrameTwin) -> None:
+    for part in _LINKED:
+        source = frame.find(part)
+        if source is not None:
+            _link(source, writer.folder / part / source.name)
+    for model in sorted({instance.model for instance in made.frame.instances}):
+        if not writer.has(f"twin/models/{model}.glb"):
+            writer.write(f"twin/models/{model}.glb", encode_glb(build_model(model), model))
+    files = {
+        f"twin/worlds/{frame.name}.glb": encode_glb(made.ground, frame.name),
+        f"twin/trust/{frame.name}.npz": encode_trust(made.trust),
+        f"twin/frames/{frame.name}.json": made.frame.to_json().encode(),
+    }
+    counts = {
+        "points": made.points,
+        "points_bad": frame.bad_points,
+        "points_trusted": made.points_trusted,
+        "objects": len(made.frame.instances),
+        "objects_without_model": made.objects_without_model,
+    }
+    writer.write_frame(
+        frame.name,
+        files,
+        counts,
+        ground_range=made.trust.ground_range,
+        ground_sd_m=round(made.ground_sd_m, 5) if made.trust.ground.any() else -1.0,
+        cone_deg=round(made.trust.cone_deg, 5),
+    )
+
+
+def _link(source: Path, target: Path) -> None:
+    """A second name for a file, or a copy where the disk knows no such thing; never half a file."""
+    with explained(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
+        partial.unlink(missing_ok=True)
+        try:
+            partial.hardlink_to(source.resolve())
+        except OSError:
+            with contextlib.suppress(OSError):
+                partial.unlink(missing_ok=True)
+            shutil.copyfile(source, partial)
+        partial.replace(target)
+
+
+def _notes(drive: Drive, names: Sequence[str]) -> tuple[str, ...]:
+    made_good = ("twin/", "the beam pattern is not given", "sweep_s is not given")
+    notes = [note for note in drive.notes(names) if not note.startswith(made_good)]
+    notes.append("labels hold no motion: ego vehicle and objects stand still in the twin")
+    notes.append("labels hold no paint: vehicles have the material table's")
+    if drive.pattern is None:
+        notes.append(f"the beam pattern is not given: taken to be {KITTI_PATTERN}, KITTI's own sensor, and its sweep")
+    return tuple(notes)
+
+
+def _finish(
+    writer: DriveWriter, names: list[str], beams: Pattern, settings: dict[str, str], notes: tuple[str, ...]
+) -> TwinSummary:
+    entries = writer.manifest()
+    rows = [_row(entries[name]) for name in names]
+    files = {
+        "pattern.yaml": beams.to_yaml().encode(),
+        "twin/materials.yaml": format_materials(MATERIALS).encode(),
+        "ImageSets/all.txt": "".join(f"{name}\n" for name in sorted(entries)).encode(),
+    }
+    summary = TwinSummary(writer.folder, names, rows, notes)
+    facts = {key: value for key, value in summary.as_json().items() if key not in ("out", "per_frame", "notes")}
+    head = yaml.safe_dump(settings | {"cosim": version("cosim")}, sort_keys=False)
+    tail = {"sweep_s": beams.sweep_s, "counts": facts, "notes": list(notes)}
+    writer.finish(files, head + yaml.safe_dump(tail, sort_keys=False, allow_unicode=True, width=200))
+    return summary
+
+
+def _row(entry: dict) -> dict[str, float | int | bool | None]:
+    has_ground = entry["ground_sd_m"] >= 0
+    return {
+        **entry["counts"],
+        "ground_range": bool(entry["ground_range"]),
+        "ground_sd_m": entry["ground_sd_m"] if has_ground else None,
+        "cone_deg": entry["cone_deg"] if entry["ground_range"] else None,
+    }
