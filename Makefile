@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 COSIM := .venv/bin/cosim
 
-.PHONY: demo test slow check bench setup setup-dev clean
+.PHONY: demo test slow check bench hidden setup setup-dev clean
 
 demo: setup
 	$(COSIM) run --town town01 --frames 12 --seed 1 --workers 2 --out out/demo/drive
@@ -22,6 +22,9 @@ check: setup-dev
 
 bench: setup-dev
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.bench  # as workers run
+
+hidden: setup-dev
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.hidden.benchmark
 
 setup:
 	@sh tools/setup.sh
