@@ -79,7 +79,7 @@ class Labeller:
             truncated=truncated,
             occluded=np.searchsorted(_HIDDEN_SHARES, hidden, side="right"),
         )
-        return _dont_care_beyond(labels, np.linalg.norm(boxes.centre, axis=1) > self._range_m)
+        return dont_care_where(labels, np.linalg.norm(boxes.centre, axis=1) > self._range_m)
 
     def _image_boxes(
         self, instances: Instances, rows: np.ndarray, camera_from_world: np.ndarray, instance_image: np.ndarray
@@ -163,17 +163,17 @@ def boxes_in_lidar(instances: Instances, rows: np.ndarray, lidar_pose: np.ndarra
     return Boxes(centre, size, np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
 
 
-def _dont_care_beyond(labels: Labels, far: np.ndarray) -> Labels:
-    """Labels with the far ones turned into DontCare regions, those last."""
-    order = np.argsort(far, kind="stable")
-    labels, far = labels[order], far[order]
+def dont_care_where(labels: Labels, lost: np.ndarray) -> Labels:
+    """Labels with some (n,) bool turned into DontCare regions, those last."""
+    order = np.argsort(lost, kind="stable")
+    labels, lost = labels[order], lost[order]
 
     def blank(values: np.ndarray, placeholder: float) -> np.ndarray:
-        return np.where(far.reshape(-1, *(1,) * (values.ndim - 1)), placeholder, values)
+        return np.where(lost.reshape(-1, *(1,) * (values.ndim - 1)), placeholder, values)
 
     return replace(
         labels,
-        type=tuple(DONT_CARE if away else name for name, away in zip(labels.type, far, strict=True)),
+        type=tuple(DONT_CARE if away else name for name, away in zip(labels.type, lost, strict=True)),
         truncated=blank(labels.truncated, -1),
         occluded=blank(labels.occluded, -1),
         alpha=blank(labels.alpha, -10),

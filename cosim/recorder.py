@@ -8,6 +8,7 @@ from assets import MATERIALS, Mesh, build_model
 from assets.external import load_external
 from cosim.actors import Actors
 from cosim.bridge import Bridge
+from cosim.camera_views import CAMERA, view_of_images
 from cosim.config import RunConfig
 from cosim.drive_writer import DriveWriter
 from cosim.kitti.calibration import Calibration, format_calibration
@@ -15,12 +16,14 @@ from cosim.kitti.labels import DONT_CARE, Labels, format_labels
 from cosim.kitti.oxts import Oxts, format_oxts
 from cosim.kitti.points import encode_points
 from cosim.kitti.rays import PointRays, encode_rays
+from cosim.label_effects import EXACT, relabelled
 from cosim.labelling import Labeller
 from cosim.place import Place
 from cosim.plan import EpisodePlan, plan_episodes, world_count
 from cosim.product_files import encode_products
 from cosim.products import cameras_of
 from cosim.twin import Camera, Ego, Instance, Lidar, TwinFrame, encode_glb, format_materials
+from sensors.camera_view import CameraView
 from sensors.cameras import KITTI_CALIBRATION, kitti_cameras
 from sensors.cameras.kitti_rig import lidar_pose_ego
 from sensors.hits import Hits
@@ -58,9 +61,8 @@ class Recorder:
         self._worlds = world_count(plan_episodes(config))
         self._calibration = Calibration(**vars(KITTI_CALIBRATION))
         rig = kitti_cameras(KITTI_CALIBRATION)
-        self._cameras = {
-            number: rig[f"image_{number}"] for number in cameras_of([*config.images, f"image_{_LABELLED}"])
-        }
+        needed = [*config.images, f"image_{_LABELLED}", *([f"image_{CAMERA}"] if sensor.needs_camera else [])]
+        self._cameras = {number: rig[f"image_{number}"] for number in cameras_of(needed)}
         self._tracer = Tracer(sensor.pattern.rays(), sensor.pattern.range_m)
         self._place: Place | None = None
         writer.write_once("twin/materials.yaml", format_materials(MATERIALS).encode())
@@ -109,16 +111,24 @@ class Recorder:
 
         hits = self._tracer.trace(scene, lidar_pose, others)
         twin = self._twin(name, actors, row, others, ego_pose, lidar_pose_ego_now, camera_pose_ego)
-        cloud = self._measure(name, scene, hits, lidar_pose, others, twin.ego)
         images = {
             number: renderer.render(ego_pose @ camera_pose_ego, camera.P, others)
             for number, camera in self._cameras.items()
         }
-        labels = self._labeller.label(others, lidar_pose, images[_LABELLED].instance)
+        view = None
+        if self._sensor.needs_camera:
+            view = view_of_images(images[CAMERA], self._cameras[CAMERA].P, ego_pose @ camera_pose_ego)
+        cloud = self._measure(name, scene, hits, lidar_pose, others, twin.ego, view)
+        exact = self._labeller.label(others, lidar_pose, images[_LABELLED].instance)
+        labels = exact
+        if self._sensor.relabels:
+            labels = relabelled(exact, self._sensor, cloud.xyz, self._calibration, self._rng(name))
 
         oxts = Oxts.from_motion(ego_pose, twin.ego.velocity_mps, twin.ego.yaw_rate_radps, twin.ego.acceleration_mps2)
         files = self._files(name, cloud, labels, twin, oxts)
         files |= encode_products(self._config.images, images, others.kinds, name)
+        if self._sensor.relabels:
+            files[f"{EXACT}/{name}.txt"] = format_labels(exact, LABEL_DECIMALS).encode()
         if self._config.store_hits:
             files[f"hits/{name}.npz"] = encode_hits(hits)
         self._write_models(others.models)
@@ -147,14 +157,24 @@ class Recorder:
         assert self._place is not None
         return f"worlds/{self._place.town.name}-{self._place.world:03d}.glb" if self._worlds > 1 else None
 
+    def _rng(self, name: str) -> np.random.Generator:
+        return np.random.default_rng([self._config.seed, int(name)])
+
     def _measure(
-        self, name: str, scene: Scene, hits: Hits, lidar_pose: np.ndarray, others: Instances, ego: Ego
+        self,
+        name: str,
+        scene: Scene,
+        hits: Hits,
+        lidar_pose: np.ndarray,
+        others: Instances,
+        ego: Ego,
+        view: CameraView | None,
     ) -> PointCloud:
-        rng = np.random.default_rng([self._config.seed, int(name)])
+        rng = self._rng(name)
         if not self._sensor.needs_new_rays:
-            return self._sensor.measure(hits, rng)
+            return self._sensor.measure(hits, rng, view)
         motion = EgoMotion(ego.pose, ego.velocity_mps, ego.yaw_rate_radps, ego.acceleration_mps2)
-        return self._sensor.trace_and_measure(scene, lidar_pose, others, motion, rng)
+        return self._sensor.trace_and_measure(scene, lidar_pose, others, motion, rng, view)
 
     def _files(self, name: str, cloud: PointCloud, labels: Labels, twin: TwinFrame, oxts: Oxts) -> dict[str, bytes]:
         rays = PointRays(cloud.ring, cloud.azimuth, cloud.time_s, cloud.return_no)

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import queue
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
-from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
 
 import yaml
 
@@ -20,14 +14,11 @@ from cosim.config import RunConfig
 from cosim.drive_writer import DriveWriter
 from cosim.errors import CosimError
 from cosim.plan import EpisodePlan, plan_episodes
-from cosim.worker import Event, work
+from cosim.processes import Event, share_out
+from cosim.worker import work
 from sensors.sensor_model import SensorModel, load_sensor
 from sumo_nets import read_town
 
-_POLL_S = 0.5
-_PATIENCE_S = 10.0
-# Matrix products here are too small for BLAS to gain by threads; on busy cores it loses much.
-_WITHOUT_BLAS_THREADS = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 _REPORTED_PACKAGES = ("cosim", "eclipse-sumo", "embreex", "numpy", "trimesh", "pyrender2")
 
 
@@ -84,8 +75,7 @@ def run(
         done = frozenset(writer.manifest())
         on_start(len(done), config.frames)
         pending = _pending(plan_episodes(config), writer.notes(), config.collection.attempts)
-        with _workers(config, folder, done, pending, workers) as (processes, events):
-            _follow(processes, events, len(pending), on_event)
+        share_out(work, (config, folder, done), pending, workers, on_event)
         _finish(writer, config, sensor)
         recorded = len(writer.manifest()) - len(done)
     else:
@@ -102,66 +92,6 @@ def _pending(plans: list[EpisodePlan], notes: Mapping[tuple[int, int], dict], at
     }
     left = [plan for plan in plans if plan.number not in ended]
     return sorted(left, key=lambda plan: (plan.town, plan.world, plan.number))
-
-
-@contextmanager
-def _workers(
-    config: RunConfig, folder: Path, done: frozenset[str], pending: list[EpisodePlan], count: int
-) -> Iterator[tuple[list[BaseProcess], Any]]:
-    """Spawned processes with all episodes queued; ended on the way out, whatever happened."""
-    context = multiprocessing.get_context("spawn")
-    tasks, events = context.Queue(), context.Queue()
-    count = min(count, len(pending))
-    threads = max(1, (os.cpu_count() or 1) // max(count, 1))
-    environment = {**_WITHOUT_BLAS_THREADS, "LP_NUM_THREADS": str(threads if threads > 1 else 0)}
-    for plan in [*pending, *[None] * count]:
-        tasks.put(plan)
-    processes: list[BaseProcess] = [
-        context.Process(target=work, args=(config, folder, done, tasks, events, threads), daemon=True)
-        for _ in range(count)
-    ]
-    before = {name: os.environ.get(name) for name in environment}
-    os.environ.update(environment)
-    try:
-        for process in processes:
-            process.start()
-        yield processes, events
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-        for process in processes:
-            process.join(0.0 if process.exitcode is None else None)
-            if process.is_alive():
-                process.terminate()
-                process.join(_PATIENCE_S)
-        tasks.cancel_join_thread()
-        events.cancel_join_thread()
-
-
-def _follow(processes: list[BaseProcess], events: Any, episodes: int, on_event: Callable[[Event], None]) -> None:
-    """Pass events on until all episodes are complete."""
-    while episodes:
-        try:
-            event: Event = events.get(timeout=_POLL_S)
-        except queue.Empty:
-            dead = [process for process in processes if process.exitcode not in (None, 0)]
-            if dead:
-                raise RunError(
-                    f"a worker process died (exit code {dead[0].exitcode}, often too little memory); "
-                    "run the same command again to go on"
-                ) from None
-            continue
-        if event.kind == "refused":
-            raise RunError(event.text)
-        if event.kind == "failed":
-            raise RuntimeError(f"a worker failed:\n{event.text}")
-        on_event(event)
-        episodes -= event.kind == "episode"
-    for process in processes:
-        process.join(_PATIENCE_S)
 
 
 def _settings(config: RunConfig) -> str:

@@ -38,23 +38,24 @@ class LabelBoxes:
             row: of the box.
             lift_m: how much the box is lifted first, so that the road stays outside.
         """
-        half = self.size[row] / 2
-        near = self._nearby
-        offset = near - (self.centre[row] + [0, 0, lift_m])
-        close = np.flatnonzero((np.abs(offset[:, :2]) <= np.hypot(half[0], half[1])).all(1))
-        offset = offset[close]
+        half, (x, y, z) = self.size[row] / 2, self._nearby
+        centre, reach = self.centre[row], np.hypot(*half[:2])
+        close = np.flatnonzero(
+            (np.abs(x - np.float32(centre[0])) <= reach + 0.01) & (np.abs(y - np.float32(centre[1])) <= reach + 0.01)
+        )
+        along, across, up = x[close] - centre[0], y[close] - centre[1], z[close] - (centre[2] + lift_m)
         cos, sin = np.cos(self.yaw[row]), np.sin(self.yaw[row])
-        x, y = offset[:, 0], offset[:, 1]
-        local = np.stack([cos * x + sin * y, cos * y - sin * x, offset[:, 2]], 1)
-        return local[(np.abs(local) <= half).all(1)]
+        along, across = cos * along + sin * across, cos * across - sin * along
+        inside = (np.abs(along) <= half[0]) & (np.abs(across) <= half[1]) & (np.abs(up) <= half[2])
+        return np.stack([along[inside], across[inside], up[inside]], 1)
 
     @cached_property
-    def _nearby(self) -> np.ndarray:
-        """Points within the upright hull of all boxes, (k, 3) float32: most of a scan is elsewhere."""
+    def _nearby(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Coordinates of the points within the upright hull of all boxes, (k,) each: most of a scan is elsewhere."""
         if not len(self):
-            return self.points[:0]
-        reach = np.hypot(self.size[:, 0], self.size[:, 1])[:, None]
-        low = (self.centre[:, :2] - reach).min(0)
-        high = (self.centre[:, :2] + reach).max(0)
+            return (np.empty(0), np.empty(0), np.empty(0))
+        reach = np.hypot(self.size[:, 0], self.size[:, 1])[:, None] + 0.01
+        low, high = (self.centre[:, :2] - reach).min(0), (self.centre[:, :2] + reach).max(0)
         x, y = self.points[:, 0], self.points[:, 1]
-        return self.points[(x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1])]
+        near = np.flatnonzero((x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]))
+        return (x[near], y[near], self.points[near, 2])

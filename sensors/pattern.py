@@ -118,8 +118,12 @@ def parse_pattern(text: str, *, origin: str) -> Pattern:
     Raises:
         SensorError: the text breaks the format.
     """
+    from sensors.depth_camera import DepthCamera  # is a Pattern itself
+
     try:
-        return Pattern.model_validate(yaml.safe_load(text))
+        values = yaml.safe_load(text)
+        kind = DepthCamera if isinstance(values, dict) and "fov_deg" in values else Pattern
+        return kind.model_validate(values)
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise SensorError(f"pattern {origin} is not YAML: {' '.join(str(error).split())}") from error
     except ValidationError as error:

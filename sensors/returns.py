@@ -61,10 +61,21 @@ class Returns:
 
     def merged(self, other: Returns) -> Returns:
         """Both tables in order of beam and return number."""
+        mine, theirs = self._place(), other._place()
+        order = np.argsort(theirs, kind="stable")
+        at = np.searchsorted(mine, theirs[order], side="right")
+        rows = np.insert(np.arange(len(self)), at, len(self) + order)
         columns = [np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)]
-        both = Returns(*columns)
-        return both.take(np.lexsort((both.return_no, both.beam)))
+        return Returns(*columns).take(rows)
 
     def replacing_beams(self, other: Returns) -> Returns:
         """`other`, and of this table the returns of beams that `other` has none of."""
-        return self.take(~np.isin(self.beam, other.beam)).merged(other)
+        if not len(self) or not len(other):
+            return self.merged(other)
+        replaced = np.zeros(max(self.beam.max(), other.beam.max()) + 1, bool)
+        replaced[other.beam] = True
+        return self.take(~replaced[self.beam]).merged(other)
+
+    def _place(self) -> np.ndarray:
+        """(m,) what tables are sorted by: beam, then number of the return."""
+        return self.beam.astype(np.int64) * 256 + self.return_no

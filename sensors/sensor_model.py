@@ -23,7 +23,7 @@ from sensors.point_cloud import PointCloud, bare_returns
 from sensors.rays import Rays
 from sensors.returns import Returns
 from sensors.scene import Instances, Scene
-from sensors.shot import Shot, returns_of
+from sensors.shot import Shot
 from sensors.world import Traced, TracerCache, World
 
 
@@ -143,14 +143,18 @@ class SensorModel:
         traced = world.trace(beams)
         return Shot(self.pattern, beams.rays, beams=beams, traced=traced, world=world, camera=camera)
 
-    def answer(self, shot: Shot, rng: np.random.Generator | None = None) -> Returns:
+    def answer(
+        self, shot: Shot, rng: np.random.Generator | None = None, memo: dict[tuple[str, ...], Returns] | None = None
+    ) -> Returns:
         """What it reports of a traced revolution.
 
         Args:
             shot: of its own pattern and beam effects; its world, if effects need new rays.
             rng: in the state in which `trace` was given it.
+            memo: kept between sensors that answer from one shot with equal generators, so that effects which
+                they begin with alike act once.
         """
-        return act_on_returns(self._ordered, returns_of(shot.hits), shot, Streams(_given(rng)), self.origin)
+        return act_on_returns(self._ordered, shot.solids, shot, Streams(_given(rng)), self.origin, memo)
 
     def relabel(self, boxes: LabelBoxes, rng: np.random.Generator | None = None) -> LabelBoxes:
         """The labelled boxes after its label effects."""

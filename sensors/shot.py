@@ -52,6 +52,11 @@ class Shot:
         return self._traced.hits
 
     @cached_property
+    def solids(self) -> Returns:
+        """The solid surface that each beam met, where there is one; intensity its reflectance."""
+        return returns_of(self.hits)
+
+    @cached_property
     def panes(self) -> Returns:
         """The pane of glass in front of what each beam met, where there is one; intensity 0."""
         return returns_of(self.hits, "pane")

@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cosim.cli.options import add_common, write_json
 from cosim.config import load_config
-from cosim.worker import Event
 
 
 def add_command(commands: Any) -> None:
@@ -33,13 +31,14 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Record the drive, with a progress bar."""
+    from cosim.cli.progress import FrameBar
     from cosim.runner import run
 
     config = load_config(
         options.config, town=_towns(options.town), frames=options.frames, seed=options.seed, sensor=options.sensor
     )
     begun = time.monotonic()
-    with _Bar(console) as bar:
+    with FrameBar(console, starting="building the town", working="recording") as bar:
         result = run(config, options.out, workers=options.workers, on_start=bar.start, on_event=bar.follow)
     seconds = time.monotonic() - begun
     console.print(
@@ -64,46 +63,3 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 def _towns(text: str | None) -> str | tuple[str, ...] | None:
     """One town, or several that are separated by commas."""
     return text if text is None or "," not in text else tuple(name for name in text.split(",") if name)
-
-
-class _Bar:
-    """Frames done, frames a second and the time left; a second is counted from the first frame on."""
-
-    def __init__(self, console: Console) -> None:
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[rate]}"),
-            TimeRemainingColumn(),
-            console=console,
-            disable=not console.is_terminal,
-        )
-        self._task = self._progress.add_task("starting", total=None, rate="")
-        self._first: float | None = None
-        self._since_first = 0
-        self.frames_per_s: float | None = None
-
-    def __enter__(self) -> _Bar:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
-
-    def start(self, done: int, total: int) -> None:
-        self._progress.start()
-        self._progress.update(self._task, total=total, completed=done, description="building the town")
-
-    def follow(self, event: Event) -> None:
-        if event.kind == "ready":
-            self._progress.update(self._task, description="recording")
-        if event.kind != "frame":
-            return
-        now = time.monotonic()
-        if self._first is None:
-            self._first = now
-        else:
-            self._since_first += 1
-            self.frames_per_s = self._since_first / max(now - self._first, 1e-9)
-        rate = "" if self.frames_per_s is None else f"{self.frames_per_s:.1f} frames/s"
-        self._progress.update(self._task, advance=1, rate=rate)

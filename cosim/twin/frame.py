@@ -17,7 +17,7 @@ import numpy as np
 
 from cosim.errors import FormatError
 from cosim.files import read_text
-from cosim.twin.json_values import Reader, matrix_json, number_json, vector_json
+from cosim.twin.json_values import Reader, arrays, matrix_json, number_json, poses, vector_json
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +165,7 @@ class TwinFrame:
             ),
             lidar=Lidar(pose_ego=lidar.pose("pose_ego"), pattern=lidar.text("pattern")),
             cameras={name: _camera(cameras.child(name)) for name in cameras.keys},
-            instances=tuple(_instance(entry) for entry in root.children("instances")),
+            instances=_instances(root.children("instances")),
             static=root.path("static") if "static" in root.keys else None,
         )
 
@@ -210,17 +210,26 @@ def _camera(entry: Reader) -> Camera:
     return Camera(entry.pose("pose_ego"), entry.array("P", (3, 4)), int(width), int(height))
 
 
-def _instance(entry: Reader) -> Instance:
-    return Instance(
-        id=entry.text("id"),
-        kind=entry.text("kind"),
-        model=entry.name("model"),
-        pose=entry.pose("pose"),
-        velocity_mps=entry.array("velocity_mps", (3,)),
-        yaw_rate_radps=entry.number("yaw_rate_radps"),
-        length_m=entry.number("length_m", above=0),
-        width_m=entry.number("width_m", above=0),
-        height_m=entry.number("height_m", above=0),
-        scale=entry.array("scale", (3,)),
-        paint=entry.number("paint"),
+def _instances(entries: list[Reader]) -> tuple[Instance, ...]:
+    pose, velocity, scale = (
+        poses(entries, "pose"),
+        arrays(entries, "velocity_mps", (3,)),
+        arrays(entries, "scale", (3,)),
+    )
+    yaw_rate, paint = arrays(entries, "yaw_rate_radps", ()).tolist(), arrays(entries, "paint", ()).tolist()
+    return tuple(
+        Instance(
+            id=entry.text("id"),
+            kind=entry.text("kind"),
+            model=entry.name("model"),
+            pose=pose[row],
+            velocity_mps=velocity[row],
+            yaw_rate_radps=yaw_rate[row],
+            length_m=entry.number("length_m", above=0),
+            width_m=entry.number("width_m", above=0),
+            height_m=entry.number("height_m", above=0),
+            scale=scale[row],
+            paint=paint[row],
+        )
+        for row, entry in enumerate(entries)
     )

@@ -114,6 +114,31 @@ class Reader:
         return FormatError(f"{self._where}: {key} is {_short(self._values[key])}; expected {expected}")
 
 
+def arrays(entries: list[Reader], key: str, shape: tuple[int, ...]) -> np.ndarray:
+    """What `array` gives of each entry, (n, …) float64, read at once: a frame holds hundreds."""
+    values = [entry._values.get(key) for entry in entries]
+    try:
+        stacked = np.array(values)
+    except ValueError:
+        stacked = np.empty(0)
+    sound = stacked.shape == (len(entries), *shape) and stacked.dtype.kind in "fi" and np.isfinite(stacked).all()
+    if sound and not any(isinstance(value, bool) for value in values):
+        return stacked.astype(np.float64)
+    one_by_one = [entry.array(key, shape) if shape else entry.number(key) for entry in entries]  # names the fault
+    return np.array(one_by_one, np.float64).reshape(len(entries), *shape)
+
+
+def poses(entries: list[Reader], key: str) -> np.ndarray:
+    """What `pose` gives of each entry, (n, 4, 4) float64."""
+    matrices = arrays(entries, key, (4, 4))
+    rotation = matrices[:, :3, :3]
+    off = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max(initial=0)
+    rigid = off < _ROTATION_TOLERANCE and (np.linalg.det(rotation) > 0).all()
+    if not rigid or (matrices[:, 3] != [0, 0, 0, 1]).any():
+        return np.array([entry.pose(key) for entry in entries])
+    return matrices
+
+
 def _short(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."

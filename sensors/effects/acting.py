@@ -44,19 +44,36 @@ def act_on_beams(effects: Sequence[Effect], beams: Beams, shot: Shot, streams: S
     return beams
 
 
-def act_on_returns(effects: Sequence[Effect], returns: Returns, shot: Shot, streams: Streams, origin: str) -> Returns:
-    """The returns after all echo, point and scan effects; finite, in front of the sensor, intensity in 0–1."""
-    clips = list(CLIP_BEFORE)
+def act_on_returns(
+    effects: Sequence[Effect],
+    returns: Returns,
+    shot: Shot,
+    streams: Streams,
+    origin: str,
+    memo: dict[tuple[str, ...], Returns] | None = None,
+) -> Returns:
+    """The returns after all echo, point and scan effects; finite, in front of the sensor, intensity in 0–1.
+
+    `memo` keeps what each beginning of a list of effects led to, for other lists on the same shot and streams.
+    """
+    clips, past = list(CLIP_BEFORE), tuple[str, ...]()
     for effect in effects:
         if not isinstance(effect, EchoEffect | PointEffect | ScanEffect):
             continue
         while clips and effect.phase >= clips[0]:
             clips.pop(0)
             returns = _clipped(returns)
-        changed = _called(effect, returns, shot, streams.of(effect), origin)
+        rng = streams.of(effect)
+        past = (*past, f"{effect.source or effect.name} {effect.model_dump_json()}")
+        if memo is not None and past in memo:
+            returns = memo[past]
+            continue
+        changed = _called(effect, returns, shot, rng, origin)
         if effect.source:
             _check_returns(effect, returns, changed, shot, origin)
         returns = changed
+        if memo is not None:
+            memo[past] = returns
     returns = _clipped(returns)
     usable = np.isfinite(returns.range_m) & (returns.range_m > 0) & np.isfinite(returns.intensity)
     return returns if usable.all() else returns.take(usable)

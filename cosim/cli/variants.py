@@ -1,0 +1,72 @@
+"""`cosim variants`: a simulated drive measured again with other sensors, from its stored hits."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from cosim.cli.options import add_common, write_json
+
+
+def add_command(commands: Any) -> None:
+    """Describe the command to the parser."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "variants", help="measure a simulated drive again with other sensors", description=__doc__
+    )
+    parser.add_argument("drive", type=Path, metavar="DIR", help="a drive of cosim run, with its hits/")
+    parser.add_argument(
+        "--variant",
+        required=True,
+        metavar="NAME|FILE[,…]",
+        help="built-in sensors, patterns or sensor files; `all`: the eight of the paper",
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR2", help="gets a drive a variant")
+    parser.add_argument("--workers", type=int, default=1, metavar="W", help="processes that share the frames")
+    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="also draw one frame of all of them")
+    parser.add_argument("--frame", metavar="NAME", help="the frame to draw (default: one with large objects)")
+    parser.add_argument("--beside", type=Path, metavar="KITTI", help="a measured drive, whose frame is drawn too")
+    add_common(parser, computes=True)
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace, console: Console) -> None:
+    """Make the variants, with a progress bar, and the picture."""
+    from cosim.cli.progress import FrameBar
+    from cosim.variants import make_variants
+
+    begun = time.monotonic()
+    with FrameBar(console, starting="reading the drive", working="measuring") as bar:
+        result = make_variants(
+            options.drive,
+            options.variant,
+            options.out,
+            workers=options.workers,
+            on_start=bar.start,
+            on_event=bar.follow,
+        )
+    seconds = time.monotonic() - begun
+    console.print(
+        f"{len(result.points)} variants of {result.frames} frames in {result.folder} "
+        f"({result.made} made in {seconds:.0f} s)"
+    )
+    if options.picture is not None:
+        from cosim.variants.picture import write_picture
+
+        folders = [options.out / stem for stem in result.points]
+        write_picture(options.picture, folders, frame=options.frame, beside=options.beside)
+        console.print(f"{options.picture}: one frame of each")
+    write_json(
+        options.json,
+        {
+            "out": str(result.folder),
+            "frames": result.frames,
+            "made": result.made,
+            "points_per_frame": dict(result.points),
+            "seconds": seconds,
+            "frames_per_s": bar.frames_per_s,
+        },
+    )

@@ -1,0 +1,127 @@
+"""Makes the frames of several variants of one source frame, tracing each fan of beams once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.kitti.labels import DONT_CARE, format_labels
+from cosim.kitti.points import encode_points
+from cosim.kitti.rays import PointRays, encode_rays
+from cosim.label_effects import EXACT, difficulties, relabelled
+from cosim.variants.request import Variant
+from cosim.variants.source import Source, SourceFrame
+from sensors.effects.base import Effect, LabelEffect
+from sensors.point_cloud import PointCloud
+from sensors.returns import Returns
+from sensors.sensor_model import SensorModel, points_of
+from sensors.shot import Shot
+from sensors.world import Traced
+
+LABEL_DECIMALS = 4
+
+
+@dataclass(frozen=True)
+class VariantFrame:
+    """One frame of one variant.
+
+    Attributes:
+        files: content by path.
+        counts: points, labels and how hard those are.
+    """
+
+    files: dict[str, bytes]
+    counts: dict[str, int]
+
+
+class Maker:
+    """Makes variants of one drive, frame by frame.
+
+    Args:
+        source: the drive.
+        variants: what to make of it.
+    """
+
+    def __init__(self, source: Source, variants: Sequence[Variant]) -> None:
+        self._source = source
+        self._variants = {variant.stem: variant for variant in variants}
+
+    def make(self, name: str, stems: Sequence[str]) -> dict[str, VariantFrame]:
+        """The files of a frame for some of the variants, by stem; the bytes depend on the drive and sensor alone.
+
+        Raises:
+            CosimError: a part of the drive is absent or broken.
+            SensorError: a user's effect breaks the rules.
+        """
+        frame = SourceFrame(self._source, name)
+        work = _FrameWork(self._source, frame)
+        return {stem: work.variant(self._variants[stem].sensor) for stem in stems}
+
+
+class _FrameWork:
+    """What variants of one frame share: shots by beams, scans by sensor, ray files by beams and returns."""
+
+    def __init__(self, source: Source, frame: SourceFrame) -> None:
+        self._source = source
+        self._frame = frame
+        self._shots: dict[object, Shot] = {}
+        self._memos: dict[int, dict[tuple[str, ...], Returns]] = {}
+        self._clouds: dict[object, PointCloud] = {}
+        self._ray_files: list[tuple[PointCloud, bytes]] = []
+
+    def variant(self, sensor: SensorModel) -> VariantFrame:
+        """The frame as a sensor measures and labels it."""
+        name = self._frame.name
+        cloud = self._cloud(sensor)
+        exact = self._frame.frame.exact_labels
+        files = {f"velodyne/{name}.bin": encode_points(cloud.kitti), f"rays/{name}.npz": self._rays(cloud)}
+        labels = exact
+        if sensor.relabels:
+            rng, calibration = self._source.rng(name), self._frame.frame.calibration
+            labels = relabelled(exact, sensor, cloud.xyz, calibration, rng)
+            files[f"{EXACT}/{name}.txt"] = format_labels(exact, LABEL_DECIMALS).encode()
+        files[f"label_2/{name}.txt"] = format_labels(labels, LABEL_DECIMALS).encode()
+        cared = sum(kind != DONT_CARE for kind in labels.type)
+        return VariantFrame(files, {"points": len(cloud), "labels": cared, **difficulties(labels)})
+
+    def _cloud(self, sensor: SensorModel) -> PointCloud:
+        key = sensor.pattern, _told(effect for effect in sensor.effects if not isinstance(effect, LabelEffect))
+        if key not in self._clouds:
+            shot = self._shot(sensor)
+            memo = self._memos.setdefault(id(shot), {})
+            returns = sensor.answer(shot, self._source.rng(self._frame.name), memo)
+            self._clouds[key] = points_of(returns, shot.rays)
+        return self._clouds[key]
+
+    def _shot(self, sensor: SensorModel) -> Shot:
+        """A revolution of the sensor's beams: from stored hits where they are its own, else traced in the twin."""
+        frame = self._frame
+        stored = sensor.pattern == self._source.pattern and not sensor.needs_new_rays
+        key = "stored" if stored else (sensor.pattern, _told(sensor.beam_effects))
+        if key not in self._shots:
+            camera = frame.camera
+            if stored:
+                shot = Shot(sensor.pattern, frame.hits.rays, traced=Traced(frame.hits), camera=camera)
+            else:
+                rng = self._source.rng(frame.name)
+                shot = sensor.trace(frame.scene, frame.lidar_pose, frame.instances, frame.ego, rng, camera)
+            self._shots[key] = shot
+        return self._shots[key]
+
+    def _rays(self, cloud: PointCloud) -> bytes:
+        """The file of the points' beams; sensors that lose the same returns share it."""
+        for other, data in self._ray_files:
+            if all(np.array_equal(getattr(cloud, part), getattr(other, part)) for part in _RAY_PARTS):
+                return data
+        data = encode_rays(PointRays(*(getattr(cloud, part) for part in _RAY_PARTS)))
+        self._ray_files.append((cloud, data))
+        return data
+
+
+def _told(effects: Iterable[Effect]) -> tuple[str, ...]:
+    return tuple(f"{effect.source or effect.name} {effect.model_dump_json()}" for effect in effects)
+
+
+_RAY_PARTS = ("ring", "azimuth", "time_s", "return_no")

@@ -1,0 +1,135 @@
+"""The drive that variants are made of: stored hits, images and the twin to trace again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zlib
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from cosim.camera_views import view_of_frame
+from cosim.kitti.drive import Drive
+from cosim.kitti.frame import Frame
+from cosim.variants.request import VariantError
+from cosim.variants.twin_scene import TwinScenes, twin_ego, twin_instances
+from sensors.camera_view import CameraView
+from sensors.hits import Hits
+from sensors.hits_file import load_hits
+from sensors.motion import EgoMotion
+from sensors.pattern import Pattern, load_pattern
+from sensors.scene import Instances, Scene
+
+_LINKED = ("image_0", "image_1", "image_2", "image_3", "depth_0", "calib", "oxts", "twin/frames")
+
+
+class Source:
+    """A simulated drive.
+
+    Args:
+        path: the drive.
+        threads: threads that may share a query.
+
+    Raises:
+        DriveError: it is none.
+        VariantError: it has no stored hits, or does not say its pattern.
+    """
+
+    def __init__(self, path: Path, *, threads: int = 1) -> None:
+        self.drive = Drive(path)
+        lacking = [name for name in self.drive.frames if not self.drive[name].has("hits")]
+        if lacking:
+            raise VariantError(
+                f"{self.drive.root}: no hits/{lacking[0]}.npz, {len(lacking)} of {len(self.drive)} frames lack theirs; "
+                "variants are made from stored hits: simulate the drive with store_hits: true"
+            )
+        if self.drive.pattern is None:
+            raise VariantError(f"{self.drive.root}: no pattern.yaml; finish the drive with cosim run, or add the file")
+        self.pattern: Pattern = load_pattern(self.drive.pattern)
+        self.rays = self.pattern.rays()
+        self.scenes = TwinScenes(self.drive, threads=threads)
+
+    @property
+    def seed(self) -> int:
+        """Seed of everything random, as the run had it."""
+        return int(self.drive.info.get("seed", 0))
+
+    def rng(self, name: str) -> np.random.Generator:
+        """The generator with which `cosim run` measures a frame."""
+        return np.random.default_rng([self.seed, int(name) if name.isdigit() else zlib.crc32(name.encode())])
+
+    @cached_property
+    def identity(self) -> dict[str, str | int]:
+        """What tells this drive from others."""
+        manifest = self.drive.root / "manifest.jsonl"
+        content = manifest.read_bytes() if manifest.is_file() else "\n".join(self.drive.frames).encode()
+        digest = hashlib.sha256(content).hexdigest()
+        return {"drive": self.drive.root.resolve().name, "frames": len(self.drive), "manifest_sha256": digest}
+
+    @cached_property
+    def sha256(self) -> Mapping[str, str]:
+        """Checksums of the drive's files, as its manifest lists them."""
+        manifest = self.drive.root / "manifest.jsonl"
+        lines = manifest.read_text(encoding="utf-8").splitlines() if manifest.is_file() else []
+        entries = [entry for entry in map(json.loads, filter(None, lines)) if "name" in entry]
+        return {
+            file: digest
+            for entry in entries
+            for file, digest in zip(entry.get("files", ()), entry.get("sha256", ()), strict=False)
+        }
+
+    def linked_files(self, name: str) -> dict[str, Path]:
+        """Files of a frame that variants share with it, by path in the drive."""
+        found = {part: self.drive[name].find(part) for part in _LINKED}
+        return {f"{part}/{path.name}": path for part, path in found.items() if path is not None}
+
+    def common_files(self) -> dict[str, Path]:
+        """Files of the whole drive that variants share, by path in the drive."""
+        root = self.drive.root
+        places = (*(root / "ImageSets").glob("*.txt"), root / "twin/materials.yaml", root / "twin/static.glb")
+        below = (path for folder in ("static", "worlds", "models") for path in (root / "twin" / folder).glob("*.glb"))
+        return {path.relative_to(root).as_posix(): path for path in (*places, *below) if path.is_file()}
+
+
+class SourceFrame:
+    """One frame of a source; its parts are read when used, once."""
+
+    def __init__(self, source: Source, name: str) -> None:
+        self._source = source
+        self.name = name
+        self.frame: Frame = source.drive[name]
+
+    @cached_property
+    def hits(self) -> Hits:
+        """Its stored hits."""
+        return load_hits(self.frame.hits_path, self._source.rays)
+
+    @cached_property
+    def instances(self) -> Instances:
+        """What moves."""
+        return twin_instances(self.frame.twin)
+
+    @property
+    def ego(self) -> EgoMotion:
+        """The vehicle that carries the sensors."""
+        return twin_ego(self.frame.twin)
+
+    @cached_property
+    def lidar_pose(self) -> np.ndarray:
+        """(4, 4) nominal world pose of the LiDAR."""
+        if self.frame.has("twin/frames"):
+            return self.frame.twin.ego.pose @ self.frame.twin.lidar.pose_ego
+        return self.hits.pose
+
+    @property
+    def scene(self) -> Scene:
+        """The world to trace again."""
+        return self._source.scenes.of(self.frame)
+
+    @cached_property
+    def camera(self) -> CameraView | None:
+        """What the grayscale camera saw; None without its images."""
+        return view_of_frame(self.frame, self.frame.calibration, self.lidar_pose)

@@ -1,0 +1,77 @@
+"""The world of a drive's twin, ready to be traced again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from assets.mesh import Mesh
+from cosim.kitti.drive import Drive
+from cosim.kitti.frame import Frame
+from cosim.twin.frame import TwinFrame
+from cosim.twin.glb import read_glb
+from sensors.motion import EgoMotion
+from sensors.scene import Instances, Scene
+
+_GRAY = 0.5  # twins do not tell visible colours; rays ask for none
+
+
+class TwinScenes:
+    """Scenes of a drive's frames, the last world kept; models are read once.
+
+    Args:
+        drive: holds `twin/`.
+        threads: threads that share a query of the static world.
+    """
+
+    def __init__(self, drive: Drive, *, threads: int = 1) -> None:
+        self._drive = drive
+        self._threads = threads
+        self._meshes: dict[str, Mesh] = {}
+        self._files: tuple[Path, ...] = ()
+        self._scene: Scene | None = None
+
+    def of(self, frame: Frame) -> Scene:
+        """The scene in which a frame was taken.
+
+        Raises:
+            CosimError: the twin lacks its static world, or a file of it is broken.
+        """
+        files = frame.static_paths
+        if self._scene is None or files != self._files:
+            self._scene = Scene(Mesh.merge([read_glb(file) for file in files]), self._model, self._threads)
+            self._files = files
+        return self._scene
+
+    def _model(self, name: str) -> Mesh:
+        if name not in self._meshes:
+            self._meshes[name] = read_glb(self._drive.model_path(name))
+        return self._meshes[name]
+
+
+def twin_instances(twin: TwinFrame) -> Instances:
+    """Everything that can move in a twin's frame."""
+    things = twin.instances
+
+    def column(values: list, *shape: int) -> np.ndarray:
+        return np.array(values, np.float64).reshape(len(things), *shape)
+
+    return Instances(
+        ids=tuple(thing.id for thing in things),
+        kinds=tuple(thing.kind for thing in things),
+        models=tuple(thing.model for thing in things),
+        poses=column([thing.pose for thing in things], 4, 4),
+        scales=column([thing.scale for thing in things], 3),
+        sizes=column([(thing.length_m, thing.width_m, thing.height_m) for thing in things], 3),
+        velocity_mps=column([thing.velocity_mps for thing in things], 3),
+        yaw_rate_radps=column([thing.yaw_rate_radps for thing in things]),
+        paint=column([thing.paint for thing in things]).astype(np.float32),
+        rgb=np.full((len(things), 3), _GRAY, np.float32),
+    )
+
+
+def twin_ego(twin: TwinFrame) -> EgoMotion:
+    """The vehicle that carries the sensors, and its motion."""
+    ego = twin.ego
+    return EgoMotion(ego.pose, ego.velocity_mps, ego.yaw_rate_radps, ego.acceleration_mps2)

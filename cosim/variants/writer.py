@@ -1,0 +1,67 @@
+"""Writes the drives of variants, sharing with their source what is the same."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+from cosim.drive_writer import MANIFEST, DriveWriter, explained
+from cosim.variants.maker import VariantFrame
+
+_NOT_LINKABLE = (errno.EXDEV, errno.EPERM, errno.EMLINK, errno.ENOTSUP)
+
+
+class VariantWriter(DriveWriter):
+    """One variant's folder, a drive of its own. Any number of processes may write frames of it at the same time."""
+
+    def share(self, name: str, source: Path) -> None:
+        """Put a source's file in place: a hard link where the file system allows one, else a copy.
+
+        Raises:
+            OutputError: it can be neither.
+        """
+        path = self.folder / name
+        partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+        with explained(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if path.exists() and path.samefile(source):
+                return
+            partial.unlink(missing_ok=True)
+            try:
+                try:
+                    os.link(source, partial)
+                except OSError as error:
+                    if error.errno not in _NOT_LINKABLE:
+                        raise
+                    shutil.copyfile(source, partial)
+                partial.rename(path)
+            except OSError:
+                with contextlib.suppress(OSError):
+                    partial.unlink(missing_ok=True)
+                raise
+
+    def write_variant(
+        self, name: str, frame: VariantFrame, linked: Mapping[str, Path], known_sha256: Mapping[str, str]
+    ) -> None:
+        """Put all files of a frame in place, then list it in the manifest.
+
+        Args:
+            name: of the frame.
+            frame: what was made.
+            linked: files shared with the source, by path.
+            known_sha256: checksums of some of those.
+        """
+        checksums = {path: hashlib.sha256(data).hexdigest() for path, data in frame.files.items()}
+        for path, data in frame.files.items():
+            self.write(path, data)
+        for path, source in linked.items():
+            self.share(path, source)
+            checksums[path] = known_sha256.get(path) or hashlib.sha256(source.read_bytes()).hexdigest()
+        entry = {"name": name, "counts": frame.counts, "files": list(checksums), "sha256": list(checksums.values())}
+        self._append_to(self.folder / MANIFEST, json.dumps(entry, separators=(",", ":")) + "\n")
