@@ -11,7 +11,8 @@ from embreex.rtcore_scene import EmbreeScene
 
 from assets.materials import material_column
 from assets.mesh import Mesh
-from sensors.normals import encode_normals
+from sensors.hits import STATIC
+from sensors.nearest import face_records
 
 _WORTH_SHARING = 20_000
 
@@ -22,19 +23,18 @@ class Bvh:
     Args:
         mesh: what to hit.
         threads: threads that share a large query; Embree's loop leaves Python's lock.
+        instance: what hits report: −1 the static world, 0 a model, whose row comes later.
 
     Attributes:
-        packed_normal: (m,) int32 face normals in the mesh's axes, both int16 of their code in one.
         normal: (m, 3) float32 face normals in the mesh's axes.
-        material: (m,) uint8 rows of the material table.
         is_glass: (m,) bool.
+        records: (m + 1,) int64, what `Nearest` keeps of each face; the last is that of a miss.
     """
 
-    def __init__(self, mesh: Mesh, threads: int = 1) -> None:
+    def __init__(self, mesh: Mesh, threads: int = 1, instance: int = STATIC) -> None:
         self.normal = mesh.normals
-        self.packed_normal = encode_normals(self.normal).view(np.int32).reshape(-1)
-        self.material = mesh.materials
         self.is_glass = (material_column("kind") == "glass")[mesh.materials]
+        self.records = face_records(self.normal, mesh.materials, self.is_glass, instance)
         self._scene: EmbreeScene | None = None
         self._threads = ThreadPoolExecutor(threads) if threads > 1 else None
         self._parts = threads
@@ -47,19 +47,33 @@ class Bvh:
         """True where there is nothing to hit."""
         return self._scene is None
 
-    def first_hit(self, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def first_hit(
+        self, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray, near: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Nearest triangle along each ray.
 
         Args:
             origin: (n, 3) float32.
             direction: (n, 3) float32, of any length; distances are in its multiples.
             limit: (n,) float32 farthest distance; left unchanged.
+            near: distance from which on surfaces count.
 
         Returns:
             Distance (n,) float32, the limit for a miss, and triangle row (n,) int32, −1 for a miss.
         """
         if self._scene is None or len(origin) == 0:
             return limit.astype(np.float32), np.full(len(origin), -1, np.int32)
+        distance, triangle = self._shared_query(origin, direction, limit)
+        close = np.flatnonzero(distance < near)  # Embree itself knows no nearest distance here
+        if len(close):
+            start, onward = origin[close] + direction[close] * np.float32(near), direction[close]
+            step, triangle[close] = self._shared_query(start, onward, limit[close] - np.float32(near))
+            distance[close] = step + np.float32(near)
+        return distance, triangle
+
+    def _shared_query(
+        self, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         if self._threads is None or len(origin) < _WORTH_SHARING:
             return self._query(origin, direction, limit)
         cuts = np.linspace(0, len(origin), 2 * self._parts + 1).astype(int)

@@ -91,7 +91,9 @@ class Hits:
 
     def reflectance(self, surface: Surface) -> np.ndarray:
         """Diffuse reflectance at 905 nm, (n,) float32; the instance's paint where the material is paint."""
-        values = _REFLECTANCE[surface.material]
-        painted = np.flatnonzero(_IS_PAINT[surface.material] & (surface.instance >= 0))
+        values = _REFLECTANCE.take(surface.material)
+        moving = np.flatnonzero(surface.instance >= 0)
+        painted = moving[_IS_PAINT[surface.material[moving]]]
         values[painted] = self.paint[surface.instance[painted]]
-        return np.where(surface.exists, values, np.float32(0))
+        values[surface.instance == NOTHING] = 0
+        return values

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sensors.hits import Hits
-from sensors.meeting import Nearest, meet_instance, meet_static, yawed
+from sensors.meeting import meet_instance, meet_static, yawed
 from sensors.motion import EgoMotion, moved_poses
 from sensors.ray_index import RayIndex
 from sensors.rays import Rays
@@ -48,27 +48,33 @@ class MotionTracer:
         origin, direction = _carried_rays(self.rays, ego, lidar_in_ego, time_s)
         # Around the sensor, so that float32 keeps its digits.
         centre = (ego.pose @ lidar_in_ego)[:3, 3]
-        start = origin + direction * np.float32(self._near)
-        reach = np.float32(self._far - self._near)
-        solid, pane = Nearest(len(self.rays)), Nearest(len(self.rays))
-        meet_static(scene.static, start, direction, centre, reach, solid, pane)
-        for row, beams in self._windows(scene, ego, lidar_in_ego, time_s, instances):
-            meet_instance(scene, instances, row, beams, start, direction, centre, time_s, reach, solid, pane)
+        start, limit = origin + centre.astype(np.float32), np.full(len(self.rays), self._far, np.float32)
+        solid, pane = meet_static(scene.static, start, direction, limit, self._near)
+        for row, beams in self._windows(scene, ego, lidar_in_ego, time_s, instances, solid.distance):
+            meet_instance(scene, instances, row, beams, origin, direction, centre, time_s, solid, pane, self._near)
+        solid.settle()
+        pane.settle()
         beam = np.flatnonzero(pane.distance < solid.distance).astype(np.int32)
         hits = Hits(
             rays=self.rays,
             pose=ego.pose @ lidar_in_ego,
-            solid=solid.surface(self._near),
+            solid=solid.surface(),
             pane_beam=beam,
-            pane=pane.surface(self._near, beam),
+            pane=pane.surface(beam),
             paint=instances.paint,
         )
         return hits, origin, direction
 
     def _windows(
-        self, scene: Scene, ego: EgoMotion, lidar_in_ego: np.ndarray, time_s: np.ndarray, instances: Instances
+        self,
+        scene: Scene,
+        ego: EgoMotion,
+        lidar_in_ego: np.ndarray,
+        time_s: np.ndarray,
+        instances: Instances,
+        way_m: np.ndarray,
     ) -> list[tuple[int, np.ndarray]]:
-        """Instances and the rays that may meet them at any instant of the sweep."""
+        """Instances and the rays that may meet them at any instant of the sweep; `way_m` (n,) is open to each ray."""
         if not len(instances):
             return []
         bounds = np.stack([scene.model(name).bounds for name in instances.models])
@@ -88,6 +94,8 @@ class MotionTracer:
         reach = np.flatnonzero(near < self._far)
         reach = reach[np.argsort(near[reach], kind="stable")]
         beams, box = self._index.window_pairs(swept[reach], near[reach])
+        open_way = way_m[beams] > near[reach].astype(np.float32)[box]
+        beams, box = beams[open_way], box[open_way]
         ends = np.searchsorted(box, np.arange(len(reach) + 1))
         return [(int(row), beams[ends[i] : ends[i + 1]]) for i, row in enumerate(reach) if ends[i] < ends[i + 1]]
 

@@ -72,8 +72,10 @@ class TracedModel:
     def of(cls, mesh: Mesh) -> TracedModel:
         """Build both BVHs."""
         opaque, glass = mesh.split_glass()
-        whole = Bvh(mesh)
-        return cls(whole, Bvh(opaque) if len(glass.faces) else whole, mesh.vertices, mesh.bounds.astype(np.float64))
+        whole = Bvh(mesh, instance=0)
+        return cls(
+            whole, Bvh(opaque, instance=0) if len(glass.faces) else whole, mesh.vertices, mesh.bounds.astype(np.float64)
+        )
 
 
 class Scene:

@@ -8,17 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from assets.materials import material_column
-from sensors.bvh import Bvh
-from sensors.hits import NOTHING, RANGE_STEP_M, STATIC, Hits, Surface
-from sensors.normals import encode_normals
+from sensors.hits import Hits
+from sensors.meeting import meet_static
+from sensors.nearest import Nearest
 from sensors.ray_index import RayIndex
 from sensors.rays import Rays
 from sensors.scene import Instances, Scene
 
 _CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
-_STEP_BEHIND_GLASS_M = 1e-3
-_MOST_PANES = 16
 _WORTH_CULLING = 200  # beams; testing fewer against a box costs more than tracing them
 
 
@@ -34,7 +31,6 @@ class Tracer:
         self.rays = rays
         self._near, self._far = range_m
         self._index = RayIndex(rays)
-        self._is_glass = material_column("kind") == "glass"
 
     def trace(self, scene: Scene, pose: np.ndarray, instances: Instances) -> Hits:
         """First pane and first solid surface of every beam.
@@ -44,7 +40,10 @@ class Tracer:
             pose: (4, 4) float64 world pose of the LiDAR.
             instances: what moves, at the same instant.
         """
-        solid, pane = self._meet_static(scene.static, pose)
+        matrix = pose.astype(np.float32)
+        limit = np.full(len(self.rays), self._far, np.float32)
+        direction = self.rays.direction @ matrix[:3, :3].T
+        solid, pane = meet_static(scene.static, self._centres(matrix), direction, limit, self._near)
         if len(instances):
             self._meet_instances(scene, pose, instances, solid, pane)
         pane_beam = np.flatnonzero(pane.distance < solid.distance).astype(np.int32)
@@ -57,37 +56,8 @@ class Tracer:
             paint=instances.paint,
         )
 
-    def _meet_static(self, static: Bvh, pose: np.ndarray) -> tuple[_Nearest, _Nearest]:
-        limit = np.full(len(self.rays), self._far, np.float32)
-        if static.is_empty:
-            return _Nearest.nothing(limit), _Nearest.nothing(limit)
-        matrix = pose.astype(np.float32)
-        direction = self.rays.direction @ matrix[:3, :3].T
-        origin = self._centres(matrix)
-        distance, triangle = self._first_hit(static, origin, direction, limit)
-        material = static.material[triangle]
-        behind = np.flatnonzero(self._is_glass[material] & (triangle >= 0))
-        travelled, panes = distance[behind], triangle[behind]
-        distance[behind], triangle[behind] = limit[behind], -1
-        solid, pane = _Nearest.of_static(static, distance, triangle, material), _Nearest.nothing(limit)
-        pane.put_static(behind, travelled, panes, static)
-
-        for _ in range(_MOST_PANES):
-            if not len(behind):
-                break
-            travelled = travelled + np.float32(_STEP_BEHIND_GLASS_M)
-            onward = direction[behind]
-            start = origin[behind] + onward * travelled[:, None]
-            step, triangle = static.first_hit(start, onward, limit[behind] - travelled)
-            travelled = travelled + step
-            glass = (triangle >= 0) & static.is_glass[triangle]
-            done = (triangle >= 0) & ~glass
-            solid.put_static(behind[done], travelled[done], triangle[done], static)
-            behind, travelled = behind[glass], travelled[glass]
-        return solid, pane
-
     def _meet_instances(
-        self, scene: Scene, pose: np.ndarray, instances: Instances, solid: _Nearest, pane: _Nearest
+        self, scene: Scene, pose: np.ndarray, instances: Instances, solid: Nearest, pane: Nearest
     ) -> None:
         models = {name: scene.model(name) for name in sorted(set(instances.models))}
         bounds = np.stack([models[name].bounds for name in instances.models])
@@ -123,20 +93,23 @@ class Tracer:
                 kept = np.flatnonzero(_meets_box(origin, direction, model.bounds.astype(np.float32)))
                 beams, direction, origin = beams[kept], direction[kept], origin[kept]
             limit = solid.distance[beams]
-            distance, triangle = self._first_hit(model.whole, origin, direction, limit)
+            distance, triangle = model.whole.first_hit(origin, direction, limit, self._near)
             hit = np.flatnonzero(triangle >= 0)
             if not len(hit):
                 continue
             beams, distance, triangle = beams[hit], distance[hit], triangle[hit]
+            normals = model.whole.normal[triangle] @ turn
             glass = np.flatnonzero(model.whole.is_glass[triangle])
             if len(glass):
-                pane.put_instance(beams[glass], distance[glass], triangle[glass], model.whole, turn, row)
-                behind = hit[glass]
-                limit = limit[behind]
-                step, inner = self._first_hit(model.opaque, origin[behind], direction[behind], limit)
-                solid.put_instance(beams[glass], np.where(inner >= 0, step, np.inf), inner, model.opaque, turn, row)
+                panes, behind = beams[glass], hit[glass]
+                pane.offer_instance(panes, distance[glass], model.whole.records[triangle[glass]], normals[glass], row)
                 distance[glass] = np.inf
-            solid.put_instance(beams, distance, triangle, model.whole, turn, row)
+                step, inner = model.opaque.first_hit(origin[behind], direction[behind], limit[behind], self._near)
+                met = np.flatnonzero(inner >= 0)
+                inner = inner[met]
+                inner_normals = model.opaque.normal[inner] @ turn
+                solid.offer_instance(panes[met], step[met], model.opaque.records[inner], inner_normals, row)
+            solid.offer_instance(beams, distance, model.whole.records[triangle], normals, row)
         solid.settle()
         pane.settle()
 
@@ -148,18 +121,6 @@ class Tracer:
             return centres
         origin = self.rays.origin if beams is None else self.rays.origin[beams]
         return origin @ matrix[:3, :3].T + matrix[:3, 3]
-
-    def _first_hit(
-        self, bvh: Bvh, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Nearest hit from the nearest range on, which Embree itself does not know."""
-        distance, triangle = bvh.first_hit(origin, direction, limit)
-        close = np.flatnonzero(distance < self._near)
-        if len(close):
-            start, onward = origin[close] + direction[close] * np.float32(self._near), direction[close]
-            step, triangle[close] = bvh.first_hit(start, onward, limit[close] - np.float32(self._near))
-            distance[close] = step + np.float32(self._near)
-        return distance, triangle
 
 
 def _meets_box(origin: np.ndarray, direction: np.ndarray, bounds: np.ndarray) -> np.ndarray:
@@ -174,70 +135,3 @@ def _meets_box(origin: np.ndarray, direction: np.ndarray, bounds: np.ndarray) ->
             enter = np.fmax(enter, np.minimum(low, high))
             leave = np.fmin(leave, np.maximum(low, high))
     return leave >= enter
-
-
-class _Nearest:
-    """The nearest surface met so far by each beam.
-
-    Attributes:
-        distance: (n,) float32, the farthest that counts where there is none.
-        code: (n,) int32 packed normal codes, world axes.
-        material: (n,) uint8.
-        instance: (n,) int16.
-    """
-
-    def __init__(self, distance: np.ndarray, code: np.ndarray, material: np.ndarray, instance: np.ndarray) -> None:
-        self.distance, self.code, self.material, self.instance = distance, code, material, instance
-        self._normals: list[tuple[np.ndarray, np.ndarray]] = []
-
-    @classmethod
-    def nothing(cls, limit: np.ndarray) -> _Nearest:
-        """No surfaces within the limits (n,)."""
-        beams = len(limit)
-        return cls(
-            limit.copy(), np.zeros(beams, np.int32), np.zeros(beams, np.uint8), np.full(beams, NOTHING, np.int16)
-        )
-
-    @classmethod
-    def of_static(cls, static: Bvh, distance: np.ndarray, triangle: np.ndarray, material: np.ndarray) -> _Nearest:
-        """What a query of all beams met in the static world."""
-        instance = np.where(triangle >= 0, np.int16(STATIC), np.int16(NOTHING))
-        return cls(distance, static.packed_normal[triangle], material, instance)
-
-    def put_static(self, beams: np.ndarray, distance: np.ndarray, triangle: np.ndarray, static: Bvh) -> None:
-        """Surfaces of the static world, for beams that met none so far."""
-        self.distance[beams] = distance
-        self.code[beams] = static.packed_normal[triangle]
-        self.material[beams] = static.material[triangle]
-        self.instance[beams] = STATIC
-
-    def put_instance(
-        self, beams: np.ndarray, distance: np.ndarray, triangle: np.ndarray, bvh: Bvh, turn: np.ndarray, row: int
-    ) -> None:
-        """Surfaces of one instance where they are nearer; normals times `turn` are in world axes."""
-        hit = np.flatnonzero(distance < self.distance[beams])
-        beams, triangle = beams[hit], triangle[hit]
-        self.distance[beams] = distance[hit]
-        self.material[beams] = bvh.material[triangle]
-        self.instance[beams] = row
-        self._normals.append((beams, bvh.normal[triangle] @ turn))
-
-    def settle(self) -> None:
-        """Encode the normals of instances, all at once; of several for one beam the last is the nearest."""
-        if self._normals:
-            beams, normals = (np.concatenate(column) for column in zip(*self._normals, strict=True))
-            self.code[beams] = encode_normals(normals).view(np.int32)[:, 0]
-            self._normals.clear()
-
-    def surface(self, beams: np.ndarray | slice = slice(None)) -> Surface:
-        """The surfaces of `beams`, ranges rounded to the stored step."""
-        instance = self.instance[beams]
-        steps = np.rint(self.distance[beams] / np.float32(RANGE_STEP_M))
-        steps *= np.float32(RANGE_STEP_M)
-        steps[instance == NOTHING] = np.inf
-        return Surface(
-            range_m=steps,
-            normal_code=self.code[beams].view(np.int16).reshape(-1, 2),
-            material=self.material[beams],
-            instance=instance,
-        )
