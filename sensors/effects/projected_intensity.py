@@ -15,6 +15,7 @@ from sensors.effects.surface_laws import LAWS
 from sensors.returns import Returns
 from sensors.shot import Shot
 
+_REFLECTOR = 10.0  # saturates out to 108 m where a line to 120 m weakens it
 _ALBEDO = material_column("albedo").astype(np.float32)
 
 
@@ -28,7 +29,8 @@ class ProjectedIntensity(EchoEffect):
 
     A point is seen if the depth image has its depth there. Elsewhere G = s·√albedo (of paint: √reflectance), √
     because images are so encoded, s the median of G/√albedo over what is seen, and 1 without a camera. Reflectors
-    answer with 1: points in pixels that outshine their surroundings, and retro materials where no camera looks.
+    answer with 10, which saturates: points in pixels that outshine their surroundings, and retro materials, since
+    the sun seldom stands where they shine.
     """
 
     name: ClassVar = "projected_intensity"
@@ -38,7 +40,7 @@ class ProjectedIntensity(EchoEffect):
     equation: ClassVar = "(r1·G + r2)·cosⁿθ"
     reference: ClassVar = "Synth It Like KITTI, arXiv:2502.15076, intensity model"
     confusable_with: ClassVar = ("incidence_falloff", "paint_gloss", "retroreflection")
-    example: ClassVar = {"preset": "paper", "gain": 1.0, "peak_threshold": 0.8, "peak_contrast": 0.3}
+    example: ClassVar = {"preset": "paper", "gain": 1.0, "peak_threshold": 0.8, "peak_contrast": 0.35}
 
     preset: Literal["paper", "reference"] = Field(description="from whom the constants are")
     gain: float = number("factor on all but reflectors", ge=0.05, le=5)
@@ -58,7 +60,7 @@ class ProjectedIntensity(EchoEffect):
         level += law.r2[row]
         level *= cos ** law.exponent[row]
         level *= np.float32(self.gain)
-        level[reflector] = 1
+        level[reflector] = _REFLECTOR
         return replace(returns, intensity=level)
 
     def _brightness(self, returns: Returns, shot: Shot) -> tuple[np.ndarray, np.ndarray]:
@@ -74,5 +76,5 @@ class ProjectedIntensity(EchoEffect):
             gray *= np.median(image / np.maximum(gray[seen], np.float32(0.05)))
             np.minimum(gray, 1, out=gray)
         gray[seen] = image
-        reflector[seen] = shot.camera.peaks(self.peak_threshold, self.peak_contrast)[line, column]
+        reflector[seen] |= shot.camera.peaks(self.peak_threshold, self.peak_contrast)[line, column]
         return gray, reflector
