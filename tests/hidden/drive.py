@@ -136,7 +136,7 @@ def _write_scans(base: Path, out: Path, frames, pattern: dict, hidden: Hidden, c
         told = measure(truth, twin, frame, beams, frame_generator(hidden, row), elapsed, known).points()
         told.pop("points").tofile(out / "velodyne" / f"{frame['frame']}.bin")
         if hidden.rays:
-            np.savez(out / "rays" / f"{frame['frame']}.npz", **told)
+            np.savez(out / "rays" / f"{frame['frame']}.npz", **told)  # pyright: ignore[reportArgumentType]
         shutil.copyfile(base / "calib" / f"{frame['frame']}.txt", out / "calib" / f"{frame['frame']}.txt")
 
 

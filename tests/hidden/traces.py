@@ -29,7 +29,8 @@ class Traces:
         path = self._folder / f"{frame['frame']}.npz" if self._folder else None
         if path is not None and path.exists():
             with np.load(path) as kept:
-                return tuple(Surfaces(*(kept[f"{kind}_{name}"] for name in _FIELDS)) for kind in ("solid", "pane"))
+                solid, pane = (Surfaces(*(kept[f"{kind}_{name}"] for name in _FIELDS)) for kind in ("solid", "pane"))
+                return solid, pane
         aim = Aim.nominal(self._beams)
         found = self._twin.cast(frame, *aim.rays(frame), aim.after, self._beams.range_m)
         if path is not None:

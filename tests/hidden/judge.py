@@ -1,0 +1,37 @@
+"""Diagnoses one made drive as its user would, in a process of its own: `python -m tests.hidden.judge TASK.json`."""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import time
+from pathlib import Path
+
+
+def main() -> None:
+    """Run the task of a file and write its result where the task says."""
+    task = json.loads(Path(sys.argv[1]).read_text())
+    from cosim.discrepancy import compare, diagnose
+
+    started = time.monotonic(), time.process_time()
+    diagnosis = diagnose(Path(task["drive"]), Path(task["sensor"]), out=Path(task["out"]))
+    result = {
+        "wall_s": time.monotonic() - started[0],
+        "cpu_s": time.process_time() - started[1],
+        "rss_gib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
+        "diagnosis": diagnosis.to_json(),
+    }
+    _write(task, result)  # kept even where the comparison below fails
+    fitted = result["diagnosis"].get("sensor_out") or task["sensor"]
+    for key, sensor in (("held_out_before", task["sensor"]), ("held_out_after", fitted)):
+        result[key] = compare(Path(task["held_out"]), Path(sensor)).to_json()
+    _write(task, result)
+
+
+def _write(task: dict, result: dict) -> None:
+    Path(task["result"]).write_text(json.dumps(result, indent=1))
+
+
+if __name__ == "__main__":
+    main()

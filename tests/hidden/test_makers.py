@@ -1,0 +1,225 @@
+"""Hidden effects are in the data where they should be, and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from tests.hidden.amplitudes import STRENGTHS, parameters
+from tests.hidden.drive import Hidden, make_drive, reduced
+from tests.hidden.floor import noise_floor
+from tests.hidden.head import nominal_beams
+from tests.hidden.nuisances import NUISANCES
+from tests.hidden.physics import BIAS, CATALOGUE, RAYS, Truth, measure
+from tests.hidden.reading import LAWS
+from tests.hidden.scan import Scan
+from tests.hidden.twin_files import read_frames, read_pattern
+from tests.hidden.twin_tracing import Twin
+from tests.hidden.unnamed import COVARIATES, UNNAMED
+
+pytestmark = pytest.mark.xdist_group("hidden")
+_SMALL = Hidden(firings=400, every_ring=2, noise=False)
+
+# Columns that an effect changes among the beams that return, and those it leaves alone.
+_CHANGES = {
+    "beam_divergence": "range intensity",
+    "wet_road": "found intensity range",
+    "glass_transmission": "intensity range",
+    "mirror_ghost": "range intensity",
+    "atmospheric_extinction": "intensity found",
+    **dict.fromkeys(("incidence_falloff", "range_falloff", "focal_response", "ring_gain"), "intensity"),
+    **dict.fromkeys(("retroreflection", "intensity_noise", "intensity_quantization"), "intensity"),
+    **dict.fromkeys(("detection_threshold", "random_dropout", "max_range"), "found"),
+    **dict.fromkeys((*BIAS, "range_noise", "range_quantization"), "range"),
+    **dict.fromkeys(("backscatter", "false_alarms"), "range intensity found"),
+    "blooming": "range intensity",
+    **dict.fromkeys(RAYS, "range intensity found"),
+}
+
+
+class Bench:
+    """One frame of the twin, measured with a thin pattern."""
+
+    def __init__(self, base: Path) -> None:
+        self.twin, self.frame = Twin(base / "twin"), read_frames(base)[-1]
+        self.beams = nominal_beams(reduced(read_pattern(base), _SMALL))
+        self.bare = self.scan()
+
+    def scan(self, seed: int = 1, **truth) -> Scan:
+        return measure(Truth(**truth), self.twin, self.frame, self.beams, np.random.default_rng(seed), elapsed_s=6.0)
+
+    def strong(self, name: str) -> dict:
+        return parameters(name, "strong", np.random.default_rng(3), self.beams.rings)
+
+
+@pytest.fixture(scope="module")
+def bench(base: Path) -> Bench:
+    return Bench(base)
+
+
+def test_an_undisturbed_drive_is_the_bare_sensors(base: Path, tmp_path: Path) -> None:
+    made = make_drive(base, tmp_path / "drive", Hidden(noise=False))
+    same = total = 0
+    for path in sorted((made.drive / "velodyne").glob("*.bin")):
+        ours, theirs = _by_beam(made.drive, path.stem), _by_beam(base, path.stem)
+        assert abs(len(ours) - len(theirs)) < 0.001 * len(theirs)
+        common = ours.keys() & theirs.keys()
+        gap = np.array([ours[beam] for beam in common]) - np.array([theirs[beam] for beam in common])
+        same += (np.abs(gap).max(1) < 1e-3).sum()
+        total += len(ours.keys() | theirs.keys())
+    assert same > 0.995 * total
+
+
+def test_every_effect_has_a_strength() -> None:
+    assert set(STRENGTHS) == set(CATALOGUE) == set(_CHANGES)
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_effect_is_seen_in_its_columns_only(bench: Bench, name: str) -> None:
+    if name == "blooming":
+        pytest.skip("needs a retro-reflector in sight; see its own test")
+    scan, bare = bench.scan(effects={name: bench.strong(name)}), bench.bare
+    both = scan.found & bare.found
+    changed = {
+        "found": bool((scan.found != bare.found).any()),
+        "range": bool((np.abs(scan.range_m - bare.range_m)[both] > 1e-3).any()),
+        "intensity": bool((np.abs(scan.intensity - bare.intensity)[both] > 1e-3).any()),
+    }
+    allowed = set(_CHANGES[name].split())
+    assert {column for column, is_so in changed.items() if is_so} <= allowed
+    assert any(changed[column] for column in allowed)
+
+
+def test_only_glass_and_metal_make_ghosts(bench: Bench) -> None:
+    scan, bare = bench.scan(effects={"mirror_ghost": {"strength": 1.0}}), bench.bare
+    moved = np.abs(scan.range_m - bare.range_m) > 1e-3
+    mirrors = bare.before_solid() | (bench.twin.table.metal[bare.solid.material] & bare.found)
+    assert moved.any()
+    assert not moved[~mirrors].any()
+
+
+def test_only_road_is_wet(bench: Bench) -> None:
+    scan, bare = bench.scan(effects={"wet_road": {"film": 1.0}}), bench.bare
+    road = bare.found & bench.twin.table.road[bare.solid.material]
+    np.testing.assert_array_equal(scan.found[~road], bare.found[~road])
+    assert (~scan.found[road]).any()
+    dry_return = scan.found & road & (scan.range_m == bare.range_m)
+    np.testing.assert_allclose(scan.intensity[dry_return], bare.intensity[dry_return] / 2)
+    below = scan.found & road & ~dry_return
+    assert (scan.range_m[below] > bare.range_m[below]).all()
+
+
+def test_blooming_answers_at_the_range_of_the_reflector(bench: Bench) -> None:
+    retro = int(np.flatnonzero(bench.twin.table.retro)[0])
+    scan = bench.scan()
+    source = int(np.flatnonzero(scan.found & (scan.range_m < 20))[0])
+    scan.material[source], scan.intensity[source], scan.range_m[source] = retro, 0.9, 3.0
+    others = np.setdiff1d(np.flatnonzero(scan.found & (bench.twin.table.retro[scan.material])), [source])
+    scan.intensity[others] = 0.0
+    before = scan.range_m.copy()
+    from tests.hidden.clutter import blooming
+
+    blooming(scan, None, radius_deg=2.0, threshold=0.7)
+    moved = np.flatnonzero(scan.range_m != before)
+    angle = np.arccos(np.clip(bench.beams.direction[moved] @ bench.beams.direction[source], -1, 1))
+    assert len(moved)
+    assert (np.degrees(angle) <= 2.0 + 1e-3).all()
+    np.testing.assert_allclose(scan.range_m[moved], 3.0)
+    np.testing.assert_allclose(scan.intensity[moved], 0.27)
+
+
+def test_a_beam_turned_up_meets_the_ground_farther_off(bench: Bench) -> None:
+    scan, bare = bench.scan(effects={"elevation_offset": {"offset_deg": 0.1}}), bench.bare
+    ground = scan.found & bare.found & (scan.instance == -1) & (bare.solid.normal[:, 2] > 0.99)
+    ground &= (bare.material == scan.material) & (bare.range_m < 20)
+    assert np.median((scan.range_m - bare.range_m)[ground]) > 0
+
+
+def test_a_sensor_moved_forward_is_nearer_to_what_is_ahead(bench: Bench) -> None:
+    scan, bare = bench.scan(effects={"mount_translation": {"x_m": 0.1}}), bench.bare
+    ahead = scan.found & bare.found & (np.abs(bench.beams.azimuth) < 0.1)
+    behind = scan.found & bare.found & (np.abs(bench.beams.azimuth) > np.pi - 0.1)
+    assert np.median((scan.range_m - bare.range_m)[ahead]) < -0.05
+    assert np.median((scan.range_m - bare.range_m)[behind]) > 0.05
+
+
+def test_order_in_a_truth_does_not_matter(bench: Bench) -> None:
+    names = ("range_walk", "incidence_falloff", "elevation_offset", "range_noise", "random_dropout")
+    effects = {name: bench.strong(name) for name in names}
+    one, other = bench.scan(effects=effects), bench.scan(effects=dict(reversed(effects.items())))
+    np.testing.assert_array_equal(one.range_m, other.range_m)
+    np.testing.assert_array_equal(one.found, other.found)
+
+
+@pytest.mark.parametrize("name", UNNAMED)
+def test_effect_without_a_name_follows_its_covariate(bench: Bench, name: str) -> None:
+    effect, bare = UNNAMED[name], bench.bare
+    scan = bench.scan(unnamed={name: dict(effect.strong)})
+    value = effect.shape(COVARIATES[effect.covariate](bare), **effect.strong)
+    if effect.kind == "drop":
+        assert (bare.found & ~scan.found).sum() == pytest.approx((value * bare.found).sum(), rel=0.25, abs=8)
+        return
+    np.testing.assert_array_equal(scan.found, bare.found)
+    kept = bare.found
+    if effect.kind == "range":
+        np.testing.assert_allclose((scan.range_m - bare.range_m)[kept], value[kept], atol=1e-9)
+        np.testing.assert_array_equal(scan.intensity, bare.intensity)
+    else:
+        np.testing.assert_allclose(scan.intensity[kept], np.clip(bare.intensity * value, 0, 1)[kept], rtol=1e-6)
+        np.testing.assert_array_equal(scan.range_m, bare.range_m)
+    assert np.ptp(value[kept]) > 0 or effect.covariate in ("frame_time", "speed")
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_noise_laws_have_unit_spread(law: str) -> None:
+    sample = LAWS[law](np.random.default_rng(0), 1_000_000)
+    assert np.std(sample) == pytest.approx(1, rel=0.05)
+    assert np.mean(sample) == pytest.approx(0, abs=0.01)
+
+
+def test_a_made_drive_tells_its_user_nothing(base: Path, tmp_path: Path) -> None:
+    hidden = replace(_SMALL, noise=True, effects={"range_walk": {"amplitude_m": 0.05, "decay": 4.0}}, frames=1)
+    made = make_drive(base, tmp_path / "drive", hidden)
+    files = {path.name for path in made.drive.rglob("*")}
+    assert not files & {"sensor.yaml", "hits", made.truth.name}
+    assert made.drive not in made.truth.parents
+    assert yaml.safe_load((made.drive / "drive.yaml").read_text())["kind"] == "measured"
+    believed = {entry["effect"] for entry in yaml.safe_load(made.sensor.read_text())["effects"]}
+    assert believed == {"range_noise", "intensity_noise"}
+    assert all(b"range_walk" not in path.read_bytes() for path in made.drive.rglob("*") if path.is_file())
+
+
+@pytest.mark.parametrize("nuisance", NUISANCES)
+def test_nuisances_are_in_the_twin_and_not_in_the_scan(base: Path, tmp_path: Path, nuisance: str) -> None:
+    plain = make_drive(base, tmp_path / "plain", _SMALL)
+    odd = make_drive(base, tmp_path / "odd", replace(_SMALL, nuisances=(nuisance,)))
+    scans = sorted(path.relative_to(plain.drive) for path in plain.drive.glob("velodyne/*"))
+    assert all((plain.drive / path).read_bytes() == (odd.drive / path).read_bytes() for path in scans)
+    twin = [path.relative_to(plain.drive) for path in plain.drive.glob("twin/**/*.*")]
+    assert {p.suffix for p in twin if (plain.drive / p).read_bytes() != (odd.drive / p).read_bytes()} == {
+        ".glb" if nuisance == "map_error" else ".json"
+    }
+    here, there = (read_frames(made.drive)[-1]["ego"]["pose"] for made in (plain, odd))
+    assert np.abs(np.array(here) - np.array(there)).max() < 0.2
+
+
+def test_noise_floor_is_that_of_the_noise_law(base: Path, tmp_path: Path) -> None:
+    hidden = replace(_SMALL, noise=True)
+    made = make_drive(base, tmp_path / "drive", hidden)
+    floor = noise_floor(hidden.truth, made.drive, [0, 1])
+    # E|x − x'|/2 of a Laplace law of standard deviation σ is 3/4·σ/√2.
+    assert floor.channels["range"] == pytest.approx(0.75 * 0.02 / 2**0.5, rel=0.05)
+    assert floor.channels["drop"] == 0
+    assert floor.channels["spurious"] == 0
+
+
+def _by_beam(drive: Path, name: str) -> dict[tuple[int, int], tuple[float, float]]:
+    points = np.fromfile(drive / "velodyne" / f"{name}.bin", "<f4").reshape(-1, 4)
+    with np.load(drive / "rays" / f"{name}.npz") as rays:
+        ring, azimuth = rays["ring"].tolist(), np.round(rays["azimuth"] * 1e4).astype(int).tolist()
+    told = zip(np.linalg.norm(points[:, :3], axis=1).tolist(), points[:, 3].tolist(), strict=True)
+    return dict(zip(zip(ring, azimuth, strict=True), told, strict=True))
