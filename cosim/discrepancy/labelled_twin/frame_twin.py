@@ -58,7 +58,7 @@ def make_frame_twin(frame: Frame, pattern: Pattern) -> FrameTwin:
     trust, ground, spread = Trust.nothing(), Mesh.empty(), float("nan")
     if found is not None:
         surface, cells = found
-        trust = trust_ground(cells, surface, sensor_m)
+        trust = trust_ground(cells, surface, points[~taken], sensor_m)
         if trust.ground.any():
             ground = ground_mesh(trust, surface, sensor_m)
             away = cells.xyz[:, 2] - surface.fitted(cells.xyz[:, :2])

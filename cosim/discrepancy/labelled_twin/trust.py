@@ -92,6 +92,24 @@ class Trust:
         """
         return (instance >= 0) | ((instance == -1) & self.ground_at(xyz[:, :2]))
 
+    def beams(
+        self,
+        instances: Sequence[Instance],
+        traced: np.ndarray,
+        instance: np.ndarray,
+        measured: np.ndarray,
+    ) -> np.ndarray:
+        """Which beams may be compared, (n,) bool.
+
+        Args:
+            instances: of the frame.
+            traced: (n, 3) world places of the beams' traced hits; anything where they hit nothing.
+            instance: (n,) rows of the instances hit, −1 the static world, −2 nothing.
+            measured: (n, 3) world places of the measured returns; NaN where a beam has none.
+        """
+        silent = np.isnan(measured).any(axis=1)
+        return self.traced(traced, instance) & (silent | self.measured(measured, instances))
+
     def _cells(self, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         place = (np.asarray(xy, np.float64) - self.corner_m) / self.cell_m
         inside = np.all((place >= 0) & (place < self.ground.shape), axis=1)  # false for NaN
@@ -111,12 +129,12 @@ def encode_trust(trust: Trust) -> bytes:
     return npz_bytes(
         {
             "corner_m": np.asarray(trust.corner_m, np.float64),
-            "cell_m": np.array(trust.cell_m),
+            "cell_m": np.array([trust.cell_m]),
             "ground": trust.ground.astype(np.uint8),
             "height_m": np.round(trust.height_m, 4).astype(np.float32),
-            "ground_range": np.array(trust.ground_range, np.uint8),
-            "cone_deg": np.array(trust.cone_deg),
-            "lever_m": np.array(trust.lever_m),
+            "ground_range": np.array([trust.ground_range], np.uint8),
+            "cone_deg": np.array([trust.cone_deg]),
+            "lever_m": np.array([trust.lever_m]),
         }
     )
 
@@ -136,17 +154,17 @@ def read_trust(path: str | Path) -> Trust:
     if missing:
         raise FormatError(f"{path}: lacks {', '.join(missing)}; make the twin again with `cosim twin`")
     ground, height = arrays["ground"], arrays["height_m"]
-    single = [name for name in ("cell_m", "ground_range", "cone_deg", "lever_m") if arrays[name].shape != ()]
+    single = [name for name in ("cell_m", "ground_range", "cone_deg", "lever_m") if arrays[name].size != 1]
     numeric = all(array.dtype.kind in "uif" and np.isfinite(array).all() for array in arrays.values())
     flat = ground.ndim == 2 and ground.size > 0 and ground.shape == height.shape and arrays["corner_m"].shape == (2,)
-    if single or not numeric or not flat or not arrays["cell_m"] > 0:
+    if single or not numeric or not flat or not arrays["cell_m"].item() > 0:
         raise FormatError(f"{path}: arrays of the wrong shape or kind; make the twin again with `cosim twin`")
     return Trust(
         corner_m=arrays["corner_m"].astype(np.float64),
-        cell_m=float(arrays["cell_m"]),
+        cell_m=arrays["cell_m"].item(),
         ground=ground != 0,
         height_m=height.astype(np.float32),
-        ground_range=bool(arrays["ground_range"]),
-        cone_deg=float(arrays["cone_deg"]),
-        lever_m=float(arrays["lever_m"]),
+        ground_range=bool(arrays["ground_range"].item()),
+        cone_deg=arrays["cone_deg"].item(),
+        lever_m=arrays["lever_m"].item(),
     )

@@ -7,23 +7,25 @@ from scipy.ndimage import binary_dilation
 
 from assets.mesh import Mesh
 from cosim.discrepancy.labelled_twin.ground_surface import GroundSurface
-from cosim.discrepancy.labelled_twin.road_cells import SECTORS, RoadCells
+from cosim.discrepancy.labelled_twin.road_cells import RoadCells
 from cosim.discrepancy.labelled_twin.trust import CELL_M, Trust
 
-_FOLLOWS_M = 0.06  # a cell farther from the surface with its cone is a kerb's or a wall's foot
-_WIDEST_GAP = 0.012  # times distance squared [1/m]: neighbouring rings farther apart leave the ground between unseen
+_FOLLOWS_M = 0.05  # a cell farther from the surface with its cone is a kerb's or a wall's foot
+_WIDEST_GAP = 0.012  # times distance squared [1/m]: rings farther apart leave the ground between unseen
+_STANDS_M = (0.15, 2.5)  # heights of what stands on the ground; branches hang higher
 _SAMPLE_M = 0.2
 _MESH_M = 1.0
 _RIM_M = 2.0  # of mesh around trusted ground, so that beams at its rim meet it whatever their error
 _MATERIAL = "asphalt"
 
 
-def trust_ground(cells: RoadCells, surface: GroundSurface, sensor_m: np.ndarray) -> Trust:
-    """Cells of the ground plane between neighbouring road cells that the surface follows.
+def trust_ground(cells: RoadCells, surface: GroundSurface, others: np.ndarray, sensor_m: np.ndarray) -> Trust:
+    """Cells of the ground plane between neighbouring road cells that the surface follows, with nothing on them.
 
     Args:
         cells: of the road.
         surface: fitted to them.
+        others: (n, ≥ 3) points in LiDAR axes that belong to no labelled object.
         sensor_m: (3,) world place of the sensor, whose axes are the world's.
     """
     follows = np.abs(cells.xyz[:, 2] - surface.fitted(cells.xyz[:, :2])) < _FOLLOWS_M
@@ -35,6 +37,7 @@ def trust_ground(cells: RoadCells, surface: GroundSurface, sensor_m: np.ndarray)
     shape = np.floor((high + sensor_m[:2] - corner) / CELL_M).astype(int) + 1
     ground = np.zeros(shape, bool)
     ground[tuple(np.floor((places + sensor_m[:2] - corner) / CELL_M).astype(int).T)] = True
+    ground &= ~_occupied(surface, others, sensor_m, corner, ground.shape)
     middle = [corner[axis] + CELL_M * (np.arange(shape[axis]) + 0.5) - sensor_m[axis] for axis in (0, 1)]
     grid = np.stack(np.meshgrid(*middle, indexing="ij"), -1).reshape(-1, 2)
     height = (surface.height(grid) + sensor_m[2]).reshape(shape).astype(np.float32)
@@ -61,21 +64,35 @@ def ground_mesh(trust: Trust, surface: GroundSurface, sensor_m: np.ndarray) -> M
     return mesh.select(np.ones(len(faces), bool))
 
 
+def _occupied(
+    surface: GroundSurface, others: np.ndarray, sensor_m: np.ndarray, corner: np.ndarray, shape: tuple[int, ...]
+) -> np.ndarray:
+    """Cells in which something stands on the ground."""
+    row = np.floor((others[:, :2].astype(np.float64) + sensor_m[:2] - corner) / CELL_M).astype(int)
+    inside = np.flatnonzero(np.all((row >= 0) & (row < shape), axis=1))
+    above = others[inside, 2] - surface.fitted(others[inside, :2].astype(np.float64))
+    stands = inside[(above > _STANDS_M[0]) & (above < _STANDS_M[1])]
+    occupied = np.zeros(shape, bool)
+    occupied[tuple(row[stands].T)] = True
+    return occupied
+
+
 def _covered(cells: RoadCells) -> np.ndarray:
     """Places (k, 2) spread over the ground between road cells that are neighbours in azimuth and ring."""
     rings = int(cells.ring.max(initial=0)) + 1
-    row = np.full((rings + 1, SECTORS), -1)
+    row = np.full((rings + 2, cells.sectors), -1)
     row[cells.ring, cells.sector] = np.arange(len(cells))
     polar = np.column_stack([cells.reach_m, np.arctan2(cells.xyz[:, 1], cells.xyz[:, 0])])
-    below = row[cells.ring + 1, cells.sector]
+    below, under_it = (row[cells.ring + step, cells.sector] for step in (1, 2))
+    below = np.where(below >= 0, below, under_it)  # a weak laser's ring may be missing: its losses are to be counted
     gap = np.where(below >= 0, polar[:, 0] - polar[below, 0], 0)
     depth = np.where((gap > 0) & (gap < 0.3 + _WIDEST_GAP * polar[:, 0] ** 2), gap, 0)
-    middle = -np.pi + (cells.sector + 0.5) * 2 * np.pi / SECTORS
+    middle = -np.pi + (cells.sector + 0.5) * 2 * np.pi / cells.sectors
     places = []
     for inward in np.arange(0, max(float(depth.max(initial=0)), _SAMPLE_M), _SAMPLE_M):
         reached = inward <= depth
         reach = polar[reached, 0] - inward
         for aside in (-0.4, 0.0, 0.4):
-            azimuth = middle[reached] + aside * 2 * np.pi / SECTORS
+            azimuth = middle[reached] + aside * 2 * np.pi / cells.sectors
             places.append(np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth)]))
     return np.concatenate(places) if places else np.zeros((0, 2))
