@@ -28,6 +28,11 @@ class CameraView:
     P: np.ndarray
     pose: np.ndarray
 
+    @property
+    def forward(self) -> np.ndarray:
+        """Unit vector of the optical axis, (3,) float32 world axes."""
+        return self.pose[:3, 2].astype(np.float32)
+
     def pixels(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Pixel coordinates of points.
 

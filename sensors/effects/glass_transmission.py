@@ -44,24 +44,23 @@ class GlassTransmission(EchoEffect):
         panes = shot.panes
         signal = ((1 - self.transmission) * shot.cos_incidence(panes)).astype(np.float32)
         panes = replace(panes, intensity=signal)
-        row = np.full(len(shot.rays), -1)
-        row[panes.beam] = np.arange(len(panes))
-        behind = row[returns.beam] >= 0
-        loss = np.float32(self.transmission**2)
-        returns = replace(returns, intensity=np.where(behind, returns.intensity * loss, returns.intensity))
-        solid = np.zeros(len(shot.rays), np.float32)
-        solid[returns.beam] = returns.intensity
-        answers = np.zeros(len(shot.rays), bool)
-        answers[returns.beam] = True
-        seen_through = answers[panes.beam]
-        stronger = signal > solid[panes.beam]
+        # Rows are sorted by beam and one a beam here.
+        row = np.minimum(np.searchsorted(returns.beam, panes.beam), max(len(returns) - 1, 0))
+        seen_through = returns.beam[row] == panes.beam if len(returns) else np.zeros(len(panes), bool)
+        behind = row[seen_through]
+        intensity = returns.intensity.copy()
+        intensity[behind] *= np.float32(self.transmission**2)
+        returns = replace(returns, intensity=intensity)
+        solid = np.zeros(len(panes), np.float32)
+        solid[seen_through] = intensity[behind]
+        stronger = signal > solid
         if self.mode == "dual":
             first = ~seen_through | stronger
-            second = np.zeros(len(shot.rays), np.uint8)
-            second[panes.beam] = first & seen_through
+            second = np.zeros(len(returns), np.uint8)
+            second[behind] = first[seen_through]
             numbered = replace(panes, return_no=(~first).astype(np.uint8))
             # A perfect pane and perfect blackness give no echo.
             numbered = numbered.take(signal > 0)
-            return replace(returns, return_no=second[returns.beam]).merged(numbered)
+            return replace(returns, return_no=second).merged(numbered)
         chosen = {"first": signal > 0, "last": ~seen_through & (signal > 0), "strongest": stronger}[self.mode]
         return returns.replacing_beams(panes.take(chosen))

@@ -16,6 +16,7 @@ from sensors.returns import Returns
 from sensors.shot import Shot
 
 _REFLECTOR = 10.0  # saturates out to 108 m where a line to 120 m weakens it
+_LEAST_AHEAD = -0.2  # cosine; beams that turn farther from the camera's view are not looked up
 _ALBEDO = material_column("albedo").astype(np.float32)
 
 
@@ -70,7 +71,9 @@ class ProjectedIntensity(EchoEffect):
         reflector = shot.is_material("retro", returns)
         if shot.camera is None:
             return gray, reflector
-        seen, line, column = shot.camera.visible(shot.points_in_world(returns))
+        ahead = np.flatnonzero(shot.direction_in_world(returns) @ shot.camera.forward > _LEAST_AHEAD)
+        seen, line, column = shot.camera.visible(shot.points_in_world(returns.take(ahead)))
+        seen = ahead[seen]
         image = shot.camera.gray[line, column] * np.float32(1 / 255)
         if len(seen):
             gray *= np.median(image / np.maximum(gray[seen], np.float32(0.05)))
