@@ -15,6 +15,7 @@ from cosim.ground import Ground
 from sensors.scene import Instances
 
 _SAME_SIZE_M = 1e-6
+_SAME_STRETCH = 1e-9
 _HALF_TRACK_OF_NARROW_M = 0.15
 _WHEELS_SHIFT_M = 0.02  # how far wheels may leave the road with the body, each way
 _LARGEST_LEAN_RAD = np.radians(1.5)
@@ -135,9 +136,10 @@ def _within(angle: np.ndarray, largest: np.ndarray) -> np.ndarray:
 
 
 def models_of_size(kind: str, size: np.ndarray) -> list[ModelSpec]:
-    """Catalogue models of a kind whose box equals `size` (3,), or else the one that needs the least scaling."""
+    """Catalogue models of a kind whose box equals `size` (3,), or else those that need the least scaling."""
     same_kind = [spec for spec in CATALOGUE.values() if spec.kind == kind]
     exact = [spec for spec in same_kind if np.abs(np.subtract(spec.size_m, size)).max() < _SAME_SIZE_M]
     if exact:
         return exact
-    return [min(same_kind, key=lambda spec: stretch(spec, size))]
+    least = min(stretch(spec, size) for spec in same_kind)
+    return [spec for spec in same_kind if stretch(spec, size) <= least + _SAME_STRETCH]

@@ -7,6 +7,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from cosim.actors import Actors
 
+_AHEAD_RAD = np.radians(40.0)  # to each side: what KITTI's cameras see
+
 
 class Collection(BaseModel):
     """When frames are recorded."""
@@ -18,7 +20,7 @@ class Collection(BaseModel):
         default=1.0, ge=0, le=1000, description="least way of the ego vehicle between frames [m]"
     )
     company_m: float = Field(
-        default=60.0, ge=0, le=1000, description="someone must be this near, else it is empty; 0: never [m]"
+        default=45.0, ge=0, le=1000, description="someone ahead must be this near, else it is empty; 0: never [m]"
     )
     patience_s: float = Field(
         default=90.0, gt=0, le=36000, description="an episode ends after so long without a frame [s]"
@@ -66,5 +68,9 @@ class Watch:
     def _has_company(self, actors: Actors, here: np.ndarray) -> bool:
         if self._rules.company_m == 0:
             return True
-        near = np.linalg.norm(actors.front[:, :2] - here, axis=1) < self._rules.company_m
-        return int(np.count_nonzero(near)) > 1
+        heading = actors.heading_rad[actors.ids.index(self._ego)]
+        way = actors.front[:, :2] - here
+        along = way @ np.array([np.cos(heading), np.sin(heading)])
+        distance = np.linalg.norm(way, axis=1)
+        ahead = (distance > 0) & (along >= np.cos(_AHEAD_RAD) * distance)
+        return bool((ahead & (distance < self._rules.company_m)).any())

@@ -9,6 +9,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from assets.world import EnvironmentConfig
+from cosim.annotators import Annotators
 from cosim.behaviour.config import BehaviourConfig
 from cosim.collection import Collection
 from cosim.errors import CosimError
@@ -41,10 +42,19 @@ class RunConfig(BaseModel):
     environment: EnvironmentConfig = Field(
         default=EnvironmentConfig(), description="how built-in and own towns are furnished"
     )
-    episodes_per_world: int = Field(default=4, ge=1, le=10_000, description="episodes in one random world of a town")
+    episodes_per_world: int | None = Field(
+        default=None,
+        ge=1,
+        le=10_000,
+        description="episodes in one random world of a town; none: one, but all of a drive of up to four in one town",
+    )
     rig_jitter: RigJitter = Field(default=RigJitter(), description="random rotation of the sensor rig, frame by frame")
     label_range_m: float = Field(default=80.0, gt=0, le=500, description="beyond this, objects become DontCare [m]")
     min_label_pixels: int = Field(default=20, ge=1, description="fewer visible pixels than this give no label")
+    min_label_points: int = Field(
+        default=6, ge=0, description="objects that return fewer beams than this become DontCare"
+    )
+    annotators: Annotators = Field(default=Annotators(), description="whom annotators leave to DontCare regions")
     external_vehicles: Path | None = Field(
         default=None, description="folder of vehicle meshes with a vehicles.yaml, drawn beside the built-in models"
     )

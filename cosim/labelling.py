@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from cosim.annotators import Annotators
 from cosim.kitti.boxes import Boxes
 from cosim.kitti.calibration import Calibration
 from cosim.kitti.image_boxes import NEAR_M, box_areas, clip_boxes
@@ -27,6 +28,7 @@ _HIDDEN_SHARES = (0.1, 0.75)  # above these, occluded is 1 and 2
 _MOST_SAMPLES = 1600
 _FARTHEST_M = 1e4
 _MOST_LIFT_M = 0.03
+_SHARP_EYED = Annotators(enabled=False)
 # points that fill a unit box standing on the origin
 _FILLED_BOX = np.stack(np.meshgrid(*(np.linspace(-0.5, 0.5, 9),) * 2, np.linspace(0, 1, 5)), -1).reshape(-1, 3)
 
@@ -39,26 +41,47 @@ class Labeller:
         calibration: LiDAR and cameras; 2D boxes are those of `camera`.
         range_m: what stands farther from the LiDAR becomes DontCare [m].
         min_pixels: what shows fewer pixels is not labelled.
+        min_points: what returns fewer beams becomes DontCare.
+        annotators: whom they overlook becomes DontCare; by default nobody.
+        seed: of whom they overlook.
         camera: index of the camera whose instance image is given.
     """
 
     def __init__(
-        self, scene: Scene, calibration: Calibration, *, range_m: float, min_pixels: int, camera: int = 2
+        self,
+        scene: Scene,
+        calibration: Calibration,
+        *,
+        range_m: float,
+        min_pixels: int,
+        min_points: int = 0,
+        annotators: Annotators = _SHARP_EYED,
+        seed: int = 0,
+        camera: int = 2,
     ) -> None:
         self._scene = scene
         self._calibration = calibration
         self._P = calibration.projection(camera)
         self._range_m = range_m
         self._min_pixels = min_pixels
+        self._min_points = min_points
+        self._annotators, self._seed = annotators, seed
         self._hulls: dict[str, np.ndarray] = {}
 
-    def label(self, instances: Instances, lidar_pose: np.ndarray, instance_image: np.ndarray) -> Labels:
+    def label(
+        self,
+        instances: Instances,
+        lidar_pose: np.ndarray,
+        instance_image: np.ndarray,
+        points: np.ndarray | None = None,
+    ) -> Labels:
         """Labels of a frame.
 
         Args:
             instances: what moves, without the ego vehicle.
             lidar_pose: (4, 4) world pose of the LiDAR.
             instance_image: (h, w) integers, row of `instances` + 1 where one is seen, 0 elsewhere.
+            points: (n,) beams that each instance returns; None: as many as needed.
         """
         pixels = np.bincount(instance_image.ravel(), minlength=len(instances) + 1)[1 : len(instances) + 1]
         rows = np.flatnonzero(pixels >= self._min_pixels)
@@ -79,7 +102,13 @@ class Labeller:
             truncated=truncated,
             occluded=np.searchsorted(_HIDDEN_SHARES, hidden, side="right"),
         )
-        return dont_care_where(labels, np.linalg.norm(boxes.centre, axis=1) > self._range_m)
+        lost = np.linalg.norm(boxes.centre, axis=1) > self._range_m
+        lost |= self._annotators.overlook(
+            [instances.ids[row] for row in rows], np.diff(clipped[:, 1::2])[:, 0], self._seed
+        )
+        if points is not None:
+            lost |= points[rows] < self._min_points
+        return dont_care_where(labels, lost)
 
     def _image_boxes(
         self, instances: Instances, rows: np.ndarray, camera_from_world: np.ndarray, instance_image: np.ndarray

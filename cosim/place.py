@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,27 +45,29 @@ class Place:
         config: RunConfig,
         town: Town,
         world: int,
+        light: Light,
         *,
         camera: Camera,
         load_model: Callable[[str], Mesh],
         threads: int,
     ) -> Place:
-        """Build the world that the run's seed, the town and the world's number determine."""
+        """Build the world that the run's seed, the town and the world's number determine, in a given light."""
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
         static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment)
-        light = draw_light(np.random.default_rng([*seeds, _LIGHT_STREAM]))
         scene = Scene(static.mesh, load_model, threads)
-        renderer = CameraRenderer(
-            static.mesh,
-            load_model,
-            light,
-            width=camera.width,
-            height=camera.height,
-            backend=config.backend,
-            static_shade=bake_sun_shadows(static.mesh, light, scene.static),
-        )
+        renderer = _renderer(static.mesh, scene, light, camera, config.backend, load_model)
         return cls(town, world, static.mesh, Ground(static.ground), scene, renderer)
+
+    def lit(self, light: Light, config: RunConfig, camera: Camera, load_model: Callable[[str], Mesh]) -> Place:
+        """The same place in another light; the renderer it had is closed."""
+        self.renderer.close()
+        return replace(self, renderer=_renderer(self.mesh, self.scene, light, camera, config.backend, load_model))
+
+
+def light_of(config: RunConfig, episode: int) -> Light:
+    """The light of an episode, which the run's seed and the episode's number determine."""
+    return draw_light(np.random.default_rng([config.seed, episode, _LIGHT_STREAM]))
 
 
 def draw_light(rng: np.random.Generator) -> Light:
@@ -76,4 +78,18 @@ def draw_light(rng: np.random.Generator) -> Light:
         sun_azimuth_deg=float(rng.uniform(-180, 180)),
         sun_rgb=(0.80 * clear, 0.76 * clear, 0.68 * clear),
         exposure=float(rng.uniform(0.9, 1.0)) / (0.45 + 0.55 * clear),
+    )
+
+
+def _renderer(
+    mesh: Mesh, scene: Scene, light: Light, camera: Camera, backend: str, load_model: Callable[[str], Mesh]
+) -> CameraRenderer:
+    return CameraRenderer(
+        mesh,
+        load_model,
+        light,
+        width=camera.width,
+        height=camera.height,
+        backend=backend,
+        static_shade=bake_sun_shadows(mesh, light, scene.static),
     )

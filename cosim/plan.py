@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from cosim.config import RunConfig
 
+_SHORT_DRIVE = 4  # episodes of one town that share a world, so that the twin holds a single one
+
 
 @dataclass(frozen=True)
 class EpisodePlan:
@@ -29,14 +31,17 @@ def plan_episodes(config: RunConfig) -> list[EpisodePlan]:
     names = [f"{number:06d}" for number in range(config.frames)]
     towns = config.towns
     size = min(config.frames_per_episode, -(-config.frames // len(towns)))
+    starts = range(0, config.frames, size)
+    short = len(towns) == 1 and len(starts) <= _SHORT_DRIVE
+    shared = config.episodes_per_world or (_SHORT_DRIVE if short else 1)
     return [
         EpisodePlan(
             number=number,
             town=towns[number % len(towns)],
-            world=number // len(towns) // config.episodes_per_world,
+            world=number // len(towns) // shared,
             frames=tuple(names[start : start + size]),
         )
-        for number, start in enumerate(range(0, config.frames, size))
+        for number, start in enumerate(starts)
     ]
 
 

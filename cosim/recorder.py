@@ -18,7 +18,7 @@ from cosim.kitti.points import encode_points
 from cosim.kitti.rays import PointRays, encode_rays
 from cosim.label_effects import EXACT, relabelled
 from cosim.labelling import Labeller
-from cosim.place import Place
+from cosim.place import Place, light_of
 from cosim.plan import EpisodePlan, plan_episodes, world_count
 from cosim.product_files import encode_products
 from cosim.products import cameras_of
@@ -65,30 +65,38 @@ class Recorder:
         self._cameras = {number: rig[f"image_{number}"] for number in cameras_of(needed)}
         self._tracer = Tracer(sensor.pattern.rays(), sensor.pattern.range_m)
         self._place: Place | None = None
+        self._episode = -1
         writer.write_once("twin/materials.yaml", format_materials(MATERIALS).encode())
 
     def move_to(self, plan: EpisodePlan) -> Town:
-        """Make an episode's place ready; gives its town. The same place is not built twice in a row."""
-        town = read_town(plan.town)
+        """Make an episode's place ready in its light; gives its town. A place is not built twice in a row."""
+        town, light, camera = read_town(plan.town), light_of(self._config, plan.number), self._cameras[_LABELLED]
         if self._place is None or (self._place.town.name, self._place.world) != (town.name, plan.world):
             self.close()
             self._place = Place.build(
                 self._config,
                 town,
                 plan.world,
-                camera=self._cameras[_LABELLED],
+                light,
+                camera=camera,
                 load_model=self._model,
                 threads=self._threads,
-            )
-            self._labeller = Labeller(
-                self._place.scene,
-                self._calibration,
-                range_m=self._config.label_range_m,
-                min_pixels=self._config.min_label_pixels,
             )
             path = f"twin/{self._static_file() or 'static.glb'}"
             if not self._writer.has(path):
                 self._writer.write(path, encode_glb(self._place.mesh, town.name))
+        elif self._episode != plan.number:
+            self._place = self._place.lit(light, self._config, camera, self._model)
+        self._episode = plan.number
+        self._labeller = Labeller(
+            self._place.scene,
+            self._calibration,
+            range_m=self._config.label_range_m,
+            min_pixels=self._config.min_label_pixels,
+            min_points=self._config.min_label_points,
+            annotators=self._config.annotators,
+            seed=self._config.seed + plan.number,
+        )
         self._bridge = Bridge(self._place.ground, self._config.seed + plan.number, self._external)
         return town
 
@@ -119,7 +127,7 @@ class Recorder:
         if self._sensor.needs_camera:
             view = view_of_images(images[CAMERA], self._cameras[CAMERA].P, ego_pose @ camera_pose_ego)
         cloud = self._measure(name, scene, hits, lidar_pose, others, twin.ego, view)
-        exact = self._labeller.label(others, lidar_pose, images[_LABELLED].instance)
+        exact = self._labeller.label(others, lidar_pose, images[_LABELLED].instance, _returns(hits, len(others)))
         labels = exact
         if self._sensor.relabels:
             labels = relabelled(exact, self._sensor, cloud.xyz, self._calibration, self._rng(name))
@@ -229,6 +237,12 @@ class Recorder:
             if not self._writer.has(path):
                 self._writer.write(path, encode_glb(self._model(name), name))
             self._written_models.add(name)
+
+
+def _returns(hits: Hits, instances: int) -> np.ndarray:
+    """How many beams meet each instance, (n,)."""
+    met = hits.solid.instance
+    return np.bincount(met[met >= 0], minlength=instances)
 
 
 def _twin_instances(instances: Instances) -> tuple[Instance, ...]:

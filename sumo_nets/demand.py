@@ -103,12 +103,16 @@ def _wander(
     edge, route, driven = start, [start.getID()], 0.0
     while driven < length_m and onward[edge.getID()]:
         choices = onward[edge.getID()]
-        appeal = np.array([way.getSpeed() * way.getLaneNumber() / (5.0 + taken[way.getID()]) for way in choices])
+        appeal = np.array([np.sqrt(_capacity(way)) / (5.0 + taken[way.getID()]) for way in choices])
         edge = choices[rng.choice(len(choices), p=appeal / appeal.sum())]
         taken[edge.getID()] += 1
         route.append(edge.getID())
         driven += edge.getLength()
     return route
+
+
+def _capacity(edge: Any) -> float:
+    return edge.getSpeed() * sum(lane.allows("passenger") for lane in edge.getLanes())
 
 
 def _walking(demand: Demand, network: Any, types: TypeTable, rng: np.random.Generator) -> list[str]:

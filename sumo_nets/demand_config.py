@@ -23,9 +23,9 @@ class DemandConfig(BaseModel):
     parked: CountRange | None = Field(default=None, description="vehicles parked; none: from parked_factor")
     walking: CountRange | None = Field(default=None, description="people on foot; none: from walking_factor")
     driving_factor: Range = Field(
-        default=(0.5, 1.2), description="vehicles on the move over what is usual in the town [1]"
+        default=(0.75, 1.3), description="vehicles on the move over what is usual in the town [1]"
     )
-    parked_factor: Range = Field(default=(0.4, 1.2), description="parked vehicles over what is usual in the town [1]")
+    parked_factor: Range = Field(default=(0.6, 1.2), description="parked vehicles over what is usual in the town [1]")
     walking_factor: Range = Field(default=(0.3, 2.0), description="people on foot over what is usual in the town [1]")
     kinds: KindShares | None = Field(
         default=None, description="mean shares of the kinds on the move; none: the town's own"

@@ -96,7 +96,7 @@ class Relief(_Part):
 
     range_m: float = Field(default=7.0, ge=0, le=200, description="lowest to highest point of the town")
     waves: int = Field(default=5, ge=1, le=20, description="sinusoids summed")
-    wavelength_m: tuple[float, float] = Field(default=(300.0, 700.0), description="shortest and longest of them")
+    wavelength_m: tuple[float, float] = Field(default=(500.0, 1000.0), description="shortest and longest of them")
     max_grade: float = Field(default=0.065, gt=0, le=0.15, description="steepest ground allowed, rise over run")
 
 

@@ -19,9 +19,9 @@ _SMALL_TOWN = Recipe(
     style="village",
     seed=11,
     layout=GridLayout(columns=6, rows=6, spacing_m=112, jitter_m=9),
-    relief=Relief(range_m=5),
-    streets=StreetRules(dropped=0.17, bend_m=7, signal_share=0.9),
-    demand=Demand(driving=100, parked=200, walking=45),
+    relief=Relief(range_m=4),
+    streets=StreetRules(dropped=0.17, bend_m=7, signal_share=0.9, parking_share=0.9, main_parking_share=0.35),
+    demand=Demand(driving=100, parked=430, walking=45),
 )
 
 _VILLAGE_WITH_ROUNDABOUTS = Recipe(
@@ -29,7 +29,7 @@ _VILLAGE_WITH_ROUNDABOUTS = Recipe(
     style="hamlet",
     seed=23,
     layout=GridLayout(columns=5, rows=4, spacing_m=130, jitter_m=14),
-    relief=Relief(range_m=9),
+    relief=Relief(range_m=4),
     streets=StreetRules(
         dropped=0.13,
         bend_m=15,
@@ -37,9 +37,10 @@ _VILLAGE_WITH_ROUNDABOUTS = Recipe(
         main_routes=2,
         signal_share=0,
         roundabouts=3,
-        parking_share=0.4,
+        parking_share=0.8,
+        main_parking_share=0.3,
     ),
-    demand=Demand(driving=60, parked=90, walking=30, kinds=KindShares(van=0.1, cyclist=0.08, bus=0.005)),
+    demand=Demand(driving=80, parked=260, walking=30, kinds=KindShares(van=0.1, cyclist=0.08, bus=0.005)),
 )
 
 _SUBURB = Recipe(
@@ -47,9 +48,17 @@ _SUBURB = Recipe(
     style="suburb",
     seed=3,
     layout=RandomLayout(iterations=46, spacing_m=(75.0, 130.0)),
-    relief=Relief(range_m=8),
-    streets=StreetRules(dropped=0.05, bend_m=14, main_lanes=1, main_routes=2, parking_share=0.6, signal_share=0.3),
-    demand=Demand(driving=80, parked=180, walking=40),
+    relief=Relief(range_m=5),
+    streets=StreetRules(
+        dropped=0.05,
+        bend_m=14,
+        main_lanes=1,
+        main_routes=2,
+        parking_share=0.9,
+        main_parking_share=0.35,
+        signal_share=0.3,
+    ),
+    demand=Demand(driving=85, parked=280, walking=40),
 )
 
 _RESIDENTIAL_GRID = Recipe(
@@ -57,9 +66,17 @@ _RESIDENTIAL_GRID = Recipe(
     style="suburb",
     seed=4,
     layout=GridLayout(columns=7, rows=6, spacing_m=88, jitter_m=0),
-    relief=Relief(range_m=3),
-    streets=StreetRules(dropped=0.06, bend_m=0, main_lanes=1, main_routes=2, parking_share=0.9, stop_share=0.8),
-    demand=Demand(driving=95, parked=300, walking=60, kinds=KindShares(cyclist=0.10)),
+    relief=Relief(range_m=2),
+    streets=StreetRules(
+        dropped=0.06,
+        bend_m=0,
+        main_lanes=1,
+        main_routes=2,
+        parking_share=1.0,
+        main_parking_share=0.35,
+        stop_share=0.8,
+    ),
+    demand=Demand(driving=95, parked=520, walking=60, kinds=KindShares(cyclist=0.10)),
 )
 
 _URBAN_CORE = Recipe(
@@ -67,7 +84,7 @@ _URBAN_CORE = Recipe(
     style="urban",
     seed=5,
     layout=GridLayout(columns=6, rows=6, spacing_m=100, jitter_m=5),
-    relief=Relief(range_m=4),
+    relief=Relief(range_m=2),
     streets=StreetRules(
         dropped=0.06,
         bend_m=3,
@@ -75,9 +92,10 @@ _URBAN_CORE = Recipe(
         main_routes=4,
         signal_share=1,
         sidewalk_width_m=3.6,
-        parking_share=0.75,
+        parking_share=0.9,
+        main_parking_share=0.35,
     ),
-    demand=Demand(driving=150, parked=170, walking=110, kinds=KindShares(van=0.12, bus=0.03, cyclist=0.07)),
+    demand=Demand(driving=150, parked=370, walking=110, kinds=KindShares(van=0.12, bus=0.03, cyclist=0.07)),
 )
 
 _RING_ROAD = Recipe(
@@ -85,9 +103,9 @@ _RING_ROAD = Recipe(
     style="suburb",
     seed=6,
     layout=RingRoadLayout(),
-    relief=Relief(range_m=6),
-    streets=StreetRules(dropped=0.06, bend_m=0, main_lanes=2, main_speed_kmh=60, parking_share=0.85, signal_share=0),
-    demand=Demand(driving=130, parked=120, walking=35, kinds=KindShares(truck=0.05)),
+    relief=Relief(range_m=4),
+    streets=StreetRules(dropped=0.06, bend_m=0, main_lanes=2, main_speed_kmh=60, parking_share=0.95, signal_share=0),
+    demand=Demand(driving=130, parked=140, walking=35, kinds=KindShares(truck=0.05)),
 )
 
 _HILLS = Recipe(
@@ -96,8 +114,8 @@ _HILLS = Recipe(
     seed=7,
     layout=SpiderLayout(arms=6, circles=4, spacing_m=78),
     relief=Relief(range_m=40, waves=3, wavelength_m=(500.0, 900.0), max_grade=0.079),
-    streets=StreetRules(dropped=0.15, bend_m=14, main_lanes=1, main_routes=2, parking_share=0.5, signal_share=0.2),
-    demand=Demand(driving=80, parked=130, walking=35),
+    streets=StreetRules(dropped=0.15, bend_m=14, main_lanes=1, main_routes=2, parking_share=0.85, signal_share=0.2),
+    demand=Demand(driving=85, parked=280, walking=35),
 )
 
 _INDUSTRY = Recipe(
@@ -114,10 +132,10 @@ _INDUSTRY = Recipe(
         main_routes=3,
         main_speed_kmh=60,
         local_speed_kmh=50,
-        parking_share=0.5,
+        parking_share=0.8,
         parking_width_m=2.6,
     ),
-    demand=Demand(driving=100, parked=110, walking=20, kinds=KindShares(car=0.55, van=0.18, truck=0.20, cyclist=0.03)),
+    demand=Demand(driving=100, parked=260, walking=20, kinds=KindShares(car=0.55, van=0.18, truck=0.20, cyclist=0.03)),
 )
 
 _BOULEVARDS = Recipe(
@@ -132,11 +150,12 @@ _BOULEVARDS = Recipe(
         main_lanes=2,
         main_routes=3,
         median_m=8,
+        parking_share=0.85,
         main_parking_share=0.8,
         signal_share=0.8,
         sidewalk_width_m=4.2,
     ),
-    demand=Demand(driving=120, parked=220, walking=90, kinds=KindShares(bus=0.02, cyclist=0.08)),
+    demand=Demand(driving=120, parked=480, walking=90, kinds=KindShares(bus=0.02, cyclist=0.08)),
 )
 
 RECIPES: dict[str, Recipe] = {

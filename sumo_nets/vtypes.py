@@ -1,4 +1,7 @@
-"""Vehicle types: one for every body and size in the model catalogue, so that meshes and traffic agree."""
+"""Vehicle types: one for every body and size in the model catalogue, and cars of the sizes between and beside them.
+
+Meshes are scaled to the types' sizes, so that meshes and traffic agree.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,8 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
+
+import numpy as np
 
 
 class Model(Protocol):
@@ -50,6 +55,19 @@ WALKING = "walking"
 
 _LONGEST_PARKED_M = 5.7
 
+# Sizes of cars that a catalogue car stands for, over its own length, width and height. With the shares of the bodies
+# they give the cars of KITTI's labels: 3.88 ± 0.43 × 1.63 ± 0.10 × 1.53 ± 0.14 m, wide ones rather long and tall.
+_AS_IT_IS = (1.0, 1.0, 1.0)
+_CAR_FORMS = (
+    (0.89, 0.91, 0.96),
+    (0.93, 0.99, 1.10),
+    (1.00, 0.95, 0.97),
+    _AS_IT_IS,
+    (1.03, 1.02, 1.12),
+    (1.09, 1.06, 1.01),
+)
+_CAR_BODIES = {"hatchback": 0.56, "saloon": 0.13, "estate": 0.15, "suv": 0.16}
+
 # Shares of the kinds, in vehicles seen on a town's streets.
 _SHARES: dict[str, dict[str, float]] = {
     DRIVING: {"car": 0.80, "van": 0.08, "truck": 0.025, "bus": 0.01, "motorcycle": 0.03, "cyclist": 0.055},
@@ -59,15 +77,15 @@ _SHARES: dict[str, dict[str, float]] = {
 
 # Car following [m/s², s, m]; speedFactor is the share of the limit a driver wants to go.
 _BEHAVIOUR: dict[str, str] = {
-    "car": 'vClass="passenger" accel="2.6" decel="4.5" sigma="0.5" tau="1.2" minGap="2.0" '
+    "car": 'vClass="passenger" accel="1.6" decel="3.0" sigma="0.5" tau="1.2" minGap="2.0" '
     'speedFactor="normc(1.00,0.10,0.75,1.30)"',
-    "van": 'vClass="delivery" accel="2.2" decel="4.5" sigma="0.5" tau="1.3" minGap="2.2" '
+    "van": 'vClass="delivery" accel="1.5" decel="3.0" sigma="0.5" tau="1.3" minGap="2.2" '
     'speedFactor="normc(0.98,0.09,0.75,1.25)"',
-    "truck": 'vClass="truck" accel="1.3" decel="4.0" sigma="0.4" tau="1.5" minGap="2.5" '
+    "truck": 'vClass="truck" accel="1.0" decel="2.8" sigma="0.4" tau="1.5" minGap="2.5" '
     'speedFactor="normc(0.92,0.06,0.75,1.05)"',
-    "bus": 'vClass="bus" accel="1.2" decel="4.0" sigma="0.4" tau="1.5" minGap="2.5" '
+    "bus": 'vClass="bus" accel="1.0" decel="2.5" sigma="0.4" tau="1.5" minGap="2.5" '
     'speedFactor="normc(0.92,0.06,0.75,1.05)"',
-    "motorcycle": 'vClass="motorcycle" accel="3.5" decel="6.0" sigma="0.5" tau="1.0" minGap="1.8" '
+    "motorcycle": 'vClass="motorcycle" accel="2.6" decel="4.0" sigma="0.5" tau="1.0" minGap="1.8" '
     'speedFactor="normc(1.05,0.10,0.80,1.40)"',
     "cyclist": 'vClass="bicycle" accel="1.2" decel="3.0" sigma="0.5" tau="1.0" minGap="0.8" '
     'desiredMaxSpeed="5.0" speedFactor="normc(1.00,0.15,0.60,1.40)"',
@@ -81,10 +99,12 @@ _CAR_SHAPES |= {"estate": "passenger/wagon", "wagon": "passenger/wagon"}
 
 
 def make_vtypes(models: Iterable[Model]) -> tuple[VType, ...]:
-    """Return one vehicle type per body and size, ordered by id; sizes agree to the millimetre."""
+    """Return one vehicle type per body and size, ordered by id; of cars, six sizes around each model's own."""
     counts: Counter[tuple[str, str, float, float, float]] = Counter()
     for m in models:
-        counts[(m.kind, m.body, round(m.length_m, 3), round(m.width_m, 3), round(m.height_m, 3))] += 1
+        for form in _CAR_FORMS if m.kind == "car" else (_AS_IT_IS,):
+            size = np.round(np.multiply((m.length_m, m.width_m, m.height_m), form), 2 if form != _AS_IT_IS else 3)
+            counts[(m.kind, m.body, *size.tolist())] += 1
     types = [
         VType(vtype_id(body, *size), kind, body, *size, models=number) for (kind, body, *size), number in counts.items()
     ]
@@ -112,6 +132,14 @@ def _distribution(name: str, types: list[VType]) -> str:
     fits = [t for t in types if t.kind in shares and not (name == PARKED and t.length_m > _LONGEST_PARKED_M)]
     models = Counter[str]()
     for t in fits:
-        models[t.kind] += t.models
-    chances = " ".join(f"{shares[t.kind] * t.models / models[t.kind]:.5f}" for t in fits)
+        models[_group(t)] += t.models
+    bodies = sum(_CAR_BODIES.get(body, 1.0) for body in {t.body for t in fits if t.kind == "car"})
+    within = {t.id: t.models / models[_group(t)] for t in fits}
+    within |= {t.id: within[t.id] * _CAR_BODIES.get(t.body, 1.0) / bodies for t in fits if t.kind == "car"}
+    chances = " ".join(f"{shares[t.kind] * within[t.id]:.5f}" for t in fits)
     return f'    <vTypeDistribution id="{name}" vTypes="{" ".join(t.id for t in fits)}" probabilities="{chances}"/>'
+
+
+def _group(t: VType) -> str:
+    """Among whom a kind's share is divided evenly: the models of a body, of cars; of others, all of the kind."""
+    return t.body if t.kind == "car" else t.kind

@@ -19,7 +19,7 @@ PIECE_M = {
     "hedge": 3.0,
 }
 FENCE_KINDS = tuple(PIECE_M)
-OPEN_KINDS = ("wire", "hedge")  # between neighbours
+OPEN_KINDS = ("wire", "hedge", "hedge")  # between neighbours
 
 
 def fence_piece(kind: str, rng: np.random.Generator) -> Mesh:
@@ -41,7 +41,7 @@ def fence_piece(kind: str, rng: np.random.Generator) -> Mesh:
     if kind == "wall_plaster":
         return _wall(PIECE_M[kind], 1.5, "plaster_white", "roof_tile")
     if kind == "hedge":
-        return hedge(rng, PIECE_M[kind], 0.7, 1.3)
+        return hedge(rng, PIECE_M[kind], 0.7, 1.75)
     raise ValueError(f"fence kind {kind!r} is unknown; use one of {', '.join(FENCE_KINDS)}")
 
 

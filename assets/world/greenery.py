@@ -17,7 +17,7 @@ from assets.world.trees import broadleaf, bush, conifer
 
 _VARIANTS = 6
 _VERGE_M = 2.2  # from the kerb to street trees where there is no pavement
-_SIDE_SHARE = 0.55  # fenced plots with a border between neighbours too
+_SIDE_SHARE = 0.75  # fenced plots with a border between neighbours too
 _OPEN_LAND_PER_M2 = 4e-4
 _OPEN_LAND_MOST = 220
 
@@ -131,11 +131,12 @@ def borders_mesh(
             continue
         half, back = plot.width_m / 2, plot.setback_m + plot.size_m[1] + rng.uniform(2.0, 6.0)
         gate = float(np.clip(house.door_m, 1.5 - half, half - 1.5))
-        front, side = str(rng.choice(style.fences)), str(rng.choice(OPEN_KINDS))
+        front, side, rear = str(rng.choice(style.fences)), str(rng.choice(OPEN_KINDS)), str(rng.choice(OPEN_KINDS))
         for kind, begin, end in (
             (front, (-half, 0.35), (gate - 1.1, 0.35)),
             (front, (gate + 1.1, 0.35), (half, 0.35)),
             (side, (-half, 0.5), (-half, back if rng.random() < _SIDE_SHARE else 0.6)),
+            (rear, (-half, back), (half, back)),
         ):
             corner = np.array([begin, end])
             xy = plot.front + corner[:, :1] * plot.along + corner[:, 1:] * plot.inward

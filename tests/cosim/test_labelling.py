@@ -104,3 +104,13 @@ def test_what_nobody_can_see_is_not_labelled(labeller):
     row = placed(pose(30.0, 0.0), pose(-10.0, 0.0))
     labels = labeller.label(row, LIDAR, ideal_image(row, slice(0, WIDTH)))
     assert len(labels) == 0
+
+
+def test_what_the_scanner_hardly_meets_becomes_dont_care():
+    labeller = Labeller(
+        Scene(Mesh.empty(), lambda name: block(SIZE)), CALIBRATION, range_m=80, min_pixels=20, min_points=6
+    )
+    row = placed(pose(30.0, 4.0), pose(60.0, -4.0), pose(20.0, -2.0))
+    labels = labeller.label(row, LIDAR, ideal_image(row), np.array([6, 5, 200]))
+    assert labels.type == ("Car", "Car", "DontCare")
+    np.testing.assert_allclose(sorted(labels.boxes_velo(CALIBRATION).centre[:2, 0]), [20, 30], atol=1e-6)

@@ -6,6 +6,7 @@ import pytest
 from cosim.actors import Actors
 from cosim.collection import Collection, Watch
 from cosim.config import ConfigError, RunConfig, load_config
+from cosim.place import light_of
 from cosim.plan import plan_episodes, world_count
 from cosim.rig import RigJitter
 from tests.cosim.road_users import road_users
@@ -41,6 +42,19 @@ def test_a_new_world_comes_after_so_many_episodes():
     assert world_count(plans) == 3
 
 
+def test_a_short_drive_of_one_town_keeps_its_world_and_a_long_one_sees_a_new_one_each_episode():
+    assert world_count(plan_episodes(RunConfig(frames=100, frames_per_episode=25))) == 1
+    for long in (RunConfig(frames=125, frames_per_episode=25), RunConfig(town=("town01", "town02"), frames=200)):
+        plans = plan_episodes(long)
+        assert world_count(plans) == len(plans)
+
+
+def test_every_episode_has_a_light_of_its_own_that_the_seed_repeats():
+    lights = [light_of(RunConfig(seed=seed), episode) for seed in (1, 2) for episode in range(4)]
+    assert len({light.sun_azimuth_deg for light in lights}) == 8
+    assert light_of(RunConfig(seed=1), 0) == lights[0]
+
+
 def test_a_standing_ego_gives_no_second_frame_and_in_the_end_a_jam():
     watch = Watch(Collection(min_travel_m=2, patience_s=30), actors(0, 0.0), "ego")
     assert not watch.wants(actors(1, 1.0))
@@ -58,6 +72,12 @@ def test_empty_roads_are_passed_over_and_in_the_end_left():
     assert watch.wants(actors(2, 10.0, other_x=40.0))
 
 
+def test_company_is_who_is_ahead():
+    watch = Watch(Collection(company_m=60), actors(0, 0.0), "ego")
+    assert not watch.wants(actors(1, 10.0, other_x=-20.0))
+    assert watch.wants(actors(1, 10.0, other_x=30.0))
+
+
 def test_an_ego_that_is_gone_ends_the_episode():
     watch = Watch(Collection(), actors(0, 0.0), "ego")
     gone = replace(actors(1, 0.0), ids=("someone", "other"))
@@ -67,13 +87,21 @@ def test_an_ego_that_is_gone_ends_the_episode():
 def test_the_rig_turns_as_widely_as_asked_and_only_if_asked():
     rng = np.random.default_rng(0)
     assert (RigJitter().draw(rng) == np.eye(3)).all()
-    jitter = RigJitter(enabled=True, roll_deg=1.5, pitch_deg=0.5, yaw_deg=4.0)
+    jitter = RigJitter(enabled=True, mean_pitch_deg=0, roll_deg=1.5, pitch_deg=0.5, yaw_deg=4.0)
     turns = np.stack([jitter.draw(rng) for _ in range(4000)])
     np.testing.assert_allclose(turns @ turns.transpose(0, 2, 1), np.tile(np.eye(3), (4000, 1, 1)), atol=1e-12)
     pitch = np.degrees(-np.arcsin(turns[:, 2, 0]))
     roll = np.degrees(np.arctan2(turns[:, 2, 1], turns[:, 2, 2]))
     yaw = np.degrees(np.arctan2(turns[:, 1, 0], turns[:, 0, 0]))
     assert [pitch.std(), roll.std(), yaw.std()] == pytest.approx([0.5, 1.5, 4.0], rel=0.06)
+
+
+def test_the_rig_stands_as_the_measured_one_by_default_and_as_the_published_code_has_it_if_asked():
+    rng = np.random.default_rng(0)
+    nose_down = [-np.degrees(np.arcsin(RigJitter(enabled=True).draw(rng)[2, 0])) for _ in range(2000)]
+    assert np.mean(nose_down) == pytest.approx(0.41, abs=0.05)
+    reference = RigJitter.model_validate({"enabled": True, "preset": "reference", "yaw_deg": 1.0})
+    assert (reference.mean_pitch_deg, reference.roll_deg, reference.pitch_deg, reference.yaw_deg) == (0, 1.5, 0.5, 1.0)
 
 
 @pytest.mark.parametrize(
