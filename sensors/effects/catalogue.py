@@ -40,6 +40,7 @@ from sensors.effects.range_noise import RangeNoise
 from sensors.effects.range_quantization import RangeQuantization
 from sensors.effects.range_scale import RangeScale
 from sensors.effects.range_walk import RangeWalk
+from sensors.effects.receiver_focus import ReceiverFocus
 from sensors.effects.retroreflection import Retroreflection
 from sensors.effects.ring_elevation import RingElevation
 from sensors.effects.ring_gain import RingGain
@@ -90,6 +91,7 @@ BUILT_IN: dict[str, type[Effect]] = {
             RangeQuantization,
             RangeScale,
             RangeWalk,
+            ReceiverFocus,
             Retroreflection,
             RingElevation,
             RingGain,

@@ -23,7 +23,7 @@ class IntensityCutoff(ScanEffect):
     equation: ClassVar = "I − ε; lost where I < ε"
     reference: ClassVar = "Synth It Like KITTI, arXiv:2502.15076: ray drop by a small ε"
     confusable_with: ClassVar = ("detection_threshold", "intensity_floor", "random_dropout")
-    example: ClassVar = {"epsilon": 0.2}
+    example: ClassVar = {"epsilon": 0.3}
     neutral: ClassVar = {"epsilon": 0.0}
 
     epsilon: float = number("ε, least intensity that counts", ge=0, le=0.9)

@@ -27,6 +27,7 @@ class OwnShadow(EchoEffect):
     repeatable: ClassVar = True
     example: ClassVar = {"azimuth_deg": 180.0, "width_deg": 50.0, "top_deg": -10.0}
     neutral: ClassVar = {"azimuth_deg": 180.0, "width_deg": 0.0, "top_deg": -10.0}
+    is_candidate: ClassVar = False
 
     azimuth_deg: float = number("middle of the part, counter-clockwise from forward", unit="°", ge=-360, le=360)
     width_deg: float = number("width of the part", unit="°", ge=0, le=360)

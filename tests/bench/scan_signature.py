@@ -88,7 +88,8 @@ def _cars(row: int, frame: Frame, points: np.ndarray) -> tuple[ObjectTable, np.n
     inside = points_in_boxes(points, boxes) if len(labels) else np.zeros((0, len(points)), bool)
     above = points[None, :, 2] > (boxes.centre[:, 2] - boxes.size[:, 2] / 2 + _CLEARANCE_M)[:, None]
     is_car = np.array([name == "Car" for name in labels.type], bool)
-    return ObjectTable.of(labels, calibration, row, inside.sum(1)), (inside & above)[is_car].any(0)
+    on_car = np.asarray((inside & above)[is_car].any(0))
+    return ObjectTable.of(labels, calibration, row, inside.sum(1)), on_car
 
 
 def _sums(distance: np.ndarray, intensity: np.ndarray, edges: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from assets.materials import MATERIALS
 from assets.mesh import Mesh
 from assets.shapes import box
 from sensors.scene import Scene
@@ -50,4 +51,6 @@ def test_flat_surfaces_answer_as_a_thin_beam_does():
         wide = dense(returns, BEAMS)
         near = np.isfinite(thin) & np.isfinite(wide) & (thin < 40)
         np.testing.assert_allclose(wide[near], thin[near], atol=atol, rtol=1e-3)
-        assert dense(returns, BEAMS, "intensity")[near] == pytest.approx(0.4 if atol < 0.01 else 0.17, abs=1e-4)
+        material = "concrete" if atol < 0.01 else "asphalt"
+        expected = MATERIALS[material].reflectance
+        assert dense(returns, BEAMS, "intensity")[near] == pytest.approx(expected, abs=1e-4)

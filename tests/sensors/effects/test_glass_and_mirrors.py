@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from assets.materials import material_index
+from assets.materials import MATERIALS, material_index
 from assets.mesh import Mesh
 from assets.shapes import box
 from sensors.hits import NOTHING
@@ -99,7 +99,7 @@ def test_a_film_of_water_darkens_the_road_and_swallows_grazing_beams():
     scene = Scene(plane(), no_model)
     bare, _ = shoot(sensor(), scene)
     wet, shot = shoot(sensor(effect("wet_road", film=0.8)), scene)
-    assert wet.intensity == pytest.approx(0.17 * 0.6, abs=1e-5)
+    assert wet.intensity == pytest.approx(MATERIALS["asphalt"].reflectance * 0.6, abs=1e-5)
     lost = ~np.isin(bare.beam, wet.beam)
     cos = shot.cos_incidence(bare)
     f0 = (0.33 / 2.33) ** 2

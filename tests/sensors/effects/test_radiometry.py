@@ -77,11 +77,51 @@ def test_only_retro_reflectors_shine_and_only_up_to_one():
 
 
 def test_weak_signals_are_reported_as_zero():
-    found = after(effect("intensity_floor", floor=0.2), scene=street())
+    found = after(effect("intensity_floor", floor=0.3), scene=street())
     assert (found.intensity == 0).any()
     assert len(found) == len(after(scene=street()))
     bare = after(scene=street())
-    np.testing.assert_allclose(found.intensity, np.maximum(bare.intensity - 0.2, 0) / 0.8, atol=1e-6)
+    np.testing.assert_allclose(found.intensity, np.maximum(bare.intensity - 0.3, 0) / 0.7, atol=1e-6)
+
+
+@pytest.mark.parametrize("softness", [0.0, 0.03])
+def test_below_the_least_signal_intensity_is_zero_and_above_it_unchanged(softness):
+    bare = after(scene=street(), placed=cars())
+    found = after(effect("intensity_floor", floor=0.0, least=0.3, softness=softness), scene=street(), placed=cars())
+    zero = found.intensity == 0
+    np.testing.assert_allclose(found.intensity[~zero], bare.intensity[~zero], atol=1e-6)
+    np.testing.assert_array_equal(found.beam, bare.beam)
+    if softness == 0:
+        np.testing.assert_array_equal(zero, bare.intensity < 0.3)
+        return
+    for level in np.unique(bare.intensity):
+        rows = bare.intensity == level
+        if rows.sum() > 300:
+            chance = 1 / (1 + np.exp((level - 0.3) / softness))
+            assert stats.binomtest(int(zero[rows].sum()), int(rows.sum()), chance).pvalue > 1e-4
+
+
+@settings(max_examples=8, deadline=None)
+@given(focus=st.floats(20, 80), blur=st.floats(10, 40))
+def test_a_focused_receiver_sees_best_at_one_range_and_less_on_either_side(focus, blur):
+    road = Scene(plane(), no_model)
+    bare = after(scene=road)
+    signal = after(effect("receiver_focus", focus_m=focus, blur_m=blur), scene=road).intensity / bare.intensity
+    order = np.argsort(bare.range_m)
+    range_m, signal = bare.range_m[order], signal[order]
+    best = focus * blur**2 / (focus**2 + blur**2)
+    assert signal.max() == pytest.approx(1, abs=1e-2)
+    assert range_m[signal.argmax()] == pytest.approx(best, abs=1)
+    assert (np.diff(signal[range_m < best]) >= -1e-5).all()
+    assert (np.diff(signal[range_m > best]) <= 1e-5).all()
+
+
+def test_without_blur_light_falls_with_the_square_of_the_distance():
+    road = Scene(plane(), no_model)
+    bare = after(scene=road)
+    found = after(effect("receiver_focus", focus_m=1000.0, blur_m=0.1), scene=road)
+    falling = found.intensity / bare.intensity * bare.range_m**2
+    np.testing.assert_allclose(falling, falling.mean(), rtol=1e-3)
 
 
 def test_glossy_paint_answers_head_on_as_before():
