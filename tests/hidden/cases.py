@@ -99,6 +99,7 @@ def _of_seed(seed: int, frames: int) -> Iterator[Case]:
     yield case("null", "plain")
     yield case("null", "known", known=_KNOWN)
     yield case("null", "logistic", range_law="logistic", intensity_law="student5")
+    yield case("null", "without_rays", rays=False)
     for nuisance in (*NUISANCES, "outliers", "heavy_tails"):
         yield case("nuisance", nuisance, nuisances=(nuisance,))
     for level in ("strong", "one", "half", "quarter"):
@@ -110,5 +111,8 @@ def _of_seed(seed: int, frames: int) -> Iterator[Case]:
     for name, unnamed in UNNAMED.items():
         yield case("unnamed", name, unnamed={name: dict(unnamed.strong)})
         yield case("unnamed_half", name, unnamed={name: dict(unnamed.half)})
+    yield case(
+        "strong", "elevation_offset_without_rays", effects=drawn(("elevation_offset",), "strong", "e"), rays=False
+    )
     for name, nuisances in _DISTURBED:
         yield case("disturbed", name, effects=drawn((name,), "strong", name + "disturbed"), nuisances=nuisances)

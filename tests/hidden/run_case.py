@@ -35,7 +35,7 @@ def run_case(case: Case, folder: Path, limit_s: float, keep: bool = False) -> di
     work.mkdir(parents=True)
     try:
         made = make_drive(base_drive(case.base, folder), work / "drive", case.hidden, folder / "cache")
-        hidden = replace(case.hidden, frames=_HELD_OUT_FRAMES, seed=case.hidden.seed + 1, nuisances=())
+        hidden = replace(case.hidden, frames=_HELD_OUT_FRAMES, seed=case.hidden.seed + 1, nuisances=(), rays=True)
         other = make_drive(base_drive(case.held_out, folder), work / "held_out", hidden, folder / "cache")
         floor = noise_floor(hidden.truth, other.drive, range(0, _HELD_OUT_FRAMES, 2), seed=hidden.seed)
         result = _judged(work, made.drive, made.sensor, other.drive, limit_s)
