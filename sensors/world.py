@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -59,6 +60,18 @@ class TracerCache:
     def __init__(self, range_m: tuple[float, float]) -> None:
         self._range_m = range_m
         self._tracers: dict[str, Tracer | MotionTracer] = {}
+        self._fans: dict[str, tuple[Beams, Rays]] = {}
+
+    def fan(self, slot: str, beams: Beams, aside: Callable[[np.ndarray], np.ndarray]) -> Rays:
+        """Rays round beams, made anew where the beams are not those of the last time; see `World.trace_around`."""
+        kept = self._fans.get(slot)
+        if kept is None or not _same(kept[0], beams):
+            directions = aside(beams.direction)
+            rays, count = beams.rays, directions.shape[1]
+            columns = (beams.origin, directions.reshape(-1, 3), rays.ring, rays.azimuth, rays.time_s)
+            repeated = [np.repeat(column, 1 if row == 1 else count, axis=0) for row, column in enumerate(columns)]
+            kept = self._fans[slot] = beams, Rays(*repeated)
+        return kept[1]
 
     def fixed(self, slot: str, rays: Rays) -> Tracer:
         """A tracer of rays that all leave at once."""
@@ -117,6 +130,19 @@ class World:
         hits, origin, direction = tracer.trace(self._scene, self.ego, lidar_in_ego, time_s, self._instances)
         return Traced(hits, (origin, direction, time_s))
 
+    def trace_around(self, beams: Beams, aside: Callable[[np.ndarray], np.ndarray], slot: str) -> Hits:
+        """What k further rays round each beam met, in row k · beam + ray.
+
+        Args:
+            beams: the n beams.
+            aside: gives directions of further rays, (n, k, 3) float32, from those of the beams, (n, 3).
+            slot: names the fan whose rays and tracer are kept: one name, one `aside`.
+        """
+        fan = self._tracers.fan(slot, beams, aside)
+        firing_s = None if beams.firing_s is None else np.repeat(beams.firing_s, len(fan) // len(beams.rays))
+        around = replace(beams, rays=fan, origin=fan.origin, direction=fan.direction, firing_s=firing_s)
+        return self.trace(around, slot).hits
+
     def shoot(self, origin: np.ndarray, direction: np.ndarray, time_s: np.ndarray, limit_m: float) -> Surface:
         """First solid surface along single rays (k, 3) in world axes, each at its own instant (k,)."""
         return shoot(self._scene, self._instances, origin, direction, time_s, limit_m)
@@ -128,7 +154,10 @@ class World:
         return self.ego.pose_at(beams.delay_s) @ beams.body @ lidar_in_ego @ beams.mount
 
 
-def _same(left: Rays, right: Rays) -> bool:
-    return left is right or (
-        np.array_equal(left.direction, right.direction) and np.array_equal(left.origin, right.origin)
-    )
+def _same(left: Rays | Beams, right: Rays | Beams) -> bool:
+    """Whether rays leave alike in the sensor's axes."""
+    return _equal(left.direction, right.direction) and _equal(left.origin, right.origin)
+
+
+def _equal(left: np.ndarray, right: np.ndarray) -> bool:
+    return left is right or np.array_equal(left, right)

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from sensors.effects.base import EchoEffect, number
-from sensors.effects.footprint import samples_aside, strongest_echo
+from sensors.effects.footprint import directions_aside, strongest_echo
 from sensors.effects.phases import Phase
 from sensors.returns import Returns
 from sensors.shot import Shot
@@ -43,10 +43,11 @@ class BeamDivergence(EchoEffect):
             return returns
         if shot.world is None or shot.beams is None:
             raise ValueError("the footprint is new rays; measure with trace_and_measure")
-        samples = [shot.hits]
-        for sample, beams in enumerate(samples_aside(shot.beams, self.divergence_mrad / 2000)):
-            samples.append(shot.world.trace(beams, slot=f"footprint {sample}").hits)
-        return strongest_echo(returns, samples, pulse_m=self.pulse_ns * _METRES_PER_NS / 2)
+        radius_rad = self.divergence_mrad / 2000
+        aside = shot.world.trace_around(
+            shot.beams, lambda middle: directions_aside(middle, radius_rad), slot=f"footprint {radius_rad}"
+        )
+        return strongest_echo(returns, shot.hits, aside, pulse_m=self.pulse_ns * _METRES_PER_NS / 2)
 
     def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
         """Away from edges the footprint lies on one face, and nothing changes."""

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from sensors.beams import Beams
 from sensors.hits import Hits
 from sensors.normals import decode_normals
 from sensors.returns import Returns
@@ -19,18 +18,18 @@ _SAME_FACE_COS = 0.9998
 _SAME_FACE_SLANT = 0.2  # neighbouring samples of one face differ in range by less than this share
 
 
-def samples_aside(beams: Beams, radius_rad: float) -> list[Beams]:
-    """The four samples around the middle of each beam."""
-    x, y, z = beams.direction.T
+def directions_aside(middle: np.ndarray, radius_rad: float) -> np.ndarray:
+    """Directions of the four samples around the middle (n, 3) of each beam, (n, 4, 3) float32."""
+    x, y, z = middle.T
     flat = np.maximum(np.hypot(x, y), np.float32(1e-6))
     left = np.stack([-y / flat, x / flat, np.zeros_like(x)], 1)
     up = np.stack([-z * x / flat, -z * y / flat, flat], 1)
     shrink = np.float32(1 / np.sqrt(1 + (_AT * radius_rad) ** 2))
     steps = [np.float32(a * radius_rad) * up + np.float32(b * radius_rad) * left for a, b in _ASIDE]
-    return [replace(beams, direction=(beams.direction + step) * shrink) for step in steps]
+    return np.stack([(middle + step) * shrink for step in steps], 1)
 
 
-def strongest_echo(returns: Returns, samples: list[Hits], pulse_m: float) -> Returns:
+def strongest_echo(returns: Returns, middle: Hits, aside: Hits, pulse_m: float) -> Returns:
     """One return a beam, of the strongest group of samples that merge.
 
     Samples merge when their ranges are closer than `pulse_m`, or when they lie on one flat face: between them the
@@ -38,43 +37,46 @@ def strongest_echo(returns: Returns, samples: list[Hits], pulse_m: float) -> Ret
 
     Args:
         returns: of the middle samples.
-        samples: what the five samples of every beam met, the middle first.
+        middle: what the middle of every beam met.
+        aside: what the four samples around it met, row 4 · beam + sample.
         pulse_m: c·τ/2.
     """
-    ranges = [hits.solid.range_m for hits in samples]
-    signal = [np.float32(w) * hits.reflectance(hits.solid) for w, hits in zip(_WEIGHTS, samples, strict=True)]
-    nearest, farthest = ranges[0].copy(), ranges[0].copy()
-    for other in ranges[1:]:
-        np.minimum(nearest, other, out=nearest)
-        np.maximum(farthest, other, out=farthest)
+    around = aside.solid.range_m.reshape(-1, len(_ASIDE))
+    nearest, farthest = middle.solid.range_m.copy(), middle.solid.range_m.copy()
+    for column in around.T:
+        np.minimum(nearest, column, out=nearest)
+        np.maximum(farthest, column, out=farthest)
     whole = farthest < nearest + np.float32(pulse_m)
     one = returns.take(whole[returns.beam])
-    total = np.zeros(len(one), np.float32)
-    moment = np.zeros(len(one), np.float32)
-    for r, s in zip(ranges, signal, strict=True):
-        part = s.take(one.beam)
-        total += part
-        moment += part * (r.take(one.beam) - one.range_m)
+    bare = aside.reflectance(aside.solid).reshape(-1, len(_ASIDE))
+    signal = bare.take(one.beam, axis=0) * np.array(_WEIGHTS[1:], np.float32)
+    total = np.einsum("ij->i", signal) + np.float32(_WEIGHTS[0]) * one.reflectance
+    offset = around.take(one.beam, axis=0) - one.range_m[:, None]
+    moment = np.einsum("ij,ij->i", signal, offset)
     mean = one.range_m + moment / np.maximum(total, np.float32(1e-9))
     one = replace(one, range_m=mean, intensity=total)
     rest = np.flatnonzero(~whole & np.isfinite(nearest)).astype(np.int32)
-    return one.merged(_strongest_group(rest, samples, ranges, signal, pulse_m)) if len(rest) else one
+    return one.merged(_strongest_group(rest, middle, aside, pulse_m)) if len(rest) else one
 
 
-def _strongest_group(
-    beam: np.ndarray, samples: list[Hits], all_ranges: list[np.ndarray], all_signal: list[np.ndarray], pulse_m: float
-) -> Returns:
+def _strongest_group(beam: np.ndarray, middle: Hits, aside: Hits, pulse_m: float) -> Returns:
     """Returns of beams whose samples fall into several groups: only the strongest group counts."""
-    ranges = np.stack([column[beam] for column in all_ranges])
+    rows = (len(_ASIDE) * beam[:, None] + np.arange(len(_ASIDE))).ravel()
+    centre, round_it = middle.solid.take(beam), aside.solid.take(rows)
+
+    def samples(of_middle: np.ndarray, of_aside: np.ndarray) -> np.ndarray:
+        shape = of_middle.shape[1:]
+        return np.concatenate([of_middle[None], of_aside.reshape(len(beam), -1, *shape).swapaxes(0, 1)])
+
+    ranges = samples(centre.range_m, round_it.range_m)
+    bare = samples(middle.reflectance(centre), aside.reflectance(round_it))
     order = np.argsort(ranges, axis=0, kind="stable")
     column = np.arange(len(beam))
 
-    def gathered(columns: list[np.ndarray]) -> np.ndarray:
-        return np.stack([values[beam] for values in columns])[order, column]
-
-    r, s = gathered(all_ranges), gathered(all_signal)
-    normal = decode_normals(gathered([hits.solid.normal_code for hits in samples]).reshape(-1, 2)).reshape(*r.shape, 3)
-    instance = gathered([hits.solid.instance for hits in samples])
+    r, s = ranges[order, column], (bare * np.array(_WEIGHTS, np.float32)[:, None])[order, column]
+    codes, instances = samples(centre.normal_code, round_it.normal_code), samples(centre.instance, round_it.instance)
+    normal = decode_normals(codes[order, column].reshape(-1, 2)).reshape(*r.shape, 3)
+    instance = instances[order, column]
     met = np.isfinite(r)
     gap = np.diff(np.where(met, r, 1e6), axis=0)
     parallel = np.einsum("ijk,ijk->ij", normal[1:], normal[:-1]) > _SAME_FACE_COS
@@ -89,16 +91,14 @@ def _strongest_group(
     best = weight.argmax(0)
     sample = order[best, column]
 
-    def picked(columns: list[np.ndarray]) -> np.ndarray:
-        return np.stack([values[beam] for values in columns])[sample, column]
-
+    materials = samples(centre.material, round_it.material)
     return Returns(
         beam=beam,
         range_m=mean.astype(np.float32),
         intensity=strength.max(0).astype(np.float32),
-        reflectance=picked([hits.reflectance(hits.solid) for hits in samples]),
-        normal_code=picked([hits.solid.normal_code for hits in samples]),
-        material=picked([hits.solid.material for hits in samples]),
-        instance=picked([hits.solid.instance for hits in samples]),
+        reflectance=bare[sample, column],
+        normal_code=codes[sample, column],
+        material=materials[sample, column],
+        instance=instances[sample, column],
         return_no=np.zeros(len(beam), np.uint8),
     )
