@@ -100,6 +100,7 @@ def _of_seed(seed: int, frames: int) -> Iterator[Case]:
     yield case("null", "known", known=_KNOWN)
     yield case("null", "logistic", range_law="logistic", intensity_law="student5")
     yield case("null", "without_rays", rays=False)
+    yield case("null", "foreign_materials", foreign=True)
     for nuisance in (*NUISANCES, "outliers", "heavy_tails"):
         yield case("nuisance", nuisance, nuisances=(nuisance,))
     for level in ("strong", "one", "half", "quarter"):

@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from tests.hidden.glb_edit import rename_materials
 from tests.hidden.head import nominal_beams
-from tests.hidden.nuisances import warp_map as write_warped_map
-from tests.hidden.nuisances import written_frames
+from tests.hidden.nuisances import warp_map, written_frames
 from tests.hidden.physics import CATALOGUE, Truth, measure
 from tests.hidden.traces import Traces
-from tests.hidden.twin_files import read_frames, read_pattern
+from tests.hidden.twin_files import MaterialTable, read_frames, read_pattern
 from tests.hidden.twin_tracing import Twin
 from tests.hidden.unnamed import UNNAMED
 
@@ -59,6 +59,7 @@ class Hidden:
         firings: of a reduced pattern; None for all.
         every_ring: keep one ring in so many.
         rays: write `rays/`.
+        foreign: the twin's materials have names that no simulator knows.
         seed: of everything random.
     """
 
@@ -73,6 +74,7 @@ class Hidden:
     firings: int | None = None
     every_ring: int = 1
     rays: bool = True
+    foreign: bool = False
     seed: int = 0
 
     @property
@@ -144,14 +146,20 @@ def _write_twin(base: Path, out: Path, frames: list[dict], hidden: Hidden) -> No
     rng = np.random.default_rng([hidden.seed, 8])
     for frame in written_frames(frames, hidden.nuisances, rng):
         path = out / "twin" / "frames" / f"{frame['frame']}.json"
-        path.write_text(json.dumps({**frame, "lidar": {**frame["lidar"]}}))
+        path.write_text(json.dumps(frame))
+    names = {name: f"MAT.{row:03d}" for row, name in enumerate(MaterialTable(base / "twin" / "materials.yaml").names)}
     for path in sorted((base / "twin").rglob("*.*")):
         target = out / "twin" / path.relative_to(base / "twin")
-        if path.is_dir() or "frames" in path.parts[-2]:
+        if path.parent.name == "frames":
             continue
         target.parent.mkdir(parents=True, exist_ok=True)
-        if "map_error" in hidden.nuisances and path.suffix == ".glb" and "models" not in path.parts:
-            write_warped_map(path, target, rng)
+        if hidden.foreign and path.suffix == ".glb":
+            rename_materials(path, target, names)
+        elif hidden.foreign and path.name == "materials.yaml":
+            table = yaml.safe_load(path.read_text())
+            target.write_text(yaml.safe_dump({names[name]: entry for name, entry in table.items()}))
+        elif "map_error" in hidden.nuisances and path.suffix == ".glb" and path.parent.name != "models":
+            warp_map(path, target, rng)
         else:
             _link(path, target)
 

@@ -224,6 +224,21 @@ def test_nuisances_move_poses_by_centimetres(base: Path, nuisance: str) -> None:
             assert 0.02 < of_others.mean() < 0.1
 
 
+def test_foreign_names_change_no_surface(base: Path, tmp_path: Path, bench: Bench) -> None:
+    made = make_drive(base, tmp_path / "drive", replace(_SMALL, firings=60, every_ring=8, foreign=True, frames=1))
+    twin = Twin(made.drive / "twin")
+    assert not set(twin.table.names) & set(bench.twin.table.names)
+    rays = bench.bare.aim.rays(bench.frame)
+    origin, direction = rays[0], rays[1][::50]
+    (solid, _), (same, _) = (
+        world.cast(bench.frame, origin, direction, 0.0, (0.9, 50.0)) for world in (twin, bench.twin)
+    )
+    np.testing.assert_array_equal(solid.distance, same.distance)
+    hit = solid.material >= 0
+    ours, theirs = twin.table.reflectance[solid.material], bench.twin.table.reflectance[same.material]
+    np.testing.assert_array_equal(ours[hit], theirs[hit])
+
+
 def test_noise_floor_is_that_of_the_noise_law(base: Path, tmp_path: Path) -> None:
     hidden = replace(_SMALL, noise=True, frames=1)
     made = make_drive(base, tmp_path / "drive", hidden)
