@@ -39,7 +39,9 @@ class PointCloud:
     @property
     def kitti(self) -> np.ndarray:
         """x y z intensity, (n, 4) float32: the rows of a velodyne file."""
-        return np.column_stack([self.xyz, self.intensity]).astype(np.float32)
+        rows = np.empty((len(self), 4), np.float32)
+        rows[:, :3], rows[:, 3] = self.xyz, self.intensity
+        return rows
 
 
 def bare_returns(hits: Hits) -> PointCloud:

@@ -70,11 +70,28 @@ class Returns:
 
     def replacing_beams(self, other: Returns) -> Returns:
         """`other`, and of this table the returns of beams that `other` has none of."""
-        if not len(self) or not len(other):
+        if not len(other):
+            return self
+        if not len(self):
             return self.merged(other)
+        row = np.minimum(np.searchsorted(self.beam, other.beam), len(self) - 1)
+        if (self.beam[row] == other.beam).all() and self._one_a_beam and other._one_a_beam:
+            return self._overwritten(row, other)
         replaced = np.zeros(max(self.beam.max(), other.beam.max()) + 1, bool)
         replaced[other.beam] = True
         return self.take(~replaced[self.beam]).merged(other)
+
+    @property
+    def _one_a_beam(self) -> bool:
+        return bool((np.diff(self.beam) > 0).all())
+
+    def _overwritten(self, rows: np.ndarray, other: Returns) -> Returns:
+        columns = []
+        for field in fields(self):
+            column = getattr(self, field.name).copy()
+            column[rows] = getattr(other, field.name)
+            columns.append(column)
+        return Returns(*columns)
 
     def _place(self) -> np.ndarray:
         """(m,) what tables are sorted by: beam, then number of the return."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from cosim.errors import FormatError
 from cosim.files import read_text
-from cosim.twin.json_values import Reader, arrays, matrix_json, number_json, poses, vector_json
+from cosim.twin.json_values import Reader, arrays, matrix_json, number_json, poses, positives, vector_json
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,6 +217,7 @@ def _instances(entries: list[Reader]) -> tuple[Instance, ...]:
         arrays(entries, "scale", (3,)),
     )
     yaw_rate, paint = arrays(entries, "yaw_rate_radps", ()).tolist(), arrays(entries, "paint", ()).tolist()
+    length, width, height = (positives(entries, key) for key in ("length_m", "width_m", "height_m"))
     return tuple(
         Instance(
             id=entry.text("id"),
@@ -225,9 +226,9 @@ def _instances(entries: list[Reader]) -> tuple[Instance, ...]:
             pose=pose[row],
             velocity_mps=velocity[row],
             yaw_rate_radps=yaw_rate[row],
-            length_m=entry.number("length_m", above=0),
-            width_m=entry.number("width_m", above=0),
-            height_m=entry.number("height_m", above=0),
+            length_m=length[row],
+            width_m=width[row],
+            height_m=height[row],
             scale=scale[row],
             paint=paint[row],
         )

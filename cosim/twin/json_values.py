@@ -26,7 +26,7 @@ def vector_json(vector: np.ndarray) -> list[float]:
 def matrix_json(matrix: np.ndarray) -> list[list[float]]:
     """A (3, 4) or (4, 4) matrix: last column to 1e-6, the others to 1e-9, without negative zeros."""
     rounded = np.round(np.asarray(matrix, np.float64), _ROTATION_DECIMALS)
-    rounded[:, 3] = np.round(rounded[:, 3], _LENGTH_DECIMALS)
+    rounded[:, 3] = np.round(np.asarray(matrix, np.float64)[:, 3], _LENGTH_DECIMALS)
     return (rounded + 0.0).tolist()
 
 
@@ -126,6 +126,12 @@ def arrays(entries: list[Reader], key: str, shape: tuple[int, ...]) -> np.ndarra
         return stacked.astype(np.float64)
     one_by_one = [entry.array(key, shape) if shape else entry.number(key) for entry in entries]  # names the fault
     return np.array(one_by_one, np.float64).reshape(len(entries), *shape)
+
+
+def positives(entries: list[Reader], key: str) -> list[float]:
+    """Numbers above 0, one of each entry."""
+    values = arrays(entries, key, ())
+    return values.tolist() if (values > 0).all() else [entry.number(key, above=0) for entry in entries]
 
 
 def poses(entries: list[Reader], key: str) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -81,10 +82,14 @@ class _FrameWork:
         if sensor.relabels:
             rng, calibration = self._source.rng(name), self._frame.frame.calibration
             labels = relabelled(exact, sensor, cloud.xyz, calibration, rng)
-            files[f"{EXACT}/{name}.txt"] = format_labels(exact, LABEL_DECIMALS).encode()
+            files[f"{EXACT}/{name}.txt"] = self._exact_file
         files[f"label_2/{name}.txt"] = format_labels(labels, LABEL_DECIMALS).encode()
         cared = sum(kind != DONT_CARE for kind in labels.type)
         return VariantFrame(files, {"points": len(cloud), "labels": cared, **difficulties(labels)})
+
+    @cached_property
+    def _exact_file(self) -> bytes:
+        return format_labels(self._frame.frame.exact_labels, LABEL_DECIMALS).encode()
 
     def _cloud(self, sensor: SensorModel) -> PointCloud:
         key = sensor.pattern, _told(effect for effect in sensor.effects if not isinstance(effect, LabelEffect))
