@@ -77,6 +77,8 @@ def _lines(effect: Any) -> list[str]:
     lines.append(f"  confused with: {', '.join(effect.confusable_with) or 'nothing in the catalogue'}")
     lines.append(f"  needs new rays: {'yes' if effect.needs_new_rays else 'no'}")
     lines.append(f"  reference: {effect.reference or 'none given'}")
+    if effect.taxonomy:
+        lines.append(f"  taxonomy: {effect.taxonomy_link()}")
     return lines
 
 
@@ -87,6 +89,7 @@ def _described(effect: Any) -> dict[str, Any]:
         "also": list(effect.also),
         "equation": effect.equation,
         "reference": effect.reference,
+        "taxonomy": effect.taxonomy_link() or None,
         "confusable_with": list(effect.confusable_with),
         "needs_new_rays": effect.needs_new_rays,
         "parameters": {

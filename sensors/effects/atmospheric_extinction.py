@@ -24,6 +24,7 @@ class AtmosphericExtinction(EchoEffect):
     also: ClassVar = ("drop",)
     equation: ClassVar = "I·exp(−2αR), lost below 0.005"
     reference: ClassVar = "Rasshofer et al.: Influences of weather on automotive laser radar, Adv. Radio Sci. 2011"
+    taxonomy: ClassVar = "sp18"
     confusable_with: ClassVar = ("range_falloff", "focal_response", "detection_threshold")
     example: ClassVar = {"alpha_per_m": 0.02}
     neutral: ClassVar = {"alpha_per_m": 0.0}

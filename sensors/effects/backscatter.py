@@ -26,6 +26,7 @@ class Backscatter(ScanEffect):
     also: ClassVar = ("drop", "range", "intensity")
     equation: ClassVar = "h(r) = density·exp(−r/mean_range)"
     reference: ClassVar = "Goodin et al.: Predicting the influence of rain on LIDAR in ADAS, Electronics 2019"
+    taxonomy: ClassVar = "sp22"
     confusable_with: ClassVar = ("false_alarms",)
     repeatable: ClassVar = True
     example: ClassVar = {"density_per_m": 0.02, "mean_range_m": 6.0}

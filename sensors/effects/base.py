@@ -16,6 +16,8 @@ from sensors.pattern import Pattern
 from sensors.returns import Returns
 from sensors.shot import Shot
 
+_LIDAR_LIMBS = "https://github.com/PerCollECT/LidarLimbs/blob/HEAD/data"
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -51,6 +53,7 @@ class Effect(BaseModel):
         channel: what it is about; `also`: further channels it cannot but touch.
         equation: the law, in one line.
         reference: where the law comes from.
+        taxonomy: its node in PerCollECT's LidarLimbs tree of causes and effects; empty where it has none.
         confusable_with: effects whose traces in data look alike.
         needs_new_rays: cannot be made from stored hits.
         needs_camera: uses the frame's grayscale and depth image where they are at hand.
@@ -70,6 +73,7 @@ class Effect(BaseModel):
     also: ClassVar[tuple[Channel, ...]] = ()
     equation: ClassVar[str] = ""
     reference: ClassVar[str] = ""
+    taxonomy: ClassVar[str] = ""
     confusable_with: ClassVar[tuple[str, ...]] = ()
     needs_new_rays: ClassVar[bool] = False
     needs_camera: ClassVar[bool] = False
@@ -79,6 +83,11 @@ class Effect(BaseModel):
     shapes: ClassVar[tuple[dict[str, Any], ...]] = ()
     is_candidate: ClassVar[bool] = True
     source: ClassVar[str] = ""  # where a user's effect was loaded from, as sensor files name it
+
+    @classmethod
+    def taxonomy_link(cls) -> str:
+        """Address of its node in LidarLimbs (Linnhoff et al., ITSC 2021); empty where it has none."""
+        return f"{_LIDAR_LIMBS}/{cls.taxonomy}_node.xml" if cls.taxonomy else ""
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:

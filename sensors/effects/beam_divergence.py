@@ -28,6 +28,7 @@ class BeamDivergence(EchoEffect):
     also: ClassVar = ("intensity", "drop")
     equation: ClassVar = "R = Σ wᵢρᵢRᵢ / Σ wᵢρᵢ over echoes closer than c·τ/2"
     reference: ClassVar = "Wagner et al.: Gaussian decomposition of full-waveform lidar, ISPRS J. 2006"
+    taxonomy: ClassVar = "sp55"
     confusable_with: ClassVar = ("range_noise", "incidence_bias")
     needs_new_rays: ClassVar = True
     example: ClassVar = {"divergence_mrad": 6.0, "pulse_ns": 6.0}

@@ -27,6 +27,7 @@ class Blooming(ScanEffect):
     also: ClassVar = ("range", "intensity", "drop")
     equation: ClassVar = "angle to a retro return (I > threshold) ≤ radius: R = R_retro, I = 0.3·I_retro"
     reference: ClassVar = "halos seen around plates and signs; law of this catalogue"
+    taxonomy: ClassVar = "re19"
     confusable_with: ClassVar = ("retroreflection", "beam_divergence")
     example: ClassVar = {"radius_deg": 1.0, "threshold": 0.7}
     neutral: ClassVar = {"radius_deg": 0.0, "threshold": 1.0}

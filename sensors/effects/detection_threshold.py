@@ -20,6 +20,7 @@ class DetectionThreshold(DetectionEffect):
     channel: ClassVar = "drop"
     equation: ClassVar = "P(kept) = 1/(1 + exp(−(I − threshold)/softness))"
     reference: ClassVar = "Richmond, Cain: Direct-Detection LADAR Systems, SPIE 2010, ch. 3"
+    taxonomy: ClassVar = "di3"
     confusable_with: ClassVar = ("random_dropout", "max_range", "atmospheric_extinction")
     example: ClassVar = {"threshold": 0.2, "softness": 0.02}
     neutral: ClassVar = {"threshold": 0.0, "softness": 0.0001}

@@ -21,6 +21,7 @@ class DetectorCompression(EchoEffect):
     channel: ClassVar = "intensity"
     equation: ClassVar = "c·(I/c)^γ"
     reference: ClassVar = "Höfle, Pfeifer: Correction of laser scanning intensity data, ISPRS J. 2007, section 3"
+    taxonomy: ClassVar = "re18"
     confusable_with: ClassVar = ("range_falloff", "incidence_falloff")
     example: ClassVar = {"gamma": 0.5, "pivot": 0.3}
     neutral: ClassVar = {"gamma": 1.0, "pivot": 0.3}

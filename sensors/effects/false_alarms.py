@@ -24,6 +24,7 @@ class FalseAlarms(ScanEffect):
     also: ClassVar = ("drop", "range", "intensity")
     equation: ClassVar = "N ~ Poisson(rate), azimuth ~ U(azimuth ± width/2), R ~ U(range_m)"
     reference: ClassVar = "Richmond, Cain: Direct-Detection LADAR Systems, SPIE 2010, ch. 3"
+    taxonomy: ClassVar = "sp17"
     confusable_with: ClassVar = ("backscatter", "mirror_ghost")
     repeatable: ClassVar = True
     example: ClassVar = {"rate_per_frame": 400.0, "azimuth_deg": 30.0, "width_deg": 40.0}

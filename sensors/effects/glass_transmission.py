@@ -27,6 +27,7 @@ class GlassTransmission(EchoEffect):
     also: ClassVar = ("range", "drop")
     equation: ClassVar = "I_behind·T²;  I_pane = (1 − T)·cos θ"
     reference: ClassVar = "Hecht: Optics, ch. 4; Velodyne VLP-16 user's manual, return modes"
+    taxonomy: ClassVar = "sp46"
     confusable_with: ClassVar = ("mirror_ghost", "random_dropout")
     example: ClassVar = {"transmission": 0.6, "mode": "strongest"}
     neutral: ClassVar = {"transmission": 1.0, "mode": "last"}

@@ -21,6 +21,7 @@ class IncidenceFalloff(EchoEffect):
     channel: ClassVar = "intensity"
     equation: ClassVar = "I·cosⁿθ"
     reference: ClassVar = "Kashani et al.: A review of LiDAR radiometric processing, Sensors 2015"
+    taxonomy: ClassVar = "sp51"
     confusable_with: ClassVar = ("incidence_bias", "range_falloff", "paint_gloss")
     example: ClassVar = {"exponent": 1.0}
     neutral: ClassVar = {"exponent": 0.0}

@@ -21,6 +21,7 @@ class IntensityNoise(NoiseEffect):
     channel: ClassVar = "intensity_variance"
     equation: ClassVar = "I·(1 + N(0, σ²))"
     reference: ClassVar = "Goodman: Statistical Optics, Wiley 2015 (speckle)"
+    taxonomy: ClassVar = "sp36"
     confusable_with: ClassVar = ("range_noise",)
     example: ClassVar = {"sigma_rel": 0.3}
     neutral: ClassVar = {"sigma_rel": 0.0}

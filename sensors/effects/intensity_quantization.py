@@ -21,6 +21,7 @@ class IntensityQuantization(PointEffect):
     channel: ClassVar = "intensity"
     equation: ClassVar = "step·round(clip(I, 0, 1)/step)"
     reference: ClassVar = "Geiger et al.: Vision meets robotics, IJRR 2013; steps measured on its files"
+    taxonomy: ClassVar = "re17"
     confusable_with: ClassVar = ("intensity_noise", "intensity_floor")
     example: ClassVar = {"step": 0.1}
     neutral: ClassVar = None

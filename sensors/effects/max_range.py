@@ -20,6 +20,7 @@ class MaxRange(EchoEffect):
     channel: ClassVar = "drop"
     equation: ClassVar = "kept while R ≤ range·√(ρ/0.1)"
     reference: ClassVar = "Velodyne and Ouster data sheets; signal ∝ ρ/R² for targets wider than the beam"
+    taxonomy: ClassVar = "re1"
     confusable_with: ClassVar = ("detection_threshold", "atmospheric_extinction")
     example: ClassVar = {"range_m": 30.0}
     neutral: ClassVar = {"range_m": 1000.0}

@@ -26,6 +26,7 @@ class MirrorGhost(EchoEffect):
     also: ClassVar = ("range", "intensity", "drop")
     equation: ClassVar = "R = R1 + R2, with probability strength on glass and metal"
     reference: ClassVar = "Zhao et al.: Mapping with reflection, SSRR 2020"
+    taxonomy: ClassVar = "sp47"
     confusable_with: ClassVar = ("glass_transmission", "false_alarms")
     needs_new_rays: ClassVar = True
     example: ClassVar = {"strength": 0.5}

@@ -20,6 +20,7 @@ class RandomDropout(DetectionEffect):
     channel: ClassVar = "drop"
     equation: ClassVar = "P(lost) = probability"
     reference: ClassVar = "Manivasagam et al.: LiDARsim, CVPR 2020, section 4.2"
+    taxonomy: ClassVar = "di1"
     confusable_with: ClassVar = ("detection_threshold",)
     example: ClassVar = {"probability": 0.2}
     neutral: ClassVar = {"probability": 0.0}

@@ -21,6 +21,7 @@ class RangeFalloff(EchoEffect):
     channel: ClassVar = "intensity"
     equation: ClassVar = "I·(1 + R/R0)^−p"
     reference: ClassVar = "Höfle, Pfeifer: Correction of laser scanning intensity data, ISPRS J. 2007"
+    taxonomy: ClassVar = "sp39"
     confusable_with: ClassVar = ("atmospheric_extinction", "focal_response", "incidence_falloff")
     example: ClassVar = {"reference_m": 30.0, "exponent": 2.0}
     neutral: ClassVar = {"reference_m": 30.0, "exponent": 0.0}

@@ -22,6 +22,7 @@ class SuspensionPitch(BeamEffect):
     channel: ClassVar = "pose"
     equation: ClassVar = "pitch = −gain·a_forward"
     reference: ClassVar = "Gillespie: Fundamentals of Vehicle Dynamics, SAE 1992, ch. 3"
+    taxonomy: ClassVar = "em9"
     confusable_with: ClassVar = ("mount_rotation", "elevation_offset")
     example: ClassVar = {"gain_deg_per_mps2": 0.5}
     neutral: ClassVar = {"gain_deg_per_mps2": 0.0}

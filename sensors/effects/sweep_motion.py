@@ -24,6 +24,7 @@ class SweepMotion(BeamEffect):
     channel: ClassVar = "pose"
     equation: ClassVar = "t = −T·az/2π;  p(t) = p0 + v·t, R(t) = Rz(ω·t)·R0"
     reference: ClassVar = "Moosmann, Stiller: Velodyne SLAM, IV 2011"
+    taxonomy: ClassVar = "sp37"
     confusable_with: ClassVar = ("time_offset", "encoder_eccentricity")
     example: ClassVar = {"sweep_s": 0.1}
     neutral: ClassVar = {"sweep_s": 0.0}

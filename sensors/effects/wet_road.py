@@ -30,6 +30,7 @@ class WetRoad(EchoEffect):
     also: ClassVar = ("intensity", "spurious", "range")
     equation: ClassVar = "I·(1 − film/2);  P(mirrored) = film·(F0 + (1 − F0)(1 − cos θ)⁵) on roads"
     reference: ClassVar = "Schlick: An inexpensive BRDF model for physically-based rendering, Eurographics 1994"
+    taxonomy: ClassVar = "sp67"
     confusable_with: ClassVar = ("detection_threshold", "atmospheric_extinction", "incidence_falloff")
     needs_new_rays: ClassVar = True
     example: ClassVar = {"film": 0.8}
