@@ -7,8 +7,9 @@ how well they fit: choosing points would cut the tails off the residuals that ar
 - A measured return is trusted where it lies over a trusted cell, within 0.3 m of the surface in height, or within
   0.3 m of a labelled object's box.
 - A traced hit is trusted where it is an instance, or static ground in a trusted cell.
-- A beam is compared where its traced hit is trusted and its measured return, if it has one, is trusted too: a
-  return from elsewhere is something that nobody labelled, standing in front.
+- A beam is compared where its traced hit is trusted and its measured return, if it has one, is trusted as part of the
+  same thing: the ground, or the same object's box. A return from elsewhere is something that nobody labelled standing
+  in front, or the outline of a model that is not quite the vehicle's.
 - `ground_range` says whether ranges on the ground mean something: with road seen to one side only, a slope and a
   sensor that looks too low are the same thing. Intensities and lost returns are good either way.
 """
@@ -107,8 +108,13 @@ class Trust:
             instance: (n,) rows of the instances hit, −1 the static world, −2 nothing.
             measured: (n, 3) world places of the measured returns; NaN where a beam has none.
         """
-        silent = np.isnan(measured).any(axis=1)
-        return self.traced(traced, instance) & (silent | self.measured(measured, instances))
+        same = np.array(np.isnan(measured).any(axis=1), bool)
+        on_ground = np.flatnonzero((instance == -1) & ~same)
+        same[on_ground] = self.measured(measured[on_ground], ())
+        for row, thing in enumerate(instances):
+            on_it = np.flatnonzero((instance == row) & ~same)
+            same[on_it] = in_box(measured[on_it], thing, MARGIN_M)
+        return self.traced(traced, instance) & same
 
     def _cells(self, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         place = (np.asarray(xy, np.float64) - self.corner_m) / self.cell_m

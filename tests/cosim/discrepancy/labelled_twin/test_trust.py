@@ -49,7 +49,7 @@ def test_a_beam_is_compared_where_both_ends_are_known() -> None:
     traced = np.array([ground, ground, ground, car, car, other, other])
     instance = np.array([-1, -1, -1, 0, 0, -1, -2])
     measured = np.array([ground, nothing, other, car, ground, ground, ground])
-    expected = [True, True, False, True, True, False, False]
+    expected = [True, True, False, True, False, False, False]
     assert _trust().beams([_box()], traced, instance, measured).tolist() == expected
 
 
