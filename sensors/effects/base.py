@@ -89,6 +89,14 @@ class Effect(BaseModel):
         """Address of its node in LidarLimbs (Linnhoff et al., ITSC 2021); empty where it has none."""
         return f"{_LIDAR_LIMBS}/{cls.taxonomy}_node.xml" if cls.taxonomy else ""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_in(cls, values: Any) -> Any:
+        """Parameters that are not said are neutral, if any is said."""
+        if isinstance(values, dict) and values and cls.neutral:
+            return {**{name: value for name, value in cls.neutral.items() if name in cls.model_fields}, **values}
+        return values
+
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
         """Its parameters in order."""
