@@ -13,7 +13,7 @@ from cosim.stats.plot import Axis, Plot, nice_top
 from cosim.stats.summary import DISTANCE_EDGES_M, OCCLUSIONS, histogram_mean, points_per_car, zero_share
 from cosim.stats.tally import INTENSITIES, INTENSITY_STEP, RANGE_STEP_M, RANGES_M, REACHES_M, Collected
 
-STYLES = ("a", "b")
+STYLES = ("a", "b", "c")
 _MOST_CLASSES = 9
 Sets = Sequence[Collected]
 
@@ -125,10 +125,11 @@ def _heat_maps(view: View, sets: Sets) -> list[Chart]:
         if view.outside(found.focus) > 0.0005:
             text += f" {view.outside(found.focus):.1%} lie outside."
         charts.append(Chart(title, text, plot.svg()))
-    if len(sets) == 2:
-        plot = view.plot(difference_colours(densities[0], densities[1], top), f"{word}: difference")
-        text = f"Orange: more of {sets[0].title}; blue: more of {sets[1].title}."
-        charts.append(Chart(f"{word}: difference", text, plot.svg()))
+    for one, other in ((0, 1), (2, 1), (0, 2))[: {2: 1, 3: 3}.get(len(sets), 0)]:
+        title = f"{word}: difference" if len(sets) == 2 else f"{word}: {sets[one].title} − {sets[other].title}"
+        plot = view.plot(difference_colours(densities[one], densities[other], top), title)
+        text = f"Orange: more of {sets[one].title}; blue: more of {sets[other].title}."
+        charts.append(Chart(title, text, plot.svg()))
     return charts
 
 

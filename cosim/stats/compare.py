@@ -19,10 +19,11 @@ class Distance:
     """How far apart two sets are in one quantity.
 
     Attributes:
-        key, title, unit: of the quantity; unit of `wasserstein`, `low`, `high`, `chance`.
+        key, title, unit: of the quantity; unit of `wasserstein`, `low`, `high`, `chance`, `floor`.
         wasserstein: 1-Wasserstein distance; of a plane, its mean over directions (sliced).
         low, high: 95 % interval over frames.
         chance: median distance between random halves of both sets together: what equal sets would show.
+        floor: median distance of as many frames of the second set as the first has, but at most half, from its rest.
         relative: `wasserstein` in standard deviations of the second set; of headings, in right angles.
         kolmogorov: Kolmogorov–Smirnov statistic, 0–1 (of headings, Kuiper's); None for a plane.
     """
@@ -34,6 +35,7 @@ class Distance:
     low: float
     high: float
     chance: float
+    floor: float
     relative: float
     kolmogorov: float | None
 
@@ -101,6 +103,7 @@ def _measure(quantity: _Quantity, a: list[Sample], b: list[Sample], draws: int, 
         result.low,
         result.high,
         result.chance,
+        result.floor,
         result.value / spread if spread > 0 else float(result.value > 0),
         float(Pair(a[0], b[0], quantity.period).kolmogorov(*once)[0]) if len(b) == 1 else None,
     )

@@ -120,12 +120,14 @@ class Estimate:
         value: of the two sets as they are.
         low, high: 95 % interval, by the basic bootstrap over frames, not below 0.
         chance: median distance of two sets of these sizes whose frames are drawn from both together.
+        floor: median distance of frames of b, as many as a has but at most half, from the rest of b.
     """
 
     value: float
     low: float
     high: float
     chance: float
+    floor: float
 
 
 def estimate(
@@ -153,9 +155,19 @@ def estimate(
 
     again = np.mean([pair.wasserstein(*drawn) for pair in pairs], axis=0)
     chance = np.mean([pair.pooled().wasserstein(first, 1 - first) for pair in pairs], axis=0)
+    part = np.zeros((draws, frames[1]))
+    part[:, : min(frames[0], frames[1] // 2)] = 1
+    part = rng.permuted(part, axis=1)
+    within = [Pair(b, b, period, b.spread * _GRID) for _, b in samples]
+    floor = np.mean([pair.wasserstein(part, 1 - part) for pair in within], axis=0)
     # a distance of noisy samples is too large; mirroring the quantiles takes that back (Davison & Hinkley 1997, § 5.2)
     high, low = 2 * value - np.nanquantile(again, [0.025, 0.975])
-    return Estimate(value, max(0.0, float(low)), max(0.0, float(high)), float(np.nanmedian(chance)))
+    return Estimate(value, max(0.0, float(low)), max(0.0, float(high)), float(np.nanmedian(chance)), _median(floor))
+
+
+def _median(values: np.ndarray) -> float:
+    """NaN without any, as of a set of one frame."""
+    return float(np.nanmedian(values)) if np.isfinite(values).any() else float("nan")
 
 
 def _matrix(sample: Sample, column: np.ndarray, columns: int) -> csr_array:

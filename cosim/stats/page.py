@@ -15,13 +15,15 @@ from cosim.stats.tally import FOCUS, INTENSITIES, Collected
 _MOST_RELATIVE = 2.0  # standard deviations that fill the bar
 
 
-def format_page(sets: Sequence[Collected], distances: Sequence[Distance]) -> str:
-    """The HTML text about one set, or two with their distances."""
-    title = " against ".join(found.title for found in sets)
+def format_page(sets: Sequence[Collected], distances: Sequence[Distance], beside: Sequence[Distance] = ()) -> str:
+    """The HTML text about one set, two with their distances, or three: the last is held against the second, too."""
+    title = " against ".join(found.title for found in sets[:2])
+    title += "".join(f", beside {found.title}" for found in sets[2:])
     sections = [
         f"<header><h1>{escape(title)}</h1>{_facts(sets)}</header>",
         _absent(sets),
         _distances(distances, sets),
+        _distances(beside, (sets[2], sets[1])) if len(sets) > 2 else "",
         _section("Where the cars are", position_charts(sets), "maps" if len(sets) > 1 else ""),
         _section("Points on cars against distance", point_charts(sets), "pairs"),
         _section("Scans", scan_charts(sets)),
@@ -75,17 +77,19 @@ def _distances(distances: Sequence[Distance], sets: Sequence[Collected]) -> str:
         rows.append(
             f"<tr><th>{escape(item.title)}</th><td>{_number(item.wasserstein)}</td>"
             f"<td>{_number(item.low)} – {_number(item.high)}</td><td>{_number(item.chance)}</td>"
+            f"<td>{_number(item.floor)}</td>"
             f"<td class=unit>{escape('' if item.unit == '1' else item.unit)}</td>"
             f"<td>{item.relative:.2f}</td><td class=bar>{bar}</td><td>{kolmogorov}</td></tr>"
         )
     return (
-        "<section><h2>Distances</h2>"
+        f"<section><h2>Distances of {escape(sets[0].title)} from {escape(sets[1].title)}</h2>"
         "<p>1-Wasserstein distance: how far, on average, one set’s values must move to become the other’s; of "
         f"positions the mean over {DIRECTIONS} directions of the plane (sliced), distance × height with both axes in "
         "standard deviations. The interval is drawn over frames; frames of one drive resemble each other, so it is "
         "rather too narrow. Chance is what two sets of these sizes drawn from both together would show: the tick on "
-        "the bar.</p>"
-        "<table><thead><tr><th></th><th>distance</th><th>95 %</th><th>chance</th><th></th>"
+        f"the bar. The floor is how far as many frames of {escape(sets[1].title)} alone (at most half) are from its "
+        "rest.</p>"
+        "<table><thead><tr><th></th><th>distance</th><th>95 %</th><th>chance</th><th>floor</th><th></th>"
         f"<th>in sd of {escape(sets[1].title)}</th><th></th><th>KS</th></tr></thead>"
         f"<tbody>{''.join(rows)}</tbody></table></section>"
     )
@@ -128,18 +132,21 @@ def _dimensions(sets: Sequence[Collected]) -> str:
 
 
 def _number(value: float) -> str:
+    if not isfinite(value):
+        return "—"
     if value >= 1000:
         return f"{value:,.0f}"
     return f"{value:.3f}" if value < 1 else f"{value:.2f}"
 
 
 _STYLE = """
-:root { --a: #ffb23e; --b: #5aa9ff; }
+:root { --a: #ffb23e; --b: #5aa9ff; --c: #6fd08c; }
 dl { display: flex; flex-wrap: wrap; align-items: end; gap: 6px 30px; margin: 0 0 12px; padding-left: 12px;
   border-left: 4px solid; }
-dl.a { border-color: var(--a); } dl.b { border-color: var(--b); }
+dl.a { border-color: var(--a); } dl.b { border-color: var(--b); } dl.c { border-color: var(--c); }
 dl div:first-child { min-width: 130px; } dl div:first-child dd { font-weight: 650; }
 dl.a div:first-child dd, th.a { color: var(--a); } dl.b div:first-child dd, th.b { color: var(--b); }
+dl.c div:first-child dd, th.c { color: var(--c); }
 dt { color: var(--muted); font-size: 12px; } dd { margin: 0; font-size: 17px; font-variant-numeric: tabular-nums; }
 section { border-top: 1px solid var(--line); padding-top: 22px; margin-top: 26px; }
 .charts { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(420px, 100%), 1fr)); gap: 16px; }
@@ -155,8 +162,9 @@ svg .label { font-size: 12.5px; } svg .value { font-size: 11px; fill: var(--text
 .grid { stroke: var(--line); stroke-width: 1; fill: none; } .axis { stroke: #4a5568; fill: none; }
 .line { fill: none; stroke-width: 1.8; stroke-linejoin: round; } .area { opacity: .16; } .band { opacity: .2; }
 .bar { opacity: .85; }
-.line.a { stroke: var(--a); } .line.b { stroke: var(--b); }
+.line.a { stroke: var(--a); } .line.b { stroke: var(--b); } .line.c { stroke: var(--c); }
 .area.a, .band.a, .bar.a, .dot.a { fill: var(--a); } .area.b, .band.b, .bar.b, .dot.b { fill: var(--b); }
+.area.c, .band.c, .bar.c, .dot.c { fill: var(--c); }
 table { border-collapse: collapse; margin-top: 14px; font-variant-numeric: tabular-nums; font-size: 14px; }
 th, td { padding: 4px 14px 4px 0; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--line); }
 thead th { color: var(--muted); font-weight: 500; font-size: 12.5px; }

@@ -15,8 +15,17 @@ from cosim.stats.summary import DISTANCE_EDGES_M, summarise
 from cosim.stats.tally import Collected
 
 
-def write_stats(folder: Path, sets: Sequence[Collected], distances: Sequence[Distance]) -> Path:
-    """Write `folder/index.html` about one set, or two with their distances; returns its path.
+def write_stats(
+    folder: Path, sets: Sequence[Collected], distances: Sequence[Distance], beside: Sequence[Distance] = ()
+) -> Path:
+    """Write `folder/index.html` about one set, or two with their distances, or three; returns its path.
+
+    Args:
+        folder: where.
+        sets: the set, the reference, and a third one that is held against the reference, too.
+        distances: of the first from the second.
+        beside: of the third from the second.
+
 
     Raises:
         OutputError: the folder cannot be written.
@@ -24,12 +33,17 @@ def write_stats(folder: Path, sets: Sequence[Collected], distances: Sequence[Dis
     index = folder / "index.html"
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        index.write_text(format_page(sets, distances), encoding="utf-8", newline="\n")
+        index.write_text(format_page(sets, distances, beside), encoding="utf-8", newline="\n")
     return index
 
 
-def as_json(sets: Sequence[Collected], distances: Sequence[Distance]) -> dict[str, Any]:
-    """`{"set": …, "against": … or null, "distances": {KEY: …} or null, "points_ratio": […] or null}`; NaN is null."""
+def as_json(
+    sets: Sequence[Collected], distances: Sequence[Distance], beside: Sequence[Distance] = ()
+) -> dict[str, Any]:
+    """`{"set": …, "against": … or null, "distances": {KEY: …} or null, "points_ratio": […] or null}`; NaN is null.
+
+    With a third set also `"beside": {"set": …, "distances": {KEY: …}}`.
+    """
     result: dict[str, Any] = {"set": summarise(sets[0]), "against": None, "distances": None, "points_ratio": None}
     if len(sets) > 1:
         result["against"] = summarise(sets[1])
@@ -40,6 +54,9 @@ def as_json(sets: Sequence[Collected], distances: Sequence[Distance]) -> dict[st
                 {"from_m": float(low), "to_m": float(high), "median_ratio": float(ratio)}
                 for (low, high), ratio in zip(pairwise(DISTANCE_EDGES_M), ratios, strict=True)
             ]
+    if len(sets) > 2:
+        distances_beside = {distance.key: distance.as_json() for distance in beside}
+        result["beside"] = {"set": summarise(sets[2]), "distances": distances_beside}
     return _without_nan(result)
 
 

@@ -84,3 +84,17 @@ def test_bad_input_is_a_line_and_exit_2(
     said = capsys.readouterr().err
     assert said.startswith("cosim stats: ")
     assert said.count("\n") == 1
+
+
+def test_a_third_set_is_held_against_the_same_reference(drive: Path, labels_only: Path, tmp_path: Path) -> None:
+    result = tmp_path / "r.json"
+    command = ["stats", str(drive), "--against", str(labels_only), "--beside", str(drive), "--out", str(tmp_path)]
+    assert main([*command, "--json", str(result), "--quiet"]) == 0
+    content = json.loads(result.read_text())
+    assert content["beside"]["distances"] == content["distances"]
+    assert page(tmp_path).count("<h2>Distances of") == 2
+
+
+def test_a_third_set_without_a_reference_is_refused(drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["stats", str(drive), "--beside", str(drive), "--quiet"]) == 2
+    assert "--against" in capsys.readouterr().err

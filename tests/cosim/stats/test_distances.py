@@ -123,3 +123,10 @@ def test_the_same_generator_gives_the_same_interval() -> None:
 def test_quantities_that_one_side_lacks_are_left_out() -> None:
     found = by_key(some_cars(0), cloud_of_cars(np.zeros((0, 3)), np.zeros(0, np.int64), FRAMES))
     assert set(found) == {"cars_per_frame"}
+
+
+def test_the_floor_is_what_a_reference_is_from_itself() -> None:
+    reference, same, moved = some_cars(1, count=2000), some_cars(2, count=2000), some_cars(3, (6, 0, 0), count=2000)
+    near, far = by_key(same, reference)["distance"], by_key(moved, reference)["distance"]
+    assert near.floor == pytest.approx(far.floor, rel=0.3)
+    assert near.wasserstein < 2 * near.floor < far.wasserstein
