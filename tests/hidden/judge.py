@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import resource
 import sys
@@ -15,7 +16,8 @@ def main() -> None:
     from cosim.discrepancy import compare, diagnose
 
     started = time.monotonic(), time.process_time()
-    diagnosis = diagnose(Path(task["drive"]), Path(task["sensor"]), out=Path(task["out"]))
+    page = {"out": Path(task["out"])} if "out" in inspect.signature(diagnose).parameters else {}
+    diagnosis = diagnose(Path(task["drive"]), Path(task["sensor"]), **page)
     result = {
         "wall_s": time.monotonic() - started[0],
         "cpu_s": time.process_time() - started[1],
@@ -23,9 +25,10 @@ def main() -> None:
         "diagnosis": diagnosis.to_json(),
     }
     _write(task, result)  # kept even where the comparison below fails
-    fitted = result["diagnosis"].get("sensor_out") or task["sensor"]
-    for key, sensor in (("held_out_before", task["sensor"]), ("held_out_after", fitted)):
-        result[key] = compare(Path(task["held_out"]), Path(sensor)).to_json()
+    fitted = result["diagnosis"].get("sensor_out")
+    fitted = Path(fitted) if fitted else diagnosis.sensor
+    for key, sensor in (("held_out_before", Path(task["sensor"])), ("held_out_after", fitted)):
+        result[key] = compare(Path(task["held_out"]), sensor).to_json()
     _write(task, result)
 
 

@@ -82,10 +82,10 @@ def mirror_ghost(scan: Scan, rng, strength: float) -> None:
     metal = np.isfinite(scan.solid.distance) & scan.table.metal[scan.solid.material] & scan.found & ~glazed
     far = scan.beams.range_m[1]
     for rows, surface in ((glazed & chosen, scan.pane), (metal & chosen, scan.solid)):
-        _mirror(scan, np.flatnonzero(rows), surface.distance.astype(float), surface.normal, far, folded=True)
+        _mirror(scan, np.flatnonzero(rows), surface.distance.astype(float), surface.normal, far)
 
 
-def _mirror(scan: Scan, rows, distance, normal, reach: float, folded: bool = False) -> None:
+def _mirror(scan: Scan, rows, distance, normal, reach: float) -> None:
     """Beams `rows` return what they meet after a mirror; those that meet nothing are left as they are."""
     if not len(rows):
         return
@@ -95,7 +95,7 @@ def _mirror(scan: Scan, rows, distance, normal, reach: float, folded: bool = Fal
     after = np.broadcast_to(scan.aim.after, scan.found.shape)[rows]
     seen, _ = scan.cast(start + 1e-3 * facing, mirrored, after, (0.0, reach))
     total = distance[rows] + seen.distance
-    met = np.isfinite(seen.distance) & ((total <= scan.beams.range_m[1]) if folded else True)
+    met = np.isfinite(seen.distance) & (total <= scan.beams.range_m[1])
     of = np.flatnonzero(met)
     rho = scan.reflectance(seen.material[of], seen.instance[of])
     scan.answer(rows[of], total[of], rho, rho, seen, of)
