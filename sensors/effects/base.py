@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, get_args, get_origin
 
 import numpy as np
 from annotated_types import Ge, Le
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from sensors.beams import Beams
 from sensors.effects.phases import Channel, Phase, Stage

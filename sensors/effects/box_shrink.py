@@ -31,7 +31,6 @@ class BoxShrink(LabelEffect):
     reference: ClassVar = "Synth It Like KITTI, arXiv:2502.15076, label bias; lift 0.04 m from its published code"
     confusable_with: ClassVar = ("few_points",)
     example: ClassVar = {"a_m": (0.2, 0.05, 0.05), "b": (0.25, 0.25, 0.05), "lift_m": 0.04}
-    neutral: ClassVar = {"a_m": (0.0, 0.0, 0.0), "b": (0.0, 0.0, 0.0), "lift_m": 0.0}
 
     a_m: per_axis(0, 2) = Field(  # type: ignore[valid-type]
         description="a, constant loss of length, width and height", json_schema_extra={"unit": "m"}
