@@ -18,15 +18,15 @@ def number_json(value: float) -> float:
     return round(float(value), _LENGTH_DECIMALS) + 0.0
 
 
-def vector_json(vector: np.ndarray) -> list[float]:
-    """A vector to 1e-6, without negative zeros."""
-    return [number_json(value) for value in vector]
+def vector_json(vector: np.ndarray) -> list[Any]:
+    """Vectors (…, n) to 1e-6, without negative zeros."""
+    return (np.round(np.asarray(vector, np.float64), _LENGTH_DECIMALS) + 0.0).tolist()
 
 
-def matrix_json(matrix: np.ndarray) -> list[list[float]]:
-    """A (3, 4) or (4, 4) matrix: last column to 1e-6, the others to 1e-9, without negative zeros."""
+def matrix_json(matrix: np.ndarray) -> list[Any]:
+    """Matrices (…, 3, 4) or (…, 4, 4): last column to 1e-6, the others to 1e-9, without negative zeros."""
     rounded = np.round(np.asarray(matrix, np.float64), _ROTATION_DECIMALS)
-    rounded[:, 3] = np.round(np.asarray(matrix, np.float64)[:, 3], _LENGTH_DECIMALS)
+    rounded[..., 3] = np.round(np.asarray(matrix, np.float64)[..., 3], _LENGTH_DECIMALS)
     return (rounded + 0.0).tolist()
 
 
