@@ -40,8 +40,9 @@ def main() -> None:
 
 def _row(case: Case, results: Path, chosen: argparse.Namespace) -> dict | None:
     path = results / f"{case.name}.json"
-    if path.exists() and not chosen.again:
-        return json.loads(path.read_text())
+    done = json.loads(path.read_text()) if path.exists() else None
+    if done and not chosen.again and (chosen.table or done["verdict"] != "failed"):
+        return done
     if chosen.table:
         return None
     row = run_case(case, chosen.folder, chosen.limit, chosen.keep)
@@ -68,7 +69,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--limit", type=float, default=900, help="seconds a diagnosis may take")
     parser.add_argument("--folder", type=Path, default=base_drives.FOLDER)
     parser.add_argument("--results", default="results", help="folder of finished cases in --folder")
-    parser.add_argument("--again", action="store_true", help="run finished cases, too")
+    parser.add_argument("--again", action="store_true", help="run finished cases, too; those that failed run anyway")
     parser.add_argument("--table", action="store_true", help="run nothing, print what is finished")
     parser.add_argument("--keep", action="store_true", help="keep drives and pages")
     parser.add_argument("--list", action="store_true", help="print the names of the cases")
