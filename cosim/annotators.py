@@ -14,8 +14,6 @@ _CERTAIN_PX = 45.0
 class Annotators(BaseModel):
     """How small an object may look in the image and still be labelled.
 
-    It looks as tall as its 2D box, times the root of the share of it that nothing hides.
-
     The share labelled is 1 / (1 + (height / height_px)^(−1/spread)). The default is what KITTI's own annotators left:
     in 7481 label files cars and DontCare regions are equally frequent at 21 px of height, cars are a quarter of both
     at 15 px and nine tenths at 45 px, from where on everybody is labelled here.
@@ -25,7 +23,7 @@ class Annotators(BaseModel):
 
     enabled: bool = Field(default=True, description="whether what looks small is left to DontCare regions at all")
     height_px: float = Field(
-        default=21.0, gt=0, le=200, description="height at which half of the objects are labelled [px]"
+        default=21.0, gt=0, le=200, description="height of the 2D box at which half of the objects are labelled [px]"
     )
     spread: float = Field(
         default=0.28, ge=0, le=2, description="how gradually they begin, in logarithms of height; 0: a sharp limit [1]"
@@ -39,7 +37,7 @@ class Annotators(BaseModel):
 
         Args:
             ids: of n objects.
-            height_px: (n,) how tall they look.
+            height_px: (n,) heights of their 2D boxes.
             seed: of the drawing.
         """
         if not self.enabled:

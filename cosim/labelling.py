@@ -103,8 +103,8 @@ class Labeller:
             occluded=np.searchsorted(_HIDDEN_SHARES, hidden, side="right"),
         )
         lost = np.linalg.norm(boxes.centre, axis=1) > self._range_m
-        looks_px = np.diff(clipped[:, 1::2])[:, 0] * np.sqrt(1 - hidden)
-        lost |= self._annotators.overlook([instances.ids[row] for row in rows], looks_px, self._seed)
+        height_px = np.diff(clipped[:, 1::2])[:, 0]
+        lost |= self._annotators.overlook([instances.ids[row] for row in rows], height_px, self._seed)
         if points is not None:
             lost |= points[rows] < self._min_points
         return dont_care_where(labels, lost)

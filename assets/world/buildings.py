@@ -41,9 +41,10 @@ def _walls(house: House, rng: np.random.Generator) -> list[Cells]:
 def _wall(house: House, start: np.ndarray, end: np.ndarray, side: int, rng: np.random.Generator) -> list[Cells]:
     length = float(np.linalg.norm(end - start))
     right = (end - start) / length
-    columns = house.bays(length)
-    wide, tall = length / columns, house.storey_m
-    column, storey = (grid.reshape(-1) for grid in np.meshgrid(np.arange(columns), np.arange(house.storeys)))
+    party = house.terrace and side in (1, 3)  # a plain wall that the neighbour covers
+    columns, storeys = (1, 1) if party else (house.bays(length), house.storeys)
+    wide, tall = length / columns, house.storey_m * house.storeys / storeys
+    column, storey = (grid.reshape(-1) for grid in np.meshgrid(np.arange(columns), np.arange(storeys)))
     n = len(column)
     flat = start + right * (column * wide)[:, None]
     corner = np.column_stack([flat, house.floor_m + storey * tall])
@@ -51,7 +52,7 @@ def _wall(house: House, start: np.ndarray, end: np.ndarray, side: int, rng: np.r
     kind = np.full(n, WINDOW)
     opening = np.tile([(wide - width) / 2, sill, (wide + width) / 2, sill + height], (n, 1))
     kind[rng.random(n) < (_BLIND_YARDS if house.terrace and side == 2 else _BLIND_SHARE[side])] = BLANK
-    if house.terrace and side in (1, 3):
+    if party:
         kind[:] = BLANK
     if side == 0:
         if house.shop:
@@ -68,11 +69,9 @@ def _wall(house: House, start: np.ndarray, end: np.ndarray, side: int, rng: np.r
         np.full(n, material_index("door")),
     )  # fmt: skip
     plinth = "stone" if house.wall == "stone" else "concrete"
-    foot = np.column_stack([start + right * (np.arange(columns) * wide)[:, None], np.full(columns, house.foot_m)])
     lower = Cells(
-        foot, np.tile(right, (columns, 1)), np.tile([wide, house.floor_m - house.foot_m], (columns, 1)),
-        np.zeros((columns, 4)), np.full(columns, BLANK), np.full(columns, material_index(plinth)),
-        np.full(columns, material_index("door")),
+        np.array([[*start, house.foot_m]]), right[None], np.array([[length, house.floor_m - house.foot_m]]),
+        np.zeros((1, 4)), np.full(1, BLANK), np.full(1, material_index(plinth)), np.full(1, material_index("door")),
     )  # fmt: skip
     return [upper, lower]
 

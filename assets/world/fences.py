@@ -16,7 +16,7 @@ PIECE_M = {
     "wall_brick": 6.0,
     "wall_stone": 6.0,
     "wall_plaster": 6.0,
-    "hedge": 3.0,
+    "hedge": 4.0,
 }
 FENCE_KINDS = tuple(PIECE_M)
 OPEN_KINDS = ("wire", "hedge", "hedge")  # between neighbours
@@ -35,13 +35,13 @@ def fence_piece(kind: str, rng: np.random.Generator) -> Mesh:
     if kind == "railing":
         return _railing(PIECE_M[kind])
     if kind == "wall_brick":
-        return _wall(PIECE_M[kind], 1.0, "brick", "concrete")
+        return _wall(PIECE_M[kind], 1.4, "brick", "concrete")
     if kind == "wall_stone":
         return _wall(PIECE_M[kind], 0.75, "stone", "stone")
     if kind == "wall_plaster":
-        return _wall(PIECE_M[kind], 1.5, "plaster_white", "roof_tile")
+        return _wall(PIECE_M[kind], 1.7, "plaster_white", "roof_tile")
     if kind == "hedge":
-        return hedge(rng, PIECE_M[kind], 0.7, 1.75)
+        return hedge(rng, PIECE_M[kind], 0.7, 1.8)
     raise ValueError(f"fence kind {kind!r} is unknown; use one of {', '.join(FENCE_KINDS)}")
 
 

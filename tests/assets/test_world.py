@@ -151,6 +151,18 @@ def test_no_house_touches_a_street_or_another_house(style):
 
 
 @pytest.mark.parametrize("style", sorted(STYLES))
+def test_street_fronts_are_built_up_as_the_style_says(style):
+    """Fronts and gaps as drawn would leave this share built; corners and meadows take the rest."""
+    rules, outlines = style_of(style), outline(small_town(style))
+    front_m, gap_m = np.mean(rules.front_m), np.mean(rules.side_gap_m)
+    drawn = front_m / (front_m + gap_m) * (1 - rules.gap_share)
+    plots = [plot for seed in range(6) for plot in lay_out(outlines.paved, rules, np.random.default_rng(seed))]
+    built = sum(plot.size_m[0] for plot in plots) / (6 * 8 * 72.0)  # both sides of four arms of 72 m
+    assert 0.2 * drawn < built < drawn
+    assert built > 0.5 if rules.terrace else built < 0.5
+
+
+@pytest.mark.parametrize("style", sorted(STYLES))
 def test_nothing_solid_stands_in_the_path_of_vehicles(style):
     town = small_town(style)
     world, outlines = build_world(town, seed=1), outline(town)
