@@ -1,0 +1,99 @@
+"""What bad input to `cosim variants` gets: one clear line and exit code 2."""
+
+import shutil
+
+import pytest
+
+from tests.cosim.conftest import cosim
+
+pytestmark = pytest.mark.xdist_group("drive")
+
+RAISES = '''
+from typing import ClassVar
+
+from sensors.effects import PointEffect
+
+
+class Broken(PointEffect):
+    """Never works."""
+
+    name: ClassVar = "broken"
+    channel: ClassVar = "range"
+
+    def apply(self, returns, shot, rng):
+        raise RuntimeError("out of ideas")
+'''
+NOT_A_NUMBER = RAISES.replace(
+    'raise RuntimeError("out of ideas")', "return replace(returns, range_m=returns.range_m / 0 * 0)"
+)
+NOT_A_NUMBER = NOT_A_NUMBER.replace("from typing", "from dataclasses import replace\nfrom typing")
+
+
+def refused(*arguments):
+    result = cosim("variants", *arguments, check=False)
+    assert result.returncode == 2, result.stderr
+    lines = [line for line in result.stderr.splitlines() if line.strip() and not line.startswith("WARNING")]
+    lines = [line for line in lines if "RuntimeWarning" not in line and not line.startswith("  ")]
+    assert len(lines) == 1 and "Traceback" not in result.stderr, result.stderr
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("variant", "complaint"),
+    [
+        ("duall", "'duall' does not exist"),
+        ("dual,dual", "two variants would be written to dual/"),
+        (",", "names none"),
+    ],
+)
+def test_an_unknown_or_doubled_variant(drive_folder, tmp_path, variant, complaint):
+    assert complaint in refused(drive_folder, "--variant", variant, "--out", tmp_path / "v")
+    assert not (tmp_path / "v").exists()
+
+
+def test_an_unknown_effect_in_a_sensor_file(drive_folder, tmp_path):
+    (tmp_path / "my.yaml").write_text("pattern: hdl64e\neffects: [{effect: range_nois}]\n")
+    line = refused(drive_folder, "--variant", tmp_path / "my.yaml", "--out", tmp_path / "v")
+    assert "did you mean range_noise" in line
+
+
+@pytest.mark.parametrize(("source", "complaint"), [(RAISES, "out of ideas"), (NOT_A_NUMBER, "NaN or infinity")])
+def test_an_effect_that_raises_or_gives_nonsense(drive_folder, tmp_path, source, complaint):
+    (tmp_path / "broken.py").write_text(source)
+    (tmp_path / "my.yaml").write_text("pattern: hdl64e\neffects: [{effect: ./broken.py:Broken}]\n")
+    line = refused(drive_folder, "--variant", tmp_path / "my.yaml", "--out", tmp_path / "v")
+    assert complaint in line and "broken.py" in line
+    assert not list((tmp_path / "v").rglob("*.bin"))
+
+
+def test_a_drive_without_hits_or_without_anything(drive_folder, tmp_path):
+    bare = tmp_path / "bare"
+    shutil.copytree(drive_folder, bare, ignore=shutil.ignore_patterns("hits"))
+    assert "no hits/000000.npz" in refused(bare, "--variant", "strongest", "--out", tmp_path / "v")
+    assert "no such folder" in refused(tmp_path / "none", "--variant", "strongest", "--out", tmp_path / "v")
+
+
+def test_a_drive_without_its_twin_where_new_rays_are_needed(drive_folder, tmp_path):
+    bare = tmp_path / "bare"
+    shutil.copytree(drive_folder, bare, ignore=shutil.ignore_patterns("static.glb"))
+    assert "static" in refused(bare, "--variant", "dual", "--out", tmp_path / "v")
+
+
+def test_a_folder_that_holds_something_else(drive_folder, tmp_path):
+    other = tmp_path / "other"
+    shutil.copytree(drive_folder, other, ignore=shutil.ignore_patterns("image_*", "depth_*"))
+    (other / "manifest.jsonl").write_text("".join((drive_folder / "manifest.jsonl").open().readlines()[:3]))
+    cosim("variants", other, "--variant", "hdl64e", "--out", tmp_path / "v", "--quiet")
+    assert "other settings" in refused(drive_folder, "--variant", "hdl64e", "--out", tmp_path / "v")
+    assert "lies within the drive" in refused(drive_folder, "--variant", "hdl64e", "--out", drive_folder / "v")
+    (tmp_path / "w/hdl64e").mkdir(parents=True)
+    (tmp_path / "w/hdl64e/notes.txt").write_text("mine")
+    assert "holds no drive" in refused(drive_folder, "--variant", "hdl64e", "--out", tmp_path / "w")
+
+
+def test_the_picture_shows_every_variant(variants_folder, drive_folder, tmp_path):
+    cosim(
+        *("variants", drive_folder, "--variant", "all", "--out", variants_folder, "--quiet"),
+        *("--picture", tmp_path / "p.png", "--beside", drive_folder),
+    )
+    assert (tmp_path / "p.png").stat().st_size > 500_000
