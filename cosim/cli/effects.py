@@ -70,7 +70,7 @@ def _lines(effect: Any) -> list[str]:
         if not bounds:
             bounds = f"{parameter.low:g} … {parameter.high:g}" if parameter.low is not None else "any"
         unit = f" {parameter.unit}" if parameter.unit else ""
-        many = ", one a laser" if parameter.per_ring else ""
+        many = ", one a laser" if parameter.per_ring else ", one for all or one an axis" if parameter.per_axis else ""
         lines.append(f"  {parameter.name}: {parameter.description} [{bounds}{unit}{many}]")
     if effect.also:
         lines.append(f"  also touches: {', '.join(effect.also)}")
@@ -99,6 +99,7 @@ def _described(effect: Any) -> dict[str, Any]:
                 "high": p.high,
                 "description": p.description,
                 "per_ring": p.per_ring,
+                "per_axis": p.per_axis,
                 "choices": list(p.choices),
             }
             for p in effect.parameters()

@@ -7,7 +7,8 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.shapes import box, plate
-from sensors.effects.base import Effect
+from sensors.effects.base import Effect, LabelEffect
+from sensors.label_boxes import LabelBoxes
 from sensors.motion import EgoMotion
 from sensors.pattern import load_pattern
 from sensors.returns import Returns
@@ -57,6 +58,8 @@ def measure_example(effects: tuple[Effect, ...], seed: int = 0) -> tuple[Returns
 
 def picture(effect: Effect) -> bytes:
     """PNG: the example from above before and after, and what became of ranges and intensities."""
+    if isinstance(effect, LabelEffect):
+        return _encoded(_label_panels(effect))
     before, before_xyz = measure_example(())
     after, after_xyz = measure_example((effect,))
     _, old, new = np.intersect1d(before.beam, after.beam, return_indices=True)
@@ -66,9 +69,45 @@ def picture(effect: Effect) -> bytes:
         _titled("range change over range", _scatter(before.range_m[old], after.range_m[new] - before.range_m[old])),
         _titled("intensity after over before", _scatter(before.intensity[old], after.intensity[new])),
     ]
-    done, png = cv2.imencode(".png", np.vstack([np.hstack(panels[:2]), np.hstack(panels[2:])]))
+    return _encoded(np.vstack([np.hstack(panels[:2]), np.hstack(panels[2:])]))
+
+
+def _encoded(image: np.ndarray) -> bytes:
+    done, png = cv2.imencode(".png", image)
     assert done  # encoding an 8-bit image to memory does not fail
     return png.tobytes()
+
+
+def _label_panels(effect: LabelEffect) -> np.ndarray:
+    """The example's cars from above with their boxes, before and after."""
+    _, pose, instances, _ = example_scene()
+    returns, xyz = measure_example(())
+    placed = (np.linalg.inv(pose) @ instances.poses)[:, :3, 3]
+    size = np.array([4.24, 1.7, 1.6])
+    boxes = LabelBoxes(
+        kinds=("Car",) * len(instances),
+        centre=np.add(placed, [0, 0, size[2] / 2]),
+        size=np.tile(size, (len(instances), 1)),
+        yaw=np.zeros(len(instances)),
+        kept=np.ones(len(instances), bool),
+        points=xyz.astype(np.float32),
+    )
+    sensor = SensorModel(load_pattern("hdl64e"), (effect,), "example")
+    panels = []
+    for title, shown in (("before, from above", boxes), (f"after {effect.name}", sensor.relabel(boxes))):
+        image = _from_above(xyz, returns.intensity)
+        for centre, edges, kept in zip(shown.centre, shown.size, shown.kept, strict=True):
+            high, low = (_plan_pixels(centre + sign * edges / 2) for sign in (1, -1))
+            colour = (60, 170, 255) if kept else (130, 130, 130)
+            cv2.rectangle(image, high, low, colour, 1)
+        panels.append(_titled(title, image))
+    return np.hstack(panels)
+
+
+def _plan_pixels(xyz: np.ndarray) -> tuple[int, int]:
+    row = (_AHEAD_M[1] - xyz[0]) / (_AHEAD_M[1] - _AHEAD_M[0]) * _PANEL_PX
+    column = (_ASIDE_M[1] - xyz[1]) / (_ASIDE_M[1] - _ASIDE_M[0]) * _PANEL_PX
+    return round(column), round(row)
 
 
 def _from_above(xyz: np.ndarray, intensity: np.ndarray) -> np.ndarray:
