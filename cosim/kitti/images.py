@@ -68,9 +68,9 @@ def encode_instances(numbers: np.ndarray) -> bytes:
 
 def depth_to_png16(depth_m: np.ndarray) -> np.ndarray:
     """Depth in metres as the uint16 values of KITTI's scale; see `encode_depth`."""
-    scaled = np.nan_to_num(np.rint(depth_m * DEPTH_SCALE_PER_M), nan=0, posinf=0, neginf=0)
-    scaled[(scaled < 0) | (scaled > _DEPTH_LIMIT)] = 0
-    return scaled.astype(np.uint16)
+    scaled = np.rint(depth_m * DEPTH_SCALE_PER_M)
+    within = (scaled > 0) & (scaled <= _DEPTH_LIMIT)  # false for NaN
+    return np.where(within, scaled, 0).astype(np.uint16)
 
 
 def decode_image(data: bytes, source: str | Path = "image") -> np.ndarray:

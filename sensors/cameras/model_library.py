@@ -37,6 +37,7 @@ class ModelLibrary:
         self._models: dict[tuple[str, int], _Model] = {}
         self._bounds: dict[str, np.ndarray] = {}
         self._instances = InstanceBuffer()
+        self._boxed: tuple[Instances, np.ndarray] | None = None
 
     def in_view(self, instances: Instances, planes: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rows (k,) of the instances inside the frustum, nearest first, and their boxes' corners (k, 8, 3).
@@ -48,15 +49,22 @@ class ModelLibrary:
         """
         if not len(instances.models):
             return np.zeros(0, np.int64), np.zeros((0, 8, 3))
-        bounds = np.stack([self._box(name) for name in instances.models])
-        poses = np.asarray(instances.poses, np.float64)
-        local = box_corners(bounds * np.asarray(instances.scales, np.float64)[:, None])
-        corners = np.einsum("nij,nkj->nki", poses[:, :3, :3], local) + poses[:, None, :3, 3]
-        centre = corners.mean(1)
+        corners = self._corners(instances)
+        centre = (corners[:, 0] + corners[:, -1]) / 2
         radius = np.linalg.norm(corners[:, 0] - centre, axis=1)
         rows = np.flatnonzero(spheres_inside(planes, centre, radius))
         rows = rows[np.argsort(np.linalg.norm(centre[rows] - eye, axis=1), kind="stable")]
         return rows, corners[rows]
+
+    def _corners(self, instances: Instances) -> np.ndarray:
+        """Corners of all boxes, (n, 8, 3) world axes, kept for the next camera that sees the same instances."""
+        if self._boxed is None or self._boxed[0] is not instances:
+            bounds = np.stack([self._box(name) for name in instances.models])
+            poses = np.asarray(instances.poses, np.float64)
+            local = box_corners(bounds * np.asarray(instances.scales, np.float64)[:, None])
+            corners = local @ poses[:, :3, :3].swapaxes(1, 2) + poses[:, None, :3, 3]
+            self._boxed = instances, corners
+        return self._boxed[1]
 
     def draw(self, instances: Instances, rows: np.ndarray, view: View) -> None:
         """Draw some instances; instance k carries number k + 1, and the program must be in use.

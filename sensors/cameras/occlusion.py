@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 _BLOCK_PX = 8
@@ -25,8 +26,9 @@ class Horizon:
 
     def __init__(self, inverse_depth: np.ndarray, clip_from_world: np.ndarray, near_m: float) -> None:
         self._height, self._width = inverse_depth.shape
-        rows = np.minimum.reduceat(inverse_depth, np.arange(0, self._height, _BLOCK_PX), axis=0)
-        self._farthest = np.minimum.reduceat(rows, np.arange(0, self._width, _BLOCK_PX), axis=1)
+        block = np.ones((_BLOCK_PX, _BLOCK_PX), np.uint8)
+        # an erosion is a running minimum; past the border it meets nothing
+        self._farthest = cv2.erode(inverse_depth, block, anchor=(0, 0))[::_BLOCK_PX, ::_BLOCK_PX]
         self._clip = clip_from_world
         self._near_m = near_m
 
