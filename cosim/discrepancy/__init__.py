@@ -1,0 +1,7 @@
+"""Compare with measurements, find the missing effect, add it, watch the error fall."""
+
+from cosim.discrepancy.compare import Comparison, compare
+from cosim.discrepancy.diagnose import diagnose
+from cosim.discrepancy.diagnosis import Diagnosis
+
+__all__ = ["Comparison", "Diagnosis", "compare", "diagnose"]

@@ -1,0 +1,103 @@
+"""The effects that may be missing, and where to look for each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sensors.effects.base import Effect, LabelEffect
+
+_SMALL = 0.02
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number of an effect that can be fitted, or one a ring.
+
+    Attributes:
+        name: of the parameter.
+        step: for finite differences.
+        low, high: bounds.
+        rings: how many numbers, 1 for plain ones.
+    """
+
+    name: str
+    step: float
+    low: float
+    high: float
+    rings: int
+
+
+def unknowns(kind: type[Effect]) -> tuple[Unknown, ...]:
+    """What can be fitted of an effect: its numbers, in order."""
+    found = []
+    for parameter in kind.parameters():
+        if parameter.choices:
+            continue
+        rings = len(kind.example[parameter.name]) if parameter.per_ring else 1
+        low = -np.inf if parameter.low is None else parameter.low
+        high = np.inf if parameter.high is None else parameter.high
+        found.append(Unknown(parameter.name, _scale(kind, parameter.name) * _SMALL, low, high, rings))
+    return tuple(found)
+
+
+def amplitudes(kind: type[Effect]) -> tuple[str, ...]:
+    """Parameters that switch an effect on: numbers that do nothing at 0, or that its example changes."""
+    neutral, shaped = kind.neutral or {}, {name for shape in kind.shapes for name in shape}
+    names = []
+    for unknown in unknowns(kind):
+        still = np.all(np.equal(neutral[unknown.name], 0)) or neutral[unknown.name] != kind.example[unknown.name]
+        if still and unknown.name not in shaped:
+            names.append(unknown.name)
+    return tuple(names)
+
+
+def weak_forms(kind: type[Effect]) -> Iterator[tuple[Effect, str, float]]:
+    """An effect weakly on, the amplitude that does it and by how much, for each amplitude and shape.
+
+    Shapes that leave no amplitude are whole settings of their own; their amplitude is empty.
+    """
+    neutral = dict(kind.neutral or kind.example)
+    names = amplitudes(kind)
+    for shape in kind.shapes or ({},):
+        off = {**neutral, **shape}
+        for name in names:
+            weak = _between(neutral[name], kind.example[name], _SMALL, _scale(kind, name))
+            step = float(np.mean(np.subtract(weak, neutral[name])))
+            yield kind.model_validate({**off, name: weak}), name, step
+        if not names:
+            yield kind.model_validate(off), "", 1.0
+
+
+def with_values(effect: Effect, values: Mapping[str, Any]) -> Effect:
+    """An effect with some parameters changed, within their bounds."""
+    kind = type(effect)
+    clipped: dict[str, Any] = {}
+    for name, value in values.items():
+        bounds = next((u for u in unknowns(kind) if u.name == name), None)
+        if bounds is not None:
+            value = np.clip(value, bounds.low, bounds.high)
+            value = tuple(value.tolist()) if np.ndim(value) else float(value)
+        clipped[name] = value
+    return kind.model_validate({**effect.model_dump(), **clipped})
+
+
+def can_be_fitted(kind: type[Effect]) -> bool:
+    """Whether the comparison of points can tell of it."""
+    return bool(kind.neutral) and bool(kind.example) and not issubclass(kind, LabelEffect)
+
+
+def _scale(kind: type[Effect], name: str) -> float:
+    """A natural size of a parameter."""
+    example = np.mean(np.abs(kind.example[name]))
+    apart = np.mean(np.abs(np.subtract(kind.example[name], (kind.neutral or kind.example)[name])))
+    return float(apart or example or 1.0)
+
+
+def _between(neutral: Any, example: Any, share: float, scale: float) -> Any:
+    if isinstance(neutral, tuple | list):
+        return tuple(float(value) + share * scale for value in neutral)
+    return neutral + share * (example - neutral if example != neutral else scale)

@@ -1,0 +1,54 @@
+"""Refuses drives that cannot be compared, and says why before anything is called a missing effect."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from cosim.discrepancy.frames import TracedFrame
+from cosim.errors import DriveError
+from cosim.kitti import Drive
+
+_AGREES_M = 0.5
+_FEWEST_SHARE = 0.35
+
+
+def opened(drive: Drive | str | Path) -> Drive:
+    """A drive that has what a comparison needs.
+
+    Raises:
+        DriveError: no points, or no twin.
+    """
+    drive = drive if isinstance(drive, Drive) else Drive(drive)
+    first = drive[drive.frames[0]]
+    if not first.has("twin/frames"):
+        raise DriveError(
+            f"{drive.root}: no twin/frames/{first.name}.json, so that beams cannot be traced; "
+            "write a twin, or make one from labels with `cosim twin`"
+        )
+    if not any(len(drive[name].points) for name in drive.frames[:3]):
+        raise DriveError(f"{drive.root}: the first scans hold no points; give a drive with measurements")
+    return drive
+
+
+def check_fit(frame: TracedFrame, drive: Drive) -> None:
+    """Refuse a twin that is not that of the drive.
+
+    Raises:
+        DriveError: too few points lie where the twin says; the measured misfit is told.
+    """
+    solid, observed = frame.shot.hits.solid, frame.observed
+    usable = observed.returned & observed.trusted
+    if not usable.any():
+        raise DriveError(
+            f"{drive.root}: no point of frame {frame.name} fits a beam of the sensor's pattern; name its own"
+        )
+    residual = observed.range_from(frame.shot.rays.origin) - solid.range_m
+    gap = np.abs(np.nan_to_num(residual[usable], nan=1e3, posinf=1e3, neginf=1e3))
+    share = float((gap < _AGREES_M).mean())
+    if share < _FEWEST_SHARE:
+        raise DriveError(
+            f"{drive.root}: the twin does not fit frame {frame.name}: only {share:.0%} of points lie within "
+            f"{_AGREES_M} m of it, the median is {np.median(gap):.2f} m off; check frames, axes and the LiDAR's pose"
+        )

@@ -1,0 +1,222 @@
+"""Which physical effects a sensor model lacks: gate, rank, add, refit, until nothing more is there."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from cosim.discrepancy.checks import check_fit, opened
+from cosim.discrepancy.compare import in_order
+from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
+from cosim.discrepancy.directions import directions
+from cosim.discrepancy.fitting import Fitted, Fitter, all_free
+from cosim.discrepancy.frames import FrameTracer, TracedFrame
+from cosim.discrepancy.gate import LEVEL, Verdict, run_gate
+from cosim.discrepancy.held_out import Split, split_frames
+from cosim.discrepancy.intervals import half_widths
+from cosim.discrepancy.ranking import Ranked, fit_candidate, shortlist
+from cosim.discrepancy.sample import Sample, draw_sample
+from cosim.discrepancy.testing import held_out_errors
+from cosim.kitti import Drive
+from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.registry import effect_classes
+from sensors.sensor_model import SensorModel, load_sensor
+
+_LOG = logging.getLogger(__name__)
+_ROWS, _QUICK_ROWS = 60_000, 20_000
+_MOST_EFFECTS = 5
+_ALIKE_BIC = 10.0
+
+
+@dataclass
+class _Model:
+    """The sensor as it stands: its effects, and which of them have been fitted here."""
+
+    effects: tuple[Effect, ...]
+    fitted: list[int] = field(default_factory=list)
+
+    @property
+    def bending(self) -> tuple[Effect, ...]:
+        return tuple(effect for effect in self.effects if isinstance(effect, BeamEffect))
+
+
+def diagnose(
+    drive: Drive | str | Path,
+    sensor: SensorModel | str | Path,
+    *,
+    extra: Sequence[type[Effect]] = (),
+    seed: int = 0,
+    on_progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Find the effects that a sensor model lacks against a drive.
+
+    Args:
+        drive: measured, with a twin, or its folder.
+        sensor: the model, or its file.
+        extra: effects of the user's own to ask for beside the catalogue and the installed ones.
+        seed: of samples and signs.
+        on_progress: is told what is being done.
+
+    Raises:
+        CosimError: the drive lacks points or a twin, or the twin does not fit it.
+        SensorError: the sensor file breaks the rules.
+    """
+    return Detective(opened(drive), sensor, extra, seed, on_progress or _LOG.debug).run()
+
+
+class Detective:
+    """One diagnosis; see `diagnose`."""
+
+    def __init__(
+        self,
+        drive: Drive,
+        sensor: SensorModel | str | Path,
+        extra: Sequence[type[Effect]],
+        seed: int,
+        say: Callable[[str], None],
+    ) -> None:
+        self.drive = drive
+        self.sensor = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
+        self.split: Split = split_frames(drive.frames)
+        self._kinds = candidate_kinds(extra)
+        self._seed, self._say = seed, say
+        self._tracer = FrameTracer(drive, self.sensor)
+        self._frames: list[TracedFrame] = []
+
+    def run(self) -> Diagnosis:
+        """Everything in order."""
+        model = _Model(in_order(self.sensor.effects))
+        self._trace(model)
+        check_fit(self._frames[0], self.drive)
+        findings: list[Finding] = []
+        ranking: list[Alternative] = []
+        errors = [held_out_errors(self._tracer, self.split.test, model.effects, self.sensor.origin)]
+        while True:
+            self._say(f"looking for effects beyond {len(findings)} found")
+            fitter = Fitter(self._sample(_ROWS))
+            fitted = fitter.fit(model.effects, self._free(model, fitter))
+            model.effects = fitted.effects
+            verdict = self._gate(fitter, fitted, model)
+            if verdict.p_value > LEVEL or len(findings) >= _MOST_EFFECTS:
+                break
+            ranked = self._rank(fitted, model, verdict)
+            ranking = ranking or [_alternative(one, verdict) for one in ranked]
+            best = next((one for one in ranked if one.delta_bic > 0), None)
+            if best is None:
+                break
+            self._say(f"adding {best.effect}")
+            self._add(model, best)
+            errors.append(held_out_errors(self._tracer, self.split.test, model.effects, self.sensor.origin))
+            findings.append(
+                Finding(
+                    effect=best.effect,
+                    params={},
+                    ci95={},
+                    p_value=_p_value(verdict, best.effect),
+                    error_before=errors[-2],
+                    error_after=errors[-1],
+                    also_possible=tuple(
+                        one.effect
+                        for one in ranked
+                        if one.effect != best.effect and one.delta_bic > best.delta_bic - _ALIKE_BIC
+                    ),
+                    delta_bic=best.delta_bic,
+                )
+            )
+        findings = self._settled(fitter, fitted, model, findings)
+        return Diagnosis.of(
+            drive=self.drive,
+            sensor=SensorModel(self.sensor.pattern, model.effects, self.sensor.origin),
+            findings=findings,
+            ranking=ranking or [_alternative(one, verdict) for one in ()],
+            verdict=verdict,
+            errors=errors,
+            split=self.split,
+        )
+
+    def _trace(self, model: _Model) -> None:
+        self._say("tracing the twin")
+        self._frames = [self._tracer.trace(name, model.bending) for name in self.split.fit]
+
+    def _sample(self, rows: int) -> Sample:
+        return draw_sample(self._frames, rows, np.random.default_rng([self._seed, rows]))
+
+    def _free(self, model: _Model, fitter: Fitter) -> tuple:
+        del fitter
+        return all_free(model.effects, model.fitted, self.sensor.pattern.rings)
+
+    def _gate(self, fitter: Fitter, fitted: Fitted, model: _Model) -> Verdict:
+        found = directions(fitter, fitted, self._kinds, model.fitted)
+        sample = fitter.sample
+        raw = fitter.evidence(fitted.prediction)
+        rng = np.random.default_rng([self._seed, 1])
+        return run_gate(found, fitted.evidence, raw, sample.track, sample.frame, fitted.columns, fitter.poses, rng)
+
+    def _rank(self, fitted: Fitted, model: _Model, verdict: Verdict) -> list[Ranked]:
+        """Candidates that are significant by themselves, the likeliest first."""
+        fitter = Fitter(self._sample(_QUICK_ROWS))
+        null = fitter.fit(model.effects, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
+        promising = shortlist(fitter, null, directions(fitter, null, self._kinds, model.fitted))
+        significant = {one.direction.effect for one in verdict.statistics if one.p_value <= LEVEL}
+        names = [name for name in promising if name in significant]
+        self._say(f"fitting {', '.join(names)}")
+        ranked = [fit_candidate(fitter, null, promising[name]) for name in names]
+        return sorted(ranked, key=lambda one: -one.delta_bic)
+
+    def _add(self, model: _Model, best: Ranked) -> None:
+        bent = model.bending
+        model.effects = best.fitted.effects
+        if best.place not in model.fitted:
+            model.fitted.append(best.place)
+        fitter = Fitter(self._sample(_ROWS))
+        model.effects = fitter.fit(model.effects, self._free(model, fitter)).effects
+        if model.bending != bent:
+            self._trace(model)
+            fitter = Fitter(self._sample(_ROWS))
+            model.effects = fitter.fit(model.effects, self._free(model, fitter)).effects
+
+    def _settled(self, fitter: Fitter, fitted: Fitted, model: _Model, findings: Sequence[Finding]) -> list[Finding]:
+        """Findings with the parameters and intervals of the last joint fit."""
+        widths = half_widths(fitter, fitted)
+        settled, at = {}, 0
+        for one in fitted.free:
+            part = widths[at : at + one.unknown.rings]
+            at += one.unknown.rings
+            value = np.asarray(getattr(fitted.effects[one.effect], one.unknown.name), float)
+            pair = (
+                np.stack([value - part, value + part], -1)
+                if value.ndim
+                else np.array([value - part[0], value + part[0]])
+            )
+            settled.setdefault(fitted.effects[one.effect].name, {})[one.unknown.name] = (value.tolist(), pair.tolist())
+        effects = {effect.name: effect for effect in fitted.effects}
+        done = []
+        for finding in findings:
+            mine = settled.get(finding.effect, {})
+            params = effects[finding.effect].model_dump(mode="json")
+            done.append(finding.settled(params, {name: pair for name, (_, pair) in mine.items()}))
+        return done
+
+
+def candidate_kinds(extra: Sequence[type[Effect]] = ()) -> tuple[type[Effect], ...]:
+    """Effects that a diagnosis asks for: of the catalogue, installed ones, and the user's own."""
+    kinds = {kind.name: kind for kind in effect_classes().values() if kind.is_candidate}
+    kinds.update({kind.name: kind for kind in extra})
+    return tuple(kind for kind in kinds.values() if kind.neutral is not None and kind.stage not in ("label", "traffic"))
+
+
+def _p_value(verdict: Verdict, effect: str) -> float:
+    found = verdict.of(effect)
+    return (
+        min((one.p_value for one in verdict.statistics if one.direction.effect == effect), default=1.0)
+        if found
+        else 1.0
+    )
+
+
+def _alternative(ranked: Ranked, verdict: Verdict) -> Alternative:
+    return Alternative(ranked.effect, ranked.delta_bic, _p_value(verdict, ranked.effect))

@@ -1,0 +1,147 @@
+"""What a diagnosis found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from cosim.discrepancy.gate import Verdict
+from cosim.discrepancy.held_out import Split
+from cosim.kitti import Drive
+from sensors.sensor_model import SensorModel
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """A candidate of the first round: how much the BIC falls with it, and its family-wise p-value."""
+
+    effect: str
+    delta_bic: float
+    p_value: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {"effect": self.effect, "delta_bic": self.delta_bic, "p_value": self.p_value}
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """An effect that was missing.
+
+    Attributes:
+        effect: its name.
+        params: fitted parameters, totals.
+        ci95: intervals of those that are numbers.
+        p_value: family-wise, when it was added.
+        error_before, error_after: error on held-out frames and its standard error, before and after it was added.
+        also_possible: what explains the data as well, within ΔBIC 10.
+        delta_bic: how much the BIC fell.
+    """
+
+    effect: str
+    params: Mapping[str, Any]
+    ci95: Mapping[str, Any]
+    p_value: float
+    error_before: tuple[float, float]
+    error_after: tuple[float, float]
+    also_possible: tuple[str, ...]
+    delta_bic: float
+
+    def settled(self, params: Mapping[str, Any], ci95: Mapping[str, Any]) -> Finding:
+        """With the parameters of the last fit."""
+        return replace(self, params=params, ci95=ci95)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {
+            "effect": self.effect,
+            "params": dict(self.params),
+            "ci95": dict(self.ci95),
+            "p_value": self.p_value,
+            "error_before": self.error_before[0],
+            "error_after": self.error_after[0],
+            "also_possible": list(self.also_possible),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The outcome.
+
+    Attributes:
+        verdict: none, missing, ambiguous or unknown.
+        effects: what was missing, in the order in which it was found.
+        ranking: candidates of the first round, the likeliest first.
+        unknown: what no candidate explains, or None.
+        smallest_detectable: amplitude of each effect that would have been seen with 80 % power.
+        error_before, error_after: on held-out frames.
+        noise_floor: the error of a model that is right up to noise.
+        sensor: the improved model.
+        split: which frames were fitted and which judged.
+    """
+
+    verdict: Literal["none", "missing", "ambiguous", "unknown"]
+    effects: tuple[Finding, ...]
+    ranking: tuple[Alternative, ...]
+    unknown: dict[str, Any] | None
+    smallest_detectable: Mapping[str, Mapping[str, float]]
+    error_before: float
+    error_after: float
+    noise_floor: float | None
+    sensor: SensorModel
+    split: Split
+    sensor_out: str | None = None
+
+    @classmethod
+    def of(
+        cls,
+        drive: Drive,
+        sensor: SensorModel,
+        findings: Sequence[Finding],
+        ranking: Sequence[Alternative],
+        verdict: Verdict,
+        errors: Sequence[tuple[float, float]],
+        split: Split,
+    ) -> Diagnosis:
+        """From the parts."""
+        del drive
+        ambiguous = any(finding.also_possible for finding in findings)
+        return cls(
+            verdict="ambiguous" if ambiguous else "missing" if findings else "none",
+            effects=tuple(findings),
+            ranking=tuple(ranking),
+            unknown=None,
+            smallest_detectable=_smallest(verdict),
+            error_before=errors[0][0],
+            error_after=errors[-1][0],
+            noise_floor=None,
+            sensor=sensor,
+            split=split,
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """What `cosim diagnose --json` writes."""
+        return {
+            "verdict": self.verdict,
+            "effects": [one.to_json() for one in self.effects],
+            "ranking": [one.to_json() for one in self.ranking],
+            "unknown": self.unknown,
+            "smallest_detectable": {name: dict(values) for name, values in self.smallest_detectable.items()},
+            "error_before": self.error_before,
+            "error_after": self.error_after,
+            "noise_floor": self.noise_floor,
+            "sensor_out": self.sensor_out,
+        }
+
+
+def _smallest(verdict: Verdict) -> dict[str, dict[str, float]]:
+    found: dict[str, dict[str, float]] = {}
+    for one in verdict.statistics:
+        direction = one.direction
+        if direction.amplitude and np.isfinite(one.smallest):
+            mine = found.setdefault(direction.effect, {})
+            mine[direction.amplitude] = min(one.smallest, mine.get(direction.amplitude, np.inf))
+    return found

@@ -1,0 +1,80 @@
+"""Beams at edges: a touch aside they meet something else, so small errors of pose and footprint decide what."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sensors.hits import Hits
+from sensors.rays import Rays
+
+_JUMP_M = 0.1
+_JUMP_SHARE = 0.01
+_GRAZING = 0.02
+
+
+class Neighbours:
+    """Which beams stand beside each: the same ring before and after, and the rings above and below.
+
+    Args:
+        rays: ring-major.
+        reach: how many firings to each side count.
+    """
+
+    def __init__(self, rays: Rays, reach: int = 2) -> None:
+        bounds = np.searchsorted(rays.ring, np.arange(257))
+        order = np.arange(len(rays))
+        rows: list[np.ndarray] = []
+        turn = _phase(rays)
+        for aside in [s for k in range(1, reach + 1) for s in (-k, k)]:
+            start, end = bounds[rays.ring], bounds[rays.ring.astype(int) + 1]
+            rows.append(start + (order - start + aside) % (end - start))
+        for step in (-1, 1):
+            row = np.full(len(rays), -1)
+            for ring in np.unique(rays.ring).tolist():
+                mine = slice(bounds[ring], bounds[ring + 1])
+                other = ring + step
+                if not 0 <= other < 256 or bounds[other] == bounds[other + 1]:
+                    continue
+                theirs = turn[bounds[other] : bounds[other + 1]]
+                at = np.searchsorted(theirs, turn[mine])
+                best = np.stack([(at - 1) % len(theirs), at % len(theirs)])
+                gap = np.abs(np.angle(np.exp(1j * (theirs[best] - turn[mine]))))
+                row[mine] = bounds[other] + np.where(gap[0] <= gap[1], best[0], best[1])
+            rows.append(row)
+        self.rows = np.stack(rows)
+
+    def at_edge(self, hits: Hits) -> np.ndarray:
+        """(n,) bool: beams beside which the world does not go on as the plane they meet.
+
+        Where beams grazing a surface are concerned the plane's range is no use, so they count as edges too.
+        """
+        solid = hits.solid
+        rotation = hits.pose[:3, :3].astype(np.float32)
+        direction = hits.rays.direction @ rotation.T
+        origin = hits.rays.origin @ rotation.T
+        normal = solid.normal
+        offset = np.einsum("ij,ij->i", normal, origin + direction * np.where(solid.exists, solid.range_m, 0)[:, None])
+        cos = np.abs(np.einsum("ij,ij->i", normal, direction))
+        edge = solid.exists & (cos < _GRAZING)
+        for row in self.rows:
+            there = row >= 0
+            other = np.where(there, row, 0)
+            slope = np.einsum("ij,ij->i", normal, direction[other])
+            foot = offset - np.einsum("ij,ij->i", normal, origin[other])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ahead = foot / slope
+            found = solid.range_m[other]
+            jump = ~(np.abs(found - ahead) < _JUMP_M + _JUMP_SHARE * found)
+            differs = (solid.exists != solid.exists[other]) | (solid.exists & (jump | _changes(solid.instance, other)))
+            edge |= there & differs
+        return edge
+
+
+def _changes(instance: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return instance != instance[other]
+
+
+def _phase(rays: Rays) -> np.ndarray:
+    """Azimuths rising within every ring (n,)."""
+    fall = np.median(np.diff(rays.azimuth[: max(2, np.searchsorted(rays.ring, rays.ring[0], "right"))])) < 0
+    return np.mod(np.pi - rays.azimuth if fall else rays.azimuth, 2 * np.pi)

@@ -1,0 +1,89 @@
+"""What residuals say about a change of the prediction, channel by channel.
+
+For a change Δ of a predicted quantity (mean range, log spread, probability …) a beam contributes `score`·Δ to the
+slope of the log-likelihood and `information`·Δ² to its curvature.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from cosim.discrepancy.likelihood import INTENSITY_FLOOR, NU, RANGE_FLOOR_M, RISE_SIGMA_M, Fit, pull
+from cosim.discrepancy.sample import Prediction, Sample
+
+Quantity = Literal["range", "rise", "intensity", "range_variance", "intensity_variance", "drop"]
+QUANTITIES: tuple[Quantity, ...] = ("range", "rise", "intensity", "range_variance", "intensity_variance", "drop")
+_MEAN_INFORMATION = (NU + 1) / (NU + 3) * NU / (NU - 2)
+_SPREAD_INFORMATION = 2.0  # of a Gaussian: of d log σ, E[(z² − 1)²]; and E[z² − 1] grows by 2 a unit of it
+_MOST_SQUARED = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Scores and informations of n beams, by quantity."""
+
+    score: dict[Quantity, np.ndarray]
+    information: dict[Quantity, np.ndarray]
+
+    @classmethod
+    def of(cls, sample: Sample, fit: Fit, rise_blur: float = 0.0) -> Evidence:
+        """The evidence in a fit; weighted so that beams of the sample stand for all."""
+        weight = sample.weight / sample.weight.mean()
+        matched = weight * fit.matched
+        rise_sigma = np.hypot(RISE_SIGMA_M, rise_blur)
+        variance = fit.seen * (1 - fit.seen)
+        possible = variance > 0
+        pair = np.maximum(sample.partner, 0)
+        paired = weight * fit.matched * fit.matched[pair] * (sample.partner >= 0)
+        range_gap = (fit.range_z - fit.range_z[pair]) / np.sqrt(2)
+        intensity_gap = (fit.intensity_z - fit.intensity_z[pair]) / np.sqrt(2)
+        binary = np.where(possible, weight / np.where(possible, variance, 1), 0.0)
+        score: dict[Quantity, np.ndarray] = {
+            "range": matched * pull(fit.range_z) / fit.range_sigma_m,
+            "rise": matched * pull(fit.rise_z) / rise_sigma,
+            "range_variance": paired * _spread_excess(range_gap),
+            "drop": binary * (fit.matched - fit.seen),
+        }
+        information: dict[Quantity, np.ndarray] = {
+            "range": matched * _MEAN_INFORMATION / fit.range_sigma_m**2,
+            "rise": matched * _MEAN_INFORMATION / rise_sigma**2,
+            "range_variance": paired * _SPREAD_INFORMATION,
+            "drop": binary,
+        }
+        if sample.has_intensity:
+            bright = weight * fit.bright
+            lit = weight * fit.bright * fit.bright[pair] * (sample.partner >= 0)
+            score["intensity"] = bright * pull(fit.intensity_z) / fit.intensity_sigma
+            information["intensity"] = bright * _MEAN_INFORMATION / fit.intensity_sigma**2
+            score["intensity_variance"] = lit * _spread_excess(intensity_gap)
+            information["intensity_variance"] = lit * _SPREAD_INFORMATION
+        return cls(score, information)
+
+
+def change(before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:
+    """How a prediction changes, (n,) by quantity; quantities that stay are left out."""
+    both = np.isfinite(before.range_m) & np.isfinite(after.range_m)
+    # A change of reported centre moves points along and across; what was measured stays.
+    found: dict[Quantity, np.ndarray] = {
+        "range": np.where(both, after.range_m - before.range_m, 0.0),
+        "rise": np.where(both, after.rise_m - before.rise_m, 0.0),
+        "intensity": after.intensity - before.intensity,
+        "range_variance": np.log(_floored(after.range_sigma_m) / _floored(before.range_sigma_m)),
+        "intensity_variance": np.log(
+            np.hypot(after.intensity_sigma, INTENSITY_FLOOR) / np.hypot(before.intensity_sigma, INTENSITY_FLOOR)
+        ),
+        "drop": after.seen - before.seen,
+    }
+    return {name: values for name, values in found.items() if np.any(np.abs(values) > 1e-12)}
+
+
+def _spread_excess(gap: np.ndarray) -> np.ndarray:
+    """Above 0 where neighbours scatter more than stated, 0 on average for any law of the stated standard deviation."""
+    return np.minimum(gap**2, _MOST_SQUARED) - 1
+
+
+def _floored(sigma_m: np.ndarray) -> np.ndarray:
+    return np.hypot(sigma_m, RANGE_FLOOR_M)

@@ -1,0 +1,94 @@
+"""What a sensor model expects of every beam, chance left out: means, spreads and probabilities."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sensors.effects.base import EchoEffect, Effect, NoiseEffect, PointEffect, ScanEffect
+from sensors.effects.phases import CLIP_BEFORE, Phase
+from sensors.returns import Returns
+from sensors.shot import Shot, returns_of
+
+_DRAWS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Expectation:
+    """Of n beams.
+
+    Attributes:
+        range_m: (n,) float64 mean range of the answering surface from the reported optical centre; NaN where none can.
+        range_sigma_m: (n,) its standard deviation.
+        intensity: (n,) mean intensity, 0–1.
+        intensity_sigma: (n,) its standard deviation.
+        seen: (n,) probability that the surface's return is reported; 0 where none can.
+    """
+
+    range_m: np.ndarray
+    range_sigma_m: np.ndarray
+    intensity: np.ndarray
+    intensity_sigma: np.ndarray
+    seen: np.ndarray
+
+
+def expect(effects: Sequence[Effect], shot: Shot) -> Expectation:
+    """What effects, in the order in which they act, let expect of a traced shot."""
+    beams = len(shot.rays)
+    returns = returns_of(shot.hits)
+    seen = np.ones(beams)
+    range_variance, intensity_variance = np.zeros(beams), np.zeros(beams)
+    clips = list(CLIP_BEFORE)
+    for effect in effects:
+        while clips and effect.phase >= clips[0]:
+            clips.pop(0)
+            returns = replace(returns, intensity=returns.intensity.clip(0, 1))
+        if isinstance(effect, EchoEffect):
+            returns, chance = effect.expected(returns, shot)
+            first = returns.return_no == 0
+            if not first.all():
+                returns, chance = returns.take(first), chance[first]
+            seen[returns.beam] *= chance
+        elif isinstance(effect, NoiseEffect):
+            of_range, of_intensity = effect.spread(returns, shot)
+            range_variance[returns.beam] += np.square(of_range)
+            intensity_variance[returns.beam] += np.square(of_intensity)
+        elif isinstance(effect, PointEffect):
+            returns, spread = _mean_and_spread(effect, returns, shot)
+            range_variance[returns.beam] += spread[0]
+            intensity_variance[returns.beam] += spread[1]
+        elif isinstance(effect, ScanEffect):
+            seen[returns.beam] *= effect.survival(returns, shot)
+    there = np.zeros(beams, bool)
+    there[returns.beam] = True
+    mean_range, mean_intensity = np.full(beams, np.nan), np.zeros(beams)
+    mean_range[returns.beam] = returns.range_m
+    mean_intensity[returns.beam] = returns.intensity.clip(0, 1)
+    return Expectation(
+        range_m=mean_range,
+        range_sigma_m=np.sqrt(range_variance),
+        intensity=mean_intensity,
+        intensity_sigma=np.sqrt(intensity_variance),
+        seen=np.where(there, seen, 0.0),
+    )
+
+
+def _mean_and_spread(
+    effect: PointEffect, returns: Returns, shot: Shot
+) -> tuple[Returns, tuple[np.ndarray | float, np.ndarray | float]]:
+    """Returns after a point effect, and the variances it brings; a user's own may draw random numbers."""
+    changed = effect.apply(returns, shot, np.random.default_rng(0))
+    if effect.phase == Phase.ROUNDING:
+        # Rounding leaves the mean where it was and spreads evenly over a step.
+        of_range = np.mean(np.square(changed.range_m - returns.range_m, dtype=np.float64)) if len(returns) else 0.0
+        of_intensity = np.mean(np.square(changed.intensity - returns.intensity)) if len(returns) else 0.0
+        return returns, (float(of_range), float(of_intensity))
+    if not effect.source:
+        return changed, (0.0, 0.0)
+    draws = [effect.apply(returns, shot, np.random.default_rng(seed)) for seed in range(1, _DRAWS)]
+    ranges = np.stack([changed.range_m, *(draw.range_m for draw in draws)])
+    intensities = np.stack([changed.intensity, *(draw.intensity for draw in draws)])
+    mean = replace(changed, range_m=ranges.mean(0), intensity=intensities.mean(0))
+    return mean, (ranges.var(0, ddof=1), intensities.var(0, ddof=1))

@@ -1,0 +1,238 @@
+"""Fits parameters of effects to a sample, together with the pose errors of every scan.
+
+Gauss–Newton on the likelihood of `likelihood.py`. Pose errors are random effects whose spread is estimated along
+(expectation–maximisation), so that a mount that is off is told from scans that are each off by their own error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cosim.discrepancy.candidates import Unknown, unknowns, with_values
+from cosim.discrepancy.evidence import Evidence, change
+from cosim.discrepancy.likelihood import Fit, judge
+from cosim.discrepancy.sample import Prediction, Sample
+from cosim.discrepancy.system import Column, Normal, pose_matrix
+from sensors.effects.base import Effect
+
+_POSE_FLOOR = np.array([5e-4] * 3 + [np.radians(2e-3)] * 3)
+_POSE_START = np.array([0.02] * 3 + [np.radians(0.05)] * 3)
+_POSE_MOST = np.array([0.5] * 3 + [np.radians(3.0)] * 3)
+_GAIN_M = 1e-3  # log-likelihood that a step must still bring
+_STEPS = 12
+_HALVINGS = 6
+_FAR_M, _FINE_M = 3.0, 0.01
+_ROUGH, _ROUGH_SHARE = 6.0, 0.96
+
+
+@dataclass(frozen=True)
+class Free:
+    """A parameter of one of the effects that is fitted: which effect, and what can be fitted of it."""
+
+    effect: int
+    unknown: Unknown
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fit.
+
+    Attributes:
+        effects: with fitted parameters.
+        free: what was fitted.
+        pose: (scans, 6) estimated pose errors.
+        pose_sigma: (6,) their spread.
+        loglik: of the sample, pose errors integrated out (Laplace).
+        prediction, fit, evidence: at the end.
+        columns: linearisation there, one for each of `free`.
+    """
+
+    effects: tuple[Effect, ...]
+    free: tuple[Free, ...]
+    pose: np.ndarray
+    pose_sigma: np.ndarray
+    loglik: float
+    prediction: Prediction
+    fit: Fit
+    evidence: Evidence
+    columns: tuple[Column, ...]
+
+    def values(self, effect: int) -> Mapping[str, Any]:
+        """Fitted parameters of one of the effects."""
+        return {free.unknown.name: getattr(self.effects[effect], free.unknown.name) for free in self.free_of(effect)}
+
+    def free_of(self, effect: int) -> list[Free]:
+        """What was fitted of one of the effects."""
+        return [free for free in self.free if free.effect == effect]
+
+
+class Fitter:
+    """Fits effects to a sample.
+
+    Args:
+        sample: the measurements.
+    """
+
+    def __init__(self, sample: Sample) -> None:
+        self.sample = sample
+        self.poses = pose_matrix(sample)
+        self._scans = len(sample.names)
+
+    def fit(
+        self,
+        effects: Sequence[Effect],
+        free: Sequence[Free],
+        *,
+        pose: np.ndarray | None = None,
+        pose_sigma: np.ndarray | None = None,
+        steps: int = _STEPS,
+    ) -> Fitted:
+        """Fit some parameters, starting from those the effects have.
+
+        Args:
+            effects: all effects of the sensor.
+            free: what may change.
+            pose, pose_sigma: where to start with the scans' pose errors.
+            steps: most Gauss–Newton steps.
+        """
+        current, free = tuple(effects), tuple(free)
+        pose = np.zeros((self._scans, 6)) if pose is None else pose
+        sigma = _POSE_START if pose_sigma is None else pose_sigma
+        state = self._state(current, pose)
+        for blur in self._blurs(state):
+            current, pose, sigma = self._descend(current, free, pose, sigma, blur, steps)
+            state = self._state(current, pose)
+        columns = self.columns(current, free, state[0])
+        evidence = self.evidence(state[0], pose)
+        loglik = self._marginal(state[1], pose, sigma)
+        return Fitted(current, free, pose, sigma, loglik, state[0], state[1], evidence, columns)
+
+    def columns(self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction) -> tuple[Column, ...]:
+        """How the prediction changes with each free parameter."""
+        found = []
+        for one in free:
+            effect, unknown = effects[one.effect], one.unknown
+            value = np.asarray(getattr(effect, unknown.name), float)
+            step = unknown.step if np.all(value + unknown.step <= unknown.high) else -unknown.step
+            moved = with_values(effect, {unknown.name: value + step})
+            after = self.sample.predict((*effects[: one.effect], moved, *effects[one.effect + 1 :]))
+            delta = {name: values / step for name, values in change(at, after).items()}
+            ring = self.sample.ring if unknown.rings > 1 else None
+            found.append(Column(delta, ring, unknown.rings))
+        return tuple(found)
+
+    def shift(self, pose: np.ndarray) -> np.ndarray:
+        """Change of ranges (n,) [m] by pose errors (scans, 6)."""
+        return self.poses @ pose.ravel()
+
+    def _state(self, effects: tuple[Effect, ...], pose: np.ndarray, blur: float = 0.0) -> tuple[Prediction, Fit]:
+        prediction = self.sample.predict(effects)
+        return prediction, judge(self.sample, prediction, blur, self.shift(pose))
+
+    def _blurs(self, state: tuple[Prediction, Fit]) -> list[float]:
+        """Widths of ranges to fit with one after the other, down to none."""
+        wide = self.roughness(state[0])
+        blurs = []
+        while wide > 0:
+            blurs.append(wide)
+            wide = wide / 4 if wide / 4 > _FINE_M else 0.0
+        return [*blurs, 0.0]
+
+    def roughness(self, prediction: Prediction, pose: np.ndarray | None = None) -> float:
+        """How far off ranges are where they are far off [m]; 0 where all are within a few standard deviations."""
+        mean = prediction.range_m if pose is None else prediction.range_m + self.shift(pose)
+        gap = np.abs(self.sample.along_m - mean)
+        near = np.isfinite(gap) & (gap < _FAR_M)
+        if not near.any():
+            return 0.0
+        order = np.argsort(gap[near])
+        below = np.cumsum(self.sample.weight[near][order])
+        wide = float(gap[near][order][np.searchsorted(below, _ROUGH_SHARE * below[-1])])
+        stated = float(np.median(prediction.range_sigma_m[near]))
+        return wide if wide > _ROUGH * max(stated, _FINE_M) else 0.0
+
+    def evidence(self, prediction: Prediction, pose: np.ndarray | None = None) -> Evidence:
+        """The evidence at a prediction; where ranges are far off with a spread to match, so that it counts."""
+        shift = None if pose is None else self.shift(pose)
+        blur = self.roughness(prediction, pose)
+        return Evidence.of(self.sample, judge(self.sample, prediction, blur, shift), blur)
+
+    def _descend(
+        self,
+        effects: tuple[Effect, ...],
+        free: tuple[Free, ...],
+        pose: np.ndarray,
+        sigma: np.ndarray,
+        blur: float,
+        steps: int,
+    ) -> tuple[tuple[Effect, ...], np.ndarray, np.ndarray]:
+        prediction, fit = self._state(effects, pose, blur)
+        value = self._penalised(fit, pose, sigma)
+        for _ in range(steps):
+            evidence = Evidence.of(self.sample, fit, blur)
+            normal = Normal.of(self.columns(effects, free, prediction), evidence, self.poses)
+            precision = np.tile(1 / sigma**2, self._scans)
+            right = normal.right.copy()
+            right[normal.parameters :] -= precision * pose.ravel()
+            prior = np.append(np.zeros(normal.parameters), precision)
+            system = normal.matrix + np.diag(prior + 1e-9 * np.diag(normal.matrix) + 1e-12)
+            step = np.linalg.solve(system, right)
+            gained = -np.inf
+            for halving in range(_HALVINGS):
+                part = step * 0.5**halving
+                trial = _moved(effects, free, part[: normal.parameters])
+                tilted = pose + part[normal.parameters :].reshape(pose.shape)
+                state = self._state(trial, tilted, blur)
+                reached = self._penalised(state[1], tilted, sigma)
+                if reached > value:
+                    gained = reached - value
+                    effects, pose, (prediction, fit), value = trial, tilted, state, reached
+                    break
+            sigma = self._spread(normal, pose, sigma)
+            value = self._penalised(fit, pose, sigma)
+            if gained < max(_GAIN_M, 1e-7 * abs(value)):
+                break
+        return effects, pose, sigma
+
+    def _spread(self, normal: Normal, pose: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+        """One step of expectation–maximisation for the spread of pose errors."""
+        count = normal.parameters
+        block = normal.matrix[count:, count:] + np.diag(np.tile(1 / sigma**2, self._scans))
+        uncertain = np.diag(np.linalg.inv(block)).reshape(-1, 6)
+        return np.clip(np.sqrt((pose**2 + uncertain).mean(0)), _POSE_FLOOR, _POSE_MOST)
+
+    def _penalised(self, fit: Fit, pose: np.ndarray, sigma: np.ndarray) -> float:
+        weight = self.sample.weight / self.sample.weight.mean()
+        return float(weight @ fit.loglik) - 0.5 * float(((pose / sigma) ** 2).sum())
+
+    def _marginal(self, fit: Fit, pose: np.ndarray, sigma: np.ndarray) -> float:
+        normal = Normal.of((), Evidence.of(self.sample, fit), self.poses)
+        scale = np.tile(sigma, self._scans)
+        matrix = np.eye(len(scale)) + scale[:, None] * normal.matrix * scale
+        return self._penalised(fit, pose, sigma) - 0.5 * float(np.linalg.slogdet(matrix)[1])
+
+
+def all_free(effects: Sequence[Effect], which: Sequence[int], rings: int) -> tuple[Free, ...]:
+    """Everything that can be fitted of the effects at some places; lists with one value a laser only if of `rings`."""
+    found = []
+    for place in which:
+        for unknown in unknowns(type(effects[place])):
+            length = np.size(getattr(effects[place], unknown.name))
+            if unknown.rings == 1 or length == rings:
+                found.append(Free(place, unknown))
+    return tuple(found)
+
+
+def _moved(effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarray) -> tuple[Effect, ...]:
+    changed, at = list(effects), 0
+    for one in free:
+        value = np.asarray(getattr(changed[one.effect], one.unknown.name), float)
+        part = step[at : at + one.unknown.rings]
+        at += one.unknown.rings
+        moved = value + (part if value.ndim else part[0])
+        changed[one.effect] = with_values(changed[one.effect], {one.unknown.name: moved})
+    return tuple(changed)

@@ -1,0 +1,255 @@
+"""Is anything missing at all? A score test that knows that returns share errors.
+
+Every candidate's slope of the log-likelihood is summed by track and by scan. Under "nothing missing" the sums have
+random signs, so drawing signs gives the distribution of the largest of all candidates' statistics (max-T; Cameron,
+Gelbach, Miller 2008 on wild cluster bootstraps; Westfall, Young 1993 on max-T). The less favourable of the two
+clusterings counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy import sparse
+
+from cosim.discrepancy.evidence import Evidence, Quantity
+from cosim.discrepancy.system import Column
+from sensors.effects.base import Effect
+
+DRAWS = 1999
+LEVEL = 0.05
+_KEPT_SHARE = 0.02  # of a candidate's information that must outlive the fit of pose errors
+_Z80 = 0.8416
+_FEWEST_SCANS = 5
+_MOST_LIKE = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """One way to look for an effect.
+
+    Attributes:
+        effect: its name.
+        label: parameter and shape, for people.
+        amplitude: parameter that the column's unit is of; empty for shapes without one.
+        column: what a unit of it changes.
+        start: the effect, weakly on.
+        place: where it stands among the sensor's effects, if it is there already.
+        one_sided: whether only a positive amplitude makes sense.
+        gain: (n,) what the weak form adds to every beam's log-likelihood: for effects that replace the answering
+            surface, which no slope tells of.
+    """
+
+    effect: str
+    label: str
+    amplitude: str
+    column: Column
+    start: Effect
+    place: int | None = None
+    one_sided: bool = False
+    gain: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Statistic:
+    """One candidate in one channel.
+
+    Attributes:
+        direction: what was looked for.
+        quantity: where.
+        value: equivalent standard normal deviate.
+        p_value: family-wise over all candidates and channels.
+        smallest: amplitude that would be found with 80 % power, in the parameter's unit; NaN where there is none.
+    """
+
+    direction: Direction
+    quantity: Quantity | Literal["likelihood"]
+    value: float
+    p_value: float
+    smallest: float
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """All statistics, the strongest first, and the smallest p-value of all."""
+
+    statistics: tuple[Statistic, ...]
+    p_value: float
+
+    def of(self, effect: str) -> Statistic | None:
+        """The strongest statistic of an effect."""
+        return next((one for one in self.statistics if one.direction.effect == effect), None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Scores of one candidate in one channel summed by track and by scan, (clusters, columns).
+
+    `drift` is how much wider sums over scans scatter when the errors of following scans are alike.
+    """
+
+    direction: Direction
+    quantity: Quantity | Literal["likelihood"]
+    track: np.ndarray
+    scan: np.ndarray
+    information: float
+    drift: float = 1.0
+
+
+def run_gate(
+    directions: Sequence[Direction],
+    evidence: Evidence,
+    raw: Evidence,
+    track: np.ndarray,
+    scan: np.ndarray,
+    present: Sequence[Column],
+    poses: sparse.csr_matrix,
+    rng: np.random.Generator,
+) -> Verdict:
+    """Test all directions at once.
+
+    Args:
+        directions: to look in.
+        evidence: with the pose errors of every scan fitted.
+        raw: with poses taken as they are said: for what cannot be told from a pose error in one scan.
+        track, scan: (n,) cluster of every beam.
+        present: columns of parameters that have been fitted.
+        poses: (n, 6·scans) columns of pose errors.
+        rng: for the signs.
+    """
+    sums: list[_Sums] = []
+    with_pose = _Projector(present, evidence, poses, track, scan)
+    without = _Projector(present, raw, None, track, scan)
+    for direction in directions:
+        if direction.gain is not None:
+            sums.append(_gained(direction, direction.gain, track, scan))
+        for quantity in direction.column.delta:
+            if quantity not in evidence.score:
+                continue
+            if quantity != "range":
+                sums += with_pose.sums(direction, quantity, 0.0)
+            else:
+                sums += with_pose.sums(direction, quantity, _KEPT_SHARE)
+                sums += [_drifting(one) for one in without.sums(direction, quantity, 0.0)]
+    if not sums:
+        return Verdict((), 1.0)
+    values, p_values, critical = _signs(sums, rng)
+    found = []
+    for one, value, p in zip(sums, values, p_values, strict=True):
+        error = np.sqrt(max((one.track**2).sum(), (one.scan**2).sum())) / max(one.information, 1e-300)
+        # Of a group of rings the same amplitude in all is meant.
+        smallest = (critical + _Z80) * error if one.direction.amplitude else np.nan
+        found.append(Statistic(one.direction, one.quantity, float(value), float(p), float(smallest)))
+    found.sort(key=lambda one: -one.value)
+    return Verdict(tuple(found), min(one.p_value for one in found))
+
+
+class _Projector:
+    """Sums scores of columns by cluster, with what present parameters and poses explain taken out of the columns."""
+
+    def __init__(
+        self,
+        present: Sequence[Column],
+        evidence: Evidence,
+        poses: sparse.csr_matrix | None,
+        track: np.ndarray,
+        scan: np.ndarray,
+    ) -> None:
+        self._evidence = evidence
+        self._present = present
+        self._poses = poses
+        self._clusters = [_one_hot(track), _one_hot(scan)]
+        self._cache: dict[Quantity, tuple[sparse.csr_matrix, np.ndarray, list[np.ndarray]]] = {}
+
+    def sums(self, direction: Direction, quantity: Quantity, kept_share: float) -> list[_Sums]:
+        """At most one: none where too little of the column is left."""
+        rows = len(self._evidence.score[quantity])
+        column = direction.column.matrix(quantity, rows)
+        score, information = self._evidence.score[quantity], self._evidence.information[quantity]
+        weighted = sparse.diags(information) @ column
+        total = float((column.multiply(weighted)).sum())
+        if total <= 0:
+            return []
+        by_cluster = [(one @ (sparse.diags(score) @ column)).toarray() for one in self._clusters]
+        basis, inverse, scores = self._basis(quantity, rows)
+        left = total
+        if basis.shape[1]:
+            shared = (basis.T @ weighted).toarray()
+            explained = inverse @ shared
+            left = total - float((shared * explained).sum())
+            by_cluster = [found - of_basis @ explained for found, of_basis in zip(by_cluster, scores, strict=True)]
+        if left < max(kept_share, 1e-4) * total:
+            return []
+        return [_Sums(direction, quantity, by_cluster[0], by_cluster[1], left)]
+
+    def _basis(self, quantity: Quantity, rows: int) -> tuple[sparse.csr_matrix, np.ndarray, list[np.ndarray]]:
+        if quantity not in self._cache:
+            parts = [column.matrix(quantity, rows) for column in self._present]
+            if self._poses is not None and quantity == "range":
+                parts.append(self._poses)
+            basis = sparse.hstack(parts, format="csr") if parts else sparse.csr_matrix((rows, 0))
+            keep = np.flatnonzero(np.asarray(abs(basis).sum(0)).ravel() > 0)
+            basis = basis[:, keep]
+            matrix = (basis.T @ sparse.diags(self._evidence.information[quantity]) @ basis).toarray()
+            matrix += np.diag(1e-9 * np.diag(matrix) + 1e-12)
+            inverse = np.linalg.inv(matrix) if len(matrix) else matrix
+            weighted = sparse.diags(self._evidence.score[quantity]) @ basis
+            self._cache[quantity] = (basis, inverse, [(one @ weighted).toarray() for one in self._clusters])
+        return self._cache[quantity]
+
+
+def _signs(sums: Sequence[_Sums], rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float]:
+    """Equivalent normal deviates, family-wise p-values, and the deviate that p = 0.05 takes."""
+    ends = np.cumsum([one.track.shape[1] for one in sums])
+    starts = np.append(0, ends[:-1])
+    one_sided = np.array([one.quantity == "likelihood" or one.direction.one_sided for one in sums])
+    values, p_values = np.full(len(sums), np.inf), np.zeros(len(sums))
+    critical = 0.0
+    still = np.ones(ends[-1])
+    drift = np.repeat([one.drift for one in sums], ends - starts)
+    for clustered, wider in (([one.track for one in sums], still), ([one.scan for one in sums], drift)):
+        table = np.hstack(clustered)
+        table = table[np.abs(table).sum(1) > 0]
+        spread = np.sqrt((table**2).sum(0))
+        table = table / np.where(spread > 0, spread, 1)
+        # Signs of all clusters, the true ones first.
+        signs = rng.choice((-1.0, 1.0), (DRAWS, len(table)))
+        z = np.vstack([table.sum(0)[None] / wider, signs @ table])
+        drawn = np.where(one_sided, z[:, starts], _sizes(z, starts, ends))
+        # Each in terms of its own scatter, so that none has a head start.
+        drawn = (drawn - drawn[1:].mean(0)) / np.maximum(drawn[1:].std(0), 1e-12)
+        largest = np.sort(drawn[1:].max(1))
+        found = drawn[0]
+        p = 1 - np.searchsorted(largest, found, side="left") / DRAWS
+        p_values = np.maximum(p_values, np.maximum(p, 1 / (DRAWS + 1)))
+        values = np.minimum(values, found)
+        critical = max(critical, float(largest[int((1 - LEVEL) * DRAWS)]))
+    return values, p_values, critical
+
+
+def _gained(direction: Direction, gain: np.ndarray, track: np.ndarray, scan: np.ndarray) -> _Sums:
+    by_track, by_scan = (np.bincount(cluster, gain)[:, None] for cluster in (track, scan))
+    return _Sums(direction, "likelihood", by_track, by_scan, float(gain @ gain))
+
+
+def _drifting(sums: _Sums) -> _Sums:
+    """With the drift that the sums themselves show (first-order autoregression)."""
+    apart = sums.scan - sums.scan.mean(0)
+    square = float((apart**2).sum())
+    if len(apart) < _FEWEST_SCANS or square <= 0:
+        return sums
+    likeness = float(np.clip((apart[1:] * apart[:-1]).sum() / square, 0.0, _MOST_LIKE))
+    return replace(sums, drift=float(np.sqrt((1 + likeness) / (1 - likeness))))
+
+
+def _sizes(z: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Sizes of groups of columns: |z| of one, the root of the mean square of several."""
+    return np.sqrt(np.add.reduceat(z**2, starts, axis=1) / (ends - starts))
+
+
+def _one_hot(cluster: np.ndarray) -> sparse.csr_matrix:
+    rows = len(cluster)
+    return sparse.csr_matrix((np.ones(rows), (cluster, np.arange(rows))), (int(cluster.max(initial=-1)) + 1, rows))

@@ -1,0 +1,45 @@
+"""How sure fitted parameters are: intervals that know that returns share errors."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse, stats
+
+from cosim.discrepancy.fitting import Fitted, Fitter
+from cosim.discrepancy.system import Normal
+
+_LEVEL = 0.975
+
+
+def standard_errors(fitter: Fitter, fitted: Fitted) -> np.ndarray:
+    """Standard errors of all free parameters, (p,), by sandwich (White 1980) clustered by track and by scan.
+
+    Of the two clusterings, and none, the widest counts.
+    """
+    sample, columns = fitter.sample, fitted.columns
+    normal = Normal.of(columns, fitted.evidence, fitter.poses)
+    count = normal.parameters
+    if not count:
+        return np.zeros(0)
+    precision = np.append(np.zeros(count), np.tile(1 / fitted.pose_sigma**2, len(sample.names)))
+    matrix = normal.matrix + np.diag(precision + 1e-9 * np.diag(normal.matrix) + 1e-12)
+    inverse = np.linalg.inv(matrix)
+    rows = len(sample)
+    influence = np.zeros((rows, count))
+    for quantity, score in fitted.evidence.score.items():
+        parts = [column.matrix(quantity, rows) for column in columns]
+        parts.append(fitter.poses if quantity == "range" else sparse.csr_matrix(fitter.poses.shape))
+        influence += score[:, None] * (sparse.hstack(parts, format="csr") @ inverse[:, :count])
+    found = (influence**2).sum(0)
+    for cluster in (sample.track, sample.frame):
+        size = int(cluster.max(initial=0)) + 1
+        hot = sparse.csr_matrix((np.ones(rows), (cluster, np.arange(rows))), (size, rows))
+        sums = hot @ influence
+        found = np.maximum(found, (sums**2).sum(0) * size / max(size - 1, 1))
+    return np.sqrt(found)
+
+
+def half_widths(fitter: Fitter, fitted: Fitted) -> np.ndarray:
+    """Half widths of 95 % intervals, (p,): Student-t with as many degrees of freedom as scans."""
+    freedom = max(len(fitter.sample.names) - 1, 1)
+    return standard_errors(fitter, fitted) * stats.t.ppf(_LEVEL, freedom)

@@ -1,0 +1,94 @@
+"""How likely measurements are, beam by beam, under a prediction.
+
+A beam returns from the surface it meets with probability `seen`; then its range scatters with heavy tails
+(Student-t of 5 degrees of freedom scaled to the stated standard deviation). It may also return from elsewhere,
+with a small uniform density on top of what scan effects say. Intensities count as far as the return is the surface's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import gammaln
+
+from cosim.discrepancy.sample import Prediction, Sample
+
+NU = 5.0
+RANGE_FLOOR_M = 5e-4
+INTENSITY_FLOOR = 0.002
+RISE_SIGMA_M = 0.003
+_STRAY_SHARE = 1e-4
+_REACH_M = 120.0
+_CLEAR_OF_LIMITS = 2.5
+_LOST_SHARE = 1e-3
+_SCALE = np.sqrt((NU - 2) / NU)
+_LOG_NORM = float(gammaln((NU + 1) / 2) - gammaln(NU / 2) - 0.5 * np.log(NU * np.pi))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Of n beams.
+
+    Attributes:
+        range_z, intensity_z, rise_z: residuals in standard deviations; 0 where there are none.
+        matched: probability that the return is the surface's.
+        bright: the same where the intensity tells something, else 0.
+        seen: probability of a return of the surface, away from 0 and 1.
+        loglik: (n,) log-likelihood.
+    """
+
+    range_z: np.ndarray
+    intensity_z: np.ndarray
+    rise_z: np.ndarray
+    range_sigma_m: np.ndarray
+    intensity_sigma: np.ndarray
+    matched: np.ndarray
+    bright: np.ndarray
+    seen: np.ndarray
+    loglik: np.ndarray
+
+
+def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.ndarray | None = None) -> Fit:
+    """Hold measurements against a prediction.
+
+    Args:
+        sample: the measurements.
+        expected: of the same beams.
+        blur: a standard deviation [m] added to every range: fits that are far off find their way with it.
+        shift: (n,) what is added to expected ranges [m], as pose errors do.
+    """
+    sigma = np.sqrt(expected.range_sigma_m**2 + RANGE_FLOOR_M**2 + blur**2)
+    mean = expected.range_m if shift is None else expected.range_m + shift
+    returned = sample.returned
+    z = np.where(returned & np.isfinite(mean), (sample.along_m - mean) / sigma, 0.0)
+    z = np.nan_to_num(z)
+    seen = np.where(np.isfinite(mean), _LOST_SHARE + (1 - 2 * _LOST_SHARE) * expected.seen, 0.0)
+    surface = seen * np.exp(student(z)) / sigma
+    elsewhere = _STRAY_SHARE / _REACH_M + expected.stray
+    density = surface + elsewhere
+    loglik = np.where(returned, np.log(density), np.log(np.maximum(1 - seen, _LOST_SHARE)))
+    matched = np.where(returned, surface / density, 0.0)
+
+    rise_z = np.where(returned, (sample.above_m - expected.rise_m) / np.hypot(RISE_SIGMA_M, blur), 0.0)
+    rise_z = np.nan_to_num(rise_z)
+    loglik += matched * student(rise_z)
+    spread = np.sqrt(expected.intensity_sigma**2 + INTENSITY_FLOOR**2)
+    intensity_z, bright = np.zeros(len(z)), np.zeros(len(z))
+    if sample.has_intensity:
+        # Where noise would be cut off at 0 or 1 a residual is no normal deviate.
+        room = np.minimum(expected.intensity, 1 - expected.intensity) >= _CLEAR_OF_LIMITS * expected.intensity_sigma
+        intensity_z = np.where(room, np.nan_to_num((sample.intensity - expected.intensity) / spread), 0.0)
+        bright = matched * room
+        loglik += bright * (student(intensity_z) - np.log(spread))
+    return Fit(z, intensity_z, rise_z, sigma, spread, matched, bright, seen, loglik)
+
+
+def student(z: np.ndarray) -> np.ndarray:
+    """Log-density of a Student-t scaled to unit variance."""
+    return _LOG_NORM - np.log(_SCALE) - (NU + 1) / 2 * np.log1p(z**2 / (_SCALE**2 * NU))
+
+
+def pull(z: np.ndarray) -> np.ndarray:
+    """−d log f/dz of the unit-variance Student-t: bounded."""
+    return (NU + 1) * z / (_SCALE**2 * NU + z**2)

@@ -1,0 +1,66 @@
+"""What error noise alone makes, estimated from neighbouring beams.
+
+Two beams fired one after the other at one surface share whatever a model may lack; what they do not share is noise.
+The mean distance of two independent draws is twice the CRPS that the true distribution gets on average.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.discrepancy.frames import TracedFrame
+from cosim.discrepancy.scoring import CLIP_M, SCALES, FrameScores
+
+_CELL = 64
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseFloor:
+    """The error of a model that is right up to noise.
+
+    Attributes:
+        error: in the terms of `compare`.
+        parts: by channel, in its own unit.
+        how: how it is known.
+    """
+
+    error: float
+    parts: dict[str, float]
+    how: str
+
+    @classmethod
+    def of(cls, sums: Sequence[dict[str, tuple[float, int]]]) -> NoiseFloor | None:
+        """From the sums of all frames; None where nothing matched."""
+        parts = {}
+        for name in SCALES:
+            total = sum(one[name][0] for one in sums if name in one)
+            count = sum(one[name][1] for one in sums if name in one)
+            if count:
+                parts[name] = total / count
+        if "range" not in parts:
+            return None
+        parts["spurious"] = 0.0
+        error = float(np.mean([parts[name] / SCALES[name] for name in parts]))
+        return cls(error, parts, "estimated from how much neighbouring beams on one surface differ")
+
+
+def estimate_floor(frame: TracedFrame, scores: FrameScores) -> dict[str, tuple[float, int]]:
+    """Sums and counts of a frame's scores by channel, as noise alone would make them."""
+    solid, ring = frame.shot.hits.solid, frame.shot.rays.ring
+    pair = (ring[1:] == ring[:-1]) & (solid.instance[1:] == solid.instance[:-1])
+    pair &= (solid.material[1:] == solid.material[:-1]) & ~scores.ambiguous[1:] & ~scores.ambiguous[:-1]
+    both = pair & scores.matched[1:] & scores.matched[:-1]
+    residual = scores.measured_m - scores.range_m
+    gap = np.minimum(np.abs(np.diff(residual))[both], CLIP_M)
+    found = {"range": (float(gap.sum()) / 2, int(both.sum()))}
+    bright = scores.measured_intensity - scores.intensity
+    lit = both & np.isfinite(scores.intensity_score[1:]) & np.isfinite(scores.intensity_score[:-1])
+    if lit.any():
+        found["intensity"] = (float(np.abs(np.diff(bright))[lit].sum()) / 2, int(lit.sum()))
+    outcome = (~np.isnan(scores.measured_m)).astype(float)
+    # Independent outcomes of one chance p differ with probability 2p(1 − p), twice the Brier score of saying p.
+    found["drop"] = (float(np.abs(np.diff(outcome))[pair].sum()) / 2, int(pair.sum()))
+    return found

@@ -1,0 +1,99 @@
+"""What was measured, beam by beam."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.kitti import Frame
+from sensors.pattern import Pattern
+from sensors.rays import Rays
+
+_HALF_SLOT = 0.5001  # of an azimuth step: farther from a firing's azimuth no point belongs to it
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """The first return of every beam of a scan.
+
+    Attributes:
+        rays: the n beams.
+        along_m: (n,) float32 component of the point along its beam's nominal direction, from the sensor's origin;
+            NaN where nothing returned.
+        above_m: (n,) float32 its component across, upwards; 0 for sensors with one optical centre.
+        intensity: (n,) float32; NaN where nothing returned or the drive has none.
+        trusted: (n,) bool: beams that may be compared.
+        points: rows of the scan that are in it.
+        strays: points that fit no beam of the pattern, left out.
+        bad: points with NaN or infinity, left out.
+    """
+
+    rays: Rays
+    along_m: np.ndarray
+    above_m: np.ndarray
+    intensity: np.ndarray
+    trusted: np.ndarray
+    points: int
+    strays: int
+    bad: int
+
+    @property
+    def returned(self) -> np.ndarray:
+        """(n,) bool: whether the beam has a return."""
+        return ~np.isnan(self.along_m)
+
+    def range_from(self, origin: np.ndarray) -> np.ndarray:
+        """Measured ranges (n,) from reported optical centres (n, 3) in LiDAR axes."""
+        return self.along_m - np.einsum("ij,ij->i", origin, self.rays.direction)
+
+    def rise_from(self, origin: np.ndarray) -> np.ndarray:
+        """How far points stand above their beams (n,) [m], if these leave from `origin` (n, 3)."""
+        return self.above_m - np.einsum("ij,ij->i", origin, upwards(self.rays.direction))
+
+
+def observe(frame: Frame, pattern: Pattern, rays: Rays) -> Observed:
+    """Sort the points of a frame onto the beams of a pattern by ring and azimuth.
+
+    Args:
+        frame: with points; rings and azimuths are recovered where it has no `rays/`.
+        pattern: of the sensor.
+        rays: of the pattern.
+    """
+    points, of = frame.points, frame.rays
+    step = 2 * np.pi / pattern.firings
+    ring = of.ring.astype(np.int64)
+    known = ring < pattern.rings
+    fan = np.radians(np.array(pattern.azimuth_offset_deg, float))[np.minimum(ring, pattern.rings - 1)]
+    place = (np.pi - (of.azimuth.astype(np.float64) - fan)) / step - 0.5
+    slot = np.rint(place)
+    fits = known & (np.abs(place - slot) < _HALF_SLOT) & (of.return_no == 0)
+    row = ring * pattern.firings + slot.astype(np.int64) % pattern.firings
+    first, taken = np.unique(row[fits], return_index=True)
+    used = np.flatnonzero(fits)[taken]
+
+    xyz = points[used, :3].astype(np.float64)
+    direction = rays.direction[first].astype(np.float64)
+    along = np.full(len(rays), np.nan, np.float32)
+    above, intensity = along.copy(), along.copy()
+    along[first] = np.einsum("ij,ij->i", xyz, direction)
+    above[first] = np.einsum("ij,ij->i", xyz, upwards(direction))
+    intensity[first] = points[used, 3]
+    seconds = int(np.count_nonzero(of.return_no))
+    return Observed(
+        rays=rays,
+        along_m=along,
+        above_m=above,
+        intensity=intensity,
+        trusted=np.ones(len(rays), bool),
+        points=len(points),
+        strays=len(points) - seconds - len(used),
+        bad=frame.bad_points,
+    )
+
+
+def upwards(direction: np.ndarray) -> np.ndarray:
+    """Unit vectors (n, 3) across `direction` (n, 3), in its vertical plane, upwards."""
+    flat = np.maximum(np.hypot(direction[:, 0], direction[:, 1]), 1e-9)
+    rise = direction[:, 2]
+    return np.stack([-rise * direction[:, 0] / flat, -rise * direction[:, 1] / flat, flat], 1)

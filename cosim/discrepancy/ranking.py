@@ -1,0 +1,125 @@
+"""Which candidate explains most: each is fitted, and its likelihood compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from cosim.discrepancy.candidates import with_values
+from cosim.discrepancy.fitting import Fitted, Fitter, all_free
+from cosim.discrepancy.gate import Direction
+from cosim.discrepancy.likelihood import judge
+from sensors.effects.base import Effect
+
+_SHORTLIST = 8
+_STARTS = 2
+_STEPS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Ranked:
+    """A candidate, fitted on top of the model as it stands.
+
+    Attributes:
+        effect: its name.
+        fitted: the model with it.
+        place: where it stands among the effects.
+        delta_bic: how much the Bayesian information criterion falls; above 0 speaks for it.
+    """
+
+    effect: str
+    fitted: Fitted
+    place: int
+    delta_bic: float
+
+
+def shortlist(fitter: Fitter, fitted: Fitted, found: Sequence[Direction]) -> dict[str, list[Direction]]:
+    """The effects worth fitting, the most promising first, with the directions to start from.
+
+    Promise is the gain of likelihood that the linearised model foresees.
+    """
+    foresee = _Foresight(fitter, fitted)
+    promise: dict[str, list[tuple[float, Direction]]] = {}
+    for direction in found:
+        promise.setdefault(direction.effect, []).append((foresee.gain(direction), direction))
+    best = {name: sorted(rows, key=lambda row: -row[0]) for name, rows in promise.items()}
+    names = sorted(best, key=lambda name: -best[name][0][0])[:_SHORTLIST]
+    return {name: [direction for _, direction in best[name][:_STARTS]] for name in names if best[name][0][0] > 0}
+
+
+def fit_candidate(fitter: Fitter, fitted: Fitted, starts: Sequence[Direction]) -> Ranked:
+    """The best fit of one effect from several starts, the other effects as they are."""
+    best: Ranked | None = None
+    rows = float(len(fitter.sample))
+    rings = int(fitter.sample.ring.max(initial=0)) + 1
+    for start in starts:
+        effects, place = _started(fitter, fitted, start)
+        mine = all_free(effects, [place], rings)
+        result = fitter.fit(effects, mine, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=_STEPS)
+        count = sum(one.unknown.rings for one in mine)
+        delta = 2 * (result.loglik - fitted.loglik) - count * np.log(rows)
+        if best is None or delta > best.delta_bic:
+            best = Ranked(start.effect, result, place, float(delta))
+    assert best is not None  # there is a start
+    return best
+
+
+class _Foresight:
+    """Gains that the linearised model foresees, pose errors in the background as likely as their spread says."""
+
+    def __init__(self, fitter: Fitter, fitted: Fitted) -> None:
+        self._fitted, self._rows = fitted, len(fitter.sample)
+        self._precision = np.tile(1 / fitted.pose_sigma**2, len(fitter.sample.names))
+        self._weighted = (fitter.poses.T @ sparse.diags(fitted.evidence.information["range"])).tocsr()
+        block = (self._weighted @ fitter.poses).toarray() + np.diag(self._precision)
+        self._block = np.linalg.inv(block)
+        slope = fitter.poses.T @ fitted.evidence.score["range"]
+        self._slope = self._block @ (slope - self._precision * fitted.pose.ravel())
+
+    def gain(self, direction: Direction) -> float:
+        """Of the log-likelihood, by the best step along a direction."""
+        if direction.gain is not None:
+            return float(direction.gain.sum())
+        column, evidence = direction.column, self._fitted.evidence
+        matrix, slope = np.zeros((column.rings, column.rings)), np.zeros(column.rings)
+        for quantity in column.delta:
+            if quantity not in evidence.score:
+                continue
+            part = column.matrix(quantity, self._rows)
+            matrix += (part.T @ sparse.diags(evidence.information[quantity]) @ part).toarray()
+            slope += part.T @ evidence.score[quantity]
+            if quantity == "range":
+                shared = (self._weighted @ part).toarray()
+                matrix -= shared.T @ self._block @ shared
+                slope -= shared.T @ self._slope
+        if direction.one_sided and slope[0] < 0:
+            return 0.0
+        return 0.5 * float(slope @ np.linalg.solve(matrix + np.diag(1e-9 * np.diag(matrix) + 1e-12), slope))
+
+
+def _started(fitter: Fitter, fitted: Fitted, start: Direction) -> tuple[tuple[Effect, ...], int]:
+    """Effects with the candidate among them, as strongly as the linearised model foresees."""
+    if start.place is not None:
+        return fitted.effects, start.place
+    effect = start.start
+    if start.amplitude:
+        effect = _best_strength(fitter, fitted, start)
+    return (*fitted.effects, effect), len(fitted.effects)
+
+
+def _best_strength(fitter: Fitter, fitted: Fitted, start: Direction) -> Effect:
+    """The start or a stronger form of it, whichever is likeliest."""
+    kind, sample = type(start.start), fitter.sample
+    off = (kind.neutral or {})[start.amplitude]
+    weak = np.subtract(getattr(start.start, start.amplitude), off)
+    shift = fitter.shift(fitted.pose)
+    best, reached = start.start, -np.inf
+    for factor in (1.0, 5.0, 25.0, -1.0, -5.0):
+        trial = with_values(start.start, {start.amplitude: off + weak * factor})
+        value = float(sample.weight @ judge(sample, sample.predict((*fitted.effects, trial)), shift=shift).loglik)
+        if value > reached:
+            best, reached = trial, value
+    return best

@@ -1,0 +1,216 @@
+"""A sample of beams of a whole drive, with what was measured of them and what else they have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cosim.discrepancy.frames import TracedFrame
+from cosim.discrepancy.replay import FrameReplay
+from sensors.effects.base import Effect, ScanEffect
+from sensors.hits import NOTHING
+
+CELL_M = 20.0
+_MATCHED_M = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What a model expects of the n beams of a sample, in the terms of what was measured.
+
+    Attributes:
+        range_m, range_sigma_m: mean and spread of the component along the beam; NaN where no surface can answer.
+        rise_m: the component across it, upwards.
+        intensity, intensity_sigma: mean and spread.
+        seen: probability that the surface's return is reported.
+        stray: (n,) density [1/m] of returns from elsewhere at the measured range; 0 where nothing was measured.
+    """
+
+    range_m: np.ndarray
+    range_sigma_m: np.ndarray
+    rise_m: np.ndarray
+    intensity: np.ndarray
+    intensity_sigma: np.ndarray
+    seen: np.ndarray
+    stray: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """n beams of some frames.
+
+    Attributes:
+        replays: one a frame, of its beams.
+        frame: (n,) int row of `names`.
+        names: of the frames, in order of time.
+        weight: (n,) how many beams each stands for.
+        along_m, above_m, intensity: (n,) measured, as in `Observed`; NaN where nothing returned.
+        track: (n,) int what beams share errors with over time: an instance, or a cell of the map.
+        pose_derivative: (n, 6) change of range per metre and radian of the LiDAR's pose, in its own axes.
+        edge: (n,) bool ambiguous beams.
+        partner: (n,) int row of the beam fired just after or before on the same surface, −1 where none is in the sample:
+            their difference knows nothing of errors that both share.
+        ring, material, instance: (n,) int.
+        azimuth, time_s, range_m, cos_incidence: (n,) of the beams as traced.
+    """
+
+    replays: tuple[FrameReplay, ...]
+    frame: np.ndarray
+    names: tuple[str, ...]
+    weight: np.ndarray
+    along_m: np.ndarray
+    above_m: np.ndarray
+    intensity: np.ndarray
+    track: np.ndarray
+    pose_derivative: np.ndarray
+    edge: np.ndarray
+    partner: np.ndarray
+    ring: np.ndarray
+    azimuth: np.ndarray
+    time_s: np.ndarray
+    range_m: np.ndarray
+    cos_incidence: np.ndarray
+    material: np.ndarray
+    instance: np.ndarray
+    place: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    @cached_property
+    def returned(self) -> np.ndarray:
+        """(n,) bool."""
+        return ~np.isnan(self.along_m)
+
+    @cached_property
+    def has_intensity(self) -> bool:
+        """Whether the drive has intensities at all."""
+        return bool(np.nanmax(np.append(self.intensity, 0.0)) > 0)
+
+    def predict(self, effects: Sequence[Effect]) -> Prediction:
+        """What effects let expect of the sample's beams."""
+        effects = tuple(sorted(effects, key=lambda effect: effect.phase))
+        parts = []
+        for number, replay in enumerate(self.replays):
+            rows = self.frame == number
+            parts.append(_predict(replay, effects, self.along_m[rows]))
+        return Prediction(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _predict(replay: FrameReplay, effects: tuple[Effect, ...], measured_m: np.ndarray) -> tuple[np.ndarray, ...]:
+    found, along, above = replay.expect(effects)
+    shot = replay.shot(effects)
+    stray = np.zeros(len(measured_m))
+    rows = np.flatnonzero(~np.isnan(measured_m))
+    for effect in effects:
+        if isinstance(effect, ScanEffect):
+            stray[rows] += effect.density(rows, measured_m[rows] - along[rows], shot)
+    return (
+        found.range_m + along,
+        found.range_sigma_m,
+        above,
+        found.intensity,
+        found.intensity_sigma,
+        found.seen,
+        stray,
+    )
+
+
+def draw_sample(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, *, edges: bool = False) -> Sample:
+    """A sample of about `count` beams in neighbouring pairs: of every frame alike, more of objects than of the rest.
+
+    Args:
+        frames: in order of time.
+        count: how many beams to take, roughly.
+        rng: for the draw.
+        edges: whether ambiguous beams take part.
+    """
+    share = max(count // max(len(frames), 1), 1)
+    replays, columns, rows = [], [], 0
+    for number, frame in enumerate(frames):
+        beams, weight, partner = _choose(frame, share, rng, edges)
+        replays.append(FrameReplay(frame, beams))
+        partner = np.where(partner >= 0, partner + rows, -1)
+        columns.append({"frame": np.full(len(beams), number), "weight": weight, "partner": partner})
+        columns[-1].update(_columns(frame, beams))
+        rows += len(beams)
+    joined = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
+    return Sample(
+        replays=tuple(replays),
+        names=tuple(one.name for one in frames),
+        track=_tracks(frames, joined["frame"], joined["instance"], joined["place"]),
+        **joined,
+    )
+
+
+def _choose(
+    frame: TracedFrame, share: int, rng: np.random.Generator, edges: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Beams, how many each stands for, and the row of each one's partner."""
+    solid, rings = frame.shot.hits.solid, frame.shot.rays.ring
+    usable = frame.observed.trusted & (edges | ~frame.edge)
+    residual = np.abs(frame.observed.range_from(frame.shot.rays.origin) - solid.range_m)
+    odd = frame.observed.returned & ~(residual < _MATCHED_M)
+    chance = np.where(solid.instance >= 0, 3.0, np.where(solid.exists | odd, 1.0, 0.15)) * usable
+    chance = np.clip(chance * (share / 2 / max(chance.sum(), 1.0)), 0, 1)
+    first = rng.random(len(chance)) < chance
+    taken = (first | np.append(False, first[:-1])) & usable
+    before = np.append(0.0, chance[:-1])
+    beams = np.flatnonzero(taken)
+    weight = 1 / (1 - (1 - chance[beams]) * (1 - before[beams]))
+    follows = np.append(np.diff(beams) == 1, False)
+    after = np.minimum(beams + 1, len(rings) - 1)
+    follows &= (rings[beams] == rings[after]) & (solid.instance[beams] == solid.instance[after])
+    follows &= solid.exists[beams] & solid.exists[after]
+    partner = np.where(
+        follows, np.arange(len(beams)) + 1, np.where(np.append(False, follows[:-1]), np.arange(len(beams)) - 1, -1)
+    )
+    return beams, weight, partner
+
+
+def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
+    observed, shot = frame.observed, frame.shot
+    solid = shot.hits.solid.take(beams)
+    assert shot.traced is not None  # frames are traced
+    direction = shot.traced.direction[beams].astype(np.float64)
+    normal = solid.normal.astype(np.float64)
+    slope = np.einsum("ij,ij->i", normal, direction)
+    reach = np.where(solid.instance == NOTHING, np.nan, solid.range_m).astype(np.float64)
+    rotation = shot.hits.pose[:3, :3]
+    ray = shot.rays.direction[beams].astype(np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turned = normal @ rotation / slope[:, None]  # normal in LiDAR axes over n·d
+    moved = -turned
+    spun = -np.cross(ray, turned) * np.nan_to_num(reach)[:, None]  # n·(w × d)/(n·d) = w·(d × n)/(n·d)
+    pose = np.where(np.isfinite(reach)[:, None], np.hstack([moved, spun]), 0.0)
+    place = shot.traced.origin[beams] + direction * np.nan_to_num(reach)[:, None]
+    rays = shot.rays
+    return {
+        "along_m": observed.along_m[beams].astype(np.float64),
+        "above_m": observed.above_m[beams].astype(np.float64),
+        "intensity": observed.intensity[beams].astype(np.float64),
+        "pose_derivative": np.nan_to_num(pose, posinf=0, neginf=0),
+        "edge": frame.edge[beams],
+        "ring": rays.ring[beams].astype(int),
+        "azimuth": rays.azimuth[beams].astype(np.float64),
+        "time_s": rays.time_s[beams].astype(np.float64),
+        "range_m": reach,
+        "cos_incidence": np.minimum(np.abs(slope), 1),
+        "material": solid.material.astype(int),
+        "instance": solid.instance.astype(int),
+        "place": place,
+    }
+
+
+def _tracks(frames: Sequence[TracedFrame], frame: np.ndarray, instance: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Numbers of instances by id, and of map cells for the static world."""
+    keys = np.empty(len(frame), object)
+    for number, one in enumerate(frames):
+        rows = np.flatnonzero((frame == number) & (instance >= 0))
+        keys[rows] = [f"#{one.instances.ids[i]}" for i in instance[rows]]
+    rest = np.flatnonzero(instance < 0)
+    keys[rest] = [f"{x},{y}" for x, y in np.floor(place[rest, :2] / CELL_M).astype(int)]
+    return np.unique(keys.astype(str), return_inverse=True)[1]

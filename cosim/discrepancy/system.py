@@ -1,0 +1,81 @@
+"""Linearised model of a sample: columns of parameters, pose errors of every scan, and the normal equations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from cosim.discrepancy.evidence import QUANTITIES, Evidence, Quantity
+from cosim.discrepancy.sample import Sample
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """The change that a unit of a parameter makes; with `ring` it is one parameter a ring.
+
+    Attributes:
+        delta: (n,) by quantity.
+        ring: (n,) int, or None.
+        rings: number of parameters, 1 without rings.
+    """
+
+    delta: dict[Quantity, np.ndarray]
+    ring: np.ndarray | None = None
+    rings: int = 1
+
+    def matrix(self, quantity: Quantity, rows: int) -> sparse.csr_matrix:
+        """(n, rings) of one quantity."""
+        values = self.delta.get(quantity)
+        if values is None:
+            return sparse.csr_matrix((rows, self.rings))
+        used = np.flatnonzero(values)
+        place = np.zeros(len(used), int) if self.ring is None else self.ring[used]
+        return sparse.csr_matrix((values[used], (used, place)), (rows, self.rings))
+
+
+def pose_matrix(sample: Sample) -> sparse.csr_matrix:
+    """(n, 6·frames) change of ranges by the pose errors of every scan."""
+    rows, frames = len(sample), len(sample.names)
+    columns = sample.frame[:, None] * 6 + np.arange(6)
+    index = np.repeat(np.arange(rows), 6)
+    return sparse.csr_matrix((sample.pose_derivative.ravel(), (index, columns.ravel())), (rows, 6 * frames))
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """Normal equations A·step = b over parameters, then pose errors."""
+
+    matrix: np.ndarray
+    right: np.ndarray
+    parameters: int
+
+    @classmethod
+    def of(cls, columns: Sequence[Column], evidence: Evidence, poses: sparse.csr_matrix | None) -> Normal:
+        """Built from columns and evidence; without `poses` scans have no pose errors."""
+        count = sum(column.rings for column in columns)
+        extra = 0 if poses is None else poses.shape[1]
+        matrix, right = np.zeros((count + extra, count + extra)), np.zeros(count + extra)
+        for quantity in QUANTITIES:
+            if quantity not in evidence.score:
+                continue
+            rows = len(evidence.score[quantity])
+            parts = [column.matrix(quantity, rows) for column in columns]
+            if poses is not None:
+                parts.append(poses if quantity == "range" else sparse.csr_matrix((rows, extra)))
+            if not parts:
+                continue
+            joined = sparse.hstack(parts, format="csr")
+            if not joined.nnz:
+                continue
+            weighted = sparse.diags(evidence.information[quantity]) @ joined
+            matrix += (joined.T @ weighted).toarray()
+            right += joined.T @ evidence.score[quantity]
+        return cls(matrix, right, count)
+
+    def solve(self, prior: np.ndarray) -> np.ndarray:
+        """The step, with precisions `prior` of the unknowns added to the diagonal."""
+        matrix = self.matrix + np.diag(prior + 1e-9 * np.maximum(np.diag(self.matrix), 1e-12))
+        return np.linalg.solve(matrix, self.right)
