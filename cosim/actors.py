@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +51,18 @@ class Actors:
     lateral_mps: np.ndarray
     body_pitch_rad: np.ndarray
     body_roll_rad: np.ndarray
+
+    def without(self, ids: Collection[str]) -> Actors:
+        """All but some."""
+        rows = np.array([row for row, name in enumerate(self.ids) if name not in ids], int)
+        kept: dict[str, Any] = {}
+        for part in fields(self):
+            values = getattr(self, part.name)
+            if isinstance(values, tuple):
+                kept[part.name] = tuple(values[row] for row in rows)
+            elif isinstance(values, np.ndarray):
+                kept[part.name] = values[rows]
+        return replace(self, **kept)
 
     def __len__(self) -> int:
         return len(self.ids)

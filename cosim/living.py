@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from cosim.actors import Actors
 from cosim.behaviour import BehaviourConfig, Drivers, Event
+from cosim.behaviour.kerbside import Kerbside
+from cosim.behaviour.roads import Roads
+from cosim.entrances import Entrances
 from cosim.motion import Motion
 from cosim.traffic import Traffic
 
@@ -15,12 +18,17 @@ class LivingTraffic:
         traffic: the simulation, not yet stepped.
         config: how drivers behave.
         seed: of their behaviour.
+        sight_m: nobody appears or vanishes this near to a protected vehicle.
     """
 
-    def __init__(self, traffic: Traffic, config: BehaviourConfig, seed: int) -> None:
+    def __init__(self, traffic: Traffic, config: BehaviourConfig, seed: int, sight_m: float = 120.0) -> None:
         self._traffic = traffic
         self._motion = Motion(traffic.step_s)
-        self._drivers = Drivers(config, seed)
+        self._kerbside = Kerbside(config, seed)
+        self._roads = Roads(traffic.api)
+        self._protected: set[str] = set()
+        self._entrances = Entrances(traffic, self._motion, self._protected, sight_m)
+        self._drivers = Drivers(config, seed, self._roads, self._protected, sight_m)
 
     @property
     def events(self) -> list[Event]:
@@ -28,8 +36,8 @@ class LivingTraffic:
         return self._drivers.events
 
     def protect(self, vehicle: str) -> None:
-        """Let a vehicle neither park nor collide."""
-        self._drivers.exempt(vehicle)
+        """Let a vehicle (the ego) neither park nor collide, and nobody appear or vanish in its sight."""
+        self._protected.add(vehicle)
 
     def advance(self, steps: int) -> Actors:
         """Go on by some steps (at least one).
@@ -48,6 +56,7 @@ class LivingTraffic:
         Raises:
             TrafficError: SUMO gave up.
         """
-        actors = self._motion.update(self._traffic.step())
+        actors = self._kerbside.arrange(self._traffic, self._roads, self._traffic.step())
+        actors = self._motion.update(self._entrances.admit(actors))
         self._drivers.apply(self._traffic, self._motion, actors)
         return actors

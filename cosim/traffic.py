@@ -16,6 +16,7 @@ import numpy as np
 from cosim.actors import Actors
 from cosim.errors import CosimError
 from cosim.motion.corners import corner_speed
+from cosim.route_corners import RouteCorners
 
 # SUMO vehicle class → kind of road user
 KIND_OF_CLASS = {
@@ -39,6 +40,8 @@ _SUBLANE_M = 0.8  # lane changes take their time; SUMO's own default is a jump
 _CHANGES_LANE = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.25"}  # no sliding sideways at rest
 _FEW_EDGES_LEFT = 4
 _TRIES_TO_EXTEND = 20
+_PARKED_FROM_S = 0.6  # SUMO puts who begins parked on the lane first, and takes some steps to park all
+_NEAR_STOP_M = 0.5
 
 
 class TrafficError(CosimError):
@@ -104,8 +107,10 @@ class Traffic:
         self._sizes_now = np.zeros((0, 3))
         self._headings: dict[str, float] = {}
         self._parked: dict[str, dict] = {}
+        self._arriving: set[str] = set()
         self._hidden: set[str] = set()
         self._slow_for_corners()
+        self._corners = RouteCorners(self._sumo)
         self._subscribe()
 
     def __enter__(self) -> Self:
@@ -131,6 +136,12 @@ class Traffic:
     def hide(self, vehicle: str) -> None:
         """Leave a vehicle out of the actors from now on: it only keeps a place free."""
         self._hidden.add(vehicle)
+
+    def remove(self, vehicle: str) -> None:
+        """Take a vehicle out of the simulation."""
+        self._sumo.vehicle.unsubscribe(vehicle)
+        self._sumo.vehicle.remove(vehicle)
+        self._parked.pop(vehicle, None)
 
     def advance(self, steps: int) -> Actors:
         """Go on by some steps and read everyone as SUMO has them.
@@ -193,6 +204,10 @@ class Traffic:
         """Subscribe to whoever has just entered or leaves his parking place."""
         for vehicle in self._sumo.simulation.getDepartedIDList():
             if vehicle not in self._hidden:
+                self._corners.fit(vehicle)
+                if self._begins_parked(vehicle):
+                    self._arriving.add(vehicle)
+                    continue
                 self._sumo.vehicle.subscribe(vehicle, self._vehicle_variables)
                 for name, value in _CHANGES_LANE.items():
                     self._sumo.vehicle.setParameter(vehicle, f"laneChangeModel.{name}", value)
@@ -210,14 +225,29 @@ class Traffic:
             if comfortable < api.getMaxSpeed(lane) and not _on_foot(api.getAllowed(lane)):
                 api.setMaxSpeed(lane, comfortable)
 
+    def _begins_parked(self, vehicle: str) -> bool:
+        api = self._sumo.vehicle
+        stops = api.getStops(vehicle, 1) if self.time_s < _PARKED_FROM_S else ()
+        if not stops or not stops[0].stoppingPlaceID or stops[0].lane != api.getLaneID(vehicle):
+            return False
+        return abs(stops[0].endPos - api.getLanePosition(vehicle)) < _NEAR_STOP_M
+
     def _rest(self) -> None:
         """Read those who have just parked a last time: they stand still, and most road users are they."""
+        constants, api = self._sumo.constants, self._sumo.vehicle
+        still = {constants.VAR_SPEED: 0.0, constants.VAR_ACCELERATION: 0.0}
         for vehicle in self._sumo.simulation.getParkingStartingVehiclesIDList():
-            values = self._sumo.vehicle.getSubscriptionResults(vehicle)
+            values = {} if vehicle in self._arriving else api.getSubscriptionResults(vehicle)
             if values:
-                still = {self._sumo.constants.VAR_SPEED: 0.0, self._sumo.constants.VAR_ACCELERATION: 0.0}
                 self._parked[vehicle] = {**values, **still}
-                self._sumo.vehicle.unsubscribe(vehicle)
+                api.unsubscribe(vehicle)
+        if self._arriving and self.time_s > _PARKED_FROM_S:
+            for vehicle in sorted(self._arriving):
+                api.subscribe(vehicle, self._vehicle_variables)
+                if api.isStoppedParking(vehicle):
+                    self._parked[vehicle] = {**api.getSubscriptionResults(vehicle), **still}
+                    api.unsubscribe(vehicle)
+            self._arriving.clear()
 
     def _read(self) -> Actors:
         sumo, constants = self._sumo, self._sumo.constants

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from cosim.behaviour.stage import Stage
+from cosim.motion import overlaps
 
 _GAP_M = (6.0, 30.0)
 _SPEED_MPS = (3.5, 10.0)
@@ -16,6 +17,7 @@ _STANDS_MPS = 0.2
 _DENT_M = 0.12
 _BRAKES_MPS2 = 6.0
 _LEAVES_LATER_S = 4.0
+_LONGEST_S = 15.0  # until they touch
 _CAREFUL, _BLIND = 31, 0  # SUMO's speed modes: all checks, none
 
 
@@ -24,6 +26,7 @@ class _Crash:
     driver: str
     victim: str
     stands_s: float
+    begun_s: float
     until_s: float | None = None
 
 
@@ -61,8 +64,12 @@ class Collisions:
         if not found:
             return False
         row, ahead = found[int(self._rng.integers(len(found)))]
-        crash = _Crash(actors.ids[row], actors.ids[ahead], stage.config.collision_stands_s.draw(self._rng))
+        crash = _Crash(
+            actors.ids[row], actors.ids[ahead], stage.config.collision_stands_s.draw(self._rng), actors.time_s
+        )
         stage.busy |= {crash.driver, crash.victim}
+        stage.steered |= {crash.driver, crash.victim}
+        stage.motion.let_touch(crash.driver, crash.victim)
         stage.api.vehicle.setSpeedMode(crash.driver, _BLIND)
         stage.api.vehicle.setLaneChangeMode(crash.driver, 0)
         stage.api.vehicle.setSpeed(crash.victim, 0.0)
@@ -86,19 +93,18 @@ class Collisions:
         if row is None or ahead is None:
             return False
         actors, api = stage.actors, stage.api
-        if crash.until_s is not None:
-            if actors.time_s >= crash.until_s:
-                api.vehicle.setSpeed(crash.victim, -1)
+        if crash.until_s is None:
+            late = actors.time_s > crash.begun_s + _LONGEST_S
+            if late or actors.lanes[row] != actors.lanes[ahead]:
+                return False
+            if _touch(stage, row, ahead):
+                stage.record("collision", crash.driver, crash.victim)
+                stage.collided.add((min(crash.driver, crash.victim), max(crash.driver, crash.victim)))
+                crash.until_s = actors.time_s + crash.stands_s
+        elif actors.time_s >= crash.until_s:
+            api.vehicle.setSpeed(crash.victim, -1)
             return actors.time_s < crash.until_s + _LEAVES_LATER_S
-        if actors.lanes[row] != actors.lanes[ahead]:
-            return False
         gap = _gap(stage, row, ahead)
-        if gap < 0.0:
-            stage.record("collision", crash.driver, crash.victim)
-            stage.collided.add((min(crash.driver, crash.victim), max(crash.driver, crash.victim)))
-            crash.until_s = actors.time_s + crash.stands_s
-            api.vehicle.setSpeed(crash.driver, 0.0)
-            return True
         ease = _BRAKES_MPS2 * stage.step_s
         speed = -ease + np.sqrt(ease**2 + 2 * _BRAKES_MPS2 * max(gap + _DENT_M, 0.0))
         api.vehicle.setSpeed(crash.driver, float(min(speed, _SPEED_MPS[1], max(actors.speed_mps[row], 1.0))))
@@ -107,6 +113,8 @@ class Collisions:
     def _end(self, stage: Stage, crash: _Crash) -> None:
         self._crashes.remove(crash)
         stage.busy -= {crash.driver, crash.victim}
+        stage.steered -= {crash.driver, crash.victim}
+        stage.motion.keep_apart(crash.driver, crash.victim)
         for vehicle in (crash.driver, crash.victim):
             if vehicle in stage.rows:
                 stage.api.vehicle.setSpeed(vehicle, -1)
@@ -117,3 +125,11 @@ class Collisions:
 def _gap(stage: Stage, row: int, ahead: int) -> float:
     actors = stage.actors
     return float(actors.lane_position_m[ahead] - actors.size[ahead, 0] - actors.lane_position_m[row])
+
+
+def _touch(stage: Stage, row: int, ahead: int) -> bool:
+    rows, actors = [row, ahead], stage.actors
+    heading = actors.heading_rad[rows]
+    forward = np.column_stack([np.cos(heading), np.sin(heading)])
+    centre = actors.front[rows, :2] - forward * actors.size[rows, :1] / 2
+    return len(overlaps(centre, heading, actors.size[rows]).first) > 0

@@ -21,6 +21,8 @@ _PRESETS: dict[str, dict[str, Any]] = {
         "collisions_per_min": 0.0,
         "pull_ins_per_min": 0.0,
         "pull_outs_per_min": 0.0,
+        "parked_yaw_deg": {"kind": "uniform", "min": -8.0, "max": 8.0},
+        "parked_gap_m": {"kind": "uniform", "min": 3.0, "max": 6.0},
     },
     "calm": {
         "speeding_kmh": {"kind": "constant", "value": 0.0},
@@ -31,6 +33,7 @@ _PRESETS: dict[str, dict[str, Any]] = {
         "collisions_per_min": 0.0,
         "pull_ins_per_min": 0.0,
         "pull_outs_per_min": 0.0,
+        "parked_yaw_deg": {"kind": "constant", "value": 0.0},
     },
 }
 
@@ -71,6 +74,14 @@ class BehaviourConfig(BaseModel):
     )
     pull_outs_per_min: Rate = Field(default=3.0, description="parked vehicles that drive off in the town a minute")
     pull_ins_per_min: Rate = Field(default=2.0, description="drivers in the town a minute who look for a place to park")
+
+    parked_yaw_deg: Annotated[Distribution, within(-15, 15)] = Field(
+        default=Normal(mean=0.0, sigma=1.5, min=-4.0, max=4.0),
+        description="how much those turn away from the kerb's direction who are parked from the beginning [degrees]",
+    )
+    parked_gap_m: Annotated[Distribution, within(0.5, 20)] | None = Field(
+        default=None, description="gap between them in a bay [m]; none: everyone in his own lot"
+    )
 
     @model_validator(mode="before")
     @classmethod

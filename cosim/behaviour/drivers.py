@@ -9,6 +9,7 @@ import numpy as np
 from cosim.actors import Actors
 from cosim.behaviour.collisions import Collisions
 from cosim.behaviour.config import BehaviourConfig
+from cosim.behaviour.contacts import Contacts
 from cosim.behaviour.events import Event
 from cosim.behaviour.free_driving import FreeDriving
 from cosim.behaviour.lane_changes import LaneChanges
@@ -16,7 +17,6 @@ from cosim.behaviour.patience import Patience
 from cosim.behaviour.pull_in import PullIn
 from cosim.behaviour.pull_out import PullOut
 from cosim.behaviour.roads import Roads
-from cosim.behaviour.scrapes import Scrapes
 from cosim.behaviour.stage import Stage
 from cosim.behaviour.turnarounds import Turnarounds
 from cosim.behaviour.u_turns import UTurns
@@ -30,14 +30,19 @@ class Drivers:
     Args:
         config: how.
         seed: of all draws; those of habits follow from it and a vehicle's id alone.
+        roads: the network.
+        exempt: vehicles (the ego) that neither park nor collide, now or from a later step on.
+        sight_m: nobody vanishes this near to an exempt vehicle.
     """
 
-    def __init__(self, config: BehaviourConfig, seed: int) -> None:
+    def __init__(self, config: BehaviourConfig, seed: int, roads: Roads, exempt: set[str], sight_m: float) -> None:
         def rng(name: str) -> np.random.Generator:
             return np.random.default_rng([seed, zlib.crc32(name.encode())])
 
         driving = FreeDriving(seed)
         self._config = config
+        self._roads = roads
+        self._sight_m = sight_m
         self._behaviours = (
             driving,
             LaneChanges(rng("lane changes"), driving),
@@ -47,19 +52,15 @@ class Drivers:
             Collisions(rng("collisions")),
             Turnarounds(),
             Patience(),
-            Scrapes(),
+            Contacts(rng("contacts")),
         )
         self._stage: Stage | None = None
-        self._exempt: set[str] = set()
+        self._exempt = exempt
 
     @property
     def events(self) -> list[Event]:
         """What has happened so far, in order of time."""
         return [] if self._stage is None else self._stage.events
-
-    def exempt(self, vehicle: str) -> None:
-        """Let a vehicle (the ego) neither park nor collide."""
-        self._exempt.add(vehicle)
 
     def apply(self, traffic: Traffic, motion: Motion, actors: Actors) -> None:
         """Act after a step.
@@ -72,7 +73,15 @@ class Drivers:
         if self._stage is None:
             rows = {name: row for row, name in enumerate(actors.ids)}
             self._stage = Stage(
-                self._config, traffic, motion, Roads(traffic.api), actors, rows, traffic.step_s, exempt=self._exempt
+                self._config,
+                traffic,
+                motion,
+                self._roads,
+                actors,
+                rows,
+                traffic.step_s,
+                exempt=self._exempt,
+                sight_m=self._sight_m,
             )
         self._stage.see(actors)
         for behaviour in self._behaviours:

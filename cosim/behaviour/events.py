@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-EventKind = Literal["lane_change", "u_turn", "pull_out", "pull_in", "collision", "scrape", "taken_away"]
+EventKind = Literal["lane_change", "u_turn", "pull_out", "pull_in", "collision", "contact", "taken_away"]
 
 
 @dataclass(frozen=True)
@@ -13,9 +13,8 @@ class Event:
     """One event.
 
     Attributes:
-        kind: what happened. In a scrape a stiff body, mostly a long one, touches another in a turn that SUMO thinks it
-            can take; one that stays deep for a second is a collision, as are the configured ones. Who cannot get on
-            any more, or has lost his way, is taken away.
+        kind: what happened. A collision is one of those the configuration asks for; a contact is any other overlap of
+            two bodies. Who cannot get on any more, or has lost his way, is taken away, out of the ego vehicle's sight.
         time_s: simulation time when it began.
         vehicles: SUMO ids of those who took part, the one at fault first.
     """

@@ -13,6 +13,7 @@ from cosim.behaviour.stage import Stage
 MOTORISED = frozenset({"car", "van", "truck", "bus", "motorcycle"})
 _BRAKES_MPS2 = 2.5
 _EARLY_M = 8.0
+_SPARE_M = 0.2  # between a body and the edge of its lane, at least
 _CYCLISTS_OFF_KERB_M = 0.15  # SUMO lets them touch what is parked beside the lane
 
 
@@ -74,7 +75,11 @@ class FreeDriving:
         habits = draw_habits(stage.config, self._seed, vehicle)
         stage.api.vehicle.setMinGap(vehicle, habits.gap_m)
         stage.api.vehicle.setTau(vehicle, habits.headway_s)
-        stage.motion.keep_offset(vehicle, habits.lane_offset_m)
+        row = stage.rows[vehicle]
+        lane = stage.roads.lanes.get(stage.actors.lanes[row])
+        spare = (lane.width_m - float(stage.actors.size[row, 1])) / 2 - _SPARE_M if lane else 0.0
+        room = max(spare, 0.0)
+        stage.motion.keep_offset(vehicle, float(np.clip(habits.lane_offset_m, -room, room)))
         return _Driver(habits)
 
     def _enter(self, stage: Stage, vehicle: str, driver: _Driver, lane: Lane | None) -> None:

@@ -10,10 +10,12 @@ from cosim.motion import Approach, drift
 from cosim.motion.rehearsal import clear, rehearse
 
 _FOR_EVER_S = 1_000_000.0
-_WAYS_M = ((14.0, 4.0), (17.0, 5.0), (19.0, 7.0), (22.0, 9.0), (26.0, 11.0))
+_WAYS_M = ((14.0, 5.0), (16.0, 6.0), (17.0, 7.0), (19.0, 8.0), (22.0, 10.0), (26.0, 12.0))
 _AHEAD_M = 45.0
-_STRAIGHT_RAD = np.radians(3.0)
+_STRAIGHT_RAD = np.radians(1.5)
 _BESIDE_M = 0.1  # farthest from the middle of the place
+_GENTLY_MPS = 2.5  # as rehearsed
+_BRAKES_MPS2 = 1.5
 _MARGIN_M = 0.12
 _LONGEST_M = 5.0
 _BEFORE_M = 28.0
@@ -26,7 +28,8 @@ class PullIn:
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
         self._due = 0
-        self._going: dict[str, str] = {}  # vehicle → lot
+        self._going: dict[str, Lot] = {}
+        self._fastest: dict[str, float] = {}  # of those who have slowed down [m/s]
 
     def step(self, stage: Stage) -> None:
         """Choose who parks where; note when he stands."""
@@ -38,8 +41,26 @@ class PullIn:
             if row is None or stage.actors.parked[row]:
                 if row is not None:
                     stage.record("pull_in", vehicle)
-                del self._going[vehicle]
-                stage.busy.discard(vehicle)
+                self._end(stage, vehicle)
+            elif vehicle not in self._fastest:
+                self._slow_down(stage, row, self._going[vehicle])
+
+    def _slow_down(self, stage: Stage, row: int, lot: Lot) -> None:
+        actors = stage.actors
+        if actors.lanes[row] != lot.lane:
+            return
+        slows_m = max(float(actors.speed_mps[row]) ** 2 - _GENTLY_MPS**2, 0.0) / (2 * _BRAKES_MPS2)
+        if lot.end_m - actors.lane_position_m[row] < _BEFORE_M + slows_m:
+            vehicle, api = actors.ids[row], stage.api.vehicle
+            self._fastest[vehicle] = api.getMaxSpeed(vehicle)
+            api.setMaxSpeed(vehicle, _GENTLY_MPS)
+
+    def _end(self, stage: Stage, vehicle: str) -> None:
+        del self._going[vehicle]
+        stage.busy.discard(vehicle)
+        fastest = self._fastest.pop(vehicle, None)
+        if fastest is not None and vehicle in stage.rows:
+            stage.api.vehicle.setMaxSpeed(vehicle, fastest)
 
     def _begin(self, stage: Stage) -> bool:
         actors = stage.actors
@@ -57,7 +78,7 @@ class PullIn:
         if not found:
             return False
         row, places = found[int(self._rng.integers(len(found)))]
-        taken = set(self._going.values())
+        taken = {lot.id for lot in self._going.values()}
         free = [lot for lot in places if lot.id not in taken and not stage.api.parkingarea.getVehicleIDs(lot.id)]
         return any(self._try(stage, row, lot) for lot in free[:_LOTS_TRIED])
 
@@ -81,6 +102,6 @@ class PullIn:
                 stage.api.vehicle.setParkingAreaStop(vehicle, lot.id, _FOR_EVER_S)
                 stage.motion.approach(vehicle, Approach(stop, aside, start, end))
                 stage.busy.add(vehicle)
-                self._going[vehicle] = lot.id
+                self._going[vehicle] = lot
                 return True
         return False

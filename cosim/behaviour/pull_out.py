@@ -49,6 +49,7 @@ class PullOut:
             if self._leaving[vehicle] > 0:
                 return
             stage.api.vehicle.setSpeed(vehicle, -1)
+        stage.pace.pop(vehicle, None)
         del self._leaving[vehicle]
         stage.busy.discard(vehicle)
 
@@ -75,7 +76,8 @@ class PullOut:
         at, left = lane.project(place)
         if not _OFFSET_M[0] < -left < _OFFSET_M[1] or lane.length_m - at < _WAY_M:
             return False
-        heading = float(actors.heading_rad[row])
+        heading = lane.point(at)[1]
+        askew = float((actors.heading_rad[row] - heading + np.pi) % (2 * np.pi) - np.pi)
         boxes = in_axes(stage.boxes_near(place, vehicle), place, heading)
         boxes = boxes[boxes[:, 1] < -left / 2]  # others at the kerb; those on the lane SUMO waits for
         size = actors.size[row]
@@ -84,7 +86,7 @@ class PullOut:
             def offset(x: np.ndarray, length: float = length) -> np.ndarray:
                 return -left * (1 - drift.steep(x / length))
 
-            poses = rehearse(actors.kinds[row], size[0], _WAY_M, offset)
+            poses = rehearse(actors.kinds[row], size[0], _WAY_M, offset, askew)
             if clear(poses, size, boxes, _MARGIN_M):
                 return self._set_off(stage, vehicle, lane.edge, length)
         return False
@@ -97,6 +99,7 @@ class PullOut:
         api.setRoute(vehicle, route)
         api.resume(vehicle)
         api.setSpeed(vehicle, _GENTLY_MPS)
+        stage.pace[vehicle] = _GENTLY_MPS
         stage.motion.leave_steeply(vehicle, length)
         stage.busy.add(vehicle)
         self._waiting[vehicle] = length

@@ -29,6 +29,9 @@ class Stage:
         step_s: SUMO's step length.
         busy: vehicles in a manoeuvre, which no other may begin with.
         exempt: vehicles that neither park nor collide nor are taken away (the ego).
+        sight_m: nobody may vanish this near to one of them.
+        steered: vehicles whose speed in SUMO a manoeuvre sets.
+        pace: speed that others are sent on with [m/s]; who is missing goes as SUMO likes.
         collided: pairs, in alphabetical order, that have collided as drawn.
         events: what has happened.
     """
@@ -42,6 +45,9 @@ class Stage:
     step_s: float
     busy: set[str] = field(default_factory=set)
     exempt: set[str] = field(default_factory=set)
+    sight_m: float = 120.0
+    steered: set[str] = field(default_factory=set)
+    pace: dict[str, float] = field(default_factory=dict)
     collided: set[tuple[str, str]] = field(default_factory=set)
     events: list[Event] = field(default_factory=list)
 
@@ -61,14 +67,20 @@ class Stage:
         self.events.append(Event(kind, self.actors.time_s, vehicles))
 
     def take_away(self, vehicle: str) -> bool:
-        """Let a vehicle leave the simulation, unless it is exempt; whether it does."""
-        if vehicle in self.exempt:
+        """Let a vehicle leave the simulation, unless it is exempt or in sight of one that is; whether it does."""
+        if vehicle in self.exempt or self._in_sight(vehicle):
             return False
         self.record("taken_away", vehicle)
         self.api.vehicle.unsubscribe(vehicle)
         self.api.vehicle.remove(vehicle)
         self.busy.add(vehicle)
         return True
+
+    def _in_sight(self, vehicle: str) -> bool:
+        places = self.actors.front[:, :2]
+        watchers = [self.rows[name] for name in self.exempt if name in self.rows]
+        away = places[watchers] - places[self.rows[vehicle]]
+        return bool((np.hypot(away[:, 0], away[:, 1]) < self.sight_m).any())
 
     def due(self, per_min: float, rng: np.random.Generator) -> bool:
         """Whether an incident of a rate falls into this step."""

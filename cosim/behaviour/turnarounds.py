@@ -33,6 +33,7 @@ class Turnarounds:
             elif row is None or not plays:
                 del self._turning[vehicle]
                 stage.busy.discard(vehicle)
+                stage.steered.discard(vehicle)
                 if row is not None:
                     stage.api.vehicle.setSpeed(vehicle, -1)
 
@@ -50,5 +51,6 @@ class Turnarounds:
             stage.motion.play(vehicle, script)
             stage.api.vehicle.setSpeed(vehicle, _CRAWLS_MPS)
             stage.busy.add(vehicle)
+            stage.steered.add(vehicle)
             self._turning[vehicle] = back
             return

@@ -21,6 +21,7 @@ _KERB_M = 0.1  # corners keep this far from kerbs
 _OVER_KERB_M = 0.8  # how far they reach over them where the road is too narrow
 _MARGIN_M = 1.5  # kept free before and behind the turn
 _PATIENCE_S = 15.0
+_LONGEST_S = 60.0
 _HOLD_STEPS = 8
 _AT_ONCE = 2
 
@@ -33,7 +34,6 @@ class _Turn:
     begun_s: float
     keeper: str = ""
     script: Script | None = None
-    ends_s: float = np.inf
     moved: bool = False
 
 
@@ -83,6 +83,7 @@ class UTurns:
             seconds = max(float(actors.speed_mps[row]) / _BRAKES_MPS2, 1.0)
             stage.api.vehicle.slowDown(vehicle, 0.0, seconds)
             stage.busy.add(vehicle)
+            stage.steered.add(vehicle)
             self._turns.append(_Turn(vehicle, lane, back, actors.time_s))
             return True
         return False
@@ -101,11 +102,12 @@ class UTurns:
             if not turn.keeper:
                 return self._ask_for_room(stage, turn, row)
             return self._start(stage, turn, row) if turn.keeper in stage.api.vehicle.getIDList() else True
-        if not turn.moved and now > turn.ends_s - _HOLD_STEPS * stage.step_s:
+        plays = stage.motion.plays(turn.vehicle)
+        if not turn.moved and stage.motion.steps_left(turn.vehicle) < _HOLD_STEPS:
             self._change_sides(stage, turn)
-        elif turn.moved and stage.actors.lanes[row] == turn.back.id and now > turn.ends_s:
+        elif turn.moved and stage.actors.lanes[row] == turn.back.id and not plays:
             return False
-        return now < turn.ends_s + _PATIENCE_S
+        return plays or now < turn.begun_s + _LONGEST_S
 
     def _ask_for_room(self, stage: Stage, turn: _Turn, row: int) -> bool:
         """Send a keeper into the other direction."""
@@ -139,7 +141,6 @@ class UTurns:
         hold = np.full(_HOLD_STEPS, len(script) - 1)
         rows = np.concatenate([np.arange(len(script)), hold])
         turn.script = Script(script.front[rows], script.heading_rad[rows])
-        turn.ends_s = stage.actors.time_s + len(rows) * stage.step_s
         stage.motion.play(turn.vehicle, turn.script)
         stage.record("u_turn", turn.vehicle)
         return True
@@ -189,6 +190,7 @@ class UTurns:
     def _end(self, stage: Stage, turn: _Turn) -> None:
         self._turns.remove(turn)
         stage.busy.discard(turn.vehicle)
+        stage.steered.discard(turn.vehicle)
         api = stage.api.vehicle
         if turn.keeper:
             api.remove(turn.keeper)

@@ -42,6 +42,7 @@ def follow(
     course_rad: np.ndarray,
     travel_rad: np.ndarray,
     step_s: float,
+    pace_mps: np.ndarray | None = None,
 ) -> BicycleState:
     """One step of vehicles whose guiding points (`Chassis.guide_m`) head for the targets.
 
@@ -57,6 +58,7 @@ def follow(
         course_rad: (n,) direction of the road at the target.
         travel_rad: (n,) direction in which the target moves.
         step_s: length of the step.
+        pace_mps: (n,) speed of those who only look towards their targets, NaN for those who should arrive there.
     """
     rear = chassis.rear_m
     arm = rear - chassis.guide_m
@@ -65,6 +67,8 @@ def follow(
     middle = theta + 0.5 * kappa * np.clip(state.speed_mps, 0, None) * step_s
     error = target - state.front + chassis.guide_m[:, None] * forward
     along = error[:, 0] * np.cos(middle) + error[:, 1] * np.sin(middle)
+    if pace_mps is not None:
+        along = np.where(np.isnan(pace_mps), along, pace_mps * step_s)
     fastest = state.speed_mps + _MAX_ACCELERATION_MPS2 * step_s
     slowest = np.maximum(state.speed_mps - _MAX_BRAKING_MPS2 * step_s, 0)
     ds = np.clip(along / step_s, slowest, np.maximum(fastest, slowest)) * step_s

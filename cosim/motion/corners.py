@@ -9,13 +9,12 @@ _YAW_RATE_RADPS = 0.6
 _WINDOW_M = 4.0
 _STEP_M = 0.5
 _SLOWEST_MPS = 2.5
+_OFF_LANE_M = 1.1
+_REAR_AXLE = 0.74  # of a truck, share of its length
 
 
-def corner_speed(shape: np.ndarray) -> float:
-    """Speed at which a vehicle takes a lane's sharpest bend [m/s]; infinite on a straight one.
-
-    Lateral acceleration κ·v² stays within 2.8 m/s², about what drivers accept in towns, and the yaw rate κ·v within
-    0.6 rad/s.
+def sharpest_radius(shape: np.ndarray) -> float:
+    """Radius of a lane's sharpest bend [m], over 4 m of way; infinite on a straight one.
 
     Args:
         shape: (k, 2 or 3) middle line, metres.
@@ -33,6 +32,28 @@ def corner_speed(shape: np.ndarray) -> float:
     start = np.arange(0.0, max(at[-1] - window, 0.0) + _STEP_M, _STEP_M)
     turned = np.interp(start + window, middle, heading) - np.interp(start, middle, heading)
     curvature = float(np.abs(turned).max()) / window
-    if curvature < 1e-3:
-        return float("inf")
-    return max(min(np.sqrt(_COMFORT_MPS2 / curvature), _YAW_RATE_RADPS / curvature), _SLOWEST_MPS)
+    return float("inf") if curvature < 1e-3 else 1 / curvature
+
+
+def corner_speed(shape: np.ndarray) -> float:
+    """Speed at which a vehicle takes a lane's sharpest bend [m/s]; infinite on a straight one.
+
+    Lateral acceleration κ·v² stays within 2.8 m/s², about what drivers accept in towns, and the yaw rate κ·v within
+    0.6 rad/s.
+
+    Args:
+        shape: (k, 2 or 3) middle line, metres.
+    """
+    radius = sharpest_radius(shape)
+    if radius == float("inf"):
+        return radius
+    return max(min(np.sqrt(_COMFORT_MPS2 * radius), _YAW_RATE_RADPS * radius), _SLOWEST_MPS)
+
+
+def longest_body(radius_m: float) -> float:
+    """Length of a rigid body that takes a long bend with its ends at most 1.1 m off its lane [m].
+
+    The rear axle, a = 0.74 of the length behind the bumper, runs R − √(R² − a²) farther inside (Rajamani, Vehicle
+    Dynamics and Control, § 2.2); swinging out first, half of it falls to either side.
+    """
+    return float(np.sqrt(max(4 * _OFF_LANE_M * (radius_m - _OFF_LANE_M), 0.0)) / _REAR_AXLE)

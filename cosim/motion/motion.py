@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,16 +12,27 @@ from cosim.motion import drift
 from cosim.motion.bicycle import BicycleState, follow
 from cosim.motion.body import Springs
 from cosim.motion.chassis import Chassis
-from cosim.motion.script import Script
+from cosim.motion.evasion import Rolling, evade
+from cosim.motion.footsteps import Footsteps
+from cosim.motion.guard import Guarded, choose
+from cosim.motion.script import Player, Script
+from cosim.motion.stopping import Stops, braked, stops
 from cosim.motion.trail import Trail
 from cosim.motion.walking import walk
 
-_ARRIVED_M = 0.5  # SUMO puts vehicles that begin parked on the lane first
 _COURSE_GAIN = 0.3
 _TRAVELS_M = 0.02
+_STANDS_MPS = 0.1
+_BESIDE_M = 0.3  # who is nearer to the end of that way is there, or past it
+_LATE_M = 0.5  # a bumper so far behind its target drives after it on the way the target took
+_CATCHES_UP_MPS2 = 2.0
+_CREEPS_MPS = 0.5
+_ASIDE_M = 6.0  # way over which one who has stepped aside comes back
+_LOOKS_M = 1.0  # along that way
 _STATE = {"front": 2, "raw": 2, "velocity": 2, "springs": 4}
 _STATE |= dict.fromkeys(("heading", "curvature", "speed", "course", "travel", "raw_heading"), 1)
 _STATE |= dict.fromkeys(("jump", "jump_at", "jump_length", "jump_steep", "lane_offset", "along", "way", "known"), 1)
+_STATE |= dict.fromkeys(("waits", "stuck", "behind", "aside"), 1)
 
 
 @dataclass(frozen=True)
@@ -43,7 +55,8 @@ class Motion:
     """Smooths all road users step by step; all steps of an episode, warm-up included, must pass through it.
 
     Vehicles are rear-axle bicycles whose front bumpers follow SUMO's; where SUMO's position jumps sideways they move
-    over gradually; scripts override both. People on foot follow with limited acceleration. Who is parked stands still.
+    over gradually; scripts override both. Who would touch another waits (`cosim.motion.guard`). People on foot follow
+    with limited acceleration. Who is parked stands still.
 
     Args:
         step_s: SUMO's step length.
@@ -60,10 +73,22 @@ class Motion:
         self._chassis = Chassis.of((), np.zeros(0))
         self._walks = np.zeros(0, bool)
         self._lane_offsets: dict[str, float] = {}
-        self._scripts: dict[str, tuple[Script, int]] = {}
+        self._players: dict[str, Player] = {}
+        self._may_touch: set[tuple[str, str]] = set()
+        self._blocks: dict[str, str] = {}
         self._approaches: dict[str, Approach] = {}
         self._exits: dict[str, float] = {}
         self._trails: dict[str, Trail] = {}
+        self._footsteps: dict[str, Footsteps] = {}
+
+    def poses(self, actors: Actors) -> tuple[np.ndarray, np.ndarray]:
+        """Front bumpers (n, 2) and headings (n,) after the last step; for those it did not know, as the actors say."""
+        front, heading = actors.front[:, :2].copy(), actors.heading_rad.copy()
+        for row, name in enumerate(actors.ids):
+            known = self._rows.get(name)
+            if known is not None:
+                front[row], heading[row] = self._of["front"][known], self._of["heading"][known]
+        return front, heading
 
     def keep_offset(self, vehicle: str, offset_m: float) -> None:
         """Let a vehicle drive beside the middle of its lane, positive to the left."""
@@ -73,11 +98,52 @@ class Motion:
 
     def play(self, vehicle: str, script: Script) -> None:
         """Let a vehicle move by a script from the next step on, whatever SUMO does with it."""
-        self._scripts[vehicle] = (script, 0)
+        row = self._rows[vehicle]
+        self._players[vehicle] = Player(script, self._of["front"][row], float(self._of["heading"][row]))
+
+    def back_up(self, vehicle: str, way_m: float, hold_s: float, aside_m: float) -> bool:
+        """Let a vehicle go back the way it came, rest, and come again so far to the left; whether it can.
+
+        It goes on as before when somebody stands behind it.
+        """
+        row = self._rows[vehicle]
+        front, heading = self._of["front"][row], float(self._of["heading"][row])
+        footsteps = self._footsteps.get(vehicle)
+        script = footsteps and footsteps.back(front, heading, way_m, round(hold_s / self._step_s))
+        if footsteps is None or script is None or vehicle in self._players:
+            return False
+        footsteps.clear()
+        self._players[vehicle] = Player(script, front, heading, retreat=True)
+        self._of["aside"][row] = aside_m
+        return True
 
     def plays(self, vehicle: str) -> bool:
         """Whether a script still runs."""
-        return vehicle in self._scripts
+        return vehicle in self._players
+
+    def steps_left(self, vehicle: str) -> float:
+        """How many steps a vehicle's script still takes at least."""
+        return self._players[vehicle].steps_left if vehicle in self._players else 0.0
+
+    def let_touch(self, one: str, other: str) -> None:
+        """Let two vehicles run into each other, until told otherwise."""
+        self._may_touch.add((one, other))
+
+    def keep_apart(self, one: str, other: str) -> None:
+        """Take back `let_touch`."""
+        self._may_touch.discard((one, other))
+
+    def waits_s(self) -> np.ndarray:
+        """For how long everyone could not go where SUMO wants him (n,) [s]; zero for those who can."""
+        return self._of["waits"]
+
+    def blocker(self, vehicle: str) -> str | None:
+        """Who was in the way of a vehicle in the last step."""
+        return self._blocks.get(vehicle)
+
+    def stuck_s(self) -> np.ndarray:
+        """For how long everyone stands though SUMO wants him elsewhere (n,) [s]."""
+        return self._of["stuck"]
 
     def lag(self) -> np.ndarray:
         """How far the wheeled and unparked are from SUMO's places beyond their sideways ways (n,) [m]."""
@@ -85,10 +151,9 @@ class Motion:
         meant = np.abs(of["jump"]) + 4.0 * np.array([name in self._approaches for name in self._ids], float)
         return np.where(self._walks, 0.0, np.maximum(_length(of["raw"] - of["front"]) - meant, 0.0))
 
-    def ahead(self) -> np.ndarray:
-        """How far SUMO's places are before the bumpers, in the direction these point (n,) [m]."""
-        away, heading = self._of["raw"] - self._of["front"], self._of["heading"]
-        return away[:, 0] * np.cos(heading) + away[:, 1] * np.sin(heading)
+    def behind(self) -> np.ndarray:
+        """How far everyone is behind SUMO's place along the way that took (n,) [m]; zero beside it."""
+        return self._of["behind"]
 
     def approach(self, vehicle: str, approach: Approach) -> None:
         """Let a vehicle move over to a parking place while SUMO takes it there along the lane."""
@@ -110,24 +175,23 @@ class Motion:
         of, step = self._of, self._step_s
         raw, raw_heading = actors.front[:, :2], actors.heading_rad
         fresh = of["known"] == 0
-        fresh |= actors.parked & (of["way"] < _ARRIVED_M) & (_length(raw - of["raw"]) > drift.JUMP_M)
         self._enter(actors, np.flatnonzero(fresh))
         before, heading_before = of["front"].copy(), of["heading"].copy()
+        self._end_scripts()
 
         of["jump"][actors.parked] = 0.0
         drives = np.flatnonzero(~self._walks & ~actors.parked)
-        if drives.size:
-            self._drive(actors, drives)
+        self._take_steps(actors, drives, self._wanted(actors, drives))
         walks = np.flatnonzero(self._walks)
         if walks.size:
             of["front"][walks], of["velocity"][walks], of["heading"][walks] = walk(
                 before[walks], of["velocity"][walks], heading_before[walks], raw[walks], raw_heading[walks], step
             )
         of["raw"], of["raw_heading"] = raw.copy(), raw_heading.copy()
-        self._run_scripts()
         return self._report(actors, before, heading_before, fresh)
 
-    def _drive(self, actors: Actors, rows: np.ndarray) -> None:
+    def _wanted(self, actors: Actors, rows: np.ndarray) -> BicycleState:
+        """The state that takes those who drive after SUMO's places."""
         of = self._of
         raw, raw_heading = actors.front[rows, :2], actors.heading_rad[rows]
         moved = raw - of["raw"][rows]
@@ -155,19 +219,113 @@ class Motion:
         state = BicycleState(of["front"][rows], of["heading"][rows], of["curvature"][rows], of["speed"][rows])
         chassis = self._chassis.take(rows)
         travel = travel + np.arctan(slope)
-        for i in np.flatnonzero(chassis.guide_m > 0):
-            guide = float(chassis.guide_m[i])
-            target[i], travel[i] = self._trail(actors.ids[rows[i]], target[i], float(raw_heading[i])).behind(guide)
-        state = follow(state, chassis, target, raw_heading, travel, self._step_s)
-        of["front"][rows], of["heading"][rows] = state.front, state.heading_rad
-        of["curvature"][rows], of["speed"][rows] = state.curvature_per_m, state.speed_mps
+        course = raw_heading.copy()
+        trails = self._go_on_trails(actors, rows, target)
+        late = _length(target - state.front) - state.speed_mps * self._step_s > _LATE_M
+        of["behind"][:] = 0.0
+        paces = np.full(len(rows), np.nan)
+        for i in np.flatnonzero(late | (chassis.guide_m > 0)).tolist():
+            guide, behind = float(chassis.guide_m[i]), 0.0
+            heading, speed = state.heading_rad[i], float(state.speed_mps[i])
+            point = state.front[i] - guide * np.array([np.cos(heading), np.sin(heading)])
+            left = trails[i].nearest(point) - guide if late[i] else 0.0
+            if left > _BESIDE_M:
+                top = float(actors.speed_mps[rows[i]]) + np.sqrt(2 * _CATCHES_UP_MPS2 * left)
+                paces[i] = max(min(speed + _CATCHES_UP_MPS2 * self._step_s, top), _CREEPS_MPS)
+                behind = max(left - paces[i] * self._step_s - _LOOKS_M, 0.0)
+                of["behind"][rows[i]] = left
+            target[i], travel[i] = trails[i].behind(guide + behind)
+            aside = of["aside"][rows[i]]
+            target[i] += aside * np.array([-np.sin(travel[i]), np.cos(travel[i])])
+            course[i] = travel[i] if behind > 0 else course[i]
+        return follow(state, chassis, target, course, travel, self._step_s, paces)
 
-    def _trail(self, vehicle: str, target: np.ndarray, heading_rad: float) -> Trail:
-        trail = self._trails.get(vehicle)
-        if trail is None:
-            trail = self._trails[vehicle] = Trail(target, heading_rad)
-        trail.add(target)
-        return trail
+    def _take_steps(self, actors: Actors, drives: np.ndarray, wanted: BicycleState) -> None:
+        """Everyone goes where he wants, except where bodies would touch."""
+        of, step = self._of, self._step_s
+        wheels = np.flatnonzero(~self._walks)
+        chassis, length = self._chassis.take(wheels), actors.size[wheels, 0]
+        state = {name: of[name][wheels].copy() for name in ("front", "heading", "curvature", "speed")}
+        state["curvature"][actors.parked[wheels]] = state["speed"][actors.parked[wheels]] = 0.0
+        forward = np.column_stack([np.cos(state["heading"]), np.sin(state["heading"])])
+        centre = state["front"] - length[:, None] / 2 * forward
+        out = braked(state, chassis.rear_m, step)
+
+        place = np.searchsorted(wheels, drives)
+        want = {name: values.copy() for name, values in state.items()}
+        want["front"][place], want["heading"][place] = wanted.front, wanted.heading_rad
+        want["curvature"][place], want["speed"][place] = wanted.curvature_per_m, wanted.speed_mps
+        moves = (want["front"] != state["front"]).any(1)
+        goes_on = stops(**want, rear_m=chassis.rear_m, length_m=length, step_s=step)
+        brakes = stops(**out, rear_m=chassis.rear_m, length_m=length, step_s=step)
+        rows = {int(row): i for i, row in enumerate(wheels)}
+        players = {rows[self._rows[name]]: player for name, player in self._players.items()}
+        goes_on, brakes = _at_least(goes_on, 4), _at_least(brakes, 4)
+        for i, player in players.items():
+            goes_on.put(i, player.stops(float(length[i]), goes_on=True), 0)
+            brakes.put(i, player.stops(float(length[i]), goes_on=False), 0)
+            moves[i] = True
+        took: dict[int, Rolling] = {}
+
+        def offer(i: int, clear: Callable[[Stops], bool]) -> Stops | None:
+            if i in players:
+                return None
+            build = (float(chassis.rear_m[i]), float(length[i]), float(chassis.max_curvature_per_m[i]))
+            now, wish = (Rolling(*(values[i] for values in of_all.values())) for of_all in (state, want))
+            rate = float(chassis.max_curvature_rate_per_ms[i])
+            other = evade(now, wish, float(of["stuck"][wheels[i]]), (*build, rate), step, clear)
+            if other is None:
+                return None
+            took[i] = other
+            return other.stops(build[0], build[1], step)
+
+        allowed = self._allowed(rows)
+        all_ = Guarded(centre, state["heading"], actors.size[wheels, :2] / 2, goes_on, brakes, moves, allowed)
+        yields, blocks = choose(all_, offer)
+        self._blocks = {actors.ids[wheels[i]]: actors.ids[wheels[j]] for i, j in blocks.items()}
+        for i, taken in yields.items():
+            for name in want:
+                want[name][i] = out[name][i] if taken is None else getattr(took[i], name)
+        for i, player in players.items():
+            player.slow_down() if i in yields else player.go()
+            want["front"][i], want["heading"][i] = player.pose()
+            want["curvature"][i] = want["speed"][i] = 0.0
+        want["heading"] = _wrap(want["heading"])
+        for name, values in want.items():
+            of[name][wheels] = values
+        of["aside"][wheels] *= np.exp(-np.abs(want["speed"]) * step / _ASIDE_M)
+        self._note_footsteps(actors, wheels[~actors.parked[wheels]])
+        waits = np.zeros(len(wheels), bool)
+        waits[list(yields)] = True
+        of["waits"][wheels] = np.where(waits, of["waits"][wheels] + step, 0.0)
+        stands = waits & (want["speed"] < _STANDS_MPS)
+        stuck = of["stuck"][wheels]
+        of["stuck"][wheels] = np.where(waits, stuck + step * stands, np.maximum(stuck - 2 * step, 0.0))
+
+    def _note_footsteps(self, actors: Actors, rows: np.ndarray) -> None:
+        fronts, headings = self._of["front"][rows].tolist(), self._of["heading"][rows].tolist()
+        for row, front, heading in zip(rows.tolist(), fronts, headings, strict=True):
+            name = actors.ids[row]
+            if name not in self._players:
+                self._footsteps.setdefault(name, Footsteps()).add(front[0], front[1], heading)
+
+    def _allowed(self, rows: dict[int, int]) -> frozenset[tuple[int, int]]:
+        """Pairs of wheeled rows that may touch."""
+        known = [(self._rows.get(a), self._rows.get(b)) for a, b in self._may_touch]
+        pairs = [(rows[a], rows[b]) for a, b in known if a in rows and b in rows]
+        return frozenset((min(pair), max(pair)) for pair in pairs)
+
+    def _go_on_trails(self, actors: Actors, rows: np.ndarray, target: np.ndarray) -> list[Trail]:
+        """Trails of the targets of some rows, which are their newest places."""
+        trails = []
+        for row, place in zip(rows.tolist(), target.tolist(), strict=True):
+            trail = self._trails.get(actors.ids[row])
+            if trail is None:
+                trail = Trail(np.array(place), float(actors.heading_rad[row]))
+                self._trails[actors.ids[row]] = trail
+            trail.add(*place)
+            trails.append(trail)
+        return trails
 
     def _offset(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lateral offsets (m,) from SUMO's line and their change per metre of way."""
@@ -179,44 +337,47 @@ class Motion:
 
         at = of["jump_at"][rows]
         offset, slope = left_over(at), (left_over(at + 0.1) - left_over(at - 0.1)) / 0.2
+        aside = of["lane_offset"][rows]
         for vehicle, approach in self._approaches.items():
             row = self._rows.get(vehicle)
             hit = np.flatnonzero(rows == row) if row is not None else ()
             for i in hit:
-                left_m = float(np.linalg.norm(self._of["raw"][row] - approach.stop))
+                left_m = float(np.linalg.norm(self._of["raw"][row] - approach.stop)) - self._step_s * of["speed"][row]
                 share = (approach.start_m - left_m) / (approach.start_m - approach.end_m)
                 ahead = share + 0.1 / (approach.start_m - approach.end_m)
-                offset[i] += approach.offset_m * (1 - float(drift.smooth(np.array(share))))
+                over = 1 - float(drift.smooth(np.array(share)))
                 change = float(drift.smooth(np.array(share)) - drift.smooth(np.array(ahead)))
-                slope[i] += approach.offset_m * change / 0.1
-        return offset + of["lane_offset"][rows], slope
+                offset[i] += (approach.offset_m - aside[i]) * over
+                slope[i] += (approach.offset_m - aside[i]) * change / 0.1
+        return offset + aside, slope
 
     def _take_up_jump(self, actors: Actors, row: int, jump_m: float) -> None:
         """Keep the place on the road: what SUMO jumps, the offset takes back."""
         of, vehicle = self._of, actors.ids[row]
-        if vehicle in self._scripts:
+        if vehicle in self._players:
             return
         offset, _ = self._offset(np.array([row]))
         of["jump"][row] = offset[0] - of["lane_offset"][row] - jump_m
         if vehicle in self._approaches:
             del self._approaches[vehicle]
         steep = self._exits.pop(vehicle, None)
+        if steep is not None:
+            self._trails.pop(vehicle, None)
         of["jump_at"][row] = 0.0
         of["jump_steep"][row] = 0.0 if steep is None else 1.0
         of["jump_length"][row] = float(drift.change_length(actors.speed_mps[[row]])[0]) if steep is None else steep
 
-    def _run_scripts(self) -> None:
-        of = self._of
-        for vehicle, (script, at) in list(self._scripts.items()):
+    def _end_scripts(self) -> None:
+        """Those who have played theirs, or have left, drive themselves again."""
+        for vehicle, player in list(self._players.items()):
             row = self._rows.get(vehicle)
-            if row is None or at >= len(script):
-                del self._scripts[vehicle]
+            if row is None or player.steps_left <= 0:
+                del self._players[vehicle]
+                if player.retreat:
+                    continue
+                self._trails.pop(vehicle, None)
                 if row is not None:
                     self._rejoin(row)
-                continue
-            of["front"][row], of["heading"][row] = script.front[at], script.heading_rad[at]
-            of["curvature"][row] = of["speed"][row] = 0.0
-            self._scripts[vehicle] = (script, at + 1)
 
     def _rejoin(self, row: int) -> None:
         """Go on along SUMO's line from where a script ended."""
@@ -235,6 +396,7 @@ class Motion:
             for name in _STATE:
                 of[name][row] = 0.0
             self._trails.pop(actors.ids[row], None)
+            self._footsteps.pop(actors.ids[row], None)
             of["lane_offset"][row] = self._lane_offsets.get(actors.ids[row], 0.0)
         course = actors.heading_rad[rows]
         left = np.column_stack([-np.sin(course), np.cos(course)])
@@ -288,6 +450,12 @@ class Motion:
         self._rows = {name: row for row, name in enumerate(actors.ids)}
         self._chassis = Chassis.of(actors.kinds, actors.size[:, 0])
         self._walks = np.array([kind == "pedestrian" for kind in actors.kinds], bool)
+
+
+def _at_least(stops_: Stops, steps: int) -> Stops:
+    """The same with room for some poses."""
+    k = np.minimum(np.arange(max(steps, stops_.centre.shape[1])), stops_.centre.shape[1] - 1)
+    return Stops(stops_.centre[:, k], stops_.heading_rad[:, k], stops_.last)
 
 
 def _wrap(angle: np.ndarray) -> np.ndarray:

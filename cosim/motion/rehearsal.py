@@ -15,17 +15,20 @@ _ACCELERATION_MPS2 = 1.5
 _STEP_S = 0.2
 
 
-def rehearse(kind: str, length_m: float, way_m: float, offset: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def rehearse(
+    kind: str, length_m: float, way_m: float, offset: Callable[[np.ndarray], np.ndarray], heading_rad: float = 0.0
+) -> np.ndarray:
     """Poses (k, 3) of a front bumper — x, y, heading — in axes at its start, x along the road.
 
     Args:
         kind, length_m: of the vehicle.
         way_m: how far it goes along the road.
         offset: lateral place (m,) at distances (m,) along the road, zero at the start.
+        heading_rad: how the vehicle stands at the start, against the road.
     """
     chassis = Chassis.of((kind,), np.array([length_m]))
-    state = BicycleState(np.zeros((1, 2)), np.zeros(1), np.zeros(1), np.zeros(1))
-    poses, x, speed = [np.zeros(3)], 0.0, 0.0
+    state = BicycleState(np.zeros((1, 2)), np.full(1, heading_rad), np.zeros(1), np.zeros(1))
+    poses, x, speed = [np.array([0.0, 0.0, heading_rad])], 0.0, 0.0
     while x < way_m:
         speed = min(speed + _ACCELERATION_MPS2 * _STEP_S, _SPEED_MPS, max(0.6, np.sqrt(3.0 * (way_m - x))))
         x += speed * _STEP_S
