@@ -40,9 +40,8 @@ class LabelBoxes:
         """
         half, (x, y, z) = self.size[row] / 2, self._nearby
         centre, reach = self.centre[row], np.hypot(*half[:2])
-        close = np.flatnonzero(
-            (np.abs(x - np.float32(centre[0])) <= reach + 0.01) & (np.abs(y - np.float32(centre[1])) <= reach + 0.01)
-        )
+        close = np.flatnonzero(np.abs(x - np.float32(centre[0])) <= reach + 0.01)
+        close = close[np.abs(y[close] - np.float32(centre[1])) <= reach + 0.01]
         along, across, up = x[close] - centre[0], y[close] - centre[1], z[close] - (centre[2] + lift_m)
         cos, sin = np.cos(self.yaw[row]), np.sin(self.yaw[row])
         along, across = cos * along + sin * across, cos * across - sin * along
