@@ -18,6 +18,8 @@ from cosim.plan import EpisodePlan
 from cosim.traffic import Traffic
 from sumo_nets import RECIPES, Town, built_in_folder, write_demand
 
+_SIGHT_M = 120.0  # as far as a LiDAR sees
+
 
 class FrameRecorder(Protocol):
     """What takes a frame."""
@@ -71,7 +73,9 @@ def _simulate(
     with tempfile.TemporaryDirectory(prefix="cosim-") as folder:
         sumocfg = _populated(town, config, rng, Path(folder))
         with Traffic(sumocfg, seed=int(rng.integers(2**31)), step_s=config.step_s) as traffic:
-            living = LivingTraffic(traffic, config.behaviour, seed=int(rng.integers(2**31)))
+            living = LivingTraffic(
+                traffic, config.behaviour, int(rng.integers(2**31)), sight_m=max(_SIGHT_M, config.label_range_m)
+            )
             actors = living.advance(max(2, round(config.warm_up_s / config.step_s)))
             ego = traffic.draw_ego(actors, rng)
             living.protect(ego)

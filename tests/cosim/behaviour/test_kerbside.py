@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -76,7 +78,7 @@ def test_those_of_the_reference_stand_three_to_six_metres_apart_in_their_bays():
         by_lane.setdefault(lane.id, []).append((at, float(parked.actors.size[row, 0])))
     for some in by_lane.values():
         some.sort()
-        gaps += [ahead - length - behind for (behind, _), (ahead, length) in zip(some[:-1], some[1:], strict=True)]
+        gaps += [ahead - length - behind for (behind, _), (ahead, length) in pairwise(some)]
     gaps = np.array(gaps)
     assert gaps.min() > 2.9
     assert np.mean(gaps < 6.1) > 0.5  # the rest are driveways
