@@ -45,7 +45,7 @@ def _row(case: Case, results: Path, chosen: argparse.Namespace) -> dict | None:
         return done
     if chosen.table:
         return None
-    row = run_case(case, chosen.folder, chosen.limit, chosen.keep)
+    row = run_case(case, chosen.folder, chosen.limit, chosen.keep, chosen.broken_gate)
     path.write_text(json.dumps(row, indent=1))
     said = row["trouble"].splitlines()[-1] if row["trouble"] else f"{row.get('added')} {row.get('unknown') or ''}"
     print(f"{case.name:45s} {row['verdict']:10s} {said}", flush=True)
@@ -72,6 +72,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--again", action="store_true", help="run finished cases, too; those that failed run anyway")
     parser.add_argument("--table", action="store_true", help="run nothing, print what is finished")
     parser.add_argument("--keep", action="store_true", help="keep drives and pages")
+    parser.add_argument("--broken-gate", action="store_true", help="let every effect through: nulls must then alarm")
     parser.add_argument("--list", action="store_true", help="print the names of the cases")
     parser.add_argument("--json", type=Path)
     return parser.parse_args()

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-_SETTINGS = "town: town01\nseed: 4\nframes: 2\nwarm_up_s: 45\nimages: []\nstore_hits: false\n"
+_SETTINGS = "town: town01\nseed: 4\nframes: 12\nwarm_up_s: 45\nimages: []\nstore_hits: false\n"
 
 
 @pytest.fixture(scope="session")
 def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two frames of a bare hdl64e."""
+    """Twelve frames of a bare hdl64e."""
     folder = tmp_path_factory.mktemp("hidden")
     (folder / "run.yaml").write_text(_SETTINGS)
     command = [sys.executable, "-c", "import sys; from cosim.cli import main; sys.exit(main())", "run"]

@@ -21,7 +21,7 @@ _HELD_OUT_FRAMES = 5
 _ROOT = Path(__file__).resolve().parents[2]
 
 
-def run_case(case: Case, folder: Path, limit_s: float, keep: bool = False) -> dict:
+def run_case(case: Case, folder: Path, limit_s: float, keep: bool = False, broken_gate: bool = False) -> dict:
     """The score of a case.
 
     Args:
@@ -29,8 +29,9 @@ def run_case(case: Case, folder: Path, limit_s: float, keep: bool = False) -> di
         folder: of all hidden-effect drives.
         limit_s: the diagnosis may take no longer.
         keep: leave the drives.
+        broken_gate: diagnose with a gate that lets everything through.
     """
-    work = (folder / "work" / case.name).resolve()
+    work = (folder / "work" / f"{case.name}_{os.getpid()}").resolve()
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
     try:
@@ -38,16 +39,17 @@ def run_case(case: Case, folder: Path, limit_s: float, keep: bool = False) -> di
         hidden = replace(case.hidden, frames=_HELD_OUT_FRAMES, seed=case.hidden.seed + 1, nuisances=(), rays=True)
         other = make_drive(base_drive(case.held_out, folder), work / "held_out", hidden, folder / "cache")
         floor = noise_floor(hidden.truth, other.drive, range(0, _HELD_OUT_FRAMES, 2), seed=hidden.seed)
-        result = _judged(work, made.drive, made.sensor, other.drive, limit_s)
+        result = _judged(work, made.drive, made.sensor, other.drive, limit_s, broken_gate)
         return {"case": case.name, "group": case.group, **score(case, result, floor.error), "result": result}
     finally:
         if not keep:
             shutil.rmtree(work, ignore_errors=True)
 
 
-def _judged(work: Path, drive: Path, sensor: Path, held_out: Path, limit_s: float) -> dict:
+def _judged(work: Path, drive: Path, sensor: Path, held_out: Path, limit_s: float, broken_gate: bool) -> dict:
     paths = {"drive": drive, "sensor": sensor, "held_out": held_out, "out": work / "diagnosis"}
-    task = {key: str(path) for key, path in paths.items()} | {"result": str(work / "result.json")}
+    task = {key: str(path) for key, path in paths.items()}
+    task |= {"result": str(work / "result.json"), "broken_gate": broken_gate}
     (work / "task.json").write_text(json.dumps(task))
     environment = {**os.environ, "PYTHONPATH": str(_ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     command = [sys.executable, "-m", "tests.hidden.judge", str(work / "task.json")]

@@ -194,7 +194,7 @@ def test_a_made_drive_tells_its_user_nothing(base: Path, tmp_path: Path) -> None
 
 
 def test_nuisances_are_in_the_twin_and_not_in_the_scan(base: Path, tmp_path: Path) -> None:
-    tiny = replace(_SMALL, firings=60, every_ring=8)
+    tiny = replace(_SMALL, firings=60, every_ring=8, frames=2)
     plain = make_drive(base, tmp_path / "plain", tiny)
     odd = make_drive(base, tmp_path / "odd", replace(tiny, nuisances=NUISANCES))
     scans = sorted(path.relative_to(plain.drive) for path in plain.drive.glob("velodyne/*"))
