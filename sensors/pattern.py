@@ -20,7 +20,8 @@ class Pattern(BaseModel):
 
     Rays come ring-major: ring 0 (top) first, its firings in order. Step k of a revolution is at column
     azimuth π − 2π(k + 0.5)/firings, so the head turns clockwise seen from above, and fires at
-    time −column/2π · sweep_s from the pose time, when the head faces forward.
+    time −column/2π · sweep_s from the pose time, when the head faces forward; lasers that fire one after the
+    other within a step do so later by their `firing_offset_us`.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -36,6 +37,9 @@ class Pattern(BaseModel):
     block: tuple[int, ...] = Field(
         default=(), description="optical block of each laser: 0 upper, 1 lower; empty: all 0"
     )
+    firing_offset_us: tuple[float, ...] = Field(
+        default=(), description="how much later than its column each laser fires [µs]; empty: all at once"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Pattern:
@@ -50,6 +54,11 @@ class Pattern(BaseModel):
             raise ValueError("elevation_deg must lie between -90 and 90")
         if any(block not in (0, 1) for block in self.block):
             raise ValueError("block entries are 0 (upper) or 1 (lower)")
+        if self.firing_offset_us and len(self.firing_offset_us) != rings:
+            raise ValueError(
+                f"firing_offset_us has {len(self.firing_offset_us)} entries but elevation_deg has {rings}; "
+                "give one a laser or none"
+            )
         low, high = self.range_m
         if not 0 <= low < high <= 1000:
             raise ValueError(f"range_m is [{low}, {high}]; give 0 <= nearest < farthest <= 1000")
@@ -75,7 +84,8 @@ class Pattern(BaseModel):
             axis=-1,
         )
         ring = np.repeat(np.arange(self.rings, dtype=np.uint8), self.firings)
-        time_s = np.broadcast_to(-column / (2 * np.pi) * self.sweep_s, azimuth.shape)
+        later_s = 1e-6 * np.array(self.firing_offset_us or (0.0,) * self.rings)[:, None]
+        time_s = np.broadcast_to(-column / (2 * np.pi) * self.sweep_s + later_s, azimuth.shape)
         return Rays(
             origin=np.zeros((ring.size, 3), np.float32),
             direction=direction.reshape(-1, 3).astype(np.float32),
@@ -86,7 +96,10 @@ class Pattern(BaseModel):
 
     def to_yaml(self) -> str:
         """The pattern in its file format."""
-        return yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False, default_flow_style=None, width=110)
+        values = self.model_dump(mode="json")
+        if not self.firing_offset_us:
+            del values["firing_offset_us"]
+        return yaml.safe_dump(values, sort_keys=False, default_flow_style=None, width=110)
 
 
 def pattern_names() -> list[str]:

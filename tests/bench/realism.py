@@ -80,10 +80,11 @@ def rows(ours: Signature, real: Signature) -> Iterator[Row | Gap]:
                 for k, (low, high) in enumerate(pairwise(edges))
             ]
             yield from _group(group, "mean |difference|", found, logarithmic=False)
-    spacing = [np.nanmedian(s.elevation_deg, axis=0) for s in (ours, real)]
-    steps = [float(np.nanmean(-np.diff(elevation))) for elevation in spacing]
-    yield Row("rings", "mean spacing [°]", *steps)
+    spacing = [np.ma.median(np.ma.masked_invalid(s.elevation_deg), axis=0).filled(np.nan) for s in (ours, real)]
     difference = np.diff(spacing[0]) - np.diff(spacing[1])
+    if np.isnan(difference).all():
+        return
+    yield Row("rings", "mean spacing [°]", *(float(np.nanmean(-np.diff(elevation))) for elevation in spacing))
     yield Gap("rings", f"RMS difference of spacing over {RINGS} rings [°]", float(np.sqrt(np.nanmean(difference**2))))
 
 

@@ -78,3 +78,21 @@ def test_a_bad_pattern_is_named_with_its_fault(text, complaint):
 def test_an_unknown_pattern_lists_the_known_ones():
     with pytest.raises(SensorError, match="hdl64e"):
         load_pattern("hdl65")
+
+
+def test_lasers_fire_with_their_column_unless_the_pattern_says_how_much_later():
+    plain = load_pattern("vlp16")
+    later = tuple(2.304 * laser for laser in range(16))
+    staggered = parse_pattern(plain.model_copy(update={"firing_offset_us": later}).to_yaml(), origin="test")
+    difference = staggered.rays().time_s.astype(float) - plain.rays().time_s
+    expected = 1e-6 * np.repeat(later, plain.firings)
+    np.testing.assert_allclose(difference, expected, atol=1e-8)
+    np.testing.assert_array_equal(staggered.rays().direction, plain.rays().direction)
+    assert "firing_offset_us" not in plain.to_yaml()
+
+
+def test_firing_offsets_are_one_a_laser():
+    with pytest.raises(SensorError, match="firing_offset_us has 3 entries"):
+        parse_pattern(
+            load_pattern("vlp16").model_copy(update={"firing_offset_us": (0.0, 1.0, 2.0)}).to_yaml(), origin="x"
+        )
