@@ -125,11 +125,9 @@ def _settle(underway: list[Future[None]], events: Queue) -> None:
 
 def _tasks(source: Source, left: Mapping[str, tuple[str, ...]]) -> list[Task]:
     """Stretches of frames, each within one world."""
-    by_world: dict[object, Task] = {}
+    by_world: dict[str, Task] = {}
     for name, stems in left.items():
-        frame = source.drive[name]
-        world = frame.twin.static if frame.has("twin/frames") else None
-        by_world.setdefault(world, []).append((name, stems))
+        by_world.setdefault(source.world(name), []).append((name, stems))
     return [
         frames[start : start + _STRETCH] for frames in by_world.values() for start in range(0, len(frames), _STRETCH)
     ]

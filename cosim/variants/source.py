@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from cosim.camera_views import view_of_frame
+from cosim.files import read_text
 from cosim.kitti.drive import Drive
 from cosim.kitti.frame import Frame
+from cosim.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
 from cosim.variants.request import VariantError
-from cosim.variants.twin_scene import TwinScenes, twin_ego, twin_instances
 from sensors.camera_view import CameraView
 from sensors.hits import Hits
 from sensors.hits_file import load_hits
@@ -81,6 +82,16 @@ class Source:
             for file, digest in zip(entry.get("files", ()), entry.get("sha256", ()), strict=False)
         }
 
+    def world(self, name: str) -> str:
+        """Which static world a frame stands in; the empty name where there is only one."""
+        path = self.drive[name].find("twin/frames")
+        if path is None or not (self.drive.root / "twin/worlds").is_dir():
+            return ""
+        try:
+            return str(json.loads(read_text(path)).get("static", ""))
+        except (ValueError, AttributeError):
+            return ""  # who reads the frame says what is wrong with it
+
     def linked_files(self, name: str) -> dict[str, Path]:
         """Files of a frame that variants share with it, by path in the drive."""
         found = {part: self.drive[name].find(part) for part in _LINKED}
@@ -110,18 +121,18 @@ class SourceFrame:
     @cached_property
     def instances(self) -> Instances:
         """What moves."""
-        return twin_instances(self.frame.twin)
+        return scene_instances(self.frame.twin.instances)
 
     @property
     def ego(self) -> EgoMotion:
         """The vehicle that carries the sensors."""
-        return twin_ego(self.frame.twin)
+        return ego_motion(self.frame.twin)
 
     @cached_property
     def lidar_pose(self) -> np.ndarray:
         """(4, 4) nominal world pose of the LiDAR."""
         if self.frame.has("twin/frames"):
-            return self.frame.twin.ego.pose @ self.frame.twin.lidar.pose_ego
+            return lidar_pose(self.frame.twin)
         return self.hits.pose
 
     @property

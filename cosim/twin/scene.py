@@ -1,4 +1,4 @@
-"""The world of a drive's twin, ready to be traced again."""
+"""The twin of a drive as something that can be traced."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from assets.mesh import Mesh
 from cosim.kitti.drive import Drive
 from cosim.kitti.frame import Frame
-from cosim.twin.frame import TwinFrame
+from cosim.twin.frame import Instance, TwinFrame
 from cosim.twin.glb import read_glb
 from sensors.motion import EgoMotion
 from sensors.scene import Instances, Scene
@@ -50,9 +50,8 @@ class TwinScenes:
         return self._meshes[name]
 
 
-def twin_instances(twin: TwinFrame) -> Instances:
-    """Everything that can move in a twin's frame."""
-    things = twin.instances
+def scene_instances(things: tuple[Instance, ...]) -> Instances:
+    """What can move, as a struct of arrays; colours are not known to a twin."""
 
     def column(values: list, *shape: int) -> np.ndarray:
         return np.array(values, np.float64).reshape(len(things), *shape)
@@ -71,7 +70,12 @@ def twin_instances(twin: TwinFrame) -> Instances:
     )
 
 
-def twin_ego(twin: TwinFrame) -> EgoMotion:
+def ego_motion(twin: TwinFrame) -> EgoMotion:
     """The vehicle that carries the sensors, and its motion."""
     ego = twin.ego
     return EgoMotion(ego.pose, ego.velocity_mps, ego.yaw_rate_radps, ego.acceleration_mps2)
+
+
+def lidar_pose(twin: TwinFrame) -> np.ndarray:
+    """(4, 4) nominal world pose of the LiDAR at the pose time."""
+    return twin.ego.pose @ twin.lidar.pose_ego
