@@ -19,7 +19,7 @@ _SMALL_TOWN = Recipe(
     style="village",
     seed=11,
     layout=GridLayout(columns=6, rows=6, spacing_m=112, jitter_m=9),
-    relief=Relief(range_m=4),
+    relief=Relief(range_m=5),
     streets=StreetRules(dropped=0.17, bend_m=7, signal_share=0.9, parking_share=0.9, main_parking_share=0.35),
     demand=Demand(driving=100, parked=430, walking=45),
 )
