@@ -41,13 +41,13 @@ STRENGTHS: dict[str, Strength] = {
         signed=True,
     ),
     "mount_translation": Strength(
-        {"x_m": 0.02, "y_m": 0.02, "z_m": 0.01}, {"x_m": 0.1, "y_m": 0.08, "z_m": 0.06}, signed=True
+        {"x_m": 0.01, "y_m": 0.01, "z_m": 0.005}, {"x_m": 0.1, "y_m": 0.08, "z_m": 0.06}, signed=True
     ),
     "elevation_offset": Strength({"offset_deg": 0.02}, {"offset_deg": 0.2}, signed=True),
     "ring_elevation": Strength({"offsets_deg": 0.03}, {"offsets_deg": 0.12}, per_ring=True),
     "encoder_eccentricity": Strength({"amplitude_deg": 0.1}, {"amplitude_deg": 0.4}, {"phase_deg": 50.0}),
     "dual_block": Strength(
-        {"upper_m": 0.01, "lower_m": -0.01}, {"upper_m": 0.0405, "lower_m": -0.0405}
+        {"upper_m": 0.005, "lower_m": -0.005}, {"upper_m": 0.0405, "lower_m": -0.0405}
     ),
     "sweep_motion": Strength({}, {}, {"sweep_s": 0.1}),
     "time_offset": Strength({"delay_s": 0.003}, {"delay_s": 0.03}, signed=True),
@@ -56,10 +56,10 @@ STRENGTHS: dict[str, Strength] = {
     "wet_road": Strength({"film": 0.2}, {"film": 0.7}),
     "glass_transmission": Strength({}, {"transmission": -0.25}, {"mode": "strongest"}, base=1.0),
     "mirror_ghost": Strength({"strength": 0.2}, {"strength": 0.5}),
-    "incidence_falloff": Strength({"exponent": 0.08}, {"exponent": 0.8}),
-    "range_falloff": Strength({"exponent": 0.3}, {"exponent": 1.8}, {"reference_m": 25.0}),
-    "atmospheric_extinction": Strength({"alpha_per_m": 0.004}, {"alpha_per_m": 0.02}),
-    "focal_response": Strength({"slope": 0.2}, {"slope": 0.8}, {"focal_distance_m": 14.0}),
+    "incidence_falloff": Strength({"exponent": 0.06}, {"exponent": 0.8}),
+    "range_falloff": Strength({"exponent": 0.2}, {"exponent": 1.8}, {"reference_m": 25.0}),
+    "atmospheric_extinction": Strength({"alpha_per_m": 0.0025}, {"alpha_per_m": 0.02}),
+    "focal_response": Strength({"slope": 0.15}, {"slope": 0.8}, {"focal_distance_m": 14.0}),
     "ring_gain": Strength({"gains": 0.1}, {"gains": 0.25}, base=1.0, per_ring=True),
     "retroreflection": Strength({"gain": 0.1}, {"gain": 0.5}, base=1.0),
     "detection_threshold": Strength({"threshold": 0.08}, {"threshold": 0.17}, {"softness": 0.02}),
