@@ -12,7 +12,7 @@ from cosim.camera_views import CAMERA, view_of_images
 from cosim.config import RunConfig
 from cosim.drive_writer import DriveWriter
 from cosim.kitti.calibration import Calibration, format_calibration
-from cosim.kitti.labels import DONT_CARE, Labels, format_labels
+from cosim.kitti.labels import DONT_CARE, Labels, format_labels, parse_labels
 from cosim.kitti.oxts import Oxts, format_oxts
 from cosim.kitti.points import encode_points
 from cosim.kitti.rays import PointRays, encode_rays
@@ -128,15 +128,18 @@ class Recorder:
             view = view_of_images(images[CAMERA], self._cameras[CAMERA].P, ego_pose @ camera_pose_ego)
         cloud = self._measure(name, scene, hits, lidar_pose, others, twin.ego, view)
         exact = self._labeller.label(others, lidar_pose, images[_LABELLED].instance, _returns(hits, len(others)))
+        exact_text = format_labels(exact, LABEL_DECIMALS)
         labels = exact
         if self._sensor.relabels:
-            labels = relabelled(exact, self._sensor, cloud.xyz, self._calibration, self._rng(name))
+            # From what is written, so that variants of the drive come to the same.
+            written = parse_labels(exact_text)
+            labels = relabelled(written, self._sensor, cloud.xyz, self._calibration, self._rng(name))
 
         oxts = Oxts.from_motion(ego_pose, twin.ego.velocity_mps, twin.ego.yaw_rate_radps, twin.ego.acceleration_mps2)
         files = self._files(name, cloud, labels, twin, oxts)
         files |= encode_products(self._config.images, images, others.kinds, name)
         if self._sensor.relabels:
-            files[f"{EXACT}/{name}.txt"] = format_labels(exact, LABEL_DECIMALS).encode()
+            files[f"{EXACT}/{name}.txt"] = exact_text.encode()
         if self._config.store_hits:
             files[f"hits/{name}.npz"] = encode_hits(hits)
         self._write_models(others.models)
