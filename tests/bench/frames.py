@@ -1,98 +1,135 @@
-"""Frames a second of the whole job, and where the time of a frame goes."""
+"""Frames a second of the whole job, where the time of a frame goes, and what it takes in memory and on disk."""
 
 from __future__ import annotations
 
-import cProfile
-import pstats
+import functools
+import resource
 import tempfile
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
-from rich.table import Table
-
+from cosim import recorder as recording
+from cosim.bridge import Bridge
 from cosim.config import RunConfig
 from cosim.drive_writer import DriveWriter
 from cosim.episode import run_episode
+from cosim.labelling import Labeller
+from cosim.living import LivingTraffic
 from cosim.plan import plan_episodes
 from cosim.recorder import Recorder
 from cosim.runner import run
-from sensors.sensor_model import load_sensor
+from cosim.variants import PAPER, make_variants
+from sensors.cameras import CameraRenderer
+from sensors.sensor_model import SensorModel, load_sensor
+from sensors.tracing import Tracer
+from tests.bench.rows import Row
 
-_PROFILED = 20
-_TIMED = 60
-_STAGES = {
-    "traffic and motion": ("living.py", "advance"),
-    "bridge": ("bridge.py", "place"),
-    "LiDAR trace": ("tracing.py", "trace"),
-    "LiDAR points": ("sensor_model.py", "measure"),
-    "cameras": ("renderer.py", "render"),
-    "labels": ("labelling.py", "label"),
-    "encode files": ("recorder.py", "_files"),
-    "encode hits": ("hits_file.py", "encode_hits"),
-    "write": ("drive_writer.py", "write_frame"),
+_STAGED, _TIMED, _VARIED = 20, 60, 8
+_SEED = 1
+_STAGES: dict[str, tuple[Any, str]] = {
+    "traffic and motion": (LivingTraffic, "advance"),
+    "bridge": (Bridge, "place"),
+    "LiDAR trace": (Tracer, "trace"),
+    "LiDAR points": (SensorModel, "measure"),
+    "cameras": (CameraRenderer, "render"),
+    "labels": (Labeller, "label"),
+    "points, rays, labels, twin": (Recorder, "_files"),
+    "image files": (recording, "encode_products"),
+    "hits file": (recording, "encode_hits"),
+    "checksums and writing": (DriveWriter, "write_frame"),
 }
 
 
-def stage_table() -> Table:
-    """Share of each stage in a frame, one process."""
-    config = RunConfig(frames=_PROFILED + 2, frames_per_episode=_PROFILED + 2, seed=1)
+def stage_rows() -> Iterator[Row]:
+    """Milliseconds of one process's own time, stage by stage."""
+    config = RunConfig(frames=_STAGED + 2, frames_per_episode=_STAGED + 2, seed=_SEED)
     plan = plan_episodes(config)[0]
-    profile = cProfile.Profile()
-    seen: list[str] = []
+    spent: Counter[str] = Counter()
+    begun: list[float] = []
 
-    def follow(name: str) -> None:
-        seen.append(name)
-        if len(seen) == 2:  # models and programs are made by now
-            profile.enable()
+    def follow(_: str) -> None:
+        begun.append(time.thread_time())
+        if len(begun) == 2:  # models and programs are made by now
+            spent.clear()
 
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as patches:
+        for stage, (owner, name) in _STAGES.items():
+            patches.enter_context(patch.object(owner, name, _counted(getattr(owner, name), stage, spent)))
         recorder = Recorder(config, load_sensor(config.sensor), DriveWriter(Path(folder)))
         run_episode(plan, config, recorder.move_to(plan), recorder, done=(), on_frame=follow)
-        profile.disable()
         recorder.close()
-    times = pstats.Stats(profile).stats  # type: ignore[attr-defined]
-    total = sum(entry[2] for entry in times.values())
-    result = Table(title=f"One process: {total / _PROFILED * 1e3:.0f} ms a frame")
-    result.add_column("stage")
-    result.add_column("ms a frame", justify="right")
-    result.add_column("share", justify="right")
-    rest = total
-    for stage, (file, function) in _STAGES.items():
-        seconds = sum(
-            entry[3] for (path, _, name), entry in times.items() if path.endswith("/" + file) and name == function
-        )
-        rest -= seconds
-        result.add_row(stage, f"{seconds / _PROFILED * 1e3:.1f}", f"{seconds / total:.0%}")
-    result.add_row("rest", f"{rest / _PROFILED * 1e3:.1f}", f"{rest / total:.0%}")
-    return result
+    frames = len(begun) - 2
+    total = (begun[-1] - begun[1]) / frames
+    yield Row("all", f"{total * 1e3:.0f} ms")
+    for stage in _STAGES:
+        yield Row(stage, f"{spent[stage] / frames * 1e3:.1f} ms, {spent[stage] / frames / total:.0%}")
+    rest = total - sum(spent.values()) / frames
+    yield Row("rest", f"{rest * 1e3:.1f} ms, {rest / total:.0%}")
 
 
-def rate_table() -> Table:
-    """Frames a second with one and two workers, from each worker's first frame to the last."""
-    rates = {workers: _rate(workers) for workers in (1, 2)}
-    result = Table(title=f"town01, {_TIMED} frames: LiDAR with both hits, gray, depth, colour, labels, files")
-    for column in ("workers", "frames/s", "ratio to one worker"):
-        result.add_column(column, justify="right")
-    for workers, rate in rates.items():
-        result.add_row(str(workers), f"{rate:.1f}", f"{rate / rates[1]:.2f}")
-    return result
+def rate_rows() -> Iterator[Row]:
+    """Frames a second by workers, from each worker's first frames to the last; memory, disk, and variants after."""
+    rates = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for workers in (1, 2):
+            drive = Path(folder) / f"{workers}"
+            rates[workers] = _rate(drive, workers)
+            target = "10" if workers == 2 else ""
+            yield Row(
+                f"{workers} worker{'s' if workers > 1 else ''}",
+                f"{rates[workers]:.1f} frames/s, {rates[workers] / rates[1]:.2f} × one",
+                target,
+            )
+        # the largest of all processes so far; workers are much larger than what they start
+        peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+        yield Row("memory of a worker, at most", f"{peak:.0f} MiB")
+        sizes = _bytes_a_frame(drive)
+        hits = sizes.pop("hits")
+        yield Row("a frame on disk", f"{sum(sizes.values()) / 1e6:.2f} MB, hits {hits / 1e6:.2f} MB more")
+        few = Path(folder) / "few"
+        run(RunConfig(frames=_VARIED, frames_per_episode=_VARIED, seed=_SEED), few)
+        begun = time.monotonic()
+        make_variants(few, ",".join(PAPER), Path(folder) / "variants")
+        seconds = (time.monotonic() - begun) / _VARIED
+        yield Row(f"cosim variants, the paper's {len(PAPER)}, one worker, start included", f"{seconds:.2f} s a frame")
 
 
-def _rate(workers: int) -> float:
+def _counted(function: Callable[..., Any], stage: str, spent: Counter[str]) -> Callable[..., Any]:
+    @functools.wraps(function)
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
+        begun = time.thread_time()
+        try:
+            return function(*args, **kwargs)
+        finally:
+            spent[stage] += time.thread_time() - begun  # type: ignore[assignment]
+
+    return wrapper
+
+
+def _rate(drive: Path, workers: int) -> float:
     stamps: list[float] = []
 
     def on_event(event: object) -> None:
         if getattr(event, "kind", "") == "frame":
             stamps.append(time.monotonic())
 
-    _quietly(workers, on_event)
+    config = RunConfig(frames=_TIMED, frames_per_episode=_TIMED // 2, seed=_SEED)
+    run(config, drive, workers=workers, on_event=on_event)
     # the first frames of each worker wait for its models to be built
     skipped = 2 * workers
     return (len(stamps) - 1 - skipped) / (stamps[-1] - stamps[skipped])
 
 
-def _quietly(workers: int, on_event: Callable[[object], None]) -> None:
-    config = RunConfig(frames=_TIMED, frames_per_episode=_TIMED // 2, seed=1)
-    with tempfile.TemporaryDirectory() as folder:
-        run(config, Path(folder) / "drive", workers=workers, on_event=on_event)
+def _bytes_a_frame(drive: Path) -> dict[str, float]:
+    """Mean size by folder, of what each frame has for itself."""
+    names = {path.stem for path in (drive / "velodyne").iterdir()}
+    sizes: Counter[str] = Counter()
+    for path in drive.rglob("*"):
+        if path.stem in names:
+            sizes[path.parent.name] += path.stat().st_size
+    return {folder: size / len(names) for folder, size in sizes.items()}
