@@ -49,8 +49,9 @@ def _drift(frames: list[dict], rng: np.random.Generator) -> None:
     steps *= np.sqrt(2 / len(frames))
     for frame, (x, y, z, roll, pitch, yaw) in zip(frames, steps, strict=True):
         error = rotation(*np.radians(_DRIFT_DEG) * np.array([roll, pitch, yaw]))
-        error[:3, 3] = _DRIFT_M * np.array([x, y, z])
-        frame["ego"]["pose"] = _rounded(np.array(frame["ego"]["pose"], float) @ error)
+        pose = np.array(frame["ego"]["pose"], float) @ error
+        pose[:3, 3] += _DRIFT_M * np.array([x, y, z])  # satellites err in world axes, gyroscopes in the car's
+        frame["ego"]["pose"] = _rounded(pose)
 
 
 def _rounded(pose: np.ndarray) -> list[list[float]]:
