@@ -77,15 +77,15 @@ _SHARES: dict[str, dict[str, float]] = {
 
 # Car following [m/s², s, m]; speedFactor is the share of the limit a driver wants to go.
 _BEHAVIOUR: dict[str, str] = {
-    "car": 'vClass="passenger" accel="1.6" decel="3.0" sigma="0.5" tau="1.2" minGap="2.0" '
+    "car": 'vClass="passenger" accel="1.6" decel="3.5" sigma="0.5" tau="1.2" minGap="2.0" '
     'speedFactor="normc(1.00,0.10,0.75,1.30)"',
-    "van": 'vClass="delivery" accel="1.5" decel="3.0" sigma="0.5" tau="1.3" minGap="2.2" '
+    "van": 'vClass="delivery" accel="1.5" decel="3.5" sigma="0.5" tau="1.3" minGap="2.2" '
     'speedFactor="normc(0.98,0.09,0.75,1.25)"',
-    "truck": 'vClass="truck" accel="1.0" decel="2.8" sigma="0.4" tau="1.5" minGap="2.5" '
+    "truck": 'vClass="truck" accel="1.0" decel="4.0" sigma="0.4" tau="1.5" minGap="2.5" '
     'speedFactor="normc(0.92,0.06,0.75,1.05)"',
-    "bus": 'vClass="bus" accel="1.0" decel="2.5" sigma="0.4" tau="1.5" minGap="2.5" '
+    "bus": 'vClass="bus" accel="1.0" decel="4.0" sigma="0.4" tau="1.5" minGap="2.5" '
     'speedFactor="normc(0.92,0.06,0.75,1.05)"',
-    "motorcycle": 'vClass="motorcycle" accel="2.6" decel="4.0" sigma="0.5" tau="1.0" minGap="1.8" '
+    "motorcycle": 'vClass="motorcycle" accel="2.6" decel="6.0" sigma="0.5" tau="1.0" minGap="1.8" '
     'speedFactor="normc(1.05,0.10,0.80,1.40)"',
     "cyclist": 'vClass="bicycle" accel="1.2" decel="3.0" sigma="0.5" tau="1.0" minGap="0.8" '
     'desiredMaxSpeed="5.0" speedFactor="normc(1.00,0.15,0.60,1.40)"',
