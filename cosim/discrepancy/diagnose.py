@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.discrepancy.add import intervals
 from cosim.discrepancy.checks import check_fit, opened
 from cosim.discrepancy.compare import in_order
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
@@ -17,7 +18,6 @@ from cosim.discrepancy.fitting import Fitted, Fitter, all_free
 from cosim.discrepancy.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.gate import LEVEL, Verdict, run_gate
 from cosim.discrepancy.held_out import Split, split_frames
-from cosim.discrepancy.intervals import half_widths
 from cosim.discrepancy.ranking import Ranked, fit_candidate, shortlist
 from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.testing import held_out_errors
@@ -28,6 +28,7 @@ from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
 _ROWS, _QUICK_ROWS = 60_000, 20_000
+_COARSE_M = 0.25
 _MOST_EFFECTS = 5
 _ALIKE_BIC = 10.0
 
@@ -152,19 +153,19 @@ class Detective:
     def _gate(self, fitter: Fitter, fitted: Fitted, model: _Model) -> Verdict:
         found = directions(fitter, fitted, self._kinds, model.fitted)
         sample = fitter.sample
-        raw = fitter.evidence(fitted.prediction)
+        views = (0.0, _COARSE_M)
+        evidence = [fitter.evidence(fitted.prediction, fitted.pose, blur) for blur in views]
+        raw = [fitter.evidence(fitted.prediction, None, blur) for blur in views]
         rng = np.random.default_rng([self._seed, 1])
-        return run_gate(found, fitted.evidence, raw, sample.track, sample.frame, fitted.columns, fitter.poses, rng)
+        return run_gate(found, evidence, raw, sample.track, sample.frame, fitted.columns, fitter.poses, rng)
 
     def _rank(self, fitted: Fitted, model: _Model, verdict: Verdict) -> list[Ranked]:
         """Candidates that are significant by themselves, the likeliest first."""
         fitter = Fitter(self._sample(_QUICK_ROWS))
         null = fitter.fit(model.effects, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
-        promising = shortlist(fitter, null, directions(fitter, null, self._kinds, model.fitted))
-        significant = {one.direction.effect for one in verdict.statistics if one.p_value <= LEVEL}
-        names = [name for name in promising if name in significant]
-        self._say(f"fitting {', '.join(names)}")
-        ranked = [fit_candidate(fitter, null, promising[name]) for name in names]
+        promising = shortlist(fitter, null, directions(fitter, null, self._kinds, model.fitted), verdict)
+        self._say(f"fitting {', '.join(promising)}")
+        ranked = [fit_candidate(fitter, null, starts) for starts in promising.values()]
         return sorted(ranked, key=lambda one: -one.delta_bic)
 
     def _add(self, model: _Model, best: Ranked) -> None:
@@ -181,24 +182,12 @@ class Detective:
 
     def _settled(self, fitter: Fitter, fitted: Fitted, model: _Model, findings: Sequence[Finding]) -> list[Finding]:
         """Findings with the parameters and intervals of the last joint fit."""
-        widths = half_widths(fitter, fitted)
-        settled, at = {}, 0
-        for one in fitted.free:
-            part = widths[at : at + one.unknown.rings]
-            at += one.unknown.rings
-            value = np.asarray(getattr(fitted.effects[one.effect], one.unknown.name), float)
-            pair = (
-                np.stack([value - part, value + part], -1)
-                if value.ndim
-                else np.array([value - part[0], value + part[0]])
-            )
-            settled.setdefault(fitted.effects[one.effect].name, {})[one.unknown.name] = (value.tolist(), pair.tolist())
+        found = intervals(fitter, fitted) if fitted.free else {}
         effects = {effect.name: effect for effect in fitted.effects}
         done = []
         for finding in findings:
-            mine = settled.get(finding.effect, {})
             params = effects[finding.effect].model_dump(mode="json")
-            done.append(finding.settled(params, {name: pair for name, (_, pair) in mine.items()}))
+            done.append(finding.settled(params, found.get(finding.effect, {})))
         return done
 
 

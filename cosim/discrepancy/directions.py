@@ -14,6 +14,8 @@ from cosim.discrepancy.likelihood import judge
 from cosim.discrepancy.system import Column
 from sensors.effects.base import Effect, ScanEffect
 
+_LEVERAGE = 4.0
+
 
 def directions(
     fitter: Fitter, fitted: Fitted, kinds: Sequence[type[Effect]], settled: Collection[int]
@@ -78,9 +80,16 @@ def _told(
         if np.any(gain):
             yield Direction(weak.name, label, amplitude, Column({}), weak, place, True, gain)
         return
-    delta = {name: values / step for name, values in change(fitted.prediction, after).items()}
+    delta = {name: _bounded(values / step) for name, values in change(fitted.prediction, after).items()}
     if delta:
         free = next(unknown for unknown in unknowns(type(weak)) if unknown.name == amplitude)
         column = Column(delta, sample.ring if free.rings > 1 else None, free.rings)
         at_bound = place is None and free.rings == 1 and (weak.neutral or {})[amplitude] <= free.low
         yield Direction(weak.name, label, amplitude, column, weak, place, at_bound)
+
+
+def _bounded(delta: np.ndarray) -> np.ndarray:
+    """Changes with their longest tails cut: beams that graze a surface would outvote all others, and leave it first."""
+    size = np.abs(delta)
+    most = _LEVERAGE * float(np.median(size[size > 1e-3 * size.max()]))
+    return np.clip(delta, -most, most)

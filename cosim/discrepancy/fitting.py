@@ -26,7 +26,7 @@ _GAIN_M = 1e-3  # log-likelihood that a step must still bring
 _STEPS = 12
 _HALVINGS = 6
 _FAR_M, _FINE_M = 3.0, 0.01
-_ROUGH, _ROUGH_SHARE = 6.0, 0.96
+_ROUGH, _ROUGH_SHARE = 8.0, 0.985
 
 
 @dataclass(frozen=True)
@@ -155,10 +155,9 @@ class Fitter:
         stated = float(np.median(prediction.range_sigma_m[near]))
         return wide if wide > _ROUGH * max(stated, _FINE_M) else 0.0
 
-    def evidence(self, prediction: Prediction, pose: np.ndarray | None = None) -> Evidence:
-        """The evidence at a prediction; where ranges are far off with a spread to match, so that it counts."""
+    def evidence(self, prediction: Prediction, pose: np.ndarray | None = None, blur: float = 0.0) -> Evidence:
+        """The evidence at a prediction, with a standard deviation of `blur` [m] added to every range."""
         shift = None if pose is None else self.shift(pose)
-        blur = self.roughness(prediction, pose)
         return Evidence.of(self.sample, judge(self.sample, prediction, blur, shift), blur)
 
     def _descend(

@@ -96,13 +96,14 @@ class _Sums:
     track: np.ndarray
     scan: np.ndarray
     information: float
+    scan_information: np.ndarray
     drift: float = 1.0
 
 
 def run_gate(
     directions: Sequence[Direction],
-    evidence: Evidence,
-    raw: Evidence,
+    evidence: Sequence[Evidence],
+    raw: Sequence[Evidence],
     track: np.ndarray,
     scan: np.ndarray,
     present: Sequence[Column],
@@ -113,27 +114,29 @@ def run_gate(
 
     Args:
         directions: to look in.
-        evidence: with the pose errors of every scan fitted.
-        raw: with poses taken as they are said: for what cannot be told from a pose error in one scan.
+        evidence: with the pose errors of every scan fitted; fine, then coarse views of ranges.
+        raw: the same with poses taken as they are said: for what cannot be told from a pose error in one scan.
         track, scan: (n,) cluster of every beam.
         present: columns of parameters that have been fitted.
         poses: (n, 6·scans) columns of pose errors.
         rng: for the signs.
     """
     sums: list[_Sums] = []
-    with_pose = _Projector(present, evidence, poses, track, scan)
-    without = _Projector(present, raw, None, track, scan)
+    with_pose = [_Projector(present, one, poses, track, scan) for one in evidence]
+    without = [_Projector(present, one, None, track, scan) for one in raw]
     for direction in directions:
         if direction.gain is not None:
             sums.append(_gained(direction, direction.gain, track, scan))
         for quantity in direction.column.delta:
-            if quantity not in evidence.score:
+            if quantity not in evidence[0].score:
                 continue
             if quantity != "range":
-                sums += with_pose.sums(direction, quantity, 0.0)
-            else:
-                sums += with_pose.sums(direction, quantity, _KEPT_SHARE)
-                sums += [_drifting(one) for one in without.sums(direction, quantity, 0.0)]
+                sums += with_pose[0].sums(direction, quantity, 0.0)
+                continue
+            for projector in with_pose:
+                sums += projector.sums(direction, quantity, _KEPT_SHARE)
+            for projector in without:
+                sums += [_drifting(one) for one in projector.sums(direction, quantity, 0.0)]
     if not sums:
         return Verdict((), 1.0)
     values, p_values, critical = _signs(sums, rng)
@@ -183,7 +186,8 @@ class _Projector:
             by_cluster = [found - of_basis @ explained for found, of_basis in zip(by_cluster, scores, strict=True)]
         if left < max(kept_share, 1e-4) * total:
             return []
-        return [_Sums(direction, quantity, by_cluster[0], by_cluster[1], left)]
+        by_scan = np.asarray(self._clusters[1] @ column.multiply(weighted).tocsr().sum(1)).ravel()
+        return [_Sums(direction, quantity, by_cluster[0], by_cluster[1], left, by_scan)]
 
     def _basis(self, quantity: Quantity, rows: int) -> tuple[sparse.csr_matrix, np.ndarray, list[np.ndarray]]:
         if quantity not in self._cache:
@@ -232,12 +236,13 @@ def _signs(sums: Sequence[_Sums], rng: np.random.Generator) -> tuple[np.ndarray,
 
 def _gained(direction: Direction, gain: np.ndarray, track: np.ndarray, scan: np.ndarray) -> _Sums:
     by_track, by_scan = (np.bincount(cluster, gain)[:, None] for cluster in (track, scan))
-    return _Sums(direction, "likelihood", by_track, by_scan, float(gain @ gain))
+    return _Sums(direction, "likelihood", by_track, by_scan, float(gain @ gain), by_scan[:, 0])
 
 
 def _drifting(sums: _Sums) -> _Sums:
     """With the drift that the sums themselves show (first-order autoregression)."""
-    apart = sums.scan - sums.scan.mean(0)
+    # What a constant amplitude leaves unexplained in every scan.
+    apart = sums.scan - np.outer(sums.scan_information / sums.scan_information.sum(), sums.scan.sum(0))
     square = float((apart**2).sum())
     if len(apart) < _FEWEST_SCANS or square <= 0:
         return sums

@@ -10,11 +10,12 @@ from scipy import sparse
 
 from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.fitting import Fitted, Fitter, all_free
-from cosim.discrepancy.gate import Direction
+from cosim.discrepancy.gate import LEVEL, Direction, Verdict
 from cosim.discrepancy.likelihood import judge
 from sensors.effects.base import Effect
 
-_SHORTLIST = 8
+_SHORTLIST = 6
+_OUTSTANDING = 4
 _STARTS = 2
 _STEPS = 10
 
@@ -36,18 +37,23 @@ class Ranked:
     delta_bic: float
 
 
-def shortlist(fitter: Fitter, fitted: Fitted, found: Sequence[Direction]) -> dict[str, list[Direction]]:
-    """The effects worth fitting, the most promising first, with the directions to start from.
+def shortlist(
+    fitter: Fitter, fitted: Fitted, found: Sequence[Direction], verdict: Verdict
+) -> dict[str, list[Direction]]:
+    """The effects worth fitting, with the directions to start from: significant by themselves, and promising.
 
-    Promise is the gain of likelihood that the linearised model foresees.
+    Promise is the gain of likelihood that the linearised model foresees. It does not see that scans' pose errors may
+    be all of one kind, so the most significant count as well.
     """
     foresee = _Foresight(fitter, fitted)
     promise: dict[str, list[tuple[float, Direction]]] = {}
     for direction in found:
         promise.setdefault(direction.effect, []).append((foresee.gain(direction), direction))
     best = {name: sorted(rows, key=lambda row: -row[0]) for name, rows in promise.items()}
-    names = sorted(best, key=lambda name: -best[name][0][0])[:_SHORTLIST]
-    return {name: [direction for _, direction in best[name][:_STARTS]] for name in names if best[name][0][0] > 0}
+    significant = list(dict.fromkeys(one.direction.effect for one in verdict.statistics if one.p_value <= LEVEL))
+    names = sorted((name for name in significant if name in best), key=lambda name: -best[name][0][0])[:_SHORTLIST]
+    names += [name for name in significant[:_OUTSTANDING] if name in best and name not in names]
+    return {name: [direction for _, direction in best[name][:_STARTS]] for name in names}
 
 
 def fit_candidate(fitter: Fitter, fitted: Fitted, starts: Sequence[Direction]) -> Ranked:

@@ -1,0 +1,157 @@
+"""Adds an effect to a sensor: its parameters, and those of what is there, fitted to a drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.discrepancy.candidates import with_values
+from cosim.discrepancy.checks import check_fit, opened
+from cosim.discrepancy.compare import in_order
+from cosim.discrepancy.directions import directions
+from cosim.discrepancy.fitting import Fitted, Fitter, all_free
+from cosim.discrepancy.frames import FrameTracer
+from cosim.discrepancy.held_out import split_frames
+from cosim.discrepancy.intervals import half_widths
+from cosim.discrepancy.ranking import fit_candidate
+from cosim.discrepancy.sample import draw_sample
+from cosim.discrepancy.testing import held_out_errors
+from cosim.errors import DriveError
+from cosim.kitti import Drive
+from sensors.effects.base import BeamEffect, Effect
+from sensors.errors import SensorError
+from sensors.sensor_model import SensorModel, load_sensor
+
+_ROWS = 60_000
+_ROUNDS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Added:
+    """A sensor with an effect more.
+
+    Attributes:
+        effect: its name.
+        params: all its parameters.
+        ci95: intervals of those that were fitted, by name.
+        sensor: the sensor with it.
+        error_before, error_after: on frames that took no part in the fit, each with its standard error.
+    """
+
+    effect: str
+    params: Mapping[str, Any]
+    ci95: Mapping[str, Any]
+    sensor: SensorModel
+    error_before: tuple[float, float]
+    error_after: tuple[float, float]
+
+    def to_json(self) -> dict[str, Any]:
+        """What `cosim add --json` writes."""
+        return {
+            "effect": self.effect,
+            "params": dict(self.params),
+            "ci95": dict(self.ci95),
+            "error_before": self.error_before[0],
+            "error_after": self.error_after[0],
+        }
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{name} {value:.4g}" for name, value in self.params.items() if isinstance(value, float))
+        return f"{self.effect} ({values}): error {self.error_before[0]:.3f} → {self.error_after[0]:.3f}"
+
+
+def add(
+    kind: type[Effect],
+    drive: Drive | str | Path,
+    sensor: SensorModel | str | Path,
+    *,
+    fixed: Mapping[str, Any] | None = None,
+    seed: int = 0,
+) -> Added:
+    """Fit an effect to a drive together with the noise and the like that the sensor has already.
+
+    Args:
+        kind: the effect; one that the sensor has is fitted anew.
+        drive: measured, with a twin, or its folder.
+        sensor: the model, or its file.
+        fixed: parameters that are known and stay.
+        seed: of the sample.
+
+    Raises:
+        CosimError: the drive lacks points or a twin, or the twin does not fit it.
+        SensorError: the sensor file breaks the rules, or a fixed parameter does not fit the effect.
+    """
+    drive = opened(drive)
+    model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
+    fixed = dict(fixed or {})
+    split = split_frames(drive.frames)
+    tracer = FrameTracer(drive, model)
+    effects = in_order(model.effects)
+    before = held_out_errors(tracer, split.test, effects, model.origin)
+    place = next((i for i, effect in enumerate(effects) if effect.name == kind.name), None)
+    result: Fitted | None = None
+    fitter: Fitter | None = None
+    for number in range(_ROUNDS):
+        frames = [tracer.trace(name, _bending(effects)) for name in split.fit]
+        if number == 0:
+            check_fit(frames[0], drive)
+        fitter = Fitter(draw_sample(frames, _ROWS, np.random.default_rng([seed, _ROWS])))
+        if place is None:
+            effects, place = _begun(fitter, kind, effects, fixed, drive)
+        free = [one for one in all_free(effects, [place], model.pattern.rings) if one.unknown.name not in fixed]
+        result = fitter.fit(effects, free)
+        effects = result.effects
+        if not issubclass(kind, BeamEffect):
+            break
+    assert result is not None and fitter is not None and place is not None  # there is a round
+    sensor_after = SensorModel(model.pattern, effects, model.origin)
+    return Added(
+        effect=kind.name,
+        params=effects[place].model_dump(mode="json"),
+        ci95=intervals(fitter, result)[kind.name] if result.free else {},
+        sensor=sensor_after,
+        error_before=before,
+        error_after=held_out_errors(tracer, split.test, effects, model.origin),
+    )
+
+
+def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:
+    """95 % intervals of everything that was fitted, by effect and parameter: pairs, or lists of pairs."""
+    widths, found, at = half_widths(fitter, fitted), {}, 0
+    for one in fitted.free:
+        part = widths[at : at + one.unknown.rings]
+        at += one.unknown.rings
+        effect = fitted.effects[one.effect]
+        value = np.asarray(getattr(effect, one.unknown.name), float)
+        pair = np.stack([value - part, value + part], -1) if value.ndim else value + np.array([-part[0], part[0]])
+        found.setdefault(effect.name, {})[one.unknown.name] = pair.tolist()
+    return found
+
+
+def _begun(
+    fitter: Fitter, kind: type[Effect], effects: Sequence[Effect], fixed: Mapping[str, Any], drive: Drive
+) -> tuple[tuple[Effect, ...], int]:
+    """The effects with the new one, roughly as strong as it is."""
+    unknown = set(fixed) - set(kind.model_fields)
+    if unknown:
+        raise SensorError(
+            f"effect {kind.name} has no parameter {sorted(unknown)[0]!r}; it has {', '.join(kind.model_fields)}"
+        )
+    effects = tuple(effects)
+    if kind.neutral is None or all(name in fixed for name in kind.model_fields):
+        return (*effects, kind.model_validate({**kind.example, **fixed})), len(effects)
+    null = fitter.fit(effects, ())
+    found = [one for one in directions(fitter, null, [kind], range(len(effects))) if one.effect == kind.name]
+    if not found:
+        raise DriveError(f"{drive.root}: nothing in it depends on {kind.name}; give a drive that shows it")
+    best = fit_candidate(fitter, null, found)
+    effect = with_values(best.fitted.effects[best.place], fixed) if fixed else best.fitted.effects[best.place]
+    return (*effects, effect), len(effects)
+
+
+def _bending(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    return tuple(effect for effect in effects if isinstance(effect, BeamEffect))
