@@ -30,7 +30,7 @@ def test_nothing_hidden_nothing_found(base: Path, tmp_path: Path) -> None:
     ("effect", "parameters"),
     [
         ("range_walk", {"amplitude_m": 0.15, "decay": 4.0}),
-        ("incidence_falloff", {"exponent": 0.8}),
+        pytest.param("incidence_falloff", {"exponent": 0.8}, marks=pytest.mark.slow),
     ],
 )
 def test_a_strong_effect_is_named(base: Path, tmp_path: Path, effect: str, parameters: dict) -> None:
