@@ -108,21 +108,23 @@ def _histogram(group: str, ours: np.ndarray, real: np.ndarray) -> Iterator[Row |
     yield _row(group, "zero share", *(_share(side[:, 0], side.sum(1)) for side in sides))
     bright = INTENSITIES > SATURATED
     yield _row(group, "saturated share", *(_share(side[:, bright].sum(1), side.sum(1)) for side in sides))
-    shares = [side.sum(0).cumsum() / side.sum() for side in sides]
+    shares = [side.sum(0).cumsum() / max(side.sum(), 1) for side in sides]
     yield Gap(group, "1-Wasserstein distance", float(np.abs(shares[0] - shares[1]).sum() * (INTENSITIES[1])))
 
 
 def _group(group: str, name: str, found: list[Row], *, logarithmic: bool = True) -> Iterator[Row | Gap]:
     yield from found
     ours, real = (np.array([getattr(row, side) for row in found]) for side in ("ours", "real"))
-    value = _log_distance(ours, real) if logarithmic else float(np.nanmean(np.abs(ours - real)))
+    apart = np.abs(ours - real)[np.isfinite(ours - real)]
+    value = _log_distance(ours, real) if logarithmic else float(apart.mean()) if len(apart) else float("nan")
     yield Gap(group, name, value)
 
 
 def _log_distance(ours: np.ndarray, real: np.ndarray) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.abs(np.log(ours / real))
-    return float(ratio[np.isfinite(ratio)].mean())
+    ratio = ratio[np.isfinite(ratio)]
+    return float(ratio.mean()) if len(ratio) else float("nan")
 
 
 def _wasserstein(a: np.ndarray, b: np.ndarray) -> float:
