@@ -74,9 +74,8 @@ class Returns:
             return self
         if not len(self):
             return self.merged(other)
-        row = np.minimum(np.searchsorted(self.beam, other.beam), len(self) - 1)
-        if (self.beam[row] == other.beam).all() and self._one_a_beam and other._one_a_beam:
-            return self._overwritten(row, other)
+        if self._one_a_beam and other._one_a_beam:
+            return self._overwritten(other)
         replaced = np.zeros(max(self.beam.max(), other.beam.max()) + 1, bool)
         replaced[other.beam] = True
         return self.take(~replaced[self.beam]).merged(other)
@@ -85,13 +84,16 @@ class Returns:
     def _one_a_beam(self) -> bool:
         return bool((np.diff(self.beam) > 0).all())
 
-    def _overwritten(self, rows: np.ndarray, other: Returns) -> Returns:
-        columns = []
-        for field in fields(self):
-            column = getattr(self, field.name).copy()
-            column[rows] = getattr(other, field.name)
-            columns.append(column)
-        return Returns(*columns)
+    def _overwritten(self, other: Returns) -> Returns:
+        """`replacing_beams` of tables with one return a beam."""
+        row = np.minimum(np.searchsorted(self.beam, other.beam), len(self) - 1)
+        found = self.beam[row] == other.beam
+        rows = np.arange(len(self))
+        rows[row[found]] = len(self) + np.flatnonzero(found)
+        new = np.flatnonzero(~found)
+        rows = np.insert(rows, np.searchsorted(self.beam, other.beam[new]), len(self) + new)
+        columns = [np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)]
+        return Returns(*columns).take(rows)
 
     def _place(self) -> np.ndarray:
         """(m,) what tables are sorted by: beam, then number of the return."""
