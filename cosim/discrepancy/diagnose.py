@@ -10,15 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from cosim.discrepancy.add import intervals
+from cosim.discrepancy.candidates import amplitudes
 from cosim.discrepancy.checks import check_fit, opened
 from cosim.discrepancy.compare import in_order
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.directions import directions
-from cosim.discrepancy.fitting import Fitted, Fitter, all_free
+from cosim.discrepancy.fitting import Fitted, Fitter, Free, all_free
 from cosim.discrepancy.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.gate import LEVEL, Verdict, run_gate
 from cosim.discrepancy.held_out import Split, split_frames
-from cosim.discrepancy.ranking import Ranked, fit_candidate, shortlist
+from cosim.discrepancy.intervals import standard_errors
+from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist
 from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.testing import held_out_errors
 from cosim.kitti import Drive
@@ -31,6 +33,7 @@ _ROWS, _QUICK_ROWS = 60_000, 20_000
 _COARSE_M = 0.25
 _MOST_EFFECTS = 5
 _ALIKE_BIC = 10.0
+_CLEARLY_THERE = 5.0
 
 
 @dataclass
@@ -99,7 +102,7 @@ class Detective:
         while True:
             self._say(f"looking for effects beyond {len(findings)} found")
             fitter = Fitter(self._sample(_ROWS))
-            fitted = fitter.fit(model.effects, self._free(model, fitter))
+            fitted = fitter.fit(model.effects, self._free(model))
             model.effects = fitted.effects
             verdict = self._gate(fitter, fitted, model)
             if verdict.p_value > LEVEL or len(findings) >= _MOST_EFFECTS:
@@ -128,7 +131,14 @@ class Detective:
                     delta_bic=best.delta_bic,
                 )
             )
-        findings = self._settled(fitter, fitted, model, findings)
+        if self._pruned(fitter, fitted, model):
+            there = {effect.name for effect in model.effects}
+            findings = [one for one in findings if one.effect in there]
+            fitter = Fitter(self._sample(_ROWS))
+            fitted = fitter.fit(model.effects, self._free(model))
+            model.effects = fitted.effects
+            errors.append(held_out_errors(self._tracer, self.split.test, model.effects, self.sensor.origin))
+        findings = self._settled(fitted, fitter, findings)
         return Diagnosis.of(
             drive=self.drive,
             sensor=SensorModel(self.sensor.pattern, model.effects, self.sensor.origin),
@@ -141,13 +151,15 @@ class Detective:
 
     def _trace(self, model: _Model) -> None:
         self._say("tracing the twin")
-        self._frames = [self._tracer.trace(name, model.bending) for name in self.split.fit]
+        self._frames = self._traced(model.bending)
+
+    def _traced(self, bending: tuple[Effect, ...]) -> list[TracedFrame]:
+        return [self._tracer.trace(name, bending) for name in self.split.fit]
 
     def _sample(self, rows: int) -> Sample:
         return draw_sample(self._frames, rows, np.random.default_rng([self._seed, rows]))
 
-    def _free(self, model: _Model, fitter: Fitter) -> tuple:
-        del fitter
+    def _free(self, model: _Model) -> tuple[Free, ...]:
         return all_free(model.effects, model.fitted, self.sensor.pattern.rings)
 
     def _gate(self, fitter: Fitter, fitted: Fitted, model: _Model) -> Verdict:
@@ -166,6 +178,8 @@ class Detective:
         promising = shortlist(fitter, null, directions(fitter, null, self._kinds, model.fitted), verdict)
         self._say(f"fitting {', '.join(promising)}")
         ranked = [fit_candidate(fitter, null, starts) for starts in promising.values()]
+        ranked.sort(key=lambda one: -one.delta_bic)
+        ranked = judged_anew(ranked, fitter, null, self._traced)
         return sorted(ranked, key=lambda one: -one.delta_bic)
 
     def _add(self, model: _Model, best: Ranked) -> None:
@@ -174,13 +188,41 @@ class Detective:
         if best.place not in model.fitted:
             model.fitted.append(best.place)
         fitter = Fitter(self._sample(_ROWS))
-        model.effects = fitter.fit(model.effects, self._free(model, fitter)).effects
+        model.effects = fitter.fit(model.effects, self._free(model)).effects
         if model.bending != bent:
             self._trace(model)
             fitter = Fitter(self._sample(_ROWS))
-            model.effects = fitter.fit(model.effects, self._free(model, fitter)).effects
+            model.effects = fitter.fit(model.effects, self._free(model)).effects
 
-    def _settled(self, fitter: Fitter, fitted: Fitted, model: _Model, findings: Sequence[Finding]) -> list[Finding]:
+    def _pruned(self, fitter: Fitter, fitted: Fitted, model: _Model) -> bool:
+        """Take out what turned out to do nothing once the others were there; whether there was any."""
+        idle = [place for place in model.fitted if self._is_idle(fitter, fitted, place)]
+        if not idle:
+            return False
+        self._say(f"taking out {', '.join(model.effects[place].name for place in idle)}")
+        kept = [place for place in range(len(model.effects)) if place not in idle]
+        model.effects = tuple(model.effects[place] for place in kept)
+        model.fitted = [kept.index(place) for place in model.fitted if place in kept]
+        return True
+
+    def _is_idle(self, fitter: Fitter, fitted: Fitted, place: int) -> bool:
+        """Whether an effect's amplitudes could as well be those that do nothing, and the fit is as good without."""
+        kind, errors, at = type(fitted.effects[place]), standard_errors(fitter, fitted), 0
+        deviates = []
+        for one in fitted.free:
+            part = errors[at : at + one.unknown.rings]
+            at += one.unknown.rings
+            if one.effect == place and one.unknown.name in amplitudes(kind):
+                apart = np.subtract(getattr(fitted.effects[place], one.unknown.name), kind.neutral[one.unknown.name])
+                deviates.append(float(np.sqrt(np.mean((apart / np.maximum(part, 1e-12)) ** 2))))
+        if not deviates or max(deviates) > _CLEARLY_THERE:
+            return False
+        rest = tuple(effect for number, effect in enumerate(fitted.effects) if number != place)
+        without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
+        count = sum(one.unknown.rings for one in fitted.free_of(place))
+        return 2 * (fitted.loglik - without.loglik) < count * np.log(len(fitter.sample))
+
+    def _settled(self, fitted: Fitted, fitter: Fitter, findings: Sequence[Finding]) -> list[Finding]:
         """Findings with the parameters and intervals of the last joint fit."""
         found = intervals(fitter, fitted) if fitted.free else {}
         effects = {effect.name: effect for effect in fitted.effects}

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.fitting import Fitted, Fitter, all_free
+from cosim.discrepancy.frames import TracedFrame
 from cosim.discrepancy.gate import LEVEL, Direction, Verdict
 from cosim.discrepancy.likelihood import judge
-from sensors.effects.base import Effect
+from cosim.discrepancy.sample import same_beams
+from sensors.effects.base import BeamEffect, Effect
 
 _SHORTLIST = 6
 _OUTSTANDING = 4
+_RETRACED = 3
+_STRANGE_SHARE = 3e-3
 _STARTS = 2
 _STEPS = 10
 
@@ -29,12 +33,14 @@ class Ranked:
         fitted: the model with it.
         place: where it stands among the effects.
         delta_bic: how much the Bayesian information criterion falls; above 0 speaks for it.
+        parameters: how many numbers were fitted.
     """
 
     effect: str
     fitted: Fitted
     place: int
     delta_bic: float
+    parameters: int
 
 
 def shortlist(
@@ -68,9 +74,41 @@ def fit_candidate(fitter: Fitter, fitted: Fitted, starts: Sequence[Direction]) -
         count = sum(one.unknown.rings for one in mine)
         delta = 2 * (result.loglik - fitted.loglik) - count * np.log(rows)
         if best is None or delta > best.delta_bic:
-            best = Ranked(start.effect, result, place, float(delta))
+            best = Ranked(start.effect, result, place, float(delta), count)
     assert best is not None  # there is a start
     return best
+
+
+def judged_anew(
+    ranked: Sequence[Ranked], fitter: Fitter, fitted: Fitted, trace: Callable[[tuple[Effect, ...]], list[TracedFrame]]
+) -> list[Ranked]:
+    """Candidates that bend beams, with what bent beams really meet.
+
+    Where many measurements are not where the model stands, bent beams meet other surfaces than the planes that fits
+    hold on to, and whatever makes stray returns would look better than the truth. Beams at an edge of either world
+    are left out, for all candidates alike.
+    """
+    strange = fitter.sample.weight @ (fitter.sample.returned & (fitted.fit.matched < 0.5))
+    bending = [one for one in ranked if isinstance(one.fitted.effects[one.place], BeamEffect)][:_RETRACED]
+    if strange < _STRANGE_SHARE * fitter.sample.weight.sum() or not bending:
+        return list(ranked)
+    weight, keep = fitter.sample.weight / fitter.sample.weight.mean(), ~fitter.sample.edge
+    rows = {one.effect: one.fitted.fit.loglik for one in ranked}
+    for one in bending:
+        beams = tuple(effect for effect in one.fitted.effects if isinstance(effect, BeamEffect))
+        anew = Fitter(same_beams(fitter.sample, trace(beams)))
+        # The pose errors' own share is small beside what other surfaces change.
+        prediction = anew.sample.predict(one.fitted.effects)
+        rows[one.effect] = judge(anew.sample, prediction, shift=anew.shift(one.fitted.pose)).loglik
+        keep &= ~anew.sample.edge
+    found = []
+    for one in ranked:
+        gained = float((weight * (rows[one.effect] - fitted.fit.loglik))[keep].sum())
+        pose = one.fitted.loglik - float(weight @ one.fitted.fit.loglik)
+        before = fitted.loglik - float(weight @ fitted.fit.loglik)
+        delta = 2 * (gained + pose - before) - one.parameters * np.log(float(len(weight)))
+        found.append(replace(one, delta_bic=float(delta)))
+    return found
 
 
 class _Foresight:

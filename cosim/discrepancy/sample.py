@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -45,13 +46,14 @@ class Sample:
     Attributes:
         replays: one a frame, of its beams.
         frame: (n,) int row of `names`.
+        beam: (n,) int row of the frame's beams.
         names: of the frames, in order of time.
         weight: (n,) how many beams each stands for.
         along_m, above_m, intensity: (n,) measured, as in `Observed`; NaN where nothing returned.
         track: (n,) int what beams share errors with over time: an instance, or a cell of the map.
         pose_derivative: (n, 6) change of range per metre and radian of the LiDAR's pose, in its own axes.
         edge: (n,) bool ambiguous beams.
-        partner: (n,) int row of the beam fired just after or before on the same surface, −1 where none is in the sample:
+        partner: (n,) int row of the beam fired just before or after at the same surface, −1 where there is none:
             their difference knows nothing of errors that both share.
         ring, material, instance: (n,) int.
         azimuth, time_s, range_m, cos_incidence: (n,) of the beams as traced.
@@ -59,6 +61,7 @@ class Sample:
 
     replays: tuple[FrameReplay, ...]
     frame: np.ndarray
+    beam: np.ndarray
     names: tuple[str, ...]
     weight: np.ndarray
     along_m: np.ndarray
@@ -129,13 +132,29 @@ def draw_sample(frames: Sequence[TracedFrame], count: int, rng: np.random.Genera
         edges: whether ambiguous beams take part.
     """
     share = max(count // max(len(frames), 1), 1)
+    return _gathered(frames, [_choose(frame, share, rng, edges) for frame in frames])
+
+
+def same_beams(sample: Sample, frames: Sequence[TracedFrame]) -> Sample:
+    """The beams of a sample in frames that have been traced anew."""
+    ends = np.searchsorted(sample.frame, np.arange(len(frames) + 1))
+    chosen = []
+    for start, end in pairwise(ends.tolist()):
+        partner = sample.partner[start:end]
+        mine = np.where(partner >= 0, partner - start, -1)
+        chosen.append((sample.beam[start:end], sample.weight[start:end], mine))
+    return _gathered(frames, chosen)
+
+
+def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Sample:
     replays, columns, rows = [], [], 0
-    for number, frame in enumerate(frames):
-        beams, weight, partner = _choose(frame, share, rng, edges)
+    for number, (frame, (beams, weight, partner)) in enumerate(zip(frames, chosen, strict=True)):
         replays.append(FrameReplay(frame, beams))
         partner = np.where(partner >= 0, partner + rows, -1)
-        columns.append({"frame": np.full(len(beams), number), "weight": weight, "partner": partner})
-        columns[-1].update(_columns(frame, beams))
+        columns.append(
+            {"frame": np.full(len(beams), number), "beam": beams, "weight": weight, "partner": partner}
+            | _columns(frame, beams)
+        )
         rows += len(beams)
     joined = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
     return Sample(

@@ -100,7 +100,7 @@ def score_frame(frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Ge
 def _ensemble(
     frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Generator, origin: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ranges and intensities (m, n) of the model's members, NaN for no return; one member where chance plays no part."""
+    """Ranges and intensities (m, n) of the model's members, NaN for no return; one where chance plays no part."""
     ranges = np.full((MEMBERS, len(frame.shot.rays)), np.nan, np.float32)
     intensities = ranges.copy()
     for member in range(MEMBERS):
