@@ -27,6 +27,7 @@ class AngularDownsampling(ScanEffect):
     reference: ClassVar = "Synth It Like KITTI, arXiv:2502.15076, published code: 0.16° × 0.30°, image frustum"
     confusable_with: ClassVar = ("random_dropout",)
     example: ClassVar = {"azimuth_deg": 0.4, "elevation_deg": 0.8, "field": "all"}
+    is_candidate: ClassVar = False
 
     azimuth_deg: float = number("Δaz, width of a cell", unit="°", ge=0.01, le=10)
     elevation_deg: float = number("Δel, height of a cell", unit="°", ge=0.01, le=10)

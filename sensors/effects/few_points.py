@@ -23,6 +23,7 @@ class FewPoints(LabelEffect):
     confusable_with: ClassVar = ("box_shrink",)
     example: ClassVar = {"points": 6}
     neutral: ClassVar = {"points": 0}
+    is_candidate: ClassVar = False
 
     points: float = number("least number of points that make a label", ge=0, le=10_000)
 

@@ -25,6 +25,7 @@ class IntensityCutoff(ScanEffect):
     confusable_with: ClassVar = ("detection_threshold", "intensity_floor", "random_dropout")
     example: ClassVar = {"epsilon": 0.3}
     neutral: ClassVar = {"epsilon": 0.0}
+    is_candidate: ClassVar = False
 
     epsilon: float = number("ε, least intensity that counts", ge=0, le=0.9)
 

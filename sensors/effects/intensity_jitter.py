@@ -24,6 +24,7 @@ class IntensityJitter(NoiseEffect):
     confusable_with: ClassVar = ("intensity_noise", "intensity_quantization")
     example: ClassVar = {"sigma": 0.02}
     neutral: ClassVar = {"sigma": 0.0}
+    is_candidate: ClassVar = False
 
     sigma: float = number("σ, standard deviation of the reported intensity", ge=0, le=0.5)
 

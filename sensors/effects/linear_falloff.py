@@ -23,6 +23,7 @@ class LinearFalloff(EchoEffect):
     reference: ClassVar = "Synth It Like KITTI, arXiv:2502.15076, published code: 1 − d/120"
     confusable_with: ClassVar = ("range_falloff", "atmospheric_extinction")
     example: ClassVar = {"end_m": 120.0}
+    is_candidate: ClassVar = False
 
     end_m: float = number("R_end, where nothing is left", unit="m", ge=10, le=1000)
 

@@ -42,6 +42,7 @@ class ProjectedIntensity(EchoEffect):
     reference: ClassVar = "Synth It Like KITTI, arXiv:2502.15076, intensity model"
     confusable_with: ClassVar = ("incidence_falloff", "paint_gloss", "retroreflection")
     example: ClassVar = {"preset": "paper", "gain": 1.0, "peak_threshold": 0.8, "peak_contrast": 0.35}
+    is_candidate: ClassVar = False
 
     preset: Literal["paper", "reference"] = Field(description="from whom the constants are")
     gain: float = number("factor on all but reflectors", ge=0.05, le=5)
