@@ -13,7 +13,7 @@ from cosim.behaviour.config import BehaviourConfig
 from cosim.behaviour.roads import Lane, Lot, Roads
 from cosim.traffic import Traffic
 
-_OFF_LANE_M = 0.12  # lanes bend
+_OFF_LANE_M = 0.05
 _ONE_BAY_M = 0.5  # lots this near to each other are one bay
 
 
@@ -41,6 +41,8 @@ class Kerbside:
             actors = actors.without(self._settle(traffic, roads, actors))
         if not self._poses:
             return actors
+        parked = {actors.ids[row] for row in np.flatnonzero(actors.parked)}
+        self._poses = {name: pose for name, pose in self._poses.items() if name in parked}
         front, heading = actors.front.copy(), actors.heading_rad.copy()
         for row in np.flatnonzero(actors.parked).tolist():
             pose = self._poses.get(actors.ids[row])
@@ -94,11 +96,14 @@ class Kerbside:
         yaw = np.radians(self._config.parked_yaw_deg.draw(rng))
         length, width = actors.size[row, :2] / 2
         place, along = lane.point(end_m - float(length))
-        reach = length * abs(np.sin(yaw)) + width * abs(np.cos(yaw))
-        aside = -(lane.width_m / 2 + max(strip_m / 2, reach + _OFF_LANE_M))
-        centre = place + aside * np.array([-np.sin(along), np.cos(along)])
-        heading = along + yaw
-        return centre + length * np.array([np.cos(heading), np.sin(heading)]), float(heading)
+        heading, right = along + yaw, np.array([np.sin(along), -np.cos(along)])
+        forward = np.array([np.cos(heading), np.sin(heading)])
+        beside = width * np.array([-np.sin(heading), np.cos(heading)])
+        centre = place + (lane.width_m + strip_m) / 2 * right
+        corners = [centre + end * length * forward + beside for end in (1, -1)]
+        over = max(lane.project(corner)[1] for corner in corners) + lane.width_m / 2 + _OFF_LANE_M  # lanes bend
+        centre = centre + max(over, 0.0) * right
+        return centre + length * forward, float(heading)
 
 
 def _bays(lots: list[Lot]) -> list[list[Lot]]:

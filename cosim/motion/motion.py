@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from cosim.actors import Actors
 from cosim.motion import drift
+from cosim.motion.approach import Approach
 from cosim.motion.bicycle import BicycleState, follow
 from cosim.motion.body import Springs
 from cosim.motion.chassis import Chassis
-from cosim.motion.evasion import Rolling, evade
 from cosim.motion.footsteps import Footsteps
-from cosim.motion.guard import Guarded, choose
 from cosim.motion.script import Player, Script
-from cosim.motion.stopping import Stops, braked, stops
+from cosim.motion.steps import Company, take_steps
 from cosim.motion.trail import Trail
+from cosim.motion.velocity import velocities
 from cosim.motion.walking import walk
 
 _COURSE_GAIN = 0.3
@@ -33,22 +32,6 @@ _STATE = {"front": 2, "raw": 2, "velocity": 2, "springs": 4}
 _STATE |= dict.fromkeys(("heading", "curvature", "speed", "course", "travel", "raw_heading"), 1)
 _STATE |= dict.fromkeys(("jump", "jump_at", "jump_length", "jump_steep", "lane_offset", "along", "way", "known"), 1)
 _STATE |= dict.fromkeys(("waits", "stuck", "behind", "aside"), 1)
-
-
-@dataclass(frozen=True)
-class Approach:
-    """A way to a parking place at the kerb.
-
-    Attributes:
-        stop: (2,) where SUMO's front bumper will stand, on the lane, when it jumps to the place.
-        offset_m: lateral position of the place, positive to the left.
-        start_m, end_m: distances before `stop` between which the vehicle moves over.
-    """
-
-    stop: np.ndarray
-    offset_m: float
-    start_m: float
-    end_m: float
 
 
 class Motion:
@@ -244,61 +227,29 @@ class Motion:
         """Everyone goes where he wants, except where bodies would touch."""
         of, step = self._of, self._step_s
         wheels = np.flatnonzero(~self._walks)
-        chassis, length = self._chassis.take(wheels), actors.size[wheels, 0]
         state = {name: of[name][wheels].copy() for name in ("front", "heading", "curvature", "speed")}
         state["curvature"][actors.parked[wheels]] = state["speed"][actors.parked[wheels]] = 0.0
-        forward = np.column_stack([np.cos(state["heading"]), np.sin(state["heading"])])
-        centre = state["front"] - length[:, None] / 2 * forward
-        out = braked(state, chassis.rear_m, step)
-
-        place = np.searchsorted(wheels, drives)
-        want = {name: values.copy() for name, values in state.items()}
+        want, place = {name: values.copy() for name, values in state.items()}, np.searchsorted(wheels, drives)
         want["front"][place], want["heading"][place] = wanted.front, wanted.heading_rad
         want["curvature"][place], want["speed"][place] = wanted.curvature_per_m, wanted.speed_mps
-        moves = (want["front"] != state["front"]).any(1)
-        goes_on = stops(**want, rear_m=chassis.rear_m, length_m=length, step_s=step)
-        brakes = stops(**out, rear_m=chassis.rear_m, length_m=length, step_s=step)
         rows = {int(row): i for i, row in enumerate(wheels)}
-        players = {rows[self._rows[name]]: player for name, player in self._players.items()}
-        goes_on, brakes = _at_least(goes_on, 4), _at_least(brakes, 4)
-        for i, player in players.items():
-            goes_on.put(i, player.stops(float(length[i]), goes_on=True), 0)
-            brakes.put(i, player.stops(float(length[i]), goes_on=False), 0)
-            moves[i] = True
-        took: dict[int, Rolling] = {}
-
-        def offer(i: int, clear: Callable[[Stops], bool]) -> Stops | None:
-            if i in players:
-                return None
-            build = (float(chassis.rear_m[i]), float(length[i]), float(chassis.max_curvature_per_m[i]))
-            now, wish = (Rolling(*(values[i] for values in of_all.values())) for of_all in (state, want))
-            rate = float(chassis.max_curvature_rate_per_ms[i])
-            other = evade(now, wish, float(of["stuck"][wheels[i]]), (*build, rate), step, clear)
-            if other is None:
-                return None
-            took[i] = other
-            return other.stops(build[0], build[1], step)
-
-        allowed = self._allowed(rows)
-        all_ = Guarded(centre, state["heading"], actors.size[wheels, :2] / 2, goes_on, brakes, moves, allowed)
-        yields, blocks = choose(all_, offer)
+        company = Company(
+            state=state,
+            want=want,
+            chassis=self._chassis.take(wheels),
+            size=actors.size[wheels],
+            stuck_s=of["stuck"][wheels],
+            players={rows[self._rows[name]]: player for name, player in self._players.items()},
+            may_touch=self._allowed(rows),
+        )
+        taken, waits, blocks = take_steps(company, step)
         self._blocks = {actors.ids[wheels[i]]: actors.ids[wheels[j]] for i, j in blocks.items()}
-        for i, taken in yields.items():
-            for name in want:
-                want[name][i] = out[name][i] if taken is None else getattr(took[i], name)
-        for i, player in players.items():
-            player.slow_down() if i in yields else player.go()
-            want["front"][i], want["heading"][i] = player.pose()
-            want["curvature"][i] = want["speed"][i] = 0.0
-        want["heading"] = _wrap(want["heading"])
-        for name, values in want.items():
+        for name, values in taken.items():
             of[name][wheels] = values
-        of["aside"][wheels] *= np.exp(-np.abs(want["speed"]) * step / _ASIDE_M)
+        of["aside"][wheels] *= np.exp(-np.abs(taken["speed"]) * step / _ASIDE_M)
         self._note_footsteps(actors, wheels[~actors.parked[wheels]])
-        waits = np.zeros(len(wheels), bool)
-        waits[list(yields)] = True
         of["waits"][wheels] = np.where(waits, of["waits"][wheels] + step, 0.0)
-        stands = waits & (want["speed"] < _STANDS_MPS)
+        stands = waits & (taken["speed"] < _STANDS_MPS)
         stuck = of["stuck"][wheels]
         of["stuck"][wheels] = np.where(waits, stuck + step * stands, np.maximum(stuck - 2 * step, 0.0))
 
@@ -311,8 +262,8 @@ class Motion:
 
     def _allowed(self, rows: dict[int, int]) -> frozenset[tuple[int, int]]:
         """Pairs of wheeled rows that may touch."""
-        known = [(self._rows.get(a), self._rows.get(b)) for a, b in self._may_touch]
-        pairs = [(rows[a], rows[b]) for a, b in known if a in rows and b in rows]
+        known = [(rows.get(self._rows.get(a, -1)), rows.get(self._rows.get(b, -1))) for a, b in self._may_touch]
+        pairs = [(a, b) for a, b in known if a is not None and b is not None]
         return frozenset((min(pair), max(pair)) for pair in pairs)
 
     def _go_on_trails(self, actors: Actors, rows: np.ndarray, target: np.ndarray) -> list[Trail]:
@@ -342,13 +293,10 @@ class Motion:
             row = self._rows.get(vehicle)
             hit = np.flatnonzero(rows == row) if row is not None else ()
             for i in hit:
-                left_m = float(np.linalg.norm(self._of["raw"][row] - approach.stop)) - self._step_s * of["speed"][row]
-                share = (approach.start_m - left_m) / (approach.start_m - approach.end_m)
-                ahead = share + 0.1 / (approach.start_m - approach.end_m)
-                over = 1 - float(drift.smooth(np.array(share)))
-                change = float(drift.smooth(np.array(share)) - drift.smooth(np.array(ahead)))
+                away = of["raw"][row] - approach.stop
+                over, change = approach.over(float(np.hypot(*away) - self._step_s * of["speed"][row]))
                 offset[i] += (approach.offset_m - aside[i]) * over
-                slope[i] += (approach.offset_m - aside[i]) * change / 0.1
+                slope[i] += (approach.offset_m - aside[i]) * change
         return offset + aside, slope
 
     def _take_up_jump(self, actors: Actors, row: int, jump_m: float) -> None:
@@ -410,26 +358,20 @@ class Motion:
 
     def _report(self, actors: Actors, before: np.ndarray, heading_before: np.ndarray, fresh: np.ndarray) -> Actors:
         of, step = self._of, self._step_s
-        heading = of["heading"]
-        half = np.where(self._walks, 0.0, actors.size[:, 0] / 2)[:, None]
-        forward = np.column_stack([np.cos(heading), np.sin(heading)])
-        was = np.column_stack([np.cos(heading_before), np.sin(heading_before)])
-        velocity = (of["front"] - before - half * (forward - was)) / step
-        velocity[fresh] = actors.speed_mps[fresh, None] * forward[fresh]
-        along = velocity[:, 0] * forward[:, 0] + velocity[:, 1] * forward[:, 1]
-        across = velocity[:, 1] * forward[:, 0] - velocity[:, 0] * forward[:, 1]
-        turning = np.where(fresh, 0.0, _wrap(heading - heading_before) / step)
+        half = np.where(self._walks, 0.0, actors.size[:, 0] / 2)
+        along, across, turning = velocities((before, heading_before), (of["front"], of["heading"]), half, step)
+        along = np.where(fresh, actors.speed_mps, along)
+        across, turning = (np.where(fresh, 0.0, rate) for rate in (across, turning))
         acceleration = np.where(fresh, actors.acceleration_mps2, (along - of["along"]) / step)
         of["along"] = along.copy()
-        still = self._walks | actors.parked
         pulls = np.column_stack([acceleration, along * turning])
-        pulls[still] = 0.0
+        pulls[self._walks | actors.parked] = 0.0
         springs = self._springs.step(of["springs"].reshape(-1, 2, 2), pulls)
         of["springs"] = springs.reshape(-1, 4)
         return replace(
             actors,
             front=np.column_stack([of["front"], actors.front[:, 2]]),
-            heading_rad=heading.copy(),
+            heading_rad=of["heading"].copy(),
             speed_mps=along,
             lateral_mps=across,
             acceleration_mps2=acceleration,
@@ -450,12 +392,6 @@ class Motion:
         self._rows = {name: row for row, name in enumerate(actors.ids)}
         self._chassis = Chassis.of(actors.kinds, actors.size[:, 0])
         self._walks = np.array([kind == "pedestrian" for kind in actors.kinds], bool)
-
-
-def _at_least(stops_: Stops, steps: int) -> Stops:
-    """The same with room for some poses."""
-    k = np.minimum(np.arange(max(steps, stops_.centre.shape[1])), stops_.centre.shape[1] - 1)
-    return Stops(stops_.centre[:, k], stops_.heading_rad[:, k], stops_.last)
 
 
 def _wrap(angle: np.ndarray) -> np.ndarray:
