@@ -22,6 +22,7 @@ def stereo(tmp_path_factory) -> Drive:
     folder = tmp_path_factory.mktemp("stereo")
     config = folder / "run.yaml"
     text = CONFIG.replace("frames: 8", "frames: 4") + f"images: [{', '.join(WANTED)}]\nstore_hits: false\n"
+    text += "min_label_points: 0\nannotators: {enabled: false}\n"  # nobody who shows is left to DontCare
     config.write_text(text)
     cosim("run", config, "--out", folder / "drive", "--quiet")
     return Drive(folder / "drive")
