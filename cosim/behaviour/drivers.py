@@ -13,6 +13,7 @@ from cosim.behaviour.contacts import Contacts
 from cosim.behaviour.events import Event
 from cosim.behaviour.free_driving import FreeDriving
 from cosim.behaviour.lane_changes import LaneChanges
+from cosim.behaviour.onward import Onward
 from cosim.behaviour.patience import Patience
 from cosim.behaviour.pull_in import PullIn
 from cosim.behaviour.pull_out import PullOut
@@ -51,6 +52,7 @@ class Drivers:
             UTurns(rng("U-turns")),
             Collisions(rng("collisions")),
             Turnarounds(),
+            Onward(rng("onward")),
             Patience(),
             Contacts(rng("contacts")),
         )

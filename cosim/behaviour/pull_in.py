@@ -12,14 +12,14 @@ from cosim.motion.rehearsal import clear, rehearse
 _FOR_EVER_S = 1_000_000.0
 _WAYS_M = ((14.0, 5.0), (16.0, 6.0), (17.0, 7.0), (19.0, 8.0), (22.0, 10.0), (26.0, 12.0))
 _AHEAD_M = 45.0
-_STRAIGHT_RAD = np.radians(1.5)
+_STRAIGHT_RAD = np.radians(2.0)
 _BESIDE_M = 0.1  # farthest from the middle of the place
 _GENTLY_MPS = 2.5  # as rehearsed
 _BRAKES_MPS2 = 1.5
 _MARGIN_M = 0.12
 _LONGEST_M = 5.0
 _BEFORE_M = 28.0
-_LOTS_TRIED = 3
+_LOTS_TRIED, _DRIVERS_TRIED = 3, 4
 
 
 class PullIn:
@@ -77,10 +77,13 @@ class PullIn:
                 found.append((row, places))
         if not found:
             return False
-        row, places = found[int(self._rng.integers(len(found)))]
         taken = {lot.id for lot in self._going.values()}
-        free = [lot for lot in places if lot.id not in taken and not stage.api.parkingarea.getVehicleIDs(lot.id)]
-        return any(self._try(stage, row, lot) for lot in free[:_LOTS_TRIED])
+        for i in self._rng.permutation(len(found))[:_DRIVERS_TRIED].tolist():
+            row, places = found[i]
+            free = [lot for lot in places if lot.id not in taken and not stage.api.parkingarea.getVehicleIDs(lot.id)]
+            if any(self._try(stage, row, lot) for lot in free[:_LOTS_TRIED]):
+                return True
+        return False
 
     def _try(self, stage: Stage, row: int, lot: Lot) -> bool:
         actors, vehicle = stage.actors, stage.actors.ids[row]

@@ -19,19 +19,18 @@ from cosim.motion.trail import Trail
 from cosim.motion.velocity import velocities
 from cosim.motion.walking import walk
 
-_COURSE_GAIN = 0.3
-_TRAVELS_M = 0.02
+_COURSE_GAIN, _TRAVELS_M = 0.3, 0.02
 _STANDS_MPS = 0.1
 _BESIDE_M = 0.3  # who is nearer to the end of that way is there, or past it
 _LATE_M = 0.5  # a bumper so far behind its target drives after it on the way the target took
-_CATCHES_UP_MPS2 = 2.0
-_CREEPS_MPS = 0.5
+_CATCHES_UP_MPS2, _CREEPS_MPS = 2.0, 0.5
 _ASIDE_M = 6.0  # way over which one who has stepped aside comes back
 _LOOKS_M = 1.0  # along that way
 _STATE = {"front": 2, "raw": 2, "velocity": 2, "springs": 4}
-_STATE |= dict.fromkeys(("heading", "curvature", "speed", "course", "travel", "raw_heading"), 1)
+_STATE |= dict.fromkeys(
+    ("heading", "curvature", "speed", "course", "travel", "raw_heading", "waits", "stuck", "behind", "aside"), 1
+)
 _STATE |= dict.fromkeys(("jump", "jump_at", "jump_length", "jump_steep", "lane_offset", "along", "way", "known"), 1)
-_STATE |= dict.fromkeys(("waits", "stuck", "behind", "aside"), 1)
 
 
 class Motion:
@@ -218,8 +217,7 @@ class Motion:
                 behind = max(left - paces[i] * self._step_s - _LOOKS_M, 0.0)
                 of["behind"][rows[i]] = left
             target[i], travel[i] = trails[i].behind(guide + behind)
-            aside = of["aside"][rows[i]]
-            target[i] += aside * np.array([-np.sin(travel[i]), np.cos(travel[i])])
+            target[i] += of["aside"][rows[i]] * np.array([-np.sin(travel[i]), np.cos(travel[i])])
             course[i] = travel[i] if behind > 0 else course[i]
         return follow(state, chassis, target, course, travel, self._step_s, paces)
 
