@@ -18,6 +18,8 @@ from cosim.kitti import Drive
 from sensors.effects.base import BeamEffect, Effect
 from sensors.sensor_model import SensorModel, load_sensor
 
+_NEAR, _NEGLIGIBLE = 1.02, 0.01
+
 
 @dataclass(frozen=True, eq=False)
 class Totals:
@@ -125,6 +127,11 @@ class Comparison:
         """The one number to watch; lower is better."""
         return self.totals.error
 
+    @property
+    def at_floor(self) -> bool:
+        """Whether the error is what noise alone makes, within 2 % and a hundredth of a scale."""
+        return self.floor is not None and self.error <= _NEAR * self.floor.error + _NEGLIGIBLE
+
     def to_json(self) -> dict[str, Any]:
         """What `cosim compare --json` writes."""
         t = self.totals
@@ -137,15 +144,15 @@ class Comparison:
                 "rmse_m": float(np.sqrt(t.squared / matched)),
                 "mae_m": t.absolute / matched,
                 "bias_m": t.signed / matched,
-            },
-            "drop": {"precision": precision, "recall": recall, "f1": f1},
-            "spurious": {"per_frame": t.spurious / max(t.frames, 1)},
+            }
         }
         if t.lit:
             channels["intensity"] = {
                 "rmse": float(np.sqrt(t.intensity_squared / lit)),
                 "bias": t.intensity_signed / lit,
             }
+        channels["drop"] = {"precision": precision, "recall": recall, "f1": f1}
+        channels["spurious"] = {"per_frame": t.spurious / max(t.frames, 1)}
         return {
             "frames": t.frames,
             "points": t.points,
@@ -157,6 +164,8 @@ class Comparison:
         }
 
     def __str__(self) -> str:
+        if self.at_floor and self.floor:
+            return f"error {self.error:.3f}: at the floor ({self.floor.error:.3f})"
         floor = f", noise floor {self.floor.error:.3f}" if self.floor else ""
         worst = f"; worst: {self.slices[0]}" if self.slices else ""
         return f"error {self.error:.3f}{floor}{worst}"

@@ -31,6 +31,7 @@ from sensors.sensor_model import SensorModel, load_sensor
 _LOG = logging.getLogger(__name__)
 _ROWS, _QUICK_ROWS = 60_000, 20_000
 _COARSE_M = 0.25
+_FEWEST_PARTS = 24
 _MOST_EFFECTS = 5
 _ALIKE_BIC = 10.0
 _CLEARLY_THERE = 5.0
@@ -169,7 +170,17 @@ class Detective:
         evidence = [fitter.evidence(fitted.prediction, fitted.pose, blur) for blur in views]
         raw = [fitter.evidence(fitted.prediction, None, blur) for blur in views]
         rng = np.random.default_rng([self._seed, 1])
-        return run_gate(found, evidence, raw, sample.track, sample.frame, fitted.columns, fitter.poses, rng)
+        return run_gate(
+            found,
+            evidence,
+            raw,
+            sample.track,
+            sample.frame,
+            sample.parts(_FEWEST_PARTS),
+            fitted.columns,
+            fitter.poses,
+            rng,
+        )
 
     def _rank(self, fitted: Fitted, model: _Model, verdict: Verdict) -> list[Ranked]:
         """Candidates that are significant by themselves, the likeliest first."""

@@ -29,8 +29,11 @@ class Evidence:
     information: dict[Quantity, np.ndarray]
 
     @classmethod
-    def of(cls, sample: Sample, fit: Fit, rise_blur: float = 0.0) -> Evidence:
-        """The evidence in a fit; weighted so that beams of the sample stand for all."""
+    def of(cls, sample: Sample, fit: Fit, rise_blur: float = 0.0, rounded_m: float = 0.0) -> Evidence:
+        """The evidence in a fit; weighted so that beams of the sample stand for all.
+
+        Points within `rounded_m` of their beam count as on it: coordinates are stored to so much.
+        """
         weight = sample.weight / sample.weight.mean()
         matched = weight * fit.matched
         rise_sigma = np.hypot(RISE_SIGMA_M, rise_blur)
@@ -43,7 +46,7 @@ class Evidence:
         binary = np.where(possible, weight / np.where(possible, variance, 1), 0.0)
         score: dict[Quantity, np.ndarray] = {
             "range": matched * pull(fit.range_z) / fit.range_sigma_m,
-            "rise": matched * pull(fit.rise_z) / rise_sigma,
+            "rise": matched * pull(fit.rise_z) / rise_sigma * (np.abs(fit.rise_z) * rise_sigma > rounded_m),
             "range_variance": paired * _spread_excess(range_gap),
             "drop": binary * (fit.matched - fit.seen),
         }

@@ -25,6 +25,7 @@ _POSE_MOST = np.array([0.5] * 3 + [np.radians(3.0)] * 3)
 _GAIN_M = 1e-3  # log-likelihood that a step must still bring
 _STEPS = 12
 _HALVINGS = 6
+_ROUNDED_M = 6e-4
 _FAR_M, _FINE_M = 3.0, 0.01
 _ROUGH, _ROUGH_SHARE = 8.0, 0.985
 
@@ -107,7 +108,7 @@ class Fitter:
             current, pose, sigma = self._descend(current, free, pose, sigma, blur, steps)
             state = self._state(current, pose)
         columns = self.columns(current, free, state[0])
-        evidence = self.evidence(state[0], pose)
+        evidence = Evidence.of(self.sample, state[1])
         loglik = self._marginal(state[1], pose, sigma)
         return Fitted(current, free, pose, sigma, loglik, state[0], state[1], evidence, columns)
 
@@ -156,9 +157,9 @@ class Fitter:
         return wide if wide > _ROUGH * max(stated, _FINE_M) else 0.0
 
     def evidence(self, prediction: Prediction, pose: np.ndarray | None = None, blur: float = 0.0) -> Evidence:
-        """The evidence at a prediction, with a standard deviation of `blur` [m] added to every range."""
+        """The evidence at a prediction, for tests: with a standard deviation of `blur` [m] added to every range."""
         shift = None if pose is None else self.shift(pose)
-        return Evidence.of(self.sample, judge(self.sample, prediction, blur, shift), blur)
+        return Evidence.of(self.sample, judge(self.sample, prediction, blur, shift), blur, _ROUNDED_M)
 
     def _descend(
         self,

@@ -106,6 +106,7 @@ def run_gate(
     raw: Sequence[Evidence],
     track: np.ndarray,
     scan: np.ndarray,
+    part: np.ndarray,
     present: Sequence[Column],
     poses: sparse.csr_matrix,
     rng: np.random.Generator,
@@ -117,16 +118,17 @@ def run_gate(
         evidence: with the pose errors of every scan fitted; fine, then coarse views of ranges.
         raw: the same with poses taken as they are said: for what cannot be told from a pose error in one scan.
         track, scan: (n,) cluster of every beam.
+        part: (n,) part of a scan: where pose errors have been fitted and scans are few, these take their place.
         present: columns of parameters that have been fitted.
         poses: (n, 6·scans) columns of pose errors.
         rng: for the signs.
     """
     sums: list[_Sums] = []
-    with_pose = [_Projector(present, one, poses, track, scan) for one in evidence]
+    with_pose = [_Projector(present, one, poses, track, part) for one in evidence]
     without = [_Projector(present, one, None, track, scan) for one in raw]
     for direction in directions:
         if direction.gain is not None:
-            sums.append(_gained(direction, direction.gain, track, scan))
+            sums.append(_gained(direction, direction.gain, track, part))
         for quantity in direction.column.delta:
             if quantity not in evidence[0].score:
                 continue
@@ -215,13 +217,8 @@ def _signs(sums: Sequence[_Sums], rng: np.random.Generator) -> tuple[np.ndarray,
     still = np.ones(ends[-1])
     drift = np.repeat([one.drift for one in sums], ends - starts)
     for clustered, wider in (([one.track for one in sums], still), ([one.scan for one in sums], drift)):
-        table = np.hstack(clustered)
-        table = table[np.abs(table).sum(1) > 0]
-        spread = np.sqrt((table**2).sum(0))
-        table = table / np.where(spread > 0, spread, 1)
-        # Signs of all clusters, the true ones first.
-        signs = rng.choice((-1.0, 1.0), (DRAWS, len(table)))
-        z = np.vstack([table.sum(0)[None] / wider, signs @ table])
+        z = _drawn(clustered, rng)
+        z[0] /= wider
         drawn = np.where(one_sided, z[:, starts], _sizes(z, starts, ends))
         # Each in terms of its own scatter, so that none has a head start.
         drawn = (drawn - drawn[1:].mean(0)) / np.maximum(drawn[1:].std(0), 1e-12)
@@ -248,6 +245,26 @@ def _drifting(sums: _Sums) -> _Sums:
         return sums
     likeness = float(np.clip((apart[1:] * apart[:-1]).sum() / square, 0.0, _MOST_LIKE))
     return replace(sums, drift=float(np.sqrt((1 + likeness) / (1 - likeness))))
+
+
+def _drawn(clustered: Sequence[np.ndarray], rng: np.random.Generator) -> np.ndarray:
+    """Studentised sums, (1 + draws, columns): the true ones, then with random signs of the clusters.
+
+    Tables of the same clusters share their signs.
+    """
+    parts: list[np.ndarray | None] = [None] * len(clustered)
+    for size in sorted({len(one) for one in clustered}):
+        mine = [place for place, one in enumerate(clustered) if len(one) == size]
+        table = np.hstack([clustered[place] for place in mine])
+        spread = np.sqrt((table**2).sum(0))
+        table = table / np.where(spread > 0, spread, 1)
+        used = np.flatnonzero(np.abs(table).sum(1))
+        signs = rng.choice((-1.0, 1.0), (DRAWS, len(used)))
+        z = np.vstack([table.sum(0)[None], signs @ table[used]])
+        ends = np.cumsum([clustered[place].shape[1] for place in mine])
+        for place, columns in zip(mine, np.split(z, ends[:-1], axis=1), strict=True):
+            parts[place] = columns
+    return np.hstack([part for part in parts if part is not None])
 
 
 def _sizes(z: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:

@@ -20,7 +20,6 @@ INTENSITY_FLOOR = 0.002
 RISE_SIGMA_M = 0.003
 _STRAY_SHARE = 1e-4
 _REACH_M = 120.0
-_ROUNDED_M = 6e-4
 _CLEAR_OF_LIMITS = 2.5
 _LOST_SHARE = 1e-3
 _SCALE = np.sqrt((NU - 2) / NU)
@@ -72,7 +71,6 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.nda
     matched = np.where(returned, surface / density, 0.0)
 
     rise = np.nan_to_num(sample.above_m - expected.rise_m)
-    rise = np.where(np.abs(rise) > _ROUNDED_M, rise, 0.0)  # coordinates are stored to so much
     rise_z = np.where(returned, rise / np.hypot(RISE_SIGMA_M, blur), 0.0)
     loglik += matched * student(rise_z)
     spread = np.sqrt(expected.intensity_sigma**2 + INTENSITY_FLOOR**2)

@@ -46,7 +46,7 @@ class Ranked:
 def shortlist(
     fitter: Fitter, fitted: Fitted, found: Sequence[Direction], verdict: Verdict
 ) -> dict[str, list[Direction]]:
-    """The effects worth fitting, with the directions to start from: significant by themselves, and promising.
+    """The effects worth fitting, with the directions to start from: the most promising and the most significant.
 
     Promise is the gain of likelihood that the linearised model foresees. It does not see that scans' pose errors may
     be all of one kind, so the most significant count as well.
@@ -57,7 +57,8 @@ def shortlist(
         promise.setdefault(direction.effect, []).append((foresee.gain(direction), direction))
     best = {name: sorted(rows, key=lambda row: -row[0]) for name, rows in promise.items()}
     significant = list(dict.fromkeys(one.direction.effect for one in verdict.statistics if one.p_value <= LEVEL))
-    names = sorted((name for name in significant if name in best), key=lambda name: -best[name][0][0])[:_SHORTLIST]
+    names = sorted(best, key=lambda name: -best[name][0][0])[:_SHORTLIST]
+    names = [name for name in names if best[name][0][0] > 0]
     names += [name for name in significant[:_OUTSTANDING] if name in best and name not in names]
     return {name: [direction for _, direction in best[name][:_STARTS]] for name in names}
 

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from cosim.discrepancy.frames import TracedFrame
+from cosim.discrepancy.observed import Observed
 from cosim.discrepancy.replay import FrameReplay
 from sensors.effects.base import Effect, ScanEffect
 from sensors.hits import NOTHING
@@ -56,6 +57,8 @@ class Sample:
         partner: (n,) int row of the beam fired just before or after at the same surface, −1 where there is none:
             their difference knows nothing of errors that both share.
         ring, material, instance: (n,) int.
+        reflectance, previous_intensity: (n,) of the surface; measured of the beam fired before in the ring, 0 for none.
+        scan_values: by name, (scans,) pose time, and the ego vehicle's speed, acceleration and yaw rate.
         azimuth, time_s, range_m, cos_incidence: (n,) of the beams as traced.
     """
 
@@ -79,6 +82,9 @@ class Sample:
     material: np.ndarray
     instance: np.ndarray
     place: np.ndarray
+    reflectance: np.ndarray
+    previous_intensity: np.ndarray
+    scan_values: dict[str, np.ndarray]
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -92,6 +98,11 @@ class Sample:
     def has_intensity(self) -> bool:
         """Whether the drive has intensities at all."""
         return bool(np.nanmax(np.append(self.intensity, 0.0)) > 0)
+
+    def parts(self, fewest: int) -> np.ndarray:
+        """(n,) numbers of equal sectors of scans, as many a scan as it takes to have `fewest` in all."""
+        sectors = -(-fewest // max(len(self.names), 1))
+        return self.frame * sectors + ((self.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
 
     def predict(self, effects: Sequence[Effect]) -> Prediction:
         """What effects let expect of the sample's beams."""
@@ -161,6 +172,12 @@ def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, 
         replays=tuple(replays),
         names=tuple(one.name for one in frames),
         track=_tracks(frames, joined["frame"], joined["instance"], joined["place"]),
+        scan_values={
+            "time_s": np.array([one.time_s for one in frames]),
+            "speed_mps": np.array([float(np.linalg.norm(one.ego.velocity_mps)) for one in frames]),
+            "acceleration_mps2": np.array([one.ego.forward_acceleration_mps2 for one in frames]),
+            "yaw_rate_radps": np.array([one.ego.yaw_rate_radps for one in frames]),
+        },
         **joined,
     )
 
@@ -221,7 +238,15 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
         "material": solid.material.astype(int),
         "instance": solid.instance.astype(int),
         "place": place,
+        "reflectance": shot.hits.reflectance(solid).astype(np.float64),
+        "previous_intensity": _previous(observed, beams),
     }
+
+
+def _previous(observed: Observed, beams: np.ndarray) -> np.ndarray:
+    before = np.maximum(beams - 1, 0)
+    same = (observed.rays.ring[before] == observed.rays.ring[beams]) & (beams > 0)
+    return np.where(same, np.nan_to_num(observed.intensity[before]), 0.0).astype(np.float64)
 
 
 def _tracks(frames: Sequence[TracedFrame], frame: np.ndarray, instance: np.ndarray, place: np.ndarray) -> np.ndarray:

@@ -1,0 +1,133 @@
+"""Simple formulas for a binned shape: the simplest that the data support, by BIC."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+_GRID = 25
+_SECOND_HARMONICS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """y = level + amplitude·shape(x).
+
+    Attributes:
+        family: its name.
+        text: as people write it, with numbers.
+        code: as Python, in `x` and the names of `parameters`.
+        parameters: amplitude first, level last.
+        r2: share of the shape's (weighted) variance that it explains.
+        bic: of the fit; lower is better.
+    """
+
+    family: str
+    text: str
+    code: str
+    parameters: dict[str, float]
+    r2: float
+    bic: float
+
+
+def best_formula(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float = 0.0) -> Formula:
+    """The formula of lowest BIC for a shape.
+
+    Args:
+        x: (b,) where.
+        y: (b,) the shape.
+        sigma: (b,) its standard errors.
+        period: of x, if it comes round.
+    """
+    weight = 1 / np.maximum(sigma, 1e-9) ** 2
+    # A formula need not be better than a hundredth of the shape's size.
+    weight = 1 / (1 / weight + (0.02 * (y.max() - y.min())) ** 2 + 1e-24)
+    mean = np.average(y, weights=weight)
+    total = float(weight @ (y - mean) ** 2)
+    found = []
+    for family, count, shape, text, code, extra in _families(x, period):
+        basis = np.stack([shape, np.ones_like(x)], 1)
+        root = np.sqrt(weight)
+        solution, *_ = np.linalg.lstsq(basis * root[:, None], y * root, rcond=None)
+        rest = float(weight @ (y - basis @ solution) ** 2)
+        amplitude, level = (float(value) for value in solution)
+        found.append(
+            Formula(
+                family,
+                f"{amplitude:.3g}·{text} {'+' if level >= 0 else '−'} {abs(level):.3g}",
+                f"level + amplitude * {code}",
+                {"amplitude": amplitude, **extra, "level": level},
+                1 - rest / total if total > 0 else 0.0,
+                rest + (count + 2) * np.log(len(x)),
+            )
+        )
+    return min(found, key=lambda one: one.bic)
+
+
+_Family = tuple[str, int, np.ndarray, str, str, dict[str, float]]
+
+
+def _families(x: np.ndarray, period: float) -> Iterator[_Family]:
+    """Name, number of shape parameters, shape at x, text, code and shape parameters of every member."""
+    low, high = float(x.min()), float(x.max())
+    inner = np.linspace(low, high, _GRID + 2)[1:-1]
+    yield "linear", 0, x, "x", "x", {}
+    if period:
+        for k in range(1, _SECOND_HARMONICS + 1):
+            for phase in np.linspace(0, np.pi, 37)[:-1]:
+                shape = np.sin(2 * np.pi / period * k * x + phase)
+                times = "" if k == 1 else str(k)
+                wave = 2 * np.pi / period * k
+                text, code = f"sin({times}x + {phase:.2f})", "np.sin(wave * x + phase)"
+                yield "sine", 1, shape, text, code, {"wave": wave, "phase": float(phase)}
+    if low > 0:
+        yield "inverse", 0, 1 / x, "1/x", "1 / np.maximum(x, 1e-3)", {}
+        yield "logarithm", 0, np.log(x), "ln x", "np.log(np.maximum(x, 1e-3))", {}
+        for power in (0.5, 1.5, 2.0, 3.0, -2.0):
+            yield "power", 1, x**power, f"x^{power:g}", "np.maximum(x, 1e-3) ** power", {"power": power}
+    for length in np.geomspace((high - low) / 20, (high - low) * 2, _GRID):
+        shape = np.exp(-(x - low) / length)
+        text, code = f"exp(−(x − {low:.3g})/{length:.3g})", "np.exp(-(x - start) / length)"
+        yield "exponential", 1, shape, text, code, {"start": low, "length": float(length)}
+    for edge in inner:
+        rises = (x > edge).astype(float)
+        if 0 < rises.sum() < len(x):
+            yield "step", 1, rises, f"[x > {edge:.3g}]", "(x > edge)", {"edge": float(edge)}
+        shape = np.maximum(x - edge, 0)
+        yield "hinge", 1, shape, f"max(0, x − {edge:.3g})", "np.maximum(x - edge, 0)", {"edge": float(edge)}
+    if not period:
+        for turns in np.linspace(0.5, 8, 31):
+            wave = 2 * np.pi * turns / max(high - low, 1e-9)
+            for phase in np.linspace(0, np.pi, 13)[:-1]:
+                text, code = f"sin({wave:.3g}·x + {phase:.2f})", "np.sin(wave * x + phase)"
+                yield "sine", 2, np.sin(wave * x + phase), text, code, {"wave": wave, "phase": float(phase)}
+    for start in inner[:: 2 if not period else 1]:
+        for end in inner[inner > start]:
+            within = ((x > start) & (x <= end)).astype(float)
+            if 0 < within.sum() < len(x):
+                text, code = f"[{start:.3g} < x ≤ {end:.3g}]", "((x > start) & (x <= end))"
+                yield "window", 2, within, text, code, {"start": float(start), "end": float(end)}
+    if period:
+        for start in inner:
+            shape = np.mod((x - start) / period, 1.0)
+            yield (
+                "sawtooth",
+                1,
+                shape,
+                f"frac((x − {start:.2f})/{period:.3g})",
+                "np.mod((x - start) / period, 1.0)",
+                {
+                    "start": float(start),
+                    "period": period,
+                },
+            )
+
+
+def evaluate(formula: Formula, x: np.ndarray) -> np.ndarray:
+    """Values of a formula at x."""
+    shape: Callable[..., np.ndarray] = eval(  # our own code, from the table above
+        f"lambda x, np, {', '.join(formula.parameters)}: {formula.code}", {"__builtins__": {}}
+    )
+    return np.asarray(shape(x, np, **formula.parameters), float)
