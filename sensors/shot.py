@@ -27,6 +27,8 @@ class Shot:
         traced: what they met; None before they are traced.
         world: shoots new rays; None where only stored hits are at hand.
         camera: what the grayscale camera saw at the pose time; None where no image is at hand.
+        frame_time_s: pose time of the frame.
+        before: (n,) intensity of the return of the beam fired before each in its ring, where that was measured.
     """
 
     def __init__(
@@ -38,6 +40,8 @@ class Shot:
         traced: Traced | None = None,
         world: World | None = None,
         camera: CameraView | None = None,
+        frame_time_s: float = 0.0,
+        before: np.ndarray | None = None,
     ) -> None:
         self.pattern = pattern
         self.rays = rays
@@ -45,6 +49,8 @@ class Shot:
         self.traced = traced
         self.world = world
         self.camera = camera
+        self.frame_time_s = frame_time_s
+        self.before = before
 
     @property
     def hits(self) -> Hits:
@@ -83,6 +89,15 @@ class Shot:
     def time_s(self, returns: Returns) -> np.ndarray:
         """Instants at which the returns' beams saw the world, (m,) float32 from the pose time."""
         return np.broadcast_to(self._traced.time_s, len(self.rays))[returns.beam]
+
+    def previous_intensity(self, returns: Returns) -> np.ndarray:
+        """Intensity (m,) that the beam before in the ring returned with; 0 where it did not return."""
+        if self.before is not None:
+            return self.before[returns.beam]
+        shown = np.zeros(len(self.rays) + 1, np.float32)
+        shown[returns.beam] = returns.intensity
+        follows = self.rays.ring[returns.beam] == self.rays.ring[returns.beam - 1]
+        return np.where(follows, shown[returns.beam - 1], np.float32(0))
 
     def per_return(self, returns: Returns, draw: np.ndarray) -> np.ndarray:
         """Values (m,) out of a draw (2, n): its row is the return's number, so a beam's fate is its own."""

@@ -18,7 +18,7 @@ from cosim.kitti import Drive
 from sensors.effects.base import BeamEffect, Effect
 from sensors.sensor_model import SensorModel, load_sensor
 
-_NEAR, _NEGLIGIBLE = 1.02, 0.01
+_NEAR, _NEGLIGIBLE = 1.02, 0.001
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +129,7 @@ class Comparison:
 
     @property
     def at_floor(self) -> bool:
-        """Whether the error is what noise alone makes, within 2 % and a hundredth of a scale."""
+        """Whether the error is what noise alone makes, within 2 % and a thousandth of a scale."""
         return self.floor is not None and self.error <= _NEAR * self.floor.error + _NEGLIGIBLE
 
     def to_json(self) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from cosim.discrepancy.intervals import standard_errors
 from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist
 from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.testing import held_out_errors
+from cosim.discrepancy.unknown import Shape, find_shape, rank_shape, shape_gate
 from cosim.kitti import Drive
 from sensors.effects.base import BeamEffect, Effect
 from sensors.effects.registry import effect_classes
@@ -35,6 +36,9 @@ _FEWEST_PARTS = 24
 _MOST_EFFECTS = 5
 _ALIKE_BIC = 10.0
 _CLEARLY_THERE = 5.0
+_CLEARLY_MORE = 1.15  # times the gain of the best candidate must be an unknown shape's
+_SHAPE_LEVEL = 0.02
+_NO_WORSE = 1.0  # standard errors by which the held-out error may rise
 
 
 @dataclass
@@ -99,6 +103,7 @@ class Detective:
         check_fit(self._frames[0], self.drive)
         findings: list[Finding] = []
         ranking: list[Alternative] = []
+        unknown: Shape | None = None
         errors = [held_out_errors(self._tracer, self.split.test, model.effects, self.sensor.origin)]
         while True:
             self._say(f"looking for effects beyond {len(findings)} found")
@@ -106,16 +111,28 @@ class Detective:
             fitted = fitter.fit(model.effects, self._free(model))
             model.effects = fitted.effects
             verdict = self._gate(fitter, fitted, model)
-            if verdict.p_value > LEVEL or len(findings) >= _MOST_EFFECTS:
+            if len(findings) + (unknown is not None) >= _MOST_EFFECTS:
                 break
-            ranked = self._rank(fitted, model, verdict)
+            ranked = self._rank(fitted, model, verdict) if verdict.p_value <= LEVEL else []
             ranking = ranking or [_alternative(one, verdict) for one in ranked]
             best = next((one for one in ranked if one.delta_bic > 0), None)
+            strange = self._strange(fitter, fitted, best) if unknown is None else None
+            if strange is not None:
+                unknown, best = strange
             if best is None:
                 break
             self._say(f"adding {best.effect}")
+            before = (model.effects, tuple(model.fitted))
             self._add(model, best)
             errors.append(held_out_errors(self._tracer, self.split.test, model.effects, self.sensor.origin))
+            if errors[-1][0] > errors[-2][0] + _NO_WORSE * errors[-2][1]:
+                self._say(f"{best.effect} does not help on frames that took no part: taken back")
+                model.effects, model.fitted = before[0], list(before[1])
+                errors.pop()
+                unknown = None if strange is not None else unknown
+                break
+            if strange is not None:
+                continue
             findings.append(
                 Finding(
                     effect=best.effect,
@@ -148,6 +165,7 @@ class Detective:
             verdict=verdict,
             errors=errors,
             split=self.split,
+            unknown=unknown,
         )
 
     def _trace(self, model: _Model) -> None:
@@ -192,6 +210,21 @@ class Detective:
         ranked.sort(key=lambda one: -one.delta_bic)
         ranked = judged_anew(ranked, fitter, null, self._traced)
         return sorted(ranked, key=lambda one: -one.delta_bic)
+
+    def _strange(self, fitter: Fitter, fitted: Fitted, best: Ranked | None) -> tuple[Shape, Ranked] | None:
+        """A dependence that explains clearly more than the best candidate, or that is there when none is."""
+        shape = find_shape(fitter, fitted)
+        if shape is None:
+            return None
+        if best is None:
+            rng = np.random.default_rng([self._seed, 2])
+            if shape_gate(fitter, fitted, fitted.columns, rng).p_value > _SHAPE_LEVEL:
+                return None
+        quick = Fitter(self._sample(_QUICK_ROWS))
+        null = quick.fit(fitted.effects, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
+        found = rank_shape(quick, null, shape)
+        known = best.delta_bic if best is not None else 0.0
+        return (shape, found) if found.delta_bic > _CLEARLY_MORE * known + _ALIKE_BIC else None
 
     def _add(self, model: _Model, best: Ranked) -> None:
         bent = model.bending

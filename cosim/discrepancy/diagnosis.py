@@ -10,6 +10,7 @@ import numpy as np
 
 from cosim.discrepancy.gate import Verdict
 from cosim.discrepancy.held_out import Split
+from cosim.discrepancy.unknown import Shape
 from cosim.kitti import Drive
 from sensors.sensor_model import SensorModel
 
@@ -86,7 +87,7 @@ class Diagnosis:
     verdict: Literal["none", "missing", "ambiguous", "unknown"]
     effects: tuple[Finding, ...]
     ranking: tuple[Alternative, ...]
-    unknown: dict[str, Any] | None
+    unknown: Shape | None
     smallest_detectable: Mapping[str, Mapping[str, float]]
     error_before: float
     error_after: float
@@ -105,15 +106,16 @@ class Diagnosis:
         verdict: Verdict,
         errors: Sequence[tuple[float, float]],
         split: Split,
+        unknown: Shape | None = None,
     ) -> Diagnosis:
         """From the parts."""
         del drive
         ambiguous = any(finding.also_possible for finding in findings)
         return cls(
-            verdict="ambiguous" if ambiguous else "missing" if findings else "none",
+            verdict="unknown" if unknown else "ambiguous" if ambiguous else "missing" if findings else "none",
             effects=tuple(findings),
             ranking=tuple(ranking),
-            unknown=None,
+            unknown=unknown,
             smallest_detectable=_smallest(verdict),
             error_before=errors[0][0],
             error_after=errors[-1][0],
@@ -128,7 +130,7 @@ class Diagnosis:
             "verdict": self.verdict,
             "effects": [one.to_json() for one in self.effects],
             "ranking": [one.to_json() for one in self.ranking],
-            "unknown": self.unknown,
+            "unknown": self.unknown.to_json() if self.unknown else None,
             "smallest_detectable": {name: dict(values) for name, values in self.smallest_detectable.items()},
             "error_before": self.error_before,
             "error_after": self.error_after,

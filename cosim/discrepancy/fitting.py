@@ -81,6 +81,7 @@ class Fitter:
     def __init__(self, sample: Sample) -> None:
         self.sample = sample
         self.poses = pose_matrix(sample)
+        self.rings = int(sample.ring.max(initial=0)) + 1
         self._scans = len(sample.names)
 
     def fit(

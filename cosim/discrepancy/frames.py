@@ -65,7 +65,7 @@ class FrameTracer:
         twin = frame.twin
         instances, ego, pattern = scene_instances(twin.instances), ego_motion(twin), self.sensor.pattern
         world = World(self._scenes.of(frame), lidar_pose(twin), instances, ego, pattern.range_m, self._tracers)
-        before = Shot(pattern, self._rays, world=world)
+        before = Shot(pattern, self._rays, world=world, frame_time_s=twin.time_s)
         streams = Streams(np.random.default_rng(0))
         beams = act_on_beams(_in_order(effects), Beams.nominal(self._rays), before, streams, self.sensor.origin)
         traced = world.trace(beams)
@@ -73,7 +73,7 @@ class FrameTracer:
             name=name,
             time_s=twin.time_s,
             observed=observe(frame, pattern, self._rays),
-            shot=Shot(pattern, beams.rays, beams=beams, traced=traced, world=world),
+            shot=Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s),
             edge=self._neighbours.at_edge(traced.hits),
             ego=ego,
             instances=instances,

@@ -47,7 +47,7 @@ class Direction:
     label: str
     amplitude: str
     column: Column
-    start: Effect
+    start: Effect | None = None
     place: int | None = None
     one_sided: bool = False
     gain: np.ndarray | None = None
@@ -132,7 +132,7 @@ def run_gate(
         for quantity in direction.column.delta:
             if quantity not in evidence[0].score:
                 continue
-            if quantity != "range":
+            if quantity != "range" or not raw:
                 sums += with_pose[0].sums(direction, quantity, 0.0)
                 continue
             for projector in with_pose:

@@ -67,10 +67,9 @@ def fit_candidate(fitter: Fitter, fitted: Fitted, starts: Sequence[Direction]) -
     """The best fit of one effect from several starts, the other effects as they are."""
     best: Ranked | None = None
     rows = float(len(fitter.sample))
-    rings = int(fitter.sample.ring.max(initial=0)) + 1
     for start in starts:
         effects, place = _started(fitter, fitted, start)
-        mine = all_free(effects, [place], rings)
+        mine = all_free(effects, [place], fitter.rings)
         result = fitter.fit(effects, mine, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=_STEPS)
         count = sum(one.unknown.rings for one in mine)
         delta = 2 * (result.loglik - fitted.loglik) - count * np.log(rows)
@@ -150,6 +149,7 @@ def _started(fitter: Fitter, fitted: Fitted, start: Direction) -> tuple[tuple[Ef
     if start.place is not None:
         return fitted.effects, start.place
     effect = start.start
+    assert effect is not None  # of a candidate
     if start.amplitude:
         effect = _best_strength(fitter, fitted, start)
     return (*fitted.effects, effect), len(fitted.effects)

@@ -112,6 +112,11 @@ class FrameReplay:
         self._pane_beam = np.searchsorted(beams, hits.pane_beam[behind]).astype(np.int32)
         self._paned = Planes.of(frame, hits.pane_beam[behind], self._pane)
         self._paint = hits.paint
+        before = np.maximum(beams - 1, 0)
+        rings = frame.observed.rays.ring
+        follows = (rings[before] == rings[beams]) & (beams > 0)
+        measured = np.nan_to_num(frame.observed.intensity[before])
+        self.previous_intensity = np.where(follows, measured, np.float32(0))
         self._last: tuple[tuple[Effect, ...], Shot] | None = None
 
     def expect(self, effects: Sequence[Effect]) -> tuple[Expectation, np.ndarray, np.ndarray]:
@@ -135,22 +140,31 @@ class FrameReplay:
 
     def _bent(self, effects: tuple[Effect, ...]) -> Shot:
         pattern, world = self._shot.pattern, self._shot.world
-        before = Shot(pattern, self._nominal, world=world)
+        time_s = self._shot.frame_time_s
+        before = Shot(pattern, self._nominal, world=world, frame_time_s=time_s)
         beams = act_on_beams(
             effects, Beams.nominal(self._nominal), before, Streams(np.random.default_rng(0)), "replayed"
         )
         pose = _nominal_pose(self._shot)
-        origin, direction, time_s = leaving(beams, self._ego, pose)
-        solid = self._surface(self._solid, self._met.ranges(origin, direction, time_s))
+        origin, direction, firing_s = leaving(beams, self._ego, pose)
+        solid = self._surface(self._solid, self._met.ranges(origin, direction, firing_s))
         rows = self._pane_beam
-        pane = self._surface(self._pane, self._paned.ranges(origin[rows], direction[rows], time_s[rows]))
+        pane = self._surface(self._pane, self._paned.ranges(origin[rows], direction[rows], firing_s[rows]))
         hits = Hits(beams.rays, pose, solid, rows, pane, self._paint)
         moving = (
             (origin - pose[:3, 3]).astype(np.float32),
             direction.astype(np.float32),
-            time_s.astype(np.float32),
+            firing_s.astype(np.float32),
         )
-        return Shot(pattern, beams.rays, beams=beams, traced=Traced(hits, moving), world=world)
+        return Shot(
+            pattern,
+            beams.rays,
+            beams=beams,
+            traced=Traced(hits, moving),
+            world=world,
+            frame_time_s=time_s,
+            before=self.previous_intensity,
+        )
 
     @staticmethod
     def _surface(met: Surface, ranges: np.ndarray) -> Surface:

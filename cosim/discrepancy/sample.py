@@ -10,7 +10,6 @@ from itertools import pairwise
 import numpy as np
 
 from cosim.discrepancy.frames import TracedFrame
-from cosim.discrepancy.observed import Observed
 from cosim.discrepancy.replay import FrameReplay
 from sensors.effects.base import Effect, ScanEffect
 from sensors.hits import NOTHING
@@ -171,6 +170,7 @@ def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, 
     return Sample(
         replays=tuple(replays),
         names=tuple(one.name for one in frames),
+        previous_intensity=np.concatenate([replay.previous_intensity for replay in replays]).astype(np.float64),
         track=_tracks(frames, joined["frame"], joined["instance"], joined["place"]),
         scan_values={
             "time_s": np.array([one.time_s for one in frames]),
@@ -239,14 +239,7 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
         "instance": solid.instance.astype(int),
         "place": place,
         "reflectance": shot.hits.reflectance(solid).astype(np.float64),
-        "previous_intensity": _previous(observed, beams),
     }
-
-
-def _previous(observed: Observed, beams: np.ndarray) -> np.ndarray:
-    before = np.maximum(beams - 1, 0)
-    same = (observed.rays.ring[before] == observed.rays.ring[beams]) & (beams > 0)
-    return np.where(same, np.nan_to_num(observed.intensity[before]), 0.0).astype(np.float64)
 
 
 def _tracks(frames: Sequence[TracedFrame], frame: np.ndarray, instance: np.ndarray, place: np.ndarray) -> np.ndarray:

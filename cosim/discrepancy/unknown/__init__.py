@@ -1,6 +1,7 @@
 """What no candidate explains: on what it depends, in what shape, and as an effect that runs."""
 
+from cosim.discrepancy.unknown.candidate import rank_shape, shape_gate
 from cosim.discrepancy.unknown.search import Shape, find_shape
-from cosim.discrepancy.unknown.write import effect_source
+from cosim.discrepancy.unknown.write import class_name, effect_source
 
-__all__ = ["Shape", "effect_source", "find_shape"]
+__all__ = ["Shape", "class_name", "effect_source", "find_shape", "rank_shape", "shape_gate"]

@@ -13,7 +13,7 @@ from cosim.discrepancy.system import Column, Normal
 from cosim.discrepancy.unknown.covariates import Covariate, covariates
 from cosim.discrepancy.unknown.formulas import Formula, best_formula
 
-_CHANNELS: tuple[Quantity, ...] = ("range", "intensity", "drop", "range_variance", "intensity_variance")
+CHANNELS: tuple[Quantity, ...] = ("range", "intensity", "drop", "range_variance", "intensity_variance")
 _FEWEST = 200  # beams in a bin
 
 
@@ -77,7 +77,7 @@ def find_shape(fitter: Fitter, fitted: Fitted) -> Shape | None:
     """
     best: Shape | None = None
     for covariate in covariates(fitter.sample, fitted):
-        for channel in _CHANNELS:
+        for channel in CHANNELS:
             found = _shape(fitter, fitted, channel, covariate)
             if found is not None and found.delta_bic > (best.delta_bic if best else 0.0):
                 best = found

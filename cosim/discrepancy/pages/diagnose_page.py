@@ -1,0 +1,1 @@
+def format_diagnosis(*a): return ""

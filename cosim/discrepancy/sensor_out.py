@@ -1,0 +1,58 @@
+"""Sensor files on disk, with what they name."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import yaml
+
+from cosim.drive_writer import explained
+from sensors.errors import SensorError
+from sensors.pattern import Pattern, load_pattern, pattern_names
+from sensors.sensor_model import SensorModel
+
+
+def write_sensor(sensor: SensorModel, path: Path) -> Path:
+    """Write a sensor file that loads from where it stands; returns its path.
+
+    A pattern that is no built-in one is written beside it as `pattern.yaml`, or, where another pattern has that
+    name, as `STEM.pattern.yaml`. Effects from files are named relative to the sensor file.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+    values = yaml.safe_load(sensor.to_yaml())
+    with explained(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        values["pattern"] = _pattern_beside(sensor.pattern, path)
+        for entry, effect in zip(values["effects"], sensor.effects, strict=True):
+            if effect.source:
+                file, _, name = effect.source.rpartition(":")
+                entry["effect"] = f"{_relative(Path(file), path.parent)}:{name}"
+        text = yaml.safe_dump(values, sort_keys=False, allow_unicode=True, width=110)
+        path.write_text(text, encoding="utf-8", newline="\n")
+    return path
+
+
+def _pattern_beside(pattern: Pattern, path: Path) -> str:
+    """What the sensor file calls its pattern, which is written if need be."""
+    default = path.parent / "pattern.yaml"
+    taken = default.is_file() and not _is(pattern, default)
+    if pattern.name in pattern_names() and load_pattern(pattern.name) == pattern and not taken:
+        return pattern.name
+    own = path.with_name(f"{path.stem}.pattern.yaml") if taken else default
+    own.write_text(pattern.to_yaml(), encoding="utf-8", newline="\n")
+    return f"./{own.name}"
+
+
+def _is(pattern: Pattern, path: Path) -> bool:
+    try:
+        return load_pattern(path) == pattern
+    except SensorError:
+        return False
+
+
+def _relative(file: Path, folder: Path) -> str:
+    text = Path(os.path.relpath(file, folder.resolve())).as_posix()
+    return text if text.startswith("..") else f"./{text}"

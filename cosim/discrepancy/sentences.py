@@ -1,0 +1,124 @@
+"""Findings in words: parameters with their units and intervals, and the one line that a command says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from cosim.discrepancy.diagnosis import Diagnosis, Finding
+from sensors.effects.base import Effect, Parameter
+from sensors.effects.registry import effect_classes
+
+_SMALL_M = 1.0
+
+
+class Vocabulary:
+    """Knows the units of parameters.
+
+    Args:
+        extra: effects that are not in the catalogue.
+    """
+
+    def __init__(self, extra: Iterable[type[Effect]] = ()) -> None:
+        self._kinds = {**effect_classes(), **{kind.name: kind for kind in extra}}
+
+    def kind(self, effect: str) -> type[Effect] | None:
+        """The class of an effect's name."""
+        return self._kinds.get(effect)
+
+    def parameter(self, effect: str, name: str) -> Parameter:
+        """One parameter."""
+        kind = self._kinds.get(effect)
+        found = (one for one in kind.parameters() if one.name == name) if kind else iter(())
+        return next(found, Parameter(name, "", None, None, "", False))
+
+    def quantity(self, effect: str, name: str, value: Any, interval: Any = None) -> str:
+        """A value with its interval and unit; lists in short."""
+        unit = self.parameter(effect, name).unit
+        if isinstance(value, str) or value is None:
+            return str(value)
+        size = np.atleast_1d(np.asarray(value, float))
+        factor, unit = _shown_in(unit, float(np.abs(size).max()))
+        tail = f" {unit}" if unit not in ("", "°") else unit
+        if np.ndim(value):
+            return f"{len(size)} values, {factor * size.min():.3g} to {factor * size.max():.3g}{tail}"
+        if interval is None:
+            return f"{factor * value:.3g}{tail}"
+        half = factor * (interval[1] - interval[0]) / 2
+        digits = max(0, 1 - int(np.floor(np.log10(half)))) if half > 0 and np.isfinite(half) else 3
+        return f"{factor * value:.{min(digits, 8)}f}{tail} ± {half:.2g}"
+
+    def parameters(self, effect: str, params: Mapping[str, Any], ci95: Mapping[str, Any]) -> str:
+        """All parameters that were fitted, in a line; all there are if none was."""
+        names = [name for name in params if name in ci95] or list(params)
+        said = (f"{_short(name)} {self.quantity(effect, name, params[name], ci95.get(name))}" for name in names)
+        return ", ".join(said)
+
+
+def headline(found: Diagnosis, words: Vocabulary) -> str:
+    """The line that `cosim diagnose` says."""
+    parts = [_found(one, words) for one in found.effects]
+    if found.unknown is not None:
+        parts.append(f"unknown: {unknown_words(found.unknown)}")
+    elif parts:
+        parts[0] = f"{'ambiguous' if found.verdict == 'ambiguous' else 'missing'}: {parts[0]}"
+    if not parts:
+        smallest = smallest_words(found, words, most=3)
+        return "nothing missing that would show" + (f"; would have seen {smallest}" if smallest else "")
+    fall = f"held-out error {found.error_before:.3f} → {found.error_after:.3f}"
+    floor = "" if found.noise_floor is None else f", noise floor {found.noise_floor:.3f}"
+    return f"{'; '.join(parts)}; {fall}{floor}"
+
+
+def p_words(p_value: float) -> str:
+    """A p-value as papers write it."""
+    return "p < 0.001" if p_value < 0.001 else f"p = {p_value:.3f}"
+
+
+def unknown_words(unknown: Mapping[str, Any]) -> str:
+    """What an unknown effect does, in short."""
+    by = " and ".join(str(name).replace("_", " ") for name in unknown.get("covariates", ()))
+    form = unknown.get("form")
+    return f"{unknown.get('channel')} depends on {by}" + (f" as {form}" if form else "")
+
+
+def smallest_words(found: Diagnosis, words: Vocabulary, most: int) -> str:
+    """Smallest amplitudes that would have been seen, of the first few effects."""
+    rows = smallest_rows(found)
+    said = [f"{effect} from {words.quantity(effect, name, value)}" for effect, name, value in rows[:most]]
+    return ", ".join(said)
+
+
+def smallest_rows(found: Diagnosis) -> list[tuple[str, str, float]]:
+    """Effect, amplitude and smallest detectable value, where it is above 0."""
+    return [
+        (effect, name, value)
+        for effect, values in sorted(found.smallest_detectable.items())
+        for name, value in values.items()
+        if np.isfinite(value) and value > 0
+    ]
+
+
+def _found(one: Finding, words: Vocabulary) -> str:
+    values = words.parameters(one.effect, one.params, one.ci95)
+    alike = f"; not separable from {', '.join(one.also_possible)}" if one.also_possible else ""
+    return f"{one.effect} ({values}), {p_words(one.p_value)}{alike}"
+
+
+def _short(name: str) -> str:
+    """A parameter's name without its unit."""
+    for ending in ("_deg_per_mps2", "_per_m", "_mrad", "_ppm", "_deg", "_m", "_s", "_ns"):
+        if name.endswith(ending) and len(name) > len(ending):
+            return name.removesuffix(ending).replace("_", " ")
+    return name.replace("_", " ")
+
+
+def _shown_in(unit: str, size: float) -> tuple[float, str]:
+    """Factor and unit in which a value reads well."""
+    if unit == "m" and size < _SMALL_M:
+        return (1000.0, "mm") if size < 0.002 else (100.0, "cm")
+    if unit == "s" and size < _SMALL_M:
+        return 1000.0, "ms"
+    return 1.0, unit
