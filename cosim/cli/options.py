@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -22,3 +23,18 @@ def write_json(path: Path | None, result: dict[str, Any]) -> None:
     if path is not None:
         with explained(path):
             path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+
+
+def without_nan(value: Any) -> Any:
+    """A result with null for numbers that are not finite, as JSON knows none."""
+    if isinstance(value, dict):
+        return {key: without_nan(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def beside(drive: Path, word: str) -> Path:
+    """The folder of a drive's results: its name and a word, beside it."""
+    given = drive.resolve()
+    return given.with_name(f"{given.name}-{word}")

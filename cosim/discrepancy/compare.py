@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.checks import check_fit, opened
+from cosim.discrepancy.expectation import expect
 from cosim.discrepancy.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.noise_floor import NoiseFloor, estimate_floor
 from cosim.discrepancy.scoring import SCALES, FrameScores, score_frame
@@ -207,8 +208,7 @@ def compare(
         scores = score_frame(traced, effects, np.random.default_rng([seed, number]), model.origin)
         by_frame[name] = Totals.of(traced, scores)
         tally.add(traced, scores)
-        floor.append((traced, scores))
-        floor[-1] = estimate_floor(*floor[-1])
+        floor.append(estimate_floor(traced, scores, expect(effects, traced.shot)))
         if on_frame is not None:
             on_frame(traced, scores)
     total = sum(by_frame.values(), Totals())

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.discrepancy.expectation import Expectation
 from cosim.discrepancy.frames import TracedFrame
 from cosim.discrepancy.scoring import CLIP_M, SCALES, FrameScores
-
-_CELL = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,16 +46,22 @@ class NoiseFloor:
         return cls(error, parts, "estimated from how much neighbouring beams on one surface differ")
 
 
-def estimate_floor(frame: TracedFrame, scores: FrameScores) -> dict[str, tuple[float, int]]:
-    """Sums and counts of a frame's scores by channel, as noise alone would make them."""
+def estimate_floor(frame: TracedFrame, scores: FrameScores, expected: Expectation) -> dict[str, tuple[float, int]]:
+    """Sums and counts of a frame's scores by channel, as noise alone would make them.
+
+    Args:
+        frame, scores: of the frame.
+        expected: by the model, its own chance left out, which would add to the noise.
+    """
     solid, ring = frame.shot.hits.solid, frame.shot.rays.ring
     pair = (ring[1:] == ring[:-1]) & (solid.instance[1:] == solid.instance[:-1])
     pair &= (solid.material[1:] == solid.material[:-1]) & ~scores.ambiguous[1:] & ~scores.ambiguous[:-1]
     both = pair & scores.matched[1:] & scores.matched[:-1]
-    residual = scores.measured_m - scores.range_m
+    both &= np.isfinite(expected.range_m[1:]) & np.isfinite(expected.range_m[:-1])
+    residual = scores.measured_m - expected.range_m
     gap = np.minimum(np.abs(np.diff(residual))[both], CLIP_M)
     found = {"range": (float(gap.sum()) / 2, int(both.sum()))}
-    bright = scores.measured_intensity - scores.intensity
+    bright = scores.measured_intensity - expected.intensity
     lit = both & np.isfinite(scores.intensity_score[1:]) & np.isfinite(scores.intensity_score[:-1])
     if lit.any():
         found["intensity"] = (float(np.abs(np.diff(bright))[lit].sum()) / 2, int(lit.sum()))

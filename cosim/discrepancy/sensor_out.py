@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import yaml
@@ -13,11 +14,16 @@ from sensors.pattern import Pattern, load_pattern, pattern_names
 from sensors.sensor_model import SensorModel
 
 
-def write_sensor(sensor: SensorModel, path: Path) -> Path:
+def write_sensor(sensor: SensorModel, path: Path, plugins: Mapping[str, tuple[str, str]] | None = None) -> Path:
     """Write a sensor file that loads from where it stands; returns its path.
 
     A pattern that is no built-in one is written beside it as `pattern.yaml`, or, where another pattern has that
     name, as `STEM.pattern.yaml`. Effects from files are named relative to the sensor file.
+
+    Args:
+        sensor: the model.
+        path: of the sensor file; folders are made.
+        plugins: class name and Python source of effects that have no file yet, by effect name; they get one beside.
 
     Raises:
         OutputError: the folder cannot be written.
@@ -27,7 +33,11 @@ def write_sensor(sensor: SensorModel, path: Path) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         values["pattern"] = _pattern_beside(sensor.pattern, path)
         for entry, effect in zip(values["effects"], sensor.effects, strict=True):
-            if effect.source:
+            if effect.name in (plugins or {}):
+                name, source = (plugins or {})[effect.name]
+                path.with_name(f"{effect.name}.py").write_text(source, encoding="utf-8", newline="\n")
+                entry["effect"] = f"./{effect.name}.py:{name}"
+            elif effect.source:
                 file, _, name = effect.source.rpartition(":")
                 entry["effect"] = f"{_relative(Path(file), path.parent)}:{name}"
         text = yaml.safe_dump(values, sort_keys=False, allow_unicode=True, width=110)

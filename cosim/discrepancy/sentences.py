@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
+from cosim.discrepancy.unknown import Shape
 from sensors.effects.base import Effect, Parameter
 from sensors.effects.registry import effect_classes
 
@@ -77,11 +78,10 @@ def p_words(p_value: float) -> str:
     return "p < 0.001" if p_value < 0.001 else f"p = {p_value:.3f}"
 
 
-def unknown_words(unknown: Mapping[str, Any]) -> str:
+def unknown_words(unknown: Shape) -> str:
     """What an unknown effect does, in short."""
-    by = " and ".join(str(name).replace("_", " ") for name in unknown.get("covariates", ()))
-    form = unknown.get("form")
-    return f"{unknown.get('channel')} depends on {by}" + (f" as {form}" if form else "")
+    channel = unknown.channel.replace("_", " ").replace("variance", "spread")
+    return f"{channel} depends on {unknown.covariate.replace('_', ' ')} as {unknown.text}"
 
 
 def smallest_words(found: Diagnosis, words: Vocabulary, most: int) -> str:

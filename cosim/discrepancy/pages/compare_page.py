@@ -49,12 +49,14 @@ def _verdict(found: Comparison, charts: dict[str, list[ResidualChart]], command:
             f'<span class="good">At the noise floor.</span> The error {found.error:.3g} is what noise alone makes '
             f"({floor:.3g}): by this number the model is as good as these measurements can tell."
         )
-        small = f'<p class="next">Small effects can hide in noise; this asks for them: <code>{escape(command)}</code></p>'
+        small = (
+            f'<p class="next">Small effects can hide in noise; this asks for them: <code>{escape(command)}</code></p>'
+        )
         return f'<p class="verdict">{said}</p>{small}'
     above = found.error / floor if floor > 0 else float("inf")
     share = f"{above - 1:.0%} above" if above < 3 else f"{above:.1f} times"
-    said = f'<span class="bad">Above the noise floor.</span> The error {found.error:.3g} is {share} what noise alone makes '
-    said += f"({floor:.3g})."
+    said = '<span class="bad">Above the noise floor.</span> '
+    said += f"The error {found.error:.3g} is {share} what noise alone makes ({floor:.3g})."
     lead = _leading(charts)
     if found.slices:
         said += f" It is worst on {escape(str(found.slices[0]))}."
@@ -88,15 +90,16 @@ def _figures(found: Comparison) -> str:
     ]
     if "intensity" in json:
         items += [
-            ("Intensity bias", f"{json['intensity']['bias']:+.4f}"),
+            ("Intensity bias", f"{json['intensity']['bias'] + 0.0:+.4f}"),
             ("Intensity RMSE", f"{json['intensity']['rmse']:.4f}"),
         ]
     items += [
-        ("Drops lost / found", f"{found.totals.dropped / found.totals.frames:,.0f} <small>a frame, F1 {json['drop']['f1']:.2f}</small>"),
+        ("Lost returns", f"{found.totals.dropped / found.totals.frames:,.0f} <small>a frame</small>"),
         ("Spurious", f"{json['spurious']['per_frame']:,.1f} <small>a frame</small>"),
     ]
     cells = "".join(f"<div><dt>{escape(name.capitalize())}</dt><dd>{value}</dd></div>" for name, value in items)
-    return f"<dl>{cells}</dl><p>The error is the mean of the scores; each is a mean score over beams in units of its scale.</p>"
+    how = "The error is the mean of the scores; each is a mean over beams in units of its scale."
+    return f"<dl>{cells}</dl><p>{how}</p>"
 
 
 def _slices(slices: Sequence[Slice]) -> str:
@@ -105,7 +108,8 @@ def _slices(slices: Sequence[Slice]) -> str:
     rows = "".join(
         f'<tr><th>{escape(one.where)}</th><td class="words">{one.channel}</td><td>{_residual(one)}</td>'
         f"<td>{_spread(one)}</td><td>{one.beams:,}</td>"
-        f'<td><span class="meter"><i style="width:{min(100 * one.share, 100):.1f}%"></i></span> {one.share:.1%}</td></tr>'
+        f'<td><span class="meter"><i style="width:{min(100 * one.share, 100):.1f}%"></i></span> '
+        f"{one.share:.1%}</td></tr>"
         for one in slices
     )
     return (
@@ -141,23 +145,34 @@ def _frames(scans: list[Scan]) -> str:
     )
     return (
         f'<section><h2>Range residuals, beam by beam</h2><div class="frames">{buttons}</div>'
-        '<figure class="full"><figcaption><h3>The scan as its sensor took it</h3><p>A row a ring, 0 on top; the front in '
-        f"the middle.</p></figcaption>{pictures}{legend(limit_m)}</figure>{clouds(scans, limit_m)}</section>"
+        '<figure class="full"><figcaption><h3>The scan as its sensor took it</h3>'
+        f"<p>A row a ring, 0 on top; the front in the middle.</p></figcaption>"
+        f"{pictures}{legend(limit_m)}</figure>{clouds(scans, limit_m)}</section>"
     )
 
 
 def _dependences(channel: ChannelOf, charts: Sequence[ResidualChart]) -> str:
     if not charts:
         return ""
-    figures = "".join(
-        f"<figure><figcaption><h3>against {WORDS[chart.covariate]}</h3><p>{_caption(chart, channel)}</p></figcaption>"
-        f"{chart.svg}</figure>"
-        for chart in charts
-    )
+    telling = [chart for chart in charts if chart.strength > _CLEAR[channel.unit]]
+    flat = charts[len(telling) :]
+    shown = f'<div class="charts">{_drawn(telling, channel)}</div>' if telling else ""
+    if flat:
+        names = ", ".join(WORDS[chart.covariate] for chart in flat)
+        shown += f"<details><summary>no dependence beyond chance on {names}</summary>"
+        shown += f'<div class="charts">{_drawn(flat, channel)}</div></details>'
     return (
         f"<section><h2>{channel.title}: what the residual depends on</h2><p>{channel.signs} Means of equally filled "
         "bins with 95 % bands that allow for errors which the beams of one frame share; strongest first, one scale."
-        f'</p><div class="charts">{figures}</div></section>'
+        f"</p>{shown}</section>"
+    )
+
+
+def _drawn(charts: Sequence[ResidualChart], channel: ChannelOf) -> str:
+    return "".join(
+        f"<figure><figcaption><h3>against {WORDS[chart.covariate]}</h3><p>{_caption(chart, channel)}</p></figcaption>"
+        f"{chart.svg}</figure>"
+        for chart in charts
     )
 
 

@@ -1,1 +1,292 @@
-def format_diagnosis(*a): return ""
+"""The page of `cosim diagnose`: the verdict, the falling error, what was found, and what else it could be."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from cosim.discrepancy.diagnosis import Diagnosis, Finding
+from cosim.discrepancy.pages.confusions import separations
+from cosim.discrepancy.pages.style import STYLE
+from cosim.discrepancy.pages.waterfall import waterfall
+from cosim.discrepancy.sentences import Vocabulary, p_words, smallest_rows, smallest_words, unknown_words
+from cosim.discrepancy.unknown import Shape
+from cosim.discrepancy.unknown.formulas import evaluate
+from cosim.discrepancy.unknown.write import effect_name
+from cosim.html import document
+from cosim.stats.plot import Axis, Plot
+
+_MOST_RANKED, _MOST_NAMES = 12, 9
+_UNITS = {"range": " (m)", "intensity": " (relative)", "drop": " (probability)"}
+
+
+def format_diagnosis(found: Diagnosis, words: Vocabulary, drive: str, sensor: str) -> str:
+    """The HTML text.
+
+    Args:
+        found: the diagnosis.
+        words: knows the units of parameters.
+        drive, sensor: what was diagnosed, for people.
+    """
+    title = f"What {sensor} lacks against {drive}"
+    sections = [
+        f"<header><h1>{escape(title)}</h1>{_verdict(found, words)}{_next(found, drive, sensor)}</header>",
+        _waterfall(found),
+        _effects(found, words),
+        _alternatives(found, words),
+        _unknown(found),
+        _ranking(found),
+        _smallest(found, words),
+        _how(found),
+    ]
+    return document(title, sections, style=STYLE, generator="cosim diagnose")
+
+
+def _verdict(found: Diagnosis, words: Vocabulary) -> str:
+    said = []
+    if found.effects:
+        names = [
+            f"<b>{escape(one.effect)}</b> ({escape(words.parameters(one.effect, one.params, one.ci95))})"
+            for one in found.effects
+        ]
+        verb = "is" if len(names) == 1 else "are"
+        said.append(f'<span class="bad">Missing</span> {verb} {_listed(names)}.')
+        said.append(_fall(found))
+        unsure = [one for one in found.effects if one.also_possible]
+        for one in unsure:
+            others = _listed([escape(name) for name in one.also_possible], "or")
+            said.append(f'<span class="warn">It may as well be {others}</span> in place of {escape(one.effect)}.')
+    if found.unknown is not None:
+        said.append(
+            f'<span class="warn">Something unknown is left:</span> {escape(unknown_words(found.unknown))}; '
+            "no effect of the catalogue does that."
+        )
+    if not said:
+        floor = "" if found.noise_floor is None else f" and the noise floor {found.noise_floor:.3f}"
+        said.append('<span class="good">Nothing is missing that would show.</span> The held-out error is ')
+        said.append(f"{found.error_before:.3f}{floor}.")
+        smallest = smallest_words(found, words, most=3)
+        said.append(f"It would have shown {escape(smallest)}, and so on below." if smallest else "")
+    return f'<p class="verdict">{" ".join(said)}</p>'
+
+
+def _fall(found: Diagnosis) -> str:
+    said = f"With {'it' if len(found.effects) == 1 else 'them'} the held-out error "
+    said += "falls" if found.error_after < found.error_before else "does not fall"
+    said += f" from {found.error_before:.3f} to {found.error_after:.3f}"
+    if found.noise_floor is None or found.noise_floor <= 0:
+        return said + "."
+    ratio = found.error_after / found.noise_floor
+    where = "at the noise floor" if ratio <= 1.05 else f"{ratio - 1:.0%} above the noise floor"
+    return f"{said}, {where} ({found.noise_floor:.3f})."
+
+
+def _next(found: Diagnosis, drive: str, sensor: str) -> str:
+    if (found.effects or found.unknown) and found.sensor_out:
+        return (
+            f'<p class="next">The improved sensor is <code>{escape(found.sensor_out)}</code>; look at it with '
+            f"<code>cosim compare {escape(drive)} --sensor {escape(found.sensor_out)}</code></p>"
+        )
+    return (
+        f'<p class="next">Where residuals are: <code>cosim compare {escape(drive)} --sensor {escape(sensor)}</code></p>'
+    )
+
+
+def _waterfall(found: Diagnosis) -> str:
+    if not found.effects and found.unknown is None:
+        return ""
+    held = "frames that took no part in any fit" if found.split.is_held_out else "the fitted frames: there are too few"
+    return (
+        f"<section><h2>How the error falls</h2><p>On {held}; whiskers are 95 % intervals from frame to frame, of the "
+        f"level; frames share them, so a fall can be surer than they show.</p>"
+        f'<figure style="max-width:1100px;margin-top:12px">{waterfall(found)}</figure></section>'
+    )
+
+
+def _effects(found: Diagnosis, words: Vocabulary) -> str:
+    if not found.effects:
+        return ""
+    rows = "".join(_rows(one, words) for one in found.effects)
+    charts = "".join(_laser_charts(one, words) for one in found.effects)
+    return (
+        "<section><h2>What was missing</h2><table><thead><tr><th></th><th>parameter</th><th>value</th>"
+        "<th>95 % interval</th><th>p</th><th>error</th><th class=words>law</th></tr></thead>"
+        f"<tbody>{rows}</tbody></table>{charts}"
+        "<p>p is family-wise: the chance that any candidate would look this missing if nothing were. Intervals allow "
+        "for errors that the points of an object or of a scan share. An effect that was there already has its total."
+        "</p></section>"
+    )
+
+
+def _rows(one: Finding, words: Vocabulary) -> str:
+    kind = words.kind(one.effect)
+    cells = []
+    for row, (name, value) in enumerate(one.params.items()):
+        interval = one.ci95.get(name)
+        first = row == 0
+        head = f'<th rowspan="{len(one.params)}">{escape(one.effect)}</th>' if first else ""
+        tail = ""
+        if first:
+            span = f'rowspan="{len(one.params)}"'
+            tail = (
+                f"<td {span}>{p_words(one.p_value).removeprefix('p ').removeprefix('= ')}</td>"
+                f"<td {span}>{one.error_before[0]:.3f} → {one.error_after[0]:.3f}</td>"
+                f'<td {span} class="words">{escape(kind.equation if kind else "")}</td>'
+            )
+        shown = escape(words.quantity(one.effect, name, value))
+        between = "" if interval is None or np.ndim(value) else _interval(one.effect, name, interval, words)
+        cells.append(f"<tr>{head}<td>{escape(name)}</td><td>{shown}</td><td>{between}</td>{tail}</tr>")
+    return "".join(cells)
+
+
+def _interval(effect: str, name: str, interval: Any, words: Vocabulary) -> str:
+    low, high = (words.quantity(effect, name, float(end)) for end in interval)
+    return escape(f"{low} to {high}")
+
+
+def _laser_charts(one: Finding, words: Vocabulary) -> str:
+    figures = []
+    for name, value in one.params.items():
+        if not np.ndim(value) or words.parameter(one.effect, name).per_axis:
+            continue
+        level = np.asarray(value, float)
+        pairs = np.asarray(one.ci95.get(name, np.stack([level, level], -1)), float)
+        reach = 1.1 * max(float(np.abs(pairs).max()), 1e-9)
+        low = -reach if level.min() < 0 else 0.0
+        unit = words.parameter(one.effect, name).unit
+        plot = Plot(
+            Axis(0, max(len(level) - 1, 1), "ring, 0 on top"), Axis(low, reach, f"{name} ({unit})"), name, 1100, 280
+        )
+        ring = np.arange(len(level), dtype=float)
+        plot.band(ring, pairs[:, 0], pairs[:, 1], "a")
+        plot.line(ring, level, "a", dots=True)
+        figures.append(
+            f"<figure><figcaption><h3>{escape(one.effect)}: {escape(name)} laser by laser</h3></figcaption>"
+            f"{plot.svg()}</figure>"
+        )
+    return f'<div class="full" style="max-width:1100px">{"".join(figures)}</div>' if figures else ""
+
+
+def _alternatives(found: Diagnosis, words: Vocabulary) -> str:
+    rows, bic = [], {one.effect: one.delta_bic for one in found.ranking}
+    for one in found.effects:
+        kind = words.kind(one.effect)
+        declared = kind.confusable_with if kind else ()
+        for other in dict.fromkeys((*one.also_possible, *declared)):
+            open_case = other in one.also_possible
+            if open_case:
+                verdict = '<span class="warn">not separable with these data</span>'
+            elif other in bic and one.effect in bic:
+                verdict = f'<span class="good">told apart</span>: ΔBIC {bic[one.effect] - bic[other]:,.0f}'
+            else:
+                verdict = '<span class="good">told apart</span>: it explains less'
+            rows.append(
+                f'<tr><th>{escape(one.effect)} or {escape(other)}?</th><td class="words">{verdict}</td>'
+                f'<td class="words">{_remedy(one.effect, other, words)}</td></tr>'
+            )
+    if not rows:
+        return ""
+    return (
+        "<section><h2>What else it could be</h2><table><thead><tr><th></th><th class=words>here</th>"
+        f"<th class=words>the drive that would tell</th></tr></thead><tbody>{''.join(rows)}</tbody></table></section>"
+    )
+
+
+def _remedy(one: str, other: str, words: Vocabulary) -> str:
+    known = separations(one, other)
+    if known:
+        return escape(" ".join(f"{item.why} {item.remedy}" for item in known))
+    laws = [f"{name}: {kind.equation}" for name in (one, other) if (kind := words.kind(name)) and kind.equation]
+    return escape("Vary what one law depends on and the other does not. " + "; ".join(laws))
+
+
+def _unknown(found: Diagnosis) -> str:
+    if found.unknown is None:
+        return ""
+    unknown = found.unknown
+    fit = f"<p>The formula explains {unknown.r2:.0%} of the shape.</p>" if unknown.formula else ""
+    file = f"<code>{escape(effect_name(unknown))}.py</code>"
+    return (
+        f"<section><h2>What no effect of the catalogue explains</h2><p>{escape(unknown_words(unknown))}</p>"
+        f'<p class="formula">{escape(unknown.text)}</p>{fit}<p>The improved sensor has it as {file} beside it: a '
+        f"plug-in to be renamed and edited once its cause is known.</p>{_curve(unknown)}</section>"
+    )
+
+
+def _curve(unknown: Shape) -> str:
+    x, y, sigma = (np.asarray(part, float) for part in (unknown.x, unknown.y, unknown.sigma))
+    name = unknown.covariate.replace("_", " ")
+    if unknown.names:
+        order = np.argsort(-np.abs(y / np.maximum(sigma, 1e-12)), kind="stable")[:_MOST_NAMES]
+        x, y, sigma = np.arange(len(order), dtype=float), y[order], sigma[order]
+        axis = Axis(-0.5, len(order) - 0.5, name, names=[unknown.names[row].replace("_", " ") for row in order])
+    else:
+        unit = f" ({unknown.unit})" if unknown.unit else ""
+        axis = Axis(float(x.min()), float(x.max()) if np.ptp(x) > 0 else float(x.min()) + 1, f"{name}{unit}")
+    reach = 1.15 * max(float((np.abs(y) + 2 * sigma).max()), 1e-9)
+    label = f"{unknown.channel.replace('_', ' ')} left over{_UNITS.get(unknown.channel, '')}"
+    plot = Plot(axis, Axis(-reach, reach, label), f"left over against {name}", 900, 320)
+    plot.line(np.array([axis.low, axis.high]), np.zeros(2), "zero")
+    if unknown.names:
+        for place, level, side in zip(x, y, 2 * sigma, strict=True):
+            plot.line(np.full(2, place), np.array([level - side, level + side]), "a")
+        plot.line(x, y, "none", dots=True)
+    else:
+        plot.band(x, y - 2 * sigma, y + 2 * sigma, "a")
+        plot.line(x, y, "a", dots=True)
+        if unknown.formula is not None:
+            fine = np.linspace(axis.low, axis.high, 300)
+            plot.line(fine, evaluate(unknown.formula, fine), "b")
+    text = "Dots: bins with two standard errors. Blue: the formula."
+    return (
+        f'<figure style="max-width:900px;margin-top:12px"><figcaption><p>{text}</p></figcaption>{plot.svg()}</figure>'
+    )
+
+
+def _ranking(found: Diagnosis) -> str:
+    if not found.ranking:
+        return ""
+    best = max(max(one.delta_bic for one in found.ranking), 1e-9)
+    rows = "".join(
+        f'<tr><th>{escape(one.effect)}</th><td>{one.delta_bic:,.0f}</td><td><span class="meter"><i '
+        f'style="width:{100 * max(one.delta_bic, 0) / best:.1f}%"></i></span></td>'
+        f"<td>{p_words(one.p_value).removeprefix('p ').removeprefix('= ')}</td></tr>"
+        for one in found.ranking[:_MOST_RANKED]
+    )
+    return (
+        "<section><h2>Candidates of the first round</h2><p>How much each would lower the BIC by itself: differences "
+        "above 10 decide.</p><table><thead><tr><th></th><th>ΔBIC</th><th></th><th>p</th></tr></thead>"
+        f"<tbody>{rows}</tbody></table></section>"
+    )
+
+
+def _smallest(found: Diagnosis, words: Vocabulary) -> str:
+    rows = smallest_rows(found)
+    if not rows:
+        return ""
+    body = "".join(
+        f"<tr><th>{escape(effect)}</th><td>{escape(name)}</td>"
+        f"<td>{escape(words.quantity(effect, name, value))}</td></tr>"
+        for effect, name, value in rows
+    )
+    table = f"<table><thead><tr><th></th><th></th><th>would show from</th></tr></thead><tbody>{body}</tbody></table>"
+    text = "Amplitudes that would have been found with 80 % power in these data, beside what is in the model now."
+    if found.effects:
+        folded = f"<summary>Smallest amplitudes that would show</summary><p>{text}</p>{table}"
+        return f"<section><details>{folded}</details></section>"
+    return f"<section><h2>Smallest amplitudes that would show</h2><p>{text}</p>{table}</section>"
+
+
+def _how(found: Diagnosis) -> str:
+    fitted, judged = len(found.split.fit), len(found.split.test)
+    said = f"{fitted} frames were fitted, {judged} judged"
+    said += (
+        "." if found.split.is_held_out else "; they are the same, for want of more: errors after a fit are flattering."
+    )
+    return f"<section><h2>How it was found</h2><p>{said} Statistics are explained in docs/discrepancy.md.</p></section>"
+
+
+def _listed(names: list[str], word: str = "and") -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}"

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from assets.materials import MATERIAL_NAMES
-from cosim.discrepancy.compare import Totals
+from cosim.discrepancy.compare import Totals, in_order
+from cosim.discrepancy.expectation import Expectation, expect
 from cosim.discrepancy.frames import TracedFrame
 from cosim.discrepancy.scoring import CLIP_M, FrameScores
+from sensors.effects.base import Effect
 
 MATCHED, AMBIGUOUS, DROPPED, SPURIOUS, UNFORESEEN, SILENT = range(6)
 _ROWS_A_FRAME = 20_000
@@ -59,12 +61,17 @@ class Scan:
 class Gathered:
     """Takes frames as `compare` does them.
 
+    Residuals are those from what the model expects, its own chance left out: against a prediction that is noisy
+    itself they would seem to depend on it.
+
     Args:
+        effects: of the sensor.
         shown: names of the frames that are kept whole; the worst one is kept beside them.
         seed: of the choice of rows.
     """
 
-    def __init__(self, shown: Collection[str], seed: int = 0) -> None:
+    def __init__(self, effects: Sequence[Effect], shown: Collection[str], seed: int = 0) -> None:
+        self._effects = in_order(effects)
         self._shown, self._seed = set(shown), seed
         self._rows: list[Rows] = []
         self._scans: dict[str, Scan] = {}
@@ -73,10 +80,11 @@ class Gathered:
     def __call__(self, frame: TracedFrame, scores: FrameScores) -> None:
         """Add a frame."""
         number = len(self._rows)
-        self._rows.append(_rows(frame, scores, number, np.random.default_rng([self._seed, number])))
+        expected = expect(self._effects, frame.shot)
+        self._rows.append(_rows(frame, scores, expected, number, np.random.default_rng([self._seed, number])))
         error = Totals.of(frame, scores).error
         if frame.name in self._shown or self._worst is None or error > self._worst.error:
-            scan = _scan(frame, scores, error)
+            scan = _scan(frame, scores, expected, error)
             if frame.name in self._shown:
                 self._scans[frame.name] = scan
             if self._worst is None or error > self._worst.error:
@@ -106,7 +114,9 @@ def material_name(number: int) -> str:
     return MATERIAL_NAMES[number].replace("_", " ") if number < len(MATERIAL_NAMES) else "?"
 
 
-def _rows(frame: TracedFrame, scores: FrameScores, number: int, rng: np.random.Generator) -> Rows:
+def _rows(
+    frame: TracedFrame, scores: FrameScores, expected: Expectation, number: int, rng: np.random.Generator
+) -> Rows:
     hits, rays = frame.shot.hits, frame.shot.rays
     clear = ~scores.ambiguous & hits.solid.exists
     used = np.flatnonzero(clear | scores.matched)
@@ -114,15 +124,15 @@ def _rows(frame: TracedFrame, scores: FrameScores, number: int, rng: np.random.G
         used = np.sort(rng.choice(used, _ROWS_A_FRAME, replace=False))
     solid = hits.solid.take(used)
     matched, outcome = scores.matched[used], (~np.isnan(scores.measured_m[used])).astype(np.float32)
-    residual = np.clip(scores.measured_m[used] - scores.range_m[used], -CLIP_M, CLIP_M)
-    bright = scores.measured_intensity[used] - scores.intensity[used]
+    residual = np.clip(scores.measured_m[used] - expected.range_m[used], -CLIP_M, CLIP_M)
+    bright = scores.measured_intensity[used] - expected.intensity[used]
     return Rows(
         covariates={
             "range": solid.range_m,
             "incidence": np.degrees(np.arccos(hits.cos_incidence(solid, used))),
             "ring": rays.ring[used],
             "azimuth": np.degrees(rays.azimuth[used]),
-            "intensity": scores.intensity[used].astype(np.float32),
+            "intensity": expected.intensity[used].astype(np.float32),
             "firing_time": 1000 * rays.time_s[used],
             "material": solid.material,
             "frame_time": np.full(len(used), frame.time_s),
@@ -130,11 +140,11 @@ def _rows(frame: TracedFrame, scores: FrameScores, number: int, rng: np.random.G
         frame=np.full(len(used), number),
         range_m=np.where(matched, residual, np.nan).astype(np.float32),
         intensity=np.where(matched, bright, np.nan).astype(np.float32),
-        drop=np.where(clear[used], outcome - scores.expected[used], np.nan).astype(np.float32),
+        drop=np.where(clear[used], outcome - expected.seen[used], np.nan).astype(np.float32),
     )
 
 
-def _scan(frame: TracedFrame, scores: FrameScores, error: float) -> Scan:
+def _scan(frame: TracedFrame, scores: FrameScores, expected: Expectation, error: float) -> Scan:
     rays, pattern = frame.shot.rays, frame.shot.pattern
     returned = ~np.isnan(scores.measured_m)
     state = np.full(len(rays), SILENT, np.uint8)
@@ -143,7 +153,7 @@ def _scan(frame: TracedFrame, scores: FrameScores, error: float) -> Scan:
     state[scores.matched] = MATCHED
     state[scores.spurious] = SPURIOUS
     state[scores.ambiguous & (returned | (scores.expected > 0))] = AMBIGUOUS
-    residual = np.where(state == MATCHED, scores.measured_m - scores.range_m, 0)
+    residual = np.nan_to_num(np.where(state == MATCHED, scores.measured_m - expected.range_m, 0))
     return Scan(
         name=frame.name,
         error=error,

@@ -40,13 +40,23 @@ class ChannelOf:
 
 CHANNELS = (
     ChannelOf(
-        "Range", "range_m", 100.0, "cm", "measured − model (cm)", "Above zero: the sensor measures farther than the model."
+        "Range",
+        "range_m",
+        100.0,
+        "cm",
+        "measured − model (cm)",
+        "Above zero: the sensor measures farther than the model.",
     ),
     ChannelOf(
         "Intensity", "intensity", 1.0, "", "measured − model", "Above zero: the sensor returns brighter than the model."
     ),
     ChannelOf(
-        "Returns", "drop", 100.0, "%", "returned − expected (%)", "Below zero: the sensor loses returns that the model has."
+        "Returns",
+        "drop",
+        100.0,
+        "%",
+        "returned − expected (%)",
+        "Below zero: the sensor loses returns that the model has.",
     ),
 )
 
@@ -99,7 +109,9 @@ def _svg(name: str, one: Binned, channel: ChannelOf, top: float) -> str:
     if name == "material":
         order = np.argsort(-one.count, kind="stable")
         words = [material_name(int(number)) for number in one.place[order]]
-        one = Binned(np.arange(len(order), dtype=float), one.mean[order], one.half[order], one.count[order], one.strength)
+        one = Binned(
+            np.arange(len(order), dtype=float), one.mean[order], one.half[order], one.count[order], one.strength
+        )
         x = Axis(-0.5, len(order) - 0.5, COVARIATES[name], names=words)
     else:
         pad = 0.02 * max(float(np.ptp(one.place)), 1e-6)

@@ -42,5 +42,6 @@ tbody th, .words { text-align: left; font-weight: 500; } td.words { max-width: 8
 .meter i { display: block; height: 100%; background: var(--a); border-radius: 3px; }
 .notes { margin: 8px 0 0; padding-left: 20px; color: var(--muted); }
 .formula { font-size: 17px; color: var(--text); font-family: ui-monospace, monospace; }
+details { margin-top: 14px; } summary { color: var(--muted); cursor: pointer; }
 @media (max-width: 900px) { section { overflow-x: auto; } }
 """

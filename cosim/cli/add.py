@@ -1,0 +1,87 @@
+"""`cosim add`: an effect fitted to a drive, and the sensor file with it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+
+from cosim.cli.options import add_common, without_nan, write_json
+from cosim.drive_writer import explained
+
+if TYPE_CHECKING:
+    from sensors.effects.base import Effect
+
+
+def add_command(commands: Any) -> None:
+    """Describe the command to the parser."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "add", help="fit an effect to a drive and write the sensor with it", description=__doc__
+    )
+    parser.add_argument("effect", metavar="EFFECT", help="name in the catalogue, or my_effect.py:ClassName")
+    parser.add_argument(
+        "--param", action="append", default=[], metavar="NAME=VALUE", help="a parameter that is known and stays"
+    )
+    parser.add_argument("--sensor", required=True, metavar="IN.yaml", help="sensor file, or the name of a built-in one")
+    parser.add_argument("--drive", type=Path, required=True, metavar="DRIVE", help="measured points with a twin")
+    parser.add_argument("--out", type=Path, required=True, metavar="OUT.yaml", help="the sensor file to write")
+    add_common(parser, computes=True)
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace, console: Console) -> None:
+    """Fit, then write the sensor."""
+    from cosim.discrepancy import add
+    from cosim.discrepancy.checks import opened
+    from cosim.discrepancy.sensor_out import write_sensor
+    from cosim.discrepancy.sentences import Vocabulary
+    from sensors.effects.registry import find_effect
+    from sensors.sensor_model import load_sensor
+
+    kind = find_effect(options.effect)
+    fixed = _known(kind, options.param)
+    sensor, drive = load_sensor(options.sensor), opened(options.drive)
+    with explained(options.out):
+        options.out.parent.mkdir(parents=True, exist_ok=True)
+        if options.out.is_dir():
+            raise IsADirectoryError(21, "it is a folder", str(options.out))
+    with console.status(f"fitting {kind.name}"):
+        found = add(kind, drive, sensor, fixed=fixed)
+    write_sensor(found.sensor, options.out)
+    if not options.quiet:
+        values = Vocabulary([kind]).parameters(found.effect, found.params, found.ci95)
+        print(f"{found.effect} ({values}): held-out error {found.error_before[0]:.3f} → {found.error_after[0]:.3f}")
+    console.print(f"{options.out}: the sensor with {found.effect}", soft_wrap=True, highlight=False)
+    write_json(options.json, without_nan({**found.to_json(), "sensor_out": os.path.relpath(options.out)}))
+
+
+def _known(kind: type[Effect], given: list[str]) -> dict[str, Any]:
+    """Parameters by name, checked against the effect's bounds."""
+    import yaml
+    from pydantic import ValidationError
+
+    from sensors.errors import SensorError
+    from sensors.pattern import first_problem
+
+    fixed: dict[str, Any] = {}
+    for text in given:
+        name, sign, value = text.partition("=")
+        if not sign or not name.strip():
+            raise SensorError(f"--param is {text!r}; write --param NAME=VALUE")
+        if name.strip() not in kind.model_fields:
+            known = ", ".join(kind.model_fields) or "none"
+            raise SensorError(f"effect {kind.name} has no parameter {name.strip()!r}; parameters: {known}")
+        try:
+            fixed[name.strip()] = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            raise SensorError(f"--param {text!r} cannot be read; write --param NAME=VALUE") from error
+    try:
+        checked = kind.model_validate({**kind.example, **fixed})
+    except ValidationError as error:
+        raise SensorError(f"effect {kind.name}: {first_problem(error)}; see `cosim effects {kind.name}`") from error
+    if kind.stage == "label":
+        raise SensorError(f"effect {kind.name} changes labels, which points cannot tell; write it into the sensor file")
+    return {name: getattr(checked, name) for name in fixed}

@@ -1,0 +1,91 @@
+"""`cosim diagnose`: which physical effects a sensor model lacks, judged by measurements."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+
+from cosim.cli.options import add_common, beside, without_nan, write_json
+from cosim.drive_writer import explained
+
+if TYPE_CHECKING:
+    from cosim.discrepancy.unknown import Shape
+    from sensors.effects.base import Effect
+
+
+def add_command(commands: Any) -> None:
+    """Describe the command to the parser."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "diagnose", help="which effects a sensor model lacks", description=__doc__
+    )
+    parser.add_argument("drive", type=Path, metavar="DRIVE", help="measured points with a twin")
+    parser.add_argument("--sensor", required=True, metavar="FILE", help="sensor file, or the name of a built-in one")
+    parser.add_argument(
+        "--effect",
+        action="append",
+        default=[],
+        metavar="PATH.py:CLASS",
+        help="an effect of your own to ask for beside the catalogue; may be given more than once",
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the page (default: DRIVE-diagnosis)")
+    parser.add_argument(
+        "--sensor-out", type=Path, metavar="FILE", help="the improved sensor (default: sensor.yaml beside the page)"
+    )
+    add_common(parser, computes=True)
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace, console: Console) -> None:
+    """Diagnose, then write the improved sensor and the page."""
+    from cosim.discrepancy import compare, diagnose
+    from cosim.discrepancy.checks import opened
+    from cosim.discrepancy.pages import format_diagnosis, write_page
+    from cosim.discrepancy.sensor_out import write_sensor
+    from cosim.discrepancy.sentences import Vocabulary, headline
+    from cosim.discrepancy.unknown.write import effect_name
+    from sensors.sensor_model import load_sensor
+
+    sensor, drive = load_sensor(options.sensor), opened(options.drive)
+    extra = [_asked_for(text) for text in options.effect]
+    folder = options.out or beside(options.drive, "diagnosis")
+    with explained(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    with console.status("reading the drive") as status:
+        found = diagnose(drive, sensor, extra=extra, on_progress=status.update)
+        if found.noise_floor is None:
+            status.update("noise floor")
+            floor = compare(drive, found.sensor, frames=found.split.test).floor
+            found = replace(found, noise_floor=None if floor is None else floor.error)
+    own = {} if found.unknown is None else {effect_name(found.unknown): _plugin(found.unknown)}
+    sensor_out = write_sensor(found.sensor, options.sensor_out or folder / "sensor.yaml", own)
+    found = replace(found, sensor_out=os.path.relpath(sensor_out))
+    words = Vocabulary(extra)
+    page = write_page(folder, format_diagnosis(found, words, str(options.drive), str(options.sensor)))
+    if not options.quiet:
+        print(headline(found, words))
+    console.print(f"{page}; the improved sensor: {found.sensor_out}", soft_wrap=True, highlight=False)
+    write_json(options.json, without_nan(found.to_json()))
+
+
+def _plugin(unknown: Shape) -> tuple[str, str]:
+    from cosim.discrepancy.unknown import class_name, effect_source
+
+    return class_name(unknown), effect_source(unknown)
+
+
+def _asked_for(text: str) -> type[Effect]:
+    from sensors.effects.registry import find_effect
+    from sensors.errors import SensorError
+
+    kind = find_effect(text)
+    if kind.neutral is None or kind.stage == "label":
+        raise SensorError(
+            f"effect {text}: cannot be asked for; give the class `neutral`, parameters that do nothing, "
+            "and derive it from a stage before labels"
+        )
+    return kind

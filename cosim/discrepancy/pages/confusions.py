@@ -1,0 +1,104 @@
+"""Effects whose traces look alike, and the drive that would tell them apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """Two groups of effects.
+
+    Attributes:
+        one, other: names; a group's members behave alike here.
+        why: what makes them alike.
+        remedy: what to measure.
+    """
+
+    one: tuple[str, ...]
+    other: tuple[str, ...]
+    why: str
+    remedy: str
+
+    def between(self, a: str, b: str) -> bool:
+        """Whether it is about two effects."""
+        return (a in self.one and b in self.other) or (b in self.one and a in self.other)
+
+
+CONFUSIONS = (
+    Confusion(
+        ("mount_rotation", "suspension_pitch"),
+        ("elevation_offset", "ring_elevation"),
+        "A pitched sensor sees ahead what beams with another elevation see all round.",
+        "Compare ahead with behind: pitch turns its sign, elevation does not. Keep the rear azimuths, on level ground.",
+    ),
+    Confusion(
+        ("range_bias", "ring_range_offset"),
+        ("mount_translation", "box_shrink"),
+        "A constant range error and a shift along x agree on everything straight ahead; shifted labels do on objects.",
+        "Look at walls on all sides: a shift is +x ahead and −x behind, a range error has one sign all round. "
+        "Labels move objects only: the map tells.",
+    ),
+    Confusion(
+        ("atmospheric_extinction", "range_falloff", "max_range"),
+        ("focal_response", "receiver_focus", "ring_gain", "retroreflection"),
+        "Intensity falls with range, and materials stand at ranges of their own.",
+        "Pass the same surface at several ranges, such as one sign at 10 m and 40 m: extinction is exponential in "
+        "range, a focus has its peak at one distance, another reflectance keeps its ratio.",
+    ),
+    Confusion(
+        ("atmospheric_extinction",),
+        ("range_falloff", "max_range", "detection_threshold"),
+        "Each dims or loses what is far.",
+        "Pass one dark and one bright surface at 10, 40 and 80 m: extinction is a straight line in log intensity "
+        "against range, for both.",
+    ),
+    Confusion(
+        ("range_walk",),
+        ("incidence_bias", "range_bias", "incidence_falloff"),
+        "Slanted surfaces are dim ones, so a delay that grows as intensity falls looks like one that grows with slant.",
+        "Have dark and bright materials at one slant: asphalt beside road marking, a dark car beside a white one.",
+    ),
+    Confusion(
+        ("sweep_motion",),
+        ("time_offset",),
+        "Each shifts the world by velocity × time.",
+        "Drive fast past things on all sides: a sweep's shift grows with azimuth from ahead and turns its sign there, "
+        "a delay's is the same all round. A stop within the drive takes both away and leaves pose errors.",
+    ),
+    Confusion(
+        ("suspension_pitch",),
+        ("mount_rotation", "elevation_offset"),
+        "A slope of the road that the map lacks looks like a body that pitches.",
+        "Pass the same place twice, once braking and once accelerating: the grade stays, pitch changes its sign.",
+    ),
+    Confusion(
+        ("incidence_falloff",),
+        ("range_falloff", "ring_gain"),
+        "On flat ground range, ring and slant rise together.",
+        "Have walls at many angles and ranges, such as a drive along a façade that is then passed head-on.",
+    ),
+    Confusion(
+        ("encoder_eccentricity",),
+        ("mount_rotation", "sweep_motion"),
+        "A once-a-turn azimuth error resembles a small yaw or the skew of a turning vehicle.",
+        "Have structure on all sides, at rest: a yaw is the same all round, an eccentricity a sine of azimuth.",
+    ),
+    Confusion(
+        ("random_dropout",),
+        ("detection_threshold", "max_range"),
+        "Each loses returns.",
+        "Have bright surfaces near and far: chance loses them alike, a threshold only dim ones, a limit only far ones.",
+    ),
+    Confusion(
+        ("range_scale",),
+        ("range_bias", "incidence_bias"),
+        "Over few ranges a slope is an offset.",
+        "Pass walls at 5 m and at 60 m: a scale error grows with range.",
+    ),
+)
+
+
+def separations(a: str, b: str) -> tuple[Confusion, ...]:
+    """What is known about telling two effects apart."""
+    return tuple(one for one in CONFUSIONS if one.between(a, b))
