@@ -7,6 +7,7 @@ import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import Self
@@ -39,7 +40,7 @@ KIND_OF_CLASS = {
 _SUBLANE_M = 0.8  # lane changes take their time; SUMO's own default is a jump
 _CHANGES_LANE = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.25"}  # no sliding sideways at rest
 _FEW_EDGES_LEFT = 4
-_TRIES_TO_EXTEND = 20
+_TRIES_TO_EXTEND, _TRIES_STRAIGHT_ON = 20, 12
 _PARKED_FROM_S = 0.6  # SUMO puts who begins parked on the lane first, and takes some steps to park all
 _NEAR_STOP_M = 0.5
 
@@ -109,6 +110,7 @@ class Traffic:
         self._parked: dict[str, dict] = {}
         self._arriving: set[str] = set()
         self._hidden: set[str] = set()
+        self._open: dict[str, list[str]] = {}  # vClass → edges
         self._slow_for_corners()
         self._corners = RouteCorners(self._sumo)
         self._subscribe()
@@ -189,16 +191,31 @@ class Traffic:
         route = api.getRoute(vehicle)
         if len(route) - api.getRouteIndex(vehicle) > _FEW_EDGES_LEFT:
             return
-        edges = sorted(edge for edge in self._sumo.edge.getIDList() if not edge.startswith(":"))
-        vehicle_class = api.getVehicleClass(vehicle)
-        for _ in range(_TRIES_TO_EXTEND):
-            target = str(rng.choice(edges))
-            if target == route[-1] or vehicle_class in self._sumo.lane.getDisallowed(f"{target}_0"):
-                continue
-            way = self._sumo.simulation.findRoute(route[-1], target, _shared_type(api.getTypeID(vehicle))).edges
-            if len(way) > _FEW_EDGES_LEFT:
+        vehicle_class, vtype = api.getVehicleClass(vehicle), _shared_type(api.getTypeID(vehicle))
+        edges = self._open_edges(vehicle_class)
+        for number in range(_TRIES_TO_EXTEND):
+            way = self._sumo.simulation.findRoute(route[-1], str(rng.choice(edges)), vtype).edges
+            if len(way) > _FEW_EDGES_LEFT and (number >= _TRIES_STRAIGHT_ON or not self._turns_back(way)):
                 api.setRoute(vehicle, [*route[api.getRouteIndex(vehicle) :], *way[1:]])
                 return
+
+    def _open_edges(self, vehicle_class: str) -> list[str]:
+        """Edges with a lane that a vClass may use; sidewalks are lanes too."""
+        if vehicle_class not in self._open:
+            api = self._sumo
+            closed = api.lane.getDisallowed
+            self._open[vehicle_class] = [
+                edge
+                for edge in sorted(api.edge.getIDList())
+                if not edge.startswith(":")
+                and any(vehicle_class not in closed(f"{edge}_{i}") for i in range(api.edge.getLaneNumber(edge)))
+            ]
+        return self._open[vehicle_class]
+
+    def _turns_back(self, way: Sequence[str]) -> bool:
+        """Whether a way goes back somewhere on the street it came on."""
+        api = self._sumo.edge
+        return any(api.getFromJunction(one) == api.getToJunction(other) for one, other in pairwise(way))
 
     def _subscribe(self) -> None:
         """Subscribe to whoever has just entered or leaves his parking place."""
