@@ -19,7 +19,7 @@ from cosim.discrepancy.held_out import split_frames
 from cosim.discrepancy.intervals import half_widths
 from cosim.discrepancy.ranking import fit_candidate
 from cosim.discrepancy.sample import draw_sample
-from cosim.discrepancy.testing import held_out_errors
+from cosim.discrepancy.testing import HeldOut, held_out_errors
 from cosim.errors import DriveError
 from cosim.kitti import Drive
 from sensors.effects.base import BeamEffect, Effect
@@ -39,15 +39,15 @@ class Added:
         params: all its parameters.
         ci95: intervals of those that were fitted, by name.
         sensor: the sensor with it.
-        error_before, error_after: on frames that took no part in the fit, each with its standard error.
+        error_before, error_after: on frames that took no part in the fit.
     """
 
     effect: str
     params: Mapping[str, Any]
     ci95: Mapping[str, Any]
     sensor: SensorModel
-    error_before: tuple[float, float]
-    error_after: tuple[float, float]
+    error_before: HeldOut
+    error_after: HeldOut
 
     def to_json(self) -> dict[str, Any]:
         """What `cosim add --json` writes."""
@@ -55,13 +55,13 @@ class Added:
             "effect": self.effect,
             "params": dict(self.params),
             "ci95": dict(self.ci95),
-            "error_before": self.error_before[0],
-            "error_after": self.error_after[0],
+            "error_before": self.error_before.error,
+            "error_after": self.error_after.error,
         }
 
     def __str__(self) -> str:
         values = ", ".join(f"{name} {value:.4g}" for name, value in self.params.items() if isinstance(value, float))
-        return f"{self.effect} ({values}): error {self.error_before[0]:.3f} → {self.error_after[0]:.3f}"
+        return f"{self.effect} ({values}): error {self.error_before.error:.3f} → {self.error_after.error:.3f}"
 
 
 def add(

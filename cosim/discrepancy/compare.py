@@ -20,6 +20,7 @@ from sensors.effects.base import BeamEffect, Effect
 from sensors.sensor_model import SensorModel, load_sensor
 
 _NEAR, _NEGLIGIBLE = 1.02, 0.001
+_NO_MATTER = ("image_", "depth_", "semantic_", "instance_", "label_2", "oxts", "hits")
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +230,7 @@ def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:
 
 
 def _notes(drive: Drive, totals: Totals) -> tuple[str, ...]:
-    said = list(drive.missing)
+    said = [note for note in drive.missing if not note.startswith(_NO_MATTER)]
     if totals.bad:
         said.append(f"{totals.bad} points with NaN or infinity were left out")
     if totals.strays:

@@ -23,7 +23,7 @@ from cosim.discrepancy.intervals import standard_errors
 from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist
 from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.testing import held_out_errors
-from cosim.discrepancy.unknown import Shape, find_shape, rank_shape, shape_gate
+from cosim.discrepancy.unknown import Shape, effect_name, find_shape, rank_shape, shape_gate
 from cosim.kitti import Drive
 from sensors.effects.base import BeamEffect, Effect
 from sensors.effects.registry import effect_classes
@@ -32,7 +32,7 @@ from sensors.sensor_model import SensorModel, load_sensor
 _LOG = logging.getLogger(__name__)
 _ROWS, _QUICK_ROWS = 60_000, 20_000
 _COARSE_M = 0.25
-_FEWEST_PARTS = 24
+_FEWEST_PARTS = 120
 _MOST_EFFECTS = 5
 _ALIKE_BIC = 10.0
 _CLEARLY_THERE = 5.0
@@ -104,6 +104,7 @@ class Detective:
         findings: list[Finding] = []
         ranking: list[Alternative] = []
         unknown: Shape | None = None
+        refused: set[str] = set()
         errors = [held_out_errors(self._tracer, self.split.test, model.effects, self.sensor.origin)]
         while True:
             self._say(f"looking for effects beyond {len(findings)} found")
@@ -115,8 +116,8 @@ class Detective:
                 break
             ranked = self._rank(fitted, model, verdict) if verdict.p_value <= LEVEL else []
             ranking = ranking or [_alternative(one, verdict) for one in ranked]
-            best = next((one for one in ranked if one.delta_bic > 0), None)
-            strange = self._strange(fitter, fitted, best) if unknown is None else None
+            best = next((one for one in ranked if one.delta_bic > 0 and one.effect not in refused), None)
+            strange = self._strange(fitter, fitted, best, refused) if unknown is None else None
             if strange is not None:
                 unknown, best = strange
             if best is None:
@@ -125,12 +126,14 @@ class Detective:
             before = (model.effects, tuple(model.fitted))
             self._add(model, best)
             errors.append(held_out_errors(self._tracer, self.split.test, model.effects, self.sensor.origin))
-            if errors[-1][0] > errors[-2][0] + _NO_WORSE * errors[-2][1]:
+            if not errors[-1].beats(errors[-2]):
                 self._say(f"{best.effect} does not help on frames that took no part: taken back")
                 model.effects, model.fitted = before[0], list(before[1])
                 errors.pop()
+                refused.add(best.effect)
                 unknown = None if strange is not None else unknown
-                break
+                self._trace(model)
+                continue
             if strange is not None:
                 continue
             findings.append(
@@ -138,7 +141,7 @@ class Detective:
                     effect=best.effect,
                     params={},
                     ci95={},
-                    p_value=_p_value(verdict, best.effect),
+                    p_value=verdict.p_value,
                     error_before=errors[-2],
                     error_after=errors[-1],
                     also_possible=tuple(
@@ -211,10 +214,12 @@ class Detective:
         ranked = judged_anew(ranked, fitter, null, self._traced)
         return sorted(ranked, key=lambda one: -one.delta_bic)
 
-    def _strange(self, fitter: Fitter, fitted: Fitted, best: Ranked | None) -> tuple[Shape, Ranked] | None:
+    def _strange(
+        self, fitter: Fitter, fitted: Fitted, best: Ranked | None, refused: set[str]
+    ) -> tuple[Shape, Ranked] | None:
         """A dependence that explains clearly more than the best candidate, or that is there when none is."""
         shape = find_shape(fitter, fitted)
-        if shape is None:
+        if shape is None or effect_name(shape) in refused:
             return None
         if best is None:
             rng = np.random.default_rng([self._seed, 2])

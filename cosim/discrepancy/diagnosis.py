@@ -10,6 +10,7 @@ import numpy as np
 
 from cosim.discrepancy.gate import Verdict
 from cosim.discrepancy.held_out import Split
+from cosim.discrepancy.testing import HeldOut
 from cosim.discrepancy.unknown import Shape
 from cosim.kitti import Drive
 from sensors.sensor_model import SensorModel
@@ -37,7 +38,7 @@ class Finding:
         params: fitted parameters, totals.
         ci95: intervals of those that are numbers.
         p_value: family-wise, when it was added.
-        error_before, error_after: error on held-out frames and its standard error, before and after it was added.
+        error_before, error_after: on held-out frames, before and after it was added.
         also_possible: what explains the data as well, within ΔBIC 10.
         delta_bic: how much the BIC fell.
     """
@@ -46,8 +47,8 @@ class Finding:
     params: Mapping[str, Any]
     ci95: Mapping[str, Any]
     p_value: float
-    error_before: tuple[float, float]
-    error_after: tuple[float, float]
+    error_before: HeldOut
+    error_after: HeldOut
     also_possible: tuple[str, ...]
     delta_bic: float
 
@@ -62,8 +63,8 @@ class Finding:
             "params": dict(self.params),
             "ci95": dict(self.ci95),
             "p_value": self.p_value,
-            "error_before": self.error_before[0],
-            "error_after": self.error_after[0],
+            "error_before": self.error_before.error,
+            "error_after": self.error_after.error,
             "also_possible": list(self.also_possible),
         }
 
@@ -104,7 +105,7 @@ class Diagnosis:
         findings: Sequence[Finding],
         ranking: Sequence[Alternative],
         verdict: Verdict,
-        errors: Sequence[tuple[float, float]],
+        errors: Sequence[HeldOut],
         split: Split,
         unknown: Shape | None = None,
     ) -> Diagnosis:
@@ -117,8 +118,8 @@ class Diagnosis:
             ranking=tuple(ranking),
             unknown=unknown,
             smallest_detectable=_smallest(verdict),
-            error_before=errors[0][0],
-            error_after=errors[-1][0],
+            error_before=errors[0].error,
+            error_after=errors[-1].error,
             noise_floor=None,
             sensor=sensor,
             split=split,

@@ -182,6 +182,8 @@ class Fitter:
             prior = np.append(np.zeros(normal.parameters), precision)
             system = normal.matrix + np.diag(prior + 1e-9 * np.diag(normal.matrix) + 1e-12)
             step = np.linalg.solve(system, right)
+            if not np.isfinite(step).all():
+                break
             gained = -np.inf
             for halving in range(_HALVINGS):
                 part = step * 0.5**halving

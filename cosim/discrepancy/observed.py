@@ -78,7 +78,8 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays) -> Observed:
     above, intensity = along.copy(), along.copy()
     along[first] = np.einsum("ij,ij->i", xyz, direction)
     above[first] = np.einsum("ij,ij->i", xyz, upwards(direction))
-    intensity[first] = points[used, 3]
+    if frame.has_intensity:
+        intensity[first] = points[used, 3]
     seconds = int(np.count_nonzero(of.return_no))
     return Observed(
         rays=rays,

@@ -17,7 +17,7 @@ from cosim.discrepancy.sample import same_beams
 from sensors.effects.base import BeamEffect, Effect
 
 _SHORTLIST = 6
-_OUTSTANDING = 4
+_OUTSTANDING = 3
 _RETRACED = 3
 _STRANGE_SHARE = 3e-3
 _STARTS = 2
@@ -59,7 +59,9 @@ def shortlist(
     significant = list(dict.fromkeys(one.direction.effect for one in verdict.statistics if one.p_value <= LEVEL))
     names = sorted(best, key=lambda name: -best[name][0][0])[:_SHORTLIST]
     names = [name for name in names if best[name][0][0] > 0]
-    names += [name for name in significant[:_OUTSTANDING] if name in best and name not in names]
+    by_range = list(dict.fromkeys(one.direction.effect for one in verdict.statistics if one.quantity == "range"))
+    outstanding = [*significant[:_OUTSTANDING], *by_range[:_OUTSTANDING]]
+    names += [name for name in dict.fromkeys(outstanding) if name in best and name not in names]
     return {name: [direction for _, direction in best[name][:_STARTS]] for name in names}
 
 

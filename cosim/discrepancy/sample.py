@@ -12,10 +12,12 @@ import numpy as np
 from cosim.discrepancy.frames import TracedFrame
 from cosim.discrepancy.replay import FrameReplay
 from sensors.effects.base import Effect, ScanEffect
-from sensors.hits import NOTHING
+from sensors.hits import NOTHING, STATIC
 
-CELL_M = 20.0
+CELL_M = 5.0
 _MATCHED_M = 1.0
+_SKY_RAD = 0.1
+_ODD_SHARE = 0.3  # of the sample at most, for beams that return from where nothing is
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +173,7 @@ def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, 
         replays=tuple(replays),
         names=tuple(one.name for one in frames),
         previous_intensity=np.concatenate([replay.previous_intensity for replay in replays]).astype(np.float64),
-        track=_tracks(frames, joined["frame"], joined["instance"], joined["place"]),
+        track=_tracks(frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"]),
         scan_values={
             "time_s": np.array([one.time_s for one in frames]),
             "speed_mps": np.array([float(np.linalg.norm(one.ego.velocity_mps)) for one in frames]),
@@ -190,8 +192,10 @@ def _choose(
     usable = frame.observed.trusted & (edges | ~frame.edge)
     residual = np.abs(frame.observed.range_from(frame.shot.rays.origin) - solid.range_m)
     odd = frame.observed.returned & ~(residual < _MATCHED_M)
-    chance = np.where(solid.instance >= 0, 3.0, np.where(solid.exists | odd, 1.0, 0.15)) * usable
+    odd &= usable
+    chance = np.where(solid.instance >= 0, 3.0, np.where(solid.exists, 1.0, 0.15)) * usable
     chance = np.clip(chance * (share / 2 / max(chance.sum(), 1.0)), 0, 1)
+    chance = np.where(odd, np.maximum(chance, min(1.0, _ODD_SHARE * share / max(odd.sum(), 1))), chance)
     first = rng.random(len(chance)) < chance
     taken = (first | np.append(False, first[:-1])) & usable
     before = np.append(0.0, chance[:-1])
@@ -242,12 +246,16 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def _tracks(frames: Sequence[TracedFrame], frame: np.ndarray, instance: np.ndarray, place: np.ndarray) -> np.ndarray:
+def _tracks(
+    frames: Sequence[TracedFrame], frame: np.ndarray, instance: np.ndarray, place: np.ndarray, azimuth: np.ndarray
+) -> np.ndarray:
     """Numbers of instances by id, and of map cells for the static world."""
     keys = np.empty(len(frame), object)
     for number, one in enumerate(frames):
         rows = np.flatnonzero((frame == number) & (instance >= 0))
         keys[rows] = [f"#{one.instances.ids[i]}" for i in instance[rows]]
-    rest = np.flatnonzero(instance < 0)
+    rest = np.flatnonzero(instance == STATIC)
     keys[rest] = [f"{x},{y}" for x, y in np.floor(place[rest, :2] / CELL_M).astype(int)]
+    sky = np.flatnonzero(instance == NOTHING)
+    keys[sky] = [f"sky {sector}" for sector in np.floor(azimuth[sky] / _SKY_RAD).astype(int)]
     return np.unique(keys.astype(str), return_inverse=True)[1]

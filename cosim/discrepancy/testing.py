@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,16 +13,38 @@ from cosim.discrepancy.scoring import score_frame
 from sensors.effects.base import BeamEffect, Effect
 
 
-def held_out_errors(
-    tracer: FrameTracer, names: Sequence[str], effects: Sequence[Effect], origin: str
-) -> tuple[float, float]:
-    """The error over frames and its standard error from frame to frame."""
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Errors of a model on frames that took no part in its fit.
+
+    Attributes:
+        error: over all of them.
+        by_frame: (f,) of each.
+    """
+
+    error: float
+    by_frame: np.ndarray
+
+    @property
+    def standard_error(self) -> float:
+        """Of the error, from frame to frame; NaN of one frame."""
+        count = len(self.by_frame)
+        return float(np.std(self.by_frame, ddof=1) / np.sqrt(count)) if count > 1 else float("nan")
+
+    def beats(self, other: HeldOut) -> bool:
+        """Whether it is smaller by more than its differences, frame by frame, leave to chance."""
+        fall = other.by_frame - self.by_frame
+        if len(fall) < 2:
+            return bool(self.error < other.error)
+        return bool(fall.mean() > np.std(fall, ddof=1) / np.sqrt(len(fall)))
+
+
+def held_out_errors(tracer: FrameTracer, names: Sequence[str], effects: Sequence[Effect], origin: str) -> HeldOut:
+    """The errors of effects on some frames."""
     effects = in_order(effects)
     bending = tuple(effect for effect in effects if isinstance(effect, BeamEffect))
     each = []
     for number, name in enumerate(names):
         frame = tracer.trace(name, bending)
         each.append(Totals.of(frame, score_frame(frame, effects, np.random.default_rng([0, number]), origin)))
-    total = sum(each, Totals())
-    spread = np.std([one.error for one in each], ddof=1) / np.sqrt(len(each)) if len(each) > 1 else float("nan")
-    return total.error, float(spread)
+    return HeldOut(sum(each, Totals()).error, np.array([one.error for one in each]))

@@ -2,6 +2,6 @@
 
 from cosim.discrepancy.unknown.candidate import rank_shape, shape_gate
 from cosim.discrepancy.unknown.search import Shape, find_shape
-from cosim.discrepancy.unknown.write import class_name, effect_source
+from cosim.discrepancy.unknown.write import class_name, effect_name, effect_source
 
-__all__ = ["Shape", "class_name", "effect_source", "find_shape", "rank_shape", "shape_gate"]
+__all__ = ["Shape", "class_name", "effect_name", "effect_source", "find_shape", "rank_shape", "shape_gate"]

@@ -18,6 +18,7 @@ from sensors.effects.base import Effect
 from sensors.effects.registry import find_effect
 
 _STEPS = 8
+_FEWEST_PARTS = 120
 
 
 def shape_effect(shape: Shape) -> Effect:
@@ -50,4 +51,6 @@ def shape_gate(fitter: Fitter, fitted: Fitted, present: tuple[Column, ...], rng:
         for channel in CHANNELS:
             column = shape_column(fitted, channel, covariate.bin, bins)
             found.append(Direction(f"{channel} by {covariate.name}", "", "", column))
-    return run_gate(found, [evidence], [], sample.track, sample.frame, sample.parts(24), present, fitter.poses, rng)
+    return run_gate(
+        found, [evidence], [], sample.track, sample.frame, sample.parts(_FEWEST_PARTS), present, fitter.poses, rng
+    )

@@ -46,12 +46,12 @@ _APPLY = {
     "range_variance": (
         "spread(self, returns: Returns, shot: Shot) -> tuple[np.ndarray, float]",
         "Standard deviation of ranges on top of what other effects make.",
-        "return self.sigma_m * np.sqrt(np.maximum(np.exp(2 * self.error(returns, shot)) - 1, 0)), 0.0",
+        "return self.sigma_m * np.sqrt(np.maximum(np.exp(2 * self.error(returns, shot).clip(-3, 3)) - 1, 0)), 0.0",
     ),
     "intensity_variance": (
         "spread(self, returns: Returns, shot: Shot) -> tuple[float, np.ndarray]",
         "Standard deviation of intensities, relative to them, on top of what other effects make.",
-        "return 0.0, 0.1 * returns.intensity * np.sqrt(np.maximum(np.exp(2 * self.error(returns, shot)) - 1, 0))",
+        "return 0.0, 0.1 * returns.intensity * np.sqrt(np.maximum(np.exp(2 * self.error(returns, shot).clip(-3, 3)) - 1, 0))",
     ),
 }
 
