@@ -53,7 +53,8 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     write_sensor(found.sensor, options.out)
     if not options.quiet:
         values = Vocabulary([kind]).parameters(found.effect, found.params, found.ci95)
-        print(f"{found.effect} ({values}): held-out error {found.error_before[0]:.3f} → {found.error_after[0]:.3f}")
+        fall = f"held-out error {found.error_before.error:.3f} → {found.error_after.error:.3f}"
+        print(f"{found.effect} ({values}): {fall}")
     console.print(f"{options.out}: the sensor with {found.effect}", soft_wrap=True, highlight=False)
     write_json(options.json, without_nan({**found.to_json(), "sensor_out": os.path.relpath(options.out)}))
 

@@ -48,8 +48,8 @@ class Vocabulary:
         if interval is None:
             return f"{factor * value:.3g}{tail}"
         half = factor * (interval[1] - interval[0]) / 2
-        digits = max(0, 1 - int(np.floor(np.log10(half)))) if half > 0 and np.isfinite(half) else 3
-        return f"{factor * value:.{min(digits, 8)}f}{tail} ± {half:.2g}"
+        digits = min(max(0, 1 - int(np.floor(np.log10(half)))), 8) if half > 0 and np.isfinite(half) else 3
+        return f"{factor * value:.{digits}f}{tail} ± {half:.{digits}f}"
 
     def parameters(self, effect: str, params: Mapping[str, Any], ci95: Mapping[str, Any]) -> str:
         """All parameters that were fitted, in a line; all there are if none was."""

@@ -79,6 +79,7 @@ function draw() {
   for (let i = 0; i < colour.length; i++)
     put(xyz[3*i] * step, xyz[3*i+1] * step, xyz[3*i+2] * step, rgb[colour[i]], 2);
   context.putImageData(image, 0, 0);
+  canvas.dataset.points = colour.length;
 }
 function later() { if (!waiting) { waiting = true; requestAnimationFrame(draw); } }
 function show(name) {

@@ -6,6 +6,7 @@ from html import escape
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
 from cosim.discrepancy.pages.confusions import separations
@@ -99,8 +100,8 @@ def _waterfall(found: Diagnosis) -> str:
         return ""
     held = "frames that took no part in any fit" if found.split.is_held_out else "the fitted frames: there are too few"
     return (
-        f"<section><h2>How the error falls</h2><p>On {held}; whiskers are 95 % intervals from frame to frame, of the "
-        f"level; frames share them, so a fall can be surer than they show.</p>"
+        f"<section><h2>How the error falls</h2><p>On {held}; whiskers are 95 % intervals of the level, from frame to "
+        "frame. A fall is surer than they show, as some frames are harder for every model: the table has it.</p>"
         f'<figure style="max-width:1100px;margin-top:12px">{waterfall(found)}</figure></section>'
     )
 
@@ -131,14 +132,24 @@ def _rows(one: Finding, words: Vocabulary) -> str:
         if first:
             span = f'rowspan="{len(one.params)}"'
             tail = (
-                f"<td {span}>{p_words(one.p_value).removeprefix('p ').removeprefix('= ')}</td>"
-                f"<td {span}>{one.error_before[0]:.3f} → {one.error_after[0]:.3f}</td>"
+                f"<td {span}>{escape(p_words(one.p_value).removeprefix('p ').removeprefix('= '))}</td>"
+                f"<td {span}>{_change(one)}</td>"
                 f'<td {span} class="words">{escape(kind.equation if kind else "")}</td>'
             )
         shown = escape(words.quantity(one.effect, name, value))
         between = "" if interval is None or np.ndim(value) else _interval(one.effect, name, interval, words)
         cells.append(f"<tr>{head}<td>{escape(name)}</td><td>{shown}</td><td>{between}</td>{tail}</tr>")
     return "".join(cells)
+
+
+def _change(one: Finding) -> str:
+    """The errors and their difference, whose interval is that of differences frame by frame."""
+    said = f"{one.error_before.error:.3f} → {one.error_after.error:.3f}"
+    falls = one.error_after.by_frame - one.error_before.by_frame
+    if len(falls) < 2:
+        return said
+    half = stats.t.ppf(0.975, len(falls) - 1) * np.std(falls, ddof=1) / np.sqrt(len(falls))
+    return f"{said}<br><small>{falls.mean():+.3f} ± {half:.3f} a frame</small>"
 
 
 def _interval(effect: str, name: str, interval: Any, words: Vocabulary) -> str:
@@ -156,9 +167,8 @@ def _laser_charts(one: Finding, words: Vocabulary) -> str:
         reach = 1.1 * max(float(np.abs(pairs).max()), 1e-9)
         low = -reach if level.min() < 0 else 0.0
         unit = words.parameter(one.effect, name).unit
-        plot = Plot(
-            Axis(0, max(len(level) - 1, 1), "ring, 0 on top"), Axis(low, reach, f"{name} ({unit})"), name, 1100, 280
-        )
+        label = f"{name} ({unit})" if unit else name
+        plot = Plot(Axis(0, max(len(level) - 1, 1), "ring, 0 on top"), Axis(low, reach, label), name, 1100, 280)
         ring = np.arange(len(level), dtype=float)
         plot.band(ring, pairs[:, 0], pairs[:, 1], "a")
         plot.line(ring, level, "a", dots=True)
@@ -181,7 +191,7 @@ def _alternatives(found: Diagnosis, words: Vocabulary) -> str:
             elif other in bic and one.effect in bic:
                 verdict = f'<span class="good">told apart</span>: ΔBIC {bic[one.effect] - bic[other]:,.0f}'
             else:
-                verdict = '<span class="good">told apart</span>: it explains less'
+                verdict = "not among the candidates that came near"
             rows.append(
                 f'<tr><th>{escape(one.effect)} or {escape(other)}?</th><td class="words">{verdict}</td>'
                 f'<td class="words">{_remedy(one.effect, other, words)}</td></tr>'
@@ -252,7 +262,7 @@ def _ranking(found: Diagnosis) -> str:
     rows = "".join(
         f'<tr><th>{escape(one.effect)}</th><td>{one.delta_bic:,.0f}</td><td><span class="meter"><i '
         f'style="width:{100 * max(one.delta_bic, 0) / best:.1f}%"></i></span></td>'
-        f"<td>{p_words(one.p_value).removeprefix('p ').removeprefix('= ')}</td></tr>"
+        f"<td>{escape(p_words(one.p_value).removeprefix('p ').removeprefix('= '))}</td></tr>"
         for one in found.ranking[:_MOST_RANKED]
     )
     return (

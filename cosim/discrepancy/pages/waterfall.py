@@ -22,7 +22,7 @@ def waterfall(found: Diagnosis) -> str:
     low, high = max(low - pad, 0.0), high + 1.6 * pad
     names = [name for name, _, _ in steps]
     x = Axis(-0.5, len(names) - 0.5, names=names)
-    plot = Plot(x, Axis(low, high, "error on held-out frames"), "held-out error", max(620, 190 * len(names)), 320)
+    plot = Plot(x, Axis(low, high, "error on held-out frames"), "held-out error", max(620, 210 * len(names)), 340)
     for row in range(1, len(level)):
         ends = np.array([row - 0.28, row + 0.28])
         style = "fall" if level[row] <= level[row - 1] else "rise"
@@ -44,7 +44,7 @@ def _steps(found: Diagnosis) -> list[tuple[str, float, float]]:
     Where an effect begins at another error than the one before it ended at, something without a finding came between:
     an unknown effect, or the last joint fit.
     """
-    first = found.effects[0].error_before[1] if found.effects else float("nan")
+    first = found.effects[0].error_before.standard_error if found.effects else float("nan")
     steps = [("as given", found.error_before, first)]
     between = ["+ unknown"] if found.unknown is not None else []
 
@@ -53,7 +53,7 @@ def _steps(found: Diagnosis) -> list[tuple[str, float, float]]:
             steps.append((between.pop() if between else "refitted", level, error))
 
     for one in found.effects:
-        pass_over(*one.error_before)
-        steps.append((f"+ {one.effect}", *one.error_after))
+        pass_over(one.error_before.error, one.error_before.standard_error)
+        steps.append((f"+ {one.effect}", one.error_after.error, one.error_after.standard_error))
     pass_over(found.error_after, float("nan"))
     return steps

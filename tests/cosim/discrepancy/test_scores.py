@@ -1,0 +1,46 @@
+"""The scores are fair: an ensemble of few members is judged as its distribution would be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from cosim.discrepancy.scoring import _crps
+
+MEMBERS, ROWS = 4, 200_000
+
+
+def gaussian_crps(value: np.ndarray, sigma: float) -> np.ndarray:
+    """Closed form of N(0, σ²) (Gneiting and Raftery, JASA 2007, eq. 21)."""
+    z = value / sigma
+    return sigma * (z * (2 * stats.norm.cdf(z) - 1) + 2 * stats.norm.pdf(z) - 1 / np.sqrt(np.pi))
+
+
+@pytest.mark.parametrize("value", [0.0, 0.3, -1.2])
+def test_few_members_score_as_the_gaussian_they_are_drawn_from(value: float) -> None:
+    members = np.random.default_rng(1).normal(0, 0.5, (MEMBERS, ROWS))
+    scores = _crps(members, np.full(ROWS, value), np.inf)
+    assert scores.mean() == pytest.approx(float(gaussian_crps(np.array(value), 0.5)), abs=2e-3)
+
+
+def test_one_member_scores_its_distance() -> None:
+    measured = np.array([1.0, 2.5, -1.0])
+    assert _crps(np.zeros((1, 3)), measured, np.inf) == pytest.approx(np.abs(measured))
+
+
+def test_no_other_spread_scores_better_than_the_true_one() -> None:
+    rng = np.random.default_rng(2)
+    measured = rng.normal(0, 1, ROWS)
+    scores = {s: _crps(rng.normal(0, s, (MEMBERS, ROWS)), measured, np.inf).mean() for s in (0.5, 0.8, 1.0, 1.25, 2.0)}
+    assert min(scores, key=lambda sigma: scores[sigma]) == 1.0
+
+
+def test_members_that_do_not_return_are_left_out() -> None:
+    members = np.array([[0.0, 1.0], [np.nan, 3.0], [np.nan, np.nan]])
+    # One member left: its distance. Two left, at 1 and 3 about 2: mean distance 1, less half their own, 1.
+    assert _crps(members, np.array([0.5, 2.0]), np.inf) == pytest.approx([0.5, 0.0])
+
+
+def test_far_off_costs_no_more_than_the_clip() -> None:
+    assert _crps(np.zeros((1, 1)), np.array([50.0]), 1.0) == pytest.approx([1.0])
