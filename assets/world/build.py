@@ -8,11 +8,13 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.streets import Streets
+from assets.world.borders import garden_borders
 from assets.world.buildings import buildings_mesh
+from assets.world.enclosures import enclose
 from assets.world.entrances import entrances_mesh
 from assets.world.environment import Environment
 from assets.world.furnishing import furnish
-from assets.world.greenery import borders_mesh, trees_mesh
+from assets.world.greenery import hedgerow_trees, trees_mesh
 from assets.world.ground import TERRAIN, triangulate
 from assets.world.height_field import HeightField, fit_height_field
 from assets.world.houses import design
@@ -95,6 +97,9 @@ def build_world(streets: Streets, seed: int, environment: Environment | None = N
         furnish(edge, blocked, stand_z, style, environment, rng),
         trees_mesh(edge, plots, bounds, blocked, stand_z, style, rng),
         entrances_mesh(houses, stand_z, rng),
-        borders_mesh(houses, blocked, stand_z, style, rng),
     ]
+    gardens = garden_borders(houses, blocked, style, rng)
+    fronts, rows = enclose(streets, outlines, houses, gardens, blocked, style, rng)
+    parts += [gardens.mesh(stand_z, rng), fronts.mesh(stand_z, rng)]
+    parts.append(hedgerow_trees(rows, blocked, stand_z, style, rng))
     return World(Mesh.merge(parts), ground, height, bounds)

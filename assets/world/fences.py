@@ -19,6 +19,7 @@ PIECE_M = {
     "hedge": 4.0,
 }
 FENCE_KINDS = tuple(PIECE_M)
+TALL_KINDS = ("wall_brick", "wall_plaster", "hedge")  # hide what is behind
 OPEN_KINDS = ("wire", "hedge", "hedge")  # between neighbours
 
 
@@ -46,16 +47,17 @@ def fence_piece(kind: str, rng: np.random.Generator) -> Mesh:
 
 
 def line_of(
-    start: np.ndarray, end: np.ndarray, z_start: np.ndarray, z_end: np.ndarray, piece_m: np.ndarray
-) -> np.ndarray:
-    """Poses (n, 4, 4) of pieces from `start` to `end` (n, 2), stretched from `piece_m` (n,) and sheared."""
+    start: np.ndarray, end: np.ndarray, z_start: np.ndarray, z_end: np.ndarray, piece_m: np.ndarray,
+    rise: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Poses (n, 4, 4) of pieces from `start` to `end` (n, 2), stretched from `piece_m` (n,), sheared, `rise` high."""
     run = end - start
     length = np.linalg.norm(run, axis=1)
     pose = np.zeros((len(start), 4, 4))
     pose[:, :2, 0] = run / piece_m[:, None]
     pose[:, :2, 1] = run[:, ::-1] * [-1.0, 1.0] / length[:, None]
     pose[:, 2, 0] = (z_end - z_start) / piece_m
-    pose[:, 2, 2] = pose[:, 3, 3] = 1.0
+    pose[:, 2, 2], pose[:, 3, 3] = rise, 1.0
     pose[:, :2, 3], pose[:, 2, 3] = start, z_start
     return pose
 

@@ -1,12 +1,10 @@
-"""Plants trees along streets, in gardens and on open land, and draws the borders of plots."""
+"""Plants trees along streets, in gardens, in hedgerows and on open land."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from assets.mesh import Mesh
-from assets.world.fences import OPEN_KINDS, PIECE_M, fences_mesh, line_of
-from assets.world.houses import House
 from assets.world.instancing import instances, poses
 from assets.world.kerbside import Kerbside
 from assets.world.obstacles import Obstacles
@@ -17,7 +15,6 @@ from assets.world.trees import broadleaf, bush, conifer
 
 _VARIANTS = 6
 _VERGE_M = 2.2  # from the kerb to street trees where there is no pavement
-_SIDE_SHARE = 0.75  # fenced plots with a border between neighbours too
 _OPEN_LAND_PER_M2 = 4e-4
 _OPEN_LAND_MOST = 220
 
@@ -34,6 +31,13 @@ def trees_mesh(
             _open_land(bounds, blocked, stand_z, style, rng),
         ]
     )
+
+
+def hedgerow_trees(
+    spots: np.ndarray, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
+) -> Mesh:
+    """Trees at those of `spots` (n, 2) that are free."""
+    return _scatter(_mixed(rng, style.conifer_share, 48), _rooted(spots, 2.5, 1.8, 2.0, blocked), stand_z, rng)
 
 
 def _street_trees(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator) -> Mesh:
@@ -118,39 +122,3 @@ def _scatter(templates: list[Mesh], spots: np.ndarray, stand_z: Heights, rng: np
     yaw, scale = rng.uniform(0, 2 * np.pi, len(spots)), rng.uniform(0.85, 1.15, len(spots))
     placed = poses(np.column_stack([spots, stand_z(spots) - 0.03]), yaw, scale)
     return Mesh.merge([instances(template, placed[choice == k]) for k, template in enumerate(templates)])
-
-
-def borders_mesh(
-    houses: list[House], blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
-) -> Mesh:
-    """Fences, walls and hedges around gardens, with a gate in front."""
-    kinds, starts, ends = [], [], []
-    for house in houses:
-        plot = house.plot
-        if plot.setback_m < 1.0 or rng.random() > style.fence_share:
-            continue
-        half, back = plot.width_m / 2, plot.setback_m + plot.size_m[1] + rng.uniform(2.0, 6.0)
-        gate = float(np.clip(house.door_m, 1.5 - half, half - 1.5))
-        front, side, rear = str(rng.choice(style.fences)), str(rng.choice(OPEN_KINDS)), str(rng.choice(OPEN_KINDS))
-        for kind, begin, end in (
-            (front, (-half, 0.35), (gate - 1.1, 0.35)),
-            (front, (gate + 1.1, 0.35), (half, 0.35)),
-            (side, (-half, 0.5), (-half, back if rng.random() < _SIDE_SHARE else 0.6)),
-            (rear, (-half, back), (half, back)),
-        ):
-            corner = np.array([begin, end])
-            xy = plot.front + corner[:, :1] * plot.along + corner[:, 1:] * plot.inward
-            length = float(np.linalg.norm(xy[1] - xy[0]))
-            if length < 1.0 or corner[1, 0] < corner[0, 0]:
-                continue
-            knots = xy[0] + np.linspace(0.0, 1.0, max(1, round(length / PIECE_M[kind])) + 1)[:, None] * (xy[1] - xy[0])
-            kinds += [kind] * (len(knots) - 1)
-            starts.append(knots[:-1])
-            ends.append(knots[1:])
-    if not kinds:
-        return Mesh.empty()
-    start, end = np.concatenate(starts), np.concatenate(ends)
-    keep = ~blocked.crosses(start, end)
-    start, end, kind = start[keep], end[keep], np.array(kinds)[keep]
-    piece_m = np.array([PIECE_M[name] for name in kind])
-    return fences_mesh(kind, line_of(start, end, stand_z(start), stand_z(end), piece_m), rng)

@@ -64,7 +64,7 @@ def lay_out(paved: Geometry, style: Style, rng: np.random.Generator, open_roads:
     shapely.prepare(blocked)
     placed = _Footprints(blocked)
     plots: list[Plot] = []
-    for ring in _land_on_left(paved):
+    for ring in land_on_left(paved):
         plots.extend(_along_ring(ring, style, placed, rng))
     return plots
 
@@ -92,12 +92,12 @@ class _Footprints:
         return True
 
 
-def _land_on_left(paved: Geometry) -> list[np.ndarray]:
-    """Rings (k, 2) of the paved area, closed, running with the unpaved land on their left."""
+def land_on_left(paved: Geometry, least_m2: float = _SMALL_ISLAND_M2) -> list[np.ndarray]:
+    """Rings (k, 2) of the paved area, closed, with the unpaved land on their left; no islands below `least_m2`."""
     rings = []
     for polygon in shapely.get_parts(paved):
         for k, ring in enumerate((polygon.exterior, *polygon.interiors)):
-            if k > 0 and shapely.Polygon(ring).area < _SMALL_ISLAND_M2:
+            if k > 0 and shapely.Polygon(ring).area < least_m2:
                 continue
             simple = shapely.get_coordinates(shapely.simplify(ring, 0.25))
             if shapely.is_ccw(shapely.linearrings(simple)) != (k > 0):

@@ -30,6 +30,8 @@ class Style:
         fences: border kinds to choose from.
         conifer_share: share of conifers among garden trees.
         meadow_chance: chance that open land follows a house.
+        enclosed: share of the open frontage behind a hedge, wall or hedgerow.
+        enclosures: border kinds of these.
         wild_trees: trees on open land over the usual number.
     """
 
@@ -52,6 +54,8 @@ class Style:
     fences: tuple[str, ...]
     conifer_share: float
     meadow_chance: float
+    enclosed: float
+    enclosures: tuple[str, ...]
     wild_trees: float = 1.0
 
     @property
@@ -83,6 +87,8 @@ STYLES: dict[str, Style] = {
         fences=("picket", "wall_stone", "hedge", "hedge", "hedge", "hedge"),
         conifer_share=0.2,
         meadow_chance=0.8,
+        enclosed=0.92,
+        enclosures=("hedge", "hedge", "hedge", "hedge", "wall_brick", "wall_plaster"),
         wild_trees=0.4,
     ),
     "hamlet": Style(
@@ -105,6 +111,8 @@ STYLES: dict[str, Style] = {
         fences=("wall_stone", "picket", "hedge", "hedge", "hedge"),
         conifer_share=0.3,
         meadow_chance=0.16,
+        enclosed=0.92,
+        enclosures=("hedge", "hedge", "hedge", "hedge", "hedge", "wall_plaster"),
         wild_trees=1.4,
     ),
     "suburb": Style(
@@ -127,6 +135,8 @@ STYLES: dict[str, Style] = {
         fences=("picket", "hedge", "hedge", "hedge", "hedge", "wall_brick", "wall_plaster"),
         conifer_share=0.25,
         meadow_chance=0.2,
+        enclosed=0.92,
+        enclosures=("hedge", "hedge", "hedge", "wall_brick", "wall_plaster"),
     ),
     "urban": Style(
         setback_m=(0.25, 0.6),
@@ -148,6 +158,8 @@ STYLES: dict[str, Style] = {
         fences=("wall_brick", "wall_plaster", "railing"),
         conifer_share=0.05,
         meadow_chance=0.02,
+        enclosed=0.7,
+        enclosures=("wall_brick", "wall_plaster"),
     ),
     "industrial": Style(
         setback_m=(5.0, 12.0),
@@ -169,6 +181,8 @@ STYLES: dict[str, Style] = {
         fences=("railing", "wire", "wire", "wall_brick"),
         conifer_share=0.1,
         meadow_chance=0.06,
+        enclosed=0.55,
+        enclosures=("hedge", "wall_brick", "wall_brick", "wire"),
     ),
     "boulevard": Style(
         setback_m=(0.4, 3.0),
@@ -190,6 +204,8 @@ STYLES: dict[str, Style] = {
         fences=("railing", "hedge", "wall_stone"),
         conifer_share=0.0,
         meadow_chance=0.02,
+        enclosed=0.8,
+        enclosures=("hedge", "wall_plaster"),
     ),
 }
 
