@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 Rgb = tuple[float, float, float]
+MOST_MATERIALS = 256  # rows are uint8
 
 
 @dataclass(frozen=True)
@@ -110,9 +112,50 @@ _TABLE = (
     Material("helmet", 0.50, (0.55, 0.10, 0.08)),
 )
 
-MATERIALS: dict[str, Material] = {material.name: material for material in _TABLE}
-MATERIAL_NAMES: tuple[str, ...] = tuple(MATERIALS)
-_INDEX = {name: index for index, name in enumerate(MATERIAL_NAMES)}
+
+class MaterialTable:
+    """Materials by row, as meshes and hits number them; the built-in ones first.
+
+    Args:
+        materials: at most 256, one a name.
+    """
+
+    def __init__(self, materials: Iterable[Material]) -> None:
+        self.materials = {material.name: material for material in materials}
+        self.names: tuple[str, ...] = tuple(self.materials)
+        if len(self.names) > MOST_MATERIALS:
+            raise ValueError(f"{len(self.names)} materials are more than the {MOST_MATERIALS} that rows can number")
+        self._rows = {name: row for row, name in enumerate(self.names)}
+        self._columns: dict[str, np.ndarray] = {}
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._rows
+
+    def row(self, name: str) -> int:
+        """Row of a material.
+
+        Raises:
+            KeyError: the name is not in the table.
+        """
+        try:
+            return self._rows[name]
+        except KeyError:
+            raise KeyError(f"material {name!r} is not in the table; add it to assets/materials.py") from None
+
+    def column(self, attribute: str) -> np.ndarray:
+        """One attribute of all materials by row, (k,) (or (k, 3) for `rgb`); not to be written to."""
+        if attribute not in self._columns:
+            self._columns[attribute] = np.array([getattr(one, attribute) for one in self.materials.values()])
+        return self._columns[attribute]
+
+    def updated(self, others: Iterable[Material]) -> MaterialTable:
+        """The table with others in place of those of their names, new ones at the end."""
+        return MaterialTable({**self.materials, **{material.name: material for material in others}}.values())
+
+
+TABLE = MaterialTable(_TABLE)
+MATERIALS: dict[str, Material] = TABLE.materials
+MATERIAL_NAMES: tuple[str, ...] = TABLE.names
 
 
 def material_index(name: str) -> int:
@@ -121,12 +164,9 @@ def material_index(name: str) -> int:
     Raises:
         KeyError: the name is not in the table.
     """
-    try:
-        return _INDEX[name]
-    except KeyError:
-        raise KeyError(f"material {name!r} is not in the table; add it to assets/materials.py") from None
+    return TABLE.row(name)
 
 
 def material_column(attribute: str) -> np.ndarray:
     """One attribute of all materials in table order, shape (k,) (or (k, 3) for `rgb`)."""
-    return np.array([getattr(MATERIALS[name], attribute) for name in MATERIAL_NAMES])
+    return TABLE.column(attribute)

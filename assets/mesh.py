@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from assets.materials import MATERIALS, material_column, material_index
+from assets.materials import MATERIALS, TABLE, MaterialTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +40,10 @@ class Mesh:
             raise ValueError("vertices hold NaN or infinity")
 
     @classmethod
-    def of(cls, vertices: np.ndarray, faces: np.ndarray, material: str) -> Mesh:
-        """A mesh of one material."""
+    def of(cls, vertices: np.ndarray, faces: np.ndarray, material: str, table: MaterialTable = TABLE) -> Mesh:
+        """A mesh of one material of a table."""
         faces = np.asarray(faces).reshape(-1, 3)
-        return cls(vertices, faces, np.full(len(faces), material_index(material), np.uint8))
+        return cls(vertices, faces, np.full(len(faces), table.row(material), np.uint8))
 
     @classmethod
     def empty(cls) -> Mesh:
@@ -97,9 +97,9 @@ class Mesh:
         used, faces = np.unique(self.faces[mask], return_inverse=True)
         return Mesh(self.vertices[used], faces.reshape(-1, 3), self.materials[mask])
 
-    def split_glass(self) -> tuple[Mesh, Mesh]:
-        """The opaque faces and the glass faces as two meshes."""
-        glass = (material_column("kind") == "glass")[self.materials]
+    def split_glass(self, table: MaterialTable = TABLE) -> tuple[Mesh, Mesh]:
+        """The opaque faces and the glass faces as two meshes; `table` is that of the materials."""
+        glass = (table.column("kind") == "glass")[self.materials]
         return self.select(~glass), self.select(glass)
 
     def material_names(self) -> list[str]:

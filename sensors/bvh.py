@@ -9,7 +9,7 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from assets.materials import material_column
+from assets.materials import TABLE, MaterialTable
 from assets.mesh import Mesh
 from sensors.hits import STATIC
 from sensors.nearest import face_records
@@ -24,6 +24,7 @@ class Bvh:
         mesh: what to hit.
         threads: threads that share a large query; Embree's loop leaves Python's lock.
         instance: what hits report: −1 the static world, 0 a model, whose row comes later.
+        table: of the mesh's materials.
 
     Attributes:
         normal: (m, 3) float32 face normals in the mesh's axes.
@@ -31,9 +32,9 @@ class Bvh:
         records: (m + 1,) int64, what `Nearest` keeps of each face; the last is that of a miss.
     """
 
-    def __init__(self, mesh: Mesh, threads: int = 1, instance: int = STATIC) -> None:
+    def __init__(self, mesh: Mesh, threads: int = 1, instance: int = STATIC, table: MaterialTable = TABLE) -> None:
         self.normal = mesh.normals
-        self.is_glass = (material_column("kind") == "glass")[mesh.materials]
+        self.is_glass = (table.column("kind") == "glass")[mesh.materials]
         self.records = face_records(self.normal, mesh.materials, self.is_glass, instance)
         self._scene: EmbreeScene | None = None
         self._threads = ThreadPoolExecutor(threads) if threads > 1 else None

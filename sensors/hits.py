@@ -7,14 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from assets.materials import material_column
+from assets.materials import TABLE, MaterialTable
 from sensors.normals import decode_normals, dot_with_normals
 from sensors.rays import Rays
 
 RANGE_STEP_M = 1e-4
 STATIC, NOTHING = -1, -2
-_REFLECTANCE = material_column("reflectance").astype(np.float32)
-_IS_PAINT = material_column("paint")
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +61,7 @@ class Hits:
         pane_beam: (k,) int32 rows of the beams that meet glass before it.
         pane: the first pane of each of those (k).
         paint: (m,) float32 reflectance at 905 nm of each instance's paint.
+        table: what material rows mean.
     """
 
     rays: Rays
@@ -71,6 +70,7 @@ class Hits:
     pane_beam: np.ndarray
     pane: Surface
     paint: np.ndarray
+    table: MaterialTable = TABLE
 
     @cached_property
     def first(self) -> Surface:
@@ -91,9 +91,9 @@ class Hits:
 
     def reflectance(self, surface: Surface) -> np.ndarray:
         """Diffuse reflectance at 905 nm, (n,) float32; the instance's paint where the material is paint."""
-        values = _REFLECTANCE.take(surface.material)
+        values = self.table.column("reflectance").astype(np.float32).take(surface.material)
         moving = np.flatnonzero(surface.instance >= 0)
-        painted = moving[_IS_PAINT[surface.material[moving]]]
+        painted = moving[self.table.column("paint")[surface.material[moving]]]
         values[painted] = self.paint[surface.instance[painted]]
         values[surface.instance == NOTHING] = 0
         return values

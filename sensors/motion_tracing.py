@@ -62,6 +62,7 @@ class MotionTracer:
             pane_beam=beam,
             pane=pane.surface(beam),
             paint=instances.paint,
+            table=scene.table,
         )
         return hits, origin, direction
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from assets.materials import TABLE, MaterialTable
 from assets.mesh import Mesh
 from sensors.bvh import Bvh
 
@@ -69,13 +70,12 @@ class TracedModel:
     bounds: np.ndarray
 
     @classmethod
-    def of(cls, mesh: Mesh) -> TracedModel:
-        """Build both BVHs."""
-        opaque, glass = mesh.split_glass()
-        whole = Bvh(mesh, instance=0)
-        return cls(
-            whole, Bvh(opaque, instance=0) if len(glass.faces) else whole, mesh.vertices, mesh.bounds.astype(np.float64)
-        )
+    def of(cls, mesh: Mesh, table: MaterialTable = TABLE) -> TracedModel:
+        """Build both BVHs; `table` is that of the mesh's materials."""
+        opaque, glass = mesh.split_glass(table)
+        whole = Bvh(mesh, instance=0, table=table)
+        other = Bvh(opaque, instance=0, table=table) if len(glass.faces) else whole
+        return cls(whole, other, mesh.vertices, mesh.bounds.astype(np.float64))
 
 
 class Scene:
@@ -85,15 +85,19 @@ class Scene:
         static: the static world in world axes, coordinates within about a kilometre of the origin.
         load_model: gives the mesh of a model name; called once a model, when first met.
         threads: threads that share a query of the static world.
+        table: what the materials of all meshes are.
     """
 
-    def __init__(self, static: Mesh, load_model: Callable[[str], Mesh], threads: int = 1) -> None:
-        self.static = Bvh(static, threads)
+    def __init__(
+        self, static: Mesh, load_model: Callable[[str], Mesh], threads: int = 1, table: MaterialTable = TABLE
+    ) -> None:
+        self.table = table
+        self.static = Bvh(static, threads, table=table)
         self._load_model = load_model
         self._models: dict[str, TracedModel] = {}
 
     def model(self, name: str) -> TracedModel:
         """The traced model of a name, built on first use."""
         if name not in self._models:
-            self._models[name] = TracedModel.of(self._load_model(name))
+            self._models[name] = TracedModel.of(self._load_model(name), self.table)
         return self._models[name]

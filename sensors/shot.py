@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 
-from assets.materials import material_column
 from sensors.beams import Beams
 from sensors.camera_view import CameraView
 from sensors.hits import NOTHING, Hits
@@ -73,9 +72,9 @@ class Shot:
         return np.array(self.pattern.block)[self.rays.ring]
 
     def cos_incidence(self, returns: Returns) -> np.ndarray:
-        """Cosine between beams and the faces they met, (m,) float32 in 0–1; 0 where no surface stands."""
+        """Cosine between beams and the faces they met, (m,) float32 in 0–1; 1 where no surface stands."""
         cos = dot_with_normals(returns.normal_code, self._traced.direction.take(returns.beam, axis=0))
-        return np.where(returns.instance == NOTHING, np.float32(0), np.minimum(np.abs(cos), np.float32(1)))
+        return np.where(returns.instance == NOTHING, np.float32(1), np.minimum(np.abs(cos), np.float32(1)))
 
     def points_in_world(self, returns: Returns) -> np.ndarray:
         """Where the beams met their surfaces, (m, 3) float64 world axes, before range errors."""
@@ -105,7 +104,7 @@ class Shot:
 
     def is_material(self, attribute: str, returns: Returns) -> np.ndarray:
         """(m,) bool: whether the surface's material has `retro`, `metal`, `road` or `paint`."""
-        return material_column(attribute)[returns.material] & (returns.instance >= -1)
+        return self.hits.table.column(attribute)[returns.material] & (returns.instance >= -1)
 
     @property
     def _traced(self) -> Traced:

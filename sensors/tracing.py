@@ -54,6 +54,7 @@ class Tracer:
             pane_beam=pane_beam,
             pane=pane.surface(pane_beam),
             paint=instances.paint,
+            table=scene.table,
         )
 
     def _meet_instances(

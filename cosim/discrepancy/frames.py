@@ -8,8 +8,8 @@ import numpy as np
 
 from cosim.discrepancy.edges import Neighbours
 from cosim.discrepancy.observed import Observed, observe
-from cosim.discrepancy.twin_scene import TwinScenes, ego_motion, lidar_pose, scene_instances
 from cosim.kitti import Drive
+from cosim.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
 from sensors.effects.base import Effect

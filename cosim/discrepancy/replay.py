@@ -111,7 +111,7 @@ class FrameReplay:
         self._pane = hits.pane.take(np.flatnonzero(behind))
         self._pane_beam = np.searchsorted(beams, hits.pane_beam[behind]).astype(np.int32)
         self._paned = Planes.of(frame, hits.pane_beam[behind], self._pane)
-        self._paint = hits.paint
+        self._paint, self._table = hits.paint, hits.table
         before = np.maximum(beams - 1, 0)
         rings = frame.observed.rays.ring
         follows = (rings[before] == rings[beams]) & (beams > 0)
@@ -150,7 +150,7 @@ class FrameReplay:
         solid = self._surface(self._solid, self._met.ranges(origin, direction, firing_s))
         rows = self._pane_beam
         pane = self._surface(self._pane, self._paned.ranges(origin[rows], direction[rows], firing_s[rows]))
-        hits = Hits(beams.rays, pose, solid, rows, pane, self._paint)
+        hits = Hits(beams.rays, pose, solid, rows, pane, self._paint, self._table)
         moving = (
             (origin - pose[:3, 3]).astype(np.float32),
             direction.astype(np.float32),

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from assets.materials import MATERIAL_NAMES, MATERIALS
+from assets.materials import MATERIAL_NAMES, MATERIALS, TABLE, MaterialTable
 from assets.mesh import Mesh
 from cosim.errors import FormatError
 from cosim.files import read_bytes
@@ -53,12 +53,13 @@ def write_glb(path: str | Path, mesh: Mesh, name: str = "world") -> None:
     Path(path).write_bytes(encode_glb(mesh, name))
 
 
-def read_glb(path: str | Path, materials: Mapping[str, str] | None = None) -> Mesh:
+def read_glb(path: str | Path, materials: Mapping[str, str] | None = None, table: MaterialTable = TABLE) -> Mesh:
     """The triangles of a `.glb` or `.gltf` file of any origin, in world axes, node transforms applied.
 
     Args:
         path: the file.
         materials: names in the file → names of the material table, for those that are not in it.
+        table: the material table.
 
     Raises:
         FormatError: the file cannot be read, or has material names that are neither in the table nor mapped.
@@ -82,10 +83,10 @@ def read_glb(path: str | Path, materials: Mapping[str, str] | None = None) -> Me
             continue  # lines and points have no surface
         label = _material_name(shape)
         material = (materials or {}).get(label, label)
-        if material not in MATERIALS:
+        if material not in table:
             unknown.add(label)
             continue
-        parts.append(Mesh.of(shape.vertices, shape.faces, material).transformed(_WORLD_FROM_GLTF @ pose))
+        parts.append(Mesh.of(shape.vertices, shape.faces, material, table).transformed(_WORLD_FROM_GLTF @ pose))
     if unknown:
         raise FormatError(
             f"{path}: material names {', '.join(map(repr, sorted(unknown)))} are not in the material table; "

@@ -9,6 +9,7 @@ import numpy as np
 from assets.mesh import Mesh
 from cosim.kitti.drive import Drive
 from cosim.kitti.frame import Frame
+from cosim.twin.foreign import twin_materials
 from cosim.twin.frame import Instance, TwinFrame
 from cosim.twin.glb import read_glb
 from sensors.motion import EgoMotion
@@ -28,6 +29,7 @@ class TwinScenes:
     def __init__(self, drive: Drive, *, threads: int = 1) -> None:
         self._drive = drive
         self._threads = threads
+        self._table = twin_materials(drive)
         self._meshes: dict[str, Mesh] = {}
         self._files: tuple[Path, ...] = ()
         self._scene: Scene | None = None
@@ -40,13 +42,18 @@ class TwinScenes:
         """
         files = frame.static_paths
         if self._scene is None or files != self._files:
-            self._scene = Scene(Mesh.merge([read_glb(file) for file in files]), self._model, self._threads)
+            self._scene = Scene(
+                Mesh.merge([read_glb(file, table=self._table) for file in files]),
+                self._model,
+                self._threads,
+                self._table,
+            )
             self._files = files
         return self._scene
 
     def _model(self, name: str) -> Mesh:
         if name not in self._meshes:
-            self._meshes[name] = read_glb(self._drive.model_path(name))
+            self._meshes[name] = read_glb(self._drive.model_path(name), table=self._table)
         return self._meshes[name]
 
 

@@ -6,7 +6,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from assets.materials import material_column
 from sensors.effects.base import EchoEffect, number
 from sensors.effects.phases import Phase
 from sensors.effects.reflection import mirrored_returns
@@ -49,4 +48,4 @@ class MirrorGhost(EchoEffect):
 
     @staticmethod
     def _on_metal(returns: Returns, shot: Shot) -> np.ndarray:
-        return material_column("metal")[returns.material] & ~np.isin(returns.beam, shot.panes.beam)
+        return shot.hits.table.column("metal")[returns.material] & ~np.isin(returns.beam, shot.panes.beam)

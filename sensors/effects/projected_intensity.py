@@ -8,7 +8,6 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from assets.materials import material_column
 from sensors.effects.base import EchoEffect, number
 from sensors.effects.phases import Phase
 from sensors.effects.surface_laws import LAWS
@@ -17,7 +16,6 @@ from sensors.shot import Shot
 
 _REFLECTOR = 10.0  # saturates out to 108 m where a line to 120 m weakens it
 _LEAST_AHEAD = -0.2  # cosine; beams that turn farther from the camera's view are not looked up
-_ALBEDO = material_column("albedo").astype(np.float32)
 
 
 class ProjectedIntensity(EchoEffect):
@@ -68,7 +66,11 @@ class ProjectedIntensity(EchoEffect):
     def _brightness(self, returns: Returns, shot: Shot) -> tuple[np.ndarray, np.ndarray]:
         """G (m,) float32 and whether a reflector stands there (m,) bool."""
         painted = shot.is_material("paint", returns)
-        gray = np.sqrt(np.where(painted, returns.reflectance, _ALBEDO[returns.material]))
+        gray = np.sqrt(
+            np.where(
+                painted, returns.reflectance, shot.hits.table.column("albedo").astype(np.float32)[returns.material]
+            )
+        )
         reflector = shot.is_material("retro", returns)
         if shot.camera is None:
             return gray, reflector
