@@ -134,6 +134,13 @@ class Comparison:
         """Whether the error is what noise alone makes, within 2 % and a thousandth of a scale."""
         return self.floor is not None and self.error <= _NEAR * self.floor.error + _NEGLIGIBLE
 
+    @property
+    def excess(self) -> dict[str, float]:
+        """How far each channel lies above its floor, in units of its scale, the farthest first."""
+        parts, floor = self.totals.parts(), self.floor.parts if self.floor else {}
+        above = {name: max(parts[name] - floor.get(name, 0.0), 0.0) / SCALES[name] for name in parts}
+        return dict(sorted(above.items(), key=lambda item: -item[1]))
+
     def to_json(self) -> dict[str, Any]:
         """What `cosim compare --json` writes."""
         t = self.totals
@@ -170,6 +177,8 @@ class Comparison:
             return f"error {self.error:.3f}: at the floor ({self.floor.error:.3f})"
         floor = f", noise floor {self.floor.error:.3f}" if self.floor else ""
         worst = f"; worst: {self.slices[0]}" if self.slices else ""
+        if next(iter(self.excess), "") == "spurious":
+            worst = f"; worst: {self.totals.spurious / self.totals.frames:,.0f} spurious points a frame"
         return f"error {self.error:.3f}{floor}{worst}"
 
 

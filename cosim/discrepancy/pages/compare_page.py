@@ -15,6 +15,8 @@ from cosim.discrepancy.scoring import SCALES
 from cosim.discrepancy.slices import Slice
 from cosim.html import document
 
+_CHANNEL_WORDS = {"range": "ranges", "intensity": "intensities", "drop": "returns", "spurious": "spurious points"}
+_WORTH_A_WORD = 0.05  # share of the excess
 _CLEAR = {"cm": 0.1, "": 0.003, "%": 0.3}  # dependences below this are not worth a word
 
 
@@ -54,22 +56,37 @@ def _verdict(found: Comparison, charts: dict[str, list[ResidualChart]], command:
         )
         return f'<p class="verdict">{said}</p>{small}'
     above = found.error / floor if floor > 0 else float("inf")
-    share = f"{above - 1:.0%} above" if above < 3 else f"{above:.1f} times"
+    share = f"{above - 1:.0%} above" if above < 2 else f"{above:.1f} times"
     said = '<span class="bad">Above the noise floor.</span> '
     said += f"The error {found.error:.3g} is {share} what noise alone makes ({floor:.3g})."
-    lead = _leading(charts)
     if found.slices:
-        said += f" It is worst on {escape(str(found.slices[0]))}."
-    return f'<p class="verdict">{said}{lead}</p>{run}'
+        run = f'<p class="next">Worst place: {escape(str(found.slices[0]))}.</p>{run}'
+    return f'<p class="verdict">{said}{_excess(found, charts)}</p>{run}'
 
 
-def _leading(charts: dict[str, list[ResidualChart]]) -> str:
-    said = []
-    for channel in CHANNELS:
-        mine = [chart for chart in charts[channel.title] if chart.strength > _CLEAR[channel.unit]]
-        if mine:
-            said.append(f"{channel.title.lower()} on {WORDS[mine[0].covariate]} ({_reach(mine[0], channel)})")
-    return f" Residuals depend most: {', '.join(said)}." if said else ""
+def _excess(found: Comparison, charts: dict[str, list[ResidualChart]]) -> str:
+    """The channels in which the error lies above the floor, with what is off in each."""
+    excess = found.excess
+    total = sum(excess.values())
+    order = [name for name in excess if excess[name] > _WORTH_A_WORD * total]
+    said = [
+        f"<b>{_CHANNEL_WORDS[name]}</b> ({excess[name] / total:.0%}): {_off(name, found, charts)}" for name in order
+    ]
+    return f" The excess lies in {'; '.join(said)}." if said else ""
+
+
+def _off(name: str, found: Comparison, charts: dict[str, list[ResidualChart]]) -> str:
+    t = found.totals
+    if name == "spurious":
+        return f"{t.spurious / t.frames:,.0f} points a frame where the model has {t.foreseen / t.frames:,.0f}"
+    channel = CHANNELS[("range", "intensity", "drop").index(name)]
+    mean = {
+        "range": f"on average {100 * t.signed / max(t.matched, 1):+.2f} cm",
+        "intensity": f"on average {t.intensity_signed / max(t.lit, 1) + 0.0:+.3f}",
+        "drop": f"{t.dropped / t.frames:,.0f} lost a frame where the model loses {t.foreseen_drops / t.frames:,.0f}",
+    }[name]
+    leading = [chart for chart in charts[channel.title] if chart.strength > _CLEAR[channel.unit]][:1]
+    return ", ".join([mean, *(f"varying with {WORDS[one.covariate]} ({_reach(one, channel)})" for one in leading)])
 
 
 def _figures(found: Comparison) -> str:
