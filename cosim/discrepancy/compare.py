@@ -240,6 +240,8 @@ def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:
 
 def _notes(drive: Drive, totals: Totals) -> tuple[str, ...]:
     said = [note for note in drive.missing if not note.startswith(_NO_MATTER)]
+    if drive.materials_path is None:
+        said.append("twin/materials.yaml is absent: reflectances are taken from colours, so intensities mean little")
     if totals.bad:
         said.append(f"{totals.bad} points with NaN or infinity were left out")
     if totals.strays:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from assets.materials import MATERIAL_NAMES
 from cosim.discrepancy.frames import TracedFrame
 from cosim.discrepancy.scoring import SCALES, FrameScores
 
@@ -60,6 +59,7 @@ class SliceTally:
     """Sums residuals by slice, frame after frame."""
 
     def __init__(self) -> None:
+        self._names: tuple[str, ...] = ()
         self._sums: dict[str, dict[tuple[int, int, int], np.ndarray]] = {
             channel: defaultdict(lambda: np.zeros(4)) for channel in ("range", "intensity", "drop")
         }
@@ -67,6 +67,7 @@ class SliceTally:
     def add(self, frame: TracedFrame, scores: FrameScores) -> None:
         """Add a frame."""
         solid, ring = frame.shot.hits.solid, frame.shot.rays.ring
+        self._names = frame.shot.hits.table.names
         band = np.minimum(ring // _RING_BAND, 3)
         reach = np.searchsorted(_RANGES_M, np.nan_to_num(solid.range_m, posinf=999.0), side="right") - 1
         key = (solid.material.astype(int) * 4 + band) * 8 + reach
@@ -99,14 +100,13 @@ class SliceTally:
                     spread = float(np.sqrt(max(two / count - bias**2, 0)))
                     share = cost / total
                     pull = abs(bias) / SCALES[channel] * count / weight
-                    found.append((pull, Slice(_words(key), channel, int(count), bias, spread, share)))
+                    found.append((pull, Slice(self._words(key), channel, int(count), bias, spread, share)))
         found.sort(key=lambda row: -row[0])
         return tuple(one for _, one in found[:_SHOWN])
 
-
-def _words(key: tuple[int, int, int]) -> str:
-    material, band, reach = key
-    name = MATERIAL_NAMES[material].replace("_", " ") if material < len(MATERIAL_NAMES) else "?"
-    low, high = _RANGES_M[reach], _RANGES_M[reach + 1]
-    far = f"beyond {low} m" if high == _RANGES_M[-1] else f"at {low}–{high} m"
-    return f"rings {band * _RING_BAND}–{band * _RING_BAND + _RING_BAND - 1} on {name} {far}"
+    def _words(self, key: tuple[int, int, int]) -> str:
+        material, band, reach = key
+        name = self._names[material].replace("_", " ")
+        low, high = _RANGES_M[reach], _RANGES_M[reach + 1]
+        far = f"beyond {low} m" if high == _RANGES_M[-1] else f"at {low}–{high} m"
+        return f"rings {band * _RING_BAND}–{band * _RING_BAND + _RING_BAND - 1} on {name} {far}"

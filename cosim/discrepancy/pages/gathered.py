@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from assets.materials import MATERIAL_NAMES
 from cosim.discrepancy.compare import Totals, in_order
 from cosim.discrepancy.expectation import Expectation, expect
 from cosim.discrepancy.frames import TracedFrame
@@ -28,6 +27,7 @@ class Rows:
         range_m: (n,) measured − predicted range, clipped at 1 m; NaN where not matched.
         intensity: (n,) measured − predicted; NaN where not matched.
         drop: (n,) returned (1 or 0) − predicted chance of it; NaN where ambiguous or nothing is there.
+        materials: names by number.
     """
 
     covariates: dict[str, np.ndarray]
@@ -35,6 +35,7 @@ class Rows:
     range_m: np.ndarray
     intensity: np.ndarray
     drop: np.ndarray
+    materials: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +100,7 @@ class Gathered:
             range_m=np.concatenate([rows.range_m for rows in self._rows]),
             intensity=np.concatenate([rows.intensity for rows in self._rows]),
             drop=np.concatenate([rows.drop for rows in self._rows]),
+            materials=self._rows[-1].materials,
         )
 
     def scans(self) -> list[Scan]:
@@ -107,11 +109,6 @@ class Gathered:
         if self._worst is not None:
             found[self._worst.name] = self._worst
         return sorted(found.values(), key=lambda scan: -scan.error)
-
-
-def material_name(number: int) -> str:
-    """Of a row of the material table."""
-    return MATERIAL_NAMES[number].replace("_", " ") if number < len(MATERIAL_NAMES) else "?"
 
 
 def _rows(
@@ -141,6 +138,7 @@ def _rows(
         range_m=np.where(matched, residual, np.nan).astype(np.float32),
         intensity=np.where(matched, bright, np.nan).astype(np.float32),
         drop=np.where(clear[used], outcome - expected.seen[used], np.nan).astype(np.float32),
+        materials=tuple(name.replace("_", " ") for name in hits.table.names),
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.discrepancy.pages.binned import Binned, binned, in_quantiles
-from cosim.discrepancy.pages.gathered import Rows, material_name
+from cosim.discrepancy.pages.gathered import Rows
 from cosim.stats.plot import Axis, Plot
 
 COVARIATES = {
@@ -78,7 +78,9 @@ def residual_charts(rows: Rows, channel: ChannelOf) -> list[ResidualChart]:
     found = {name: _one(rows, name, residual) for name in COVARIATES}
     found = {name: one for name, one in found.items() if len(one.mean) > 1}
     top = _top(list(found.values()), channel)
-    charts = [ResidualChart(name, one.strength, _svg(name, one, channel, top)) for name, one in found.items()]
+    charts = [
+        ResidualChart(name, one.strength, _svg(name, one, channel, top, rows.materials)) for name, one in found.items()
+    ]
     return sorted(charts, key=lambda chart: -chart.strength)
 
 
@@ -104,11 +106,11 @@ def _top(charts: Sequence[Binned], channel: ChannelOf) -> float:
     return 1.15 * max([*reach, {"cm": 0.5, "%": 0.5}.get(channel.unit, 0.005)])
 
 
-def _svg(name: str, one: Binned, channel: ChannelOf, top: float) -> str:
+def _svg(name: str, one: Binned, channel: ChannelOf, top: float, materials: Sequence[str]) -> str:
     words: list[str] = []
     if name == "material":
         order = np.argsort(-one.count, kind="stable")
-        words = [material_name(int(number)) for number in one.place[order]]
+        words = [materials[int(number)] for number in one.place[order]]
         one = Binned(
             np.arange(len(order), dtype=float), one.mean[order], one.half[order], one.count[order], one.strength
         )

@@ -11,9 +11,9 @@ import yaml
 
 from assets.mesh import Mesh
 from assets.shapes import box, plate
-from cosim.discrepancy.twin_scene import ego_motion, lidar_pose, scene_instances
 from cosim.kitti import PointRays, write_points, write_rays
-from cosim.twin import Ego, Instance, Lidar, TwinFrame, read_glb, write_frame, write_glb
+from cosim.twin import Ego, Instance, Lidar, TwinFrame, read_glb, write_frame, write_glb, write_materials
+from cosim.twin.scene import ego_motion, lidar_pose, scene_instances
 from sensors.effects.base import Effect
 from sensors.pattern import Pattern
 from sensors.scene import Scene
@@ -61,6 +61,7 @@ def make_yard(
         (drive / part).mkdir(parents=True)
     write_glb(drive / "twin/static.glb", _world())
     write_glb(drive / "twin/models/crate.glb", box((4.0, 1.8, 1.5), (0, 0, 0.75), "car_paint"))
+    write_materials(drive / "twin/materials.yaml", ("asphalt", "grass", "concrete", "brick", "wood", "car_paint"))
     scene = Scene(read_glb(drive / "twin/static.glb"), lambda name: read_glb(drive / f"twin/models/{name}.glb"))
     sensor = SensorModel(PATTERN, effects, "true")
     for number in range(frames):
