@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.checks import check_fit, opened
@@ -22,8 +23,9 @@ from cosim.discrepancy.sample import draw_sample
 from cosim.discrepancy.testing import HeldOut, held_out_errors
 from cosim.errors import DriveError
 from cosim.kitti import Drive
-from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.base import BeamEffect, Effect, LabelEffect
 from sensors.errors import SensorError
+from sensors.pattern import first_problem
 from sensors.sensor_model import SensorModel, load_sensor
 
 _ROWS = 60_000
@@ -87,12 +89,14 @@ def add(
     """
     drive = opened(drive)
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
-    fixed = dict(fixed or {})
+    fixed = known_parameters(kind, fixed or {})
     split = split_frames(drive.frames)
     tracer = FrameTracer(drive, model)
     effects = in_order(model.effects)
     before = held_out_errors(tracer, split.test, effects, model.origin)
     place = next((i for i, effect in enumerate(effects) if effect.name == kind.name), None)
+    if place is not None and fixed:
+        effects = tuple(with_values(one, fixed) if i == place else one for i, one in enumerate(effects))
     result: Fitted | None = None
     fitter: Fitter | None = None
     for number in range(_ROUNDS):
@@ -119,6 +123,25 @@ def add(
     )
 
 
+def known_parameters(kind: type[Effect], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters of an effect that are known, as the effect takes them.
+
+    Raises:
+        SensorError: no such parameter, a value out of bounds, or an effect of which points tell nothing.
+    """
+    strange = sorted(set(given) - set(kind.model_fields))
+    if strange:
+        known = ", ".join(kind.model_fields) or "none"
+        raise SensorError(f"effect {kind.name} has no parameter {strange[0]!r}; parameters: {known}")
+    try:
+        checked = kind.model_validate({**kind.example, **given})
+    except ValidationError as error:
+        raise SensorError(f"effect {kind.name}: {first_problem(error)}; see `cosim effects {kind.name}`") from error
+    if issubclass(kind, LabelEffect):
+        raise SensorError(f"effect {kind.name} changes labels, which points cannot tell; write it into the sensor file")
+    return {name: getattr(checked, name) for name in given}
+
+
 def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:
     """95 % intervals of everything that was fitted, by effect and parameter: pairs, or lists of pairs."""
     widths, found, at = half_widths(fitter, fitted), {}, 0
@@ -136,11 +159,6 @@ def _begun(
     fitter: Fitter, kind: type[Effect], effects: Sequence[Effect], fixed: Mapping[str, Any], drive: Drive
 ) -> tuple[tuple[Effect, ...], int]:
     """The effects with the new one, roughly as strong as it is."""
-    unknown = set(fixed) - set(kind.model_fields)
-    if unknown:
-        raise SensorError(
-            f"effect {kind.name} has no parameter {sorted(unknown)[0]!r}; it has {', '.join(kind.model_fields)}"
-        )
     effects = tuple(effects)
     if kind.neutral is None or all(name in fixed for name in kind.model_fields):
         return (*effects, kind.model_validate({**kind.example, **fixed})), len(effects)

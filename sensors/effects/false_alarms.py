@@ -29,7 +29,10 @@ class FalseAlarms(ScanEffect):
     repeatable: ClassVar = True
     example: ClassVar = {"rate_per_frame": 400.0, "azimuth_deg": 30.0, "width_deg": 40.0}
     neutral: ClassVar = {"rate_per_frame": 0.0, "azimuth_deg": 0.0, "width_deg": 360.0}
-    shapes: ClassVar = tuple({"azimuth_deg": 45.0 * k, "width_deg": 90.0} for k in range(8)) + ({"width_deg": 360.0},)
+    shapes: ClassVar = (
+        *({"azimuth_deg": 20.0 * k, "width_deg": 60.0} for k in range(18)),
+        {"width_deg": 360.0},
+    )
 
     rate_per_frame: float = number("mean number of false points in a revolution", ge=0, le=100000)
     azimuth_deg: float = number("middle of the sector, counter-clockwise from forward", unit="°", ge=-360, le=360)

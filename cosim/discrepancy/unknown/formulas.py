@@ -80,8 +80,8 @@ def _families(x: np.ndarray, period: float) -> Iterator[_Family]:
                 shape = np.sin(2 * np.pi / period * k * x + phase)
                 times = "" if k == 1 else str(k)
                 wave = 2 * np.pi / period * k
-                text, code = f"sin({times}x + {phase:.2f})", "np.sin(wave * x + phase)"
-                yield "sine", 1, shape, text, code, {"wave": wave, "phase": float(phase)}
+                text, code = f"sin({times}x + {phase:.2f})", "np.sin(wave * x + shift)"
+                yield "sine", 1, shape, text, code, {"wave": wave, "shift": float(phase)}
     if low > 0:
         yield "inverse", 0, 1 / x, "1/x", "1 / np.maximum(x, 1e-3)", {}
         yield "logarithm", 0, np.log(x), "ln x", "np.log(np.maximum(x, 1e-3))", {}
@@ -101,8 +101,8 @@ def _families(x: np.ndarray, period: float) -> Iterator[_Family]:
         for turns in np.linspace(0.5, 8, 31):
             wave = 2 * np.pi * turns / max(high - low, 1e-9)
             for phase in np.linspace(0, np.pi, 13)[:-1]:
-                text, code = f"sin({wave:.3g}·x + {phase:.2f})", "np.sin(wave * x + phase)"
-                yield "sine", 2, np.sin(wave * x + phase), text, code, {"wave": wave, "phase": float(phase)}
+                text, code = f"sin({wave:.3g}·x + {phase:.2f})", "np.sin(wave * x + shift)"
+                yield "sine", 2, np.sin(wave * x + phase), text, code, {"wave": wave, "shift": float(phase)}
     for start in inner[:: 2 if not period else 1]:
         for end in inner[inner > start]:
             within = ((x > start) & (x <= end)).astype(float)
