@@ -14,14 +14,16 @@ from assets.world.houses import House
 from assets.world.obstacles import Obstacles
 from assets.world.plots import land_on_left
 from assets.world.styles import Style
-from assets.world.surfaces import Outlines, open_roads
+from assets.world.surfaces import Outlines, crossroads, open_roads
 
 _RUN_M = (12.0, 48.0)  # length of one kind and height
 _GATEWAY_M = (3.0, 5.0)
 _GATEWAY_SHARE = 0.6  # of runs that end at a driveway
 _RISE = (0.85, 1.25)
-_SET_BACK_M = {"walked": (0.7, 1.6), "bare": (1.6, 3.0), "fast": (4.5, 8.0)}  # from the edge of what is paved
-_SIGHT_M = 3.5  # kept open around junctions and crossings, for drivers' sight
+_SET_BACK_M = {"walked": (0.7, 2.6), "bare": (1.6, 3.0), "fast": (4.5, 8.0)}  # from the edge of what is paved
+_SIGHT_M = 4.0  # around crossroads borders are low, for drivers' sight
+_LOW = 0.6  # of the usual height, there
+_CROSSING_M = 1.5  # kept open around crossings
 _PATH_M = 1.3  # kept open beside garden paths
 _HOUSE_M = 2.6  # no border before a façade nearer than this
 _BEHIND_M = 7.0  # one border is enough within this depth
@@ -35,9 +37,9 @@ def enclose(
     rng: np.random.Generator,
 ) -> tuple[Borders, np.ndarray]:  # fmt: skip
     """Borders along street fronts that neither houses nor garden borders close, and spots (n, 2) of trees behind."""
-    sight = [shapely.Polygon(area.outline[:, :2]) for area in streets.areas if area.use == "junction"]
-    keep_open = shapely.union_all([shapely.union_all([*sight, outlines.crossings]).buffer(_SIGHT_M), _paths(houses)])
-    shapely.prepare([keep_open, outlines.pavement])
+    corners = shapely.buffer(crossroads(streets, outlines.carriageway), _SIGHT_M)
+    keep_open = shapely.union_all([shapely.buffer(outlines.crossings, _CROSSING_M), _paths(houses)])
+    shapely.prepare([corners, keep_open, outlines.pavement])
     footprints = STRtree([shapely.Polygon(house.plot.corners()) for house in houses])
     fast = open_roads(streets)
     tall = gardens.only(np.isin(gardens.kind, TALL_KINDS))
@@ -57,8 +59,9 @@ def enclose(
                 open_here = _open(knots, inward, footprints, STRtree(standing), keep_open)
                 open_here &= ~blocked.crosses(knots[:-1], knots[1:])
                 for i in np.flatnonzero(open_here):
-                    lines.append((kind, knots[i : i + 2], rise))
-                    standing.append(shapely.LineString(knots[i : i + 2]))
+                    piece = shapely.LineString(knots[i : i + 2])
+                    lines.append((kind, knots[i : i + 2], _LOW if shapely.intersects(corners, piece) else rise))
+                    standing.append(piece)
                 if rows:
                     spots = (knots + 1.7 * inward)[:-1][open_here]
                     trees.append(spots[int(turn * 2) :: max(1, round(_TREE_M / PIECE_M[kind]))])

@@ -45,8 +45,8 @@ class _Prop:
 
 _PROPS: dict[str, _Prop] = {
     "bus_stop": _Prop(lambda _: furniture.bus_shelter(), 0.10, 0.06, "behind", 2.3),
-    "market_stall": _Prop(street_life.market_stall, 0.25, 0.0, "back", 1.4, 3.3),
-    "table": _Prop(lambda _: street_life.cafe_table(), 0.7, 0.02, "back", 1.0, 2.9),
+    "market_stall": _Prop(street_life.market_stall, 0.18, 0.0, "back", 1.4, 3.3),
+    "table": _Prop(lambda _: street_life.cafe_table(), 0.5, 0.02, "back", 1.0, 2.9),
     "litter_bin": _Prop(lambda _: furniture.litter_bin(), 0.9, 0.5, "kerb", 0.3),
     "hydrant": _Prop(lambda _: furniture.hydrant(), 0.4, 0.3, "kerb", 0.25),
     "cabinet": _Prop(lambda rng: furniture.cabinet(float(rng.uniform(0.7, 1.5))), 0.5, 0.3, "back", 0.6),
@@ -55,8 +55,8 @@ _PROPS: dict[str, _Prop] = {
     "wheelie_bin": _Prop(lambda _: furniture.wheelie_bin(), 0.7, 0.9, "back", 0.35),
     "box": _Prop(street_life.boxes, 0.4, 0.15, "back", 0.7),
     "planter": _Prop(street_life.planter, 0.7, 0.15, "back", 0.45),
-    "bicycle": _Prop(street_life.parked_bicycle, 1.1, 0.25, "back", 0.75),
-    "fence": _Prop(lambda _: street_life.guard_rail(), 0.35, 0.1, "kerb", 2.0),
+    "bicycle": _Prop(street_life.parked_bicycle, 0.8, 0.25, "back", 0.75),
+    "fence": _Prop(lambda _: street_life.guard_rail(), 0.25, 0.1, "kerb", 2.0),
     "bollard": _Prop(lambda _: furniture.bollard(), 0.6, 0.15, "corner", 0.5),
 }
 

@@ -54,7 +54,7 @@ def _street_trees(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: S
     templates = []
     for _ in range(_VARIANTS):
         crown = (radius * rng.uniform(0.85, 1.15), radius * rng.uniform(0.85, 1.15))
-        templates.append(broadleaf(rng, rng.uniform(8.5, 11.0), crown, rng.uniform(4.3, 4.9), clusters=96))
+        templates.append(broadleaf(rng, rng.uniform(8.5, 11.0), crown, rng.uniform(4.3, 4.9), clusters=72))
     return _scatter(templates, spots[keep], stand_z, rng)
 
 

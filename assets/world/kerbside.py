@@ -9,7 +9,7 @@ import shapely
 
 from assets.streets import Streets
 from assets.world import polylines
-from assets.world.surfaces import Outlines
+from assets.world.surfaces import Outlines, crossroads
 
 _STEP_M = 1.0
 _WIDEST_PAVEMENT_M = 6.0
@@ -67,8 +67,7 @@ def kerbside(streets: Streets, outlines: Outlines) -> Kerbside:
         outward.append(np.where(inside[:, None], -left, left))
         run.append(np.full(len(point), number))
     point, normal = np.concatenate(points), np.concatenate(outward)
-    knots = [shapely.Polygon(area.outline[:, :2]) for area in streets.areas if area.use == "junction"]
-    knot = shapely.union_all([*knots, outlines.crossings])
+    knot = shapely.union_all([crossroads(streets, outlines.carriageway), outlines.crossings])
     away = np.full(len(point), 1e3)
     if not knot.is_empty:
         shapely.prepare(knot)

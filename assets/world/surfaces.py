@@ -15,6 +15,7 @@ _SPIKE_M = 0.15
 _SMALL_HOLE_M2 = 12.0
 _PRECISION_M = 0.01
 _FAST_MPS = 18.0
+_ARM_M = 3.0  # roads are counted this far outside a junction
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,17 @@ def open_roads(streets: Streets) -> Geometry:
         bare = set()
     fast = [lane for lane in lanes if lane.edge in bare or (lane.speed_mps > _FAST_MPS and lane.edge not in walked)]
     return shapely.union_all([_strip(lane.centre, lane.width_m) for lane in fast])
+
+
+def crossroads(streets: Streets, carriageway: Geometry) -> Geometry:
+    """Junctions where three roads or more meet; bends and places to turn round are junctions of the network alone."""
+    meeting = []
+    for junction in _areas(streets, "junction"):
+        around = shapely.get_rings(shapely.get_parts(shapely.buffer(junction, _ARM_M)))
+        arms = shapely.intersection(shapely.union_all(around), carriageway)
+        if len(shapely.get_parts(shapely.line_merge(arms))) > 2:
+            meeting.append(junction)
+    return shapely.union_all(meeting)
 
 
 def _strips(streets: Streets, uses: tuple[LaneUse, ...]) -> list[Geometry]:
