@@ -5,15 +5,12 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import Console
 
 from cosim.cli.options import add_common, without_nan, write_json
 from cosim.drive_writer import explained
-
-if TYPE_CHECKING:
-    from sensors.effects.base import Effect
 
 
 def add_command(commands: Any) -> None:
@@ -35,6 +32,7 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Fit, then write the sensor."""
     from cosim.discrepancy import add
+    from cosim.discrepancy.add import known_parameters
     from cosim.discrepancy.checks import opened
     from cosim.discrepancy.sensor_out import write_sensor
     from cosim.discrepancy.sentences import Vocabulary
@@ -42,7 +40,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from sensors.sensor_model import load_sensor
 
     kind = find_effect(options.effect)
-    fixed = _known(kind, options.param)
+    fixed = known_parameters(kind, _given(options.param))
     sensor, drive = load_sensor(options.sensor), opened(options.drive)
     with explained(options.out):
         options.out.parent.mkdir(parents=True, exist_ok=True)
@@ -59,30 +57,19 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     write_json(options.json, without_nan({**found.to_json(), "sensor_out": os.path.relpath(options.out)}))
 
 
-def _known(kind: type[Effect], given: list[str]) -> dict[str, Any]:
-    """Parameters by name, checked against the effect's bounds."""
+def _given(texts: list[str]) -> dict[str, Any]:
+    """Parameters by name, as they stand on the command line."""
     import yaml
-    from pydantic import ValidationError
 
     from sensors.errors import SensorError
-    from sensors.pattern import first_problem
 
-    fixed: dict[str, Any] = {}
-    for text in given:
+    given: dict[str, Any] = {}
+    for text in texts:
         name, sign, value = text.partition("=")
         if not sign or not name.strip():
             raise SensorError(f"--param is {text!r}; write --param NAME=VALUE")
-        if name.strip() not in kind.model_fields:
-            known = ", ".join(kind.model_fields) or "none"
-            raise SensorError(f"effect {kind.name} has no parameter {name.strip()!r}; parameters: {known}")
         try:
-            fixed[name.strip()] = yaml.safe_load(value)
+            given[name.strip()] = yaml.safe_load(value)
         except yaml.YAMLError as error:
             raise SensorError(f"--param {text!r} cannot be read; write --param NAME=VALUE") from error
-    try:
-        checked = kind.model_validate({**kind.example, **fixed})
-    except ValidationError as error:
-        raise SensorError(f"effect {kind.name}: {first_problem(error)}; see `cosim effects {kind.name}`") from error
-    if kind.stage == "label":
-        raise SensorError(f"effect {kind.name} changes labels, which points cannot tell; write it into the sensor file")
-    return {name: getattr(checked, name) for name in fixed}
+    return given

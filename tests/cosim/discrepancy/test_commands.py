@@ -105,6 +105,10 @@ def test_add_keeps_what_is_known(biased_yard: Yard, tmp_path: Path) -> None:
     assert run("add", "range_bias", "--param", "offset_m=0.031", *arguments) == 0
     effects = {effect.name: effect for effect in load_sensor(better).effects}
     assert effects["range_bias"].model_dump()["offset_m"] == 0.031
+    # The same of an effect that the sensor has already.
+    assert run("add", "range_noise", "--param", "sigma_m=0.05", *arguments) == 0
+    effects = {effect.name: effect for effect in load_sensor(better).effects}
+    assert effects["range_noise"].model_dump()["sigma_m"] == 0.05
 
 
 def test_an_effect_of_ones_own_is_named_relative_to_the_sensor_file(biased_yard: Yard, tmp_path: Path) -> None:
