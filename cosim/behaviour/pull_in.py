@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.behaviour.backing_in import BackingIn
 from cosim.behaviour.roads import Lane, Lot
 from cosim.behaviour.stage import Stage
 from cosim.motion import Approach, drift
@@ -44,11 +45,12 @@ class _Going:
 
 
 class PullIn:
-    """A driver takes a free place on his way that he can drive into forwards, and stays there."""
+    """A driver takes a free place on his way, forwards where he can, else backwards, and stays there."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
         self._due = 0
+        self._backing = BackingIn()
         self._going: dict[str, _Going] = {}
         self._beside: set[str] = set()  # those who drive beside their place already
         self._fastest: dict[str, float] = {}  # of those who have slowed down [m/s]
@@ -58,6 +60,7 @@ class PullIn:
         self._due = min(self._due + stage.due(stage.config.pull_ins_per_min, self._rng), 3)
         if self._due and round(stage.actors.time_s / stage.step_s) % 10 == 5:
             self._due -= self._begin(stage)
+        self._backing.step(stage)
         for vehicle, going in list(self._going.items()):
             row = stage.rows.get(vehicle)
             if row is None or stage.actors.parked[row]:
@@ -101,7 +104,10 @@ class PullIn:
         tried = 0
         for i in self._rng.permutation(len(rows)).tolist():
             free = self._free_ahead(stage, rows[i])
-            if any(self._try(stage, rows[i], *place) for place in free[:_PLACES_TRIED]):
+            places = free[:_PLACES_TRIED]
+            if any(self._try(stage, rows[i], lot, straight_m) for lot, straight_m in places):
+                return True
+            if any(self._backing.begin(stage, rows[i], lot) for lot, _ in places):
                 return True
             tried += bool(free)
             if tried == _DRIVERS_TRIED:
@@ -115,7 +121,7 @@ class PullIn:
         """
         api, roads, actors = stage.api, stage.roads, stage.actors
         vehicle, own = actors.ids[row], roads.lanes[actors.lanes[row]]
-        sought = {going.lot.lane for going in self._going.values()}
+        sought = {going.lot.lane for going in self._going.values()} | self._backing.lanes
         at = api.vehicle.getRouteIndex(vehicle)
         way, free, before = -float(actors.lane_position_m[row]), [], None
         for edge in api.vehicle.getRoute(vehicle)[at : at + _EDGES_AHEAD]:

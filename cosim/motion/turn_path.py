@@ -12,13 +12,13 @@ from cosim.motion.chassis import Chassis
 from cosim.motion.footprint import separation
 from cosim.motion.script import Script
 
-_STEP_M = 0.04
+WAY_STEP_M = 0.04  # between poses of a way
 _MOST_ARCS = 5
 _SHORTEST_ARC_M = 0.35
 _LOCK = 0.93  # share of the largest curvature
 _ACCELERATION_MPS2 = 1.3
-_SPEED_MPS = {1: 1.9, -1: 1.3}
-_PAUSE_S = 0.7  # change gear, turn the wheel
+SPEED_MPS = {1: 1.9, -1: 1.3}  # forwards and backwards
+PAUSE_S = 0.7  # change gear, turn the wheel
 _CLEAR_M = 0.15  # of other road users
 
 
@@ -66,13 +66,13 @@ def plan_turn(front: np.ndarray, heading_rad: float, kind: str, size: np.ndarray
     gear = 1
     for _ in range(_MOST_ARCS):
         arc = _arc(pose, gear, curvature, rear_m, size, room)
-        if (len(arc) - 1) * _STEP_M < _SHORTEST_ARC_M:
+        if (len(arc) - 1) * WAY_STEP_M < _SHORTEST_ARC_M:
             break
-        poses.append(_drive(arc, min(_SPEED_MPS[gear], MAX_YAW_RATE_RADPS / curvature), step_s))
+        poses.append(drive(arc, min(SPEED_MPS[gear], MAX_YAW_RATE_RADPS / curvature), step_s))
         pose = arc[-1]
         if pose[2] >= np.pi:
-            return _script(np.concatenate(poses), front, heading_rad, rear_m)
-        poses.append(np.repeat(pose[None], round(_PAUSE_S / step_s), axis=0))
+            return as_script(np.concatenate(poses), front, heading_rad, rear_m)
+        poses.append(np.repeat(pose[None], round(PAUSE_S / step_s), axis=0))
         gear = -gear
     width = room.left_m - room.right_m
     raise TurnError(f"a {kind} of {size[0]:.1f} m cannot turn round within {width:.1f} m; take another place")
@@ -80,8 +80,8 @@ def plan_turn(front: np.ndarray, heading_rad: float, kind: str, size: np.ndarray
 
 def _arc(pose: np.ndarray, gear: int, curvature: float, rear_m: float, size: np.ndarray, room: Room) -> np.ndarray:
     """Rear-axle poses (k, 3) along one arc, as far as there is room."""
-    steps = int(np.pi / curvature / _STEP_M) + 2
-    way = gear * _STEP_M * np.arange(steps)
+    steps = int(np.pi / curvature / WAY_STEP_M) + 2
+    way = gear * WAY_STEP_M * np.arange(steps)
     heading = np.minimum(pose[2] + gear * curvature * way, np.pi)  # backwards the wheels are turned the other way
     curve = gear * curvature
     x = pose[0] + (np.sin(heading) - np.sin(pose[2])) / curve
@@ -109,9 +109,9 @@ def _fits(arc: np.ndarray, rear_m: float, size: np.ndarray, room: Room) -> np.nd
     return fits
 
 
-def _drive(arc: np.ndarray, fastest_mps: float, step_s: float) -> np.ndarray:
-    """Poses along an arc, one a time step, from rest to rest."""
-    length = (len(arc) - 1) * _STEP_M
+def drive(arc: np.ndarray, fastest_mps: float, step_s: float) -> np.ndarray:
+    """Poses (k, 3) along a way of poses (n, 3) `WAY_STEP_M` apart, one a time step, from rest to rest."""
+    length = (len(arc) - 1) * WAY_STEP_M
     top = min(fastest_mps, np.sqrt(_ACCELERATION_MPS2 * length))
     ramp_s = top / _ACCELERATION_MPS2
     total_s = length / top + ramp_s
@@ -125,11 +125,12 @@ def _drive(arc: np.ndarray, fastest_mps: float, step_s: float) -> np.ndarray:
             length - 0.5 * _ACCELERATION_MPS2 * np.maximum(total_s - time, 0) ** 2,
         ),
     )
-    way = _STEP_M * np.arange(len(arc))
+    way = WAY_STEP_M * np.arange(len(arc))
     return np.column_stack([np.interp(gone, way, arc[:, i]) for i in range(3)])
 
 
-def _script(poses: np.ndarray, front: np.ndarray, heading_rad: float, rear_m: float) -> Script:
+def as_script(poses: np.ndarray, front: np.ndarray, heading_rad: float, rear_m: float) -> Script:
+    """Rear-axle poses (k, 3) in axes at `front` (2,), x along `heading_rad`, as a script in the world."""
     tip = poses[:, :2] + rear_m * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)
     world = np.column_stack([tip[:, 0] * cos - tip[:, 1] * sin, tip[:, 0] * sin + tip[:, 1] * cos]) + front
