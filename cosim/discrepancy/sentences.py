@@ -13,6 +13,7 @@ from sensors.effects.base import Effect, Parameter
 from sensors.effects.registry import effect_classes
 
 _SMALL_M = 1.0
+_PLAIN = ("range_bias", "elevation_offset", "range_walk", "incidence_falloff", "random_dropout")
 
 
 class Vocabulary:
@@ -34,6 +35,11 @@ class Vocabulary:
         kind = self._kinds.get(effect)
         found = (one for one in kind.parameters() if one.name == name) if kind else iter(())
         return next(found, Parameter(name, "", None, None, "", False))
+
+    def is_possible(self, effect: str, name: str, value: float) -> bool:
+        """Whether a value lies within the parameter's bounds."""
+        one = self.parameter(effect, name)
+        return (one.low is None or value >= one.low) and (one.high is None or value <= one.high)
 
     def quantity(self, effect: str, name: str, value: Any, interval: Any = None) -> str:
         """A value with its interval and unit; lists in short."""
@@ -85,8 +91,9 @@ def unknown_words(unknown: Shape) -> str:
 
 
 def smallest_words(found: Diagnosis, words: Vocabulary, most: int) -> str:
-    """Smallest amplitudes that would have been seen, of the first few effects."""
-    rows = smallest_rows(found)
+    """Smallest amplitudes that would have been seen, of the first few effects, plain ones before others."""
+    rows = [row for row in smallest_rows(found) if words.is_possible(*row)]
+    rows.sort(key=lambda row: _PLAIN.index(row[0]) if row[0] in _PLAIN else len(_PLAIN))
     said = [f"{effect} from {words.quantity(effect, name, value)}" for effect, name, value in rows[:most]]
     return ", ".join(said)
 

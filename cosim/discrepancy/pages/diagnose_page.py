@@ -11,16 +11,13 @@ from scipy import stats
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
 from cosim.discrepancy.pages.confusions import separations
 from cosim.discrepancy.pages.style import STYLE
+from cosim.discrepancy.pages.unknown_section import unknown_section
 from cosim.discrepancy.pages.waterfall import waterfall
 from cosim.discrepancy.sentences import Vocabulary, p_words, smallest_rows, smallest_words, unknown_words
-from cosim.discrepancy.unknown import Shape
-from cosim.discrepancy.unknown.formulas import evaluate
-from cosim.discrepancy.unknown.write import effect_name
 from cosim.html import document
 from cosim.stats.plot import Axis, Plot
 
-_MOST_RANKED, _MOST_NAMES = 12, 9
-_UNITS = {"range": " (m)", "intensity": " (relative)", "drop": " (probability)"}
+_MOST_RANKED = 12
 
 
 def format_diagnosis(found: Diagnosis, words: Vocabulary, drive: str, sensor: str) -> str:
@@ -37,7 +34,7 @@ def format_diagnosis(found: Diagnosis, words: Vocabulary, drive: str, sensor: st
         _waterfall(found),
         _effects(found, words),
         _alternatives(found, words),
-        _unknown(found),
+        unknown_section(found),
         _ranking(found),
         _smallest(found, words),
         _how(found),
@@ -60,10 +57,13 @@ def _verdict(found: Diagnosis, words: Vocabulary) -> str:
             others = _listed([escape(name) for name in one.also_possible], "or")
             said.append(f'<span class="warn">It may as well be {others}</span> in place of {escape(one.effect)}.')
     if found.unknown is not None:
+        what = "Something unknown is left:" if found.effects else "Something unknown is missing:"
         said.append(
-            f'<span class="warn">Something unknown is left:</span> {escape(unknown_words(found.unknown))}; '
+            f'<span class="warn">{what}</span> {escape(unknown_words(found.unknown))}; '
             "no effect of the catalogue does that."
         )
+        if not found.effects:
+            said.append(_fall(found))
     if not said:
         floor = "" if found.noise_floor is None else f" and the noise floor {found.noise_floor:.3f}"
         said.append('<span class="good">Nothing is missing that would show.</span> The held-out error is ')
@@ -74,7 +74,7 @@ def _verdict(found: Diagnosis, words: Vocabulary) -> str:
 
 
 def _fall(found: Diagnosis) -> str:
-    said = f"With {'it' if len(found.effects) == 1 else 'them'} the held-out error "
+    said = f"With {'it' if len(found.effects) < 2 else 'them'} the held-out error "
     said += "falls" if found.error_after < found.error_before else "does not fall"
     said += f" from {found.error_before:.3f} to {found.error_after:.3f}"
     if found.noise_floor is None or found.noise_floor <= 0:
@@ -102,8 +102,12 @@ def _waterfall(found: Diagnosis) -> str:
     return (
         f"<section><h2>How the error falls</h2><p>On {held}; whiskers are 95 % intervals of the level, from frame to "
         "frame. A fall is surer than they show, as some frames are harder for every model: the table has it.</p>"
-        f'<figure style="max-width:1100px;margin-top:12px">{waterfall(found)}</figure></section>'
+        f'<figure style="max-width:{_wide(found)}px;margin-top:12px">{waterfall(found)}</figure></section>'
     )
+
+
+def _wide(found: Diagnosis) -> int:
+    return min(1100, 400 + 220 * (len(found.effects) + (found.unknown is not None)))
 
 
 def _effects(found: Diagnosis, words: Vocabulary) -> str:
@@ -212,49 +216,6 @@ def _remedy(one: str, other: str, words: Vocabulary) -> str:
     return escape("Vary what one law depends on and the other does not. " + "; ".join(laws))
 
 
-def _unknown(found: Diagnosis) -> str:
-    if found.unknown is None:
-        return ""
-    unknown = found.unknown
-    fit = f"<p>The formula explains {unknown.r2:.0%} of the shape.</p>" if unknown.formula else ""
-    file = f"<code>{escape(effect_name(unknown))}.py</code>"
-    return (
-        f"<section><h2>What no effect of the catalogue explains</h2><p>{escape(unknown_words(unknown))}</p>"
-        f'<p class="formula">{escape(unknown.text)}</p>{fit}<p>The improved sensor has it as {file} beside it: a '
-        f"plug-in to be renamed and edited once its cause is known.</p>{_curve(unknown)}</section>"
-    )
-
-
-def _curve(unknown: Shape) -> str:
-    x, y, sigma = (np.asarray(part, float) for part in (unknown.x, unknown.y, unknown.sigma))
-    name = unknown.covariate.replace("_", " ")
-    if unknown.names:
-        order = np.argsort(-np.abs(y / np.maximum(sigma, 1e-12)), kind="stable")[:_MOST_NAMES]
-        x, y, sigma = np.arange(len(order), dtype=float), y[order], sigma[order]
-        axis = Axis(-0.5, len(order) - 0.5, name, names=[unknown.names[row].replace("_", " ") for row in order])
-    else:
-        unit = f" ({unknown.unit})" if unknown.unit else ""
-        axis = Axis(float(x.min()), float(x.max()) if np.ptp(x) > 0 else float(x.min()) + 1, f"{name}{unit}")
-    reach = 1.15 * max(float((np.abs(y) + 2 * sigma).max()), 1e-9)
-    label = f"{unknown.channel.replace('_', ' ')} left over{_UNITS.get(unknown.channel, '')}"
-    plot = Plot(axis, Axis(-reach, reach, label), f"left over against {name}", 900, 320)
-    plot.line(np.array([axis.low, axis.high]), np.zeros(2), "zero")
-    if unknown.names:
-        for place, level, side in zip(x, y, 2 * sigma, strict=True):
-            plot.line(np.full(2, place), np.array([level - side, level + side]), "a")
-        plot.line(x, y, "none", dots=True)
-    else:
-        plot.band(x, y - 2 * sigma, y + 2 * sigma, "a")
-        plot.line(x, y, "a", dots=True)
-        if unknown.formula is not None:
-            fine = np.linspace(axis.low, axis.high, 300)
-            plot.line(fine, evaluate(unknown.formula, fine), "b")
-    text = "Dots: bins with two standard errors. Blue: the formula."
-    return (
-        f'<figure style="max-width:900px;margin-top:12px"><figcaption><p>{text}</p></figcaption>{plot.svg()}</figure>'
-    )
-
-
 def _ranking(found: Diagnosis) -> str:
     if not found.ranking:
         return ""
@@ -278,7 +239,7 @@ def _smallest(found: Diagnosis, words: Vocabulary) -> str:
         return ""
     body = "".join(
         f"<tr><th>{escape(effect)}</th><td>{escape(name)}</td>"
-        f"<td>{escape(words.quantity(effect, name, value))}</td></tr>"
+        f"<td>{escape(_amplitude(effect, name, value, words))}</td></tr>"
         for effect, name, value in rows
     )
     table = f"<table><thead><tr><th></th><th></th><th>would show from</th></tr></thead><tbody>{body}</tbody></table>"
@@ -287,6 +248,10 @@ def _smallest(found: Diagnosis, words: Vocabulary) -> str:
         folded = f"<summary>Smallest amplitudes that would show</summary><p>{text}</p>{table}"
         return f"<section><details>{folded}</details></section>"
     return f"<section><h2>Smallest amplitudes that would show</h2><p>{text}</p>{table}</section>"
+
+
+def _amplitude(effect: str, name: str, value: float, words: Vocabulary) -> str:
+    return words.quantity(effect, name, value) if words.is_possible(effect, name, value) else "would not show"
 
 
 def _how(found: Diagnosis) -> str:

@@ -1,0 +1,69 @@
+"""What no effect of the catalogue explains: its shape, formula and plug-in."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from cosim.discrepancy.diagnosis import Diagnosis
+from cosim.discrepancy.sentences import unknown_words
+from cosim.discrepancy.unknown import Shape
+from cosim.discrepancy.unknown.formulas import evaluate
+from cosim.discrepancy.unknown.write import effect_name
+from cosim.stats.plot import Axis, Plot
+
+_MOST_NAMES = 9
+_UNITS = {"range": " (m)", "intensity": " (relative)", "drop": " (probability)"}
+
+
+def unknown_section(found: Diagnosis) -> str:
+    """HTML: its formula, as fitted, the plug-in, and the curve; empty where nothing is unknown."""
+    if found.unknown is None:
+        return ""
+    unknown = found.unknown
+    fit = f"<p>The formula explains {unknown.r2:.0%} of the shape.</p>" if unknown.formula else ""
+    own = next((one for one in found.sensor.effects if one.name == effect_name(unknown)), None)
+    fitted = ", ".join(f"{key} {_plain(value)}" for key, value in own.model_dump().items()) if own else ""
+    fitted = f"<p>Fitted together with everything else: {escape(fitted)}.</p>" if fitted else ""
+    file = f"<code>{escape(effect_name(unknown))}.py</code>"
+    return (
+        f"<section><h2>What no effect of the catalogue explains</h2><p>{escape(unknown_words(unknown))}</p>"
+        f'<p class="formula">{escape(unknown.text)}</p>{fit}{fitted}<p>The improved sensor has it as '
+        f"{file} beside it: a plug-in to be renamed and edited once its cause is known.</p>{_curve(unknown)}</section>"
+    )
+
+
+def _plain(value: Any) -> str:
+    return f"{len(value)} values" if isinstance(value, tuple | list) else f"{value:.3g}"
+
+
+def _curve(unknown: Shape) -> str:
+    x, y, sigma = (np.asarray(part, float) for part in (unknown.x, unknown.y, unknown.sigma))
+    name = unknown.covariate.replace("_", " ")
+    if unknown.names:
+        order = np.argsort(-np.abs(y / np.maximum(sigma, 1e-12)), kind="stable")[:_MOST_NAMES]
+        x, y, sigma = np.arange(len(order), dtype=float), y[order], sigma[order]
+        axis = Axis(-0.5, len(order) - 0.5, name, names=[unknown.names[row].replace("_", " ") for row in order])
+    else:
+        unit = f" ({unknown.unit})" if unknown.unit else ""
+        axis = Axis(float(x.min()), float(x.max()) if np.ptp(x) > 0 else float(x.min()) + 1, f"{name}{unit}")
+    reach = 1.15 * max(float((np.abs(y) + 2 * sigma).max()), 1e-9)
+    label = f"{unknown.channel.replace('_', ' ')} left over{_UNITS.get(unknown.channel, '')}"
+    plot = Plot(axis, Axis(-reach, reach, label), f"left over against {name}", 900, 320)
+    plot.line(np.array([axis.low, axis.high]), np.zeros(2), "zero")
+    if unknown.names:
+        for place, level, side in zip(x, y, 2 * sigma, strict=True):
+            plot.line(np.full(2, place), np.array([level - side, level + side]), "a")
+        plot.line(x, y, "none", dots=True)
+    else:
+        plot.band(x, y - 2 * sigma, y + 2 * sigma, "a")
+        plot.line(x, y, "a", dots=True)
+        if unknown.formula is not None:
+            fine = np.linspace(axis.low, axis.high, 300)
+            plot.line(fine, evaluate(unknown.formula, fine), "b")
+    text = "What was left over when it was found. Dots: bins with two standard errors. Blue: the formula."
+    return (
+        f'<figure style="max-width:900px;margin-top:12px"><figcaption><p>{text}</p></figcaption>{plot.svg()}</figure>'
+    )
