@@ -20,6 +20,7 @@ class Binned:
         mean, half: (k,) mean residual and half its 95 % interval; NaN half where one frame alone is there.
         count: (k,) rows.
         strength: standard deviation of the true means over rows, what chance makes of it taken off.
+        apparent: the same if rows were independent: differences that may be those of frames.
     """
 
     place: np.ndarray
@@ -27,6 +28,7 @@ class Binned:
     half: np.ndarray
     count: np.ndarray
     strength: float
+    apparent: float
 
 
 def in_quantiles(values: np.ndarray, bins: int) -> np.ndarray:
@@ -65,8 +67,8 @@ def binned(values: np.ndarray, bin_of: np.ndarray, residual: np.ndarray, frame: 
     half = np.where(seen > 1, np.sqrt(variance) * stats.t.ppf(_LEVEL, freedom), np.nan)
     kept = count >= _FEWEST
     if not kept.any():
-        return Binned(*(np.zeros(0) for _ in range(4)), strength=0.0)
+        return Binned(*(np.zeros(0) for _ in range(4)), strength=0.0, apparent=0.0)
     weight = count[kept] / count[kept].sum()
-    middle = float(weight @ mean[kept])
-    excess = float(weight @ ((mean[kept] - middle) ** 2 - variance[kept]))
-    return Binned(place[kept], mean[kept], half[kept], count[kept], float(np.sqrt(max(excess, 0.0))))
+    away2 = (mean[kept] - float(weight @ mean[kept])) ** 2
+    strength, apparent = (float(np.sqrt(max(weight @ (away2 - one[kept]), 0.0))) for one in (variance, alone))
+    return Binned(place[kept], mean[kept], half[kept], count[kept], strength, apparent)

@@ -86,7 +86,9 @@ def _off(name: str, found: Comparison, charts: dict[str, list[ResidualChart]]) -
         "drop": f"{t.dropped / t.frames:,.0f} lost a frame where the model loses {t.foreseen_drops / t.frames:,.0f}",
     }[name]
     leading = [chart for chart in charts[channel.title] if chart.strength > _CLEAR[channel.unit]][:1]
-    return ", ".join([mean, *(f"varying with {WORDS[one.covariate]} ({_reach(one, channel)})" for one in leading)])
+    return ", ".join(
+        [mean, *(f"varying with {WORDS[one.covariate]} ({_reach(one.strength, channel)})" for one in leading)]
+    )
 
 
 def _figures(found: Comparison) -> str:
@@ -171,8 +173,8 @@ def _frames(scans: list[Scan]) -> str:
 def _dependences(channel: ChannelOf, charts: Sequence[ResidualChart]) -> str:
     if not charts:
         return ""
-    telling = [chart for chart in charts if chart.strength > _CLEAR[channel.unit]]
-    flat = charts[len(telling) :]
+    telling = [chart for chart in charts if max(chart.strength, chart.apparent) > _CLEAR[channel.unit]]
+    flat = [chart for chart in charts if chart not in telling]
     shown = f'<div class="charts">{_drawn(telling, channel)}</div>' if telling else ""
     if flat:
         names = ", ".join(WORDS[chart.covariate] for chart in flat)
@@ -194,14 +196,15 @@ def _drawn(charts: Sequence[ResidualChart], channel: ChannelOf) -> str:
 
 
 def _caption(chart: ResidualChart, channel: ChannelOf) -> str:
-    if chart.strength <= _CLEAR[channel.unit]:
-        return "no dependence beyond chance"
-    return f"varies by {_reach(chart, channel)}"
+    if chart.strength > _CLEAR[channel.unit]:
+        return f"varies by {_reach(chart.strength, channel)}"
+    if chart.apparent > _CLEAR[channel.unit]:
+        return f"varies by {_reach(chart.apparent, channel)}, but no more than these few frames differ"
+    return "no dependence beyond chance"
 
 
-def _reach(chart: ResidualChart, channel: ChannelOf) -> str:
-    digits = {"cm": f"{chart.strength:.1f}", "%": f"{chart.strength:.1f}"}.get(channel.unit, f"{chart.strength:.3f}")
-    return f"±{digits}{' ' if channel.unit else ''}{channel.unit}"
+def _reach(size: float, channel: ChannelOf) -> str:
+    return f"±{size:.1f} {channel.unit}" if channel.unit else f"±{size:.3f}"
 
 
 def _notes(found: Comparison) -> str:

@@ -23,7 +23,7 @@ COVARIATES = {
 }
 WORDS = {name: name.replace("_", " ") for name in COVARIATES}
 _BINS = 20
-_MOST_MATERIALS = 6
+_MOST_MATERIALS = 5
 
 
 @dataclass(frozen=True)
@@ -63,10 +63,11 @@ CHANNELS = (
 
 @dataclass(frozen=True, eq=False)
 class ResidualChart:
-    """One chart and how much the residual varies along its covariate, in the shown unit."""
+    """One chart and how much the residual varies along its covariate, in the shown unit; see `Binned`."""
 
     covariate: str
     strength: float
+    apparent: float
     svg: str
 
 
@@ -79,9 +80,10 @@ def residual_charts(rows: Rows, channel: ChannelOf) -> list[ResidualChart]:
     found = {name: one for name, one in found.items() if len(one.mean) > 1}
     top = _top(list(found.values()), channel)
     charts = [
-        ResidualChart(name, one.strength, _svg(name, one, channel, top, rows.materials)) for name, one in found.items()
+        ResidualChart(name, one.strength, one.apparent, _svg(name, one, channel, top, rows.materials))
+        for name, one in found.items()
     ]
-    return sorted(charts, key=lambda chart: -chart.strength)
+    return sorted(charts, key=lambda chart: (-chart.strength, -chart.apparent))
 
 
 def _one(rows: Rows, name: str, residual: np.ndarray) -> Binned:
@@ -102,8 +104,11 @@ def _one(rows: Rows, name: str, residual: np.ndarray) -> Binned:
 
 def _top(charts: Sequence[Binned], channel: ChannelOf) -> float:
     """One scale for all charts of a channel, so that they can be compared."""
-    reach = [float(np.quantile(np.abs(one.mean) + np.nan_to_num(one.half), 0.9)) for one in charts]
-    return 1.15 * max([*reach, {"cm": 0.5, "%": 0.5}.get(channel.unit, 0.005)])
+    reach = []
+    for one in charts:
+        mean, half = np.quantile(np.abs(one.mean), 0.97), np.quantile(np.nan_to_num(one.half), 0.9)
+        reach.append(float(mean + min(half, mean)))
+    return 1.1 * max([*reach, {"cm": 0.5, "%": 0.5}.get(channel.unit, 0.005)])
 
 
 def _svg(name: str, one: Binned, channel: ChannelOf, top: float, materials: Sequence[str]) -> str:
@@ -112,7 +117,12 @@ def _svg(name: str, one: Binned, channel: ChannelOf, top: float, materials: Sequ
         order = np.argsort(-one.count, kind="stable")
         words = [materials[int(number)] for number in one.place[order]]
         one = Binned(
-            np.arange(len(order), dtype=float), one.mean[order], one.half[order], one.count[order], one.strength
+            np.arange(len(order), dtype=float),
+            one.mean[order],
+            one.half[order],
+            one.count[order],
+            one.strength,
+            one.apparent,
         )
         x = Axis(-0.5, len(order) - 0.5, COVARIATES[name], names=words)
     else:
