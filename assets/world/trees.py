@@ -67,7 +67,7 @@ def bush(rng: np.random.Generator, height_m: float, radius_m: float) -> Mesh:
 def hedge(rng: np.random.Generator, length_m: float, width_m: float, height_m: float) -> Mesh:
     """A clipped hedge along x from 0 to `length_m`: a dense core with loose leaves on its faces."""
     core = box((length_m, width_m * 0.8, height_m * 0.95), (length_m / 2, 0, height_m * 0.47), "hedge")
-    count = round(3.5 * length_m)
+    count = round(2.4 * length_m)
     side = rng.choice([-1.0, 1.0], count)
     top = rng.random(count) < 0.35
     centre = np.column_stack(
@@ -78,7 +78,7 @@ def hedge(rng: np.random.Generator, length_m: float, width_m: float, height_m: f
         ]
     )
     normal = np.column_stack([np.zeros(count), np.where(top, 0, side), np.where(top, 1.0, 0.2)])
-    return Mesh.merge([core, _leaves(rng, centre, normal, np.full(count, 0.27), rng.random(count) < 0.3)])
+    return Mesh.merge([core, _leaves(rng, centre, normal, np.full(count, 0.31), rng.random(count) < 0.3)])
 
 
 def spike(root: np.ndarray, tip: np.ndarray, radius_m: float, sides: int) -> Mesh:
