@@ -66,6 +66,8 @@ def estimate_floor(frame: TracedFrame, scores: FrameScores, expected: Expectatio
     if lit.any():
         found["intensity"] = (float(np.abs(np.diff(bright))[lit].sum()) / 2, int(lit.sum()))
     outcome = (~np.isnan(scores.measured_m)).astype(float)
-    # Independent outcomes of one chance p differ with probability 2p(1 − p), twice the Brier score of saying p.
-    found["drop"] = (float(np.abs(np.diff(outcome))[pair].sum()) / 2, int(pair.sum()))
+    # Independent outcomes of one chance p differ with probability 2p(1 − p), twice the Brier score of saying p; those
+    # of chances p and q do so by (p − q)² more.
+    apart = np.abs(np.diff(outcome)) - np.diff(expected.seen) ** 2
+    found["drop"] = (max(float(apart[pair].sum()), 0.0) / 2, int(pair.sum()))
     return found

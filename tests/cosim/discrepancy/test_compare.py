@@ -157,3 +157,13 @@ def test_a_sensor_file_with_an_unknown_effect_is_refused(tmp_path: Path) -> None
     yard = make_yard(tmp_path, known=({"effect": "range_wlak", "amplitude_m": 0.1},), frames=1)
     with pytest.raises(SensorError, match="did you mean range_walk"):
         compare(yard.drive, yard.sensor)
+
+
+def test_the_floor_of_drops_knows_that_chances_differ(tmp_path: Path) -> None:
+    """Where dim returns are lost more often than bright ones, neighbours of unlike chance differ for a known reason."""
+    soft = (effect("detection_threshold", threshold=0.2, softness=0.05), effect("incidence_falloff", exponent=0.6))
+    yard = make_yard(tmp_path, soft, frames=4)
+    found = compare(yard.drive, SensorModel(PATTERN, soft, "true"))
+    assert found.floor is not None
+    assert found.totals.parts()["drop"] > 0.02
+    assert found.floor.parts["drop"] == pytest.approx(found.totals.parts()["drop"], rel=0.12)
