@@ -109,14 +109,16 @@ def _figures(found: Comparison) -> str:
     ]
     if "intensity" in json:
         items += [
-            ("Intensity bias", f"{json['intensity']['bias'] + 0.0:+.4f}"),
+            ("Intensity bias", f"{round(json['intensity']['bias'], 4) + 0.0:+.4f}"),
             ("Intensity RMSE", f"{json['intensity']['rmse']:.4f}"),
         ]
     items += [
         ("Lost returns", f"{found.totals.dropped / found.totals.frames:,.0f} <small>a frame</small>"),
         ("Spurious", f"{json['spurious']['per_frame']:,.1f} <small>a frame</small>"),
     ]
-    cells = "".join(f"<div><dt>{escape(name.capitalize())}</dt><dd>{value}</dd></div>" for name, value in items)
+    cells = "".join(
+        f"<div><dt>{escape(name[0].upper() + name[1:])}</dt><dd>{value}</dd></div>" for name, value in items
+    )
     how = "The error is the mean of the scores; each is a mean over beams in units of its scale."
     return f"<dl>{cells}</dl><p>{how}</p>"
 

@@ -37,7 +37,8 @@ button[aria-pressed=true] { border-color: var(--accent); color: var(--accent); }
 table { border-collapse: collapse; margin-top: 12px; font-variant-numeric: tabular-nums; font-size: 14px; }
 th, td { padding: 5px 22px 5px 0; text-align: right; border-bottom: 1px solid var(--line); vertical-align: top; }
 thead th { color: var(--muted); font-weight: 500; font-size: 12.5px; }
-tbody th, .words { text-align: left; font-weight: 500; } td.words { max-width: 80ch; }
+tbody th, .words { text-align: left; font-weight: 500; } td { white-space: nowrap; }
+td.words { max-width: 80ch; white-space: normal; }
 .meter { display: inline-block; width: 160px; height: 10px; background: #1d2430; border-radius: 3px; }
 .meter i { display: block; height: 100%; background: var(--a); border-radius: 3px; }
 .notes { margin: 8px 0 0; padding-left: 20px; color: var(--muted); }
