@@ -28,6 +28,7 @@ _PATH_M = 1.3  # kept open beside garden paths
 _HOUSE_M = 2.6  # no border before a façade nearer than this
 _BEHIND_M = 7.0  # one border is enough within this depth
 _SMALL_ISLAND_M2 = 250.0
+_STRIP_M = 14.0  # land between roads narrower than this is planted, never walled
 _TREES_SHARE = 0.35  # of hedges with a row of trees behind them
 _TREE_M = 9.0
 
@@ -47,10 +48,12 @@ def enclose(
     lines, trees = [], []
     for ring in land_on_left(outlines.paved, _SMALL_ISLAND_M2):
         length = polylines.stations(ring)[-1]
+        strip = 2.0 * shapely.Polygon(ring).area / length < _STRIP_M
         station = float(rng.uniform(0.0, 5.0))
         while station < length - 4.0:
             run = min(float(rng.uniform(*_RUN_M)), length - station)
             kind, rise = str(rng.choice(style.enclosures)), float(rng.uniform(*_RISE))
+            kind = "hedge" if strip else kind
             closed, rows = rng.random() < style.enclosed, kind == "hedge" and rng.random() < _TREES_SHARE
             share, turn = rng.random(), rng.random()
             if closed:
