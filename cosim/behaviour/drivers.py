@@ -12,6 +12,7 @@ from cosim.behaviour.config import BehaviourConfig
 from cosim.behaviour.contacts import Contacts
 from cosim.behaviour.events import Event
 from cosim.behaviour.free_driving import FreeDriving
+from cosim.behaviour.gridlock import Gridlock
 from cosim.behaviour.lane_changes import LaneChanges
 from cosim.behaviour.onward import Onward
 from cosim.behaviour.patience import Patience
@@ -53,6 +54,7 @@ class Drivers:
             Collisions(rng("collisions")),
             Turnarounds(),
             Onward(rng("onward")),
+            Gridlock(),
             Patience(),
             Contacts(rng("contacts")),
         )

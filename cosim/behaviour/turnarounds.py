@@ -11,6 +11,7 @@ from cosim.motion.turn_path import Room
 
 _NOBODY = np.zeros((0, 5))
 _CRAWLS_MPS = 2.0
+_STUCK_S = 30.0  # across the street, before a queue that waits for him
 _ROOMS_M = ((3.0, 9.0), (8.0, 14.0), (10.0, 24.0))  # to the right and left of the way in
 
 
@@ -28,6 +29,8 @@ class Turnarounds:
         for vehicle, back in list(self._turning.items()):
             row = stage.rows.get(vehicle)
             plays = stage.motion.plays(vehicle)
+            if row is not None and plays and stage.motion.stuck_s()[row] > _STUCK_S and stage.take_away(vehicle):
+                continue
             if row is not None and plays and stage.actors.lanes[row] == back.id:
                 stage.api.vehicle.setSpeed(vehicle, 0.0)
             elif row is None or not plays:
