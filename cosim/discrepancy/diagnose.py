@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +22,8 @@ from cosim.discrepancy.held_out import Split, split_frames
 from cosim.discrepancy.intervals import standard_errors
 from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist
 from cosim.discrepancy.sample import Sample, draw_sample
-from cosim.discrepancy.testing import held_out_errors
-from cosim.discrepancy.unknown import Shape, effect_name, find_shape, rank_shape, shape_gate
+from cosim.discrepancy.testing import HeldOut, held_out_errors
+from cosim.discrepancy.unknown import Shape, find_shape, rank_shape, shape_gate
 from cosim.kitti import Drive
 from sensors.effects.base import BeamEffect, Effect
 from sensors.effects.registry import effect_classes
@@ -38,7 +38,7 @@ _ALIKE_BIC = 10.0
 _CLEARLY_THERE = 5.0
 _CLEARLY_MORE = 1.15  # times the gain of the best candidate must be an unknown shape's
 _SHAPE_LEVEL = 0.02
-_NO_WORSE = 1.0  # standard errors by which the held-out error may rise
+_TRIED = 3  # candidates a round, until one helps on held-out frames
 
 
 @dataclass
@@ -46,11 +46,29 @@ class _Model:
     """The sensor as it stands: its effects, and which of them have been fitted here."""
 
     effects: tuple[Effect, ...]
-    fitted: list[int] = field(default_factory=list)
+    fitted: tuple[int, ...] = ()
 
     @property
     def bending(self) -> tuple[Effect, ...]:
         return tuple(effect for effect in self.effects if isinstance(effect, BeamEffect))
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """The model fitted once more, and whether anything is missing still."""
+
+    fitter: Fitter
+    fitted: Fitted
+    verdict: Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """What could be added: a candidate, or a shape that no candidate has."""
+
+    ranked: Ranked
+    rivals: tuple[Ranked, ...] = ()
+    shape: Shape | None = None
 
 
 def diagnose(
@@ -95,85 +113,96 @@ class Detective:
         self._seed, self._say = seed, say
         self._tracer = FrameTracer(drive, self.sensor)
         self._frames: list[TracedFrame] = []
+        self._model = _Model(in_order(self.sensor.effects))
+        self._findings: list[Finding] = []
+        self._ranking: list[Alternative] = []
+        self._unknown: Shape | None = None
+        self._errors: list[HeldOut] = []
 
     def run(self) -> Diagnosis:
         """Everything in order."""
-        model = _Model(in_order(self.sensor.effects))
-        self._trace(model)
+        self._trace()
         check_fit(self._frames[0], self.drive)
-        findings: list[Finding] = []
-        ranking: list[Alternative] = []
-        unknown: Shape | None = None
-        refused: set[str] = set()
-        errors = [held_out_errors(self._tracer, self.split.test, model.effects, self.sensor.origin)]
-        while True:
-            self._say(f"looking for effects beyond {len(findings)} found")
-            fitter = Fitter(self._sample(_ROWS))
-            fitted = fitter.fit(model.effects, self._free(model))
-            model.effects = fitted.effects
-            verdict = self._gate(fitter, fitted, model)
-            if len(findings) + (unknown is not None) >= _MOST_EFFECTS:
-                break
-            ranked = self._rank(fitted, model, verdict) if verdict.p_value <= LEVEL else []
-            ranking = ranking or [_alternative(one, verdict) for one in ranked]
-            best = next((one for one in ranked if one.delta_bic > 0 and one.effect not in refused), None)
-            strange = self._strange(fitter, fitted, best, refused) if unknown is None else None
-            if strange is not None:
-                unknown, best = strange
-            if best is None:
-                break
-            self._say(f"adding {best.effect}")
-            before = (model.effects, tuple(model.fitted))
-            self._add(model, best)
-            errors.append(held_out_errors(self._tracer, self.split.test, model.effects, self.sensor.origin))
-            if not errors[-1].beats(errors[-2]):
-                self._say(f"{best.effect} does not help on frames that took no part: taken back")
-                model.effects, model.fitted = before[0], list(before[1])
-                errors.pop()
-                refused.add(best.effect)
-                unknown = None if strange is not None else unknown
-                self._trace(model)
-                continue
-            if strange is not None:
-                continue
-            findings.append(
-                Finding(
-                    effect=best.effect,
-                    params={},
-                    ci95={},
-                    p_value=verdict.p_value,
-                    error_before=errors[-2],
-                    error_after=errors[-1],
-                    also_possible=tuple(
-                        one.effect
-                        for one in ranked
-                        if one.effect != best.effect and one.delta_bic > best.delta_bic - _ALIKE_BIC
-                    ),
-                    delta_bic=best.delta_bic,
-                )
-            )
-        if self._pruned(fitter, fitted, model):
-            there = {effect.name for effect in model.effects}
-            findings = [one for one in findings if one.effect in there]
-            fitter = Fitter(self._sample(_ROWS))
-            fitted = fitter.fit(model.effects, self._free(model))
-            model.effects = fitted.effects
-            errors.append(held_out_errors(self._tracer, self.split.test, model.effects, self.sensor.origin))
-        findings = self._settled(fitted, fitter, findings)
+        self._errors.append(self._held_out())
+        look = self._look()
+        while len(self._errors) <= _MOST_EFFECTS and any(self._adopt(one, look) for one in self._choices(look)):
+            look = self._look()
+        return self._concluded(self._tidied(look))
+
+    def _look(self) -> _Look:
+        """Fit what has been found so far anew, and run the gate."""
+        self._say(f"looking for effects beyond {len(self._findings)} found")
+        fitter = Fitter(self._sample(_ROWS))
+        fitted = fitter.fit(self._model.effects, self._free())
+        self._model.effects = fitted.effects
+        return _Look(fitter, fitted, self._gate(fitter, fitted))
+
+    def _choices(self, look: _Look) -> Iterator[_Choice]:
+        """What to add, the most promising first."""
+        ranked = self._rank(look) if look.verdict.p_value <= LEVEL else []
+        self._ranking = self._ranking or [_alternative(one, look.verdict) for one in ranked]
+        worthy = [one for one in ranked if one.delta_bic > 0]
+        strange = self._strange(look, worthy[0] if worthy else None) if self._unknown is None else None
+        if strange is not None:
+            yield strange
+        for one in worthy[:_TRIED]:
+            yield _Choice(one, tuple(other for other in worthy if other is not one))
+
+    def _adopt(self, choice: _Choice, look: _Look) -> bool:
+        """Add a choice, if frames that took no part in the fit are told better with it."""
+        best, before = choice.ranked, _Model(self._model.effects, self._model.fitted)
+        self._say(f"adding {best.effect}")
+        self._add(best)
+        after = self._held_out()
+        if not after.beats(self._errors[-1]):
+            self._say(f"{best.effect} does not help on frames that took no part: taken back")
+            retrace = self._model.bending != before.bending
+            self._model = before
+            if retrace:
+                self._trace()
+            return False
+        self._errors.append(after)
+        if choice.shape is not None:
+            self._unknown = choice.shape
+            return True
+        alike = tuple(one.effect for one in choice.rivals if one.delta_bic > best.delta_bic - _ALIKE_BIC)
+        p_value = look.verdict.p_value
+        self._findings.append(Finding(best.effect, {}, {}, p_value, self._errors[-2], after, alike, best.delta_bic))
+        return True
+
+    def _tidied(self, look: _Look) -> _Look:
+        """Take out what turned out to do nothing once the others were there."""
+        idle = [place for place in self._model.fitted if self._is_idle(look, place)]
+        if not idle:
+            return look
+        self._say(f"taking out {', '.join(self._model.effects[place].name for place in idle)}")
+        kept = [place for place in range(len(self._model.effects)) if place not in idle]
+        effects = tuple(self._model.effects[place] for place in kept)
+        self._model = _Model(effects, tuple(kept.index(place) for place in self._model.fitted if place in kept))
+        there = {effect.name for effect in effects}
+        self._findings = [one for one in self._findings if one.effect in there]
+        fitted = look.fitter.fit(effects, self._free())
+        self._model.effects = fitted.effects
+        self._errors.append(self._held_out())
+        return _Look(look.fitter, fitted, look.verdict)
+
+    def _concluded(self, look: _Look) -> Diagnosis:
         return Diagnosis.of(
-            drive=self.drive,
-            sensor=SensorModel(self.sensor.pattern, model.effects, self.sensor.origin),
-            findings=findings,
-            ranking=ranking or [_alternative(one, verdict) for one in ()],
-            verdict=verdict,
-            errors=errors,
+            sensor=SensorModel(self.sensor.pattern, self._model.effects, self.sensor.origin),
+            findings=self._settled(look),
+            ranking=self._ranking,
+            verdict=look.verdict,
+            errors=self._errors,
             split=self.split,
-            unknown=unknown,
+            unknown=self._unknown,
         )
 
-    def _trace(self, model: _Model) -> None:
+    def _held_out(self) -> HeldOut:
+        return held_out_errors(self._tracer, self.split.test, self._model.effects, self.sensor.origin)
+
+    def _trace(self) -> None:
         self._say("tracing the twin")
-        self._frames = self._traced(model.bending)
+        self._frames = self._traced(self._model.bending)
 
     def _traced(self, bending: tuple[Effect, ...]) -> list[TracedFrame]:
         return [self._tracer.trace(name, bending) for name in self.split.fit]
@@ -181,11 +210,11 @@ class Detective:
     def _sample(self, rows: int) -> Sample:
         return draw_sample(self._frames, rows, np.random.default_rng([self._seed, rows]))
 
-    def _free(self, model: _Model) -> tuple[Free, ...]:
-        return all_free(model.effects, model.fitted, self.sensor.pattern.rings)
+    def _free(self) -> tuple[Free, ...]:
+        return all_free(self._model.effects, self._model.fitted, self.sensor.pattern.rings)
 
-    def _gate(self, fitter: Fitter, fitted: Fitted, model: _Model) -> Verdict:
-        found = directions(fitter, fitted, self._kinds, model.fitted)
+    def _gate(self, fitter: Fitter, fitted: Fitted) -> Verdict:
+        found = directions(fitter, fitted, self._kinds, self._model.fitted)
         sample = fitter.sample
         views = (0.0, _COARSE_M)
         evidence = [fitter.evidence(fitted.prediction, fitted.pose, blur) for blur in views]
@@ -203,66 +232,58 @@ class Detective:
             rng,
         )
 
-    def _rank(self, fitted: Fitted, model: _Model, verdict: Verdict) -> list[Ranked]:
-        """Candidates that are significant by themselves, the likeliest first."""
+    def _rank(self, look: _Look) -> list[Ranked]:
+        """Candidates by how much the BIC falls with them."""
         fitter = Fitter(self._sample(_QUICK_ROWS))
-        null = fitter.fit(model.effects, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
-        promising = shortlist(fitter, null, directions(fitter, null, self._kinds, model.fitted), verdict)
+        null = fitter.fit(self._model.effects, (), pose=look.fitted.pose, pose_sigma=look.fitted.pose_sigma)
+        found = directions(fitter, null, self._kinds, self._model.fitted)
+        promising = shortlist(fitter, null, found, look.verdict)
         self._say(f"fitting {', '.join(promising)}")
         ranked = [fit_candidate(fitter, null, starts) for starts in promising.values()]
         ranked.sort(key=lambda one: -one.delta_bic)
         ranked = judged_anew(ranked, fitter, null, self._traced)
         return sorted(ranked, key=lambda one: -one.delta_bic)
 
-    def _strange(
-        self, fitter: Fitter, fitted: Fitted, best: Ranked | None, refused: set[str]
-    ) -> tuple[Shape, Ranked] | None:
+    def _strange(self, look: _Look, best: Ranked | None) -> _Choice | None:
         """A dependence that explains clearly more than the best candidate, or that is there when none is."""
-        shape = find_shape(fitter, fitted)
-        if shape is None or effect_name(shape) in refused:
+        fitted = look.fitted
+        shape = find_shape(look.fitter, fitted)
+        if shape is None:
             return None
         if best is None:
             rng = np.random.default_rng([self._seed, 2])
-            if shape_gate(fitter, fitted, fitted.columns, rng).p_value > _SHAPE_LEVEL:
+            if shape_gate(look.fitter, fitted, fitted.columns, rng).p_value > _SHAPE_LEVEL:
                 return None
         quick = Fitter(self._sample(_QUICK_ROWS))
         null = quick.fit(fitted.effects, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
         found = rank_shape(quick, null, shape)
         known = best.delta_bic if best is not None else 0.0
-        return (shape, found) if found.delta_bic > _CLEARLY_MORE * known + _ALIKE_BIC else None
+        clear = found.delta_bic > _CLEARLY_MORE * known + _ALIKE_BIC
+        return _Choice(found, shape=shape) if clear else None
 
-    def _add(self, model: _Model, best: Ranked) -> None:
-        bent = model.bending
-        model.effects = best.fitted.effects
-        if best.place not in model.fitted:
-            model.fitted.append(best.place)
-        fitter = Fitter(self._sample(_ROWS))
-        model.effects = fitter.fit(model.effects, self._free(model)).effects
-        if model.bending != bent:
-            self._trace(model)
-            fitter = Fitter(self._sample(_ROWS))
-            model.effects = fitter.fit(model.effects, self._free(model)).effects
+    def _add(self, best: Ranked) -> None:
+        bent = self._model.bending
+        fitted = self._model.fitted
+        places = fitted if best.place in fitted else (*fitted, best.place)
+        self._model = _Model(best.fitted.effects, places)
+        self._refit()
+        if self._model.bending != bent:
+            self._trace()
+            self._refit()
 
-    def _pruned(self, fitter: Fitter, fitted: Fitted, model: _Model) -> bool:
-        """Take out what turned out to do nothing once the others were there; whether there was any."""
-        idle = [place for place in model.fitted if self._is_idle(fitter, fitted, place)]
-        if not idle:
-            return False
-        self._say(f"taking out {', '.join(model.effects[place].name for place in idle)}")
-        kept = [place for place in range(len(model.effects)) if place not in idle]
-        model.effects = tuple(model.effects[place] for place in kept)
-        model.fitted = [kept.index(place) for place in model.fitted if place in kept]
-        return True
+    def _refit(self) -> None:
+        self._model.effects = Fitter(self._sample(_ROWS)).fit(self._model.effects, self._free()).effects
 
-    def _is_idle(self, fitter: Fitter, fitted: Fitted, place: int) -> bool:
+    def _is_idle(self, look: _Look, place: int) -> bool:
         """Whether an effect's amplitudes could as well be those that do nothing, and the fit is as good without."""
+        fitter, fitted = look.fitter, look.fitted
         kind, errors, at = type(fitted.effects[place]), standard_errors(fitter, fitted), 0
-        deviates = []
+        neutral, deviates = kind.neutral or {}, []
         for one in fitted.free:
             part = errors[at : at + one.unknown.rings]
             at += one.unknown.rings
             if one.effect == place and one.unknown.name in amplitudes(kind):
-                apart = np.subtract(getattr(fitted.effects[place], one.unknown.name), kind.neutral[one.unknown.name])
+                apart = np.subtract(getattr(fitted.effects[place], one.unknown.name), neutral[one.unknown.name])
                 deviates.append(float(np.sqrt(np.mean((apart / np.maximum(part, 1e-12)) ** 2))))
         if not deviates or max(deviates) > _CLEARLY_THERE:
             return False
@@ -271,12 +292,13 @@ class Detective:
         count = sum(one.unknown.rings for one in fitted.free_of(place))
         return 2 * (fitted.loglik - without.loglik) < count * np.log(len(fitter.sample))
 
-    def _settled(self, fitted: Fitted, fitter: Fitter, findings: Sequence[Finding]) -> list[Finding]:
+    def _settled(self, look: _Look) -> list[Finding]:
         """Findings with the parameters and intervals of the last joint fit."""
-        found = intervals(fitter, fitted) if fitted.free else {}
+        fitted = look.fitted
+        found = intervals(look.fitter, fitted) if fitted.free else {}
         effects = {effect.name: effect for effect in fitted.effects}
         done = []
-        for finding in findings:
+        for finding in self._findings:
             params = effects[finding.effect].model_dump(mode="json")
             done.append(finding.settled(params, found.get(finding.effect, {})))
         return done

@@ -12,7 +12,6 @@ from cosim.discrepancy.gate import Verdict
 from cosim.discrepancy.held_out import Split
 from cosim.discrepancy.testing import HeldOut
 from cosim.discrepancy.unknown import Shape
-from cosim.kitti import Drive
 from sensors.sensor_model import SensorModel
 
 
@@ -100,17 +99,15 @@ class Diagnosis:
     @classmethod
     def of(
         cls,
-        drive: Drive,
         sensor: SensorModel,
         findings: Sequence[Finding],
         ranking: Sequence[Alternative],
         verdict: Verdict,
         errors: Sequence[HeldOut],
         split: Split,
-        unknown: Shape | None = None,
+        unknown: Shape | None,
     ) -> Diagnosis:
         """From the parts."""
-        del drive
         ambiguous = any(finding.also_possible for finding in findings)
         return cls(
             verdict="unknown" if unknown else "ambiguous" if ambiguous else "missing" if findings else "none",

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from cosim.discrepancy.candidates import unknowns, weak_forms, with_values
-from cosim.discrepancy.evidence import change
+from cosim.discrepancy.evidence import Quantity, change
 from cosim.discrepancy.fitting import Fitted, Fitter
 from cosim.discrepancy.gate import Direction
 from cosim.discrepancy.likelihood import judge
@@ -80,7 +80,9 @@ def _told(
         if np.any(gain):
             yield Direction(weak.name, label, amplitude, Column({}), weak, place, True, gain)
         return
-    delta = {name: _bounded(values / step) for name, values in change(fitted.prediction, after).items()}
+    delta: dict[Quantity, np.ndarray] = {
+        name: _bounded(values / step) for name, values in change(fitted.prediction, after).items()
+    }
     if delta:
         free = next(unknown for unknown in unknowns(type(weak)) if unknown.name == amplitude)
         column = Column(delta, sample.ring if free.rings > 1 else None, free.rings)

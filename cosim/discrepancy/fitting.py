@@ -14,7 +14,7 @@ import numpy as np
 from scipy import optimize
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
-from cosim.discrepancy.evidence import Evidence, change
+from cosim.discrepancy.evidence import Evidence, Quantity, change
 from cosim.discrepancy.likelihood import Fit, judge
 from cosim.discrepancy.sample import Prediction, Sample
 from cosim.discrepancy.system import Column, Normal, pose_matrix
@@ -139,7 +139,7 @@ class Fitter:
             grid = value + np.linspace(-reach, reach, 13)
             best = int(np.argmin([lost(place) for place in grid]))
             low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-            found = optimize.minimize_scalar(
+            found: Any = optimize.minimize_scalar(
                 lost, bounds=(low, high), method="bounded", options={"xatol": 1e-4 * reach}
             )
             if found.fun < lost(value):
@@ -155,7 +155,7 @@ class Fitter:
             step = unknown.step if np.all(value + unknown.step <= unknown.high) else -unknown.step
             moved = with_values(effect, {unknown.name: value + step})
             after = self.sample.predict((*effects[: one.effect], moved, *effects[one.effect + 1 :]))
-            delta = {name: values / step for name, values in change(at, after).items()}
+            delta: dict[Quantity, np.ndarray] = {name: values / step for name, values in change(at, after).items()}
             ring = self.sample.ring if unknown.rings > 1 else None
             found.append(Column(delta, ring, unknown.rings))
         return tuple(found)

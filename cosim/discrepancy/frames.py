@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cosim.discrepancy.edges import Neighbours
-from cosim.discrepancy.observed import Observed, observe
-from cosim.kitti import Drive
+from cosim.discrepancy.labelled_twin.trust import read_trust
+from cosim.discrepancy.observed import Observed, observe, upwards
+from cosim.kitti import Drive, Frame
 from cosim.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
@@ -27,6 +28,7 @@ class TracedFrame:
 
     Attributes:
         name: of the frame.
+        place: of its static world, where the drive has several.
         time_s: pose time.
         observed: what was measured, by beam.
         shot: what the model's true beams met, by beam; with its world, so that effects can trace on.
@@ -35,6 +37,7 @@ class TracedFrame:
     """
 
     name: str
+    place: str
     time_s: float
     observed: Observed
     shot: Shot
@@ -65,19 +68,36 @@ class FrameTracer:
         twin = frame.twin
         instances, ego, pattern = scene_instances(twin.instances), ego_motion(twin), self.sensor.pattern
         world = World(self._scenes.of(frame), lidar_pose(twin), instances, ego, pattern.range_m, self._tracers)
-        before = Shot(pattern, self._rays, world=world, frame_time_s=twin.time_s)
+        observed = observe(frame, pattern, self._rays)
+        before = Shot(pattern, observed.rays, world=world, frame_time_s=twin.time_s)
         streams = Streams(np.random.default_rng(0))
-        beams = act_on_beams(_in_order(effects), Beams.nominal(self._rays), before, streams, self.sensor.origin)
+        beams = act_on_beams(_in_order(effects), Beams.nominal(observed.rays), before, streams, self.sensor.origin)
         traced = world.trace(beams)
+        shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
         return TracedFrame(
             name=name,
+            place=twin.static or "",
             time_s=twin.time_s,
-            observed=observe(frame, pattern, self._rays),
-            shot=Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s),
+            observed=replace(observed, trusted=_trusted(frame, shot, observed)),
+            shot=shot,
             edge=self._neighbours.at_edge(traced.hits),
             ego=ego,
             instances=instances,
         )
+
+
+def _trusted(frame: Frame, shot: Shot, observed: Observed) -> np.ndarray:
+    """(n,) bool: all beams, or those that a twin made from labels tells something of."""
+    if not frame.has("twin/trust"):
+        return observed.trusted
+    trust = read_trust(frame.path("twin/trust"))
+    solid, traced = shot.hits.solid, shot.traced
+    assert traced is not None  # frames are traced
+    met = traced.origin + traced.direction * np.where(solid.exists, solid.range_m, np.nan)[:, None]
+    pose, direction = shot.hits.pose, observed.rays.direction
+    point = observed.along_m[:, None] * direction + observed.above_m[:, None] * upwards(direction)
+    found = trust.beams(frame.twin.instances, met, solid.instance, point @ pose[:3, :3].T + pose[:3, 3])
+    return found & (trust.ground_range | (solid.instance >= 0))
 
 
 def _in_order(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:

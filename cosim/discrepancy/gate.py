@@ -16,7 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.evidence import Evidence, Quantity
-from cosim.discrepancy.system import Column
+from cosim.discrepancy.system import Column, SparseMatrix
 from sensors.effects.base import Effect
 
 DRAWS = 1999
@@ -108,7 +108,7 @@ def run_gate(
     scan: np.ndarray,
     part: np.ndarray,
     present: Sequence[Column],
-    poses: sparse.csr_matrix,
+    poses: SparseMatrix,
     rng: np.random.Generator,
 ) -> Verdict:
     """Test all directions at once.
@@ -159,7 +159,7 @@ class _Projector:
         self,
         present: Sequence[Column],
         evidence: Evidence,
-        poses: sparse.csr_matrix | None,
+        poses: SparseMatrix | None,
         track: np.ndarray,
         scan: np.ndarray,
     ) -> None:
@@ -167,18 +167,19 @@ class _Projector:
         self._present = present
         self._poses = poses
         self._clusters = [_one_hot(track), _one_hot(scan)]
-        self._cache: dict[Quantity, tuple[sparse.csr_matrix, np.ndarray, list[np.ndarray]]] = {}
+        self._cache: dict[Quantity, tuple[SparseMatrix, np.ndarray, list[np.ndarray]]] = {}
 
     def sums(self, direction: Direction, quantity: Quantity, kept_share: float) -> list[_Sums]:
         """At most one: none where too little of the column is left."""
         rows = len(self._evidence.score[quantity])
         column = direction.column.matrix(quantity, rows)
         score, information = self._evidence.score[quantity], self._evidence.information[quantity]
-        weighted = sparse.diags(information) @ column
+        weighted: SparseMatrix = sparse.diags(information) @ column
+        scored: SparseMatrix = sparse.diags(score) @ column
         total = float((column.multiply(weighted)).sum())
         if total <= 0:
             return []
-        by_cluster = [(one @ (sparse.diags(score) @ column)).toarray() for one in self._clusters]
+        by_cluster = [(one @ scored).toarray() for one in self._clusters]
         basis, inverse, scores = self._basis(quantity, rows)
         left = total
         if basis.shape[1]:
@@ -191,18 +192,19 @@ class _Projector:
         by_scan = np.asarray(self._clusters[1] @ column.multiply(weighted).tocsr().sum(1)).ravel()
         return [_Sums(direction, quantity, by_cluster[0], by_cluster[1], left, by_scan)]
 
-    def _basis(self, quantity: Quantity, rows: int) -> tuple[sparse.csr_matrix, np.ndarray, list[np.ndarray]]:
+    def _basis(self, quantity: Quantity, rows: int) -> tuple[SparseMatrix, np.ndarray, list[np.ndarray]]:
         if quantity not in self._cache:
             parts = [column.matrix(quantity, rows) for column in self._present]
             if self._poses is not None and quantity == "range":
                 parts.append(self._poses)
-            basis = sparse.hstack(parts, format="csr") if parts else sparse.csr_matrix((rows, 0))
+            basis: SparseMatrix = sparse.hstack(parts, format="csr") if parts else sparse.csr_matrix((rows, 0))
             keep = np.flatnonzero(np.asarray(abs(basis).sum(0)).ravel() > 0)
             basis = basis[:, keep]
-            matrix = (basis.T @ sparse.diags(self._evidence.information[quantity]) @ basis).toarray()
+            weights: SparseMatrix = sparse.diags(self._evidence.information[quantity])
+            matrix = (basis.T @ weights @ basis).toarray()
             matrix += np.diag(1e-9 * np.diag(matrix) + 1e-12)
             inverse = np.linalg.inv(matrix) if len(matrix) else matrix
-            weighted = sparse.diags(self._evidence.score[quantity]) @ basis
+            weighted: SparseMatrix = sparse.diags(self._evidence.score[quantity]) @ basis
             self._cache[quantity] = (basis, inverse, [(one @ weighted).toarray() for one in self._clusters])
         return self._cache[quantity]
 
@@ -272,6 +274,6 @@ def _sizes(z: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
     return np.sqrt(np.add.reduceat(z**2, starts, axis=1) / (ends - starts))
 
 
-def _one_hot(cluster: np.ndarray) -> sparse.csr_matrix:
+def _one_hot(cluster: np.ndarray) -> SparseMatrix:
     rows = len(cluster)
     return sparse.csr_matrix((np.ones(rows), (cluster, np.arange(rows))), (int(cluster.max(initial=-1)) + 1, rows))

@@ -27,6 +27,8 @@ class Observed:
         points: rows of the scan that are in it.
         strays: points that fit no beam of the pattern, left out.
         bad: points with NaN or infinity, left out.
+        recovered: whether beams were told from the order of the points: then these have their measured azimuths,
+            and points stand where the unit's own calibration puts them.
     """
 
     rays: Rays
@@ -37,6 +39,7 @@ class Observed:
     points: int
     strays: int
     bad: int
+    recovered: bool = False
 
     @property
     def returned(self) -> np.ndarray:
@@ -73,6 +76,8 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays) -> Observed:
     used = np.flatnonzero(fits)[taken]
 
     xyz = points[used, :3].astype(np.float64)
+    if of.recovered:
+        rays = _turned(rays, first, np.arctan2(xyz[:, 1], xyz[:, 0]))
     direction = rays.direction[first].astype(np.float64)
     along = np.full(len(rays), np.nan, np.float32)
     above, intensity = along.copy(), along.copy()
@@ -90,7 +95,17 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays) -> Observed:
         points=len(points),
         strays=len(points) - seconds - len(used),
         bad=frame.bad_points,
+        recovered=of.recovered,
     )
+
+
+def _turned(rays: Rays, rows: np.ndarray, azimuth: np.ndarray) -> Rays:
+    """Rays of which some (k,) look to measured azimuths (k,), their elevations unchanged."""
+    direction, nominal = rays.direction.copy(), rays.azimuth.copy()
+    flat = np.hypot(direction[rows, 0], direction[rows, 1])
+    direction[rows, 0], direction[rows, 1] = flat * np.cos(azimuth), flat * np.sin(azimuth)
+    nominal[rows] = azimuth
+    return Rays(rays.origin, direction, rays.ring, nominal, rays.time_s)
 
 
 def upwards(direction: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from sensors.effects.base import BeamEffect, Effect
 
 _SHORTLIST = 6
 _OUTSTANDING = 3
+_LIKE_POSES = 0.2
 _RETRACED = 3
 _STRANGE_SHARE = 3e-3
 _STARTS = 2
@@ -49,7 +50,7 @@ def shortlist(
     """The effects worth fitting, with the directions to start from: the most promising and the most significant.
 
     Promise is the gain of likelihood that the linearised model foresees. It does not see that scans' pose errors may
-    be all of one kind, so the most significant count as well.
+    be all of one kind, so what would make such errors counts as well.
     """
     foresee = _Foresight(fitter, fitted)
     promise: dict[str, list[tuple[float, Direction]]] = {}
@@ -59,8 +60,9 @@ def shortlist(
     significant = list(dict.fromkeys(one.direction.effect for one in verdict.statistics if one.p_value <= LEVEL))
     names = sorted(best, key=lambda name: -best[name][0][0])[:_SHORTLIST]
     names = [name for name in names if best[name][0][0] > 0]
-    by_range = list(dict.fromkeys(one.direction.effect for one in verdict.statistics if one.quantity == "range"))
-    outstanding = [*significant[:_OUTSTANDING], *by_range[:_OUTSTANDING]]
+    likeness = {name: max(foresee.pose_likeness(row[1]) for row in rows) for name, rows in best.items()}
+    tilting = sorted((name for name in likeness if likeness[name] > _LIKE_POSES), key=lambda name: -likeness[name])
+    outstanding = [*significant[:_OUTSTANDING], *tilting[:_OUTSTANDING]]
     names += [name for name in dict.fromkeys(outstanding) if name in best and name not in names]
     return {name: [direction for _, direction in best[name][:_STARTS]] for name in names}
 
@@ -120,10 +122,22 @@ class _Foresight:
         self._fitted, self._rows = fitted, len(fitter.sample)
         self._precision = np.tile(1 / fitted.pose_sigma**2, len(fitter.sample.names))
         self._weighted = (fitter.poses.T @ sparse.diags(fitted.evidence.information["range"])).tocsr()
-        block = (self._weighted @ fitter.poses).toarray() + np.diag(self._precision)
-        self._block = np.linalg.inv(block)
+        known = np.asarray((self._weighted @ fitter.poses).todense())
+        self._known = known + np.diag(1e-9 * np.diag(known) + 1e-12)
+        self._block = np.linalg.inv(known + np.diag(self._precision))
         slope = fitter.poses.T @ fitted.evidence.score["range"]
         self._slope = self._block @ (slope - self._precision * fitted.pose.ravel())
+
+    def pose_likeness(self, direction: Direction) -> float:
+        """Share of the scans' fitted pose errors that one amplitude of a direction would make, 0–1."""
+        column = direction.column
+        if column.rings > 1 or "range" not in column.delta:
+            return 0.0
+        pattern = np.asarray((self._weighted @ column.matrix("range", self._rows)).todense()).ravel()
+        pose = self._fitted.pose.ravel()
+        made = float(pattern @ np.linalg.solve(self._known, pattern))
+        shown = float(pose @ self._known @ pose)
+        return float(pattern @ pose) ** 2 / (made * shown) if made > 0 and shown > 0 else 0.0
 
     def gain(self, direction: Direction) -> float:
         """Of the log-likelihood, by the best step along a direction."""
@@ -159,6 +173,7 @@ def _started(fitter: Fitter, fitted: Fitted, start: Direction) -> tuple[tuple[Ef
 
 def _best_strength(fitter: Fitter, fitted: Fitted, start: Direction) -> Effect:
     """The start or a stronger form of it, whichever is likeliest."""
+    assert start.start is not None  # of a candidate
     kind, sample = type(start.start), fitter.sample
     off = (kind.neutral or {})[start.amplitude]
     weak = np.subtract(getattr(start.start, start.amplitude), off)

@@ -18,6 +18,7 @@ from cosim.discrepancy.observed import upwards
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
 from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.ring_elevation import RingElevation
 from sensors.hits import NOTHING, Hits, Surface
 from sensors.motion import yaw_matrices
 from sensors.rays import Rays
@@ -104,6 +105,7 @@ class FrameReplay:
     def __init__(self, frame: TracedFrame, beams: np.ndarray) -> None:
         self._shot, self._ego = frame.shot, frame.ego
         self._nominal = _rows(frame.observed.rays, beams)
+        self._calibrated = frame.observed.recovered
         hits = frame.shot.hits
         self._solid = hits.solid.take(beams)
         self._met = Planes.of(frame, beams, self._solid)
@@ -129,7 +131,14 @@ class FrameReplay:
         origin, direction = shot.rays.origin.astype(np.float64), shot.rays.direction
         along = np.einsum("ij,ij->i", origin, direction)
         above = np.einsum("ij,ij->i", origin, upwards(direction))
-        return expect(effects, shot), along, above
+        found = expect(effects, shot)
+        if self._calibrated:
+            # Points stand where the unit's calibration has its lasers look, not along the pattern's beams.
+            known = [effect for effect in effects if isinstance(effect, RingElevation)]
+            looks = self._left(tuple(known)).direction.astype(np.float64)
+            along = along + found.range_m * (np.einsum("ij,ij->i", looks, direction) - 1)
+            above = above + found.range_m * np.einsum("ij,ij->i", looks, upwards(direction))
+        return found, along, above
 
     def shot(self, effects: Sequence[Effect]) -> Shot:
         """The sample as beams bent by the beam effects among `effects` meet it."""
@@ -138,13 +147,16 @@ class FrameReplay:
             self._last = (bending, self._bent(bending))
         return self._last[1]
 
+    def _left(self, effects: tuple[Effect, ...]) -> Beams:
+        """The sample's beams as beam effects let them leave."""
+        before = Shot(self._shot.pattern, self._nominal, world=self._shot.world, frame_time_s=self._shot.frame_time_s)
+        streams = Streams(np.random.default_rng(0))
+        return act_on_beams(effects, Beams.nominal(self._nominal), before, streams, "replayed")
+
     def _bent(self, effects: tuple[Effect, ...]) -> Shot:
         pattern, world = self._shot.pattern, self._shot.world
         time_s = self._shot.frame_time_s
-        before = Shot(pattern, self._nominal, world=world, frame_time_s=time_s)
-        beams = act_on_beams(
-            effects, Beams.nominal(self._nominal), before, Streams(np.random.default_rng(0)), "replayed"
-        )
+        beams = self._left(effects)
         pose = _nominal_pose(self._shot)
         origin, direction, firing_s = leaving(beams, self._ego, pose)
         solid = self._surface(self._solid, self._met.ranges(origin, direction, firing_s))

@@ -255,7 +255,8 @@ def _tracks(
         rows = np.flatnonzero((frame == number) & (instance >= 0))
         keys[rows] = [f"#{one.instances.ids[i]}" for i in instance[rows]]
     rest = np.flatnonzero(instance == STATIC)
-    keys[rest] = [f"{x},{y}" for x, y in np.floor(place[rest, :2] / CELL_M).astype(int)]
+    cells = np.floor(place[rest, :2] / CELL_M).astype(int).tolist()
+    keys[rest] = [f"{frames[row].place} {x},{y}" for row, (x, y) in zip(frame[rest].tolist(), cells, strict=True)]
     sky = np.flatnonzero(instance == NOTHING)
     keys[sky] = [f"sky {sector}" for sector in np.floor(azimuth[sky] / _SKY_RAD).astype(int)]
     return np.unique(keys.astype(str), return_inverse=True)[1]

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.evidence import QUANTITIES, Evidence, Quantity
 from cosim.discrepancy.sample import Sample
+
+SparseMatrix = Any  # scipy's sparse matrices; their types do not tell what products give
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,17 +29,17 @@ class Column:
     ring: np.ndarray | None = None
     rings: int = 1
 
-    def matrix(self, quantity: Quantity, rows: int) -> sparse.csr_matrix:
+    def matrix(self, quantity: Quantity, rows: int) -> SparseMatrix:
         """(n, rings) of one quantity."""
         values = self.delta.get(quantity)
         if values is None:
             return sparse.csr_matrix((rows, self.rings))
-        used = np.flatnonzero(values)
+        used = np.nonzero(values)[0]
         place = np.zeros(len(used), int) if self.ring is None else self.ring[used]
         return sparse.csr_matrix((values[used], (used, place)), (rows, self.rings))
 
 
-def pose_matrix(sample: Sample) -> sparse.csr_matrix:
+def pose_matrix(sample: Sample) -> SparseMatrix:
     """(n, 6·frames) change of ranges by the pose errors of every scan."""
     rows, frames = len(sample), len(sample.names)
     columns = sample.frame[:, None] * 6 + np.arange(6)
@@ -53,7 +56,7 @@ class Normal:
     parameters: int
 
     @classmethod
-    def of(cls, columns: Sequence[Column], evidence: Evidence, poses: sparse.csr_matrix | None) -> Normal:
+    def of(cls, columns: Sequence[Column], evidence: Evidence, poses: SparseMatrix | None) -> Normal:
         """Built from columns and evidence; without `poses` scans have no pose errors."""
         count = sum(column.rings for column in columns)
         extra = 0 if poses is None else poses.shape[1]

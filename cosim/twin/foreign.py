@@ -35,7 +35,7 @@ def twin_materials(drive: Drive) -> MaterialTable:
             Material(
                 name,
                 entry.reflectance,
-                (entry.albedo,) * 3,
+                (entry.albedo, entry.albedo, entry.albedo),
                 entry.kind,
                 retro=entry.retro,
                 metal=entry.metal,
@@ -60,7 +60,7 @@ def _sorted(name: str, luminance: float) -> Material:
     return Material(
         name,
         luminance,
-        (luminance,) * 3,
+        (luminance, luminance, luminance),
         like.kind,
         retro=like.retro,
         metal=like.metal,

@@ -25,7 +25,9 @@ class ReceiverFocus(EchoEffect):
     phase: ClassVar = Phase.RANGE_FALLOFF
     channel: ClassVar = "intensity"
     equation: ClassVar = "I·(R*² + w²(1 − R*/f)²)/(R² + w²(1 − R/f)²)"
-    reference: ClassVar = "Biavati et al.: Correction scheme for close-range lidar returns, Applied Optics 2011; thin-lens blur"
+    reference: ClassVar = (
+        "Biavati et al.: Correction scheme for close-range lidar returns, Applied Optics 2011; thin-lens blur"
+    )
     taxonomy: ClassVar = "sp2"
     confusable_with: ClassVar = ("range_falloff", "focal_response", "atmospheric_extinction")
     example: ClassVar = {"focus_m": 40.0, "blur_m": 30.0}

@@ -51,7 +51,8 @@ _APPLY = {
     "intensity_variance": (
         "spread(self, returns: Returns, shot: Shot) -> tuple[float, np.ndarray]",
         "Standard deviation of intensities, relative to them, on top of what other effects make.",
-        "wider = np.exp(2 * self.error(returns, shot).clip(-3, 3)) - 1\n        return 0.0, 0.1 * returns.intensity * np.sqrt(np.maximum(wider, 0))",
+        "wider = np.exp(2 * self.error(returns, shot).clip(-3, 3)) - 1\n"
+        "        return 0.0, 0.1 * returns.intensity * np.sqrt(np.maximum(wider, 0))",
     ),
 }
 

@@ -61,7 +61,8 @@ def test_an_effect_on_labels_changes_labels_and_no_point(bare, name):
     placed = cars()
     boxes = LabelBoxes(
         kinds=("Car",) * len(placed),
-        centre=(np.linalg.inv(LIDAR) @ placed.poses)[:, :3, 3] + [[0, 0, 0.75], [0, 0, 30]],  # one on a car, one in the sky
+        centre=(np.linalg.inv(LIDAR) @ placed.poses)[:, :3, 3]
+        + [[0, 0, 0.75], [0, 0, 30]],  # one on a car, one in the sky
         size=np.tile([4.0, 1.7, 1.5], (len(placed), 1)),
         yaw=np.arctan2(placed.poses[:, 1, 0], placed.poses[:, 0, 0]),
         kept=np.ones(len(placed), bool),
