@@ -42,7 +42,7 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Diagnose, then write the improved sensor and the page."""
-    from cosim.discrepancy import compare, diagnose
+    from cosim.discrepancy import diagnose
     from cosim.discrepancy.checks import opened
     from cosim.discrepancy.pages import format_diagnosis, write_page
     from cosim.discrepancy.sensor_out import write_sensor
@@ -57,10 +57,6 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     with console.status("reading the drive") as status:
         found = diagnose(drive, sensor, extra=extra, on_progress=status.update)
-        if found.noise_floor is None:
-            status.update("noise floor")
-            floor = compare(drive, found.sensor, frames=found.split.test).floor
-            found = replace(found, noise_floor=None if floor is None else floor.error)
     own = {} if found.unknown is None else {effect_name(found.unknown): _plugin(found.unknown)}
     sensor_out = write_sensor(found.sensor, options.sensor_out or folder / "sensor.yaml", own)
     found = replace(found, sensor_out=os.path.relpath(sensor_out))

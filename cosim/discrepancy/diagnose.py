@@ -23,7 +23,7 @@ from cosim.discrepancy.intervals import standard_errors
 from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist
 from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.testing import HeldOut, held_out_errors
-from cosim.discrepancy.unknown import Shape, find_shape, rank_shape, shape_gate
+from cosim.discrepancy.unknown import Shape, effect_name, find_shape, rank_shape, shape_gate
 from cosim.kitti import Drive
 from sensors.effects.base import BeamEffect, Effect
 from sensors.effects.registry import effect_classes
@@ -194,8 +194,16 @@ class Detective:
             verdict=look.verdict,
             errors=self._errors,
             split=self.split,
-            unknown=self._unknown,
+            unknown=self._shape(),
         )
+
+    def _shape(self) -> Shape | None:
+        """The unknown shape as it was fitted at last."""
+        if self._unknown is None:
+            return None
+        name = effect_name(self._unknown)
+        found = next((effect for effect in self._model.effects if effect.name == name), None)
+        return self._unknown.refitted(found.model_dump()) if found is not None else None
 
     def _held_out(self) -> HeldOut:
         return held_out_errors(self._tracer, self.split.test, self._model.effects, self.sensor.origin)

@@ -117,7 +117,7 @@ class Diagnosis:
             smallest_detectable=_smallest(verdict),
             error_before=errors[0].error,
             error_after=errors[-1].error,
-            noise_floor=None,
+            noise_floor=errors[-1].floor,
             sensor=sensor,
             split=split,
         )

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.discrepancy.compare import Totals, in_order
+from cosim.discrepancy.expectation import expect
 from cosim.discrepancy.frames import FrameTracer
+from cosim.discrepancy.noise_floor import NoiseFloor, estimate_floor
 from cosim.discrepancy.scoring import score_frame
 from sensors.effects.base import BeamEffect, Effect
 
@@ -20,10 +22,12 @@ class HeldOut:
     Attributes:
         error: over all of them.
         by_frame: (f,) of each.
+        floor: the error that noise alone would make, estimated from neighbouring beams; None where nothing matched.
     """
 
     error: float
     by_frame: np.ndarray
+    floor: float | None
 
     @property
     def standard_error(self) -> float:
@@ -43,8 +47,13 @@ def held_out_errors(tracer: FrameTracer, names: Sequence[str], effects: Sequence
     """The errors of effects on some frames."""
     effects = in_order(effects)
     bending = tuple(effect for effect in effects if isinstance(effect, BeamEffect))
-    each = []
+    each, noise = [], []
     for number, name in enumerate(names):
         frame = tracer.trace(name, bending)
-        each.append(Totals.of(frame, score_frame(frame, effects, np.random.default_rng([0, number]), origin)))
-    return HeldOut(sum(each, Totals()).error, np.array([one.error for one in each]))
+        scores = score_frame(frame, effects, np.random.default_rng([0, number]), origin)
+        each.append(Totals.of(frame, scores))
+        noise.append(estimate_floor(frame, scores, expect(effects, frame.shot)))
+    floor = NoiseFloor.of(noise)
+    return HeldOut(
+        sum(each, Totals()).error, np.array([one.error for one in each]), None if floor is None else floor.error
+    )

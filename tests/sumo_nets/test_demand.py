@@ -80,7 +80,7 @@ def test_draws_stay_within_their_ranges_and_repeat(seed):
     drawn = config.draw(usual, np.random.default_rng(seed))
     assert drawn == config.draw(usual, np.random.default_rng(seed))
     assert 20 <= drawn.driving <= 40
-    assert 100 <= drawn.parked <= 150
+    assert 0.5 * usual.parked - 1 <= drawn.parked <= 0.75 * usual.parked + 1
     assert drawn.walking == 7
     assert drawn.duration_s == usual.duration_s
 

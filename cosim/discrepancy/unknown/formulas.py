@@ -17,7 +17,7 @@ class Formula:
 
     Attributes:
         family: its name.
-        text: as people write it, with numbers.
+        words: its shape as people write it, with places for the parameters.
         code: as Python, in `x` and the names of `parameters`.
         parameters: amplitude first, level last.
         r2: share of the shape's (weighted) variance that it explains.
@@ -25,11 +25,18 @@ class Formula:
     """
 
     family: str
-    text: str
+    words: str
     code: str
     parameters: dict[str, float]
     r2: float
     bic: float
+
+    @property
+    def text(self) -> str:
+        """As people write it, with numbers."""
+        level = self.parameters["level"]
+        shape = self.words.format(**self.parameters)
+        return f"{self.parameters['amplitude']:.3g}·{shape} {'+' if level >= 0 else '−'} {abs(level):.3g}"
 
 
 def best_formula(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float = 0.0) -> Formula:
@@ -56,7 +63,7 @@ def best_formula(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float 
         found.append(
             Formula(
                 family,
-                f"{amplitude:.3g}·{text} {'+' if level >= 0 else '−'} {abs(level):.3g}",
+                text,
                 f"level + amplitude * {code}",
                 {"amplitude": amplitude, **extra, "level": level},
                 1 - rest / total if total > 0 else 0.0,
@@ -78,36 +85,35 @@ def _families(x: np.ndarray, period: float) -> Iterator[_Family]:
         for k in range(1, _SECOND_HARMONICS + 1):
             for phase in np.linspace(0, np.pi, 37)[:-1]:
                 shape = np.sin(2 * np.pi / period * k * x + phase)
-                times = "" if k == 1 else str(k)
                 wave = 2 * np.pi / period * k
-                text, code = f"sin({times}x + {phase:.2f})", "np.sin(wave * x + shift)"
+                text, code = "sin({wave:.3g}·x + {shift:.2f})", "np.sin(wave * x + shift)"
                 yield "sine", 1, shape, text, code, {"wave": wave, "shift": float(phase)}
     if low > 0:
         yield "inverse", 0, 1 / x, "1/x", "1 / np.maximum(x, 1e-3)", {}
         yield "logarithm", 0, np.log(x), "ln x", "np.log(np.maximum(x, 1e-3))", {}
         for power in (0.5, 1.5, 2.0, 3.0, -2.0):
-            yield "power", 1, x**power, f"x^{power:g}", "np.maximum(x, 1e-3) ** power", {"power": power}
+            yield "power", 1, x**power, "x^{power:.3g}", "np.maximum(x, 1e-3) ** power", {"power": power}
     for length in np.geomspace((high - low) / 20, (high - low) * 2, _GRID):
         shape = np.exp(-(x - low) / length)
-        text, code = f"exp(−(x − {low:.3g})/{length:.3g})", "np.exp(-(x - start) / length)"
+        text, code = "exp(−(x − {start:.3g})/{length:.3g})", "np.exp(-(x - start) / length)"
         yield "exponential", 1, shape, text, code, {"start": low, "length": float(length)}
     for edge in inner:
         rises = (x > edge).astype(float)
         if 0 < rises.sum() < len(x):
-            yield "step", 1, rises, f"[x > {edge:.3g}]", "(x > edge)", {"edge": float(edge)}
+            yield "step", 1, rises, "[x > {edge:.3g}]", "(x > edge)", {"edge": float(edge)}
         shape = np.maximum(x - edge, 0)
-        yield "hinge", 1, shape, f"max(0, x − {edge:.3g})", "np.maximum(x - edge, 0)", {"edge": float(edge)}
+        yield "hinge", 1, shape, "max(0, x − {edge:.3g})", "np.maximum(x - edge, 0)", {"edge": float(edge)}
     if not period:
         for turns in np.linspace(0.5, 8, 31):
             wave = 2 * np.pi * turns / max(high - low, 1e-9)
             for phase in np.linspace(0, np.pi, 13)[:-1]:
-                text, code = f"sin({wave:.3g}·x + {phase:.2f})", "np.sin(wave * x + shift)"
+                text, code = "sin({wave:.3g}·x + {shift:.2f})", "np.sin(wave * x + shift)"
                 yield "sine", 2, np.sin(wave * x + phase), text, code, {"wave": wave, "shift": float(phase)}
     for start in inner[:: 2 if not period else 1]:
         for end in inner[inner > start]:
             within = ((x > start) & (x <= end)).astype(float)
             if 0 < within.sum() < len(x):
-                text, code = f"[{start:.3g} < x ≤ {end:.3g}]", "((x > start) & (x <= end))"
+                text, code = "[{start:.3g} < x ≤ {end:.3g}]", "((x > start) & (x <= end))"
                 yield "window", 2, within, text, code, {"start": float(start), "end": float(end)}
     if period:
         for start in inner:
@@ -116,7 +122,7 @@ def _families(x: np.ndarray, period: float) -> Iterator[_Family]:
                 "sawtooth",
                 1,
                 shape,
-                f"frac((x − {start:.2f})/{period:.3g})",
+                "frac((x − {start:.2f})/{period:.3g})",
                 "np.mod((x - start) / period, 1.0)",
                 {
                     "start": float(start),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,13 @@ class Shape:
             return self.formula.text
         order = np.argsort(-np.abs(self.y / np.maximum(self.sigma, 1e-12)))[:6]
         return ", ".join(f"{self.names[i]}: {self.y[i]:+.3g}" for i in order)
+
+    def refitted(self, parameters: Mapping[str, float]) -> Shape:
+        """With the parameters of a later fit, as far as its formula has them."""
+        if self.formula is None:
+            return self
+        values = {name: float(parameters.get(name, value)) for name, value in self.formula.parameters.items()}
+        return replace(self, formula=replace(self.formula, parameters=values))
 
     def to_json(self) -> dict[str, Any]:
         """What `diagnose --json` writes under `unknown`."""
