@@ -14,7 +14,7 @@ from cosim.discrepancy.system import Column, Normal
 from cosim.discrepancy.unknown.covariates import Covariate, covariates
 from cosim.discrepancy.unknown.formulas import Formula, best_formula
 
-CHANNELS: tuple[Quantity, ...] = ("range", "intensity", "drop", "range_variance", "intensity_variance")
+CHANNELS: tuple[Quantity, ...] = ("range", "intensity", "drop")
 _FEWEST = 200  # beams in a bin
 
 
@@ -23,7 +23,7 @@ class Shape:
     """A dependence on one covariate.
 
     Attributes:
-        channel: what is off: range [m], intensity (relative), drop (probability of a return), or the log of a spread.
+        channel: what is off: range [m], intensity (relative), or drop (probability of a return).
         covariate: on what it depends.
         x, y, sigma: (b,) the shape and its standard errors.
         formula: the simplest that fits; None for categories, which are told one by one.

@@ -8,8 +8,6 @@ _BASES = {
     "range": "PointEffect",
     "intensity": "PointEffect",
     "drop": "DetectionEffect",
-    "range_variance": "NoiseEffect",
-    "intensity_variance": "NoiseEffect",
 }
 _COVARIATES = {
     "range": "returns.range_m",
@@ -43,17 +41,6 @@ _APPLY = {
         "The chance of each return to be noticed.",
         "return np.clip(1 + self.error(returns, shot), 0, 1)",
     ),
-    "range_variance": (
-        "spread(self, returns: Returns, shot: Shot) -> tuple[np.ndarray, float]",
-        "Standard deviation of ranges on top of what other effects make.",
-        "return self.sigma_m * np.sqrt(np.maximum(np.exp(2 * self.error(returns, shot).clip(-3, 3)) - 1, 0)), 0.0",
-    ),
-    "intensity_variance": (
-        "spread(self, returns: Returns, shot: Shot) -> tuple[float, np.ndarray]",
-        "Standard deviation of intensities, relative to them, on top of what other effects make.",
-        "wider = np.exp(2 * self.error(returns, shot).clip(-3, 3)) - 1\n"
-        "        return 0.0, 0.1 * returns.intensity * np.sqrt(np.maximum(wider, 0))",
-    ),
 }
 
 
@@ -73,21 +60,6 @@ def effect_source(shape: Shape) -> str:
     parameters, example, neutral, fields, law = _law(shape)
     base = _BASES[shape.channel]
     imports = "from dataclasses import replace\n" if "replace(" in body else ""
-    noise = (
-        "\n    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:\n"
-        '        """Scattered returns."""\n'
-        "        of_range, of_intensity = self.spread(returns, shot)\n"
-        "        draw = rng.standard_normal((2, len(returns))).astype(np.float32)\n"
-        "        return replace(\n"
-        "            returns,\n"
-        "            range_m=returns.range_m + of_range * draw[0],\n"
-        "            intensity=returns.intensity + of_intensity * draw[1],\n"
-        "        )\n"
-        if base == "NoiseEffect"
-        else ""
-    )
-    if base == "NoiseEffect":
-        imports = "from dataclasses import replace\n"
     return f'''"""An effect that measurements show and no known one explains: {shape.channel} by {shape.covariate}.
 
 Shape found: {shape.text} (x: {shape.covariate}{f" [{shape.unit}]" if shape.unit else ""}), R² {shape.r2:.2f}.
@@ -125,7 +97,7 @@ class {class_name(shape)}({base}):
     def {signature}:
         """{says}"""
         {body}
-{noise}'''
+'''
 
 
 def _law(shape: Shape) -> tuple[str, str, str, str, str]:
