@@ -12,10 +12,9 @@ from pydantic import ValidationError
 
 from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.checks import check_fit, opened
-from cosim.discrepancy.compare import in_order
 from cosim.discrepancy.directions import directions
 from cosim.discrepancy.fitting import Fitted, Fitter, all_free
-from cosim.discrepancy.frames import FrameTracer
+from cosim.discrepancy.frames import FrameTracer, bending, in_order
 from cosim.discrepancy.held_out import split_frames
 from cosim.discrepancy.intervals import half_widths
 from cosim.discrepancy.ranking import fit_candidate
@@ -100,7 +99,7 @@ def add(
     result: Fitted | None = None
     fitter: Fitter | None = None
     for number in range(_ROUNDS):
-        frames = [tracer.trace(name, _bending(effects)) for name in split.fit]
+        frames = [tracer.trace(name, bending(effects)) for name in split.fit]
         if number == 0:
             check_fit(frames[0], drive)
         fitter = Fitter(draw_sample(frames, _ROWS, np.random.default_rng([seed, _ROWS])))
@@ -169,7 +168,3 @@ def _begun(
     best = fit_candidate(fitter, null, found)
     effect = with_values(best.fitted.effects[best.place], fixed) if fixed else best.fitted.effects[best.place]
     return (*effects, effect), len(effects)
-
-
-def _bending(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    return tuple(effect for effect in effects if isinstance(effect, BeamEffect))

@@ -11,12 +11,11 @@ import numpy as np
 
 from cosim.discrepancy.checks import check_fit, opened
 from cosim.discrepancy.expectation import expect
-from cosim.discrepancy.frames import FrameTracer, TracedFrame
+from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.noise_floor import NoiseFloor, estimate_floor
 from cosim.discrepancy.scoring import SCALES, FrameScores, score_frame
 from cosim.discrepancy.slices import Slice, SliceTally
 from cosim.kitti import Drive
-from sensors.effects.base import BeamEffect, Effect
 from sensors.sensor_model import SensorModel, load_sensor
 
 _NEAR, _NEGLIGIBLE = 1.02, 0.001
@@ -207,12 +206,11 @@ def compare(
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
     tracer = FrameTracer(drive, model)
     effects = in_order(model.effects)
-    bending = tuple(effect for effect in effects if isinstance(effect, BeamEffect))
     names = tuple(frames) if frames is not None else drive.frames
     by_frame: dict[str, Totals] = {}
     tally, floor = SliceTally(), []
     for number, name in enumerate(names):
-        traced = tracer.trace(name, bending)
+        traced = tracer.trace(name, bending(effects))
         if number == 0:
             check_fit(traced, drive)
         scores = score_frame(traced, effects, np.random.default_rng([seed, number]), model.origin)
@@ -231,11 +229,6 @@ def compare(
         slices=tally.worst(),
         notes=_notes(drive, total),
     )
-
-
-def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Effects in the order in which they act."""
-    return tuple(sorted(effects, key=lambda effect: effect.phase))
 
 
 def _notes(drive: Drive, totals: Totals) -> tuple[str, ...]:

@@ -12,11 +12,10 @@ import numpy as np
 from cosim.discrepancy.add import intervals
 from cosim.discrepancy.candidates import amplitudes
 from cosim.discrepancy.checks import check_fit, opened
-from cosim.discrepancy.compare import in_order
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.directions import directions
 from cosim.discrepancy.fitting import Fitted, Fitter, Free, all_free
-from cosim.discrepancy.frames import FrameTracer, TracedFrame
+from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.gate import LEVEL, Verdict, run_gate
 from cosim.discrepancy.held_out import Split, split_frames
 from cosim.discrepancy.intervals import standard_errors
@@ -25,7 +24,7 @@ from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.testing import HeldOut, held_out_errors
 from cosim.discrepancy.unknown import Shape, effect_name, find_shape, rank_shape, shape_gate
 from cosim.kitti import Drive
-from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.base import Effect
 from sensors.effects.registry import effect_classes
 from sensors.sensor_model import SensorModel, load_sensor
 
@@ -50,7 +49,7 @@ class _Model:
 
     @property
     def bending(self) -> tuple[Effect, ...]:
-        return tuple(effect for effect in self.effects if isinstance(effect, BeamEffect))
+        return bending(self.effects)
 
 
 @dataclass(frozen=True, eq=False)

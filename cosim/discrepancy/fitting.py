@@ -6,7 +6,7 @@ Gauss–Newton on the likelihood of `likelihood.py`. Pose errors are random effe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,10 +64,6 @@ class Fitted:
     fit: Fit
     evidence: Evidence
     columns: tuple[Column, ...]
-
-    def values(self, effect: int) -> Mapping[str, Any]:
-        """Fitted parameters of one of the effects."""
-        return {free.unknown.name: getattr(self.effects[effect], free.unknown.name) for free in self.free_of(effect)}
 
     def free_of(self, effect: int) -> list[Free]:
         """What was fitted of one of the effects."""

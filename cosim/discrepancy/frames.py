@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from cosim.kitti import Drive, Frame
 from cosim.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
-from sensors.effects.base import Effect
+from sensors.effects.base import BeamEffect, Effect
 from sensors.motion import EgoMotion
 from sensors.rays import Rays
 from sensors.scene import Instances
@@ -71,7 +72,7 @@ class FrameTracer:
         observed = observe(frame, pattern, self._rays)
         before = Shot(pattern, observed.rays, world=world, frame_time_s=twin.time_s)
         streams = Streams(np.random.default_rng(0))
-        beams = act_on_beams(_in_order(effects), Beams.nominal(observed.rays), before, streams, self.sensor.origin)
+        beams = act_on_beams(in_order(effects), Beams.nominal(observed.rays), before, streams, self.sensor.origin)
         traced = world.trace(beams)
         shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
         return TracedFrame(
@@ -100,5 +101,11 @@ def _trusted(frame: Frame, shot: Shot, observed: Observed) -> np.ndarray:
     return found & (trust.ground_range | (solid.instance >= 0))
 
 
-def _in_order(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
+def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Effects in the order in which they act."""
     return tuple(sorted(effects, key=lambda effect: effect.phase))
+
+
+def bending(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Those that bend beams, for which frames must be traced anew."""
+    return tuple(effect for effect in effects if isinstance(effect, BeamEffect))

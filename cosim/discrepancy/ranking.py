@@ -10,7 +10,7 @@ from scipy import sparse
 
 from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.fitting import Fitted, Fitter, all_free
-from cosim.discrepancy.frames import TracedFrame
+from cosim.discrepancy.frames import TracedFrame, bending
 from cosim.discrepancy.gate import LEVEL, Direction, Verdict
 from cosim.discrepancy.likelihood import judge
 from cosim.discrepancy.sample import same_beams
@@ -93,13 +93,13 @@ def judged_anew(
     are left out, for all candidates alike.
     """
     strange = fitter.sample.weight @ (fitter.sample.returned & (fitted.fit.matched < 0.5))
-    bending = [one for one in ranked if isinstance(one.fitted.effects[one.place], BeamEffect)][:_RETRACED]
-    if strange < _STRANGE_SHARE * fitter.sample.weight.sum() or not bending:
+    tilting = [one for one in ranked if isinstance(one.fitted.effects[one.place], BeamEffect)][:_RETRACED]
+    if strange < _STRANGE_SHARE * fitter.sample.weight.sum() or not tilting:
         return list(ranked)
     weight, keep = fitter.sample.weight / fitter.sample.weight.mean(), ~fitter.sample.edge
     rows = {one.effect: one.fitted.fit.loglik for one in ranked}
-    for one in bending:
-        beams = tuple(effect for effect in one.fitted.effects if isinstance(effect, BeamEffect))
+    for one in tilting:
+        beams = bending(one.fitted.effects)
         anew = Fitter(same_beams(fitter.sample, trace(beams)))
         # The pose errors' own share is small beside what other surfaces change.
         prediction = anew.sample.predict(one.fitted.effects)

@@ -77,8 +77,3 @@ class Normal:
             matrix += (joined.T @ weighted).toarray()
             right += joined.T @ evidence.score[quantity]
         return cls(matrix, right, count)
-
-    def solve(self, prior: np.ndarray) -> np.ndarray:
-        """The step, with precisions `prior` of the unknowns added to the diagonal."""
-        matrix = self.matrix + np.diag(prior + 1e-9 * np.maximum(np.diag(self.matrix), 1e-12))
-        return np.linalg.solve(matrix, self.right)

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.compare import Totals, in_order
+from cosim.discrepancy.compare import Totals
 from cosim.discrepancy.expectation import expect
-from cosim.discrepancy.frames import FrameTracer
+from cosim.discrepancy.frames import FrameTracer, bending, in_order
 from cosim.discrepancy.noise_floor import NoiseFloor, estimate_floor
 from cosim.discrepancy.scoring import score_frame
-from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.base import Effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +46,9 @@ class HeldOut:
 def held_out_errors(tracer: FrameTracer, names: Sequence[str], effects: Sequence[Effect], origin: str) -> HeldOut:
     """The errors of effects on some frames."""
     effects = in_order(effects)
-    bending = tuple(effect for effect in effects if isinstance(effect, BeamEffect))
     each, noise = [], []
     for number, name in enumerate(names):
-        frame = tracer.trace(name, bending)
+        frame = tracer.trace(name, bending(effects))
         scores = score_frame(frame, effects, np.random.default_rng([0, number]), origin)
         each.append(Totals.of(frame, scores))
         noise.append(estimate_floor(frame, scores, expect(effects, frame.shot)))

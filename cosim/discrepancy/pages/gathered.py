@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.compare import Totals, in_order
+from cosim.discrepancy.compare import Totals
 from cosim.discrepancy.expectation import Expectation, expect
-from cosim.discrepancy.frames import TracedFrame
+from cosim.discrepancy.frames import TracedFrame, in_order
 from cosim.discrepancy.scoring import CLIP_M, FrameScores
 from sensors.effects.base import Effect
 
