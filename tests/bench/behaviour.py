@@ -161,8 +161,9 @@ def main() -> None:
     console.print(table(stays, f"{args.minutes:g} simulated minutes, behaviour {args.behaviour}, seed {args.seed}"))
     if args.contacts:
         for one in stays:
+            pairs = {touch.vehicles for touch in one.unrecorded}
             for touch in sorted(one.touches, key=lambda touch: -touch.depth_m):
-                known = "unrecorded" if touch in one.unrecorded else "recorded"
+                known = "unrecorded" if touch.vehicles in pairs else "recorded"
                 lasts = touch.end_s - touch.begin_s
                 print(f"{one.town} {touch.begin_s:.1f} s, {lasts:.1f} s, {touch.depth_m:.3f} m, {known}: {touch.scene}")
 
