@@ -33,12 +33,27 @@ def lidar_pose(frame) -> np.ndarray:
     return frame.twin.ego.pose @ frame.twin.lidar.pose_ego
 
 
-def test_scans_have_64_rings_and_the_number_of_points_of_a_real_one(drive):
+def test_scans_have_64_rings_and_as_many_returns_as_a_real_one_without_a_roof_behind_it(drive):
+    """KITTI's unit gets 86 % of its firings back, 91 % in one of twenty scans, and its own car's roof takes 5 % more.
+
+    The shares are those of 7,481 scans of 64 x 2,157 firings; the roof's is what lasers 45 to 63 miss that lasers 20
+    to 44 get back. A bare beam pattern has no roof below it and loses nothing to dark paint.
+    """
+    firings = len(load_pattern(drive.root / "pattern.yaml").rays())
     for name in drive.frames:
         frame = drive[name]
         assert len(np.unique(frame.rays.ring)) == 64
-        assert 90_000 <= len(frame.points) <= 125_000
+        assert 0.70 <= len(frame.points) / firings <= 0.91 + 0.05
         assert np.isfinite(frame.points).all()
+
+
+def test_some_of_the_lasers_above_the_horizon_see_sky_and_all_well_below_it_see_the_ground(drive):
+    elevation = np.array(load_pattern(drive.root / "pattern.yaml").elevation_deg)
+    rays = load_pattern(drive.root / "pattern.yaml").rays()
+    for name in drive.frames:
+        returns = np.bincount(drive[name].rays.ring, minlength=64) / np.bincount(rays.ring, minlength=64)
+        assert returns[elevation > 0].mean() < 0.95
+        assert (returns[elevation < -5] > 0.97).all()
 
 
 def test_points_stand_on_their_nominal_beams(drive):
