@@ -136,8 +136,9 @@ class FrameReplay:
             # Points stand where the unit's calibration has its lasers look, not along the pattern's beams.
             known = [effect for effect in effects if isinstance(effect, RingElevation)]
             looks = self._left(tuple(known)).direction.astype(np.float64)
-            along = along + found.range_m * (np.einsum("ij,ij->i", looks, direction) - 1)
-            above = above + found.range_m * np.einsum("ij,ij->i", looks, upwards(direction))
+            reach = np.nan_to_num(found.range_m)  # a beam into the sky may return all the same: of a drop, at its range
+            along = along + reach * (np.einsum("ij,ij->i", looks, direction) - 1)
+            above = above + reach * np.einsum("ij,ij->i", looks, upwards(direction))
         return found, along, above
 
     def shot(self, effects: Sequence[Effect]) -> Shot:
