@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore import EmbreeDevice
 from embreex.rtcore_scene import EmbreeScene
 
 from assets.materials import TABLE, MaterialTable
@@ -40,7 +42,7 @@ class Bvh:
         self._threads = ThreadPoolExecutor(threads) if threads > 1 else None
         self._parts = threads
         if len(mesh.faces):
-            self._scene = EmbreeScene(robust=True)
+            self._scene = EmbreeScene(_device(), robust=True)
             TriangleMesh(self._scene, mesh.vertices, mesh.faces)
 
     @property
@@ -88,3 +90,9 @@ class Bvh:
         # Embree writes into the limits it is given.
         found = self._scene.run(origin, direction, limit.astype(np.float32), "INTERSECT", output=True)
         return found["tfar"], found["primID"]
+
+
+@cache
+def _device() -> EmbreeDevice:
+    """The one device of a process: each takes keys of its threads, and a thousand of them use these up."""
+    return EmbreeDevice()

@@ -86,15 +86,21 @@ class Scene:
         load_model: gives the mesh of a model name; called once a model, when first met.
         threads: threads that share a query of the static world.
         table: what the materials of all meshes are.
+        models: those built already, shared with other worlds of the same table.
     """
 
     def __init__(
-        self, static: Mesh, load_model: Callable[[str], Mesh], threads: int = 1, table: MaterialTable = TABLE
+        self,
+        static: Mesh,
+        load_model: Callable[[str], Mesh],
+        threads: int = 1,
+        table: MaterialTable = TABLE,
+        models: dict[str, TracedModel] | None = None,
     ) -> None:
         self.table = table
         self.static = Bvh(static, threads, table=table)
         self._load_model = load_model
-        self._models: dict[str, TracedModel] = {}
+        self._models = {} if models is None else models
 
     def model(self, name: str) -> TracedModel:
         """The traced model of a name, built on first use."""

@@ -13,7 +13,7 @@ from cosim.twin.foreign import twin_materials
 from cosim.twin.frame import Instance, TwinFrame
 from cosim.twin.glb import read_glb
 from sensors.motion import EgoMotion
-from sensors.scene import Instances, Scene
+from sensors.scene import Instances, Scene, TracedModel
 
 _GRAY = 0.5  # twins do not tell visible colours; rays ask for none
 
@@ -30,7 +30,7 @@ class TwinScenes:
         self._drive = drive
         self._threads = threads
         self._table = twin_materials(drive)
-        self._meshes: dict[str, Mesh] = {}
+        self._models: dict[str, TracedModel] = {}
         self._files: tuple[Path, ...] = ()
         self._scene: Scene | None = None
 
@@ -47,14 +47,13 @@ class TwinScenes:
                 self._model,
                 self._threads,
                 self._table,
+                self._models,
             )
             self._files = files
         return self._scene
 
     def _model(self, name: str) -> Mesh:
-        if name not in self._meshes:
-            self._meshes[name] = read_glb(self._drive.model_path(name), table=self._table)
-        return self._meshes[name]
+        return read_glb(self._drive.model_path(name), table=self._table)
 
 
 def scene_instances(things: tuple[Instance, ...]) -> Instances:

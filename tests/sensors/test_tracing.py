@@ -152,3 +152,10 @@ def test_a_car_twice_as_far_takes_a_quarter_of_the_beams(tracer):
         hits = tracer.trace(Scene(Mesh.empty(), lambda name: car), LIDAR, instances([pose(distance)]))
         counts.append(np.count_nonzero(hits.solid.instance == 0))
     assert counts[0] / counts[1] == pytest.approx(4, rel=0.25)
+
+
+def test_more_worlds_can_be_held_than_a_thread_has_keys():
+    worlds = [Bvh(wall(1.0 + number)) for number in range(1100)]
+    ahead = np.array([[1, 0, 0]], np.float32)
+    distance, _ = worlds[-1].first_hit(np.zeros((1, 3), np.float32), ahead, np.array([2000], np.float32))
+    assert distance[0] == pytest.approx(1100.0)
