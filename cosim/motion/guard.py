@@ -30,7 +30,7 @@ class Guarded:
         half: (n, 2) half lengths and widths.
         wanted: stops after the step they want to take.
         out: stops after a step of their way out.
-        moves: (n,) whether the wanted step moves the vehicle.
+        moves: (n,) whether the wanted step moves the vehicle, or its way out: who would stop dead may have to roll on.
         allowed: pairs of rows (i < j) that may touch.
     """
 

@@ -49,7 +49,7 @@ def take_steps(company: Company, step_s: float) -> tuple[dict[str, np.ndarray], 
     out = braked(state, rear, step_s)
     goes_on = _room_for_scripts(stops(**taken, rear_m=rear, length_m=length, step_s=step_s))
     brakes = _room_for_scripts(stops(**out, rear_m=rear, length_m=length, step_s=step_s))
-    moves = (taken["front"] != state["front"]).any(1)
+    moves = ((taken["front"] != state["front"]) | (out["front"] != state["front"])).any(1)
     for i, player in company.players.items():
         goes_on.put(i, player.stops(float(length[i]), goes_on=True), 0)
         brakes.put(i, player.stops(float(length[i]), goes_on=False), 0)

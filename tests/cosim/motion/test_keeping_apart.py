@@ -9,6 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cosim.motion import Motion, overlaps
+from cosim.motion.chassis import Chassis
+from cosim.motion.steps import Company, take_steps
+from cosim.motion.stopping import travel
 from tests.cosim.inspector import centres
 from tests.cosim.road_users import road_users
 
@@ -50,3 +53,32 @@ def test_one_of_two_goes_on():
 def test_who_may_touch_does():
     deepest, _ = meet(np.pi / 2, (8.0, 8.0), 0.0, allowed=True)
     assert deepest > 0.5
+
+
+def crowd(seed: int, steps: int) -> float:
+    """Drivers close together who steer, brake, stop dead and set off at random: the deepest overlap of their boxes."""
+    rng, n = np.random.default_rng(seed), 16
+    size = np.tile([4.0, 1.6, 1.5], (n, 1))
+    chassis = Chassis.of(("car",) * n, size[:, 0])
+    column, row = np.divmod(np.arange(n), 4)
+    state = {"front": np.column_stack([column * 6.0, row * 2.2]), "heading": np.zeros(n)}
+    state |= {"curvature": np.zeros(n), "speed": np.zeros(n)}
+    deepest = 0.0
+    for _ in range(steps):
+        stops_dead = rng.random(n) < 0.02
+        speed = np.where(stops_dead, 0.0, np.clip(state["speed"] + rng.uniform(-0.5, 0.7, n), 0, 9))
+        turn = rng.uniform(-0.04, 0.04, n)
+        curvature = np.clip(state["curvature"] + turn, -0.3, 0.3) * np.minimum(1, 5 / np.maximum(speed, 1) ** 2)
+        front, heading = travel(state["front"], state["heading"], curvature, speed * STEP_S, chassis.rear_m)
+        want = {"front": front, "heading": heading, "curvature": curvature, "speed": speed}
+        state, _, _ = take_steps(Company(state, want, chassis, size, np.zeros(n), {}, frozenset()), STEP_S)
+        forward = np.column_stack([np.cos(state["heading"]), np.sin(state["heading"])])
+        found = overlaps(state["front"] - 2.0 * forward, state["heading"], size)
+        deepest = max(deepest, float(found.depth_m.max(initial=0.0)))
+    return deepest
+
+
+@given(st.integers(0, 2**16))
+@settings(max_examples=15, deadline=None)
+def test_whatever_drivers_want_their_bodies_keep_apart(seed):
+    assert crowd(seed, steps=150) == 0.0
