@@ -17,6 +17,7 @@ import numpy as np
 from cosim.actors import Actors
 from cosim.errors import CosimError
 from cosim.motion.corners import corner_speed
+from cosim.readings import Readings
 from cosim.route_corners import RouteCorners
 
 # SUMO vehicle class → kind of road user
@@ -83,6 +84,7 @@ class Traffic:
                 "--no-warnings",
             ]
         )
+        self._began_s = self.time_s
         constants = self._sumo.constants
         self._vehicle_variables = [
             constants.VAR_POSITION3D,
@@ -102,11 +104,11 @@ class Traffic:
             constants.VAR_TYPE,
         ]
         self._types: dict[str, _TypeInfo] = {}
-        self._ids: tuple[str, ...] = ()
+        self._readings = Readings(constants)
         self._types_now: tuple[str, ...] = ()
         self._kinds_now: tuple[str, ...] = ()
         self._sizes_now = np.zeros((0, 3))
-        self._headings: dict[str, float] = {}
+        self._headings: tuple[tuple[str, ...], np.ndarray] = ((), np.zeros(0))
         self._parked: dict[str, dict] = {}
         self._arriving: set[str] = set()
         self._hidden: set[str] = set()
@@ -143,7 +145,8 @@ class Traffic:
         """Take a vehicle out of the simulation."""
         self._sumo.vehicle.unsubscribe(vehicle)
         self._sumo.vehicle.remove(vehicle)
-        self._parked.pop(vehicle, None)
+        if self._parked.pop(vehicle, None) is not None:
+            self._readings.forget_parked()
 
     def advance(self, steps: int) -> Actors:
         """Go on by some steps and read everyone as SUMO has them.
@@ -230,6 +233,7 @@ class Traffic:
                     self._sumo.vehicle.setParameter(vehicle, f"laneChangeModel.{name}", value)
         for vehicle in self._sumo.simulation.getParkingEndingVehiclesIDList():
             if self._parked.pop(vehicle, None) is not None:
+                self._readings.forget_parked()
                 self._sumo.vehicle.subscribe(vehicle, self._vehicle_variables)
         for person in self._sumo.simulation.getDepartedPersonIDList():
             self._sumo.person.subscribe(person, self._person_variables)
@@ -244,7 +248,7 @@ class Traffic:
 
     def _begins_parked(self, vehicle: str) -> bool:
         api = self._sumo.vehicle
-        stops = api.getStops(vehicle, 1) if self.time_s < _PARKED_FROM_S else ()
+        stops = api.getStops(vehicle, 1) if self.time_s < self._began_s + _PARKED_FROM_S else ()
         if not stops or not stops[0].stoppingPlaceID or stops[0].lane != api.getLaneID(vehicle):
             return False
         return abs(stops[0].endPos - api.getLanePosition(vehicle)) < _NEAR_STOP_M
@@ -256,51 +260,57 @@ class Traffic:
         for vehicle in self._sumo.simulation.getParkingStartingVehiclesIDList():
             values = {} if vehicle in self._arriving else api.getSubscriptionResults(vehicle)
             if values:
-                self._parked[vehicle] = {**values, **still}
-                api.unsubscribe(vehicle)
-        if self._arriving and self.time_s > _PARKED_FROM_S:
+                self._park(vehicle, {**values, **still})
+        if self._arriving and self.time_s > self._began_s + _PARKED_FROM_S:
             for vehicle in sorted(self._arriving):
                 api.subscribe(vehicle, self._vehicle_variables)
                 if api.isStoppedParking(vehicle):
-                    self._parked[vehicle] = {**api.getSubscriptionResults(vehicle), **still}
-                    api.unsubscribe(vehicle)
+                    self._park(vehicle, {**api.getSubscriptionResults(vehicle), **still})
             self._arriving.clear()
 
+    def _park(self, vehicle: str, values: dict) -> None:
+        self._parked[vehicle] = values
+        self._readings.forget_parked()
+        self._sumo.vehicle.unsubscribe(vehicle)
+
     def _read(self) -> Actors:
-        sumo, constants = self._sumo, self._sumo.constants
-        vehicles = {**sumo.vehicle.getAllSubscriptionResults(), **self._parked}
-        persons = sumo.person.getAllSubscriptionResults()
-        rows: list[tuple[str, dict]] = [*sorted(vehicles.items()), *sorted(persons.items())]
-        ids = tuple(name for name, _ in rows)
-        if ids != self._ids:
-            self._ids = ids
-            self._types_now = tuple(_shared_type(values[constants.VAR_TYPE]) for _, values in rows)
+        sumo, now = self._sumo, self._readings
+        vehicles, persons = sumo.vehicle.getAllSubscriptionResults(), sumo.person.getAllSubscriptionResults()
+        if now.read(vehicles, persons, self._parked):
+            self._types_now = tuple(_shared_type(name) for name in now.types)
             infos = [self._type(name) for name in self._types_now]
             self._kinds_now = tuple(info.kind for info in infos)
             self._sizes_now = np.array([info.size for info in infos], float).reshape(-1, 3)
-        heading = np.radians(90.0 - np.array([values[constants.VAR_ANGLE] for _, values in rows], float))
-        before = np.array([self._headings.get(name, angle) for name, angle in zip(ids, heading, strict=True)])
-        self._headings = dict(zip(ids, heading.tolist(), strict=True))
-        turned = np.angle(np.exp(1j * (heading - before))) if len(rows) else heading
+        heading = np.radians(90.0 - now.angle_deg)
+        turned = np.angle(np.exp(1j * (heading - self._headings_before(now.ids, heading))))
+        self._headings = now.ids, heading
         return Actors(
             time_s=self.time_s,
-            ids=ids,
+            ids=now.ids,
             types=self._types_now,
             kinds=self._kinds_now,
-            lanes=tuple(values[constants.VAR_LANE_ID] for _, values in rows),
-            front=np.array([values[constants.VAR_POSITION3D] for _, values in rows], float).reshape(-1, 3),
-            heading_rad=np.angle(np.exp(1j * heading)) if len(rows) else heading,
-            speed_mps=_column(rows, constants.VAR_SPEED),
-            acceleration_mps2=_column(rows, constants.VAR_ACCELERATION),
+            lanes=tuple(now.lanes),
+            front=now.front.copy(),
+            heading_rad=np.angle(np.exp(1j * heading)),
+            speed_mps=now.numbers["speed_mps"].copy(),
+            acceleration_mps2=now.numbers["acceleration_mps2"].copy(),
             yaw_rate_radps=turned / self.step_s,
             size=self._sizes_now,
-            signals=_column(rows, constants.VAR_SIGNALS).astype(np.int64),
-            lane_position_m=_column(rows, constants.VAR_LANEPOSITION),
-            parked=np.array([name in self._parked for name in ids], bool),
-            lateral_mps=np.zeros(len(rows)),
-            body_pitch_rad=np.zeros(len(rows)),
-            body_roll_rad=np.zeros(len(rows)),
+            signals=now.numbers["signals"].astype(np.int64),
+            lane_position_m=now.numbers["lane_position_m"].copy(),
+            parked=now.parked.copy(),
+            lateral_mps=np.zeros(len(now.ids)),
+            body_pitch_rad=np.zeros(len(now.ids)),
+            body_roll_rad=np.zeros(len(now.ids)),
         )
+
+    def _headings_before(self, ids: tuple[str, ...], heading: np.ndarray) -> np.ndarray:
+        """Headings of the step before (n,); the present ones of those who have just come."""
+        names, before = self._headings
+        if names == ids:
+            return before
+        known = dict(zip(names, before.tolist(), strict=True))
+        return np.array([known.get(name, angle) for name, angle in zip(ids, heading.tolist(), strict=True)], float)
 
     def _type(self, name: str) -> _TypeInfo:
         if name not in self._types:
@@ -312,10 +322,6 @@ class Traffic:
             size = (api.getLength(name), api.getWidth(name), api.getHeight(name))
             self._types[name] = _TypeInfo(KIND_OF_CLASS[vehicle_class], size)
         return self._types[name]
-
-
-def _column(rows: Sequence[tuple[str, dict]], variable: int) -> np.ndarray:
-    return np.array([values.get(variable, 0.0) for _, values in rows], float)
 
 
 def _shared_type(name: str) -> str:
