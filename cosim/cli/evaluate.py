@@ -1,0 +1,117 @@
+"""`cosim evaluate`: detections scored against labels as KITTI's object benchmark does."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+
+from cosim.cli.options import add_common, beside, write_json
+
+if TYPE_CHECKING:
+    from training.evaluation import Evaluation
+    from training.evaluation.slices import Slice
+
+_DRAWS_UP_TO = 500  # frames for which intervals are drawn unless asked for
+
+
+def add_command(commands: Any) -> None:
+    """Describe the command to the parser."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "evaluate", help="score detections as KITTI does", description=__doc__
+    )
+    parser.add_argument(
+        "--detections", type=Path, required=True, metavar="DIR", help="NAME.txt a frame, 16 columns, the last a score"
+    )
+    parser.add_argument("--labels", type=Path, required=True, metavar="DIR", help="a label_2/ folder")
+    parser.add_argument(
+        "--frames", type=Path, metavar="FILE", help="names to score, one a line; absent detection files hold none"
+    )
+    parser.add_argument(
+        "--bootstrap",
+        type=int,
+        metavar="DRAWS",
+        help=f"draws of the 95 %% intervals of R40 (default: 1000 up to {_DRAWS_UP_TO} frames, else none)",
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of those draws (default: 0)")
+    parser.add_argument("--out", type=Path, metavar="PAGE_DIR", help="folder of the page (default: DIR-evaluation)")
+    add_common(parser, computes=True)
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace, console: Console) -> None:
+    """Score, say the averages, write the page."""
+    from cosim.discrepancy.pages.write import write_page
+    from training.evaluation import evaluate, read_results
+    from training.evaluation.as_json import as_json
+    from training.evaluation.page import format_page
+    from training.evaluation.pictures import detection_pictures
+    from training.evaluation.slices import scans_beside
+
+    if options.bootstrap is not None and options.bootstrap < 0:
+        from training.errors import EvaluationError
+
+        raise EvaluationError(f"--bootstrap is {options.bootstrap}; give a number of draws, 0 for none")
+    with console.status("reading"):
+        scored = read_results(options.detections, options.labels, options.frames)
+    with console.status("scoring"):
+        evaluation = evaluate(scored)
+        intervals = _intervals(evaluation, options)
+        drive = scans_beside(options.labels)
+        parts = _parts(evaluation, drive)
+    pictures = detection_pictures(scored, drive) if drive is not None else []
+    title = f"{options.detections} against {options.labels}"
+    page = write_page(
+        options.out or beside(options.detections, "evaluation"),
+        format_page(evaluation, title, intervals, parts, pictures),
+    )
+    if not options.quiet:
+        _say(evaluation)
+    console.print(f"{len(scored.names):,} frames on {page}", soft_wrap=True, highlight=False)
+    write_json(options.json, as_json(evaluation, intervals, parts))
+
+
+def _intervals(evaluation: Evaluation, options: argparse.Namespace) -> dict[tuple[str, str], list[tuple[float, float]]]:
+    import numpy as np
+
+    from training.evaluation.bootstrap import interval, resample
+
+    draws = options.bootstrap
+    if draws is None:
+        draws = 1000 if len(evaluation.scored.names) <= _DRAWS_UP_TO else 0
+    if not draws:
+        return {}
+    return {
+        (name, metric): [
+            interval(resample(result, np.random.default_rng(options.seed), draws)[:, 0]) for result in levels
+        ]
+        for name, metrics in evaluation.results.items()
+        for metric, levels in metrics.items()
+    }
+
+
+def _parts(evaluation: Evaluation, drive: Any) -> dict[str, dict[str, list[Slice]]]:
+    from training.evaluation.slices import points_in_labels, slices
+
+    said = {}
+    for name, metrics in evaluation.results.items():
+        if "3d" in metrics:
+            hard = metrics["3d"][2]
+            said[name] = slices(hard, None if drive is None else points_in_labels(hard, drive))
+    return said
+
+
+def _say(evaluation: Evaluation) -> None:
+    table = Table("class", "metric", "R40 easy", "moderate", "hard", "R11 easy", "moderate", "hard", box=None)
+    for name, metrics in evaluation.results.items():
+        for metric, levels in metrics.items():
+            words = [f"{value:.2f}" for value in (*(r.r40 for r in levels), *(r.r11 for r in levels))]
+            table.add_row(name, metric, *words)
+        if "2d" in metrics and evaluation.oriented:
+            levels = metrics["2d"]
+            words = [f"{value:.2f}" for value in (*(r.aos40 for r in levels), *(r.aos11 for r in levels))]
+            table.add_row(name, "aos", *words)
+    Console(width=100).print(table if evaluation.results else "no detection of Car, Pedestrian or Cyclist")

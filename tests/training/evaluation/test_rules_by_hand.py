@@ -1,0 +1,144 @@
+"""Constructed cases whose right answer follows from KITTI's rules by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cosim.kitti import Labels
+from tests.training.evaluation.scenes import perfect
+from training.evaluation import evaluate, pair_frames
+from training.evaluation.as_json import as_json
+
+_MANY = 41  # objects from which on a perfect detector reaches 100
+
+
+def cars(count: int = 1, kind: str = "Car", height_px: float = 100.0, x_m: float = 0.0) -> Labels:
+    """Cars 30 m apart along the road, each 3.9 m long, all with the same image size side by side."""
+    numbers = np.arange(count)
+    left = 200.0 * numbers + 1000 * x_m
+    return Labels(
+        (kind,) * count,
+        np.zeros(count),
+        np.zeros(count),
+        np.full(count, 0.3),
+        np.column_stack([left, np.full(count, 100.0), left + 150, np.full(count, 100.0 + height_px)]),
+        np.tile([1.5, 1.6, 3.9], (count, 1)),
+        np.column_stack([np.full(count, x_m), np.full(count, 1.6), 10 + 30.0 * numbers]),
+        np.zeros(count),
+    )
+
+
+def scored(labels: list[Labels], detections: list[Labels], name: str = "Car"):
+    return evaluate(pair_frames(labels, detections)).results[name]
+
+
+def sure(labels: Labels, score: float = 1.0) -> Labels:
+    return replace(labels, score=np.full(len(labels), score))
+
+
+def test_a_perfect_detector_scores_100_on_enough_objects():
+    results = scored([cars()] * _MANY, [perfect(cars())] * _MANY)
+    for levels in results.values():
+        for result in levels:
+            assert result.r40 == result.r11 == result.continuous == pytest.approx(100)
+    assert results["2d"][1].aos40 == pytest.approx(100)
+
+
+@pytest.mark.parametrize("count", [2, 10, 40])
+def test_with_n_objects_a_perfect_detector_reaches_only_n_minus_1_of_40_slots(count):
+    result = scored([cars()] * count, [perfect(cars())] * count)["3d"][1]
+    assert result.r40 == pytest.approx(100 * (count - 1) / 40)
+    assert result.continuous == pytest.approx(100)
+
+
+def test_nothing_detected_is_null_and_detections_of_nothing_are_zero():
+    nothing = as_json(evaluate(pair_frames([cars()] * 3, [Labels.empty()] * 3)))
+    assert nothing == {"Car": None, "Pedestrian": None, "Cyclist": None}
+    ghosts = as_json(evaluate(pair_frames([Labels.empty()] * 3, [sure(cars())] * 3)))
+    assert ghosts["Car"]["3d"]["R40"] == [0, 0, 0] and ghosts["Car"]["aos"]["R11"] == [0, 0, 0]
+
+
+def test_half_the_answers_false_and_surer_halve_the_precision():
+    ghost = sure(cars(x_m=15.0), 2.0)
+    result = scored([cars()] * _MANY, [sure(cars()).followed_by(ghost)] * _MANY)["3d"][1]
+    assert result.r40 == pytest.approx(50)
+
+
+def test_a_van_found_as_a_car_is_neither_hit_nor_false():
+    labels = [cars()] * _MANY + [cars(kind="Van")] * 30
+    result = scored(labels, [sure(cars())] * _MANY + [sure(cars(), 2.0)] * 30)["3d"][1]
+    assert result.r40 == pytest.approx(100)
+
+
+def test_class_names_do_not_depend_on_case():
+    result = scored([cars(kind="cAR")] * _MANY, [sure(cars(kind="CAR"))] * _MANY)["3d"][1]
+    assert result.r40 == pytest.approx(100)
+
+
+def test_dont_care_regions_absorb_false_positives_in_the_image_only():
+    region = replace(cars(kind="DontCare"), bbox=np.array([[5000.0, 0, 7000, 400]]))
+    ghost = replace(sure(cars(x_m=15.0), 2.0), bbox=np.array([[5500.0, 100, 5650, 200]]))
+    labels = [cars().followed_by(region)] * _MANY
+    results = scored(labels, [sure(cars()).followed_by(ghost)] * _MANY)
+    assert results["2d"][1].r40 == pytest.approx(100)
+    assert results["3d"][1].r40 == results["bev"][1].r40 == pytest.approx(50)
+
+
+def test_a_detection_too_small_takes_an_object_whatever_its_class():
+    """Ten cars have only a pedestrian's detection on them, 20 px high: neither found nor missed."""
+    small = sure(cars(kind="Pedestrian", height_px=20.0))
+    labels = [cars()] * (_MANY + 10)
+    with_small = scored(labels, [sure(cars())] * _MANY + [small] * 10)["3d"][1]
+    without = scored(labels, [sure(cars())] * _MANY + [Labels.empty()] * 10)["3d"][1]
+    assert with_small.recall.max() == 1.0
+    assert without.recall.max() == pytest.approx(_MANY / (_MANY + 10))
+
+
+@pytest.mark.parametrize(("height_px", "counts"), [(25.0, 0), (25.5, 1)])
+def test_objects_of_exactly_the_least_height_do_not_count_but_such_detections_do(height_px, counts):
+    result = scored([cars(height_px=height_px)], [sure(cars(height_px=25.0))])["3d"][1]
+    assert result.task.object_counts.sum() == counts
+    assert result.task.valid.all()
+
+
+def test_precision_is_taken_with_the_greatest_overlap_thresholds_with_the_highest_score():
+    """Of two detections on each car the worse-placed is surer; at its score the better one does not exist yet."""
+    near = sure(cars(), 0.4)
+    off = replace(cars(), location=cars().location + np.array([0.1, 0, 0.2]))
+    result = scored([cars()] * _MANY, [sure(off, 0.9).followed_by(near)] * _MANY)["bev"][1]
+    assert set(result.thresholds) == {0.9}
+    assert result.r40 == pytest.approx(100)
+
+
+def test_an_overlap_of_exactly_the_limit_is_no_hit():
+    """Boxes of 100 × 70 px inside boxes of 100 × 100 px overlap by 0.7."""
+    found = replace(sure(cars()), bbox=np.array([[0.0, 100, 150, 170]]))
+    assert scored([cars()] * _MANY, [found] * _MANY)["2d"][1].r40 == 0
+    taller = replace(found, bbox=np.array([[0.0, 100, 150, 170.1]]))
+    assert scored([cars()] * _MANY, [taller] * _MANY)["2d"][1].r40 == pytest.approx(100)
+
+
+def test_orientation_counts_by_the_cosine_and_one_missing_alpha_voids_it():
+    turned = replace(sure(cars()), alpha=cars().alpha + np.pi / 3)
+    result = scored([cars()] * _MANY, [turned] * _MANY)["2d"][1]
+    assert (result.r40, result.aos40) == (pytest.approx(100), pytest.approx(75))
+    unknown = replace(sure(cars(kind="Pedestrian")), alpha=np.array([-10.0]))
+    said = as_json(evaluate(pair_frames([cars()] * _MANY, [turned.followed_by(unknown)] * _MANY)))
+    assert said["Car"]["aos"] is None and said["Car"]["2d"]["R40"][1] == pytest.approx(100)
+
+
+def test_without_image_boxes_3d_is_zero_and_the_image_metrics_are_null():
+    blind = replace(sure(cars()), bbox=np.full((1, 4), -1.0))
+    said = as_json(evaluate(pair_frames([cars()] * _MANY, [blind] * _MANY)))["Car"]
+    assert said["2d"] is None and said["aos"] is None
+    assert said["3d"]["R40"] == said["bev"]["R40"] == [0, 0, 0]
+
+
+def test_hidden_and_cut_off_objects_count_from_their_difficulty_on():
+    partly = replace(cars(), occluded=np.array([1]), truncated=np.array([0.4]))
+    levels = scored([cars()] * _MANY + [partly] * 41, [sure(cars())] * _MANY + [Labels.empty()] * 41)["3d"]
+    assert [int(result.task.object_counts.sum()) for result in levels] == [41, 41, 82]
+    assert levels[2].recall.max() == pytest.approx(0.5)

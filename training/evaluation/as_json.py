@@ -1,0 +1,48 @@
+"""The result of an evaluation as JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from training.evaluation.evaluate import Evaluation
+from training.evaluation.rules import CLASSES, METRICS
+from training.evaluation.slices import Slice
+
+Intervals = dict[tuple[str, str], list[tuple[float, float]]]
+
+
+def as_json(
+    evaluation: Evaluation,
+    intervals: Intervals | None = None,
+    parts: dict[str, dict[str, list[Slice]]] | None = None,
+) -> dict[str, Any]:
+    """`{CLASS: {METRIC: {"R40": [easy, moderate, hard], "R11": […], "continuous": […]}, "aos": …}}` in percent.
+
+    A class of which nothing was detected is null, and so is a metric whose boxes the detections do not have.
+    `R40_ci95` and `slices` are there where they were computed.
+    """
+    return {name: _class_json(evaluation, name, intervals or {}, (parts or {}).get(name)) for name in CLASSES}
+
+
+def _class_json(
+    evaluation: Evaluation, name: str, intervals: Intervals, parts: dict[str, list[Slice]] | None
+) -> dict[str, Any] | None:
+    metrics = evaluation.results.get(name)
+    if metrics is None:
+        return None
+    said: dict[str, Any] = {}
+    for metric in METRICS:
+        levels = metrics.get(metric)
+        said[metric] = levels and {
+            "R40": [result.r40 for result in levels],
+            "R11": [result.r11 for result in levels],
+            "continuous": [result.continuous for result in levels],
+            "objects": [int(result.task.object_counts.sum()) for result in levels],
+        }
+        if levels and (name, metric) in intervals:
+            said[metric]["R40_ci95"] = [list(pair) for pair in intervals[name, metric]]
+    image = metrics.get("2d") if evaluation.oriented else None
+    said["aos"] = image and {"R40": [r.aos40 for r in image], "R11": [r.aos11 for r in image]}
+    if parts is not None:
+        said["slices"] = {kind: [part.as_json() for part in some] for kind, some in parts.items()}
+    return said

@@ -1,0 +1,162 @@
+"""KITTI's object benchmark on the CPU: every class, metric and difficulty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from training.evaluation.average_precision import (
+    continuous_average,
+    sample_thresholds,
+    sampled_average,
+    whole_curve,
+)
+from training.evaluation.candidates import Pairs, absorbed, overlapping
+from training.evaluation.matching import Task, count, hit_scores
+from training.evaluation.read import Scored
+from training.evaluation.rules import (
+    CLASSES,
+    DIFFICULTIES,
+    MAX_OCCLUSION,
+    MAX_TRUNCATION,
+    METRICS,
+    MIN_HEIGHT_PX,
+    MIN_OVERLAP,
+    NEIGHBOURS,
+    NO_ALPHA,
+    Metric,
+)
+
+_CURVE_POINTS = 200  # thresholds of a curve at most; with fewer hits the curve is exact
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A class scored by a metric at a difficulty; averages in percent.
+
+    Attributes:
+        r40, r11: the devkit's averages.
+        aos40, aos11: the same of orientation similarity.
+        continuous: the area under the whole curve.
+        thresholds: (t,) the scores of the whole curve, descending: those of all hits, or 200 evenly among them.
+        recall, precision: (t,) the curve.
+        hit_scores, hit_frames: (h,) of the hits that thresholds are taken from.
+        task: what was scored.
+    """
+
+    r40: float
+    r11: float
+    aos40: float
+    aos11: float
+    continuous: float
+    thresholds: np.ndarray
+    recall: np.ndarray
+    precision: np.ndarray
+    hit_scores: np.ndarray
+    hit_frames: np.ndarray
+    task: Task
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """All results.
+
+    Attributes:
+        scored: what was evaluated.
+        results: by class, metric and difficulty; a metric is absent where the detections have no such boxes, a
+            class where nothing of it was detected.
+        oriented: whether all detections tell their alpha, so that AOS means something.
+    """
+
+    scored: Scored
+    results: dict[str, dict[Metric, list[Result]]] = field(default_factory=dict)
+    oriented: bool = True
+
+
+def evaluate(
+    scored: Scored,
+    *,
+    classes: Sequence[str] = CLASSES,
+    overlaps: dict[str, float] = MIN_OVERLAP,
+    on_part: Callable[[], None] = lambda: None,
+) -> Evaluation:
+    """Score detections as KITTI's C++ devkit does.
+
+    Args:
+        scored: labels and detections.
+        classes: those to score.
+        overlaps: least intersection over union by class, exclusive.
+        on_part: called after every class and metric.
+    """
+    oriented = not (scored.detections.objects.alpha == NO_ALPHA).any()
+    evaluation = Evaluation(scored, oriented=oriented)
+    for name in classes:
+        there = _boxes_given(scored, name)
+        results = {}
+        for metric in METRICS:
+            if metric in there:
+                results[metric] = [_score(task) for task in tasks(scored, name, metric, overlaps[name])]
+            on_part()
+        if results:
+            evaluation.results[name] = results
+    return evaluation
+
+
+def tasks(scored: Scored, name: str, metric: Metric, above: float) -> list[Task]:
+    """A class and metric at the three difficulties."""
+    objects, found = scored.labels.objects, scored.detections.objects
+    of_class = scored.labels.kind == name.lower()
+    neighbour = scored.labels.kind == (NEIGHBOURS[name] or "").lower()
+    detected = scored.detections.kind == name.lower()
+    height, height_found = objects.bbox[:, 3] - objects.bbox[:, 1], np.abs(found.bbox[:, 3] - found.bbox[:, 1])
+    candidates = np.flatnonzero(detected | (height_found < max(MIN_HEIGHT_PX)))
+    pairs = overlapping(scored, np.flatnonzero(of_class | neighbour), candidates, metric, above)
+    stuff = np.zeros(len(detected), bool)
+    if metric == "2d":
+        stuff[candidates] = absorbed(scored, candidates, above)
+    given = []
+    for level in range(len(DIFFICULTIES)):
+        easy_enough = (objects.occluded <= MAX_OCCLUSION[level]) & (objects.truncated <= MAX_TRUNCATION[level])
+        counts = of_class & easy_enough & (height > MIN_HEIGHT_PX[level])
+        small = height_found < MIN_HEIGHT_PX[level]
+        kept = (detected | small)[pairs.detection]
+        some = Pairs(pairs.label[kept], pairs.detection[kept], pairs.overlap[kept])
+        given.append(Task(scored, some, counts, detected & ~small, stuff))
+    return given
+
+
+def _boxes_given(scored: Scored, name: str) -> set[Metric]:
+    """The metrics that the devkit evaluates: those that at least one detection of the class has boxes for."""
+    found = scored.detections.objects
+    mine = scored.detections.kind == name.lower()
+    height, width, length = found.dimensions.T
+    ground = mine & (found.location[:, 0] != -1000) & (found.location[:, 2] != -1000) & (width > 0) & (length > 0)
+    given: dict[Metric, np.ndarray] = {
+        "2d": mine & (found.bbox[:, 0] >= 0),
+        "bev": ground,
+        "3d": ground & (found.location[:, 1] != -1000) & (height > 0),
+    }
+    return {metric for metric, rows in given.items() if rows.any()}
+
+
+def _score(task: Task) -> Result:
+    scores, frames = hit_scores(task)
+    sampled = count(task, sample_thresholds(scores, task.object_counts.sum()))
+    answers = (sampled.tp + sampled.fp)[:, 0]
+    average = sampled_average(sampled.tp[:, 0], answers)
+    similarity = sampled_average(sampled.similarity[:, 0], answers)
+    thresholds = curve_thresholds(scores)
+    recall, precision = whole_curve(count(task, thresholds))
+    area = continuous_average(recall, precision)
+    averages = (average.r40, average.r11, similarity.r40, similarity.r11, area)
+    return Result(*averages, thresholds, recall, precision, scores, frames, task)
+
+
+def curve_thresholds(scores: np.ndarray, most: int = _CURVE_POINTS) -> np.ndarray:
+    """The distinct scores of hits, descending; of more than `most` that many, evenly among them."""
+    distinct = np.unique(scores)[::-1]
+    if len(distinct) > most:
+        distinct = distinct[np.linspace(0, len(distinct) - 1, most).round().astype(int)]
+    return distinct

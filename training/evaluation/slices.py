@@ -1,0 +1,100 @@
+"""Average precision of parts of the objects: by distance, by points in the box, by occlusion.
+
+False positives have neither points of an object nor an occlusion, so all of the set count against every part, and
+precision is that which the part would have were it as numerous as the whole: R·N / (R·N + F), with recall R in the
+part, N objects in the whole and F false positives (normalised precision: Hoiem, Chodpathumwan & Dai, "Diagnosing
+Error in Object Detectors", ECCV 2012, section 2.1). The parts can then be held against each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from cosim.kitti import Drive, points_in_boxes
+from training.evaluation.average_precision import continuous_average
+from training.evaluation.evaluate import Result
+from training.evaluation.matching import count, found
+
+DISTANCE_EDGES_M = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 80.0)
+POINT_EDGES = (0, 5, 20, 50, 100, 300, 1000, 10_000_000)
+_OCCLUSIONS = ("visible", "partly", "largely")
+_STEPS = 200
+
+
+@dataclass(frozen=True)
+class Slice:
+    """A part of the objects: what it is, how many, its average precision [%] and highest recall [%]."""
+
+    name: str
+    objects: int
+    ap: float
+    recall: float
+
+    def as_json(self) -> dict[str, object]:
+        """For `--json`."""
+        return {"name": self.name, "objects": self.objects, "ap": self.ap, "recall": self.recall}
+
+
+def slices(result: Result, points: np.ndarray | None = None) -> dict[str, list[Slice]]:
+    """`distance`, `occlusion` and, where points were counted, `points`: the parts that hold objects.
+
+    Args:
+        result: a class by a metric at a difficulty; `hard` has most objects.
+        points: (g,) points in the box of every label row; see `points_in_labels`.
+    """
+    objects = result.task.scored.labels.objects
+    distance = np.hypot(objects.location[:, 0], objects.location[:, 2])
+    words = [f"{low:g}–{high:g} m" for low, high in pairwise(DISTANCE_EDGES_M)]
+    parts = {
+        "distance": _parts(result, np.searchsorted(DISTANCE_EDGES_M, distance, "right") - 1, words),
+        "occlusion": _parts(result, objects.occluded, _OCCLUSIONS),
+    }
+    if points is not None:
+        words = [f"{low:,}–{high - 1:,}" for low, high in pairwise(POINT_EDGES)]
+        words[-1] = f"{POINT_EDGES[-2]:,}+"
+        parts["points"] = _parts(result, np.searchsorted(POINT_EDGES, points, "right") - 1, words)
+    return parts
+
+
+def points_in_labels(result: Result, drive: Drive) -> np.ndarray:
+    """How many points of the drive's scans lie in each label's box, (g,) int64; 0 for frames it lacks."""
+    table = result.task.scored.labels
+    counts = np.zeros(len(table.kind), np.int64)
+    for number, name in enumerate(result.task.scored.names):
+        rows = np.flatnonzero(result.task.object_counts & (table.frame == number))
+        if len(rows) and name in drive:
+            frame = drive[name]
+            boxes = table.objects[rows].boxes_velo(frame.calibration)
+            counts[rows] = points_in_boxes(frame.points, boxes).sum(1)
+    return counts
+
+
+def scans_beside(labels: Path) -> Drive | None:
+    """The drive that a folder of labels belongs to, if its scans are there."""
+    folder = labels.resolve().parent
+    there = (folder / "velodyne").is_dir() and (folder / "calib").is_dir() and any((folder / "velodyne").glob("*.bin"))
+    return Drive(folder) if there else None
+
+
+def _parts(result: Result, part: np.ndarray, names: Sequence[str]) -> list[Slice]:
+    task = result.task
+    thresholds = result.thresholds[:: max(1, len(result.thresholds) // _STEPS)]
+    taken, false = found(task, thresholds), count(task, thresholds).fp[:, 0]
+    hit = (taken >= 0) & task.valid[taken]
+    everything = task.object_counts.sum()
+    said = []
+    for number, name in enumerate(names):
+        mine = task.object_counts & (part == number)
+        if not mine.any():
+            continue
+        recall = hit[:, mine].sum(1) / mine.sum()
+        likely = recall * everything
+        precision = np.divide(likely, likely + false, out=np.zeros_like(likely), where=likely + false > 0)
+        best = 100 * float(recall.max(initial=0.0))
+        said.append(Slice(name, int(mine.sum()), continuous_average(recall, precision), best))
+    return said
