@@ -14,21 +14,20 @@ from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.checks import check_fit, opened
 from cosim.discrepancy.directions import directions
 from cosim.discrepancy.fitting import Fitted, Fitter, all_free
-from cosim.discrepancy.frames import FrameTracer, bending, in_order
+from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.held_out import split_frames
 from cosim.discrepancy.intervals import half_widths
+from cosim.discrepancy.lattice import find_lattices
 from cosim.discrepancy.ranking import fit_candidate
 from cosim.discrepancy.sample import draw_sample
+from cosim.discrepancy.settling import ROWS, settle
 from cosim.discrepancy.testing import HeldOut, held_out_errors
 from cosim.errors import DriveError
 from cosim.kitti import Drive
-from sensors.effects.base import BeamEffect, Effect, LabelEffect
+from sensors.effects.base import Effect, LabelEffect, RoundingEffect
 from sensors.errors import SensorError
 from sensors.pattern import first_problem
 from sensors.sensor_model import SensorModel, load_sensor
-
-_ROWS = 60_000
-_ROUNDS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,26 +95,25 @@ def add(
     place = next((i for i, effect in enumerate(effects) if effect.name == kind.name), None)
     if place is not None and fixed:
         effects = tuple(with_values(one, fixed) if i == place else one for i, one in enumerate(effects))
-    result: Fitted | None = None
-    fitter: Fitter | None = None
-    for number in range(_ROUNDS):
-        frames = [tracer.trace(name, bending(effects)) for name in split.fit]
-        if number == 0:
-            check_fit(frames[0], drive)
-        fitter = Fitter(draw_sample(frames, _ROWS, np.random.default_rng([seed, _ROWS])))
-        if place is None:
-            effects, place = _begun(fitter, kind, effects, fixed, drive)
-        free = [one for one in all_free(effects, [place], model.pattern.rings) if one.unknown.name not in fixed]
-        result = fitter.fit(effects, free)
-        effects = result.effects
-        if not issubclass(kind, BeamEffect):
-            break
-    assert result is not None and fitter is not None and place is not None  # there is a round
+    frames = [tracer.trace(name, bending(effects)) for name in split.fit]
+    check_fit(frames[0], drive)
+    known: dict[str, Any] = {}
+    if place is None or issubclass(kind, RoundingEffect):
+        fitter = Fitter(draw_sample(frames, ROWS, np.random.default_rng([seed, ROWS])))
+        effects, place, known = _begun(fitter, kind, effects, fixed, drive)
+    free = [one for one in all_free(effects, [place], model.pattern.rings) if one.unknown.name not in fixed]
+
+    def trace(bent: tuple[Effect, ...]) -> list[TracedFrame]:
+        return [tracer.trace(name, bent) for name in split.fit]
+
+    settled = settle(frames, trace, effects, free, seed)
+    result = settled.fitted
+    effects = result.effects
     sensor_after = SensorModel(model.pattern, effects, model.origin)
     return Added(
         effect=kind.name,
         params=effects[place].model_dump(mode="json"),
-        ci95=intervals(fitter, result)[kind.name] if result.free else {},
+        ci95=intervals(settled.fitter, result)[kind.name] if result.free else known,
         sensor=sensor_after,
         error_before=before,
         error_after=held_out_errors(tracer, split.test, effects, model.origin),
@@ -156,15 +154,20 @@ def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:
 
 def _begun(
     fitter: Fitter, kind: type[Effect], effects: Sequence[Effect], fixed: Mapping[str, Any], drive: Drive
-) -> tuple[tuple[Effect, ...], int]:
-    """The effects with the new one, roughly as strong as it is."""
-    effects = tuple(effects)
+) -> tuple[tuple[Effect, ...], int, dict[str, Any]]:
+    """The effects with the new one, roughly as strong as it is, its place, and intervals that are known already."""
+    effects = tuple(one for one in effects if one.name != kind.name)
+    if issubclass(kind, RoundingEffect) and not fixed:
+        found = find_lattices(fitter, fitter.fit(effects, ()), [kind], np.random.default_rng(0))
+        if not found:
+            raise DriveError(f"{drive.root}: its values stand on no lattice that {kind.name} would make; give its step")
+        return (*effects, found[0].effect), len(effects), found[0].interval
     if kind.neutral is None or all(name in fixed for name in kind.model_fields):
-        return (*effects, kind.model_validate({**kind.example, **fixed})), len(effects)
+        return (*effects, kind.model_validate({**kind.example, **fixed})), len(effects), {}
     null = fitter.fit(effects, ())
     found = [one for one in directions(fitter, null, [kind], range(len(effects))) if one.effect == kind.name]
     if not found:
         raise DriveError(f"{drive.root}: nothing in it depends on {kind.name}; give a drive that shows it")
     best = fit_candidate(fitter, null, found)
     effect = with_values(best.fitted.effects[best.place], fixed) if fixed else best.fitted.effects[best.place]
-    return (*effects, effect), len(effects)
+    return (*effects, effect), len(effects), {}

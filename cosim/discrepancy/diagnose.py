@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,17 +19,19 @@ from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.gate import LEVEL, Verdict, run_gate
 from cosim.discrepancy.held_out import Split, split_frames
 from cosim.discrepancy.intervals import standard_errors
+from cosim.discrepancy.lattice import Lattice, find_lattices
 from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist
 from cosim.discrepancy.sample import Sample, draw_sample
+from cosim.discrepancy.settling import Settled, settle
 from cosim.discrepancy.testing import HeldOut, held_out_errors
 from cosim.discrepancy.unknown import Shape, effect_name, find_shape, rank_shape, shape_gate
 from cosim.kitti import Drive
-from sensors.effects.base import Effect
+from sensors.effects.base import Effect, RoundingEffect
 from sensors.effects.registry import effect_classes
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
-_ROWS, _QUICK_ROWS = 60_000, 20_000
+_QUICK_ROWS = 20_000
 _COARSE_M = 0.25
 _FEWEST_PARTS = 120
 _MOST_EFFECTS = 5
@@ -37,19 +39,16 @@ _ALIKE_BIC = 10.0
 _CLEARLY_THERE = 5.0
 _CLEARLY_MORE = 1.15  # times the gain of the best candidate must be an unknown shape's
 _SHAPE_LEVEL = 0.02
+_RETUNED_SIGMAS, _RETUNED_SHARE = 2.0, 1e-3  # what other values of an effect must gain, of its scatter and of the error
 _TRIED = 3  # candidates a round, until one helps on held-out frames
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Model:
     """The sensor as it stands: its effects, and which of them have been fitted here."""
 
     effects: tuple[Effect, ...]
     fitted: tuple[int, ...] = ()
-
-    @property
-    def bending(self) -> tuple[Effect, ...]:
-        return bending(self.effects)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +57,7 @@ class _Look:
 
     fitter: Fitter
     fitted: Fitted
+    lattices: Sequence[Lattice]
     verdict: Verdict
 
 
@@ -123,18 +123,22 @@ class Detective:
         self._trace()
         check_fit(self._frames[0], self.drive)
         self._errors.append(self._held_out())
-        look = self._look()
-        while len(self._errors) <= _MOST_EFFECTS and any(self._adopt(one, look) for one in self._choices(look)):
-            look = self._look()
+        look = self._look(self._fitted_anew())
+        while len(self._errors) <= _MOST_EFFECTS and (added := self._added(look)) is not None:
+            look = self._look(added)
         return self._concluded(self._tidied(look))
 
-    def _look(self) -> _Look:
-        """Fit what has been found so far anew, and run the gate."""
+    def _look(self, settled: Settled) -> _Look:
+        """Run the gate over what a fit leaves."""
         self._say(f"looking for effects beyond {len(self._findings)} found")
-        fitter = Fitter(self._sample(_ROWS))
-        fitted = fitter.fit(self._model.effects, self._free())
-        self._model.effects = fitted.effects
-        return _Look(fitter, fitted, self._gate(fitter, fitted))
+        fitter, fitted = settled.fitter, settled.fitted
+        lattices = find_lattices(fitter, fitted, self._kinds, np.random.default_rng([self._seed, 3]))
+        return _Look(fitter, fitted, lattices, self._gate(fitter, fitted, lattices))
+
+    def _added(self, look: _Look) -> Settled | None:
+        """The first choice that helps, with everything fitted anew; None if there is none."""
+        found = (self._adopt(choice, look) for choice in self._choices(look))
+        return next((one for one in found if one is not None), None)
 
     def _choices(self, look: _Look) -> Iterator[_Choice]:
         """What to add, the most promising first."""
@@ -147,27 +151,29 @@ class Detective:
         for one in worthy[:_TRIED]:
             yield _Choice(one, tuple(other for other in worthy if other is not one))
 
-    def _adopt(self, choice: _Choice, look: _Look) -> bool:
+    def _adopt(self, choice: _Choice, look: _Look) -> Settled | None:
         """Add a choice, if frames that took no part in the fit are told better with it."""
-        best, before = choice.ranked, _Model(self._model.effects, self._model.fitted)
+        best, before = choice.ranked, (self._model, self._frames)
         self._say(f"adding {best.effect}")
-        self._add(best)
-        after = self._held_out()
-        if not after.beats(self._errors[-1]):
+        places = self._model.fitted if best.place in self._model.fitted else (*self._model.fitted, best.place)
+        is_new = best.place >= len(self._model.effects)
+        self._model = _Model(best.fitted.effects, places)
+        settled, after = self._fitted_anew(), self._held_out()
+        if not _helps(best, after, self._errors[-1], is_new):
             self._say(f"{best.effect} does not help on frames that took no part: taken back")
-            retrace = self._model.bending != before.bending
-            self._model = before
-            if retrace:
-                self._trace()
-            return False
+            self._model, self._frames = before
+            return None
         self._errors.append(after)
         if choice.shape is not None:
             self._unknown = choice.shape
-            return True
+            return settled
         alike = tuple(one.effect for one in choice.rivals if one.delta_bic > best.delta_bic - _ALIKE_BIC)
-        p_value = look.verdict.p_value
-        self._findings.append(Finding(best.effect, {}, {}, p_value, self._errors[-2], after, alike, best.delta_bic))
-        return True
+        p_value, known = look.verdict.p_value, {one.effect.name: one.interval for one in look.lattices}
+        interval = known.get(best.effect, {})
+        self._findings.append(
+            Finding(best.effect, {}, interval, p_value, self._errors[-2], after, alike, best.delta_bic)
+        )
+        return settled
 
     def _tidied(self, look: _Look) -> _Look:
         """Take out what turned out to do nothing once the others were there."""
@@ -180,10 +186,9 @@ class Detective:
         self._model = _Model(effects, tuple(kept.index(place) for place in self._model.fitted if place in kept))
         there = {effect.name for effect in effects}
         self._findings = [one for one in self._findings if one.effect in there]
-        fitted = look.fitter.fit(effects, self._free())
-        self._model.effects = fitted.effects
+        settled = self._fitted_anew()
         self._errors.append(self._held_out())
-        return _Look(look.fitter, fitted, look.verdict)
+        return replace(look, fitter=settled.fitter, fitted=settled.fitted)
 
     def _concluded(self, look: _Look) -> Diagnosis:
         return Diagnosis.of(
@@ -209,7 +214,7 @@ class Detective:
 
     def _trace(self) -> None:
         self._say("tracing the twin")
-        self._frames = self._traced(self._model.bending)
+        self._frames = self._traced(bending(self._model.effects))
 
     def _traced(self, bending: tuple[Effect, ...]) -> list[TracedFrame]:
         return [self._tracer.trace(name, bending) for name in self.split.fit]
@@ -220,8 +225,11 @@ class Detective:
     def _free(self) -> tuple[Free, ...]:
         return all_free(self._model.effects, self._model.fitted, self.sensor.pattern.rings)
 
-    def _gate(self, fitter: Fitter, fitted: Fitted) -> Verdict:
-        found = directions(fitter, fitted, self._kinds, self._model.fitted)
+    def _gate(self, fitter: Fitter, fitted: Fitted, lattices: Sequence[Lattice]) -> Verdict:
+        found = [
+            *directions(fitter, fitted, self._kinds, self._model.fitted),
+            *(one.direction() for one in lattices),
+        ]
         sample = fitter.sample
         views = (0.0, _COARSE_M)
         evidence = [fitter.evidence(fitted.prediction, fitted.pose, blur) for blur in views]
@@ -249,6 +257,7 @@ class Detective:
         ranked = [fit_candidate(fitter, null, starts) for starts in promising.values()]
         ranked.sort(key=lambda one: -one.delta_bic)
         ranked = judged_anew(ranked, fitter, null, self._traced)
+        ranked += [one.ranked(look.fitter, look.fitted) for one in look.lattices]
         return sorted(ranked, key=lambda one: -one.delta_bic)
 
     def _strange(self, look: _Look, best: Ranked | None) -> _Choice | None:
@@ -268,18 +277,11 @@ class Detective:
         clear = found.delta_bic > _CLEARLY_MORE * known + _ALIKE_BIC
         return _Choice(found, shape=shape) if clear else None
 
-    def _add(self, best: Ranked) -> None:
-        bent = self._model.bending
-        fitted = self._model.fitted
-        places = fitted if best.place in fitted else (*fitted, best.place)
-        self._model = _Model(best.fitted.effects, places)
-        self._refit()
-        if self._model.bending != bent:
-            self._trace()
-            self._refit()
-
-    def _refit(self) -> None:
-        self._model.effects = Fitter(self._sample(_ROWS)).fit(self._model.effects, self._free()).effects
+    def _fitted_anew(self) -> Settled:
+        """The model fitted to frames traced as it bends their beams."""
+        found = settle(self._frames, self._traced, self._model.effects, self._free(), self._seed)
+        self._frames, self._model = found.frames, replace(self._model, effects=found.fitted.effects)
+        return found
 
     def _is_idle(self, look: _Look, place: int) -> bool:
         """Whether an effect's amplitudes could as well be those that do nothing, and the fit is as good without."""
@@ -307,7 +309,7 @@ class Detective:
         done = []
         for finding in self._findings:
             params = effects[finding.effect].model_dump(mode="json")
-            done.append(finding.settled(params, found.get(finding.effect, {})))
+            done.append(finding.settled(params, found.get(finding.effect, finding.ci95)))
         return done
 
 
@@ -315,7 +317,23 @@ def candidate_kinds(extra: Sequence[type[Effect]] = ()) -> tuple[type[Effect], .
     """Effects that a diagnosis asks for: of the catalogue, installed ones, and the user's own."""
     kinds = {kind.name: kind for kind in effect_classes().values() if kind.is_candidate}
     kinds.update({kind.name: kind for kind in extra})
-    return tuple(kind for kind in kinds.values() if kind.neutral is not None and kind.stage not in ("label", "traffic"))
+    return tuple(kind for kind in kinds.values() if _is_asked_for(kind))
+
+
+def _is_asked_for(kind: type[Effect]) -> bool:
+    shows = kind.neutral is not None or issubclass(kind, RoundingEffect)
+    return shows and kind.stage not in ("label", "traffic")
+
+
+def _helps(best: Ranked, after: HeldOut, before: HeldOut, is_new: bool) -> bool:
+    """Whether an addition may stand by what held-out frames say.
+
+    A lattice is a fact of the file, which needs only do no harm. Other values of an effect that was there take more
+    than what is new: what they fit may be any misfit of that channel.
+    """
+    if isinstance(best.fitted.effects[best.place], RoundingEffect):
+        return not before.beats(after)
+    return after.beats(before) if is_new else after.beats(before, _RETUNED_SIGMAS, _RETUNED_SHARE)
 
 
 def _p_value(verdict: Verdict, effect: str) -> float:

@@ -34,7 +34,7 @@ def directions(
             found += _retuned(fitter, fitted, place)
     there = {effect.name for effect in fitted.effects}
     for kind in kinds:
-        if kind.name not in there:
+        if kind.name not in there and kind.neutral is not None:
             found += _new(fitter, fitted, kind)
     return found
 

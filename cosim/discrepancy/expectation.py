@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sensors.effects.base import EchoEffect, Effect, NoiseEffect, PointEffect, ScanEffect
-from sensors.effects.phases import CLIP_BEFORE, Phase
+from cosim.discrepancy.rounding import rounded
+from sensors.effects.base import EchoEffect, Effect, NoiseEffect, PointEffect, RoundingEffect, ScanEffect
+from sensors.effects.phases import CLIP_BEFORE
 from sensors.returns import Returns
 from sensors.shot import Shot, returns_of
 
@@ -55,6 +56,10 @@ def expect(effects: Sequence[Effect], shot: Shot) -> Expectation:
             of_range, of_intensity = effect.spread(returns, shot)
             range_variance[returns.beam] += np.square(of_range)
             intensity_variance[returns.beam] += np.square(of_intensity)
+        elif isinstance(effect, RoundingEffect):
+            beam = returns.beam
+            returns, spread = rounded(returns, effect, np.sqrt(range_variance[beam]), np.sqrt(intensity_variance[beam]))
+            range_variance[beam], intensity_variance[beam] = spread
         elif isinstance(effect, PointEffect):
             returns, spread = _mean_and_spread(effect, returns, shot)
             range_variance[returns.beam] += spread[0]
@@ -80,11 +85,6 @@ def _mean_and_spread(
 ) -> tuple[Returns, tuple[np.ndarray | float, np.ndarray | float]]:
     """Returns after a point effect, and the variances it brings; a user's own may draw random numbers."""
     changed = effect.apply(returns, shot, np.random.default_rng(0))
-    if effect.phase == Phase.ROUNDING:
-        # Rounding leaves the mean where it was and spreads evenly over a step.
-        of_range = np.mean(np.square(changed.range_m - returns.range_m, dtype=np.float64)) if len(returns) else 0.0
-        of_intensity = np.mean(np.square(changed.intensity - returns.intensity)) if len(returns) else 0.0
-        return returns, (float(of_range), float(of_intensity))
     if not effect.source:
         return changed, (0.0, 0.0)
     draws = [effect.apply(returns, shot, np.random.default_rng(seed)) for seed in range(1, _DRAWS)]

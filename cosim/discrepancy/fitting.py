@@ -18,7 +18,7 @@ from cosim.discrepancy.evidence import Evidence, Quantity, change
 from cosim.discrepancy.likelihood import Fit, judge
 from cosim.discrepancy.sample import Prediction, Sample
 from cosim.discrepancy.system import Column, Normal, pose_matrix
-from sensors.effects.base import Effect
+from sensors.effects.base import Effect, RoundingEffect
 
 _POSE_FLOOR = np.array([5e-4] * 3 + [np.radians(2e-3)] * 3)
 _POSE_START = np.array([0.02] * 3 + [np.radians(0.05)] * 3)
@@ -257,6 +257,8 @@ def all_free(effects: Sequence[Effect], which: Sequence[int], rings: int) -> tup
     """Everything that can be fitted of the effects at some places; lists with one value a laser only if of `rings`."""
     found = []
     for place in which:
+        if isinstance(effects[place], RoundingEffect):
+            continue  # no residual tells of a step; see `lattice.py`
         for unknown in unknowns(type(effects[place])):
             length = np.size(getattr(effects[place], unknown.name))
             if unknown.rings == 1 or length == rings:

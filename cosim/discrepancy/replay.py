@@ -103,7 +103,7 @@ class FrameReplay:
     """
 
     def __init__(self, frame: TracedFrame, beams: np.ndarray) -> None:
-        self._shot, self._ego = frame.shot, frame.ego
+        self._shot, self._ego, self._rows = frame.shot, frame.ego, beams
         self._nominal = _rows(frame.observed.rays, beams)
         self._calibrated = frame.observed.recovered
         hits = frame.shot.hits
@@ -140,6 +140,23 @@ class FrameReplay:
             along = along + reach * (np.einsum("ij,ij->i", looks, direction) - 1)
             above = above + reach * np.einsum("ij,ij->i", looks, upwards(direction))
         return found, along, above
+
+    def ranges(self, effects: Sequence[Effect], along_m: np.ndarray, above_m: np.ndarray) -> np.ndarray:
+        """Distances (n,) of points, said along and above their beams, from the reported optical centres."""
+        rays = self.shot(effects).rays
+        origin = rays.origin.astype(np.float64)
+        along = along_m - np.einsum("ij,ij->i", origin, rays.direction)
+        return np.hypot(along, above_m - np.einsum("ij,ij->i", origin, upwards(rays.direction)))
+
+    def moved(self, effects: Sequence[Effect]) -> tuple[float, float]:
+        """How far effects turn [rad] and shift [m] beams from where they were traced, at most."""
+        now, then, rows = self.shot(effects).traced, self._shot.traced, self._rows
+        assert now is not None and then is not None  # frames are traced
+        turn = np.linalg.norm(now.direction - then.direction[rows], axis=1)
+        shift = np.linalg.norm(now.origin - then.origin[rows], axis=1)
+        later = now.time_s - np.broadcast_to(then.time_s, len(self._shot.rays))[rows]
+        shift += np.abs(later) * np.linalg.norm(self._met.velocity_mps, axis=1)
+        return float(turn.max(initial=0.0)), float(shift.max(initial=0.0))
 
     def shot(self, effects: Sequence[Effect]) -> Shot:
         """The sample as beams bent by the beam effects among `effects` meet it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -105,14 +105,25 @@ class Sample:
         sectors = -(-fewest // max(len(self.names), 1))
         return self.frame * sectors + ((self.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
 
+    def reported_range(self, effects: Sequence[Effect]) -> np.ndarray:
+        """(n,) measured ranges from where effects have the optical centre stand [m]; NaN where nothing returned."""
+        found = [replay.ranges(effects, self.along_m[rows], self.above_m[rows]) for replay, rows in self._frames()]
+        return np.concatenate(found)
+
+    def moved(self, effects: Sequence[Effect]) -> tuple[float, float]:
+        """How far effects turn [rad] and shift [m] beams from where they were traced, at most."""
+        found = [replay.moved(effects) for replay in self.replays]
+        return max(turn for turn, _ in found), max(shift for _, shift in found)
+
     def predict(self, effects: Sequence[Effect]) -> Prediction:
         """What effects let expect of the sample's beams."""
         effects = tuple(sorted(effects, key=lambda effect: effect.phase))
-        parts = []
-        for number, replay in enumerate(self.replays):
-            rows = self.frame == number
-            parts.append(_predict(replay, effects, self.along_m[rows]))
+        parts = [_predict(replay, effects, self.along_m[rows]) for replay, rows in self._frames()]
         return Prediction(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def _frames(self) -> Iterator[tuple[FrameReplay, np.ndarray]]:
+        for number, replay in enumerate(self.replays):
+            yield replay, self.frame == number
 
 
 def _predict(replay: FrameReplay, effects: tuple[Effect, ...], measured_m: np.ndarray) -> tuple[np.ndarray, ...]:

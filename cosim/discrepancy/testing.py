@@ -35,12 +35,14 @@ class HeldOut:
         count = len(self.by_frame)
         return float(np.std(self.by_frame, ddof=1) / np.sqrt(count)) if count > 1 else float("nan")
 
-    def beats(self, other: HeldOut) -> bool:
-        """Whether it is smaller by more than its differences, frame by frame, leave to chance."""
+    def beats(self, other: HeldOut, sigmas: float = 1.0, share: float = 0.0) -> bool:
+        """Whether it is smaller by more than its differences, frame by frame, leave to chance, and by a share."""
         fall = other.by_frame - self.by_frame
+        if fall.mean() <= share * other.by_frame.mean():
+            return False
         if len(fall) < 2:
             return bool(self.error < other.error)
-        return bool(fall.mean() > np.std(fall, ddof=1) / np.sqrt(len(fall)))
+        return bool(fall.mean() > sigmas * np.std(fall, ddof=1) / np.sqrt(len(fall)))
 
 
 def held_out_errors(tracer: FrameTracer, names: Sequence[str], effects: Sequence[Effect], origin: str) -> HeldOut:

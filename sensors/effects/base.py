@@ -179,6 +179,17 @@ class NoiseEffect(PointEffect):
         raise NotImplementedError
 
 
+class RoundingEffect(PointEffect):
+    """Stores values in steps, from 0 on."""
+
+    phase: ClassVar[Phase] = Phase.ROUNDING
+
+    @property
+    def steps(self) -> tuple[float, float]:
+        """Steps of range [m] and of intensity; 0 for what is not rounded."""
+        raise NotImplementedError
+
+
 class ScanEffect(Effect):
     """Adds returns that no surface gave, or removes returns."""
 

@@ -7,17 +7,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from sensors.effects.base import PointEffect, number
-from sensors.effects.phases import Phase
+from sensors.effects.base import RoundingEffect, number
 from sensors.returns import Returns
 from sensors.shot import Shot
 
 
-class IntensityQuantization(PointEffect):
+class IntensityQuantization(RoundingEffect):
     """I clipped to 0–1, then rounded to the nearest step; KITTI's is 0.01, 8 bit is 1/255."""
 
     name: ClassVar = "intensity_quantization"
-    phase: ClassVar = Phase.ROUNDING
     channel: ClassVar = "intensity"
     equation: ClassVar = "step·round(clip(I, 0, 1)/step)"
     reference: ClassVar = "Geiger et al.: Vision meets robotics, IJRR 2013; steps measured on its files"
@@ -27,6 +25,11 @@ class IntensityQuantization(PointEffect):
     neutral: ClassVar = None
 
     step: float = number("step", ge=0.0001, le=0.5)
+
+    @property
+    def steps(self) -> tuple[float, float]:
+        """The intensity's alone."""
+        return 0.0, self.step
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Rounded intensities."""

@@ -7,17 +7,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from sensors.effects.base import PointEffect, number
-from sensors.effects.phases import Phase
+from sensors.effects.base import RoundingEffect, number
 from sensors.returns import Returns
 from sensors.shot import Shot
 
 
-class RangeQuantization(PointEffect):
+class RangeQuantization(RoundingEffect):
     """R rounded to the nearest step; the HDL-64E's is 2 mm."""
 
     name: ClassVar = "range_quantization"
-    phase: ClassVar = Phase.ROUNDING
     channel: ClassVar = "range"
     equation: ClassVar = "step·round(R/step)"
     reference: ClassVar = "Velodyne HDL-64E S2 user's manual (2 mm)"
@@ -26,6 +24,11 @@ class RangeQuantization(PointEffect):
     neutral: ClassVar = None
 
     step_m: float = number("step", unit="m", ge=0.0001, le=1)
+
+    @property
+    def steps(self) -> tuple[float, float]:
+        """The range's alone."""
+        return self.step_m, 0.0
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Rounded ranges."""
