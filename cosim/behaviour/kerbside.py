@@ -33,6 +33,8 @@ class Kerbside:
         self._seed = seed
         self._poses: dict[str, tuple[np.ndarray, float]] = {}  # front (2,) and heading
         self._settled = False
+        self._names: list[str] = []  # of the parked
+        self._places = np.zeros((0, 3))  # of those among them who have a pose
 
     def arrange(self, traffic: Traffic, roads: Roads, actors: Actors) -> Actors:
         """The actors of a step with their parked ones as they stand."""
@@ -41,13 +43,14 @@ class Kerbside:
             actors = actors.without(self._settle(traffic, roads, actors))
         if not self._poses:
             return actors
-        parked = {actors.ids[row] for row in np.flatnonzero(actors.parked)}
-        self._poses = {name: pose for name, pose in self._poses.items() if name in parked}
+        rows = np.flatnonzero(actors.parked)
+        if (names := [actors.ids[row] for row in rows.tolist()]) != self._names:
+            self._poses = {name: self._poses[name] for name in names if name in self._poses}
+            self._names = names
+            self._places = np.array([[*front, angle] for front, angle in self._poses.values()]).reshape(-1, 3)
         front, heading = actors.front.copy(), actors.heading_rad.copy()
-        for row in np.flatnonzero(actors.parked).tolist():
-            pose = self._poses.get(actors.ids[row])
-            if pose is not None:
-                front[row, :2], heading[row] = pose
+        rows = rows[[name in self._poses for name in names]]
+        front[rows, :2], heading[rows] = self._places[:, :2], self._places[:, 2]
         return replace(actors, front=front, heading_rad=heading)
 
     def _settle(self, traffic: Traffic, roads: Roads, actors: Actors) -> set[str]:

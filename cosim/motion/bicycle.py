@@ -80,8 +80,8 @@ def follow(
     axle = state.front - rear[:, None] * forward
     moved = axle + ds[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])
     to_target = target + ahead - moved
-    off = _wrap(np.arctan2(to_target[:, 1], to_target[:, 0]) - theta)
-    wanted = np.sin(np.clip(_wrap(travel_rad - theta), -1.3, 1.3)) / rod
+    off = wrap(np.arctan2(to_target[:, 1], to_target[:, 0]) - theta)
+    wanted = np.sin(np.clip(wrap(travel_rad - theta), -1.3, 1.3)) / rod
     wanted = wanted + np.clip(off, -0.6, 0.6) / (_CORRECTION_M + 0.25 * beyond)
 
     quick = np.maximum(np.abs(speed), 0.5)
@@ -98,8 +98,9 @@ def follow(
     theta = theta + turned
     front = axle + rear[:, None] * np.column_stack([np.cos(theta), np.sin(theta)])
     front = np.where(moves[:, None], front, state.front)
-    return BicycleState(front, np.where(moves, _wrap(theta), state.heading_rad), wanted, np.where(moves, speed, 0.0))
+    return BicycleState(front, np.where(moves, wrap(theta), state.heading_rad), wanted, np.where(moves, speed, 0.0))
 
 
-def _wrap(angle: np.ndarray) -> np.ndarray:
+def wrap(angle: np.ndarray) -> np.ndarray:
+    """Angles [rad] within a half turn of zero."""
     return (angle + np.pi) % (2 * np.pi) - np.pi

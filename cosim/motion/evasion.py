@@ -26,30 +26,6 @@ class Rolling:
     curvature: float
     speed: float
 
-    def roll(self, curvature_per_m: float, speed_mps: float, rear_m: float, step_s: float) -> Rolling:
-        """A step at a speed with the wheels turned."""
-        front, heading = travel(
-            self.front,
-            np.asarray(self.heading),
-            np.asarray(curvature_per_m),
-            np.asarray(speed_mps * step_s),
-            np.asarray(rear_m),
-        )
-        return Rolling(front, float(heading), curvature_per_m, speed_mps)
-
-    def stops(self, rear_m: float, length_m: float, step_s: float, speed_mps: float | None = None) -> Stops:
-        """Boxes until it stands, braking from its speed or another."""
-        speed = self.speed if speed_mps is None else speed_mps
-        return stops(
-            self.front[None],
-            np.array([self.heading]),
-            np.array([self.curvature]),
-            np.array([speed]),
-            np.array([rear_m]),
-            np.array([length_m]),
-            step_s,
-        )
-
 
 def evade(
     now: Rolling,
@@ -57,9 +33,9 @@ def evade(
     waits_s: float,
     build: tuple[float, float, float, float],
     step_s: float,
-    clear: Callable[[Stops], bool],
-) -> Rolling | None:
-    """The first other step that is clear: eased, or round what is in the way.
+    clear: Callable[[Stops], np.ndarray],
+) -> tuple[Rolling, Stops] | None:
+    """The first other step that is clear, and the stops after it: eased, or round what is in the way.
 
     Args:
         now: before the step.
@@ -67,24 +43,31 @@ def evade(
         waits_s: for how long it could not go as it wants.
         build: rear axle behind the bumper, length [m], largest curvature [1/m], and how fast that changes [1/(m·s)].
         step_s: length of the step.
-        clear: whether stops keep clear of everybody.
+        clear: which of k stops keep clear of everybody (k,).
     """
     rear, length, largest, rate = build
+    looks = None
     if now.speed > _CREEPS_BELOW_MPS:
-        for ease in _EASES_MPS2:
-            slower = min(wanted.speed, now.speed - ease * step_s)
-            rolled = now.roll(wanted.curvature, max(slower, 0.0), rear, step_s)
-            if clear(rolled.stops(rear, length, step_s)):
-                return rolled
+        curvature = np.full(len(_EASES_MPS2), wanted.curvature)
+        speed = np.array([max(min(wanted.speed, now.speed - ease * step_s), 0.0) for ease in _EASES_MPS2])
+    elif waits_s < _TRIES_S or wanted.speed <= 0.0:
         return None
-    if waits_s < _TRIES_S or wanted.speed <= 0.0:
+    else:
+        reach = rate * step_s if now.speed > 0.05 else np.inf  # wheels turn at rest
+        turns = np.array(sorted(_TURNS, key=lambda turn: abs(turn * largest - wanted.curvature))) * largest
+        curvature = np.clip(turns, now.curvature - reach, now.curvature + reach)
+        speed = np.full(len(turns), min(_CREEPS_MPS, now.speed + 0.2))
+        looks = np.full(len(turns), np.sqrt(2 * BRAKES_MPS2 * _LOOKS_M))
+    k = len(speed)
+    front, heading = travel(
+        np.tile(now.front, (k, 1)), np.full(k, now.heading), curvature, speed * step_s, np.full(k, rear)
+    )
+    after = stops(front, heading, curvature, speed, np.full(k, rear), np.full(k, length), step_s)
+    free = clear(after)
+    if looks is not None and free.any():
+        free &= clear(stops(front, heading, curvature, looks, np.full(k, rear), np.full(k, length), step_s))
+    if not free.any():
         return None
-    pace = min(_CREEPS_MPS, now.speed + 0.2)
-    reach = rate * step_s if now.speed > 0.05 else np.inf  # wheels turn at rest
-    for turn in sorted(_TURNS, key=lambda turn: abs(turn * largest - wanted.curvature)):
-        curvature = float(np.clip(turn * largest, now.curvature - reach, now.curvature + reach))
-        rolled = now.roll(curvature, pace, rear, step_s)
-        far = rolled.stops(rear, length, step_s, float(np.sqrt(2 * BRAKES_MPS2 * _LOOKS_M)))
-        if clear(rolled.stops(rear, length, step_s)) and clear(far):
-            return rolled
-    return None
+    i = int(np.argmax(free))
+    rolled = Rolling(front[i], float(heading[i]), float(curvature[i]), float(speed[i]))
+    return rolled, after.take(np.array([i]))

@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.motion.script import Script
 
-_APART_M = 0.1
+APART_M = 0.1
 _LONGEST = 60  # poses
 _SHORTEST_M = 0.6
 _STEP_M = 0.1  # 1 m/s
@@ -23,7 +23,7 @@ class Footsteps:
 
     def add(self, x: float, y: float, heading_rad: float) -> None:
         """Note where the front bumper is, unless that is where it was."""
-        if not self._poses or (x - self._poses[-1][0]) ** 2 + (y - self._poses[-1][1]) ** 2 > _APART_M**2:
+        if not self._poses or (x - self._poses[-1][0]) ** 2 + (y - self._poses[-1][1]) ** 2 > APART_M**2:
             self._poses.append((x, y, heading_rad))
 
     def clear(self) -> None:

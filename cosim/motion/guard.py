@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.motion.footprint import near_pairs, separation
+from cosim.motion.footprint import near_pairs, separation, separation_of
 from cosim.motion.stopping import Stops
 
 CLEAR_M = 0.02  # around every box
@@ -43,7 +43,7 @@ class Guarded:
     allowed: frozenset[tuple[int, int]]
 
 
-Offer = Callable[[int, Callable[[Stops], bool]], Stops | None]
+Offer = Callable[[int, Callable[[Stops], np.ndarray]], Stops | None]
 
 
 def choose(all_: Guarded, offer: Offer) -> tuple[dict[int, Stops | None], dict[int, int]]:
@@ -51,7 +51,8 @@ def choose(all_: Guarded, offer: Offer) -> tuple[dict[int, Stops | None], dict[i
 
     Args:
         all_: the vehicles.
-        offer: gives the stops (1 vehicle) after another step of a row for which a test holds, if there is one.
+        offer: gives the stops (1 vehicle) after another step of a row for which a test holds, if there is one; the
+            test takes k stops that the row might have and says which are clear (k,).
 
     Returns:
         Row → stops, None where it takes its way out; and row → row in its way.
@@ -66,7 +67,7 @@ def choose(all_: Guarded, offer: Offer) -> tuple[dict[int, Stops | None], dict[i
     for pair, (i, j) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
         neighbours.setdefault(i, []).append(pair)
         neighbours.setdefault(j, []).append(pair)
-    depth, at = _depths(taken, taken, half, first, second)
+    depth, at = _depths(taken, taken, half, half, first, second)
     clash = set(np.flatnonzero(depth > bound).tolist())
     yields: dict[int, Stops | None] = {}
     blocks: dict[int, int] = {}
@@ -79,8 +80,8 @@ def choose(all_: Guarded, offer: Offer) -> tuple[dict[int, Stops | None], dict[i
         pairs = np.array(neighbours[row])
         others = np.where(first[pairs] == row, second[pairs], first[pairs])
 
-        def clear(stops: Stops, row: int = row, others: np.ndarray = others, pairs: np.ndarray = pairs) -> bool:
-            return bool((_against(stops, taken, half, row, others) <= bound[pairs]).all())
+        def clear(stops: Stops, row: int = row, others: np.ndarray = others, pairs: np.ndarray = pairs) -> np.ndarray:
+            return np.all(_against(stops, taken, half, row, others) <= bound[pairs], axis=1)
 
         again = row in yields
         blocks[row] = int(second[pair] if first[pair] == row else first[pair])
@@ -90,7 +91,7 @@ def choose(all_: Guarded, offer: Offer) -> tuple[dict[int, Stops | None], dict[i
         if other is not None:
             taken.put(row, other, 0)
             yields[row] = other
-        now, when = _depths(taken, taken, half, first[pairs], second[pairs])
+        now, when = _depths(taken, taken, half, half, first[pairs], second[pairs])
         at[pairs] = when
         clash -= set(pairs.tolist())
         clash |= set(pairs[now > bound[pairs]].tolist())
@@ -129,8 +130,8 @@ def _who_yields(
         return (fresh or may)[0]
     helps = []
     for row, other in ((i, j), (j, i)):
-        alone = Stops(all_.out.centre[[row]], all_.out.heading_rad[[row]], all_.out.last[[row]])
-        helps.append(bool(_against(alone, taken, half, row, np.array([other]))[0] <= bound))
+        alone = all_.out.take(np.array([row]))
+        helps.append(bool(_against(alone, taken, half, row, np.array([other]))[0, 0] <= bound))
     if helps[0] != helps[1]:
         return i if helps[0] else j
     ahead = []
@@ -143,15 +144,10 @@ def _who_yields(
 
 
 def _against(stops: Stops, taken: Stops, half: np.ndarray, row: int, others: np.ndarray) -> np.ndarray:
-    """Greatest depth of one vehicle's stops in those of others (m,)."""
-    n, steps = len(others), max(stops.centre.shape[1], taken.centre.shape[1])
-    joined = Stops(
-        np.concatenate([_pad(taken.centre[others], steps), _pad(stops.centre, steps)]),
-        np.concatenate([_pad(taken.heading_rad[others], steps), _pad(stops.heading_rad, steps)]),
-        np.append(taken.last[others], stops.last),
-    )
-    halves = np.vstack([half[others], half[[row]]])
-    return _depths(joined, joined, halves, np.arange(n), np.full(n, n))[0]
+    """Greatest depth of each of k stops that a vehicle might have in those of others (k, m)."""
+    m, k = len(others), len(stops.last)
+    theirs, own = np.tile(np.arange(m), k), np.repeat(np.arange(k), m)
+    return _depths(taken.take(others), stops, half[others], half[[row] * k], theirs, own)[0].reshape(k, m)
 
 
 def _pad(values: np.ndarray, steps: int) -> np.ndarray:
@@ -159,7 +155,12 @@ def _pad(values: np.ndarray, steps: int) -> np.ndarray:
 
 
 def _depths(
-    ones: Stops, others: Stops, half: np.ndarray, first: np.ndarray, second: np.ndarray
+    ones: Stops,
+    others: Stops,
+    half_1: np.ndarray,
+    half_2: np.ndarray,
+    first: np.ndarray,
+    second: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Greatest depth of overlap of pairs (m,) at any instant, and the pose at which it is reached."""
     if not len(first):
@@ -171,10 +172,10 @@ def _depths(
     step = np.arange(len(pair)) - start[pair]
     k_1, k_2 = np.minimum(step, last_1[pair]), np.minimum(step, last_2[pair])
     one, two = first[pair], second[pair]
-    centre = np.vstack([ones.centre[one, k_1], others.centre[two, k_2]])
-    heading = np.concatenate([ones.heading_rad[one, k_1], others.heading_rad[two, k_2]])
-    rows = np.arange(len(pair))
-    depth = separation(centre, heading, np.vstack([half[one], half[two]]), rows, rows + len(pair))
+    depth = separation_of(
+        (ones.centre[one, k_1], ones.heading_rad[one, k_1], half_1[one]),
+        (others.centre[two, k_2], others.heading_rad[two, k_2], half_2[two]),
+    )
     greatest = np.maximum.reduceat(depth, start)
     where = np.flatnonzero(depth >= greatest[pair])
     at = np.zeros(len(first), int)

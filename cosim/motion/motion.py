@@ -9,10 +9,10 @@ import numpy as np
 from cosim.actors import Actors
 from cosim.motion import drift
 from cosim.motion.approach import Approach
-from cosim.motion.bicycle import BicycleState, follow
+from cosim.motion.bicycle import BicycleState, follow, wrap
 from cosim.motion.body import Springs
 from cosim.motion.chassis import Chassis
-from cosim.motion.footsteps import Footsteps
+from cosim.motion.footsteps import APART_M, Footsteps
 from cosim.motion.script import Player, Script
 from cosim.motion.steps import Company, take_steps
 from cosim.motion.trail import Trail
@@ -26,7 +26,7 @@ _LATE_M = 0.5  # a bumper so far behind its target drives after it on the way th
 _CATCHES_UP_MPS2, _CREEPS_MPS = 2.0, 0.5
 _ASIDE_M = 6.0  # way over which one who has stepped aside comes back
 _LOOKS_M = 1.0  # along that way
-_STATE = {"front": 2, "raw": 2, "velocity": 2, "springs": 4}
+_STATE = {"front": 2, "raw": 2, "velocity": 2, "noted": 2, "springs": 4}
 _STATE |= dict.fromkeys(
     ("heading", "curvature", "speed", "course", "travel", "raw_heading", "waits", "stuck", "behind", "aside"), 1
 )
@@ -95,6 +95,7 @@ class Motion:
         if footsteps is None or script is None or vehicle in self._players:
             return False
         footsteps.clear()
+        self._of["noted"][row] = np.nan
         self._players[vehicle] = Player(script, front, heading, retreat=True)
         self._of["aside"][row] = aside_m
         return True
@@ -178,10 +179,9 @@ class Motion:
         raw, raw_heading = actors.front[rows, :2], actors.heading_rad[rows]
         moved = raw - of["raw"][rows]
         distance = actors.speed_mps[rows] * self._step_s
-        chord = of["raw_heading"][rows] + _wrap(raw_heading - of["raw_heading"][rows]) / 2
+        chord = of["raw_heading"][rows] + wrap(raw_heading - of["raw_heading"][rows]) / 2
         jump = drift.lateral_jump(moved, chord, distance)
-        jumped = np.flatnonzero(jump)
-        for i in jumped:
+        for i in np.flatnonzero(jump):
             self._take_up_jump(actors, int(rows[i]), float(jump[i]))
         along = np.where(jump != 0, 0.0, _length(moved))
         of["way"][rows] += distance
@@ -192,7 +192,7 @@ class Motion:
         travel = np.where(jump != 0, raw_heading, travel)
         of["travel"][rows] = travel
         gain = np.where(travels, _COURSE_GAIN, 0.0)
-        course = _wrap(of["course"][rows] + gain * _wrap(raw_heading - of["course"][rows]))
+        course = wrap(of["course"][rows] + gain * wrap(raw_heading - of["course"][rows]))
         of["course"][rows] = course
 
         offset, slope = self._offset(rows)
@@ -252,11 +252,14 @@ class Motion:
         of["stuck"][wheels] = np.where(waits, stuck + step * stands, np.maximum(stuck - 2 * step, 0.0))
 
     def _note_footsteps(self, actors: Actors, rows: np.ndarray) -> None:
-        fronts, headings = self._of["front"][rows].tolist(), self._of["heading"][rows].tolist()
+        of = self._of
+        rows = rows[~(_length(of["front"][rows] - of["noted"][rows]) <= APART_M)]
+        fronts, headings = of["front"][rows].tolist(), of["heading"][rows].tolist()
         for row, front, heading in zip(rows.tolist(), fronts, headings, strict=True):
             name = actors.ids[row]
             if name not in self._players:
                 self._footsteps.setdefault(name, Footsteps()).add(front[0], front[1], heading)
+                of["noted"][row] = front
 
     def _allowed(self, rows: dict[int, int]) -> frozenset[tuple[int, int]]:
         """Pairs of wheeled rows that may touch."""
@@ -352,6 +355,7 @@ class Motion:
             of[name][rows] = course
         of["speed"][rows] = actors.speed_mps[rows]
         of["jump_length"][rows] = 1.0
+        of["noted"][rows] = np.nan
         of["known"][rows] = 1.0
 
     def _report(self, actors: Actors, before: np.ndarray, heading_before: np.ndarray, fresh: np.ndarray) -> Actors:
@@ -390,10 +394,6 @@ class Motion:
         self._rows = {name: row for row, name in enumerate(actors.ids)}
         self._chassis = Chassis.of(actors.kinds, actors.size[:, 0])
         self._walks = np.array([kind == "pedestrian" for kind in actors.kinds], bool)
-
-
-def _wrap(angle: np.ndarray) -> np.ndarray:
-    return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
 def _length(vectors: np.ndarray) -> np.ndarray:

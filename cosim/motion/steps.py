@@ -47,8 +47,8 @@ def take_steps(company: Company, step_s: float) -> tuple[dict[str, np.ndarray], 
     state, rear = company.state, company.chassis.rear_m
     length, taken = company.size[:, 0], {name: values.copy() for name, values in company.want.items()}
     out = braked(state, rear, step_s)
-    goes_on = _room_for_scripts(stops(**taken, rear_m=rear, length_m=length, step_s=step_s))
-    brakes = _room_for_scripts(stops(**out, rear_m=rear, length_m=length, step_s=step_s))
+    goes_on = stops(**taken, rear_m=rear, length_m=length, step_s=step_s, poses=_SCRIPTS_STOP_IN)
+    brakes = stops(**out, rear_m=rear, length_m=length, step_s=step_s, poses=_SCRIPTS_STOP_IN)
     moves = ((taken["front"] != state["front"]) | (out["front"] != state["front"])).any(1)
     for i, player in company.players.items():
         goes_on.put(i, player.stops(float(length[i]), goes_on=True), 0)
@@ -56,12 +56,12 @@ def take_steps(company: Company, step_s: float) -> tuple[dict[str, np.ndarray], 
         moves[i] = True
     others: dict[int, Rolling] = {}
 
-    def offer(i: int, clear: Callable[[Stops], bool]) -> Stops | None:
+    def offer(i: int, clear: Callable[[Stops], np.ndarray]) -> Stops | None:
         other = None if i in company.players else _other_step(company, i, step_s, clear)
         if other is None:
             return None
-        others[i] = other
-        return other.stops(float(rear[i]), float(length[i]), step_s)
+        others[i], after = other
+        return after
 
     forward = np.column_stack([np.cos(state["heading"]), np.sin(state["heading"])])
     centre = state["front"] - length[:, None] / 2 * forward
@@ -80,7 +80,9 @@ def take_steps(company: Company, step_s: float) -> tuple[dict[str, np.ndarray], 
     return taken, waits, blocks
 
 
-def _other_step(company: Company, i: int, step_s: float, clear: Callable[[Stops], bool]) -> Rolling | None:
+def _other_step(
+    company: Company, i: int, step_s: float, clear: Callable[[Stops], np.ndarray]
+) -> tuple[Rolling, Stops] | None:
     chassis = company.chassis
     build = (
         float(chassis.rear_m[i]),
@@ -90,10 +92,3 @@ def _other_step(company: Company, i: int, step_s: float, clear: Callable[[Stops]
     )
     now, wish = (Rolling(*(values[i] for values in of_all.values())) for of_all in (company.state, company.want))
     return evade(now, wish, float(company.stuck_s[i]), build, step_s, clear)
-
-
-def _room_for_scripts(some: Stops) -> Stops:
-    """The same with room for a script's poses."""
-    last = some.centre.shape[1] - 1
-    k = np.minimum(np.arange(max(_SCRIPTS_STOP_IN, last + 1)), last)
-    return Stops(some.centre[:, k], some.heading_rad[:, k], some.last)

@@ -30,6 +30,10 @@ class Stops:
         self.centre[row], self.heading_rad[row] = other.centre[other_row, steps], other.heading_rad[other_row, steps]
         self.last[row] = other.last[other_row]
 
+    def take(self, rows: np.ndarray) -> Stops:
+        """Those of some rows."""
+        return Stops(self.centre[rows], self.heading_rad[rows], self.last[rows])
+
     @classmethod
     def standing(cls, centre: np.ndarray, heading_rad: np.ndarray, steps: int) -> Stops:
         """n vehicles that stand, as (n, 2) and (n,) say."""
@@ -82,13 +86,25 @@ def stops(
     rear_m: np.ndarray,
     length_m: np.ndarray,
     step_s: float,
+    poses: int = 1,
 ) -> Stops:
-    """Vehicles (all arguments n long, as in `braked`) brake as hard as they can with the wheels held as they are."""
+    """Vehicles (all arguments n long, as in `braked`) brake as hard as they can with the wheels held as they are.
+
+    Args:
+        poses: how many a vehicle has at least.
+    """
     last = steps_to_rest(speed, step_s)
-    time = step_s * np.arange(int(last.max(initial=0)) + 1)
-    fast = np.abs(speed)[:, None]
+    time = step_s * np.arange(max(int(last.max(initial=0)) + 1, poses))
+    forward = np.stack([np.cos(heading), np.sin(heading)], -1)
+    centre = np.repeat((front - length_m[:, None] / 2 * forward)[:, None], len(time), axis=1)
+    turned = np.repeat(heading[:, None], len(time), axis=1)
+    rolls = np.flatnonzero(last)
+    fast = np.abs(speed[rolls])[:, None]
     until = np.minimum(time, fast / BRAKES_MPS2)
-    way = np.sign(speed)[:, None] * (fast * until - 0.5 * BRAKES_MPS2 * until**2)
-    tip, turned = travel(front[:, None], heading[:, None] + 0 * way, curvature[:, None], way, rear_m[:, None])
-    forward = np.stack([np.cos(turned), np.sin(turned)], -1)
-    return Stops(tip - length_m[:, None, None] / 2 * forward, turned, last)
+    way = np.sign(speed[rolls])[:, None] * (fast * until - 0.5 * BRAKES_MPS2 * until**2)
+    tip, turned[rolls] = travel(
+        front[rolls, None], heading[rolls, None] + 0 * way, curvature[rolls, None], way, rear_m[rolls, None]
+    )
+    ahead = np.stack([np.cos(turned[rolls]), np.sin(turned[rolls])], -1)
+    centre[rolls] = tip - length_m[rolls, None, None] / 2 * ahead
+    return Stops(centre, turned, last)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 
 _LONGEST_M = 24.0
 _APART_M = 0.2
+_ROOM = 512  # places; what is older than the way is long is cut off when they are full
 
 
 class Trail:
-    """Places passed, the newest last, at least 20 cm apart.
+    """Places passed, the newest last, at least 20 cm apart, and the newest of all.
 
     Args:
         place: (2,) where it begins, world metres.
@@ -20,17 +19,24 @@ class Trail:
 
     def __init__(self, place: np.ndarray, heading_rad: float) -> None:
         back = place - _LONGEST_M * np.array([np.cos(heading_rad), np.sin(heading_rad)])
-        self._places: deque[tuple[float, float]] = deque([tuple(back.tolist()), tuple(place.tolist())])
-        self._head: tuple[float, float] = tuple(place.tolist())
+        self._places = np.empty((_ROOM, 2))
+        self._places[:3] = back, place, place
+        self._first, self._end = 0, 2  # the newest of all stands at the end
+        self._last = self._second = tuple(place.tolist())
 
     def add(self, x: float, y: float) -> None:
         """Go on to a place."""
-        self._head = (x, y)
-        last, second = self._places[-1], self._places[1]
+        last, second = self._last, self._second
+        self._places[self._end] = x, y
         if (x - last[0]) ** 2 + (y - last[1]) ** 2 > _APART_M**2:
-            self._places.append(self._head)
-        if len(self._places) > 2 and (x - second[0]) ** 2 + (y - second[1]) ** 2 > _LONGEST_M**2:
-            self._places.popleft()
+            self._last = x, y
+            self._end += 1
+            if self._end == _ROOM:
+                self._cut()
+            self._places[self._end] = x, y
+        if self._end - self._first > 2 and (x - second[0]) ** 2 + (y - second[1]) ** 2 > _LONGEST_M**2:
+            self._first += 1
+            self._second = tuple(self._places[self._first + 1].tolist())
 
     def behind(self, distance_m: float) -> tuple[np.ndarray, float]:
         """The place (2,) at a distance back along the way, and the direction of the way there [rad]."""
@@ -54,7 +60,12 @@ class Trail:
         length = np.sqrt(square)
         return float(length[:i].sum() + share[i] * length[i])
 
+    def _cut(self) -> None:
+        kept = self._places[self._first : self._end][-_ROOM // 2 :].copy()
+        self._places[: len(kept)] = kept
+        self._first, self._end = 0, len(kept)
+
     def _line(self) -> np.ndarray:
         """Places (k, 2), the newest first, without pieces of no length."""
-        line = np.array([self._head, *reversed(self._places)])
+        line = self._places[self._first : self._end + 1][::-1]
         return line[1:] if len(line) > 2 and np.hypot(*(line[0] - line[1])) < 1e-6 else line
