@@ -8,15 +8,20 @@ import fcntl
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+import socket
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
+import yaml
+
+from cosim.drive_lock import LOCK, exclusive
 from cosim.errors import CosimError
 
 MANIFEST = "manifest.jsonl"
 SUMMARY = "drive.yaml"
 UNFINISHED = ".unfinished.yaml"
 _TEMPORARY_SUFFIX = ".partial"
+_HOST = "".join(filter(str.isalnum, socket.gethostname()))[:40]  # two machines may share a folder and a process id
 
 
 class OutputError(CosimError):
@@ -46,6 +51,20 @@ class DriveWriter:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """Make the folder if need be, and keep other runs out of it.
+
+        Raises:
+            OutputError: it cannot be written.
+            LockError: another run writes it.
+        """
+        with contextlib.ExitStack() as stack:
+            with explained(self.folder):
+                self.folder.mkdir(parents=True, exist_ok=True)
+                stack.enter_context(exclusive(self.folder))
+            yield
+
     def open(self, settings: str) -> bool:
         """Make the folder ready, or take up what an interrupted run left.
 
@@ -60,20 +79,21 @@ class DriveWriter:
         """
         with explained(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
-            contents = {item.name for item in self.folder.iterdir()}
+            contents = {item.name for item in self.folder.iterdir()} - {LOCK}
         for name in (UNFINISHED, SUMMARY):
             if name in contents:
                 self._demand_same(name, settings)
                 break
         else:
             # An unfinished marker that was itself interrupted is all such a folder can hold.
-            if contents - {UNFINISHED + _TEMPORARY_SUFFIX}:
+            if any(not name.endswith(_TEMPORARY_SUFFIX) for name in contents):
                 raise OutputError(f"{self.folder} is not empty and holds no drive; choose another --out or empty it")
             self.write(UNFINISHED, settings.encode())
         if SUMMARY in contents:
             self._remove(UNFINISHED)
             return True
         self._clear_partial()
+        self._cut_torn_line()
         return False
 
     def _demand_same(self, name: str, settings: str) -> None:
@@ -95,7 +115,7 @@ class DriveWriter:
             OutputError: it cannot be written; nothing half-written stays.
         """
         path = self.folder / name
-        partial = path.with_name(f".{path.name}.{os.getpid()}{_TEMPORARY_SUFFIX}")
+        partial = path.with_name(f".{path.name}.{_HOST}-{os.getpid()}{_TEMPORARY_SUFFIX}")
         with explained(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
@@ -139,22 +159,34 @@ class DriveWriter:
 
     def manifest(self) -> dict[str, dict]:
         """Finished frames by name."""
-        return {entry["name"]: entry for entry in self._lines() if "name" in entry}
+        return {entry["name"]: entry for entry in self.entries() if "name" in entry}
 
     def notes(self) -> dict[tuple[int, int], dict]:
         """Remarks by episode and attempt."""
-        return {(entry["episode"], entry["attempt"]): entry for entry in self._lines() if "name" not in entry}
+        return {(entry["episode"], entry["attempt"]): entry for entry in self.entries() if "name" not in entry}
 
-    def _lines(self) -> list[dict]:
-        """What the manifest holds; a last line torn by an interruption is cut off the file."""
+    def _cut_torn_line(self) -> None:
+        """Shorten the manifest by a last line that an interruption tore."""
+        path = self.folder / MANIFEST
+        if path.is_file():
+            with explained(path):
+                data = path.read_bytes()
+                whole = data[: data.rfind(b"\n") + 1]
+                if len(whole) < len(data):
+                    self.write(MANIFEST, whole)
+
+    def entries(self) -> list[dict]:
+        """What the manifest holds, frames and remarks, but for a last line that is not whole (yet).
+
+        Raises:
+            OutputError: a line is damaged.
+        """
         path = self.folder / MANIFEST
         if not path.is_file():
             return []
         with explained(path):
             data = path.read_bytes()
             whole = data[: data.rfind(b"\n") + 1]
-            if len(whole) < len(data):
-                self.write(MANIFEST, whole)
         entries = []
         for number, line in enumerate(whole.decode("utf-8", errors="replace").splitlines(), start=1):
             try:
@@ -170,12 +202,34 @@ class DriveWriter:
         """Sort the manifest and write what describes the whole drive, the summary last."""
         frames, notes = self.manifest(), self.notes()
         entries = [*(frames[name] for name in sorted(frames)), *(notes[key] for key in sorted(notes))]
-        lines = [json.dumps(entry, separators=(",", ":")) + "\n" for entry in entries]
-        self.write(MANIFEST, "".join(lines).encode())
+        self.write(MANIFEST, _as_lines(entries))
         for path, data in files.items():
             self.write(path, data)
-        self.write(SUMMARY, summary.encode())
+        self.write(SUMMARY, (summary + self._checksums(entries)).encode())
         self._remove(UNFINISHED)
+
+    def reopen(self, without: Collection[str]) -> None:
+        """Make a finished drive an unfinished one that lacks some frames, whose episodes are to be simulated again."""
+        with explained(self.folder):
+            if (self.folder / SUMMARY).is_file():
+                (self.folder / SUMMARY).rename(self.folder / UNFINISHED)
+        entries = self.entries()
+        anew = {entry["episode"] for entry in entries if entry.get("name") in without}
+        kept = [
+            entry
+            for entry in entries
+            if (entry["name"] not in without if "name" in entry else entry["episode"] not in anew)
+        ]
+        self.write(MANIFEST, _as_lines(kept))
+
+    def _checksums(self, entries: list[dict]) -> str:
+        """What the summary tells of the files that belong to no single frame."""
+        listed = {MANIFEST, UNFINISHED, LOCK}.union(*(entry.get("files", ()) for entry in entries))
+        with explained(self.folder):
+            files = sorted(path for path in self.folder.rglob("*") if path.is_file())
+            names = {path.relative_to(self.folder).as_posix(): path for path in files}
+            sums = {name: sha256_of(path) for name, path in names.items() if name not in listed}
+        return yaml.safe_dump({"sha256": sums}, sort_keys=False)
 
     def _append_to(self, path: Path, line: str) -> None:
         """Add a line whole or not at all, also when other processes do."""
@@ -198,3 +252,13 @@ class DriveWriter:
         with explained(self.folder):
             for path in self.folder.rglob(f".*{_TEMPORARY_SUFFIX}"):
                 path.unlink(missing_ok=True)
+
+
+def sha256_of(path: Path) -> str:
+    """Checksum of a file, as hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _as_lines(entries: Iterable[Mapping]) -> bytes:
+    return "".join(json.dumps(entry, separators=(",", ":")) + "\n" for entry in entries).encode()

@@ -11,11 +11,12 @@ import yaml
 
 from assets.external import load_external
 from cosim.config import RunConfig
+from cosim.disk_estimate import demand_space, estimate_bytes
 from cosim.drive_writer import DriveWriter
+from cosim.engine import Engine, Event, LocalEngine, Skipped
 from cosim.errors import CosimError
 from cosim.plan import EpisodePlan, plan_episodes
-from cosim.processes import Event, share_out
-from cosim.worker import work
+from cosim.worker import Recording, RecordJob
 from sensors.sensor_model import SensorModel, load_sensor
 from sumo_nets import read_town
 
@@ -47,7 +48,7 @@ def run(
     config: RunConfig,
     folder: Path,
     *,
-    workers: int = 1,
+    engine: Engine | None = None,
     on_start: Callable[[int, int], None] = lambda done, total: None,
     on_event: Callable[[Event], None] = lambda event: None,
 ) -> RunResult:
@@ -56,33 +57,68 @@ def run(
     Args:
         config: what to record.
         folder: where; made if need be.
-        workers: processes to share the episodes.
+        engine: whose processes share the episodes; by default one process of this machine.
         on_start: told how many frames are there already, and of how many.
         on_event: told of every event of the workers.
 
     Raises:
-        CosimError: the folder, the town, the sensor or the disk refuses; frames already written stay.
+        CosimError: the folder, the town, the sensor or the disk refuses, another run writes the folder, or every
+            episode fails; frames already written stay.
         AssetError, TownError, SensorError, CameraError: likewise.
     """
-    if workers < 1:
-        raise RunError(f"workers is {workers}; give 1 or more")
     sensor = load_sensor(config.sensor)
     for town in config.towns:
         read_town(town)
     load_external(config.external_vehicles)
     writer = DriveWriter(folder)
-    if not writer.open(_settings(config)):
-        done = frozenset(writer.manifest())
-        on_start(len(done), config.frames)
-        pending = _pending(plan_episodes(config), writer.notes(), config.collection.attempts)
-        share_out(work, (config, folder, done), pending, workers, on_event)
-        _finish(writer, config, sensor)
-        recorded = len(writer.manifest()) - len(done)
-    else:
-        on_start(config.frames, config.frames)
-        recorded = 0
+    left = 1 - len(writer.manifest()) / config.frames
+    demand_space(round(estimate_bytes(config, sensor) * left), folder)
+    with writer.alone():
+        if not writer.open(_settings(config)):
+            done = frozenset(writer.manifest())
+            on_start(len(done), config.frames)
+            _record(writer, config, engine or LocalEngine(), on_event)
+            _finish(writer, config, sensor)
+            recorded = len(writer.manifest()) - len(done)
+        else:
+            on_start(config.frames, config.frames)
+            recorded = 0
     entries = writer.manifest().values()
     return RunResult(folder, len(entries), sum(entry["counts"]["points"] for entry in entries), recorded)
+
+
+def _record(writer: DriveWriter, config: RunConfig, engine: Engine, on_event: Callable[[Event], None]) -> None:
+    """Record the episodes that have not come to their end."""
+
+    def task(plan: EpisodePlan) -> Recording:
+        return Recording(plan, frozenset(writer.manifest()).intersection(plan.frames))
+
+    plans = _pending(plan_episodes(config), writer.notes(), config.collection.attempts)
+    skipped = engine.share_out(
+        RecordJob(config, writer.folder.absolute()),
+        [task(plan) for plan in plans],
+        on_event,
+        renewed=lambda recording: task(recording.plan),
+    )
+    if plans and len(skipped) == len(plans):
+        raise RunError(f"every episode failed, the last because {skipped[-1].reason}; run again to try once more")
+    for skip in skipped:
+        writer.write_note(_skip_note(skip, config))
+
+
+def _skip_note(skip: Skipped, config: RunConfig) -> dict[str, object]:
+    """An episode that is given up, as one whose last simulation ended."""
+    plan: EpisodePlan = skip.task.plan
+    return {
+        "episode": plan.number,
+        "attempt": config.collection.attempts - 1,
+        "town": plan.town,
+        "world": plan.world,
+        "frames": 0,
+        "ended": f"given up after failing twice: {skip.reason}",
+        "time_s": 0.0,
+        "events": {},
+    }
 
 
 def _pending(plans: list[EpisodePlan], notes: Mapping[tuple[int, int], dict], attempts: int) -> list[EpisodePlan]:

@@ -1,38 +1,57 @@
-"""A process that records episodes: it builds the town once, then takes episodes from a queue."""
+"""Recording as work for processes: the town is built once, then episodes come one after the other."""
 
 from __future__ import annotations
 
-from multiprocessing.queues import Queue
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from cosim.config import RunConfig
+from cosim.drive_lock import shared
 from cosim.drive_writer import DriveWriter
+from cosim.engine import Do, Event, Tell
 from cosim.episode import run_episode
 from cosim.plan import EpisodePlan
-from cosim.processes import Event, telling
 
 
-def work(config: RunConfig, folder: Path, done: frozenset[str], tasks: Queue, events: Queue, threads: int) -> None:
-    """Record episodes until the queue gives None, with so many threads."""
-    with telling(events):
-        _record_all(config, folder, done, tasks, events, threads)
+@dataclass(frozen=True)
+class Recording:
+    """A task: an episode, and those of its frames that are there already."""
+
+    plan: EpisodePlan
+    done: frozenset[str]
 
 
-def _record_all(
-    config: RunConfig, folder: Path, done: frozenset[str], tasks: Queue, events: Queue, threads: int
-) -> None:
-    from cosim.recorder import Recorder
-    from sensors.sensor_model import load_sensor
+@dataclass(frozen=True)
+class RecordJob:
+    """What processes record, and where."""
 
-    recorder = Recorder(config, load_sensor(config.sensor), DriveWriter(folder), threads=threads)
-    try:
-        while True:
-            plan: EpisodePlan | None = tasks.get()
-            if plan is None:
-                return
-            town = recorder.move_to(plan)
-            events.put(Event("ready"))
-            run_episode(plan, config, town, recorder, done=done, on_frame=lambda name: events.put(Event("frame", name)))
-            events.put(Event("task", str(plan.number)))
-    finally:
-        recorder.close()
+    config: RunConfig
+    folder: Path
+
+    @contextmanager
+    def open(self, threads: int) -> Iterator[Do]:
+        """A rig that records `Recording`s."""
+        from cosim.recorder import Recorder
+        from sensors.sensor_model import load_sensor
+
+        with shared(self.folder):
+            recorder = Recorder(self.config, load_sensor(self.config.sensor), DriveWriter(self.folder), threads=threads)
+
+            def record(task: Recording, tell: Tell) -> None:
+                town = recorder.move_to(task.plan)
+                tell(Event("ready"))
+                run_episode(
+                    task.plan,
+                    self.config,
+                    town,
+                    recorder,
+                    done=task.done,
+                    on_frame=lambda name: tell(Event("frame", name)),
+                )
+
+            try:
+                yield record
+            finally:
+                recorder.close()

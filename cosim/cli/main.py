@@ -10,10 +10,10 @@ from typing import NoReturn
 
 from rich.console import Console
 
-from cosim.cli import add, compare, diagnose, effects, run, stats, towns, twin, variants, view
+from cosim.cli import add, check, compare, diagnose, effects, evaluate, run, stats, towns, twin, variants, view
 from cosim.user_errors import USER_ERRORS
 
-_COMMANDS = (run, variants, view, stats, towns, effects, twin, compare, diagnose, add)
+_COMMANDS = (run, check, variants, view, stats, towns, effects, twin, compare, diagnose, add, evaluate)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from cosim.cli.options import add_common, write_json
 from cosim.config import load_config
+from cosim.engine.local import PATIENCE_S, LocalEngine
 
 
 def add_command(commands: Any) -> None:
@@ -25,6 +26,13 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--seed", type=int, metavar="S", help="seed of everything random")
     parser.add_argument("--sensor", metavar="FILE", help="sensor file, or a pattern's name")
     parser.add_argument("--workers", type=int, default=1, metavar="W", help="processes that share the episodes")
+    parser.add_argument(
+        "--patience",
+        type=float,
+        default=PATIENCE_S,
+        metavar="S",
+        help="end a process that tells nothing for so long [s]",
+    )
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
@@ -37,9 +45,10 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     config = load_config(
         options.config, town=_towns(options.town), frames=options.frames, seed=options.seed, sensor=options.sensor
     )
+    engine = LocalEngine(options.workers, options.patience)
     begun = time.monotonic()
     with FrameBar(console, starting="building the town", working="recording") as bar:
-        result = run(config, options.out, workers=options.workers, on_start=bar.start, on_event=bar.follow)
+        result = run(config, options.out, engine=engine, on_start=bar.start, on_event=bar.follow)
     seconds = time.monotonic() - begun
     console.print(
         f"{result.frames} frames, {result.points:,} points in {result.folder} "

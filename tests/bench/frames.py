@@ -22,6 +22,7 @@ from cosim.labelling import Labeller
 from cosim.living import LivingTraffic
 from cosim.plan import plan_episodes
 from cosim.recorder import Recorder
+from cosim.engine import LocalEngine
 from cosim.runner import run
 from cosim.variants import PAPER, make_variants
 from sensors.cameras import CameraRenderer
@@ -121,7 +122,7 @@ def _rate(drive: Path, workers: int) -> float:
             stamps.append(time.monotonic())
 
     config = RunConfig(frames=_TIMED, frames_per_episode=_TIMED // 2, seed=_SEED)
-    run(config, drive, workers=workers, on_event=on_event)
+    run(config, drive, engine=LocalEngine(workers), on_event=on_event)
     # the first frames of each worker wait for its models to be built
     skipped = 2 * workers
     return (len(stamps) - 1 - skipped) / (stamps[-1] - stamps[skipped])

@@ -25,6 +25,25 @@ def checksums(folder: Path) -> dict[str, str]:
     }
 
 
+def start_run(config: Path, folder: Path) -> subprocess.Popen[str]:
+    code = "import sys; from cosim.cli import main; sys.exit(main())"
+    command = [sys.executable, "-c", code, "run", str(config), "--out", str(folder), "--quiet"]
+    return subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE, text=True)
+
+
+def wait_for_frames(folder: Path, count: int, process: subprocess.Popen[str]) -> None:
+    manifest = folder / "manifest.jsonl"
+    deadline = time.monotonic() + 300
+    while not manifest.is_file() or manifest.read_bytes().count(b"\n") < count:
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def children_of(process: subprocess.Popen[str]) -> list[int]:
+    tasks = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    return [int(word) for word in tasks.read_text().split()]
+
+
 def test_a_drive_has_every_part_of_every_frame(drive_folder):
     names = [f"{number:06d}" for number in range(8)]
     parts = {
@@ -67,20 +86,34 @@ def test_files_stay_within_their_sizes(drive_folder):
 
 def test_a_run_killed_half_way_goes_on_to_the_same_bytes(drive_folder, run_config, tmp_path):
     folder = tmp_path / "killed"
-    code = "import sys; from cosim.cli import main; sys.exit(main())"
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, "run", str(run_config), "--out", str(folder), "--quiet"], start_new_session=True
-    )
-    manifest = folder / "manifest.jsonl"
-    deadline = time.monotonic() + 300
-    while not manifest.is_file() or manifest.read_bytes().count(b"\n") < 3:
-        assert process.poll() is None and time.monotonic() < deadline
-        time.sleep(0.05)
+    process = start_run(run_config, folder)
+    wait_for_frames(folder, 3, process)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
-    kept = manifest.read_bytes().count(b"\n")
+    kept = (folder / "manifest.jsonl").read_bytes().count(b"\n")
     assert 3 <= kept < 8 and not (folder / "drive.yaml").exists()
     cosim("run", run_config, "--out", folder, "--quiet")
+    assert checksums(folder) == checksums(drive_folder)
+
+
+def test_a_recording_process_that_is_killed_is_replaced(drive_folder, run_config, tmp_path):
+    folder = tmp_path / "drive"
+    process = start_run(run_config, folder)
+    wait_for_frames(folder, 2, process)
+    (child,) = children_of(process)
+    os.kill(child, signal.SIGKILL)
+    _, errors = process.communicate(timeout=300)
+    assert process.returncode == 0 and "tried once more" in errors and "killed by signal 9" in errors
+    assert checksums(folder) == checksums(drive_folder)
+
+
+def test_two_runs_on_one_folder_do_not_mix(drive_folder, run_config, tmp_path):
+    folder = tmp_path / "drive"
+    process = start_run(run_config, folder)
+    wait_for_frames(folder, 1, process)
+    second = cosim("run", run_config, "--out", folder, "--quiet", check=False)
+    assert second.returncode == 2 and f"another run (process {process.pid} on " in second.stderr
+    assert process.wait(300) == 0
     assert checksums(folder) == checksums(drive_folder)
 
 
@@ -145,19 +178,27 @@ def test_an_empty_disk_is_reported_and_nothing_finished_is_lost(drive_folder, ru
     if (
         shutil.which("mount") is None
         or subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", "size=24m", "tmpfs", str(disk)], capture_output=True
+            ["mount", "-t", "tmpfs", "-o", "size=300m", "tmpfs", str(disk)], capture_output=True
         ).returncode
     ):
         pytest.skip("this user may not mount a small file system")
     try:
+        (disk / "ballast").write_bytes(bytes(280_000_000))
         result = cosim("run", run_config, "--out", disk / "drive", "--quiet", check=False)
-        assert result.returncode == 2 and "no space left" in result.stderr and result.stderr.count("\n") == 1
+        assert result.returncode == 2 and "the run needs about" in result.stderr and result.stderr.count("\n") == 1
+        (disk / "ballast").unlink()
+        process = start_run(run_config, disk / "drive")
+        wait_for_frames(disk / "drive", 3, process)
+        free = shutil.disk_usage(disk).free
+        (disk / "ballast").write_bytes(bytes(free - 500_000))
+        _, errors = process.communicate(timeout=300)
+        assert process.returncode == 2 and "no space left" in errors and errors.count("\n") == 1
         written = checksums(disk / "drive")
         whole = checksums(drive_folder)
         kept = {name for name in written if name.startswith("velodyne/")}
         assert kept and all(written[name] == whole[name] for name in kept)
         assert not any(name.endswith(".partial") for name in written)
-        subprocess.run(["mount", "-o", "remount,size=200m", str(disk)], check=True)
+        (disk / "ballast").unlink()
         cosim("run", run_config, "--out", disk / "drive", "--quiet")
         assert checksums(disk / "drive") == whole
     finally:

@@ -1,0 +1,51 @@
+"""`cosim check`: are a drive's files as they were written? Those that are not are made again."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from cosim.cli.options import add_common, write_json
+
+_SHOWN = 10
+
+
+def add_command(commands: Any) -> None:
+    """Describe the command to the parser."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "check", help="verify a drive's files and record damaged frames again", description=__doc__
+    )
+    parser.add_argument("drive", type=Path, metavar="DIR", help="a drive that cosim wrote")
+    parser.add_argument("--no-repair", action="store_true", help="tell what is damaged, and change nothing")
+    parser.add_argument("--workers", type=int, default=1, metavar="W", help="processes that record damaged frames")
+    add_common(parser, computes=True)
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace, console: Console) -> None:
+    """Verify, tell, and repair unless that is not wanted."""
+    from cosim.cli.progress import FrameBar
+    from cosim.drive_check import CheckError, check_drive, repair_drive
+    from cosim.engine import LocalEngine
+
+    engine = LocalEngine(options.workers)
+    result = check_drive(options.drive)
+    for path, state in list(result.damaged.items())[:_SHOWN]:
+        console.print(f"{path}: {state}", highlight=False)
+    found = f"{len(result.damaged)} of {result.files:,} files are damaged; {len(result.frames)} frames need them"
+    if result.damaged and options.no_repair:
+        raise CheckError(f"{options.drive}: {found}; leave out --no-repair to record them again")
+    if result.damaged:
+        console.print(found)
+        with FrameBar(console, starting="building the town", working="recording") as bar:
+            repair_drive(result, engine=engine, on_start=bar.start, on_event=bar.follow)
+        console.print(f"{len(result.frames)} frames recorded again, with the same checksums as before")
+    else:
+        console.print(f"{result.files:,} files, all as they were written")
+    write_json(
+        options.json,
+        {"files": result.files, "damaged": dict(result.damaged), "repaired": list(result.frames)},
+    )

@@ -1,0 +1,84 @@
+"""Keeps two runs out of one folder, however the first one ended.
+
+A file is locked as long as the run or any of its processes lives, on whichever machine of a shared file system; the
+operating system lifts the lock of a process that dies.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+from cosim.errors import CosimError
+
+LOCK = ".lock"
+_WAIT_S = 5.0  # processes of a run that was killed end within this
+_POLL_S = 0.05
+
+
+class LockError(CosimError):
+    """Someone else is at work in the folder."""
+
+
+@contextlib.contextmanager
+def exclusive(folder: Path) -> Iterator[None]:
+    """Be the one run that writes a folder; its processes join with `shared`.
+
+    Raises:
+        LockError: another run writes it.
+        OSError: the lock's file cannot be written.
+    """
+    with _taken(folder) as file:
+        # From here on others may share it, but nobody can have it alone.
+        fcntl.flock(file, fcntl.LOCK_SH)
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError):
+                (folder / LOCK).unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def shared(folder: Path) -> Iterator[None]:
+    """Write a folder on behalf of the run that has it."""
+    with (folder / LOCK).open("a") as file:
+        fcntl.flock(file, fcntl.LOCK_SH)
+        yield
+
+
+@contextlib.contextmanager
+def _taken(folder: Path) -> Iterator[IO[str]]:
+    deadline = time.monotonic() + _WAIT_S
+    while True:
+        with (folder / LOCK).open("a+") as file:
+            if _locked(file, folder / LOCK):
+                file.truncate(0)
+                file.write(f"process {os.getpid()} on {socket.gethostname()}")
+                file.flush()
+                yield file
+                return
+            if time.monotonic() > deadline:
+                file.seek(0)
+                holder = file.read(200) or "a process"
+                raise LockError(
+                    f"{folder} is being written by another run ({holder}); wait for it, or choose another --out"
+                )
+        time.sleep(_POLL_S)
+
+
+def _locked(file: IO[str], path: Path) -> bool:
+    """Lock a file alone, unless someone has it, or it was removed meanwhile."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    try:
+        return os.fstat(file.fileno()).st_ino == path.stat().st_ino
+    except FileNotFoundError:
+        return False
