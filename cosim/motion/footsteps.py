@@ -13,6 +13,7 @@ _LONGEST = 60  # poses
 _SHORTEST_M = 0.6
 _STEP_M = 0.1  # 1 m/s
 _SOFT_STEPS = 5
+_THERE_M = 0.01
 
 
 class Footsteps:
@@ -38,10 +39,17 @@ class Footsteps:
         end = min(way_m, float(way[-1]))
         if end < _SHORTEST_M:
             return None
-        paces = np.minimum(np.arange(1, 400), _SOFT_STEPS) * _STEP_M / _SOFT_STEPS
-        at = np.cumsum(paces)
-        left = np.maximum(end - at, 0.0)
-        at = np.append(at[left > _STEP_M], end)
+        at = np.array(_from_rest_to_rest(end))
         at = np.concatenate([at, np.full(hold_steps, end)])
         poses = np.column_stack([np.interp(at, way, line[:, i]) for i in range(3)])
         return Script(poses[:, :2], poses[:, 2])
+
+
+def _from_rest_to_rest(way_m: float) -> list[float]:
+    """Distances gone after the steps of a way."""
+    gone, pace, eases = [0.0], 0.0, _STEP_M / _SOFT_STEPS
+    while way_m - gone[-1] > _THERE_M:
+        left = way_m - gone[-1]
+        pace = min(pace + eases, _STEP_M, max(float(np.sqrt(2 * eases * left)) - eases / 2, _THERE_M))
+        gone.append(min(gone[-1] + pace, way_m))
+    return [*gone[1:], way_m]

@@ -166,10 +166,9 @@ class Motion:
         drives = np.flatnonzero(~self._walks & ~actors.parked)
         self._take_steps(actors, drives, self._wanted(actors, drives))
         walks = np.flatnonzero(self._walks)
-        if walks.size:
-            of["front"][walks], of["velocity"][walks], of["heading"][walks] = walk(
-                before[walks], of["velocity"][walks], heading_before[walks], raw[walks], raw_heading[walks], step
-            )
+        of["front"][walks], of["velocity"][walks], of["heading"][walks] = walk(
+            before[walks], of["velocity"][walks], heading_before[walks], raw[walks], raw_heading[walks], step
+        )
         of["raw"], of["raw_heading"] = raw.copy(), raw_heading.copy()
         return self._report(actors, before, heading_before, fresh)
 
@@ -325,6 +324,7 @@ class Motion:
                 if player.retreat:
                     continue
                 self._trails.pop(vehicle, None)
+                self._footsteps.pop(vehicle, None)
                 if row is not None:
                     self._rejoin(row)
 
@@ -332,7 +332,7 @@ class Motion:
         """Go on along SUMO's line from where a script ended."""
         of = self._of
         course = of["course"][row] = of["raw_heading"][row]
-        of["travel"][row] = course
+        of["travel"][row], of["noted"][row] = course, np.nan
         away = of["front"][row] - of["raw"][row]
         of["jump"][row] = away[1] * np.cos(course) - away[0] * np.sin(course) - of["lane_offset"][row]
         of["jump_at"][row], of["jump_steep"][row] = 0.0, 0.0

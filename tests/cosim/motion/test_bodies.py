@@ -3,13 +3,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.motion import TurnError, overlaps, plan_turn
+from cosim.motion import Motion, TurnError, overlaps, plan_turn
 from cosim.motion.bicycle import MAX_LATERAL_MPS2, BicycleState, follow
 from cosim.motion.body import PITCH_PER_MPS2, Springs
 from cosim.motion.chassis import Chassis
 from cosim.motion.corners import corner_speed
 from cosim.motion.turn_path import Room
 from cosim.motion.walking import walk
+from tests.cosim.road_users import road_users
 
 STEP_S = 0.1
 CAR = np.array([4.3, 1.75, 1.5])
@@ -170,3 +171,31 @@ def test_a_walker_crosses_a_gap_in_sumos_places_smoothly():
         position, heading = moved, turned
     assert max(steps) < 0.3 and max(turns) < 20
     assert position[0, 1] == pytest.approx(0.75, abs=0.02)
+
+
+def test_who_has_turned_round_backs_up_along_the_way_since_and_not_through_the_turn():
+    motion, headings, fronts = Motion(STEP_S), [], []
+
+    def go_on(x: float, y: float, heading: float, speed: float) -> None:
+        one = road_users(["car"], [[x, y, 0.0]], sizes=CAR, heading_rad=heading, speed_mps=speed)
+        after = motion.update(one)
+        headings.append(after.heading_rad[0])
+        fronts.append(after.front[0, :2])
+
+    for x in np.arange(-12.0, 0.0, 0.5):
+        go_on(float(x), 0.0, 0.0, 5.0)
+    motion.play("a0", plan_turn(fronts[-1], 0.0, "car", CAR, Room(-3.5, 12.0, 9.0, np.zeros((0, 5))), STEP_S))
+    while motion.plays("a0"):
+        go_on(-0.5, 0.0, 0.0, 0.0)
+    end = fronts[-1]
+    for gone in np.arange(0.0, 2.0, 0.2):
+        go_on(float(end[0] - gone), float(end[1]), np.pi, 2.0)
+    begin = len(fronts)
+    assert motion.back_up("a0", 4.0, 1.0, 0.0)
+    while motion.plays("a0"):
+        go_on(float(fronts[begin - 1][0]), float(fronts[begin - 1][1]), np.pi, 0.0)
+    turned = np.degrees(np.diff(np.unwrap(headings)))
+    assert np.abs(turned).max() < 6
+    assert np.hypot(*(np.array(fronts[begin:]) - end).T).max() < 2.5
+    paces = np.hypot(*np.diff(np.array(fronts[begin:-1]), axis=0).T)
+    assert np.abs(np.diff(paces)).max() / STEP_S**2 < 3
