@@ -49,8 +49,9 @@ class BehaviourConfig(BaseModel):
     speeding_kmh: Annotated[Distribution, within(0, 60)] = Field(
         default=Uniform(min=0.0, max=30.0), description="how much a driver exceeds the limit on free roads [km/h]"
     )
-    speeding_share: Annotated[Distribution, within(0, 1)] = Field(
-        default=Constant(value=0.0), description="how much he exceeds it besides, as a share of the limit"
+    speeding_share: Annotated[Distribution, within(-0.5, 1)] = Field(
+        default=Constant(value=0.0),
+        description="how much he exceeds it besides, as a share of the limit; who stays below it has a negative one",
     )
     gap_m: Annotated[Distribution, within(0, 20)] = Field(
         default=Uniform(min=0.2, max=3.0), description="gap to the leader when standing [m]"
@@ -64,6 +65,12 @@ class BehaviourConfig(BaseModel):
     lane_change_share: Annotated[Distribution, within(0, 1)] = Field(
         default=Choice(values=(0.0, 0.4, 0.8), weights=None),
         description="chance that a driver changes to a side on a stretch of road with a lane there; for each side",
+    )
+    imperfection: Annotated[Distribution, within(0, 1)] | None = Field(
+        default=None, description="SUMO's sigma, how unsteadily he keeps his speed [1]; none: as his vehicle type has"
+    )
+    reaction_time_s: Annotated[Distribution, within(0, 3)] | None = Field(
+        default=None, description="time between two of his decisions [s]; none: he decides in every step"
     )
     u_turns_per_min: Rate = Field(
         default=1.0, description="U-turns in the middle of the road begun in the town a minute"

@@ -75,6 +75,11 @@ class FreeDriving:
         habits = draw_habits(stage.config, self._seed, vehicle)
         stage.api.vehicle.setMinGap(vehicle, habits.gap_m)
         stage.api.vehicle.setTau(vehicle, habits.headway_s)
+        if habits.imperfection is not None:
+            stage.api.vehicle.setImperfection(vehicle, habits.imperfection)
+        if habits.reaction_s is not None:
+            steps = max(1, round(habits.reaction_s / stage.step_s))
+            stage.api.vehicle.setActionStepLength(vehicle, steps * stage.step_s)
         row = stage.rows[vehicle]
         lane = stage.roads.lanes.get(stage.actors.lanes[row])
         spare = (lane.width_m - float(stage.actors.size[row, 1])) / 2 - _SPARE_M if lane else 0.0

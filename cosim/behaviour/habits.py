@@ -19,6 +19,8 @@ class Habits:
         gap_m, headway_s: to the leader.
         lane_offset_m: beside the lane's middle, positive to the left.
         changes_left, changes_right: chance of a change on a stretch of road with a lane there.
+        imperfection: SUMO's sigma; None: as his vehicle type has it.
+        reaction_s: between two decisions; None: he decides in every step.
     """
 
     over_mps: float
@@ -28,6 +30,8 @@ class Habits:
     lane_offset_m: float
     changes_left: float
     changes_right: float
+    imperfection: float | None = None
+    reaction_s: float | None = None
 
     def speed_factor(self, limit_mps: float) -> float:
         """Share of a limit he wants to drive."""
@@ -45,4 +49,6 @@ def draw_habits(config: BehaviourConfig, seed: int, vehicle: str) -> Habits:
         lane_offset_m=config.lane_offset_m.draw(rng),
         changes_left=config.lane_change_share.draw(rng),
         changes_right=config.lane_change_share.draw(rng),
+        imperfection=None if config.imperfection is None else config.imperfection.draw(rng),
+        reaction_s=None if config.reaction_time_s is None else config.reaction_time_s.draw(rng),
     )

@@ -1,0 +1,196 @@
+"""Fits behaviours by simulation: Gauss–Newton with common random numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from cosim.behaviour import BehaviourConfig
+from cosim.discrepancy.traffic.behaviours import Background, Behaviour
+from cosim.discrepancy.traffic.gate import Evidence
+from cosim.discrepancy.traffic.pool import Simulations
+from cosim.discrepancy.traffic.summary import Summary
+
+_ROUNDS = 5
+_SMALL = 0.25  # of a standard error: a step that is not worth a simulation
+_RIDGE = 1e-6
+
+Values = dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Behaviours fitted.
+
+    Attributes:
+        config: with them.
+        values: behaviour → parameter → value.
+        chi2_before, chi2: sum of squared standardised differences before, and what is left.
+        slopes: (k, parameters) of the statistics.
+        covariance: (parameters, parameters).
+    """
+
+    config: BehaviourConfig
+    values: Values
+    chi2_before: float
+    chi2: float
+    slopes: np.ndarray
+    covariance: np.ndarray
+
+
+class Estimator:
+    """Fits against the statistics of some vehicles.
+
+    Args:
+        simulations: of the model.
+        ids: vehicles that are fitted.
+        background: what configurations leave to the town.
+        seeds: of the simulations of a fit.
+    """
+
+    def __init__(
+        self, simulations: Simulations, ids: frozenset[str], background: Background, seeds: Sequence[int]
+    ) -> None:
+        self._simulations = simulations
+        self._ids = ids
+        self._background = background
+        self._seeds = tuple(seeds)
+
+    def slopes(
+        self, config: BehaviourConfig, behaviours: Sequence[Behaviour], names: Sequence[str]
+    ) -> dict[str, np.ndarray]:
+        """Change of statistics (k, parameters) with each behaviour's parameters, from the configuration on."""
+        jobs, steps = [], []
+        for behaviour in behaviours:
+            values = behaviour.read(config, self._background)
+            for knob in behaviour.knobs:
+                changed = behaviour.clipped({**values, knob.name: values[knob.name] + knob.step})
+                if abs(changed[knob.name] - values[knob.name]) < abs(knob.step) / 3:
+                    changed = behaviour.clipped({**values, knob.name: values[knob.name] - knob.step})
+                steps.append(changed[knob.name] - values[knob.name])
+                jobs.append(behaviour.write(config, changed))
+        found = self._many([config, *jobs], names)
+        columns = [(row - found[0]) / step for row, step in zip(found[1:], steps, strict=True)]
+        sloped, at = {}, 0
+        for behaviour in behaviours:
+            sloped[behaviour.name] = np.nan_to_num(np.stack(columns[at : at + len(behaviour.knobs)], 1))
+            at += len(behaviour.knobs)
+        return sloped
+
+    def promise(self, evidence: Evidence, behaviour: Behaviour, slopes: np.ndarray, config: BehaviourConfig) -> float:
+        """How much chi² would fall if statistics went on as straight as they begin."""
+        values = behaviour.read(config, self._background)
+        jacobian = slopes / evidence.sigma[:, None]
+        step = _solve(jacobian, evidence.z)
+        now = np.array([values[knob.name] for knob in behaviour.knobs])
+        low = np.array([knob.low for knob in behaviour.knobs]) - now
+        high = np.array([knob.high for knob in behaviour.knobs]) - now
+        left = evidence.z - jacobian @ np.clip(step, low, high)
+        return float(evidence.z @ evidence.z - left @ left)
+
+    def fit(
+        self,
+        config: BehaviourConfig,
+        behaviours: Sequence[Behaviour],
+        evidence: Evidence,
+        slopes: Mapping[str, np.ndarray],
+    ) -> Fit:
+        """All parameters of some behaviours together.
+
+        The slopes are corrected by what each simulation shows (Broyden, Math. Comp. 1965), so that a step costs one.
+        """
+        knobs = [(behaviour, knob) for behaviour in behaviours for knob in behaviour.knobs]
+        start = {one.name: one.read(config, self._background) for one in behaviours}
+        at = np.array([start[behaviour.name][knob.name] for behaviour, knob in knobs])
+        low, high = (np.array([getattr(knob, end) for _, knob in knobs]) for end in ("low", "high"))
+        jacobian = np.concatenate([slopes[one.name] for one in behaviours], 1) / evidence.sigma[:, None]
+        at = np.clip(at, low, high)
+        before = rest = self._rest(config, behaviours, at, evidence)
+        for _ in range(_ROUNDS):
+            step = np.clip(at + _solve(jacobian, rest), low, high) - at
+            errors = np.sqrt(np.diag(_covariance(jacobian)))
+            if np.all(np.abs(step) < _SMALL * errors):
+                break
+            new = self._rest(config, behaviours, at + step, evidence)
+            jacobian += np.outer(rest - new - jacobian @ step, step) / max(float(step @ step), 1e-12)
+            if new @ new < rest @ rest:
+                at, rest = at + step, new
+        values = _by_name(behaviours, at)
+        return Fit(
+            config=_written(config, behaviours, values),
+            values=values,
+            chi2_before=float(before @ before),
+            chi2=float(rest @ rest),
+            slopes=jacobian * evidence.sigma[:, None],
+            covariance=_covariance(jacobian),
+        )
+
+    def polished(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: Evidence) -> Fit:
+        """One more step with what more seeds say, if it is a small one."""
+        knobs = [knob for behaviour in behaviours for knob in behaviour.knobs]
+        at = np.array([fit.values[one.name][knob.name] for one in behaviours for knob in one.knobs])
+        jacobian = fit.slopes / evidence.sigma[:, None]
+        low, high = (np.array([getattr(knob, end) for knob in knobs]) for end in ("low", "high"))
+        covariance = _covariance(jacobian)
+        step = np.clip(at + _solve(jacobian, evidence.z), low, high) - at
+        step = np.clip(step, -np.sqrt(np.diag(covariance)), np.sqrt(np.diag(covariance)))
+        values = _by_name(behaviours, at + step)
+        config = _written(fit.config, behaviours, values)
+        return Fit(config, values, fit.chi2_before, fit.chi2, fit.slopes, covariance)
+
+    def _rest(
+        self, config: BehaviourConfig, behaviours: Sequence[Behaviour], at: np.ndarray, evidence: Evidence
+    ) -> np.ndarray:
+        written = _written(config, behaviours, _by_name(behaviours, at))
+        found = self._many([written], evidence.names)[0]
+        return np.nan_to_num((evidence.measured - found) / evidence.sigma)
+
+    def _many(self, configs: Sequence[BehaviourConfig], names: Sequence[str]) -> np.ndarray:
+        """Statistics (configurations, k), each the mean over the seeds."""
+        runs = self._simulations.run([(config, seed) for config in configs for seed in self._seeds])
+        rows = [self._row(run, names) for run in runs]
+        return np.array(rows).reshape(len(configs), len(self._seeds), len(names)).mean(1)
+
+    def _row(self, run: Summary, names: Sequence[str]) -> list[float]:
+        found = run.of(self._ids).statistics()
+        return [found[name] for name in names]
+
+
+def intervals(fit: Fit, behaviours: Sequence[Behaviour], freedom: float) -> dict[str, dict[str, list[float]]]:
+    """95 % intervals of all parameters, within their bounds."""
+    half = float(stats.t.ppf(0.975, freedom)) * np.sqrt(np.diag(fit.covariance))
+    found: dict[str, dict[str, list[float]]] = {}
+    knobs = [(behaviour, knob) for behaviour in behaviours for knob in behaviour.knobs]
+    for (behaviour, knob), side in zip(knobs, half.tolist(), strict=True):
+        value = fit.values[behaviour.name][knob.name]
+        ends = [max(value - side, knob.low), min(value + side, knob.high)]
+        found.setdefault(behaviour.name, {})[knob.name] = ends
+    return found
+
+
+def _covariance(jacobian: np.ndarray) -> np.ndarray:
+    normal = jacobian.T @ jacobian
+    scale = np.maximum(np.diag(normal), 1e-12)
+    return np.linalg.inv(normal + _RIDGE * np.diag(scale))
+
+
+def _solve(jacobian: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    return _covariance(jacobian) @ (jacobian.T @ rest)
+
+
+def _by_name(behaviours: Sequence[Behaviour], at: np.ndarray) -> Values:
+    values, row = {}, 0
+    for behaviour in behaviours:
+        mine = {knob.name: float(at[row + i]) for i, knob in enumerate(behaviour.knobs)}
+        values[behaviour.name] = behaviour.clipped(mine)
+        row += len(behaviour.knobs)
+    return values
+
+
+def _written(config: BehaviourConfig, behaviours: Sequence[Behaviour], values: Values) -> BehaviourConfig:
+    for behaviour in behaviours:
+        config = behaviour.write(config, values[behaviour.name])
+    return config

@@ -1,0 +1,79 @@
+"""Simulations of the model side by side, each in a process of its own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from typing import Self
+
+from cosim.behaviour import BehaviourConfig
+from cosim.discrepancy.traffic.network import Network
+from cosim.discrepancy.traffic.placed import place
+from cosim.discrepancy.traffic.replay import Replay
+from cosim.discrepancy.traffic.simulate import simulate
+from cosim.discrepancy.traffic.summary import Summary, summarise
+
+Job = tuple[BehaviourConfig, int]
+_MOST_WORKERS = 8
+
+
+class Simulations:
+    """Runs the model and remembers what came out; a context manager.
+
+    libsumo knows one simulation a process, so workers are spawned.
+
+    Args:
+        replay: the demand.
+        network: of the town.
+        step_s: of the simulation.
+        workers: processes; by default one a core.
+    """
+
+    def __init__(self, replay: Replay, network: Network, step_s: float, workers: int | None = None) -> None:
+        self._pool = ProcessPoolExecutor(
+            max_workers=workers or min(os.cpu_count() or 1, _MOST_WORKERS),
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_begin,
+            initargs=(replay, network, step_s),
+        )
+        self._done: dict[tuple[str, int], Summary] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    @property
+    def count(self) -> int:
+        """How many simulations there were."""
+        return len(self._done)
+
+    def run(self, jobs: Sequence[Job]) -> list[Summary]:
+        """Summaries of the model with a behaviour and a seed each, in order.
+
+        Raises:
+            TrafficError: SUMO refuses the scenario.
+        """
+        keys = [(behaviour.model_dump_json(), seed) for behaviour, seed in jobs]
+        new = {key: job for key, job in zip(keys, jobs, strict=True) if key not in self._done}
+        for key, summary in zip(new, self._pool.map(_summary, new.values()), strict=True):
+            self._done[key] = summary
+        return [self._done[key] for key in keys]
+
+
+class _Worker:
+    """What a process was given when it began."""
+
+    given: tuple[Replay, Network, float]
+
+
+def _begin(replay: Replay, network: Network, step_s: float) -> None:
+    _Worker.given = (replay, network, step_s)
+
+
+def _summary(job: Job) -> Summary:
+    replay, network, step_s = _Worker.given
+    return summarise(place(simulate(replay, *job, step_s), network))
