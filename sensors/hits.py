@@ -62,6 +62,7 @@ class Hits:
         pane: the first pane of each of those (k).
         paint: (m,) float32 reflectance at 905 nm of each instance's paint.
         table: what material rows mean.
+        carried: (n, 3) float32 directions of the beams in world axes, where tracing has them at hand.
     """
 
     rays: Rays
@@ -71,6 +72,14 @@ class Hits:
     pane: Surface
     paint: np.ndarray
     table: MaterialTable = TABLE
+    carried: np.ndarray | None = None
+
+    @cached_property
+    def direction(self) -> np.ndarray:
+        """Directions of the beams at `pose`, (n, 3) float32 world axes."""
+        if self.carried is not None:
+            return self.carried
+        return self.rays.direction @ self.pose[:3, :3].T.astype(np.float32)
 
     @cached_property
     def first(self) -> Surface:
@@ -86,8 +95,9 @@ class Hits:
 
     def cos_incidence(self, surface: Surface, beams: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Cosine between beam and face normal, (n,) float32 in 0–1, of surfaces met by `beams`."""
-        direction = self.rays.direction[beams] @ self.pose[:3, :3].T.astype(np.float32)
-        return np.minimum(np.abs(dot_with_normals(surface.normal_code, direction)), np.float32(1))
+        direction = self.direction[beams] if isinstance(beams, slice) else self.direction.take(beams, axis=0)
+        cos = dot_with_normals(surface.normal_code, direction)
+        return np.minimum(np.abs(cos, out=cos), np.float32(1), out=cos)
 
     def reflectance(self, surface: Surface) -> np.ndarray:
         """Diffuse reflectance at 905 nm, (n,) float32; the instance's paint where the material is paint."""
@@ -95,5 +105,5 @@ class Hits:
         moving = np.flatnonzero(surface.instance >= 0)
         painted = moving[self.table.column("paint")[surface.material[moving]]]
         values[painted] = self.paint[surface.instance[painted]]
-        values[surface.instance == NOTHING] = 0
+        values *= surface.instance != NOTHING
         return values

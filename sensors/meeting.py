@@ -89,6 +89,8 @@ def meet_instance(
     solid: Nearest,
     pane: Nearest,
     near: float = 0.0,
+    *,
+    panes: bool = True,
 ) -> None:
     """Offer one instance to some rays, each carried into its frame at the ray's own instant.
 
@@ -103,10 +105,12 @@ def meet_instance(
         time_s: (n,) float32 instants from the pose time.
         solid, pane: what they met so far; to be settled afterwards.
         near: from here on surfaces count.
+        panes: whether its panes are asked for; without them its glass is not there.
     """
     if not len(beams):
         return
     model, instant = scene.model(instances.models[row]), time_s[beams]
+    outer = model.whole if panes else model.opaque
     angle = np.float32(instances.yaw_rate_radps[row]) * instant
     shift = (instances.poses[row, :3, 3] - centre).astype(np.float32)
     place = shift + instances.velocity_mps[row].astype(np.float32) * instant[:, None]
@@ -122,23 +126,23 @@ def meet_instance(
 
     start, onward = carry(origin[beams] - place), carry(direction[beams])
     limit = solid.distance[beams]
-    distance, triangle = model.whole.first_hit(start, onward, limit, near)
+    distance, triangle = outer.first_hit(start, onward, limit, near)
     hit = np.flatnonzero(triangle >= 0)
     if not len(hit):
         return
     beams, distance, triangle = beams[hit], distance[hit], triangle[hit]
-    normals = normals_of(model.whole, triangle, hit)
-    glass = np.flatnonzero(model.whole.is_glass[triangle])
+    normals = normals_of(outer, triangle, hit)
+    glass = np.flatnonzero(outer.is_glass[triangle])
     if len(glass):
-        panes, behind = beams[glass], hit[glass]
-        pane.offer_instance(panes, distance[glass], model.whole.records[triangle[glass]], normals[glass], row)
+        through, behind = beams[glass], hit[glass]
+        pane.offer_instance(through, distance[glass], outer.records[triangle[glass]], normals[glass], row)
         distance[glass] = np.inf
         step, inner = model.opaque.first_hit(start[behind], onward[behind], limit[behind], near)
         met = np.flatnonzero(inner >= 0)
         inner = inner[met]
         inner_normals = normals_of(model.opaque, inner, behind[met])
-        solid.offer_instance(panes[met], step[met], model.opaque.records[inner], inner_normals, row)
-    solid.offer_instance(beams, distance, model.whole.records[triangle], normals, row)
+        solid.offer_instance(through[met], step[met], model.opaque.records[inner], inner_normals, row)
+    solid.offer_instance(beams, distance, outer.records[triangle], normals, row)
 
 
 def yawed(vectors: np.ndarray, angle: np.ndarray) -> np.ndarray:

@@ -30,7 +30,14 @@ class MotionTracer:
         self._index = RayIndex(rays)
 
     def trace(
-        self, scene: Scene, ego: EgoMotion, lidar_in_ego: np.ndarray, time_s: np.ndarray, instances: Instances
+        self,
+        scene: Scene,
+        ego: EgoMotion,
+        lidar_in_ego: np.ndarray,
+        time_s: np.ndarray,
+        instances: Instances,
+        *,
+        panes: bool = True,
     ) -> tuple[Hits, np.ndarray, np.ndarray]:
         """First pane and first solid surface of every beam.
 
@@ -40,6 +47,7 @@ class MotionTracer:
             lidar_in_ego: (4, 4) pose of the sensor in the vehicle.
             time_s: (n,) float32 instant of each ray from the pose time.
             instances: what moves, at the pose time.
+            panes: whether the panes of instances are asked for; without them their glass is not there.
 
         Returns:
             Hits; true optical centres from the sensor's place at the pose time, and directions, (n, 3) float32 in
@@ -51,7 +59,9 @@ class MotionTracer:
         start, limit = origin + centre.astype(np.float32), np.full(len(self.rays), self._far, np.float32)
         solid, pane = meet_static(scene.static, start, direction, limit, self._near)
         for row, beams in self._windows(scene, ego, lidar_in_ego, time_s, instances, solid.distance):
-            meet_instance(scene, instances, row, beams, origin, direction, centre, time_s, solid, pane, self._near)
+            meet_instance(
+                scene, instances, row, beams, origin, direction, centre, time_s, solid, pane, self._near, panes=panes
+            )
         solid.settle()
         pane.settle()
         beam = np.flatnonzero(pane.distance < solid.distance).astype(np.int32)

@@ -39,6 +39,7 @@ class Nearest:
     def __init__(self, distance: np.ndarray, records: np.ndarray) -> None:
         self.distance, self.records = distance, records
         self._normals: list[tuple[np.ndarray, np.ndarray]] = []
+        self._rows: list[np.ndarray] = []
 
     @classmethod
     def nothing(cls, limit: np.ndarray) -> Nearest:
@@ -63,20 +64,41 @@ class Nearest:
         self.put(rays[nearer], distance[nearer], records[nearer])
 
     def offer_instance(
-        self, rays: np.ndarray, distance: np.ndarray, records: np.ndarray, normals: np.ndarray, row: int
+        self,
+        rays: np.ndarray,
+        distance: np.ndarray,
+        records: np.ndarray,
+        normals: np.ndarray,
+        row: np.ndarray | int,
     ) -> None:
-        """Like `offer`, with records of a model's faces and their normals (k, 3) in world axes."""
-        nearer = np.flatnonzero(distance < self.distance[rays])
-        rays = rays[nearer]
-        self.put(rays, distance[nearer], records[nearer] + (np.int64(row) << _INSTANCE_SHIFT))
-        self._normals.append((rays, normals[nearer]))
+        """Like `offer`, of a model's faces with their normals (k, 3).
 
-    def settle(self) -> None:
-        """Encode the normals of instances, all at once; of several for one ray the last is the nearest."""
+        Rays may come more than once where `row` (k,) says which of the instances each met.
+        """
+        nearer = np.flatnonzero(distance < self.distance[rays])
+        if isinstance(row, np.ndarray):
+            np.minimum.at(self.distance, rays[nearer], distance[nearer])
+            nearer = nearer[distance[nearer] == self.distance[rays[nearer]]]
+            row = row[nearer]
+            self._rows.append(row)
+        rays = rays[nearer]
+        self.put(rays, distance[nearer], records[nearer] + (np.asarray(row, np.int64) << _INSTANCE_SHIFT))
+        self._normals.append((rays, normals.take(nearer, axis=0)))
+
+    def settle(self, turns: np.ndarray | None = None) -> None:
+        """Encode the normals of instances, all at once; of several for one ray the last is the nearest.
+
+        Args:
+            turns: (m, 3, 3) float32 by instance: what the normals (as rows) are multiplied by to be in world axes,
+                where all were offered with an array of rows; None where they are in world axes.
+        """
         if self._normals:
             rays, normals = (np.concatenate(column) for column in zip(*self._normals, strict=True))
+            if turns is not None:
+                normals = np.einsum("ij,ijk->ik", normals, turns.take(np.concatenate(self._rows), axis=0))
             self.records.view(np.int32)[2 * rays] = encode_normals(normals).view(np.int32)[:, 0]
             self._normals.clear()
+            self._rows.clear()
 
     def surface(self, rays: np.ndarray | slice = slice(None)) -> Surface:
         """The surfaces of `rays`, ranges rounded to the stored step."""

@@ -48,7 +48,7 @@ def bare_returns(hits: Hits) -> PointCloud:
     """The points of a sensor without effects: every first solid surface, intensity its reflectance."""
     rays, solid = hits.rays, hits.solid
     beams = np.flatnonzero(solid.exists)
-    xyz = rays.direction.take(beams, axis=0) * solid.range_m.take(beams)[:, None]
+    xyz = scaled(rays.direction.take(beams, axis=0), solid.range_m.take(beams))
     if not rays.one_centre:
         xyz += rays.origin.take(beams, axis=0)
     return PointCloud(
@@ -61,3 +61,10 @@ def bare_returns(hits: Hits) -> PointCloud:
         instance=solid.instance.take(beams),
         material=solid.material.take(beams),
     )
+
+
+def scaled(vectors: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Vectors (n, 3), each multiplied by its own length (n,), in place: columns are long, rows are short."""
+    for column in vectors.T:
+        column *= lengths
+    return vectors

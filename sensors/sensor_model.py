@@ -19,7 +19,7 @@ from sensors.hits import Hits
 from sensors.label_boxes import LabelBoxes
 from sensors.motion import EgoMotion
 from sensors.pattern import Pattern
-from sensors.point_cloud import PointCloud, bare_returns
+from sensors.point_cloud import PointCloud, bare_returns, scaled
 from sensors.rays import Rays
 from sensors.returns import Returns
 from sensors.scene import Instances, Scene
@@ -202,7 +202,7 @@ def _given(rng: np.random.Generator | None) -> np.random.Generator:
 def points_of(returns: Returns, rays: Rays) -> PointCloud:
     """Points at the reported optical centre + measured range × nominal direction."""
     beam = returns.beam
-    xyz = rays.direction.take(beam, axis=0) * returns.range_m[:, None]
+    xyz = scaled(rays.direction.take(beam, axis=0), returns.range_m)
     xyz += rays.origin.take(beam, axis=0)
     return PointCloud(
         xyz=xyz,

@@ -1,10 +1,12 @@
 """From rays and a posed scene to hits.
 
-The static world is met first. Instances are then met in their own frames, the nearest first, each only by the
-rays of its angular window and no farther than what already stopped them.
+The static world is met first. Instances are then met in their own frames, all of one model in one query, each only
+by the rays of its angular window and no farther than what already stopped them.
 """
 
 from __future__ import annotations
+
+import itertools
 
 import numpy as np
 
@@ -16,7 +18,6 @@ from sensors.rays import Rays
 from sensors.scene import Instances, Scene
 
 _CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
-_WORTH_CULLING = 200  # beams; testing fewer against a box costs more than tracing them
 
 
 class Tracer:
@@ -32,20 +33,21 @@ class Tracer:
         self._near, self._far = range_m
         self._index = RayIndex(rays)
 
-    def trace(self, scene: Scene, pose: np.ndarray, instances: Instances) -> Hits:
+    def trace(self, scene: Scene, pose: np.ndarray, instances: Instances, *, panes: bool = True) -> Hits:
         """First pane and first solid surface of every beam.
 
         Args:
             scene: what there is.
             pose: (4, 4) float64 world pose of the LiDAR.
             instances: what moves, at the same instant.
+            panes: whether the panes of instances are asked for; without them their glass is not there.
         """
         matrix = pose.astype(np.float32)
         limit = np.full(len(self.rays), self._far, np.float32)
         direction = self.rays.direction @ matrix[:3, :3].T
         solid, pane = meet_static(scene.static, self._centres(matrix), direction, limit, self._near)
         if len(instances):
-            self._meet_instances(scene, pose, instances, solid, pane)
+            self._meet_instances(scene, pose, instances, solid, pane, panes=panes)
         pane_beam = np.flatnonzero(pane.distance < solid.distance).astype(np.int32)
         return Hits(
             rays=self.rays,
@@ -55,84 +57,98 @@ class Tracer:
             pane=pane.surface(pane_beam),
             paint=instances.paint,
             table=scene.table,
+            carried=direction,
         )
 
     def _meet_instances(
-        self, scene: Scene, pose: np.ndarray, instances: Instances, solid: Nearest, pane: Nearest
+        self, scene: Scene, pose: np.ndarray, instances: Instances, solid: Nearest, pane: Nearest, *, panes: bool
     ) -> None:
-        models = {name: scene.model(name) for name in sorted(set(instances.models))}
-        bounds = np.stack([models[name].bounds for name in instances.models])
+        models = {name: scene.model(name) for name in dict.fromkeys(instances.models)}
+        number = {name: place for place, name in enumerate(models)}
+        bounds = np.stack([model.bounds for model in models.values()])[[number[name] for name in instances.models]]
         placed = instances.poses.copy()  # world from model, with the scale folded in
         placed[:, :3, :3] *= instances.scales[:, None, :]
         lidar_from_model = np.linalg.inv(pose) @ placed
-        model_from_lidar = np.linalg.inv(lidar_from_model)
-        turn_normals = np.linalg.inv(placed[:, :3, :3]).astype(np.float32)
-
-        sensor = model_from_lidar[:, :3, 3]
+        unturned = np.linalg.inv(placed[:, :3, :3])
+        sensor = np.einsum("kij,kj->ki", unturned, pose[:3, 3] - placed[:, :3, 3])
         outside = np.maximum(np.maximum(bounds[:, 0] - sensor, sensor - bounds[:, 1]), 0)
         nearest = np.linalg.norm(outside * instances.scales, axis=1)
-        reach = np.flatnonzero(nearest < self._far)
-        reach = reach[np.argsort(nearest[reach], kind="stable")]
+        reach = _by_model(instances.models, nearest, np.flatnonzero(nearest < self._far))
         corner = np.where(_CORNERS[None], bounds[reach, None, 1], bounds[reach, None, 0])
         corners = np.einsum("kij,kcj->kci", lidar_from_model[reach, :3, :3], corner)
         corners += lidar_from_model[reach, None, :3, 3]
         pairs, box = self._index.window_pairs(corners, nearest[reach])
 
-        open_way = solid.distance[pairs] > nearest[reach].astype(np.float32)[box]
+        near = nearest[reach].astype(np.float32)
+        open_way = np.flatnonzero(solid.distance[pairs] > near[box])
         pairs, box = pairs[open_way], box[open_way]
-        directions = self.rays.direction.take(pairs, axis=0)
-        carry = model_from_lidar.astype(np.float32)
-        ends = np.searchsorted(box, np.arange(len(reach) + 1)).tolist()
-        for number, row in enumerate(reach.tolist()):
-            window = slice(ends[number], ends[number + 1])
-            if window.start == window.stop:
+        ends = np.searchsorted(box, np.arange(len(reach) + 1))
+        direction = self.rays.direction.take(pairs, axis=0)
+        origin = self._carry(unturned[reach] @ pose[:3, :3], sensor[reach], pairs, direction, ends)
+        names = [instances.models[row] for row in reach]
+        for name, group in itertools.groupby(range(len(reach)), key=names.__getitem__):
+            boxes = list(group)
+            first, last = int(ends[boxes[0]]), int(ends[boxes[-1] + 1])
+            if first == last:
                 continue
-            model, matrix, turn = models[instances.models[row]], carry[row], turn_normals[row]
-            beams, direction = pairs[window], directions[window] @ matrix[:3, :3].T
-            origin = self._centres(matrix, beams)
-            if len(beams) > _WORTH_CULLING:
-                kept = np.flatnonzero(_meets_box(origin, direction, model.bounds.astype(np.float32)))
-                beams, direction, origin = beams[kept], direction[kept], origin[kept]
+            model = models[name]
+            outer = model.whole if panes else model.opaque
+            beams, rows = pairs[first:last], reach[box[first:last]]
+            start, onward = origin[first:last], direction[first:last]
             limit = solid.distance[beams]
-            distance, triangle = model.whole.first_hit(origin, direction, limit, self._near)
+            distance, triangle = outer.first_hit(start, onward, limit, self._near)
             hit = np.flatnonzero(triangle >= 0)
             if not len(hit):
                 continue
-            beams, distance, triangle = beams[hit], distance[hit], triangle[hit]
-            normals = model.whole.normal[triangle] @ turn
-            glass = np.flatnonzero(model.whole.is_glass[triangle])
+            beams, distance, triangle, rows = beams[hit], distance[hit], triangle[hit], rows[hit]
+            records, normals = outer.records[triangle], outer.normal.take(triangle, axis=0)
+            glass = np.flatnonzero(outer.is_glass[triangle])
             if len(glass):
-                panes, behind = beams[glass], hit[glass]
-                pane.offer_instance(panes, distance[glass], model.whole.records[triangle[glass]], normals[glass], row)
+                pane.offer_instance(
+                    beams[glass], distance[glass], records[glass], normals.take(glass, axis=0), rows[glass]
+                )
+                behind = hit[glass]
+                step, inner = model.opaque.first_hit(
+                    start.take(behind, axis=0), onward.take(behind, axis=0), limit[behind], self._near
+                )
                 distance[glass] = np.inf
-                step, inner = model.opaque.first_hit(origin[behind], direction[behind], limit[behind], self._near)
                 met = np.flatnonzero(inner >= 0)
-                inner = inner[met]
-                inner_normals = model.opaque.normal[inner] @ turn
-                solid.offer_instance(panes[met], step[met], model.opaque.records[inner], inner_normals, row)
-            solid.offer_instance(beams, distance, model.whole.records[triangle], normals, row)
-        solid.settle()
-        pane.settle()
+                glass, inner = glass[met], inner[met]
+                distance[glass], records[glass] = step[met], model.opaque.records[inner]
+                normals[glass] = model.opaque.normal.take(inner, axis=0)
+            solid.offer_instance(beams, distance, records, normals, rows)
+        solid.settle(unturned.astype(np.float32))
+        pane.settle(unturned.astype(np.float32))
 
-    def _centres(self, matrix: np.ndarray, beams: np.ndarray | None = None) -> np.ndarray:
-        """Optical centres of some beams (all if None) carried by a (4, 4) float32 matrix, (k, 3)."""
+    def _carry(
+        self, turns: np.ndarray, centres: np.ndarray, pairs: np.ndarray, direction: np.ndarray, ends: np.ndarray
+    ) -> np.ndarray:
+        """Carry the directions of pairs (p, 3) into their boxes' frames, in place; gives the origins there, (p, 3).
+
+        Args:
+            turns: (k, 3, 3) from the sensor's axes into the boxes'.
+            centres: (k, 3) where the sensor's origin is in them.
+            pairs: (p,) rows of the rays, sorted by box.
+            direction: (p, 3) float32 of those rays.
+            ends: (k + 1,) where the pairs of each box begin, and the last end.
+        """
+        turns = turns.astype(np.float32)
+        origin = np.repeat(centres.astype(np.float32), np.diff(ends), axis=0)
+        for turn, (start, stop) in zip(turns, itertools.pairwise(ends.tolist()), strict=True):
+            direction[start:stop] = direction[start:stop] @ turn.T
+            if not self.rays.one_centre:
+                origin[start:stop] += self.rays.origin.take(pairs[start:stop], axis=0) @ turn.T
+        return origin
+
+    def _centres(self, matrix: np.ndarray) -> np.ndarray:
+        """Optical centres of all beams carried by a (4, 4) float32 matrix, (n, 3)."""
         if self.rays.one_centre:
-            centres = np.empty((len(self.rays if beams is None else beams), 3), np.float32)
-            centres[:] = matrix[:3, 3]
-            return centres
-        origin = self.rays.origin if beams is None else self.rays.origin[beams]
-        return origin @ matrix[:3, :3].T + matrix[:3, 3]
+            return np.repeat(matrix[None, :3, 3], len(self.rays), axis=0)
+        return self.rays.origin @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def _meets_box(origin: np.ndarray, direction: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """Whether rays (n) meet an axis-aligned box (2, 3): the slab test (Kay and Kajiya, SIGGRAPH 1986)."""
-    enter, leave = np.zeros(len(direction), np.float32), np.full(len(direction), np.inf, np.float32)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for axis in range(3):
-            inverse = 1 / direction[:, axis]
-            low = (bounds[0, axis] - origin[:, axis]) * inverse
-            high = (bounds[1, axis] - origin[:, axis]) * inverse
-            # fmax and fmin pass over the NaN of a ray within a face's plane: it may meet.
-            enter = np.fmax(enter, np.minimum(low, high))
-            leave = np.fmin(leave, np.maximum(low, high))
-    return leave >= enter
+def _by_model(models: tuple[str, ...], nearest: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Rows with those of one model together: one query serves them all. Models that stand nearest come first."""
+    by_distance = rows[np.argsort(nearest[rows], kind="stable")]
+    rank = {name: place for place, name in enumerate(dict.fromkeys(models[row] for row in by_distance))}
+    return by_distance[np.argsort([rank[models[row]] for row in by_distance], kind="stable")]

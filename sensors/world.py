@@ -46,7 +46,7 @@ class Traced:
         """True unit directions, (n, 3) float32 world axes."""
         if self.moving is not None:
             return self.moving[1]
-        return self.hits.rays.direction @ self.hits.pose[:3, :3].T.astype(np.float32)
+        return self.hits.direction
 
     @property
     def time_s(self) -> np.ndarray:
@@ -116,22 +116,30 @@ class World:
         self._range_m = range_m
         self._tracers = tracers
 
-    def trace(self, beams: Beams, slot: str = "beams") -> Traced:
-        """First pane and first solid surface of every beam; `slot` names the fan whose tracer is kept."""
+    def trace(self, beams: Beams, slot: str = "beams", *, panes: bool = True) -> Traced:
+        """First pane and first solid surface of every beam.
+
+        Args:
+            beams: how they leave.
+            slot: names the fan whose tracer is kept.
+            panes: whether the panes of instances are asked for.
+        """
         rays = Rays(beams.origin, beams.direction, beams.rays.ring, beams.rays.azimuth, beams.rays.time_s)
         if beams.firing_s is None:
             pose = self._lidar_pose(beams)
             instances = instances_at(self._instances, beams.delay_s)
-            hits = self._tracers.fixed(slot, rays).trace(self._scene, pose, instances)
+            hits = self._tracers.fixed(slot, rays).trace(self._scene, pose, instances, panes=panes)
             return Traced(hits, delay_s=beams.delay_s)
         tracer = self._tracers.moving(slot, rays)
         lidar_in_ego = beams.body @ np.linalg.solve(self.ego.pose, self.pose) @ beams.mount
         time_s = beams.firing_s + np.float32(beams.delay_s)
-        hits, origin, direction = tracer.trace(self._scene, self.ego, lidar_in_ego, time_s, self._instances)
+        hits, origin, direction = tracer.trace(
+            self._scene, self.ego, lidar_in_ego, time_s, self._instances, panes=panes
+        )
         return Traced(hits, (origin, direction, time_s))
 
     def trace_around(self, beams: Beams, aside: Callable[[np.ndarray], np.ndarray], slot: str) -> Hits:
-        """What k further rays round each beam met, in row k · beam + ray.
+        """The solid surfaces that k further rays round each beam met, in row k · beam + ray.
 
         Args:
             beams: the n beams.
@@ -141,7 +149,7 @@ class World:
         fan = self._tracers.fan(slot, beams, aside)
         firing_s = None if beams.firing_s is None else np.repeat(beams.firing_s, len(fan) // len(beams.rays))
         around = replace(beams, rays=fan, origin=fan.origin, direction=fan.direction, firing_s=firing_s)
-        return self.trace(around, slot).hits
+        return self.trace(around, slot, panes=False).hits
 
     def shoot(self, origin: np.ndarray, direction: np.ndarray, time_s: np.ndarray, limit_m: float) -> Surface:
         """First solid surface along single rays (k, 3) in world axes, each at its own instant (k,)."""

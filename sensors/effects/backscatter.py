@@ -12,6 +12,7 @@ from sensors.returns import Returns
 from sensors.shot import Shot
 
 _INTENSITY = 0.02
+_BEHIND_M = 1.0  # a twin's surface may be so far off
 
 
 class Backscatter(ScanEffect):
@@ -54,10 +55,20 @@ class Backscatter(ScanEffect):
         """Chance that no drop answers before the surface does."""
         return np.exp(-self._hazard_up_to(returns.range_m, shot))
 
+    def silence(self, shot: Shot) -> np.ndarray:
+        """Chance that no drop answers as far as the beam goes."""
+        return np.exp(-self._hazard_up_to(self._free_path(shot), shot))
+
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
-        """Hazard at the range times the chance to get there."""
+        """Hazard at the range times the chance to get there; none behind the surface."""
         hazard = self.density_per_m * np.exp(-range_m / self.mean_range_m)
-        return hazard * np.exp(-self._hazard_up_to(range_m, shot)) * (range_m >= shot.pattern.range_m[0])
+        possible = (range_m >= shot.pattern.range_m[0]) & (range_m <= self._free_path(shot)[beam] + _BEHIND_M)
+        return hazard * np.exp(-self._hazard_up_to(range_m, shot)) * possible
+
+    @staticmethod
+    def _free_path(shot: Shot) -> np.ndarray:
+        """How far each beam gets [m]."""
+        return np.minimum(shot.hits.solid.range_m, np.float32(shot.pattern.range_m[1]))
 
     def _hazard_up_to(self, range_m: np.ndarray, shot: Shot) -> np.ndarray:
         near = np.exp(-shot.pattern.range_m[0] / self.mean_range_m)

@@ -204,6 +204,10 @@ class ScanEffect(Effect):
         """Probability (m,) of each return not to be replaced."""
         return np.ones(len(returns))
 
+    def silence(self, shot: Shot) -> np.ndarray:
+        """Chance (n,) of each beam that no surface answers to get no return from here either."""
+        return np.ones(len(shot.rays))
+
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
         """Probability per metre (k,) that it puts a return of `beam` (k,) at `range_m` (k,), with nothing in front."""
         return np.zeros(len(beam))

@@ -50,6 +50,10 @@ class FalseAlarms(ScanEffect):
         """Chance of a beam not to be among those that answer falsely."""
         return 1 - self._share(returns.beam, shot)
 
+    def silence(self, shot: Shot) -> np.ndarray:
+        """The same chance of every beam of the sector."""
+        return 1 - self._share(np.arange(len(shot.rays)), shot)
+
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
         """Uniform over the measurable ranges."""
         near, far = shot.pattern.range_m

@@ -49,10 +49,12 @@ def strongest_echo(returns: Returns, middle: Hits, aside: Hits, pulse_m: float) 
     whole = farthest < nearest + np.float32(pulse_m)
     one = returns.take(whole[returns.beam])
     bare = aside.reflectance(aside.solid).reshape(-1, len(_ASIDE))
-    signal = bare.take(one.beam, axis=0) * np.array(_WEIGHTS[1:], np.float32)
-    total = np.einsum("ij->i", signal) + np.float32(_WEIGHTS[0]) * one.reflectance
-    offset = around.take(one.beam, axis=0) - one.range_m[:, None]
-    moment = np.einsum("ij,ij->i", signal, offset)
+    signal, total = bare.take(one.beam, axis=0), np.float32(_WEIGHTS[0]) * one.reflectance
+    offset, moment = around.take(one.beam, axis=0), np.zeros(len(one), np.float32)
+    for column, weight in enumerate(_WEIGHTS[1:]):
+        part = signal[:, column] * np.float32(weight)
+        total += part
+        moment += part * (offset[:, column] - one.range_m)
     mean = one.range_m + moment / np.maximum(total, np.float32(1e-9))
     one = replace(one, range_m=mean, intensity=total)
     rest = np.flatnonzero(~whole & np.isfinite(nearest)).astype(np.int32)
