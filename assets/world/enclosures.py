@@ -19,7 +19,7 @@ from assets.world.surfaces import Outlines, crossroads, open_roads
 _RUN_M = (12.0, 48.0)  # length of one kind and height
 _GATEWAY_M = (3.0, 5.0)
 _GATEWAY_SHARE = 0.6  # of runs that end at a driveway
-_RISE = (0.7, 1.1)
+_RISE = (0.85, 1.25)
 _SET_BACK_M = {"walked": (0.7, 2.6), "bare": (1.6, 3.0), "fast": (4.5, 8.0)}  # from the edge of what is paved
 _SIGHT_M = 4.0  # around crossroads borders are low, for drivers' sight
 _LOW = 0.6  # of the usual height, there
@@ -29,7 +29,7 @@ _HOUSE_M = 2.6  # no border before a façade nearer than this
 _BEHIND_M = 7.0  # one border is enough within this depth
 _SMALL_ISLAND_M2 = 250.0
 _STRIP_M = 14.0  # land between roads narrower than this is planted, never walled
-_TREES_SHARE = 0.1  # of hedges with a row of trees behind them
+_TREES_SHARE = 0.35  # of hedges with a row of trees behind them
 _TREE_M = 9.0
 
 

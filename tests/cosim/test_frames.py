@@ -33,26 +33,26 @@ def lidar_pose(frame) -> np.ndarray:
     return frame.twin.ego.pose @ frame.twin.lidar.pose_ego
 
 
-def test_scans_have_64_rings_and_as_many_returns_as_a_real_one_without_a_roof_behind_it(drive):
-    """KITTI's unit gets 86 % of its firings back, 91 % in one of twenty scans, and its own car's roof takes 5 % more.
-
-    The shares are those of 7,481 scans of 64 x 2,157 firings; the roof's is what lasers 45 to 63 miss that lasers 20
-    to 44 get back. A bare beam pattern has no roof below it and loses nothing to dark paint.
-    """
+def test_scans_have_64_rings_and_no_fewer_points_than_real_ones(drive):
     firings = len(load_pattern(drive.root / "pattern.yaml").rays())
     for name in drive.frames:
         frame = drive[name]
         assert len(np.unique(frame.rays.ring)) == 64
-        assert 0.70 <= len(frame.points) / firings <= 0.91 + 0.05
+        assert 0.80 <= len(frame.points) / firings  # one of twenty of KITTI's scans has fewer
         assert np.isfinite(frame.points).all()
 
 
-def test_some_of_the_lasers_above_the_horizon_see_sky_and_all_well_below_it_see_the_ground(drive):
-    elevation = np.array(load_pattern(drive.root / "pattern.yaml").elevation_deg)
-    rays = load_pattern(drive.root / "pattern.yaml").rays()
+def test_lasers_near_the_horizon_see_as_much_sky_as_a_real_unit_and_those_below_it_the_ground(drive):
+    """KITTI's six topmost lasers get 84 % of their firings back (median scan; 51 to 92 % in nine of ten, 40 to 97 % in all).
+
+    What lies below the horizon is hit wherever the beams go: a bare beam pattern has no roof below it, which takes 5 % of
+    all firings from KITTI's unit, and loses nothing to dark paint, which takes some 4 % more.
+    """
+    pattern = load_pattern(drive.root / "pattern.yaml")
+    elevation, fired = np.array(pattern.elevation_deg), np.bincount(pattern.rays().ring, minlength=64)
     for name in drive.frames:
-        returns = np.bincount(drive[name].rays.ring, minlength=64) / np.bincount(rays.ring, minlength=64)
-        assert returns[elevation > 0].mean() < 0.95
+        returns = np.bincount(drive[name].rays.ring, minlength=64) / fired
+        assert 0.35 < returns[:6].mean() < 0.97
         assert (returns[elevation < -5] > 0.97).all()
 
 
