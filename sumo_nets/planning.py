@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 from sumo_nets.corners import ease_corners
 from sumo_nets.netgenerate import lay_out
-from sumo_nets.plan import Plan, Street
+from sumo_nets.plan import Plan, Street, road_of
 from sumo_nets.recipe import Recipe, RingRoadLayout, StreetRules
 from sumo_nets.ring_road import ring_road
 from sumo_nets.roundabouts import add_roundabouts
@@ -41,7 +41,7 @@ def make_plan(recipe: Recipe, rng: np.random.Generator, workshop: Path) -> Plan:
     plan = _bend(plan, recipe.streets, rng)
     plan = add_roundabouts(plan, recipe.streets)
     plan = ease_corners(plan)
-    return _add_parking(plan, recipe.streets, rng)
+    return _widen(_add_parking(plan, recipe.streets, rng), recipe.streets)
 
 
 def _graph(plan: Plan, streets: list[Street] | tuple[Street, ...]) -> csr_matrix:
@@ -115,6 +115,18 @@ def _add_parking(plan: Plan, rules: StreetRules, rng: np.random.Generator) -> Pl
         elif length < _SHORTEST_PARKING_STREET_M or _tightest_radius_m(street.shape) < _PARKING_RADIUS_M:
             chosen = (False, False)
         streets.append(replace(street, parking=(bool(chosen[0]), bool(chosen[1]))))
+    return replace(plan, streets=tuple(streets))
+
+
+def _widen(plan: Plan, rules: StreetRules) -> Plan:
+    """Give the longest main streets two lanes a direction: there one may overtake, and sort oneself for a turn."""
+    length = [np.linalg.norm(np.diff(street.shape, axis=0), axis=1).sum() for street in plan.streets]
+    narrow = [i for i, street in enumerate(plan.streets) if street.main and road_of(street, rules).lanes == 1]
+    wide = set(sorted(narrow, key=lambda i: (-length[i], i))[: rules.widened])
+    streets = [
+        replace(street, road=replace(road_of(street, rules), lanes=2)) if i in wide else street
+        for i, street in enumerate(plan.streets)
+    ]
     return replace(plan, streets=tuple(streets))
 
 

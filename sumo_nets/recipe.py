@@ -107,6 +107,9 @@ class StreetRules(_Part):
     bend_m: float = Field(default=6.0, ge=0, le=30, description="largest sideways bow of a local street")
     main_routes: int = Field(default=2, ge=0, le=8, description="main streets that cross the town")
     main_lanes: int = Field(default=2, ge=1, le=4, description="driving lanes per direction of a main street")
+    widened: int = Field(
+        default=0, ge=0, le=50, description="longest stretches of one-lane main streets that have two lanes a direction"
+    )
     main_speed_kmh: float = Field(default=50.0, ge=20, le=100, description="speed limit on main streets")
     local_speed_kmh: float = Field(default=30.0, ge=10, le=100, description="speed limit on local streets")
     lane_width_m: float = Field(default=3.2, ge=2.6, le=4.5, description="width of a driving lane")

@@ -35,6 +35,7 @@ _VILLAGE_WITH_ROUNDABOUTS = Recipe(
         bend_m=15,
         main_lanes=1,
         main_routes=2,
+        widened=6,
         signal_share=0,
         roundabouts=3,
         parking_share=0.8,
@@ -54,6 +55,7 @@ _SUBURB = Recipe(
         bend_m=14,
         main_lanes=1,
         main_routes=2,
+        widened=6,
         parking_share=0.9,
         main_parking_share=0.35,
         signal_share=0.3,
@@ -72,6 +74,7 @@ _RESIDENTIAL_GRID = Recipe(
         bend_m=0,
         main_lanes=1,
         main_routes=2,
+        widened=6,
         parking_share=1.0,
         main_parking_share=0.35,
         stop_share=0.8,
@@ -114,7 +117,9 @@ _HILLS = Recipe(
     seed=7,
     layout=SpiderLayout(arms=6, circles=4, spacing_m=78),
     relief=Relief(range_m=40, waves=3, wavelength_m=(500.0, 900.0), max_grade=0.079),
-    streets=StreetRules(dropped=0.15, bend_m=14, main_lanes=1, main_routes=2, parking_share=0.85, signal_share=0.2),
+    streets=StreetRules(
+        dropped=0.15, bend_m=14, main_lanes=1, main_routes=2, widened=6, parking_share=0.85, signal_share=0.2
+    ),
     demand=Demand(driving=85, parked=280, walking=35),
 )
 
