@@ -1,0 +1,118 @@
+"""Checkpoints: our own, whole or not at all, and the weights of others."""
+
+from __future__ import annotations
+
+import os
+import pickle
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from cosim.drive_writer import explained
+from training.errors import TrainingError
+from training.models.build import build_detector
+from training.models.detector import Detector
+from training.models.foreign_weights import translate
+from training.models.settings import ModelSettings
+
+FORMAT = 1
+
+
+def save_checkpoint(
+    path: Path, detector: Detector, settings: ModelSettings, classes: tuple[str, ...], **more: Any
+) -> None:
+    """Put a checkpoint in place whole."""
+    content = {
+        "format": FORMAT,
+        "model": settings.model_dump(mode="json"),
+        "classes": list(classes),
+        "weights": detector.state_dict(),
+        **more,
+    }
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    with explained(path):
+        with partial.open("wb") as file:
+            torch.save(content, file)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.rename(path)
+
+
+def read_checkpoint(path: Path) -> dict[str, Any]:
+    """The content of a checkpoint file, on the CPU.
+
+    Raises:
+        TrainingError: missing, or not a file of tensors.
+    """
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except OSError as error:
+        raise TrainingError(f"{path}: cannot be read ({error.strerror}); give a checkpoint file") from None
+    except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError, KeyError):
+        raise TrainingError(
+            f"{path}: no checkpoint of tensors alone; load it where it was made and save its state_dict with torch.save"
+        ) from None
+    if not isinstance(content, dict):
+        raise TrainingError(f"{path}: holds {type(content).__name__}; a checkpoint is a dictionary of weights")
+    return content
+
+
+def load_weights(detector: Detector, path: Path, classes: tuple[str, ...]) -> None:
+    """Fill a detector from a checkpoint, ours or another framework's.
+
+    Raises:
+        TrainingError: of another architecture; says which keys differ.
+    """
+    content = read_checkpoint(path)
+    weights = content["weights"] if content.get("format") == FORMAT else translate(content, classes).weights
+    demand_same_keys(detector.state_dict(), weights, path)
+    detector.load_state_dict(weights)
+
+
+def load_detector(
+    path: Path, model: ModelSettings | None = None, classes: tuple[str, ...] = ()
+) -> tuple[Detector, tuple[str, ...]]:
+    """A detector with its weights, and its classes.
+
+    Args:
+        path: a checkpoint. Ours tell their model; of another framework's `model` is `pointpillars` by default.
+        model: what to build where the checkpoint does not tell.
+        classes: likewise; by default Car, Pedestrian, Cyclist.
+    """
+    content = read_checkpoint(path)
+    if content.get("format") == FORMAT:
+        settings, found = ModelSettings.model_validate(content["model"]), tuple(content["classes"])
+        weights = content["weights"]
+    else:
+        found = classes or ("Car", "Pedestrian", "Cyclist")
+        translated = translate(content, found)
+        settings, weights = model or ModelSettings(name="pointpillars"), translated.weights
+        settings = settings.model_copy(update={"direction_offset_rad": translated.direction_offset_rad})
+    detector = build_detector(settings, found)
+    demand_same_keys(detector.state_dict(), weights, path)
+    detector.load_state_dict(weights)
+    return detector, found
+
+
+def demand_same_keys(wanted: dict[str, Tensor], given: dict[str, Tensor], path: Path) -> None:
+    """Demand the same names and shapes.
+
+    Raises:
+        TrainingError: naming what differs.
+    """
+    missing = [key for key in wanted if key not in given]
+    extra = [key for key in given if key not in wanted]
+    shapes = [
+        f"{key} is {tuple(given[key].shape)}, not {tuple(wanted[key].shape)}"
+        for key in wanted
+        if key in given and given[key].shape != wanted[key].shape
+    ]
+    parts = [
+        f"{len(some)} {word} ({', '.join(some[:4])}{' …' if len(some) > 4 else ''})"
+        for word, some in (("missing", missing), ("unknown", extra), ("of another shape", shapes))
+        if some
+    ]
+    if parts:
+        raise TrainingError(f"{path}: weights of another architecture: {'; '.join(parts)}; change `model` or the file")

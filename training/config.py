@@ -1,0 +1,78 @@
+"""What a training is asked to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from cosim.files import read_text
+from sensors.pattern import first_problem
+from training.data.augment import Augment
+from training.data.source import Source
+from training.errors import TrainingError
+from training.models.settings import ModelSettings
+
+Precision = Literal["auto", "float32", "bfloat16", "float16"]
+
+
+class TrainConfig(BaseModel):
+    """A training. With the same configuration and number of processes every loss is the same, interrupted or not."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    train: tuple[Source, ...] = Field(description="frames to learn from: `drive`, and `split`, `frames` or `count`")
+    validate_on: tuple[Source, ...] = Field(default=(), description="frames to score the detector on meanwhile")
+    out: Path | None = Field(default=None, description="folder of checkpoints and logs; `--out` wins")
+    model: ModelSettings = Field(default=ModelSettings(), description="the detector: a preset's name, or its keys")
+    classes: tuple[str, ...] = Field(default=("Car",), min_length=1, description="what to find")
+    epochs: int = Field(default=15, ge=1, le=10_000, description="times every frame is seen")
+    batch_size: int = Field(default=4, ge=1, le=1024, description="frames a step and process")
+    learning_rate: float = Field(default=0.003, gt=0, le=1, description="highest of the one-cycle schedule")
+    weight_decay: float = Field(default=0.01, ge=0, le=1, description="of AdamW")
+    gradient_norm: float = Field(default=10.0, gt=0, description="gradients are scaled down to this norm")
+    augment: Augment = Field(default=Augment(), description="how frames are altered")
+    seed: int = Field(default=0, ge=0, lt=2**31, description="seed of weights, order and alterations")
+    from_checkpoint: Path | None = Field(default=None, description="weights to start from, for fine-tuning")
+    freeze: tuple[str, ...] = Field(default=(), description="parts that keep those weights, such as backbone_2d")
+    precision: Precision = Field(
+        default="auto",
+        description="of the convolutions; auto: bfloat16 or float16 on a GPU, bfloat16 on CPUs with AMX, else float32",
+    )
+    device: Literal["auto", "cpu", "cuda"] = Field(default="auto", description="auto: a GPU where there is one")
+    workers: int = Field(default=0, ge=0, le=256, description="processes that prepare frames")
+    checkpoint_every: int = Field(default=200, ge=1, description="steps between checkpoints; also after each epoch")
+    validate_every: int = Field(default=5, ge=1, description="epochs between validations; also after the last")
+    log_every: int = Field(default=10, ge=1, description="steps between lines of the log")
+
+    @field_validator("train", "validate_on", mode="before")
+    @classmethod
+    def _one_or_many(cls, given: object) -> object:
+        return (given,) if isinstance(given, dict) else given
+
+
+def load_train_config(path: Path) -> TrainConfig:
+    """A configuration from a YAML file; paths in it are relative to the working folder.
+
+    Raises:
+        TrainingError: unreadable, not YAML, an unknown key or a value out of bounds.
+    """
+    try:
+        loaded = yaml.safe_load(read_text(path))
+    except yaml.YAMLError as error:
+        raise TrainingError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(loaded, dict):
+        raise TrainingError(f"{path} holds {type(loaded).__name__}, not keys and values; write `train: {{drive: DIR}}`")
+    return parse_train_config(loaded, str(path))
+
+
+def parse_train_config(values: dict, where: str) -> TrainConfig:
+    """A configuration from keys and values; `where` leads the error."""
+    try:
+        return TrainConfig.model_validate(values)
+    except ValidationError as error:
+        unknown = error.errors()[0]["type"] == "extra_forbidden"
+        hint = f"; known keys are {', '.join(TrainConfig.model_fields)}" if unknown else ""
+        raise TrainingError(f"{where}: {first_problem(error)}{hint}") from error

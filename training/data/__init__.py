@@ -1,0 +1,8 @@
+"""Frames for detectors: read, altered, joined, sorted into voxels. Importing this does not import torch."""
+
+from training.data.augment import Augment, augment
+from training.data.frame import IGNORED, Sample, read_sample
+from training.data.object_bank import ObjectBank
+from training.data.source import Source, read_samples
+
+__all__ = ["IGNORED", "Augment", "ObjectBank", "Sample", "Source", "augment", "read_sample", "read_samples"]

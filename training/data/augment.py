@@ -1,0 +1,62 @@
+"""Frames altered at random, so that a detector does not learn them by heart."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from cosim.kitti import wrap_angle
+from training.data.frame import Sample
+from training.data.object_bank import ObjectBank
+
+
+class Augment(BaseModel):
+    """How frames are altered."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    flip: float = Field(default=0.5, ge=0, le=1, description="probability that left and right are exchanged")
+    rotation_deg: float = Field(default=45.0, ge=0, le=180, description="turned about z by at most so much [deg]")
+    scale: float = Field(default=0.05, ge=0, lt=0.5, description="made larger or smaller by at most this share")
+    samples: dict[str, int] = Field(
+        default_factory=lambda: {"Car": 10, "Pedestrian": 8, "Cyclist": 8},
+        description="objects of other frames are put in until a frame has so many of a class",
+    )
+    drop_points: float = Field(default=0.0, ge=0, lt=1, description="at most this share of the points is left out")
+    intensity_gain: float = Field(default=0.0, ge=0, lt=1, description="intensities times 1 ± at most this share")
+
+    @classmethod
+    def none(cls) -> Augment:
+        """Frames as they are."""
+        return cls(flip=0, rotation_deg=0, scale=0, samples={})
+
+
+def augment(sample: Sample, settings: Augment, bank: ObjectBank | None, rng: np.random.Generator) -> Sample:
+    """A frame with objects put in, then flipped, turned and scaled as a whole."""
+    if bank is not None:
+        sample = bank.fill(sample, rng)
+    points, boxes = sample.points.copy(), sample.boxes.copy()
+    if rng.random() < settings.flip:
+        points[:, 1] *= -1
+        boxes[:, 1] *= -1
+        boxes[:, 6] *= -1
+    limit = np.radians(settings.rotation_deg)
+    points, boxes = _turned(points, boxes, rng.uniform(-limit, limit))
+    factor = rng.uniform(1 - settings.scale, 1 + settings.scale)
+    points[:, :3] *= factor
+    boxes[:, :6] *= factor
+    kept = rng.random(len(points)) >= rng.uniform(0, settings.drop_points)
+    points = rng.permutation(points[kept])  # where cells are limited, chance decides which are left out
+    gain = rng.uniform(1 - settings.intensity_gain, 1 + settings.intensity_gain)
+    points[:, 3] = np.clip(points[:, 3] * gain, 0, 1)
+    boxes[:, 6] = wrap_angle(boxes[:, 6])
+    return Sample(sample.name, points, boxes, sample.kinds)
+
+
+def _turned(points: np.ndarray, boxes: np.ndarray, angle_rad: float) -> tuple[np.ndarray, np.ndarray]:
+    cos, sin = np.float32(np.cos(angle_rad)), np.float32(np.sin(angle_rad))
+    for table in (points, boxes):
+        x, y = table[:, 0].copy(), table[:, 1].copy()
+        table[:, 0], table[:, 1] = cos * x - sin * y, sin * x + cos * y
+    boxes[:, 6] += np.float32(angle_rad)
+    return points, boxes

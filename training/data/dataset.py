@@ -1,0 +1,89 @@
+"""Training frames in a random order that depends on the seed, the epoch and nothing else.
+
+Every random choice is drawn from a generator keyed by (seed, epoch, frame), so that a run that was stopped anywhere
+goes on exactly as if it had not been, whatever the number of loading processes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from torch.utils.data import DataLoader, Dataset
+
+from training.data.augment import Augment, augment
+from training.data.batch import Batch, collate
+from training.data.frame import Sample
+from training.data.object_bank import ObjectBank
+
+
+class AugmentedFrames(Dataset):
+    """Frames by (epoch, index), altered differently in every epoch."""
+
+    def __init__(self, samples: Sequence[Sample], settings: Augment, classes: Sequence[str], seed: int) -> None:
+        self._samples, self._settings, self._seed = samples, settings, seed
+        wanted = {number: settings.samples.get(name, 0) for number, name in enumerate(classes)}
+        wanted = {kind: count for kind, count in wanted.items() if count}
+        self._bank = ObjectBank(samples, wanted) if wanted else None
+
+    def __len__(self) -> int:
+        return len(self._samples)
+
+    def __getitem__(self, place: tuple[int, int]) -> Sample:
+        """The frame of an index as it is altered in an epoch."""
+        epoch, index = place
+        rng = np.random.default_rng([self._seed, 1, epoch, index])
+        return augment(self._samples[index], self._settings, self._bank, rng)
+
+
+class Steps:
+    """The frames of every training step: shuffled anew each epoch, dealt out to processes that train together.
+
+    Args:
+        frames: how many there are.
+        batch_size: frames a step and process; a last, smaller batch is filled up from the epoch's beginning.
+        seed: of the order.
+        rank, world: this process, and how many there are.
+    """
+
+    def __init__(self, frames: int, batch_size: int, seed: int, rank: int = 0, world: int = 1) -> None:
+        self._frames, self._batch, self._seed = frames, batch_size, seed
+        self._rank, self._world = rank, world
+
+    @property
+    def per_epoch(self) -> int:
+        """Steps in an epoch."""
+        return -(-self._frames // (self._batch * self._world))
+
+    def places(self, step: int) -> list[tuple[int, int]]:
+        """(epoch, index) of the frames of a step, counted from the first epoch on."""
+        epoch, within = divmod(step, self.per_epoch)
+        order = np.random.default_rng([self._seed, 0, epoch]).permutation(self._frames)
+        begin = (within * self._world + self._rank) * self._batch
+        return [(epoch, int(order[(begin + i) % self._frames])) for i in range(self._batch)]
+
+
+class _Slice:
+    """Batches of places for a loader."""
+
+    def __init__(self, steps: Steps, begin: int, end: int) -> None:
+        self._steps, self._begin, self._end = steps, begin, end
+
+    def __iter__(self) -> Iterator[list[tuple[int, int]]]:
+        return (self._steps.places(step) for step in range(self._begin, self._end))
+
+    def __len__(self) -> int:
+        return self._end - self._begin
+
+
+def load(frames: AugmentedFrames, steps: Steps, begin: int, end: int, workers: int) -> Iterator[Batch]:
+    """Batches of the steps from `begin` to before `end`."""
+    return iter(
+        DataLoader(
+            frames,
+            batch_sampler=_Slice(steps, begin, end),  # type: ignore[arg-type]
+            num_workers=workers,
+            collate_fn=collate,
+            pin_memory=False,
+        )
+    )

@@ -1,0 +1,78 @@
+"""One frame as a detector sees it: points in the camera's field of view, and boxes in LiDAR axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from cosim.kitti import Frame, points_in_boxes
+from training.evaluation.rules import NEIGHBOURS
+
+#: Class index of objects that are neither to be found nor background.
+IGNORED = -1
+_DEFAULT_SIZE_PX = (1242, 375)
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """A frame to learn from.
+
+    Attributes:
+        name: of the frame.
+        points: (n, 4) float32 x, y, z [m] in LiDAR axes and intensity.
+        boxes: (m, 7) float32 centre x, y, z, length, width, height [m], yaw [rad].
+        kinds: (m,) int64 index of the class, −1 for objects to be ignored.
+    """
+
+    name: str
+    points: np.ndarray
+    boxes: np.ndarray
+    kinds: np.ndarray
+
+
+def image_size(frame: Frame) -> tuple[int, int]:
+    """Width and height [px] of the left colour camera: of the frame's image, else KITTI's usual ones."""
+    path = frame.find("image_2")
+    image = None if path is None else cv2.imread(str(path), cv2.IMREAD_REDUCED_GRAYSCALE_8)
+    if image is None:
+        return _DEFAULT_SIZE_PX
+    header = path.read_bytes()[:24] if path is not None and path.suffix == ".png" else b""
+    if header[12:16] == b"IHDR":  # the reduced image says the size to 8 px only
+        return int.from_bytes(header[16:20], "big"), int.from_bytes(header[20:24], "big")
+    return image.shape[1] * 8, image.shape[0] * 8
+
+
+def in_view(frame: Frame, points: np.ndarray) -> np.ndarray:
+    """Which points (n, ≥ 3) fall into the left colour image, (n,) bool: KITTI labels nothing beside it."""
+    width, height = image_size(frame)
+    uv, depth = frame.calibration.project(points)
+    u, v = uv.T
+    with np.errstate(invalid="ignore"):
+        return (depth > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
+
+
+def read_sample(frame: Frame, classes: Sequence[str], min_points: int = 5) -> Sample:
+    """Read a frame.
+
+    Args:
+        frame: of a drive, simulated or real; without labels its boxes are none.
+        classes: those to find; their neighbours (Van for Car) are ignored.
+        min_points: objects of which fewer were measured are ignored.
+    """
+    points = frame.points
+    ahead = points[points[:, 0] > 0]
+    seen = ahead[in_view(frame, ahead)]
+    if not frame.has("label_2"):
+        return Sample(frame.name, seen, np.zeros((0, 7), np.float32), np.zeros(0, np.int64))
+    indices = {name.lower(): number for number, name in enumerate(classes)}
+    neighbours = {(NEIGHBOURS.get(name) or "").lower() for name in classes}
+    labels = frame.labels.of_type(*indices, *(neighbours - {""}))
+    kinds = np.array([indices.get(name.lower(), IGNORED) for name in labels.type], np.int64)
+    boxes = labels.boxes_velo(frame.calibration)
+    few = points_in_boxes(seen, boxes).sum(1) < min_points
+    kinds[few] = IGNORED
+    table = np.column_stack([boxes.centre, boxes.size, boxes.yaw]).astype(np.float32)
+    return Sample(frame.name, seen, table.reshape(-1, 7), kinds)

@@ -1,0 +1,83 @@
+"""Points gathered into voxels or pillars, in plain torch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from training.data.grid import Grid
+
+
+@dataclass(frozen=True, eq=False)
+class Voxels:
+    """Points by the cell they lie in.
+
+    Attributes:
+        points: (n, 5) those within the grid: number of the frame, x, y, z, intensity.
+        cell: (n,) int64 row of `place` of each point.
+        place: (v, 4) int64 frame, z, y, x of the occupied cells, in that order.
+    """
+
+    points: Tensor
+    cell: Tensor
+    place: Tensor
+
+    def mean(self, values: Tensor) -> Tensor:
+        """Mean of values (n, c) over the points of each cell, (v, c)."""
+        total = values.new_zeros(len(self.place), values.shape[1]).index_add_(0, self.cell, values)
+        return total / self.count.clamp(min=1)[:, None].to(values.dtype)
+
+    @property
+    def count(self) -> Tensor:
+        """(v,) int64 points in each cell."""
+        return torch.bincount(self.cell, minlength=len(self.place))
+
+
+def voxelise(points: Tensor, grid: Grid, max_points: int | None = None, max_cells: int | None = None) -> Voxels:
+    """Sort points into cells.
+
+    Args:
+        points: (n, 5) number of the frame, x, y, z [m], intensity.
+        grid: the cells.
+        max_points: at most the first so many points of a cell.
+        max_cells: at most so many cells a frame, those that come first in the points' order.
+    """
+    low, size = points.new_tensor(grid.low), points.new_tensor(grid.size)
+    cells = torch.tensor(grid.cells, device=points.device)
+    place = torch.floor((points[:, 1:4] - low) / size).long()
+    inside = ((place >= 0) & (place < cells)).all(1)
+    points, place = points[inside], place[inside]
+    nx, ny, nz = grid.cells
+    key = ((points[:, 0].long() * nz + place[:, 2]) * ny + place[:, 1]) * nx + place[:, 0]
+    keys, cell = torch.unique(key, return_inverse=True)
+    if max_points is not None or max_cells is not None:
+        kept = _limited(cell, keys // (nx * ny * nz), max_points, max_cells)
+        points, (keys, cell) = points[kept], torch.unique(key[kept], return_inverse=True)
+    x, rest = keys % nx, keys // nx
+    y, rest = rest % ny, rest // ny
+    return Voxels(points, cell, torch.stack([rest // nz, rest % nz, y, x], 1))
+
+
+def _limited(cell: Tensor, frame_of_cell: Tensor, max_points: int | None, max_cells: int | None) -> Tensor:
+    """Which points stay, (n,) bool."""
+    kept = torch.ones_like(cell, dtype=torch.bool)
+    order = torch.argsort(cell, stable=True)
+    counts = torch.bincount(cell, minlength=len(frame_of_cell))
+    first = torch.cumsum(counts, 0) - counts
+    if max_points is not None:
+        rank = torch.empty_like(cell)
+        rank[order] = torch.arange(len(cell), device=cell.device) - first[cell[order]]
+        kept &= rank < max_points
+    if max_cells is not None:
+        appears = order[first]  # the first point of each cell, as the sort is stable
+        by_frame = torch.argsort(appears, stable=True)
+        by_frame = by_frame[torch.argsort(frame_of_cell[by_frame], stable=True)]
+        per_frame = torch.bincount(frame_of_cell)
+        start = torch.cumsum(per_frame, 0) - per_frame
+        number = torch.arange(len(by_frame), device=cell.device) - start[frame_of_cell[by_frame]]
+        few = torch.empty_like(frame_of_cell, dtype=torch.bool)
+        few[by_frame] = number < max_cells
+        kept &= few[cell]
+    return kept

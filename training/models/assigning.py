@@ -1,0 +1,90 @@
+"""What each anchor is to find: the object whose upright outline it overlaps most, or background."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from training.models.anchors import AnchorClass
+from training.models.coding import encode, within_period
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """Targets of all anchors of some frames.
+
+    Attributes:
+        label: (b, a) int64, class index + 1; 0 background, −1 neither.
+        residual: (b, a, 7) float32 where label > 0.
+        yaw: (b, a) float32 heading of the object where label > 0.
+    """
+
+    label: Tensor
+    residual: Tensor
+    yaw: Tensor
+
+
+def upright_outlines(boxes: Tensor) -> Tensor:
+    """Outlines (n, 4) x0, y0, x1, y1 of boxes (n, 7), turned to the nearer of the axes."""
+    angle = within_period(boxes[:, 6], 0.5, math.pi).abs()
+    across = (angle > math.pi / 4)[:, None]
+    size = torch.where(across, boxes[:, [4, 3]], boxes[:, [3, 4]])
+    return torch.cat([boxes[:, :2] - size / 2, boxes[:, :2] + size / 2], 1)
+
+
+def outline_iou(a: Tensor, b: Tensor) -> Tensor:
+    """Intersection over union of all pairs of outlines (n, 4), (m, 4): (n, m)."""
+    low, high = torch.maximum(a[:, None, :2], b[None, :, :2]), torch.minimum(a[:, None, 2:], b[None, :, 2:])
+    shared = (high - low).clamp(min=0).prod(-1)
+    areas = [(some[:, 2:] - some[:, :2]).prod(-1) for some in (a, b)]
+    return shared / (areas[0][:, None] + areas[1][None] - shared).clamp(min=1e-6)
+
+
+@torch.no_grad()
+def assign(
+    anchors: Tensor, classes: Sequence[AnchorClass], boxes: Sequence[Tensor], kinds: Sequence[Tensor]
+) -> Targets:
+    """Targets of anchors (rows, columns, classes, headings, 7) in frames with objects (m, 7) of kinds (m,).
+
+    Of each object the best anchor is to find it in any case. Anchors on ignored objects (kind −1) are neither.
+    """
+    shape = anchors.shape[:-1]
+    label = torch.zeros(len(boxes), *shape, dtype=torch.long, device=anchors.device)
+    residual, yaw = anchors.new_zeros(len(boxes), *shape, 7), anchors.new_zeros(len(boxes), *shape)
+    for number, item in enumerate(classes):
+        mine = anchors[:, :, number].reshape(-1, 7)
+        outlines = upright_outlines(mine)
+        for frame, (objects, kind) in enumerate(zip(boxes, kinds, strict=True)):
+            found, which = _match(outlines, item, objects, kind, number)
+            label[frame, :, :, number] = found.reshape(shape[0], shape[1], shape[3])
+            chosen = objects[which] if len(objects) else mine
+            residual[frame, :, :, number] = encode(chosen, mine).reshape(shape[0], shape[1], shape[3], 7)
+            yaw[frame, :, :, number] = chosen[:, 6].reshape(shape[0], shape[1], shape[3])
+    count = len(boxes)
+    return Targets(label.reshape(count, -1), residual.reshape(count, -1, 7), yaw.reshape(count, -1))
+
+
+def _match(outlines: Tensor, item: AnchorClass, objects: Tensor, kinds: Tensor, number: int) -> tuple[Tensor, Tensor]:
+    """Label of each anchor of a class, and the object it is to find."""
+    label = torch.zeros(len(outlines), dtype=torch.long, device=outlines.device)
+    which = torch.zeros_like(label)
+    ignored = kinds == -1
+    if ignored.any():
+        near = outline_iou(outlines, upright_outlines(objects[ignored])).amax(1) > item.unmatched
+        label[near] = -1
+    rows = torch.nonzero(kinds == number)[:, 0]
+    if not len(rows):
+        return label, which
+    overlap = outline_iou(outlines, upright_outlines(objects[rows]))
+    best, place = overlap.max(1)
+    label[best >= item.unmatched] = -1
+    label[best >= item.matched] = number + 1
+    which = rows[place]
+    top = overlap.amax(0)
+    anchor, of = torch.nonzero((overlap == top) & (top > 0), as_tuple=True)
+    label[anchor], which[anchor] = number + 1, rows[of]
+    return label, which

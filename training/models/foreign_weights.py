@@ -1,0 +1,90 @@
+"""Weights trained with OpenPCDet or mmdetection3d, under the names that our detectors give them.
+
+OpenPCDet's names are ours. mmdetection3d names the parts otherwise, has no padding layer at the head of a stage,
+orders KITTI's classes Pedestrian, Cyclist, Car, and lets the first half-turn begin at −90°.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from training.models.anchors import HEADINGS_RAD
+from training.models.pillar_encoder import FEATURES
+
+_WRAPPERS = ("model_state", "state_dict", "model", "weights")
+_NOT_WEIGHTS = ("global_step",)
+_THEIR_CLASSES = ("Pedestrian", "Cyclist", "Car")
+_RENAMED = (
+    (r"^voxel_encoder\.pfn_layers\.", "vfe.pfn_layers."),
+    (r"^neck\.deblocks\.", "backbone_2d.deblocks."),
+    (r"^bbox_head\.conv_cls\.", "dense_head.conv_cls."),
+    (r"^bbox_head\.conv_reg\.", "dense_head.conv_box."),
+    (r"^bbox_head\.conv_dir_cls\.", "dense_head.conv_dir_cls."),
+)
+_PILLAR_WEIGHT = "vfe.pfn_layers.0.linear.weight"
+
+
+@dataclass(frozen=True, eq=False)
+class Translated:
+    """Weights under our names, and the heading at which their first half-turn begins [rad]."""
+
+    weights: dict[str, Tensor]
+    direction_offset_rad: float
+
+
+def translate(content: Mapping[str, Any], classes: Sequence[str]) -> Translated:
+    """The weights of a checkpoint of another framework.
+
+    Args:
+        content: of the file.
+        classes: ours, in the order of our anchors.
+    """
+    for key in _WRAPPERS:
+        if isinstance(content.get(key), Mapping):
+            content = content[key]
+            break
+    weights = {str(key).removeprefix("module."): value for key, value in content.items() if isinstance(value, Tensor)}
+    weights = {key: value for key, value in weights.items() if key not in _NOT_WEIGHTS}
+    theirs = any(key.startswith("bbox_head.") for key in weights)
+    if theirs:
+        weights = _reordered({_our_name(key): value for key, value in weights.items()}, classes)
+    pillar = weights.get(_PILLAR_WEIGHT)
+    if pillar is not None and pillar.shape[1] == FEATURES - 1:  # without the offset in height from the pillar's middle
+        weights[_PILLAR_WEIGHT] = torch.cat([pillar, pillar.new_zeros(len(pillar), 1)], 1)
+    return Translated(weights, -math.pi / 2 if theirs else 0.78539)
+
+
+def _our_name(key: str) -> str:
+    stage = re.match(r"^backbone\.blocks\.(\d+)\.(\d+)\.(.+)$", key)
+    if stage:
+        return f"backbone_2d.blocks.{stage[1]}.{int(stage[2]) + 1}.{stage[3]}"
+    for pattern, replacement in _RENAMED:
+        key = re.sub(pattern, replacement, key)
+    return key
+
+
+def _reordered(weights: dict[str, Tensor], classes: Sequence[str]) -> dict[str, Tensor]:
+    """Channels of the head in the order of our classes, where they hold all of theirs."""
+    if sorted(classes) != sorted(_THEIR_CLASSES):
+        return weights
+    order = torch.tensor([_THEIR_CLASSES.index(name) for name in classes])
+    turned = dict(weights)
+    for part in ("conv_cls", "conv_box", "conv_dir_cls"):
+        for kind in ("weight", "bias"):
+            name = f"dense_head.{part}.{kind}"
+            value = weights.get(name)
+            each = len(classes) * len(HEADINGS_RAD)
+            if value is None or len(value) % each:
+                continue
+            grouped = value.reshape(len(classes), len(HEADINGS_RAD), len(value) // each, *value.shape[1:])[order]
+            if part == "conv_cls" and grouped.shape[2] == len(classes):
+                grouped = grouped[:, :, order]
+            turned[name] = grouped.reshape(value.shape)
+    return turned

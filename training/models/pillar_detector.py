@@ -1,0 +1,68 @@
+"""PointPillars, as published and smaller: pillars, convolutions from above, anchors.
+
+With `name: pointpillars` the parameters are those of OpenPCDet's, by name and shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from training.data.batch import Batch
+from training.data.voxels import voxelise
+from training.models.anchor_head import AnchorHead, AnchorOutput
+from training.models.bev_backbone import BevBackbone
+from training.models.detector import Detector, as_detections, detect_from_anchors
+from training.models.nms import Detections
+from training.models.pillar_encoder import PillarEncoder, spread_on_grid
+from training.models.settings import ModelSettings
+
+_OVERLAP, _BEFORE, _AFTER = 0.01, 500, 100
+_CELLS_IN_TESTS = 40000
+
+
+class PillarDetector(Detector):
+    """A detector on pillars."""
+
+    def __init__(self, settings: ModelSettings, classes: Sequence[str]) -> None:
+        super().__init__()
+        self.settings = settings
+        grid = settings.grid
+        self.vfe = PillarEncoder(grid, settings.pillar_channels, settings.max_points)
+        self.backbone_2d = BevBackbone(
+            settings.pillar_channels,
+            settings.layers,
+            settings.strides,
+            settings.channels,
+            settings.upsample,
+            settings.upsample_channels,
+        )
+        self.dense_head = AnchorHead(
+            self.backbone_2d.channels, classes, grid, settings.out_stride, settings.direction_offset_rad
+        )
+
+    def losses(self, batch: Batch) -> dict[str, Tensor]:
+        """Class, box and direction."""
+        return self.dense_head.losses(self._answers(batch), batch)
+
+    @torch.no_grad()
+    def detect(self, batch: Batch, least_score: float = 0.1) -> list[Detections]:
+        """What is found in each frame."""
+        output = self._answers(batch)
+        limits = {"least_score": least_score, "overlap": _OVERLAP, "before": _BEFORE, "after": _AFTER}
+        return [
+            as_detections(*detect_from_anchors(self.dense_head, output, frame, **limits)) for frame in range(len(batch))
+        ]
+
+    def _answers(self, batch: Batch) -> AnchorOutput:
+        settings = self.settings
+        most = settings.max_cells
+        if most is not None and not self.training:
+            most = max(most, _CELLS_IN_TESTS)
+        voxels = voxelise(batch.points, settings.grid, settings.max_points, most)
+        with torch.autocast(batch.points.device.type, enabled=False):
+            pillars = self.vfe(voxels)
+        image = spread_on_grid(pillars, voxels, settings.grid, len(batch))
+        return self.dense_head(self.backbone_2d(image))

@@ -1,0 +1,111 @@
+"""What a detector looks like: presets by name, and what of them may be changed."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from training.data.grid import Grid
+
+Name = Literal["pillars_small", "pointpillars", "voxel_rcnn"]
+
+
+class ModelSettings(BaseModel):
+    """A detector. Keys that are not given take the values of the preset `name`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: Name = Field(default="pillars_small", description="pillars_small, pointpillars or voxel_rcnn")
+    low_m: tuple[float, float, float] = Field(default=(0.0, -25.6, -3.0), description="corner of the range [m]")
+    high_m: tuple[float, float, float] = Field(default=(51.2, 25.6, 1.0), description="opposite corner [m]")
+    cell_m: tuple[float, float, float] = Field(default=(0.2, 0.2, 4.0), description="size of a pillar or voxel [m]")
+    max_points: int | None = Field(default=None, ge=1, description="points a pillar at most; none: all")
+    max_cells: int | None = Field(default=None, ge=1, description="pillars or voxels a frame at most, in training")
+    pillar_channels: int = Field(default=32, ge=1, description="features of a pillar")
+    layers: tuple[int, ...] = Field(default=(2, 3, 3), description="further convolutions of each stage seen from above")
+    strides: tuple[int, ...] = Field(default=(2, 2, 2), description="by how much each stage coarsens")
+    channels: tuple[int, ...] = Field(default=(32, 64, 128), description="features of each stage")
+    upsample: tuple[int, ...] = Field(default=(1, 2, 4), description="by how much each stage is refined again")
+    upsample_channels: tuple[int, ...] = Field(default=(48, 48, 48), description="features of each refined stage")
+    direction_offset_rad: float = Field(
+        default=0.78539, description="heading at which the first half-turn begins [rad]"
+    )
+    norm_momentum: float = Field(default=0.1, gt=0, le=1, description="of batch normalisation's running statistics")
+    sparse_channels: tuple[int, int, int, int, int] = Field(
+        default=(16, 32, 64, 64, 128), description="features of the sparse stages of voxel_rcnn"
+    )
+    roi_grid: int = Field(default=6, ge=2, le=12, description="points along each side of a region of interest")
+    roi_channels: int = Field(default=256, ge=8, description="width of the second stage")
+    roi_count: int = Field(default=128, ge=8, description="regions of a frame that the second stage learns from")
+    roi_neighbours: int = Field(default=4, ge=1, le=6, description="voxels a region's point looks around it")
+    dropout: float = Field(default=0.3, ge=0, lt=1, description="of the second stage")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_in(cls, given: Any) -> Any:
+        if isinstance(given, str):
+            given = {"name": given}
+        preset = PRESETS.get(given.get("name", "pillars_small"), {}) if isinstance(given, dict) else {}
+        return {**preset, **given} if isinstance(given, dict) else given
+
+    @model_validator(mode="after")
+    def _consistent(self) -> ModelSettings:
+        stages = {len(getattr(self, name)) for name in ("layers", "strides", "channels", "upsample")}
+        if len(stages | {len(self.upsample_channels)}) != 1:
+            raise ValueError("layers, strides, channels, upsample, upsample_channels must have one entry a stage each")
+        coarse = 1
+        for stride, up in zip(self.strides, self.upsample, strict=True):
+            coarse *= stride
+            if coarse // up * up != coarse or coarse // up != self.out_stride:
+                raise ValueError("each stage's upsample must bring it to the grid of the first refined stage")
+        nx, ny, _ = self.grid.cells
+        whole = coarse * self.sparse_stride
+        if nx % whole or ny % whole:
+            raise ValueError(f"the grid has {nx} × {ny} cells; give a range whose cells are a multiple of {whole}")
+        return self
+
+    @property
+    def grid(self) -> Grid:
+        """The pillars or voxels."""
+        return Grid(self.low_m, self.high_m, self.cell_m)
+
+    @property
+    def sparse_stride(self) -> int:
+        """By how much the sparse stages coarsen before the stages seen from above."""
+        return 8 if self.name == "voxel_rcnn" else 1
+
+    @property
+    def out_stride(self) -> int:
+        """Cells of the grid stages end on, in cells of the grid they begin with."""
+        return self.strides[0] // self.upsample[0]
+
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "pillars_small": {},
+    "pointpillars": {  # Lang et al., CVPR 2019, as configured for KITTI's three classes in OpenPCDet
+        "low_m": (0.0, -39.68, -3.0),
+        "high_m": (69.12, 39.68, 1.0),
+        "cell_m": (0.16, 0.16, 4.0),
+        "max_points": 32,
+        "max_cells": 16000,
+        "pillar_channels": 64,
+        "layers": (3, 5, 5),
+        "channels": (64, 128, 256),
+        "upsample_channels": (128, 128, 128),
+        "norm_momentum": 0.01,
+    },
+    "voxel_rcnn": {  # Deng et al., AAAI 2021
+        "low_m": (0.0, -40.0, -3.0),
+        "high_m": (70.4, 40.0, 1.0),
+        "cell_m": (0.05, 0.05, 0.1),
+        "max_points": 5,
+        "max_cells": 16000,
+        "layers": (5, 5),
+        "strides": (1, 2),
+        "channels": (64, 128),
+        "upsample": (1, 2),
+        "upsample_channels": (128, 128),
+        "norm_momentum": 0.01,
+    },
+}

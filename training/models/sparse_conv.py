@@ -1,0 +1,156 @@
+"""Sparse 3-D convolution in plain torch: gather, multiply, add up, offset by offset of the kernel.
+
+Submanifold convolution answers only where there is input (Graham, Engelcke & van der Maaten, CVPR 2018); strided
+convolution wherever its kernel meets input. Weights are laid out as in spconv 2: (out, z, y, x, in).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field, replace
+
+import torch
+from torch import Tensor, nn
+
+Triple = tuple[int, int, int]
+_Rules = list[tuple[Tensor, Tensor]]
+
+
+@dataclass(frozen=True, eq=False)
+class SparseTensor:
+    """Features of occupied cells.
+
+    Attributes:
+        features: (n, c).
+        place: (n, 4) int64 frame, z, y, x, in ascending order.
+        shape: cells along z, y, x.
+        frames: how many.
+        rules: pairs of rows for each offset, kept for convolutions on the same cells.
+    """
+
+    features: Tensor
+    place: Tensor
+    shape: Triple
+    frames: int
+    rules: dict[Triple, _Rules] = field(default_factory=dict)
+
+    def with_features(self, features: Tensor) -> SparseTensor:
+        """Other features of the same cells."""
+        return replace(self, features=features)
+
+    @property
+    def keys(self) -> Tensor:
+        """(n,) int64 one number a cell, ascending."""
+        return cell_keys(self.place, self.shape)
+
+    def dense(self) -> Tensor:
+        """(frames, c, z, y, x), zero where there is nothing."""
+        z, y, x = self.shape
+        canvas = self.features.new_zeros(self.frames * z * y * x, self.features.shape[1])
+        canvas = canvas.index_copy(0, self.keys, self.features)
+        return canvas.reshape(self.frames, z, y, x, -1).permute(0, 4, 1, 2, 3)
+
+
+def cell_keys(place: Tensor, shape: Triple) -> Tensor:
+    """One number for each cell (n, 4), ascending as frame, z, y, x."""
+    z, y, x = shape
+    return ((place[:, 0] * z + place[:, 1]) * y + place[:, 2]) * x + place[:, 3]
+
+
+class _Convolution(nn.Module):
+    def __init__(self, channels_in: int, channels: int, kernel: Triple) -> None:
+        super().__init__()
+        self.kernel = kernel
+        self.weight = nn.Parameter(torch.empty(channels, *kernel, channels_in))
+        spread = math.sqrt(2.0 / (channels_in * 9))  # of the 27 neighbours on a surface about a third are there
+        nn.init.normal_(self.weight, std=spread)
+
+    def _apply_rules(self, features: Tensor, rules: _Rules, rows: int) -> Tensor:
+        weights = self.weight.flatten(1, 3).permute(1, 2, 0)  # (offsets, in, out)
+        result: Tensor | None = None
+        for weight, (source, target) in zip(weights, rules, strict=True):
+            if not len(source):
+                continue
+            part = features[source] @ weight
+            if result is None:
+                result = part.new_zeros(rows, part.shape[1])
+            result = result.index_add(0, target, part)
+        return features.new_zeros(rows, self.weight.shape[0]) if result is None else result
+
+
+class SubmanifoldConv(_Convolution):
+    """Answers on the cells of the input."""
+
+    def forward(self, tensor: SparseTensor) -> SparseTensor:
+        """The same cells, other features."""
+        if self.kernel not in tensor.rules:
+            tensor.rules[self.kernel] = _neighbours(tensor, self.kernel)
+        rules = tensor.rules[self.kernel]
+        return tensor.with_features(self._apply_rules(tensor.features, rules, len(tensor.place)))
+
+
+class StridedConv(_Convolution):
+    """Answers on a coarser grid, wherever the kernel meets input."""
+
+    def __init__(self, channels_in: int, channels: int, kernel: Triple, stride: Triple, padding: Triple) -> None:
+        super().__init__(channels_in, channels, kernel)
+        self._stride, self._padding = stride, padding
+
+    def forward(self, tensor: SparseTensor) -> SparseTensor:
+        """The coarser cells."""
+        kernel, stride, padding = self.kernel, self._stride, self._padding
+        z, y, x = ((tensor.shape[axis] + 2 * padding[axis] - kernel[axis]) // stride[axis] + 1 for axis in range(3))
+        shape = (z, y, x)
+        limits = torch.tensor(shape, device=tensor.place.device)
+        step = torch.tensor(stride, device=tensor.place.device)
+        sources, keys = [], []
+        for offset in itertools.product(*(range(size) for size in kernel)):
+            moved = (
+                tensor.place[:, 1:]
+                + torch.tensor(padding, device=limits.device)
+                - torch.tensor(offset, device=limits.device)
+            )
+            there = torch.div(moved, step, rounding_mode="floor")
+            fits = ((moved % step == 0) & (there >= 0) & (there < limits)).all(1)
+            rows = torch.nonzero(fits)[:, 0]
+            sources.append(rows)
+            keys.append(cell_keys(torch.cat([tensor.place[rows, :1], there[rows]], 1), shape))
+        cells, target = torch.unique(torch.cat(keys), return_inverse=True)
+        rules = list(zip(sources, target.split([len(some) for some in sources]), strict=True))
+        place = _places(cells, shape)
+        return SparseTensor(self._apply_rules(tensor.features, rules, len(place)), place, shape, tensor.frames)
+
+
+def find_cells(keys: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
+    """Rows of `keys` (n,), ascending, that equal `wanted` (…): the rows, and whether each is there."""
+    rows = torch.searchsorted(keys, wanted).clamp(max=len(keys) - 1)
+    return rows, keys[rows] == wanted
+
+
+def _neighbours(tensor: SparseTensor, kernel: Triple) -> _Rules:
+    keys, rules = tensor.keys, []
+    limits = torch.tensor(tensor.shape, device=tensor.place.device)
+    for offset in itertools.product(*(range(-(size // 2), size // 2 + 1) for size in kernel)):
+        place = tensor.place[:, 1:] + torch.tensor(offset, device=limits.device)
+        inside = torch.nonzero(((place >= 0) & (place < limits)).all(1))[:, 0]
+        wanted = cell_keys(torch.cat([tensor.place[inside, :1], place[inside]], 1), tensor.shape)
+        rows, there = find_cells(keys, wanted)
+        rules.append((rows[there], inside[there]))
+    return rules
+
+
+def _places(cells: Tensor, shape: Triple) -> Tensor:
+    z, y, x = shape
+    return torch.stack([cells // (z * y * x), cells // (y * x) % z, cells // x % y, cells % x], 1)
+
+
+class SparseSequential(nn.Sequential):
+    """Convolutions on sparse tensors, norms and activations on their features."""
+
+    def forward(self, input: SparseTensor) -> SparseTensor:
+        """Layer after layer."""
+        for layer in self:
+            sparse = isinstance(layer, _Convolution | SparseSequential)
+            input = layer(input) if sparse else input.with_features(layer(input.features))
+        return input

@@ -1,0 +1,91 @@
+"""Voxel R-CNN: sparse 3-D convolutions, proposals from above, and a second look into each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from training.data.batch import Batch
+from training.data.voxels import Voxels, voxelise
+from training.models.anchor_head import AnchorHead, AnchorOutput
+from training.models.bev_backbone import BevBackbone
+from training.models.detector import Detector, as_detections, detect_from_anchors
+from training.models.nms import Detections, suppress
+from training.models.roi_head import RoiHead, choose_rois, refine, roi_losses
+from training.models.settings import ModelSettings
+from training.models.sparse_conv import SparseTensor
+from training.models.voxel_backbone import VoxelBackbone
+
+_CELLS_IN_TESTS = 40000
+_LEARNT_FROM = {"least_score": 0.0, "overlap": 0.8, "before": 2000, "after": 512}
+_REFINED = {"least_score": 0.0, "overlap": 0.7, "before": 1024, "after": 100}
+_OVERLAP, _AFTER = 0.1, 100
+
+
+class VoxelRcnn(Detector):
+    """The detector of the paper."""
+
+    def __init__(self, settings: ModelSettings, classes: Sequence[str]) -> None:
+        super().__init__()
+        self.settings = settings
+        grid = settings.grid
+        self.backbone_3d = VoxelBackbone(settings.sparse_channels, grid.cells)
+        self.backbone_2d = BevBackbone(
+            self.backbone_3d.channels,
+            settings.layers,
+            settings.strides,
+            settings.channels,
+            settings.upsample,
+            settings.upsample_channels,
+        )
+        stride = settings.sparse_stride * settings.out_stride
+        self.dense_head = AnchorHead(self.backbone_2d.channels, classes, grid, stride, settings.direction_offset_rad)
+        self.roi_head = RoiHead(settings, self.backbone_3d.stage_channels)
+        self._generator = torch.Generator()
+
+    def losses(self, batch: Batch) -> dict[str, Tensor]:
+        """Those of the proposals, and of the second stage."""
+        output, stages = self._propose(batch)
+        losses = self.dense_head.losses(output, batch)
+        rois, objects, overlap, frames = [], [], [], []
+        self._generator.manual_seed(int(torch.randint(2**31, (1,))))
+        for frame in range(len(batch)):
+            with torch.no_grad():
+                proposed, _, _ = detect_from_anchors(self.dense_head, output, frame, **_LEARNT_FROM)
+                known = batch.boxes[frame][batch.kinds[frame] >= 0]
+                chosen = choose_rois(proposed, known, self.settings.roi_count, self._generator)
+            for some, part in zip((rois, objects, overlap), chosen, strict=True):
+                some.append(part)
+            frames.append(torch.full((len(chosen[0]),), frame, device=batch.points.device))
+        regions = torch.cat(rois)
+        with torch.autocast(batch.points.device.type, enabled=False):
+            scores, residuals = self.roi_head(stages, regions, torch.cat(frames))
+            second = roi_losses(scores, residuals, regions, torch.cat(objects), torch.cat(overlap))
+        return {**losses, **second}
+
+    @torch.no_grad()
+    def detect(self, batch: Batch, least_score: float = 0.1) -> list[Detections]:
+        """What is found in each frame."""
+        output, stages = self._propose(batch)
+        found = []
+        for frame in range(len(batch)):
+            rois, _, kinds = detect_from_anchors(self.dense_head, output, frame, **_REFINED)
+            with torch.autocast(batch.points.device.type, enabled=False):
+                logits, residuals = self.roi_head(stages, rois, torch.full((len(rois),), frame, device=rois.device))
+            scores, boxes = torch.sigmoid(logits), refine(rois, residuals)
+            rows = torch.nonzero(scores >= least_score)[:, 0]
+            kept = rows[suppress(boxes[rows], scores[rows], _OVERLAP, before=len(rows), after=_AFTER)]
+            found.append(as_detections(boxes[kept], scores[kept], kinds[kept]))
+        return found
+
+    def _propose(self, batch: Batch) -> tuple[AnchorOutput, list[SparseTensor]]:
+        settings, most = self.settings, self.settings.max_cells
+        if most is not None and not self.training:
+            most = max(most, _CELLS_IN_TESTS)
+        voxels: Voxels = voxelise(batch.points, settings.grid, settings.max_points, most)
+        with torch.autocast(batch.points.device.type, enabled=False):
+            features = voxels.mean(voxels.points[:, 1:])
+            image, stages = self.backbone_3d(features, voxels.place, len(batch))
+        return self.dense_head(self.backbone_2d(image)), stages

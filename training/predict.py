@@ -1,0 +1,65 @@
+"""Detections of a detector as KITTI's labels with scores."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from cosim.drive_writer import explained
+from cosim.kitti import Boxes, Drive, Frame, Labels, box_areas, clip_boxes, project_corners, write_labels
+from training.data.batch import collate
+from training.data.frame import image_size, read_sample
+from training.models.detector import Detector
+from training.models.nms import Detections
+
+
+def predict(
+    detector: Detector,
+    drive: Drive,
+    names: Sequence[str],
+    classes: Sequence[str],
+    device: torch.device,
+    *,
+    least_score: float = 0.05,
+    on_frame: Callable[[], None] = lambda: None,
+) -> list[Labels]:
+    """What a detector finds in frames of a drive, frame by frame."""
+    detector.eval()
+    found = []
+    for name in names:
+        frame = drive[name]
+        batch = collate([read_sample(frame, classes)]).to(device)
+        found.append(as_labels(detector.detect(batch, least_score)[0], frame, classes))
+        on_frame()
+    return found
+
+
+def as_labels(detections: Detections, frame: Frame, classes: Sequence[str]) -> Labels:
+    """Detections in KITTI's terms, with image boxes; those outside the image are left out."""
+    table = detections.boxes.astype(np.float64)
+    boxes = Boxes(table[:, :3], table[:, 3:6], table[:, 6])
+    kinds = [classes[kind] for kind in detections.kinds]
+    labels = Labels.from_boxes(boxes, kinds, frame.calibration, score=detections.scores.astype(np.float64))
+    outline = clip_boxes(project_corners(labels.corners_rect, frame.calibration.P2), *image_size(frame))
+    shown = np.nan_to_num(box_areas(outline)) > 0
+    seen = Labels.from_boxes(
+        boxes[shown],
+        [kind for kind, there in zip(kinds, shown, strict=True) if there],
+        frame.calibration,
+        bbox=outline[shown],
+        truncated=-1.0,
+        occluded=-1,
+        score=detections.scores[shown].astype(np.float64),
+    )
+    return seen
+
+
+def write_detections(folder: Path, names: Sequence[str], found: Sequence[Labels]) -> None:
+    """Write NAME.txt a frame, for `cosim evaluate`."""
+    with explained(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, labels in zip(names, found, strict=True):
+            write_labels(folder / f"{name}.txt", labels, 4)
