@@ -11,7 +11,8 @@ from rich.console import Console
 
 from cosim.cli.options import add_common, write_json
 from cosim.config import load_config
-from cosim.engine.local import PATIENCE_S, LocalEngine
+from cosim.engine import Engine, LocalEngine, WorkError
+from cosim.engine.local import PATIENCE_S
 
 
 def add_command(commands: Any) -> None:
@@ -26,6 +27,10 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--seed", type=int, metavar="S", help="seed of everything random")
     parser.add_argument("--sensor", metavar="FILE", help="sensor file, or a pattern's name")
     parser.add_argument("--workers", type=int, default=1, metavar="W", help="processes that share the episodes")
+    parser.add_argument(
+        "--engine", choices=("local", "dask"), default="local", help="processes of this machine, or a Dask cluster's"
+    )
+    parser.add_argument("--address", metavar="tcp://HOST:PORT", help="the Dask cluster's scheduler")
     parser.add_argument(
         "--patience",
         type=float,
@@ -45,7 +50,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     config = load_config(
         options.config, town=_towns(options.town), frames=options.frames, seed=options.seed, sensor=options.sensor
     )
-    engine = LocalEngine(options.workers, options.patience)
+    engine = _engine(options)
     begun = time.monotonic()
     with FrameBar(console, starting="building the town", working="recording") as bar:
         result = run(config, options.out, engine=engine, on_start=bar.start, on_event=bar.follow)
@@ -67,6 +72,19 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             "frames_per_s": bar.frames_per_s,
         },
     )
+
+
+def _engine(options: argparse.Namespace) -> Engine:
+    """Whose processes record."""
+    if options.engine == "local":
+        if options.address:
+            raise WorkError("--address is for --engine dask; give both or neither")
+        return LocalEngine(options.workers, options.patience)
+    if not options.address:
+        raise WorkError("--engine dask needs --address tcp://HOST:PORT, that of its scheduler")
+    from cosim.engine.cluster import DaskEngine
+
+    return DaskEngine(options.address, options.patience)
 
 
 def _towns(text: str | None) -> str | tuple[str, ...] | None:

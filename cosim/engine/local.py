@@ -16,7 +16,7 @@ from cosim.engine.parent import Child
 PATIENCE_S = 300.0
 """A process that tells nothing for so long hangs [s]: an episode's longest silence is its town's building."""
 _POLL_S = 0.5
-_ATTEMPTS = 2
+ATTEMPTS = 2
 _log = logging.getLogger(__name__)
 
 
@@ -65,7 +65,7 @@ class _Foremen:
             while pending and len(self._busy) < count:
                 self._give(*pending.popleft())
             for failed, attempt, reason in self._hear():
-                if attempt < _ATTEMPTS:
+                if attempt < ATTEMPTS:
                     _log.warning("a task failed and is tried once more: %s", reason)
                     self._on_event(Event("again", reason))
                     pending.appendleft((self._renewed(failed), attempt + 1))

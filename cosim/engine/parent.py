@@ -25,9 +25,10 @@ class Child:
     Args:
         job: what it opens.
         threads: how many threads it may use.
+        folder: its working directory; by default this process's.
     """
 
-    def __init__(self, job: Job, threads: int) -> None:
+    def __init__(self, job: Job, threads: int, *, folder: str | None = None) -> None:
         ours, theirs = socket.socketpair()
         environment = {
             **os.environ,
@@ -40,6 +41,7 @@ class Child:
                 [sys.executable, "-m", "cosim.engine.child", str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
                 env=environment,
+                cwd=folder,
             )
         self.connection = Connection(ours.detach())
         self._heard_s = time.monotonic()

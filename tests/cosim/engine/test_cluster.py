@@ -1,0 +1,125 @@
+"""A Dask scheduler and workers on loopback, and what becomes of tasks when workers die."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from cosim.engine import Event, WorkError
+from cosim.engine.cluster import DaskEngine
+from tests.cosim.conftest import cosim
+from tests.cosim.engine.mishaps import Mishaps, Task
+from tests.cosim.test_run import checksums, wait_for_frames
+
+pytest.importorskip("distributed")
+pytestmark = pytest.mark.xdist_group("drive")
+
+
+class Cluster:
+    """Processes as `dask scheduler` and `dask worker` start them."""
+
+    def __init__(self, scratch: Path) -> None:
+        self._scratch = scratch
+        self._environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+        port = self.address.rpartition(":")[2]
+        self._processes = [self._started("scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard")]
+
+    def worker(self) -> subprocess.Popen[bytes]:
+        process = self._started(
+            "worker", self.address, "--nthreads", "1", "--no-dashboard", "--local-directory", str(self._scratch)
+        )
+        self._processes.append(process)
+        return process
+
+    def end(self) -> None:
+        for process in self._processes:
+            kill_group(process)
+
+    def _started(self, *command: str) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [sys.executable, "-m", "dask", *command],
+            env=self._environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+
+
+def kill_group(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+@contextmanager
+def cluster(scratch: Path):
+    started = Cluster(scratch)
+    try:
+        yield started
+    finally:
+        started.end()
+
+
+def done(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir() if "." not in path.name}
+
+
+def test_tasks_survive_children_that_die_and_workers_that_join_late(tmp_path):
+    (tmp_path / "tasks").mkdir()
+    events: list[Event] = []
+    tasks = [Task("a"), Task("b", "killed"), Task("c", "error", always=True), Task("d"), Task("e", "stopped")]
+    with cluster(tmp_path / "scratch") as dask:
+        dask.worker()
+        skipped = DaskEngine(dask.address, patience_s=4.0).share_out(Mishaps(tmp_path / "tasks"), tasks, events.append)
+    assert [skip.task.name for skip in skipped] == ["c"] and "of no length" in skipped[0].reason
+    assert done(tmp_path / "tasks") == {"a", "b", "d", "e"}
+    kinds = [event.kind for event in events]
+    assert kinds.count("task") == 4 and kinds.count("again") == 3 and kinds.count("skipped") == 1
+
+
+def test_a_drive_recorded_by_workers_that_are_killed_has_the_same_bytes(drive_folder, run_config, tmp_path):
+    folder = tmp_path / "drive"
+    with cluster(tmp_path / "scratch") as dask:
+        first = dask.worker()
+        code = "import sys; from cosim.cli import main; sys.exit(main())"
+        options = ["--engine", "dask", "--address", dask.address, "--quiet"]
+        run = subprocess.Popen(
+            [sys.executable, "-c", code, "run", str(run_config), "--out", str(folder), *options], text=True
+        )
+        wait_for_frames(folder, 2, run)
+        kill_group(first)
+        dask.worker()
+        assert run.wait(300) == 0
+    assert checksums(folder) == checksums(drive_folder)
+
+
+def test_a_users_mistake_reaches_the_user(tmp_path):
+    (tmp_path / "tasks").mkdir()
+    with cluster(tmp_path / "scratch") as dask:
+        dask.worker()
+        with pytest.raises(WorkError, match="speed is -3"):
+            DaskEngine(dask.address).share_out(Mishaps(tmp_path / "tasks"), [Task("a", "refused")], lambda event: None)
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (["--engine", "dask"], "--engine dask needs --address tcp://HOST:PORT"),
+        (["--engine", "dask", "--address", "tcp://127.0.0.1:1"], "no Dask scheduler answers at tcp://127.0.0.1:1"),
+        (["--engine", "dask", "--address", "nonsense://x"], "'nonsense://x' is no address of a Dask scheduler"),
+        (["--address", "tcp://127.0.0.1:1"], "--address is for --engine dask"),
+    ],
+)
+def test_addresses_without_a_scheduler(tmp_path, monkeypatch, options, complaint):
+    monkeypatch.setenv("DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT", "2s")
+    result = cosim("run", "--frames", 1, "--out", tmp_path / "d", *options, check=False)
+    assert result.returncode == 2 and complaint in result.stderr.splitlines()[-1]
+    assert "Traceback" not in result.stderr
