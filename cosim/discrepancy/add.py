@@ -13,10 +13,10 @@ from pydantic import ValidationError
 from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.checks import check_fit, opened
 from cosim.discrepancy.directions import directions
-from cosim.discrepancy.fitting import Fitted, Fitter, all_free
+from cosim.discrepancy.fitting import Fitter, all_free
 from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.held_out import split_frames
-from cosim.discrepancy.intervals import half_widths
+from cosim.discrepancy.intervals import intervals
 from cosim.discrepancy.lattice import find_lattices
 from cosim.discrepancy.ranking import fit_candidate
 from cosim.discrepancy.sample import draw_sample
@@ -137,19 +137,6 @@ def known_parameters(kind: type[Effect], given: Mapping[str, Any]) -> dict[str, 
     if issubclass(kind, LabelEffect):
         raise SensorError(f"effect {kind.name} changes labels, which points cannot tell; write it into the sensor file")
     return {name: getattr(checked, name) for name in given}
-
-
-def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:
-    """95 % intervals of everything that was fitted, by effect and parameter: pairs, or lists of pairs."""
-    widths, found, at = half_widths(fitter, fitted), {}, 0
-    for one in fitted.free:
-        part = widths[at : at + one.unknown.rings]
-        at += one.unknown.rings
-        effect = fitted.effects[one.effect]
-        value = np.asarray(getattr(effect, one.unknown.name), float)
-        pair = np.stack([value - part, value + part], -1) if value.ndim else value + np.array([-part[0], part[0]])
-        found.setdefault(effect.name, {})[one.unknown.name] = pair.tolist()
-    return found
 
 
 def _begun(

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.discrepancy.add import intervals
 from cosim.discrepancy.candidates import amplitudes
 from cosim.discrepancy.checks import check_fit, opened
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
@@ -18,7 +17,7 @@ from cosim.discrepancy.fitting import Fitted, Fitter, Free, all_free
 from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.gate import LEVEL, Verdict, run_gate
 from cosim.discrepancy.held_out import Split, split_frames
-from cosim.discrepancy.intervals import standard_errors
+from cosim.discrepancy.intervals import intervals, standard_errors
 from cosim.discrepancy.lattice import Lattice, find_lattices
 from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist
 from cosim.discrepancy.sample import Sample, draw_sample

@@ -26,6 +26,7 @@ class Expectation:
         intensity: (n,) mean intensity, 0–1.
         intensity_sigma: (n,) its standard deviation.
         seen: (n,) probability that the surface's return is reported; 0 where none can.
+        silent: (n,) probability that nothing is reported at all.
     """
 
     range_m: np.ndarray
@@ -33,13 +34,14 @@ class Expectation:
     intensity: np.ndarray
     intensity_sigma: np.ndarray
     seen: np.ndarray
+    silent: np.ndarray
 
 
 def expect(effects: Sequence[Effect], shot: Shot) -> Expectation:
     """What effects, in the order in which they act, let expect of a traced shot."""
     beams = len(shot.rays)
     returns = returns_of(shot.hits)
-    seen = np.ones(beams)
+    seen, silent = np.ones(beams), None
     range_variance, intensity_variance = np.zeros(beams), np.zeros(beams)
     clips = list(CLIP_BEFORE)
     for effect in effects:
@@ -65,9 +67,14 @@ def expect(effects: Sequence[Effect], shot: Shot) -> Expectation:
             range_variance[returns.beam] += spread[0]
             intensity_variance[returns.beam] += spread[1]
         elif isinstance(effect, ScanEffect):
-            seen[returns.beam] *= effect.survival(returns, shot)
-    there = np.zeros(beams, bool)
-    there[returns.beam] = True
+            silent = 1 - _answering(seen, returns) if silent is None else silent
+            kept = effect.survival(returns, shot)
+            if type(effect).density is ScanEffect.density:  # takes returns away and puts nothing in their place
+                silent[returns.beam] += seen[returns.beam] * (1 - kept)
+            else:
+                silent *= effect.silence(shot)
+            seen[returns.beam] *= kept
+    seen = _answering(seen, returns)
     mean_range, mean_intensity = np.full(beams, np.nan), np.zeros(beams)
     mean_range[returns.beam] = returns.range_m
     mean_intensity[returns.beam] = returns.intensity.clip(0, 1)
@@ -76,8 +83,16 @@ def expect(effects: Sequence[Effect], shot: Shot) -> Expectation:
         range_sigma_m=np.sqrt(range_variance),
         intensity=mean_intensity,
         intensity_sigma=np.sqrt(intensity_variance),
-        seen=np.where(there, seen, 0.0),
+        seen=seen,
+        silent=1 - seen if silent is None else silent,
     )
+
+
+def _answering(seen: np.ndarray, returns: Returns) -> np.ndarray:
+    """Chances (n,) of a return; 0 of beams that have none."""
+    found = np.zeros(len(seen))
+    found[returns.beam] = seen[returns.beam]
+    return found
 
 
 def _mean_and_spread(

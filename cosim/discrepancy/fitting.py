@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy import optimize
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
 from cosim.discrepancy.evidence import Evidence, Quantity, change
+from cosim.discrepancy.hard_limits import is_searched, searched
 from cosim.discrepancy.likelihood import Fit, judge
 from cosim.discrepancy.sample import Prediction, Sample
 from cosim.discrepancy.system import Column, Normal, pose_matrix
@@ -26,8 +25,6 @@ _POSE_MOST = np.array([0.5] * 3 + [np.radians(3.0)] * 3)
 _GAIN_M = 1e-3  # log-likelihood that a step must still bring
 _STEPS = 12
 _HALVINGS = 6
-_SEARCH, _SEARCH_STEPS = 0.6, 25.0  # to both sides: of the value, or of its natural step
-_FEW = 0.01
 _ROUNDED_M = 6e-4
 _FAR_M, _FINE_M = 3.0, 0.01
 _ROUGH, _ROUGH_SHARE = 8.0, 0.985
@@ -117,30 +114,19 @@ class Fitter:
     def _searched(
         self, effects: tuple[Effect, ...], free: tuple[Free, ...], pose: np.ndarray, sigma: np.ndarray
     ) -> tuple[Effect, ...]:
-        """Numbers whose small changes change nothing expected, such as hard limits, by golden-section search."""
-        at = self._state(effects, pose)[0]
-        columns = self.columns(effects, free, at)
-        flat = [one for one, column in zip(free, columns, strict=True) if one.unknown.rings == 1 and _is_flat(column)]
-        for one in flat * (2 if len(flat) > 1 else 1):
-            value = float(getattr(effects[one.effect], one.unknown.name))
-            reach = max(_SEARCH * abs(value), _SEARCH_STEPS * one.unknown.step)
+        """With numbers that no slope tells of, such as hard limits, where they are likeliest."""
+        prediction, fit = self._state(effects, pose)
+        columns = self.columns(effects, free, prediction)
+        which = [
+            (one.effect, one.unknown, column)
+            for one, column in zip(free, columns, strict=True)
+            if is_searched(effects[one.effect], one.unknown, column)
+        ]
+        return searched(effects, which, self.loss(pose, sigma), self.sample, fit) if which else effects
 
-            def moved(value: float, one: Free = one, base: tuple[Effect, ...] = effects) -> tuple[Effect, ...]:
-                effect = with_values(base[one.effect], {one.unknown.name: value})
-                return (*base[: one.effect], effect, *base[one.effect + 1 :])
-
-            def lost(value: float, moved: Callable[[float], tuple[Effect, ...]] = moved) -> float:
-                return -self._penalised(self._state(moved(value), pose)[1], pose, sigma)
-
-            grid = value + np.linspace(-reach, reach, 13)
-            best = int(np.argmin([lost(place) for place in grid]))
-            low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-            found: Any = optimize.minimize_scalar(
-                lost, bounds=(low, high), method="bounded", options={"xatol": 1e-4 * reach}
-            )
-            if found.fun < lost(value):
-                effects = moved(float(found.x))
-        return effects
+    def loss(self, pose: np.ndarray, sigma: np.ndarray) -> Callable[[tuple[Effect, ...]], float]:
+        """Negative log-likelihood of effects, pose errors as they are."""
+        return lambda effects: -self._penalised(self._state(effects, pose)[1], pose, sigma)
 
     def columns(self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction) -> tuple[Column, ...]:
         """How the prediction changes with each free parameter."""
@@ -246,11 +232,6 @@ class Fitter:
         scale = np.tile(sigma, self._scans)
         matrix = np.eye(len(scale)) + scale[:, None] * normal.matrix * scale
         return self._penalised(fit, pose, sigma) - 0.5 * float(np.linalg.slogdet(matrix)[1])
-
-
-def _is_flat(column: Column) -> bool:
-    """Whether at most a few beams notice a small change."""
-    return not column.delta or all(np.count_nonzero(values) < _FEW * len(values) for values in column.delta.values())
 
 
 def all_free(effects: Sequence[Effect], which: Sequence[int], rings: int) -> tuple[Free, ...]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy import sparse, stats
 
 from cosim.discrepancy.fitting import Fitted, Fitter
+from cosim.discrepancy.hard_limits import is_searched, likely_interval
 from cosim.discrepancy.system import Normal
 
 _LEVEL = 0.975
@@ -43,3 +46,21 @@ def half_widths(fitter: Fitter, fitted: Fitted) -> np.ndarray:
     """Half widths of 95 % intervals, (p,): Student-t with as many degrees of freedom as scans."""
     freedom = max(len(fitter.sample.names) - 1, 1)
     return standard_errors(fitter, fitted) * stats.t.ppf(_LEVEL, freedom)
+
+
+def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:
+    """95 % intervals of everything that was fitted, by effect and parameter: pairs, or lists of pairs."""
+    widths, found, at = half_widths(fitter, fitted), {}, 0
+    weight = float(fitter.sample.weight.mean())
+    lost = fitter.loss(fitted.pose, fitted.pose_sigma)
+    for one, column in zip(fitted.free, fitted.columns, strict=True):
+        part = widths[at : at + one.unknown.rings]
+        at += one.unknown.rings
+        effect = fitted.effects[one.effect]
+        value = np.asarray(getattr(effect, one.unknown.name), float)
+        if is_searched(effect, one.unknown, column):
+            pair = np.array(likely_interval(fitted.effects, one.effect, one.unknown, column, lost, weight))
+        else:
+            pair = np.stack([value - part, value + part], -1) if value.ndim else value + np.array([-part[0], part[0]])
+        found.setdefault(effect.name, {})[one.unknown.name] = pair.tolist()
+    return found

@@ -67,7 +67,7 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.nda
     surface = seen * np.exp(student(z)) / sigma
     elsewhere = _STRAY_SHARE / _REACH_M + expected.stray
     density = surface + elsewhere
-    loglik = np.where(returned, np.log(density), np.log(np.maximum(1 - seen, _LOST_SHARE)))
+    loglik = np.where(returned, np.log(density), np.log(np.maximum(expected.silent, _LOST_SHARE)))
     matched = np.where(returned, surface / density, 0.0)
 
     rise = np.nan_to_num(sample.above_m - expected.rise_m)

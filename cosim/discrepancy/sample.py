@@ -29,6 +29,7 @@ class Prediction:
         rise_m: the component across it, upwards.
         intensity, intensity_sigma: mean and spread.
         seen: probability that the surface's return is reported.
+        silent: probability that nothing is.
         stray: (n,) density [1/m] of returns from elsewhere at the measured range; 0 where nothing was measured.
     """
 
@@ -38,6 +39,7 @@ class Prediction:
     intensity: np.ndarray
     intensity_sigma: np.ndarray
     seen: np.ndarray
+    silent: np.ndarray
     stray: np.ndarray
 
 
@@ -141,6 +143,7 @@ def _predict(replay: FrameReplay, effects: tuple[Effect, ...], measured_m: np.nd
         found.intensity,
         found.intensity_sigma,
         found.seen,
+        found.silent,
         stray,
     )
 

@@ -1,0 +1,141 @@
+"""Parameters that no slope tells of: hard limits, edges of sectors, and how often returns come from nowhere.
+
+They are found by search, and their intervals by how far the likelihood lets them go: where it breaks off at a limit
+there is no normal approximation, and 95 % of the likelihood lie within a fall of log 20 (Smith, Biometrika 1985).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from scipy import optimize
+
+from cosim.discrepancy.candidates import Unknown, with_values
+from cosim.discrepancy.likelihood import Fit
+from cosim.discrepancy.sample import Sample
+from cosim.discrepancy.sector import AZIMUTH, WIDTH, crowded_sector
+from cosim.discrepancy.system import Column
+from sensors.effects.base import Effect, ScanEffect
+
+_REACH, _REACH_STEPS = 0.6, 25.0  # to both sides: of the value, or of its natural step
+_GRID, _ZOOMS = 13, 8
+_FEW, _ALTOGETHER = 0.01, 0.5
+_FALL, _SMOOTH_FALL = float(np.log(20)), 1.92
+_DOUBLINGS, _BISECTIONS = 24, 10
+
+Loss = Callable[[tuple[Effect, ...]], float]
+
+
+def is_searched(effect: Effect, unknown: Unknown, column: Column) -> bool:
+    """Whether a parameter is found by search."""
+    return unknown.rings == 1 and (isinstance(effect, ScanEffect) or is_flat(unknown, column))
+
+
+def is_flat(unknown: Unknown, column: Column) -> bool:
+    """Whether at most a few beams notice a small change, or those that do get lost or found altogether."""
+    if not column.delta or all(np.count_nonzero(values) < _FEW * len(values) for values in column.delta.values()):
+        return True
+    if "drop" not in column.delta:
+        return False
+    lost = np.abs(column.delta["drop"]) * unknown.step
+    altogether = bool(np.all(lost[lost > 0] > _ALTOGETHER))
+    return altogether and not any(np.any(values[lost == 0]) for values in column.delta.values())
+
+
+def searched(
+    effects: tuple[Effect, ...], which: Sequence[tuple[int, Unknown, Column]], lost: Loss, sample: Sample, fit: Fit
+) -> tuple[Effect, ...]:
+    """Effects with searched parameters where the likelihood is greatest.
+
+    Args:
+        effects: all of the sensor.
+        which: place, parameter and column of each.
+        lost: negative log-likelihood of effects.
+        sample, fit: the measurements, and how the effects as they are fit them.
+    """
+    names = {(place, unknown.name) for place, unknown, _ in which}
+    sectors = {place for place, name in names if name == AZIMUTH and (place, WIDTH) in names}
+    for place in sectors:
+        trial = _with(effects, place, crowded_sector(sample, fit))
+        effects = trial if lost(trial) < lost(effects) else effects
+    rest = [one for one in which if not (one[0] in sectors and one[1].name in (AZIMUTH, WIDTH))]
+    for place, unknown, column in rest * (2 if len(rest) > 1 else 1):
+        effects = _best(effects, place, unknown, lost, is_flat(unknown, column))
+    return effects
+
+
+def likely_interval(
+    effects: tuple[Effect, ...], place: int, unknown: Unknown, column: Column, lost: Loss, weight: float
+) -> tuple[float, float]:
+    """How far down and up a parameter may go until the likelihood has fallen too far.
+
+    Args:
+        effects: all of the sensor.
+        place, unknown, column: the parameter.
+        lost: negative log-likelihood of effects, of a sample whose beams weigh one on average.
+        weight: how many beams each of the sample stands for. Of strays the sample has nearly all, and each counts.
+    """
+    value, least = float(getattr(effects[place], unknown.name)), lost(effects)
+    fall = _FALL if is_flat(unknown, column) else _SMOOTH_FALL
+    if isinstance(effects[place], ScanEffect):
+        fall /= weight
+
+    def fallen(apart: float) -> bool:
+        if not unknown.low <= value + apart <= unknown.high:
+            return True
+        return min(lost(trial) for trial in _alternatives(effects, place, unknown, value, apart)) - least > fall
+
+    ends = []
+    for side in (-1.0, 1.0):
+        near, far = 0.0, side * max(1e-3 * unknown.step, 1e-9)
+        for _ in range(_DOUBLINGS):
+            if fallen(far):
+                break
+            near, far = far, 2 * far
+        for _ in range(_BISECTIONS):
+            middle = (near + far) / 2
+            near, far = (near, middle) if fallen(middle) else (middle, far)
+        ends.append(min(max(value + far, unknown.low), unknown.high))
+    return ends[0], ends[1]
+
+
+def _alternatives(
+    effects: tuple[Effect, ...], place: int, unknown: Unknown, value: float, apart: float
+) -> Iterator[tuple[Effect, ...]]:
+    """The parameter moved, alone or with one edge of its sector held."""
+    effect, moved = effects[place], {unknown.name: value + apart}
+    yield _with(effects, place, moved)
+    other, factor = {AZIMUTH: (WIDTH, 2.0), WIDTH: (AZIMUTH, 0.5)}.get(unknown.name, ("", 0.0))
+    if other and hasattr(effect, other):
+        for side in (-factor, factor):
+            yield _with(effects, place, moved | {other: getattr(effect, other) + side * apart})
+
+
+def _best(effects: tuple[Effect, ...], place: int, unknown: Unknown, lost: Loss, flat: bool) -> tuple[Effect, ...]:
+    value = float(getattr(effects[place], unknown.name))
+    reach = max(_REACH * abs(value), _REACH_STEPS * unknown.step)
+
+    def of(value: float) -> float:
+        return lost(_with(effects, place, {unknown.name: value}))
+
+    low, high = max(value - reach, unknown.low), min(value + reach, unknown.high)
+    if not flat:
+        bounds = {"bounds": (low, high), "method": "bounded", "options": {"xatol": 1e-3 * reach}}
+        found: Any = optimize.minimize_scalar(of, **bounds)
+        return _with(effects, place, {unknown.name: float(found.x)}) if found.fun < of(value) else effects
+    best, least = value, of(value)
+    grid = np.linspace(low, high, _GRID)
+    for _ in range(_ZOOMS):
+        losses = np.array([of(one) for one in grid])
+        if losses.min() <= least:
+            # Between two beams that tell the likelihood is level: its middle is as good a guess as any.
+            best, least = float(np.median(grid[losses == losses.min()])), float(losses.min())
+        apart = grid[1] - grid[0]
+        grid = np.clip(best + apart * np.linspace(-0.75, 0.75, 7), unknown.low, unknown.high)
+    return _with(effects, place, {unknown.name: best})
+
+
+def _with(effects: tuple[Effect, ...], place: int, values: dict[str, float]) -> tuple[Effect, ...]:
+    return (*effects[:place], with_values(effects[place], values), *effects[place + 1 :])
