@@ -93,11 +93,14 @@ class Collisions:
         if row is None or ahead is None:
             return False
         actors, api = stage.actors, stage.api
+        depth_m = _depth(stage, row, ahead)
+        if depth_m >= _DENT_M:
+            stage.motion.keep_apart(crash.driver, crash.victim)  # no deeper, wherever SUMO has them
         if crash.until_s is None:
             late = actors.time_s > crash.begun_s + _LONGEST_S
             if late or actors.lanes[row] != actors.lanes[ahead]:
                 return False
-            if _touch(stage, row, ahead):
+            if depth_m > 0:
                 stage.record("collision", crash.driver, crash.victim)
                 stage.collided.add((min(crash.driver, crash.victim), max(crash.driver, crash.victim)))
                 crash.until_s = actors.time_s + crash.stands_s
@@ -127,9 +130,10 @@ def _gap(stage: Stage, row: int, ahead: int) -> float:
     return float(actors.lane_position_m[ahead] - actors.size[ahead, 0] - actors.lane_position_m[row])
 
 
-def _touch(stage: Stage, row: int, ahead: int) -> bool:
+def _depth(stage: Stage, row: int, ahead: int) -> float:
+    """How far the bodies of two have run into each other [m]."""
     rows, actors = [row, ahead], stage.actors
     heading = actors.heading_rad[rows]
     forward = np.column_stack([np.cos(heading), np.sin(heading)])
     centre = actors.front[rows, :2] - forward * actors.size[rows, :1] / 2
-    return len(overlaps(centre, heading, actors.size[rows]).first) > 0
+    return float(overlaps(centre, heading, actors.size[rows]).depth_m.max(initial=0.0))
