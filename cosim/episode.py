@@ -71,7 +71,7 @@ def _simulate(
     rng = np.random.default_rng([config.seed, plan.number, attempt])
     rules, left = config.collection, list(frames)
     with tempfile.TemporaryDirectory(prefix="cosim-") as folder:
-        sumocfg = _populated(town, config, rng, Path(folder))
+        sumocfg = populated(town, config, rng, Path(folder))
         with Traffic(sumocfg, seed=int(rng.integers(2**31)), step_s=config.step_s) as traffic:
             living = LivingTraffic(
                 traffic, config.behaviour, int(rng.integers(2**31)), sight_m=max(_SIGHT_M, config.label_range_m)
@@ -104,7 +104,7 @@ def _simulate(
     return left
 
 
-def _populated(town: Town, config: RunConfig, rng: np.random.Generator, folder: Path) -> Path:
+def populated(town: Town, config: RunConfig, rng: np.random.Generator, folder: Path) -> Path:
     """The scenario to simulate: a population of its own for a built-in town, a user's town as it is."""
     if town.folder != built_in_folder(town.name):
         return town.sumocfg

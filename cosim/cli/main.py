@@ -10,10 +10,28 @@ from typing import NoReturn
 
 from rich.console import Console
 
-from cosim.cli import add, check, compare, diagnose, effects, evaluate, run, stats, towns, twin, variants, view
+from cosim.cli import (
+    add,
+    check,
+    compare,
+    diagnose,
+    effects,
+    evaluate,
+    run,
+    stats,
+    towns,
+    traffic_compare,
+    traffic_diagnose,
+    traffic_record,
+    train,
+    twin,
+    variants,
+    view,
+)
 from cosim.user_errors import USER_ERRORS
 
-_COMMANDS = (run, check, variants, view, stats, towns, effects, twin, compare, diagnose, add, evaluate)
+_COMMANDS = (run, check, variants, view, stats, towns, effects, twin, compare, diagnose, add, evaluate, train)
+_TRAFFIC = (traffic_compare, traffic_diagnose, traffic_record)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -27,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0, or 2 for bad input."""
     parser = _Parser(prog="cosim", description="Traffic co-simulation on SUMO with LiDAR, cameras and KITTI output.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
-    for module in _COMMANDS:
+    for module in (*_COMMANDS, *_TRAFFIC):
         module.add_command(commands)
     options = parser.parse_args(arguments)
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")

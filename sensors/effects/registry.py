@@ -65,7 +65,7 @@ def find_effect(text: str, folder: Path = Path()) -> type[Effect]:
     if text in _ELSEWHERE:
         raise SensorError(
             f"effect {text!r} is of the {_ELSEWHERE[text]} stage and no part of a sensor; "
-            f"name it under {_ELSEWHERE[text]} in the run's configuration"
+            "it stands under behaviour in the run's configuration (docs/configuration.md)"
         )
     close = get_close_matches(text, classes, n=3, cutoff=0.5)
     hint = f"did you mean {' or '.join(close)}?" if close else "`cosim effects` lists all"

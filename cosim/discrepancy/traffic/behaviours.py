@@ -256,3 +256,12 @@ BEHAVIOURS: dict[str, Behaviour] = {
         ),
     )
 }
+
+TOGETHER = (
+    (("speeding", "speed_factor"), ("lane_offset", "lat_alignment_m"), ("parked_pull_out", "per_min")),
+    (("speeding", "speed_dev"), ("lane_offset", "lat_dev_m"), ("lane_changing", "share")),
+    (("short_gap", "min_gap_m"), ("u_turns", "per_min")),
+    (("short_gap", "tau_s"), ("imperfection", "sigma")),
+    (("reaction_time", "action_step_s"),),
+)
+"""Parameters that leave the statistics of each other alone, so that one simulation tells about all of a group."""

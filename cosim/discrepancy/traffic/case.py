@@ -65,7 +65,7 @@ def opened(measured: Tracks | str | Path, config: RunConfig | str | Path, worker
         raise TrackError(f"the trajectories last {tracks.seconds:.1f} s; give at least {_SHORTEST_S:.0f} s of traffic")
     if len(settings.towns) > 1:
         notes.append(f"the configuration names {len(settings.towns)} towns: the first is taken")
-    town = read_town(settings.towns[0])
+    town = read_town(next(iter(settings.towns)))
     placed = place(tracks, read_network(town.net, town.additional, route_files(town)))
     with tempfile.TemporaryDirectory(prefix="cosim-traffic-") as folder:
         replay = write_replay(placed, town, Path(folder))

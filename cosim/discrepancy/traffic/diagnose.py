@@ -18,7 +18,7 @@ from cosim.discrepancy.traffic.diagnosis import Candidate, TrafficDiagnosis, Tra
 from cosim.discrepancy.traffic.distance import MANNERS, error, floor, mean_channels
 from cosim.discrepancy.traffic.estimate import Estimator, Fit, intervals
 from cosim.discrepancy.traffic.gate import LEVEL, Evidence, Verdict, run_gate, smallest
-from cosim.discrepancy.traffic.summary import Summary
+from cosim.discrepancy.traffic.summary import STATISTICS, Summary
 from cosim.discrepancy.traffic.tracks import Tracks
 
 _LOG = logging.getLogger(__name__)
@@ -92,7 +92,6 @@ class _Detective:
     def run(self) -> TrafficDiagnosis:
         """Everything in order."""
         first = look = self._look(self._case.behaviour)
-        self._learn_slopes(look)
         while len(self._found) < _MOST_EFFECTS and look.verdict.p_value <= LEVEL:
             better = self._better(look)
             if better is None:
@@ -114,28 +113,32 @@ class _Detective:
             Evidence.of(self._case.measured.of(ids), [run.of(ids) for run in runs]),
         )
 
-    def _learn_slopes(self, look: _Look) -> None:
-        """How statistics change with every parameter."""
-        self._say("learning what each behaviour changes")
-        self._slopes = self._estimator(_SLOPE_SEEDS).slopes(look.config, list(BEHAVIOURS.values()), _names(look))
-        self._slope_names = _names(look)
+    def _learn(self, look: _Look, behaviours: Sequence[Behaviour]) -> None:
+        """How statistics change with the parameters of behaviours of which that is not known yet."""
+        new = [one for one in behaviours if one.name not in self._slopes]
+        if new:
+            self._say(f"learning what {', '.join(one.name for one in new)} changes")
+            self._slopes |= self._estimator(_SLOPE_SEEDS).slopes(look.config, new, STATISTICS)
 
     def _better(self, look: _Look) -> _Look | None:
         """Add the behaviour with which most is explained, and look again; None where none helps."""
-        evidence, slopes = look.fitted, self._slopes_for(look)
         taken = {one.behaviour for one in self._found} | self._refused
         open_ = [one for one in BEHAVIOURS.values() if one.name not in taken]
-        promise = {
-            one.name: self._estimator(_SLOPE_SEEDS).promise(evidence, one, slopes[one.name], look.config)
-            - self._penalty(one)
-            for one in open_
-        }
         shown = [one for one in open_ if look.verdict.by_behaviour[one.name] <= LEVEL]
+        if not shown:
+            return None
+        self._learn(look, shown)
+        slopes = self._slopes_for(look.fitted.names)
+        estimator = self._estimator(_SLOPE_SEEDS)
+        promise = {
+            one.name: estimator.promise(look.fitted, one, slopes[one.name], look.config) - self._penalty(one)
+            for one in shown
+        }
         shown.sort(key=lambda one: -promise[one.name])
         worth = [one for one in shown if promise[one.name] > _NEARLY * promise[shown[0].name]] or shown
         tries = [self._try(one, look, slopes) for one in worth[:_FITTED]]
         tries.sort(key=lambda one: -one.delta_bic)
-        self._ranking = self._ranking or self._ranked(open_, promise, tries, look)
+        self._ranking = self._ranking or self._ranked(shown, promise, tries, look)
         for one in tries:
             after = self._look(one.fit.config) if one.delta_bic > 0 else None
             if after is not None and self._helps(one.behaviour, look, after):
@@ -199,21 +202,19 @@ class _Detective:
         behaviours = [BEHAVIOURS[one.behaviour] for one in self._found]
         config, findings = last.config, list(self._found)
         if self._fit is not None:
-            fit = self._estimator(_FIT_SEEDS).polished(self._aligned(self._fit, last), behaviours, last.fitted)
+            rows = [STATISTICS.index(name) for name in last.fitted.names]
+            aligned = replace(self._fit, slopes=self._fit.slopes[rows])
+            fit = self._estimator(_FIT_SEEDS).polished(aligned, behaviours, last.fitted)
             ends = intervals(fit, behaviours, last.fitted.freedom)
             config = fit.config
             findings = [_settled(one, fit.values[one.behaviour], ends[one.behaviour]) for one in findings]
         left = [name for name, p_value in last.verdict.by_statistic.items() if p_value <= LEVEL]
         ambiguous = any(one.also_possible for one in findings)
-        slopes = self._slopes_for(last, last.all.names)
         return TrafficDiagnosis(
             verdict="ambiguous" if ambiguous else "missing" if findings else "unknown" if left else "none",
             effects=tuple(findings),
             ranking=self._ranking,
-            smallest_detectable={
-                name: smallest(last.all, last.verdict, behaviour, slopes[name])
-                for name, behaviour in BEHAVIOURS.items()
-            },
+            smallest_detectable=self._smallest(last),
             before=self._compared(first),
             after=self._compared(last),
             error_before=self._held_out(first),
@@ -224,33 +225,25 @@ class _Detective:
             simulations=self._simulations.count,
         )
 
-    def _aligned(self, fit: Fit, look: _Look) -> Fit:
-        """A fit whose slopes are in the order of the statistics of a look."""
-        names = self._slope_names
-        rows = np.zeros((len(look.fitted.names), fit.slopes.shape[1]))
-        of_fit = dict(zip(names, fit.slopes, strict=True)) if len(names) == len(fit.slopes) else {}
-        for row, name in enumerate(look.fitted.names):
-            if name in of_fit:
-                rows[row] = of_fit[name]
-        return replace(fit, slopes=rows)
+    def _slopes_for(self, names: Sequence[str]) -> dict[str, np.ndarray]:
+        """Slopes in the order of some statistics."""
+        rows = [STATISTICS.index(name) for name in names]
+        return {name: slopes[rows] for name, slopes in self._slopes.items()}
 
-    def _slopes_for(self, look: _Look, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-        """Slopes in the order of some statistics; zero for those that told nothing at first."""
-        wanted = look.fitted.names if names is None else tuple(names)
-        found = {}
-        for name, slopes in self._slopes.items():
-            rows = dict(zip(self._slope_names, slopes, strict=True))
-            found[name] = np.array([rows.get(one, np.zeros(slopes.shape[1])) for one in wanted]).reshape(
-                len(wanted), slopes.shape[1]
-            )
-        return found
+    def _smallest(self, last: _Look) -> dict[str, dict[str, float]]:
+        """Changes that would have been seen."""
+        self._say("learning how small a change would have shown")
+        slopes = self._estimator(_SLOPE_SEEDS).own_slopes(last.config, last.all.names)
+        return {
+            name: smallest(last.all, last.verdict, behaviour, slopes[name]) for name, behaviour in BEHAVIOURS.items()
+        }
 
     def _ranked(
-        self, open_: Sequence[Behaviour], promise: Mapping[str, float], tries: Sequence[_Try], look: _Look
+        self, shown: Sequence[Behaviour], promise: Mapping[str, float], tries: Sequence[_Try], look: _Look
     ) -> tuple[Candidate, ...]:
         fitted = {one.behaviour.name: one for one in tries}
         rows = []
-        for one in open_:
+        for one in shown:
             done = fitted.get(one.name)
             gain = done.delta_bic if done else promise[one.name]
             rows.append(Candidate(one.name, gain, look.verdict.by_behaviour[one.name], done is not None))
@@ -268,10 +261,6 @@ class _Detective:
 
     def _compared(self, look: _Look) -> TrafficComparison:
         return compared(self._case.measured, look.runs, self._case.notes)
-
-
-def _names(look: _Look) -> tuple[str, ...]:
-    return look.fitted.names
 
 
 def _shown_by(

@@ -9,14 +9,15 @@ import numpy as np
 from scipy import stats
 
 from cosim.behaviour import BehaviourConfig
-from cosim.discrepancy.traffic.behaviours import Background, Behaviour
+from cosim.discrepancy.traffic.behaviours import BEHAVIOURS, TOGETHER, Background, Behaviour
 from cosim.discrepancy.traffic.gate import Evidence
 from cosim.discrepancy.traffic.pool import Simulations
-from cosim.discrepancy.traffic.summary import Summary
+from cosim.discrepancy.traffic.summary import STATISTICS, Summary
 
 _ROUNDS = 5
 _SMALL = 0.25  # of a standard error: a step that is not worth a simulation
 _RIDGE = 1e-6
+_GOOD = 0.25  # a squared difference that luck makes more often than not
 
 Values = dict[str, dict[str, float]]
 
@@ -29,7 +30,7 @@ class Fit:
         config: with them.
         values: behaviour → parameter → value.
         chi2_before, chi2: sum of squared standardised differences before, and what is left.
-        slopes: (k, parameters) of the statistics.
+        slopes: (parameters) of all of `STATISTICS`; zero for those that told nothing.
         covariance: (parameters, parameters).
     """
 
@@ -67,9 +68,7 @@ class Estimator:
         for behaviour in behaviours:
             values = behaviour.read(config, self._background)
             for knob in behaviour.knobs:
-                changed = behaviour.clipped({**values, knob.name: values[knob.name] + knob.step})
-                if abs(changed[knob.name] - values[knob.name]) < abs(knob.step) / 3:
-                    changed = behaviour.clipped({**values, knob.name: values[knob.name] - knob.step})
+                changed = _changed(behaviour, knob.name, values)
                 steps.append(changed[knob.name] - values[knob.name])
                 jobs.append(behaviour.write(config, changed))
         found = self._many([config, *jobs], names)
@@ -78,6 +77,28 @@ class Estimator:
         for behaviour in behaviours:
             sloped[behaviour.name] = np.nan_to_num(np.stack(columns[at : at + len(behaviour.knobs)], 1))
             at += len(behaviour.knobs)
+        return sloped
+
+    def own_slopes(self, config: BehaviourConfig, names: Sequence[str]) -> dict[str, np.ndarray]:
+        """Change of the statistics that show each behaviour with its parameters; several are changed at a time."""
+        jobs, steps = [config], {}
+        for group in TOGETHER:
+            changed = config
+            for name, knob in group:
+                behaviour = BEHAVIOURS[name]
+                values = behaviour.read(changed, self._background)
+                new = _changed(behaviour, knob, values)
+                steps[name, knob] = (len(jobs), new[knob] - values[knob])
+                changed = behaviour.write(changed, new)
+            jobs.append(changed)
+        found = self._many(jobs, names)
+        sloped = {}
+        for name, behaviour in BEHAVIOURS.items():
+            rows = np.array([one in behaviour.statistics for one in names])
+            columns = [
+                (found[job] - found[0]) / step for job, step in (steps[name, one.name] for one in behaviour.knobs)
+            ]
+            sloped[name] = np.nan_to_num(np.stack(columns, 1)) * rows[:, None]
         return sloped
 
     def promise(self, evidence: Evidence, behaviour: Behaviour, slopes: np.ndarray, config: BehaviourConfig) -> float:
@@ -98,7 +119,7 @@ class Estimator:
         evidence: Evidence,
         slopes: Mapping[str, np.ndarray],
     ) -> Fit:
-        """All parameters of some behaviours together.
+        """All parameters of some behaviours together, by the statistics that show them.
 
         The slopes are corrected by what each simulation shows (Broyden, Math. Comp. 1965), so that a step costs one.
         """
@@ -106,7 +127,10 @@ class Estimator:
         start = {one.name: one.read(config, self._background) for one in behaviours}
         at = np.array([start[behaviour.name][knob.name] for behaviour, knob in knobs])
         low, high = (np.array([getattr(knob, end) for _, knob in knobs]) for end in ("low", "high"))
+        rows = [STATISTICS.index(name) for name in evidence.names]
         jacobian = np.concatenate([slopes[one.name] for one in behaviours], 1) / evidence.sigma[:, None]
+        own = np.array([any(name in one.statistics for one in behaviours) for name in evidence.names])
+        jacobian *= own[:, None]
         at = np.clip(at, low, high)
         before = rest = self._rest(config, behaviours, at, evidence)
         for _ in range(_ROUNDS):
@@ -115,16 +139,21 @@ class Estimator:
             if np.all(np.abs(step) < _SMALL * errors):
                 break
             new = self._rest(config, behaviours, at + step, evidence)
-            jacobian += np.outer(rest - new - jacobian @ step, step) / max(float(step @ step), 1e-12)
-            if new @ new < rest @ rest:
+            secant = np.outer(rest - new - jacobian @ step, step) / max(float(step @ step), 1e-12)
+            jacobian += secant * own[:, None]
+            if own @ new**2 < own @ rest**2:
                 at, rest = at + step, new
+            if own @ rest**2 < _GOOD * own.sum():
+                break
         values = _by_name(behaviours, at)
+        full = np.zeros((len(STATISTICS), len(knobs)))
+        full[rows] = jacobian * evidence.sigma[:, None]
         return Fit(
             config=_written(config, behaviours, values),
             values=values,
             chi2_before=float(before @ before),
             chi2=float(rest @ rest),
-            slopes=jacobian * evidence.sigma[:, None],
+            slopes=full,
             covariance=_covariance(jacobian),
         )
 
@@ -169,6 +198,15 @@ def intervals(fit: Fit, behaviours: Sequence[Behaviour], freedom: float) -> dict
         ends = [max(value - side, knob.low), min(value + side, knob.high)]
         found.setdefault(behaviour.name, {})[knob.name] = ends
     return found
+
+
+def _changed(behaviour: Behaviour, name: str, values: Mapping[str, float]) -> dict[str, float]:
+    """Values with one changed by its step, or the other way where a bound is near."""
+    knob = next(one for one in behaviour.knobs if one.name == name)
+    changed = behaviour.clipped({**values, name: values[name] + knob.step})
+    if abs(changed[name] - values[name]) < abs(knob.step) / 3:
+        changed = behaviour.clipped({**values, name: values[name] - knob.step})
+    return changed
 
 
 def _covariance(jacobian: np.ndarray) -> np.ndarray:

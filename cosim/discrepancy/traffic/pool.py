@@ -14,6 +14,7 @@ from cosim.discrepancy.traffic.placed import place
 from cosim.discrepancy.traffic.replay import Replay
 from cosim.discrepancy.traffic.simulate import simulate
 from cosim.discrepancy.traffic.summary import Summary, summarise
+from cosim.traffic import TrafficError
 
 Job = tuple[BehaviourConfig, int]
 _MOST_WORKERS = 8
@@ -75,5 +76,15 @@ def _begin(replay: Replay, network: Network, step_s: float) -> None:
 
 
 def _summary(job: Job) -> Summary:
+    """One simulation; SUMO's own errors cannot pass from process to process, so their words do.
+
+    Raises:
+        TrafficError: SUMO refuses.
+    """
+    import libsumo
+
     replay, network, step_s = _Worker.given
-    return summarise(place(simulate(replay, *job, step_s), network))
+    try:
+        return summarise(place(simulate(replay, *job, step_s), network))
+    except libsumo.TraCIException as error:
+        raise TrafficError(f"SUMO refuses what drivers do: {error}") from None

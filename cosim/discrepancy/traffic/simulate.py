@@ -10,14 +10,13 @@ import numpy as np
 
 from cosim.actors import Actors
 from cosim.behaviour import BehaviourConfig
+from cosim.discrepancy.traffic.driving import Driving
 from cosim.discrepancy.traffic.replay import Leaving, Replay
 from cosim.discrepancy.traffic.tracks import Tracks, gathered
-from cosim.living import LivingTraffic
 from cosim.traffic import Traffic
 
 _PARKED_EVERY_S = 5.0
 _PASSED_M = 5.0
-_ALIKE_MPS = 1.5
 
 
 class Recorder:
@@ -36,8 +35,8 @@ class Recorder:
         self._lanes: list[str] = []
         self._rows: list[np.ndarray] = []
 
-    def see(self, traffic: Traffic, actors: Actors) -> None:
-        """Look at one step: places as bodies move, speeds as drivers choose them."""
+    def see(self, actors: Actors) -> None:
+        """Look at one step."""
         if actors.time_s < self._next_s - 1e-6:
             return
         first = not np.isfinite(self._next_s)
@@ -47,7 +46,7 @@ class Recorder:
         self._types += [actors.types[row] for row in keep]
         self._lanes += [actors.lanes[row] for row in keep]
         time_s = np.full(len(keep), actors.time_s)
-        speed, heading = _chosen(traffic, actors)[keep], actors.heading_rad[keep]
+        speed, heading = actors.speed_mps[keep], actors.heading_rad[keep]
         self._rows.append(np.column_stack([time_s, actors.front[keep, :2], speed, heading]))
 
     def tracks(self) -> Tracks:
@@ -79,10 +78,11 @@ def simulate(replay: Replay, behaviour: BehaviourConfig, seed: int, step_s: floa
     """
     recorder = Recorder(replay.sample_s)
     with Traffic(replay.sumocfg, seed=seed, step_s=step_s) as traffic:
-        living, exits = LivingTraffic(traffic, behaviour, seed), _Exits(replay.leaving)
+        driving, exits = Driving(traffic, behaviour, seed, replay.seconds), _Exits(replay.leaving)
         for _ in range(round(replay.seconds / step_s)):
-            actors = living.step()
-            recorder.see(traffic, actors)
+            actors = traffic.step()
+            recorder.see(actors)
+            driving.step(actors)
             exits.see(traffic, actors)
     return recorder.tracks()
 
@@ -97,19 +97,13 @@ def record(
     """
     recorder = Recorder(step_s)
     with Traffic(sumocfg, seed=seed, step_s=step_s) as traffic:
-        living = LivingTraffic(traffic, behaviour, seed)
-        living.advance(max(1, round(warm_up_s / step_s)))
-        for _ in range(round(seconds / step_s)):
-            recorder.see(traffic, living.step())
+        driving, warm_up = Driving(traffic, behaviour, seed, warm_up_s + seconds), round(warm_up_s / step_s)
+        for number in range(warm_up + round(seconds / step_s)):
+            actors = traffic.step()
+            if number >= warm_up:
+                recorder.see(actors)
+            driving.step(actors)
     return recorder.tracks()
-
-
-def _chosen(traffic: Traffic, actors: Actors) -> np.ndarray:
-    """Speeds (n,) that SUMO's drivers choose, without the body's lag; the body's own in manoeuvres off SUMO's ways."""
-    variable, results = traffic.api.constants.VAR_SPEED, traffic.api.vehicle.getAllSubscriptionResults()
-    bodies = np.abs(actors.speed_mps)
-    chosen = np.array([results.get(name, {}).get(variable, np.nan) for name in actors.ids], float)
-    return np.where(np.abs(chosen - bodies) < _ALIKE_MPS, chosen, bodies)
 
 
 class _Exits:

@@ -78,7 +78,7 @@ def gathered(
     order = np.argsort(vehicle, kind="stable")
     return Tracks(
         ids=tuple(names.tolist()),
-        types=tuple(types[i] for i in first.tolist()),
+        types=tuple(types[int(i)] for i in first),
         vehicle=vehicle[order],
         time_s=time_s[order],
         place=place[order],
@@ -207,7 +207,5 @@ def _check(path: Path, tracks: Tracks) -> None:
         now, then = tracks.time_s[back[0]], tracks.time_s[back[0] + 1]
         raise TrackError(f"{path}: time of {who!r} goes from {now:g} to {then:g} s; it must increase for each vehicle")
     if len(tracks.ids) < 2:
-        raise TrackError(
-            f"{path}: holds one vehicle only ({tracks.ids[0]!r}); how drivers keep distance, and how they differ, "
-            "shows from two on"
-        )
+        only = next(iter(tracks.ids))
+        raise TrackError(f"{path}: holds one vehicle only ({only!r}); give two or more, whose distance can show")

@@ -20,14 +20,16 @@ _PLAIN = {
     "tau": (1.2, 0.2),
     "offset": (0.0, 0.0),
     "sigma": 0.5,
-    "action_s": STEP_S,
+    "action_s": 0.0,
     "change_per_edge": 0.0,
     "u_turn_share": 0.0,  # of legs of a route that turn back
     "leaves_per_min": 0.0,
 }
 
 
-def make(config: Path, out: Path, hidden: dict, seed: int, drivers: int, parked: int, seconds: float) -> None:
+def make(
+    config: Path, out: Path, hidden: dict, seed: int, drivers: int, parked: int, seconds: float, step_s: float = STEP_S
+) -> None:
     """Write the CSV file of one measurement."""
     import libsumo
 
@@ -38,16 +40,16 @@ def make(config: Path, out: Path, hidden: dict, seed: int, drivers: int, parked:
     net, more = config.parent / "grid.net.xml", config.parent / "grid.add.xml"
     (folder / "all.rou.xml").write_text(_routes(net, more, habit, rng, drivers, parked, seconds))
     command = ["sumo", "-n", str(net), "-a", str(more), "-r", str(folder / "all.rou.xml"), "--seed", str(seed + 1)]
-    command += ["--step-length", str(STEP_S), "--no-step-log", "--no-warnings", "--time-to-teleport", "-1"]
+    command += ["--step-length", str(step_s), "--no-step-log", "--no-warnings", "--time-to-teleport", "-1"]
     libsumo.start([*command, "--lateral-resolution", "0.8", "--begin", "0"])
     rows, wishes, seen = [], {}, {}
-    steps = round(seconds / STEP_S)
-    for step in range(steps + round(20 / STEP_S)):
+    steps = round(seconds / step_s)
+    for step in range(steps + round(20 / step_s)):
         libsumo.simulationStep()
         now = libsumo.simulation.getTime()
         for name in libsumo.vehicle.getIDList():
             _wish(libsumo, name, habit, rng, wishes, seen)
-            if step >= round(20 / STEP_S):
+            if step >= round(20 / step_s):
                 stands = libsumo.vehicle.isStoppedParking(name)
                 if stands and step % 50:
                     continue
@@ -102,7 +104,7 @@ def _routes(net: Path, more: Path, habit: dict, rng, drivers: int, parked: int, 
         base |= {"id": f"{size}@{name}", "minGap": f"{low_gap:.3f}", "sigma": f"{habit['sigma']}"}
         base |= {"tau": f"{habit['tau'][0] + rng.uniform(-1, 1) * habit['tau'][1]:.3f}"}
         base |= {"speedFactor": f"{habit['speed'][0] + rng.uniform(-1, 1) * habit['speed'][1]:.4f}", "speedDev": "0"}
-        base |= {"actionStepLength": f"{habit['action_s']:.2f}"}
+        base |= {"actionStepLength": f"{habit['action_s']:.2f}"} if habit["action_s"] else {}
         offset = habit["offset"][0] + rng.uniform(-1, 1) * habit["offset"][1]
         base |= {"latAlignment": f"{offset:.3f}" if offset else "center"}
         base |= {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.25"}

@@ -1,0 +1,65 @@
+"""`cosim traffic-compare`: how far the model's traffic is from measured trajectories."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from cosim.cli.options import add_common, beside, without_nan, write_json
+from cosim.drive_writer import explained
+
+
+def add_command(commands: Any) -> None:
+    """Describe the command to the parser."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "traffic-compare", help="how far a model's traffic is from measured trajectories", description=__doc__
+    )
+    add_input(parser)
+    parser.add_argument("--seeds", type=int, default=8, metavar="N", help="simulations of the model (default: 8)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the page (default: MEASURED-compare)")
+    add_common(parser, computes=True)
+    parser.set_defaults(execute=execute)
+
+
+def add_input(parser: argparse.ArgumentParser) -> None:
+    """What the commands about traffic read."""
+    parser.add_argument("measured", type=Path, metavar="MEASURED.csv", help="trajectories; see docs/formats.md")
+    parser.add_argument(
+        "--config", type=Path, required=True, metavar="FILE", help="the model: `town` and `behaviour` of a run"
+    )
+    parser.add_argument("--workers", type=int, metavar="W", help="simulations at a time (default: one a core)")
+
+
+def at_least(name: str, value: int | None, least: int) -> None:
+    """Refuse numbers that are too small.
+
+    Raises:
+        TrackError: the number is.
+    """
+    from cosim.discrepancy.traffic.tracks import TrackError
+
+    if value is not None and value < least:
+        raise TrackError(f"--{name} is {value}; give at least {least}")
+
+
+def execute(options: argparse.Namespace, console: Console) -> None:
+    """Simulate, compare, then write the page."""
+    from cosim.discrepancy.pages import write_page
+    from cosim.discrepancy.traffic import traffic_compare
+    from cosim.discrepancy.traffic.page import format_comparison
+
+    at_least("seeds", options.seeds, 2)
+    at_least("workers", options.workers, 1)
+    folder = options.out or beside(options.measured.with_suffix(""), "compare")
+    with console.status("simulating"):
+        found = traffic_compare(options.measured, options.config, seeds=options.seeds, workers=options.workers)
+    with explained(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    page = write_page(folder, format_comparison(found, str(options.measured), str(options.config)))
+    if not options.quiet:
+        print(found)
+    console.print(f"{len(found.measured.ids)} vehicles on {page}", soft_wrap=True, highlight=False)
+    write_json(options.json, without_nan(found.to_json()))

@@ -1,0 +1,62 @@
+"""`cosim traffic-diagnose`: which driver behaviour a model lacks, judged by measured trajectories."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from cosim.cli.options import add_common, beside, without_nan, write_json
+from cosim.cli.traffic_compare import add_input, at_least
+from cosim.drive_writer import explained
+
+
+def add_command(commands: Any) -> None:
+    """Describe the command to the parser."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "traffic-diagnose", help="which driver behaviour a model lacks", description=__doc__
+    )
+    add_input(parser)
+    parser.add_argument(
+        "--seeds", type=int, default=10, metavar="N", help="simulations from which luck is known (default: 10)"
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the page (default: MEASURED-diagnosis)")
+    parser.add_argument(
+        "--config-out", type=Path, metavar="FILE", help="the improved configuration (default: config.yaml by the page)"
+    )
+    add_common(parser, computes=True)
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace, console: Console) -> None:
+    """Diagnose, then write the improved configuration and the page."""
+    from cosim.discrepancy.pages import write_page
+    from cosim.discrepancy.traffic import traffic_diagnose
+    from cosim.discrepancy.traffic.config_out import write_config
+    from cosim.discrepancy.traffic.page import format_diagnosis
+    from cosim.discrepancy.traffic.sentences import headline
+
+    at_least("seeds", options.seeds, 4)
+    at_least("workers", options.workers, 1)
+    folder = options.out or beside(options.measured.with_suffix(""), "diagnosis")
+    with console.status("reading the trajectories") as status:
+        found = traffic_diagnose(
+            options.measured,
+            options.config,
+            seeds=options.seeds,
+            workers=options.workers,
+            on_progress=status.update,
+        )
+    with explained(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    written = write_config(found.config, options.config_out or folder / "config.yaml")
+    found = replace(found, config_out=os.path.relpath(written))
+    page = write_page(folder, format_diagnosis(found, str(options.measured), str(options.config)))
+    if not options.quiet:
+        print(headline(found))
+    console.print(f"{page}; the improved configuration: {found.config_out}", soft_wrap=True, highlight=False)
+    write_json(options.json, without_nan(found.to_json()))

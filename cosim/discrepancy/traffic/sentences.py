@@ -1,0 +1,65 @@
+"""Findings about drivers in words."""
+
+from __future__ import annotations
+
+from cosim.discrepancy.traffic.behaviours import BEHAVIOURS
+from cosim.discrepancy.traffic.diagnosis import TrafficDiagnosis, TrafficFinding
+
+_NEEDED = ("speeding", "short_gap", "lane_offset")
+
+
+def headline(found: TrafficDiagnosis) -> str:
+    """The line that `cosim traffic-diagnose` says."""
+    if not found.effects:
+        smallest = smallest_words(found)
+        left = unexplained_words(found)
+        if left:
+            return f"unknown: {left}, which no behaviour explains"
+        return "nothing missing that would show" + (f"; would have seen {smallest}" if smallest else "")
+    parts = [finding_words(one) for one in found.effects]
+    parts[0] = f"{found.verdict}: {parts[0]}"
+    fall = f"held-out error {found.error_before:.3f} → {found.error_after:.3f}, noise floor {found.noise_floor:.3f}"
+    left = unexplained_words(found)
+    return "; ".join([*parts, *([f"left unexplained: {left}"] if left else []), fall])
+
+
+def finding_words(one: TrafficFinding) -> str:
+    """A finding with its parameters."""
+    alike = f"; not separable from {', '.join(one.also_possible)}" if one.also_possible else ""
+    return f"{one.behaviour} ({parameter_words(one)}), {p_words(one.p_value)}{alike}"
+
+
+def parameter_words(one: TrafficFinding) -> str:
+    """All parameters with half their intervals."""
+    return ", ".join(
+        f"{name} {quantity(one.behaviour, name, value)}"
+        + (f" ± {(one.ci95[name][1] - one.ci95[name][0]) / 2:.2g}" if name in one.ci95 else "")
+        for name, value in one.params.items()
+    )
+
+
+def quantity(behaviour: str, name: str, value: float) -> str:
+    """A value with its unit."""
+    unit = next(knob.unit for knob in BEHAVIOURS[behaviour].knobs if knob.name == name)
+    return f"{value:.3g}{f' {unit}' if unit else ''}"
+
+
+def p_words(p_value: float) -> str:
+    """A p-value as papers write it."""
+    return "p < 0.001" if p_value < 0.001 else f"p = {p_value:.3f}"
+
+
+def smallest_words(found: TrafficDiagnosis, names: tuple[str, ...] = _NEEDED) -> str:
+    """Changes that would have been seen, of the first parameter of some behaviours."""
+    said = []
+    for name in names:
+        values = found.smallest_detectable.get(name, {})
+        first = next(iter(values), None)
+        if first is not None:
+            said.append(f"{name} from {first} ± {quantity(name, first, values[first])}")
+    return ", ".join(said)
+
+
+def unexplained_words(found: TrafficDiagnosis) -> str:
+    """Statistics that differ still."""
+    return ", ".join(name.replace("_", " ") for name in found.unexplained)
