@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+
 from cosim.errors import CosimError
 
 
@@ -11,3 +13,13 @@ class EvaluationError(CosimError):
 
 class TrainingError(CosimError):
     """A training configuration, data set or checkpoint cannot be used."""
+
+
+def demand_torch() -> None:
+    """Demand that torch is installed.
+
+    Raises:
+        TrainingError: it is not; says how to get it.
+    """
+    if importlib.util.find_spec("torch") is None:
+        raise TrainingError("this needs torch, which is not installed; run: pip install 'cosim[training]'")

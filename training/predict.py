@@ -41,7 +41,7 @@ def as_labels(detections: Detections, frame: Frame, classes: Sequence[str]) -> L
     """Detections in KITTI's terms, with image boxes; those outside the image are left out."""
     table = detections.boxes.astype(np.float64)
     boxes = Boxes(table[:, :3], table[:, 3:6], table[:, 6])
-    kinds = [classes[kind] for kind in detections.kinds]
+    kinds = [classes[int(kind)] for kind in detections.kinds]
     labels = Labels.from_boxes(boxes, kinds, frame.calibration, score=detections.scores.astype(np.float64))
     outline = clip_boxes(project_corners(labels.corners_rect, frame.calibration.P2), *image_size(frame))
     shown = np.nan_to_num(box_areas(outline)) > 0

@@ -1,0 +1,67 @@
+"""`cosim train`: a detector trained on drives, simulated or real."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from cosim.cli.options import add_common, write_json
+
+if TYPE_CHECKING:
+    from training.evaluation import Evaluation
+    from training.loop import Moment
+
+
+def add_command(commands: Any) -> None:
+    """Describe the command to the parser."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "train", help="train a detector on drives", description=__doc__
+    )
+    parser.add_argument("config", type=Path, metavar="CONFIG.yaml", help="what to train on, and how")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of checkpoints and logs (default: its `out`)")
+    add_common(parser, computes=True)
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace, console: Console) -> None:
+    """Train, or go on where it was stopped."""
+    from training.config import load_train_config
+    from training.errors import TrainingError, demand_torch
+
+    config = load_train_config(options.config)
+    folder = options.out or config.out
+    if folder is None:
+        raise TrainingError(f"{options.config} names no folder for the results; add `out: DIR`, or give --out DIR")
+    demand_torch()
+    from training.run import Watcher, run_training
+
+    shown = console.is_terminal and os.environ.get("RANK", "0") == "0"
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[loss]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, disable=not shown) as bar:
+        task = bar.add_task("reading frames", total=None, loss="")
+
+        def on_step(moment: Moment) -> None:
+            words = f"loss {moment.losses['total']:.3f}"
+            bar.update(task, total=moment.steps, completed=moment.step, description=f"epoch {moment.epoch}", loss=words)
+
+        def on_scores(name: str, evaluation: Evaluation) -> None:
+            for kind, metrics in evaluation.results.items():
+                said = ", ".join(
+                    f"{metric} {metrics[metric][1].r40:.1f}" for metric in ("3d", "bev") if metric in metrics
+                )
+                console.print(f"{name}: {kind} moderate R40 {said}", highlight=False, soft_wrap=True)
+
+        scores = run_training(config, folder, Watcher(lambda: bar.advance(task), on_step, on_scores))
+    console.print(f"{folder}: checkpoint.pt, log.jsonl, tensorboard/", soft_wrap=True, highlight=False)
+    write_json(options.json, {"out": str(folder), "scores": scores})

@@ -1,0 +1,101 @@
+"""Where a training runs, in which precision, and beside which other processes."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import distributed
+
+from training.config import TrainConfig
+from training.errors import TrainingError
+
+
+@dataclass(frozen=True)
+class Place:
+    """A process of a training.
+
+    Attributes:
+        device: where it computes.
+        dtype: of the convolutions.
+        rank: its number among `world` processes that train together.
+    """
+
+    device: torch.device
+    dtype: torch.dtype
+    rank: int = 0
+    world: int = 1
+
+    @property
+    def first(self) -> bool:
+        """Whether this process writes logs and checkpoints."""
+        return self.rank == 0
+
+    def autocast(self) -> torch.autocast:
+        """The context of the forward pass."""
+        return torch.autocast(self.device.type, self.dtype, enabled=self.dtype != torch.float32)
+
+
+@contextlib.contextmanager
+def find_place(config: TrainConfig) -> Iterator[Place]:
+    """The device and precision of a configuration; joins the processes that torchrun started.
+
+    Raises:
+        TrainingError: a GPU is demanded where there is none.
+    """
+    rank, world = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
+    device = find_device(config.device)
+    if device.type == "cuda":
+        device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0)))
+        torch.cuda.set_device(device)
+    if world > 1:
+        distributed.init_process_group("nccl" if device.type == "cuda" else "gloo")
+    try:
+        yield Place(device, _dtype(config.precision, device), rank, world)
+    finally:
+        if world > 1:
+            distributed.destroy_process_group()
+
+
+def find_device(wanted: str) -> torch.device:
+    """A device by name, or the best there is for `auto`.
+
+    Raises:
+        TrainingError: a GPU is demanded where there is none.
+    """
+    if wanted == "cuda" and not torch.cuda.is_available():
+        raise TrainingError(
+            "device is cuda, but torch finds no GPU here; write `device: auto`, or install torch for CUDA"
+        )
+    if wanted == "auto":
+        wanted = "cuda" if torch.cuda.is_available() else "cpu"
+    return torch.device(wanted)
+
+
+def _dtype(precision: str, device: torch.device) -> torch.dtype:
+    if precision != "auto":
+        return getattr(torch, precision)
+    if device.type == "cuda":
+        return torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float16
+    matrices = getattr(torch.cpu, "_is_amx_tile_supported", None)
+    return torch.bfloat16 if matrices is not None and matrices() else torch.float32
+
+
+@contextlib.contextmanager
+def memory_explained(config: TrainConfig) -> Iterator[None]:
+    """Turn running out of memory into one line that says which setting to lower."""
+    try:
+        yield
+    except (MemoryError, RuntimeError) as error:
+        words = str(error).lower()
+        full = isinstance(error, MemoryError | torch.OutOfMemoryError)
+        if not full and "out of memory" not in words and "can't allocate memory" not in words:
+            raise
+        lower = "`batch_size`" if config.batch_size > 1 else "`model: {max_cells: …}` or the range `low_m`, `high_m`"
+        raise TrainingError(
+            f"out of memory with batch_size {config.batch_size}; lower {lower}, then run the same command again: "
+            "it goes on from the last checkpoint"
+        ) from error

@@ -1,0 +1,66 @@
+"""What a training writes down as it goes: `log.jsonl`, and TensorBoard's events where that is installed."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+from typing import Any
+
+from cosim.drive_writer import explained
+
+
+class TrainingLog:
+    """One line a logged step or validation; lines of steps that a resumed run repeats are dropped.
+
+    Args:
+        folder: of the training.
+        step: that it goes on from.
+    """
+
+    def __init__(self, folder: Path, step: int) -> None:
+        self._path = folder / "log.jsonl"
+        self._board = _board(folder / "tensorboard", step)
+        with explained(self._path):
+            kept = [entry for entry in read_log(folder) if entry["step"] <= step]
+            self._path.write_text("".join(json.dumps(entry) + "\n" for entry in kept), encoding="utf-8")
+
+    def write(self, step: int, **values: Any) -> None:
+        """Add a line; numbers also go to TensorBoard."""
+        with explained(self._path), self._path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"step": step, **values}) + "\n")
+        if self._board is not None:
+            for name, value in _flat(values):
+                self._board.add_scalar(name, value, step)
+
+    def close(self) -> None:
+        """Finish the events."""
+        if self._board is not None:
+            self._board.close()
+
+
+def read_log(folder: Path) -> list[dict[str, Any]]:
+    """The entries of a training's log; a last line torn by an interruption is left out."""
+    path = folder / "log.jsonl"
+    if not path.is_file():
+        return []
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    return [json.loads(line) for line in lines if line.endswith("\n") and line.strip()]
+
+
+def _board(folder: Path, step: int) -> Any:
+    if importlib.util.find_spec("tensorboard") is None:
+        return None
+    from torch.utils.tensorboard import SummaryWriter
+
+    return SummaryWriter(str(folder), purge_step=step + 1)
+
+
+def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, float]]:
+    flat = []
+    for name, value in values.items():
+        if isinstance(value, dict):
+            flat += _flat(value, f"{prefix}{name}/")
+        elif isinstance(value, int | float):
+            flat.append((prefix + name, float(value)))
+    return flat

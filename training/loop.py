@@ -1,0 +1,192 @@
+"""The training loop: reads from top to bottom."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import nn
+from torch.nn.parallel import DistributedDataParallel
+
+from training.checkpoints import load_weights, read_checkpoint, save_checkpoint
+from training.config import TrainConfig
+from training.data.batch import Batch
+from training.data.dataset import AugmentedFrames, Steps, load
+from training.data.frame import Sample
+from training.devices import Place, memory_explained
+from training.errors import TrainingError
+from training.logs import TrainingLog
+from training.models.build import build_detector
+from training.models.detector import Detector
+from training.schedule import OneCycle
+
+CHECKPOINT = "checkpoint.pt"
+_FREE = {"out", "device", "precision", "workers", "checkpoint_every", "log_every", "validate_every", "validate_on"}
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where a training is.
+
+    Attributes:
+        step, steps: done, and in all.
+        epoch: begun, from 1.
+        losses: of the last step, by name.
+    """
+
+    step: int
+    steps: int
+    epoch: int
+    losses: dict[str, float]
+
+
+class Training:
+    """A training that can be stopped at any time and goes on as if it had not been.
+
+    Args:
+        config: what to do.
+        samples: frames to learn from.
+        folder: of checkpoints and logs.
+        place: this process.
+        validate: scores the detector, for the log; nothing by default.
+        on_step: told after every step.
+    """
+
+    def __init__(
+        self,
+        config: TrainConfig,
+        samples: list[Sample],
+        folder: Path,
+        place: Place,
+        validate: Callable[[Detector], dict[str, Any]] = lambda detector: {},
+        on_step: Callable[[Moment], None] = lambda moment: None,
+    ) -> None:
+        self._config, self._folder, self._place = config, folder, place
+        self._validate, self._on_step = validate, on_step
+        self._frames = AugmentedFrames(samples, config.augment, config.classes, config.seed)
+        self._order = Steps(len(samples), config.batch_size, config.seed, place.rank, place.world)
+        self._steps = config.epochs * self._order.per_epoch
+        torch.manual_seed(config.seed)
+        self.detector = build_detector(config.model, config.classes)
+        if config.from_checkpoint is not None:
+            load_weights(self.detector, config.from_checkpoint, config.classes)
+        self.detector.to(place.device)
+        self._freeze()
+        learning = [parameter for parameter in self.detector.parameters() if parameter.requires_grad]
+        self._optimiser = torch.optim.AdamW(learning, config.learning_rate, weight_decay=config.weight_decay)
+        self._scaler = torch.amp.GradScaler(place.device.type, enabled=place.dtype == torch.float16)
+        self._schedule = OneCycle(config.learning_rate, self._steps)
+
+    def run(self) -> Detector:
+        """Train to the end.
+
+        Raises:
+            TrainingError: the folder holds another training, or memory runs out.
+        """
+        begin = self._resume()
+        model = self._joined()
+        log = TrainingLog(self._folder, begin) if self._place.first else None
+        batches = load(self._frames, self._order, begin, self._steps, self._config.workers)
+        since = time.monotonic()
+        with memory_explained(self._config):
+            for step in range(begin, self._steps):
+                batch = next(batches).to(self._place.device)
+                losses = self._step(model, batch, step)
+                done = step + 1
+                epoch = -(-done // self._order.per_epoch)
+                if log is None:
+                    continue
+                if done % self._config.log_every == 0 or done == self._steps:
+                    rate = self._optimiser.param_groups[0]["lr"]
+                    seconds = round(time.monotonic() - since, 3)
+                    log.write(done, epoch=epoch, learning_rate=rate, losses=losses, seconds=seconds)
+                self._on_step(Moment(done, self._steps, epoch, losses))
+                whole = done % self._order.per_epoch == 0
+                if whole and (epoch % self._config.validate_every == 0 or done == self._steps):
+                    scores = self._validate(self.detector)
+                    if scores:
+                        log.write(done, epoch=epoch, validation=scores)
+                if whole or done % self._config.checkpoint_every == 0:
+                    self._save(done)
+        if log is not None:
+            log.close()
+        return self.detector
+
+    def _step(self, model: nn.Module, batch: Batch, step: int) -> dict[str, float]:
+        torch.manual_seed((self._config.seed * 1_000_003 + step * self._place.world + self._place.rank) % 2**63)
+        rate, beta = self._schedule.at(step)
+        for group in self._optimiser.param_groups:
+            group["lr"], group["betas"] = rate, (beta, 0.99)
+        self._set_training()
+        with self._place.autocast():
+            losses = model(batch)
+        total = torch.stack(list(losses.values())).sum()
+        if not torch.isfinite(total):
+            raise TrainingError(
+                f"the loss of step {step + 1} is {total.item()}; lower learning_rate, or precision: float32"
+            )
+        self._optimiser.zero_grad(set_to_none=True)
+        self._scaler.scale(total).backward()
+        self._scaler.unscale_(self._optimiser)
+        nn.utils.clip_grad_norm_(self.detector.parameters(), self._config.gradient_norm)
+        self._scaler.step(self._optimiser)
+        self._scaler.update()
+        return {name: value.item() for name, value in losses.items()} | {"total": total.item()}
+
+    def _joined(self) -> nn.Module:
+        if self._place.world == 1:
+            return self.detector
+        ids = [self._place.device.index] if self._place.device.type == "cuda" else None
+        return DistributedDataParallel(self.detector, device_ids=ids, find_unused_parameters=True)
+
+    def _set_training(self) -> None:
+        self.detector.train()
+        for name in self._config.freeze:
+            self.detector.get_submodule(name).eval()
+
+    def _freeze(self) -> None:
+        for name in self._config.freeze:
+            try:
+                part = self.detector.get_submodule(name)
+            except AttributeError:
+                parts = ", ".join(child for child, _ in self.detector.named_children())
+                raise TrainingError(f"freeze names {name!r}; parts of {self._config.model.name} are {parts}") from None
+            part.requires_grad_(False)
+
+    def _resume(self) -> int:
+        """Steps done before; fills in weights and optimiser."""
+        path = self._folder / CHECKPOINT
+        if not path.is_file():
+            return 0
+        content = read_checkpoint(path)
+        before, now = content.get("config", {}), _decisive(self._config)
+        changed = [key for key in now if before.get(key) != now[key]]
+        if changed or content.get("world") != self._place.world:
+            what = f"{changed[0]} was {before.get(changed[0])}" if changed else f"with {content.get('world')} processes"
+            raise TrainingError(f"{self._folder} holds a training with other settings ({what}); choose another --out")
+        self.detector.load_state_dict(content["weights"])
+        self._optimiser.load_state_dict(content["optimiser"])
+        self._scaler.load_state_dict(content["scaler"])
+        return int(content["step"])
+
+    def _save(self, step: int) -> None:
+        save_checkpoint(
+            self._folder / CHECKPOINT,
+            self.detector,
+            self._config.model,
+            self._config.classes,
+            optimiser=self._optimiser.state_dict(),
+            scaler=self._scaler.state_dict(),
+            step=step,
+            config=_decisive(self._config),
+            world=self._place.world,
+        )
+
+
+def _decisive(config: TrainConfig) -> dict[str, Any]:
+    """The settings that decide the losses."""
+    return config.model_dump(mode="json", exclude=_FREE)
