@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,6 +16,8 @@ from sensors.pattern import Pattern
 from sensors.rays import Rays
 from sensors.returns import Returns
 from sensors.world import Traced, World
+
+_T = TypeVar("_T")
 
 
 class Shot:
@@ -28,6 +32,7 @@ class Shot:
         camera: what the grayscale camera saw at the pose time; None where no image is at hand.
         frame_time_s: pose time of the frame.
         before: (n,) intensity of the return of the beam fired before each in its ring, where that was measured.
+        whole: the whole revolution, where these beams are only some of it.
     """
 
     def __init__(
@@ -41,6 +46,7 @@ class Shot:
         camera: CameraView | None = None,
         frame_time_s: float = 0.0,
         before: np.ndarray | None = None,
+        whole: Shot | None = None,
     ) -> None:
         self.pattern = pattern
         self.rays = rays
@@ -50,6 +56,14 @@ class Shot:
         self.camera = camera
         self.frame_time_s = frame_time_s
         self.before = before
+        self.whole = whole
+        self._kept: dict[str, Any] = {}
+
+    def kept(self, name: str, make: Callable[[], _T]) -> _T:
+        """What an effect worked out of this revolution before, or makes now."""
+        if name not in self._kept:
+            self._kept[name] = make()
+        return self._kept[name]
 
     @property
     def hits(self) -> Hits:

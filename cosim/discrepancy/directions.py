@@ -12,7 +12,7 @@ from cosim.discrepancy.fitting import Fitted, Fitter
 from cosim.discrepancy.gate import Direction
 from cosim.discrepancy.likelihood import judge
 from cosim.discrepancy.system import Column
-from sensors.effects.base import Effect, ScanEffect
+from sensors.effects.base import Effect
 
 _LEVERAGE = 4.0
 
@@ -74,7 +74,7 @@ def _told(
         for name, value in weak.model_dump().items()
         if isinstance(value, float) and name != amplitude
     )
-    if isinstance(weak, ScanEffect) or not amplitude:
+    if type(weak).density is not Effect.density or not amplitude:
         found = judge(sample, after, shift=fitter.shift(fitted.pose)).loglik
         gain = sample.weight / sample.weight.mean() * (found - fitted.fit.loglik)
         if np.any(gain):

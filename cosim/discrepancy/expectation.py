@@ -69,7 +69,7 @@ def expect(effects: Sequence[Effect], shot: Shot) -> Expectation:
         elif isinstance(effect, ScanEffect):
             silent = 1 - _answering(seen, returns) if silent is None else silent
             kept = effect.survival(returns, shot)
-            if type(effect).density is ScanEffect.density:  # takes returns away and puts nothing in their place
+            if type(effect).density is Effect.density:  # takes returns away and puts nothing in their place
                 silent[returns.beam] += seen[returns.beam] * (1 - kept)
             else:
                 silent *= effect.silence(shot)

@@ -167,7 +167,8 @@ class FrameReplay:
 
     def _left(self, effects: tuple[Effect, ...]) -> Beams:
         """The sample's beams as beam effects let them leave."""
-        before = Shot(self._shot.pattern, self._nominal, world=self._shot.world, frame_time_s=self._shot.frame_time_s)
+        whole = self._shot
+        before = Shot(whole.pattern, self._nominal, world=whole.world, frame_time_s=whole.frame_time_s, whole=whole)
         streams = Streams(np.random.default_rng(0))
         return act_on_beams(effects, Beams.nominal(self._nominal), before, streams, "replayed")
 
@@ -194,6 +195,7 @@ class FrameReplay:
             world=world,
             frame_time_s=time_s,
             before=self.previous_intensity,
+            whole=self._shot,
         )
 
     @staticmethod

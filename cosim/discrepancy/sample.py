@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.discrepancy.frames import TracedFrame
 from cosim.discrepancy.replay import FrameReplay
-from sensors.effects.base import Effect, ScanEffect
+from sensors.effects.base import Effect
 from sensors.hits import NOTHING, STATIC
 
 CELL_M = 5.0
@@ -134,7 +134,7 @@ def _predict(replay: FrameReplay, effects: tuple[Effect, ...], measured_m: np.nd
     stray = np.zeros(len(measured_m))
     rows = np.flatnonzero(~np.isnan(measured_m))
     for effect in effects:
-        if isinstance(effect, ScanEffect):
+        if type(effect).density is not Effect.density:
             stray[rows] += effect.density(rows, measured_m[rows] - along[rows], shot)
     return (
         found.range_m + along,

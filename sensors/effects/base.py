@@ -84,6 +84,10 @@ class Effect(BaseModel):
     is_candidate: ClassVar[bool] = True
     source: ClassVar[str] = ""  # where a user's effect was loaded from, as sensor files name it
 
+    def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
+        """Probability per metre (k,) that it puts a return of `beam` (k,) at `range_m` (k,), with nothing in front."""
+        return np.zeros(len(beam))
+
     @classmethod
     def taxonomy_link(cls) -> str:
         """Address of its node in LidarLimbs (Linnhoff et al., ITSC 2021); empty where it has none."""
@@ -207,10 +211,6 @@ class ScanEffect(Effect):
     def silence(self, shot: Shot) -> np.ndarray:
         """Chance (n,) of each beam that no surface answers to get no return from here either."""
         return np.ones(len(shot.rays))
-
-    def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
-        """Probability per metre (k,) that it puts a return of `beam` (k,) at `range_m` (k,), with nothing in front."""
-        return np.zeros(len(beam))
 
 
 class LabelEffect(Effect):

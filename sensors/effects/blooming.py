@@ -9,10 +9,12 @@ from scipy.spatial import KDTree
 
 from sensors.effects.base import ScanEffect, number
 from sensors.effects.phases import Phase
+from sensors.effects.reflection import normal_density
 from sensors.returns import Returns
 from sensors.shot import Shot
 
 _LEAK = 0.3
+_BLUR_M = 0.1  # of a reflector's range, by poses
 
 
 class Blooming(ScanEffect):
@@ -56,3 +58,27 @@ class Blooming(ScanEffect):
         return returns.replacing_beams(
             Returns.spurious(beam, glow.range_m, np.float32(_LEAK) * glow.intensity, glow.material)
         )
+
+    def survival(self, returns: Returns, shot: Shot) -> np.ndarray:
+        """0 where a halo covers what stands farther."""
+        glow_m = self._glow(shot)[returns.beam]
+        return 1.0 - (returns.range_m > glow_m)
+
+    def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
+        """At the reflector's range."""
+        return normal_density(range_m - self._glow(shot)[beam], _BLUR_M)
+
+    def _glow(self, shot: Shot) -> np.ndarray:
+        """Range (n,) of the reflector in whose halo each beam lies, by bare reflectance; inf where there is none."""
+
+        def make() -> tuple[np.ndarray, np.ndarray]:
+            whole = shot.whole or shot
+            solids = whole.solids
+            source = solids.take(whole.is_material("retro", solids) & (solids.reflectance > self.threshold))
+            if not len(source):
+                return np.full(len(shot.rays), np.inf), np.full(len(shot.rays), np.inf)
+            chord, nearest = KDTree(whole.rays.direction[source.beam]).query(shot.rays.direction)
+            return 2 * np.degrees(np.arcsin(np.minimum(chord / 2, 1))), source.range_m[nearest].astype(np.float64)
+
+        apart_deg, range_m = shot.kept(f"reflectors above {self.threshold}", make)
+        return np.where((apart_deg > 0) & (apart_deg <= self.radius_deg), range_m, np.inf)

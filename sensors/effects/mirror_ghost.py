@@ -8,9 +8,11 @@ import numpy as np
 
 from sensors.effects.base import EchoEffect, number
 from sensors.effects.phases import Phase
-from sensors.effects.reflection import mirrored_returns
+from sensors.effects.reflection import mirrored_returns, normal_density
 from sensors.returns import Returns
 from sensors.shot import Shot
+
+_BLUR_M = 0.1  # of images, by poses and by how flat the mirror is
 
 
 class MirrorGhost(EchoEffect):
@@ -42,9 +44,24 @@ class MirrorGhost(EchoEffect):
         return returns.replacing_beams(ghosts)
 
     def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
-        """All returns; mirrored beams are taken to meet something."""
-        mirrors = self._on_metal(returns, shot) | np.isin(returns.beam, shot.panes.beam)
-        return returns, 1 - self.strength * mirrors
+        """All returns, and their chances not to be mirrored."""
+        return returns, 1 - self.strength * np.isin(returns.beam, self._images(shot).beam)
+
+    def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
+        """Where the mirrored scene stands."""
+        images = self._images(shot)
+        image_m = np.full(len(shot.rays), np.inf)
+        image_m[images.beam] = images.range_m
+        return self.strength * normal_density(range_m - image_m[beam], _BLUR_M)
+
+    def _images(self, shot: Shot) -> Returns:
+        """What all beams on glass or metal would see mirrored."""
+
+        def make() -> Returns:
+            metal = shot.solids.take(self._on_metal(shot.solids, shot))
+            return mirrored_returns(metal.merged(shot.panes), shot, shot.pattern.range_m[1])[0]
+
+        return shot.kept("mirror images", make)
 
     @staticmethod
     def _on_metal(returns: Returns, shot: Shot) -> np.ndarray:

@@ -35,3 +35,8 @@ def mirrored_returns(mirrors: Returns, shot: Shot, leg_m: float) -> tuple[Return
     met = surface.take(rows)
     intensity = shot.hits.reflectance(met)
     return Returns.spurious(mirrors.beam[rows], folded[rows], intensity, met.material), seen
+
+
+def normal_density(apart_m: np.ndarray, sigma_m: float) -> np.ndarray:
+    """Density [1/m] of a normal deviate; 0 infinitely far away."""
+    return np.exp(-0.5 * (apart_m / sigma_m) ** 2) / (sigma_m * np.sqrt(2 * np.pi))
