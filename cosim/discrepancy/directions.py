@@ -78,7 +78,10 @@ def _told(
         found = judge(sample, after, shift=fitter.shift(fitted.pose)).loglik
         gain = sample.weight / sample.weight.mean() * (found - fitted.fit.loglik)
         if np.any(gain):
-            yield Direction(weak.name, label, amplitude, Column({}), weak, place, True, gain)
+            strays = float(sample.weight @ (sample.returned & (fitted.fit.matched < 0.5)))
+            kept = float(sample.weight @ (fitted.prediction.seen - after.seen))
+            added = max(kept, 0.0) / step
+            yield Direction(weak.name, label, amplitude, Column({}), weak, place, True, gain, added, strays)
         return
     delta: dict[Quantity, np.ndarray] = {
         name: _bounded(values / step) for name, values in change(fitted.prediction, after).items()

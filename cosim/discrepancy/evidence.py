@@ -16,6 +16,7 @@ from cosim.discrepancy.sample import Prediction, Sample
 
 Quantity = Literal["range", "rise", "intensity", "range_variance", "intensity_variance", "drop"]
 QUANTITIES: tuple[Quantity, ...] = ("range", "rise", "intensity", "range_variance", "intensity_variance", "drop")
+ROUNDED_M = 6e-4  # to which coordinates may be stored
 _MEAN_INFORMATION = (NU + 1) / (NU + 3) * NU / (NU - 2)
 _SPREAD_INFORMATION = 2.0  # of a Gaussian: of d log σ, E[(z² − 1)²]; and E[z² − 1] grows by 2 a unit of it
 _MOST_SQUARED = 100.0

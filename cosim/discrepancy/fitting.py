@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
-from cosim.discrepancy.evidence import Evidence, Quantity, change
+from cosim.discrepancy.evidence import ROUNDED_M, Evidence, Quantity, change
 from cosim.discrepancy.hard_limits import is_searched, searched
 from cosim.discrepancy.likelihood import Fit, judge
 from cosim.discrepancy.sample import Prediction, Sample
@@ -25,7 +25,6 @@ _POSE_MOST = np.array([0.5] * 3 + [np.radians(3.0)] * 3)
 _GAIN_M = 1e-3  # log-likelihood that a step must still bring
 _STEPS = 12
 _HALVINGS = 6
-_ROUNDED_M = 6e-4
 _FAR_M, _FINE_M = 3.0, 0.01
 _ROUGH, _ROUGH_SHARE = 8.0, 0.985
 
@@ -175,7 +174,7 @@ class Fitter:
     def evidence(self, prediction: Prediction, pose: np.ndarray | None = None, blur: float = 0.0) -> Evidence:
         """The evidence at a prediction, for tests: with a standard deviation of `blur` [m] added to every range."""
         shift = None if pose is None else self.shift(pose)
-        return Evidence.of(self.sample, judge(self.sample, prediction, blur, shift), blur, _ROUNDED_M)
+        return Evidence.of(self.sample, judge(self.sample, prediction, blur, shift), blur, ROUNDED_M)
 
     def _descend(
         self,

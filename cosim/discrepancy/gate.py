@@ -39,6 +39,7 @@ class Direction:
         start: the effect, weakly on.
         place: where it stands among the sensor's effects, if it is there already.
         one_sided: whether only a positive amplitude makes sense.
+        added, strays: of forms with a gain: how many strays a unit of the amplitude adds, and how many there are.
         gain: (n,) what the weak form adds to every beam's log-likelihood: for effects that replace the answering
             surface, which no slope tells of.
     """
@@ -51,6 +52,13 @@ class Direction:
     place: int | None = None
     one_sided: bool = False
     gain: np.ndarray | None = None
+    added: float = 0.0
+    strays: float = 0.0
+
+    def countable(self, deviates: float) -> float:
+        """Amplitude whose strays stand out of a Poisson count by so many deviates; NaN where it adds none."""
+        needed = deviates * np.sqrt(self.strays) + deviates**2
+        return float(needed / self.added) if self.added > 0 else float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +152,8 @@ def run_gate(
     values, p_values, critical = _signs(sums, rng)
     found = []
     for one, value, p in zip(sums, values, p_values, strict=True):
-        error = np.sqrt(max((one.track**2).sum(), (one.scan**2).sum())) / max(one.information, 1e-300)
         # Of a group of rings the same amplitude in all is meant.
-        smallest = (critical + _Z80) * error if one.direction.amplitude else np.nan
+        smallest = _smallest(one, critical + _Z80) if one.direction.amplitude else np.nan
         found.append(Statistic(one.direction, one.quantity, float(value), float(p), float(smallest)))
     found.sort(key=lambda one: -one.value)
     return Verdict(tuple(found), min(one.p_value for one in found))
@@ -234,8 +241,24 @@ def _signs(sums: Sequence[_Sums], rng: np.random.Generator) -> tuple[np.ndarray,
 
 
 def _gained(direction: Direction, gain: np.ndarray, track: np.ndarray, scan: np.ndarray) -> _Sums:
-    by_track, by_scan = (np.bincount(cluster, gain)[:, None] for cluster in (track, scan))
+    """Gains by cluster, large ones as their logarithms: a single ghost of many beams must not drown all others.
+
+    An odd function of sums whose signs are random leaves their signs random.
+    """
+    by_track, by_scan = (_compressed(np.bincount(cluster, gain))[:, None] for cluster in (track, scan))
     return _Sums(direction, "likelihood", by_track, by_scan, float(gain @ gain), by_scan[:, 0])
+
+
+def _smallest(one: _Sums, deviates: float) -> float:
+    """Amplitude at which the statistic would be expected at so many deviates."""
+    if one.direction.gain is not None:
+        return one.direction.countable(deviates)
+    error = np.sqrt(max((one.track**2).sum(), (one.scan**2).sum())) / max(one.information, 1e-300)
+    return max(float(deviates * error), one.direction.column.resolved(one.quantity))
+
+
+def _compressed(gain: np.ndarray) -> np.ndarray:
+    return np.sign(gain) * np.log1p(np.abs(gain))
 
 
 def _drifting(sums: _Sums) -> _Sums:
