@@ -33,7 +33,7 @@ _LOG = logging.getLogger(__name__)
 _QUICK_ROWS = 20_000
 _COARSE_M = 0.25
 _FEWEST_PARTS = 120
-_MOST_EFFECTS = 5
+_MOST_EFFECTS = 12
 _ALIKE_BIC = 10.0
 _CLEARLY_THERE = 5.0
 _CLEARLY_MORE = 1.15  # times the gain of the best candidate must be an unknown shape's
@@ -253,7 +253,7 @@ class Detective:
         found = directions(fitter, null, self._kinds, self._model.fitted)
         promising = shortlist(fitter, null, found, look.verdict)
         self._say(f"fitting {', '.join(promising)}")
-        ranked = [fit_candidate(fitter, null, starts) for starts in promising.values()]
+        ranked = [fit_candidate(fitter, null, starts, self._model.fitted) for starts in promising.values()]
         ranked.sort(key=lambda one: -one.delta_bic)
         ranked = judged_anew(ranked, fitter, null, self._traced)
         ranked += [one.ranked(look.fitter, look.fitted) for one in look.lattices]

@@ -36,7 +36,7 @@ class Evidence:
         Points within `rounded_m` of their beam count as on it: coordinates are stored to so much.
         """
         weight = sample.weight / sample.weight.mean()
-        matched = weight * fit.matched
+        matched, returned = weight * fit.matched, weight * sample.returned
         rise_sigma = np.hypot(RISE_SIGMA_M, rise_blur)
         variance = fit.seen * (1 - fit.seen)
         possible = variance > 0
@@ -47,13 +47,13 @@ class Evidence:
         binary = np.where(possible, weight / np.where(possible, variance, 1), 0.0)
         score: dict[Quantity, np.ndarray] = {
             "range": matched * pull(fit.range_z) / fit.range_sigma_m,
-            "rise": matched * pull(fit.rise_z) / rise_sigma * (np.abs(fit.rise_z) * rise_sigma > rounded_m),
+            "rise": returned * pull(fit.rise_z) / rise_sigma * (np.abs(fit.rise_z) * rise_sigma > rounded_m),
             "range_variance": paired * _spread_excess(range_gap),
             "drop": binary * (fit.matched - fit.seen),
         }
         information: dict[Quantity, np.ndarray] = {
             "range": matched * _MEAN_INFORMATION / fit.range_sigma_m**2,
-            "rise": matched * _MEAN_INFORMATION / rise_sigma**2,
+            "rise": returned * _MEAN_INFORMATION / rise_sigma**2,
             "range_variance": paired * _SPREAD_INFORMATION,
             "drop": binary,
         }
@@ -73,7 +73,7 @@ def change(before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:
     # A change of reported centre moves points along and across; what was measured stays.
     found: dict[Quantity, np.ndarray] = {
         "range": np.where(both, after.range_m - before.range_m, 0.0),
-        "rise": np.where(both, after.rise_m - before.rise_m, 0.0),
+        "rise": np.nan_to_num(after.rise_m - before.rise_m),
         "intensity": after.intensity - before.intensity,
         "range_variance": np.log(_floored(after.range_sigma_m) / _floored(before.range_sigma_m)),
         "intensity_variance": np.log(

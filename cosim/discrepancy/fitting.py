@@ -161,7 +161,7 @@ class Fitter:
     def roughness(self, prediction: Prediction, pose: np.ndarray | None = None) -> float:
         """How far off ranges are where they are far off [m]; 0 where all are within a few standard deviations."""
         mean = prediction.range_m if pose is None else prediction.range_m + self.shift(pose)
-        gap = np.abs(self.sample.along_m - mean)
+        gap = np.where(self.sample.compared, np.abs(self.sample.along_m - mean), np.nan)
         near = np.isfinite(gap) & (gap < _FAR_M)
         if not near.any():
             return 0.0

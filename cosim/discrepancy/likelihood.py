@@ -3,6 +3,8 @@
 A beam returns from the surface it meets with probability `seen`; then its range scatters with heavy tails
 (Student-t of 5 degrees of freedom scaled to the stated standard deviation). It may also return from elsewhere,
 with a small uniform density on top of what scan effects say. Intensities count as far as the return is the surface's.
+Where a return stands above its beam tells of the sensor whatever surface it was, so it counts for every return, and is
+all that counts of beams that cannot be compared with the twin.
 """
 
 from __future__ import annotations
@@ -64,15 +66,17 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.nda
     z = np.where(returned & np.isfinite(mean), (sample.along_m - mean) / sigma, 0.0)
     z = np.nan_to_num(z)
     seen = np.where(np.isfinite(mean), _LOST_SHARE + (1 - 2 * _LOST_SHARE) * expected.seen, 0.0)
+    seen = np.where(sample.compared, seen, 0.0)
     surface = seen * np.exp(student(z)) / sigma
     elsewhere = _STRAY_SHARE / _REACH_M + expected.stray
     density = surface + elsewhere
     loglik = np.where(returned, np.log(density), np.log(np.maximum(expected.silent, _LOST_SHARE)))
+    loglik = np.where(sample.compared, loglik, 0.0)
     matched = np.where(returned, surface / density, 0.0)
 
     rise = np.nan_to_num(sample.above_m - expected.rise_m)
     rise_z = np.where(returned, rise / np.hypot(RISE_SIGMA_M, blur), 0.0)
-    loglik += matched * student(rise_z)
+    loglik += np.where(returned, student(rise_z), 0.0)
     spread = np.sqrt(expected.intensity_sigma**2 + INTENSITY_FLOOR**2)
     intensity_z, bright = np.zeros(len(z)), np.zeros(len(z))
     if sample.has_intensity:

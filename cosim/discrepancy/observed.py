@@ -48,7 +48,8 @@ class Observed:
 
     def range_from(self, origin: np.ndarray) -> np.ndarray:
         """Measured ranges (n,) from reported optical centres (n, 3) in LiDAR axes."""
-        return self.along_m - np.einsum("ij,ij->i", origin, self.rays.direction)
+        along = self.along_m - np.einsum("ij,ij->i", origin, self.rays.direction)
+        return np.hypot(along, self.rise_from(origin)) if self.recovered else along
 
     def rise_from(self, origin: np.ndarray) -> np.ndarray:
         """How far points stand above their beams (n,) [m], if these leave from `origin` (n, 3)."""

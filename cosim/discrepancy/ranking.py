@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ _SHORTLIST = 6
 _OUTSTANDING = 3
 _LIKE_POSES = 0.2
 _RETRACED = 3
+_ENTANGLED = 0.25  # share of a candidate's information
 _STRANGE_SHARE = 3e-3
 _STARTS = 2
 _STEPS = 10
@@ -67,20 +68,59 @@ def shortlist(
     return {name: [direction for _, direction in best[name][:_STARTS]] for name in names}
 
 
-def fit_candidate(fitter: Fitter, fitted: Fitted, starts: Sequence[Direction]) -> Ranked:
-    """The best fit of one effect from several starts, the other effects as they are."""
+def fit_candidate(fitter: Fitter, fitted: Fitted, starts: Sequence[Direction], settled: Collection[int] = ()) -> Ranked:
+    """The best fit of one effect from several starts.
+
+    Args:
+        fitter: of the sample.
+        fitted: the model as it stands.
+        starts: directions to start from.
+        settled: places of effects that have been fitted before: those that could have taken up what the candidate
+            does are fitted along, the others stay as they are.
+    """
     best: Ranked | None = None
     rows = float(len(fitter.sample))
+    along = entangled(fitter, fitted, starts[0], settled)
+    before = _refitted(fitter, fitted, along) if along else fitted
     for start in starts:
         effects, place = _started(fitter, fitted, start)
         mine = all_free(effects, [place], fitter.rings)
-        result = fitter.fit(effects, mine, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=_STEPS)
+        free = (*mine, *all_free(effects, [one for one in along if one != place], fitter.rings))
+        result = fitter.fit(effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=_STEPS)
         count = sum(one.unknown.rings for one in mine)
-        delta = 2 * (result.loglik - fitted.loglik) - count * np.log(rows)
+        delta = 2 * (result.loglik - before.loglik) - count * np.log(rows)
         if best is None or delta > best.delta_bic:
             best = Ranked(start.effect, result, place, float(delta), count)
     assert best is not None  # there is a start
     return best
+
+
+def entangled(fitter: Fitter, fitted: Fitted, direction: Direction, settled: Collection[int]) -> tuple[int, ...]:
+    """Those of the settled effects that make a good part of the changes that a direction makes."""
+    rows, information = len(fitter.sample), fitted.evidence.information
+    found = []
+    for place in settled:
+        free = all_free(fitted.effects, [place], fitter.rings)
+        present = fitter.columns(fitted.effects, free, fitted.prediction)
+        for quantity in direction.column.delta:
+            own = direction.column.matrix(quantity, rows)
+            basis = sparse.hstack([column.matrix(quantity, rows) for column in present], format="csr")
+            if quantity not in information or not basis.nnz:
+                continue
+            weighted = sparse.diags(information[quantity]) @ own
+            total = float(own.multiply(weighted).sum())
+            matrix, shared = (basis.T @ sparse.diags(information[quantity]) @ basis).toarray(), basis.T @ weighted
+            matrix += np.diag(1e-9 * np.diag(matrix) + 1e-12)
+            explained = float((shared.toarray() * np.linalg.solve(matrix, shared.toarray())).sum())
+            if total > 0 and explained > _ENTANGLED * total:
+                found.append(place)
+                break
+    return tuple(found)
+
+
+def _refitted(fitter: Fitter, fitted: Fitted, places: Sequence[int]) -> Fitted:
+    free = all_free(fitted.effects, places, fitter.rings)
+    return fitter.fit(fitted.effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=_STEPS)
 
 
 def judged_anew(
@@ -92,7 +132,8 @@ def judged_anew(
     hold on to, and whatever makes stray returns would look better than the truth. Beams at an edge of either world
     are left out, for all candidates alike.
     """
-    strange = fitter.sample.weight @ (fitter.sample.returned & (fitted.fit.matched < 0.5))
+    odd = fitter.sample.returned & fitter.sample.compared & (fitted.fit.matched < 0.5)
+    strange = fitter.sample.weight @ odd
     tilting = [one for one in ranked if isinstance(one.fitted.effects[one.place], BeamEffect)][:_RETRACED]
     if strange < _STRANGE_SHARE * fitter.sample.weight.sum() or not tilting:
         return list(ranked)
@@ -104,7 +145,7 @@ def judged_anew(
         # The pose errors' own share is small beside what other surfaces change.
         prediction = anew.sample.predict(one.fitted.effects)
         rows[one.effect] = judge(anew.sample, prediction, shift=anew.shift(one.fitted.pose)).loglik
-        keep &= ~anew.sample.edge
+        keep &= ~anew.sample.edge & (anew.sample.compared == fitter.sample.compared)
     found = []
     for one in ranked:
         gained = float((weight * (rows[one.effect] - fitted.fit.loglik))[keep].sum())

@@ -106,6 +106,7 @@ class FrameReplay:
         self._shot, self._ego, self._rows = frame.shot, frame.ego, beams
         self._nominal = _rows(frame.observed.rays, beams)
         self._calibrated = frame.observed.recovered
+        self._along_m = frame.observed.along_m[beams].astype(np.float64)
         hits = frame.shot.hits
         self._solid = hits.solid.take(beams)
         self._met = Planes.of(frame, beams, self._solid)
@@ -133,12 +134,14 @@ class FrameReplay:
         above = np.einsum("ij,ij->i", origin, upwards(direction))
         found = expect(effects, shot)
         if self._calibrated:
-            # Points stand where the unit's calibration has its lasers look, not along the pattern's beams.
+            # Points stand where the unit's calibration has its lasers look, not along the pattern's beams; how far
+            # above these follows from the measured range, whatever surface it was.
             known = [effect for effect in effects if isinstance(effect, RingElevation)]
             looks = self._left(tuple(known)).direction.astype(np.float64)
+            ahead = np.einsum("ij,ij->i", looks, direction)
+            above = above + (self._along_m - along) / ahead * np.einsum("ij,ij->i", looks, upwards(direction))
             reach = np.nan_to_num(found.range_m)  # a beam into the sky may return all the same: of a drop, at its range
-            along = along + reach * (np.einsum("ij,ij->i", looks, direction) - 1)
-            above = above + reach * np.einsum("ij,ij->i", looks, upwards(direction))
+            along = along + reach * (ahead - 1)
         return found, along, above
 
     def ranges(self, effects: Sequence[Effect], along_m: np.ndarray, above_m: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ CELL_M = 5.0
 _MATCHED_M = 1.0
 _SKY_RAD = 0.1
 _ODD_SHARE = 0.3  # of the sample at most, for beams that return from where nothing is
+_LONE_SHARE = 0.25  # of the sample, for returns that tell of the sensor alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,8 @@ class Sample:
         track: (n,) int what beams share errors with over time: an instance, or a cell of the map.
         pose_derivative: (n, 6) change of range per metre and radian of the LiDAR's pose, in its own axes.
         edge: (n,) bool ambiguous beams.
+        compared: (n,) bool: beams that can be compared with the twin; of others it only tells something where their
+            returns stand above them.
         partner: (n,) int row of the beam fired just before or after at the same surface, −1 where there is none:
             their difference knows nothing of errors that both share.
         ring, material, instance: (n,) int.
@@ -76,6 +79,7 @@ class Sample:
     track: np.ndarray
     pose_derivative: np.ndarray
     edge: np.ndarray
+    compared: np.ndarray
     partner: np.ndarray
     ring: np.ndarray
     azimuth: np.ndarray
@@ -214,6 +218,7 @@ def _choose(
     taken = (first | np.append(False, first[:-1])) & usable
     before = np.append(0.0, chance[:-1])
     beams = np.flatnonzero(taken)
+    lone = _lone(frame, share, rng)
     weight = 1 / (1 - (1 - chance[beams]) * (1 - before[beams]))
     follows = np.append(np.diff(beams) == 1, False)
     after = np.minimum(beams + 1, len(rings) - 1)
@@ -222,7 +227,24 @@ def _choose(
     partner = np.where(
         follows, np.arange(len(beams)) + 1, np.where(np.append(False, follows[:-1]), np.arange(len(beams)) - 1, -1)
     )
-    return beams, weight, partner
+    if not len(lone):
+        return beams, weight, partner
+    weight = np.append(weight, np.full(len(lone), weight.mean() if len(beams) else 1.0))
+    order = np.argsort(np.append(beams, lone))
+    place = np.argsort(order)
+    partner = np.append(np.where(partner >= 0, place[partner], -1), np.full(len(lone), -1))
+    return np.append(beams, lone)[order], weight[order], partner[order]
+
+
+def _lone(frame: TracedFrame, share: int, rng: np.random.Generator) -> np.ndarray:
+    """Some returns that the twin knows nothing of, where points tell which way their beams look: as many a ring."""
+    observed, rings = frame.observed, frame.shot.rays.ring
+    if not observed.recovered:
+        return np.zeros(0, int)
+    beams = np.flatnonzero(observed.returned & ~observed.trusted)
+    count = np.bincount(rings[beams], minlength=256)
+    wanted = _LONE_SHARE * share / max(np.count_nonzero(count), 1)
+    return beams[rng.random(len(beams)) < wanted / count[rings[beams]]]
 
 
 def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
@@ -248,6 +270,7 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
         "intensity": observed.intensity[beams].astype(np.float64),
         "pose_derivative": np.nan_to_num(pose, posinf=0, neginf=0),
         "edge": frame.edge[beams],
+        "compared": observed.trusted[beams],
         "ring": rays.ring[beams].astype(int),
         "azimuth": rays.azimuth[beams].astype(np.float64),
         "time_s": rays.time_s[beams].astype(np.float64),

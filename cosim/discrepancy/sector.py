@@ -16,7 +16,7 @@ _LEAST, _MOST = 0.005, 0.95  # of all beams
 def crowded_sector(sample: Sample, fit: Fit) -> dict[str, float]:
     """Middle and width [°] of the sector whose share of strays stands out most from its share of beams."""
     turn = np.degrees(sample.azimuth) % 360
-    stray = sample.returned & (fit.matched < 0.5)
+    stray = sample.returned & sample.compared & (fit.matched < 0.5)
     if not stray.any():
         return {AZIMUTH: 0.0, WIDTH: 360.0}
     strays, beams = _Share(turn[stray], sample.weight[stray]), _Share(turn, sample.weight)

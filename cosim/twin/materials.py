@@ -33,8 +33,8 @@ class MaterialEntry(BaseModel):
 _FILE = TypeAdapter(dict[str, MaterialEntry])
 
 
-def format_materials(names: Iterable[str]) -> str:
-    """The text of a file with the table's entries for `names`, sorted.
+def format_materials(names: Iterable[str], reflectance: Mapping[str, float] | None = None) -> str:
+    """The text of a file with the table's entries for `names`, sorted; some with a `reflectance` of their own.
 
     Raises:
         FormatError: a name is not in the material table.
@@ -45,7 +45,8 @@ def format_materials(names: Iterable[str]) -> str:
             raise FormatError(f"material {name!r} is not in the table; add it to assets/materials.py")
         row = MATERIALS[name]
         switches = {"retro": row.retro, "metal": row.metal, "road": row.road, "paint": row.paint}
-        entry = {"reflectance": row.reflectance, "albedo": row.albedo, "class": row.kind, **switches}
+        own = (reflectance or {}).get(name, row.reflectance)
+        entry = {"reflectance": own, "albedo": row.albedo, "class": row.kind, **switches}
         entries[name] = MaterialEntry.model_validate(entry).model_dump(by_alias=True)
     return yaml.safe_dump(entries, sort_keys=False, default_flow_style=None, width=200)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from assets.mesh import Mesh
+from cosim.discrepancy.labelled_twin.brightness import Brightness, ground_brightness, painted
 from cosim.discrepancy.labelled_twin.ground_surface import REACH_M, fit_ground
 from cosim.discrepancy.labelled_twin.objects import label_instances
 from cosim.discrepancy.labelled_twin.road_cells import find_road_cells
@@ -33,6 +34,7 @@ class FrameTwin:
         points_trusted: of them, returns of what the twin holds.
         ground_sd_m: robust standard deviation of the ground's points about the fitted surface; NaN without ground.
         objects_without_model: labelled objects of classes that no model stands for.
+        ground_brightness: mean intensity of trusted ground; of no points where there are no intensities.
     """
 
     frame: TwinFrame
@@ -42,6 +44,7 @@ class FrameTwin:
     points_trusted: int
     ground_sd_m: float
     objects_without_model: int
+    ground_brightness: Brightness
 
 
 def make_frame_twin(frame: Frame, pattern: Pattern) -> FrameTwin:
@@ -64,6 +67,10 @@ def make_frame_twin(frame: Frame, pattern: Pattern) -> FrameTwin:
             away = cells.xyz[:, 2] - surface.fitted(cells.xyz[:, :2])
             spread = 1.4826 * float(np.median(np.abs(away)))
     instances, without = label_instances(labels, calibration, world_from_lidar)
+    xyz, brightness = points[:, :3].astype(np.float64) + sensor_m, Brightness(0.0, 0)
+    if frame.has_intensity:
+        brightness = ground_brightness(trust, xyz, points[:, 3])
+        instances = painted(instances, xyz, points[:, 3])
     twin = TwinFrame(
         frame=frame.name,
         time_s=0.0,
@@ -74,8 +81,8 @@ def make_frame_twin(frame: Frame, pattern: Pattern) -> FrameTwin:
         instances=instances,
         static=f"worlds/{frame.name}.glb",
     )
-    trusted = trust.measured(points[:, :3].astype(np.float64) + sensor_m, instances)
-    return FrameTwin(twin, ground, trust, len(points), int(trusted.sum()), spread, without)
+    trusted = trust.measured(xyz, instances)
+    return FrameTwin(twin, ground, trust, len(points), int(trusted.sum()), spread, without, brightness)
 
 
 def _labelled(points: np.ndarray, labels: Labels, calibration: Calibration) -> np.ndarray:

@@ -19,7 +19,7 @@ def label_instances(
     """One instance a labelled object of a class that has models, and how many objects have none.
 
     Boxes stand upright in the camera's axes, as KITTI's do: their tilt against the LiDAR is kept. Motion and paint
-    are not in labels: instances stand still, and their paint is the material table's.
+    are not in labels: instances stand still, and their paint is the material table's until points tell it.
 
     Args:
         labels: of the frame, without DontCare regions.

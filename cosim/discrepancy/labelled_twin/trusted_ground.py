@@ -16,7 +16,7 @@ _STANDS_M = (0.15, 2.5)  # heights of what stands on the ground; branches hang h
 _SAMPLE_M = 0.2
 _MESH_M = 1.0
 _RIM_M = 2.0  # of mesh around trusted ground, so that beams at its rim meet it whatever their error
-_MATERIAL = "asphalt"
+GROUND_MATERIAL = "asphalt"
 
 
 def trust_ground(cells: RoadCells, surface: GroundSurface, others: np.ndarray, sensor_m: np.ndarray) -> Trust:
@@ -60,7 +60,7 @@ def ground_mesh(trust: Trust, surface: GroundSurface, sensor_m: np.ndarray) -> M
     a = i * (count[1] + 1) + j
     b, c, d = a + count[1] + 1, a + count[1] + 2, a + 1
     faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
-    mesh = Mesh.of(np.column_stack([xy, z]), faces, _MATERIAL)
+    mesh = Mesh.of(np.column_stack([xy, z]), faces, GROUND_MATERIAL)
     return mesh.select(np.ones(len(faces), bool))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -16,6 +16,7 @@ import yaml
 from assets import MATERIALS, build_model
 from cosim.discrepancy.labelled_twin.frame_twin import FrameTwin, check_labelled, make_frame_twin
 from cosim.discrepancy.labelled_twin.trust import encode_trust
+from cosim.discrepancy.labelled_twin.trusted_ground import GROUND_MATERIAL
 from cosim.drive_writer import DriveWriter, OutputError, explained
 from cosim.kitti import Drive, Frame
 from cosim.twin import encode_glb, format_materials
@@ -117,6 +118,7 @@ def _write_frame(writer: DriveWriter, frame: Frame, made: FrameTwin) -> None:
         "points_trusted": made.points_trusted,
         "objects": len(made.frame.instances),
         "objects_without_model": made.objects_without_model,
+        "points_ground": made.ground_brightness.points,
     }
     writer.write_frame(
         frame.name,
@@ -125,6 +127,7 @@ def _write_frame(writer: DriveWriter, frame: Frame, made: FrameTwin) -> None:
         ground_range=made.trust.ground_range,
         ground_sd_m=round(made.ground_sd_m, 5) if made.trust.ground.any() else -1.0,
         cone_deg=round(made.trust.cone_deg, 5),
+        ground_intensity=round(made.ground_brightness.mean, 5),
     )
 
 
@@ -147,7 +150,7 @@ def _notes(drive: Drive, names: Sequence[str]) -> tuple[str, ...]:
     made_good = ("twin/", "the beam pattern is not given", "sweep_s is not given")
     notes = [note for note in drive.notes(names) if not note.startswith(made_good)]
     notes.append("labels hold no motion: ego vehicle and objects stand still in the twin")
-    notes.append("labels hold no paint: vehicles have the material table's")
+    notes.append("labels hold no reflectances: road and objects are as bright as their points are on average")
     if drive.pattern is None:
         notes.append(f"the beam pattern is not given: taken to be {KITTI_PATTERN}, KITTI's own sensor, and its sweep")
     return tuple(notes)
@@ -160,7 +163,7 @@ def _finish(
     rows = [_row(entries[name]) for name in names]
     files = {
         "pattern.yaml": beams.to_yaml().encode(),
-        "twin/materials.yaml": format_materials(MATERIALS).encode(),
+        "twin/materials.yaml": format_materials(MATERIALS, _reflectances(entries.values())).encode(),
         "ImageSets/all.txt": "".join(f"{name}\n" for name in sorted(entries)).encode(),
     }
     summary = TwinSummary(writer.folder, names, rows, notes)
@@ -169,6 +172,17 @@ def _finish(
     tail = {"sweep_s": beams.sweep_s, "counts": facts, "notes": list(notes)}
     writer.finish(files, head + yaml.safe_dump(tail, sort_keys=False, allow_unicode=True, width=200))
     return summary
+
+
+def _reflectances(entries: Iterable[dict]) -> dict[str, float]:
+    """Of the ground's material, over all frames; none where there are no intensities."""
+    seen = [
+        (entry["ground_intensity"], entry["counts"]["points_ground"])
+        for entry in entries
+        if "ground_intensity" in entry
+    ]
+    points = sum(count for _, count in seen)
+    return {GROUND_MATERIAL: round(sum(mean * count for mean, count in seen) / points, 4)} if points else {}
 
 
 def _row(entry: dict) -> dict[str, float | int | bool | None]:
