@@ -18,6 +18,7 @@ from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.gate import LEVEL, Verdict, run_gate
 from cosim.discrepancy.held_out import Split, split_frames
 from cosim.discrepancy.intervals import intervals, standard_errors
+from cosim.discrepancy.labels import with_labels
 from cosim.discrepancy.lattice import Lattice, find_lattices
 from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist
 from cosim.discrepancy.sample import Sample, draw_sample
@@ -90,7 +91,8 @@ def diagnose(
         CosimError: the drive lacks points or a twin, or the twin does not fit it.
         SensorError: the sensor file breaks the rules.
     """
-    return Detective(opened(drive), sensor, extra, seed, on_progress or _LOG.debug).run()
+    detective = Detective(opened(drive), sensor, extra, seed, on_progress or _LOG.debug)
+    return with_labels(detective.run(), detective.drive)
 
 
 class Detective:

@@ -10,6 +10,7 @@ import numpy as np
 
 from cosim.discrepancy.gate import Verdict
 from cosim.discrepancy.held_out import Split
+from cosim.discrepancy.labels import LabelFinding
 from cosim.discrepancy.testing import HeldOut
 from cosim.discrepancy.unknown import Shape
 from sensors.sensor_model import SensorModel
@@ -82,6 +83,7 @@ class Diagnosis:
         noise_floor: the error of a model that is right up to noise.
         sensor: the improved model.
         split: which frames were fitted and which judged.
+        labels: what labelled boxes say, where there are any; a missing label effect is in the improved model.
     """
 
     verdict: Literal["none", "missing", "ambiguous", "unknown"]
@@ -95,6 +97,7 @@ class Diagnosis:
     sensor: SensorModel
     split: Split
     sensor_out: str | None = None
+    labels: LabelFinding | None = None
 
     @classmethod
     def of(
@@ -126,6 +129,7 @@ class Diagnosis:
         """What `cosim diagnose --json` writes."""
         return {
             "verdict": self.verdict,
+            "labels": self.labels.to_json() if self.labels else None,
             "effects": [one.to_json() for one in self.effects],
             "ranking": [one.to_json() for one in self.ranking],
             "unknown": self.unknown.to_json() if self.unknown else None,

@@ -71,9 +71,14 @@ def headline(found: Diagnosis, words: Vocabulary) -> str:
         parts.append(f"unknown: {unknown_words(found.unknown)}")
     elif parts:
         parts[0] = f"{'ambiguous' if found.verdict == 'ambiguous' else 'missing'}: {parts[0]}"
+    biased = found.labels is not None and found.labels.verdict == "missing"
+    if biased:
+        parts.append(str(found.labels))
     if not parts:
         smallest = smallest_words(found, words, most=3)
         return "nothing missing that would show" + (f"; would have seen {smallest}" if smallest else "")
+    if biased and len(parts) == 1:
+        return parts[0]
     fall = f"held-out error {found.error_before:.3f} → {found.error_after:.3f}"
     floor = "" if found.noise_floor is None else f", noise floor {found.noise_floor:.3f}"
     return f"{'; '.join(parts)}; {fall}{floor}"

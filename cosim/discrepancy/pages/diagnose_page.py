@@ -64,6 +64,9 @@ def _verdict(found: Diagnosis, words: Vocabulary) -> str:
         )
         if not found.effects:
             said.append(_fall(found))
+    if found.labels is not None and found.labels.verdict == "missing":
+        law = escape(str(found.labels).removeprefix("labels: "))
+        said.append(f'<span class="bad">Labels are biased</span>: {law}.')
     if not said:
         floor = "" if found.noise_floor is None else f" and the noise floor {found.noise_floor:.3f}"
         said.append('<span class="good">Nothing is missing that would show.</span> The held-out error is ')
@@ -256,11 +259,13 @@ def _amplitude(effect: str, name: str, value: float, words: Vocabulary) -> str:
 
 def _how(found: Diagnosis) -> str:
     fitted, judged = len(found.split.fit), len(found.split.test)
+    said += " Statistics are explained in docs/discrepancy.md."
+    labels = f"<p>{escape(str(found.labels).capitalize())}.</p>" if found.labels is not None else ""
     said = f"{fitted} frames were fitted, {judged} judged"
     said += (
         "." if found.split.is_held_out else "; they are the same, for want of more: errors after a fit are flattering."
     )
-    return f"<section><h2>How it was found</h2><p>{said} Statistics are explained in docs/discrepancy.md.</p></section>"
+    return f"<section><h2>How it was found</h2><p>{said}</p>{labels}</section>"
 
 
 def _listed(names: list[str], word: str = "and") -> str:

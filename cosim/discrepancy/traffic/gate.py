@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.discrepancy.traffic.behaviours import BEHAVIOURS, Behaviour
-from cosim.discrepancy.traffic.summary import COUNTS, MEANS, SPREADS, STATISTICS, Summary
+from cosim.discrepancy.traffic.summary import COUNTS, MEANS, MEDIANS, SPREADS, STATISTICS, Summary
 
 LEVEL = 0.05
 RESOLUTION = {
@@ -160,6 +160,10 @@ def _variance(summary: Summary, name: str) -> float:
         return summary.statistics()[name] ** 2 / (2 * max(summary.count(name) - 1, 1))
     if name not in MEANS:
         return float("nan")
+    if name in MEDIANS:
+        values = summary.values(name)
+        apart = 1.4826 * float(np.median(np.abs(values - np.median(values))))
+        return np.pi / 2 * apart**2 / len(values)
     sums, weights = summary.sums[name], summary.weights[name]
     total = weights.sum()
     return float((((sums - sums.sum() / total * weights) / total) ** 2).sum()) if total > 0 else float("nan")

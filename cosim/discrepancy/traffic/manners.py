@@ -13,6 +13,7 @@ _MOVES_MPS, _RESTS_MPS = 0.5, 0.1
 _FREE_M, _FREE_S = 40.0, 4.0
 _CLEAR_OF_ENDS_M = 12.0
 _QUEUE_M = 8.0
+_ASIDE_M = 0.8  # who stands farther from the middle is changing lanes
 _LONGEST_LAG_S = 5.0
 _MEMORY_S = 0.4
 _HOLDS_S = 2.0  # around a change of lane the place beside its middle means nothing
@@ -52,7 +53,7 @@ def standing_gap(placed: Placed) -> Parts:
     """Gap to the leader when both stand [m]."""
     speed, leader = placed.tracks.speed_mps, placed.leader
     stands = (leader >= 0) & (speed < _RESTS_MPS) & (placed.gap_m < _QUEUE_M) & (placed.gap_m > -0.5)
-    stands &= speed[np.maximum(leader, 0)] < _RESTS_MPS
+    stands &= (speed[np.maximum(leader, 0)] < _RESTS_MPS) & (np.abs(placed.left_m) < _ASIDE_M)
     return _per_vehicle(placed, stands, placed.gap_m, lambda x: float(np.median(x)), 1.0, 1)
 
 

@@ -27,6 +27,8 @@ MEANS = (
 )
 COUNTS = ("lane_changes", "u_turns", "pull_outs")
 """Those of `MEANS` that are events over exposure."""
+MEDIANS = ("standing_gap", "headway")
+"""Those of `MEANS` of which the middle vehicle counts: some stand or drive behind another without following him."""
 SPREADS = {"free_speed_spread": "free_speed", "lateral_spread": "lateral"}
 STATISTICS = (*MEANS, *SPREADS, "reaction_lag")
 LAGS_S = np.arange(0.0, 3.01, 0.1)
@@ -72,6 +74,7 @@ class Summary:
     def statistics(self) -> dict[str, float]:
         """Every statistic over all vehicles; NaN where nothing tells."""
         found = {name: _ratio(self.sums[name], self.weights[name]) for name in MEANS}
+        found |= {name: float(np.median(self.values(name))) for name in MEDIANS if len(self.values(name))}
         found |= {name: self._spread(of) for name, of in SPREADS.items()}
         return {**found, "reaction_lag": _centre(self.lagged.sum(0))}
 
@@ -82,6 +85,11 @@ class Summary:
         if name == "reaction_lag":
             return float((np.abs(self.lagged).sum(1) > 0).sum())
         return float((self.weights[SPREADS.get(name, name)] > 0).sum())
+
+    def values(self, name: str) -> np.ndarray:
+        """The values of those vehicles that tell about one of `MEANS`."""
+        told = self.weights[name] > 0
+        return self.sums[name][told] / self.weights[name][told]
 
     def _spread(self, name: str) -> float:
         weight = self.weights[name]
