@@ -30,7 +30,7 @@ setup:
 	@sh tools/setup.sh
 
 setup-dev:
-	@sh tools/setup.sh dev
+	@sh tools/setup.sh dev training
 
 clean:
 	rm -rf out .pytest_cache .ruff_cache
