@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +51,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         content = torch.load(path, map_location="cpu", weights_only=True)
     except OSError as error:
         raise TrainingError(f"{path}: cannot be read ({error.strerror}); give a checkpoint file") from None
-    except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError, KeyError):
+    except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError, LookupError, struct.error):
         raise TrainingError(
             f"{path}: no checkpoint of tensors alone; load it where it was made and save its state_dict with torch.save"
         ) from None

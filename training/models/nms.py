@@ -11,6 +11,7 @@ from torch import Tensor
 from training.evaluation.rotated_overlap import paired_iou
 
 _BEV = [0, 1, 3, 4, 6]
+_BLOCK = 64  # candidates looked at together
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,17 +47,28 @@ def suppress(boxes: Tensor, scores: Tensor, overlap: float, *, before: int, afte
 
 
 def _greedy(table: np.ndarray, overlap: float, after: int) -> np.ndarray:
-    reach = np.hypot(table[:, 2], table[:, 3]) / 2
-    alive, kept = np.ones(len(table), bool), []
-    for row in range(len(table)):
-        if not alive[row]:
-            continue
-        kept.append(row)
-        if len(kept) == after:
+    """Rows kept of rectangles (n, 5) in descending order of score, looked at block by block."""
+    kept = np.zeros(0, np.int64)
+    for start in range(0, len(table), _BLOCK):
+        block = np.arange(start, min(start + _BLOCK, len(table)))
+        block = block[~_overlapping(table, kept, block, overlap).any(0)]
+        among = _overlapping(table, block, block, overlap)
+        alive = np.ones(len(block), bool)
+        for row in range(len(block)):
+            if alive[row]:
+                alive[row + 1 :] &= ~among[row, row + 1 :]
+        kept = np.concatenate([kept, block[alive]])
+        if len(kept) >= after:
             break
-        later = np.flatnonzero(alive[row + 1 :]) + row + 1
-        gap = np.hypot(*(table[later, :2] - table[row, :2]).T)
-        later = later[gap < reach[later] + reach[row]]
-        iou = paired_iou(np.repeat(table[row : row + 1], len(later), 0), table[later])
-        alive[later[iou > overlap]] = False
-    return np.array(kept, np.int64)
+    return kept[:after]
+
+
+def _overlapping(table: np.ndarray, ones: np.ndarray, others: np.ndarray, overlap: float) -> np.ndarray:
+    """Whether rectangles overlap by more, (n, m) bool; pairs too far apart to do so are passed over."""
+    a, b = table[ones], table[others]
+    reach = (np.hypot(a[:, 2], a[:, 3])[:, None] + np.hypot(b[:, 2], b[:, 3])[None]) / 2
+    gap = np.hypot(*(a[:, None, :2] - b[None, :, :2]).transpose(2, 0, 1))
+    left, right = np.nonzero(gap < reach * min(1.0, 1.2 * (1 - overlap)))
+    result = np.zeros(gap.shape, bool)
+    result[left, right] = paired_iou(a[left], b[right]) > overlap
+    return result

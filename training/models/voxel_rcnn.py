@@ -19,8 +19,8 @@ from training.models.sparse_conv import SparseTensor
 from training.models.voxel_backbone import VoxelBackbone
 
 _CELLS_IN_TESTS = 40000
-_LEARNT_FROM = {"least_score": 0.0, "overlap": 0.8, "before": 2000, "after": 512}
-_REFINED = {"least_score": 0.0, "overlap": 0.7, "before": 1024, "after": 100}
+_LEARNT_FROM, _REFINED = 0.8, 0.7  # overlap of proposals, in training and in tests
+_CANDIDATES, _PROPOSALS, _REFINED_COUNT = 8, 4, 100  # in training so many times the regions chosen
 _OVERLAP, _AFTER = 0.1, 100
 
 
@@ -53,7 +53,7 @@ class VoxelRcnn(Detector):
         self._generator.manual_seed(int(torch.randint(2**31, (1,))))
         for frame in range(len(batch)):
             with torch.no_grad():
-                proposed, _, _ = detect_from_anchors(self.dense_head, output, frame, **_LEARNT_FROM)
+                proposed = self._proposals(output, frame)[0]
                 known = batch.boxes[frame][batch.kinds[frame] >= 0]
                 chosen = choose_rois(proposed, known, self.settings.roi_count, self._generator)
             for some, part in zip((rois, objects, overlap), chosen, strict=True):
@@ -71,7 +71,7 @@ class VoxelRcnn(Detector):
         output, stages = self._propose(batch)
         found = []
         for frame in range(len(batch)):
-            rois, _, kinds = detect_from_anchors(self.dense_head, output, frame, **_REFINED)
+            rois, _, kinds = self._proposals(output, frame)
             with torch.autocast(batch.points.device.type, enabled=False):
                 logits, residuals = self.roi_head(stages, rois, torch.full((len(rois),), frame, device=rois.device))
             scores, boxes = torch.sigmoid(logits), refine(rois, residuals)
@@ -79,6 +79,15 @@ class VoxelRcnn(Detector):
             kept = rows[suppress(boxes[rows], scores[rows], _OVERLAP, before=len(rows), after=_AFTER)]
             found.append(as_detections(boxes[kept], scores[kept], kinds[kept]))
         return found
+
+    def _proposals(self, output: AnchorOutput, frame: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Boxes, scores and kinds of the surest anchors."""
+        count = _PROPOSALS * self.settings.roi_count if self.training else _REFINED_COUNT
+        overlap = _LEARNT_FROM if self.training else _REFINED
+        before = _CANDIDATES * self.settings.roi_count
+        return detect_from_anchors(
+            self.dense_head, output, frame, least_score=0.0, overlap=overlap, before=before, after=count
+        )
 
     def _propose(self, batch: Batch) -> tuple[AnchorOutput, list[SparseTensor]]:
         settings, most = self.settings, self.settings.max_cells

@@ -1,0 +1,64 @@
+"""Each detector learns a few frames by heart, and its loss falls."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from training.config import parse_train_config  # noqa: E402
+from training.evaluation import Evaluation  # noqa: E402
+from training.logs import read_log  # noqa: E402
+from training.run import Watcher, run_training  # noqa: E402
+
+_SMALL = {"low_m": [0, -12.8, -3], "high_m": [25.6, 12.8, 1], "norm_momentum": 0.2}
+_WIDTHS = {"layers": [1, 1, 1], "channels": [32, 32, 64], "upsample_channels": [32, 32, 32]}
+DETECTORS: dict[str, tuple[dict[str, Any], int]] = {
+    "pillars_small": ({**_WIDTHS, "cell_m": [0.2, 0.2, 4]}, 60),
+    "pointpillars": ({**_WIDTHS, "cell_m": [0.32, 0.32, 4], "max_cells": 3000}, 60),
+    "voxel_rcnn": (
+        {
+            "cell_m": [0.1, 0.1, 0.1],
+            "layers": [1, 1],
+            "channels": [32, 32],
+            "upsample_channels": [32, 32],
+            "sparse_channels": [8, 8, 16, 16, 16],
+            "roi_grid": 4,
+            "roi_channels": 64,
+            "roi_count": 24,
+            "roi_neighbours": 2,
+            "dropout": 0.0,
+        },
+        50,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DETECTORS)
+def test_a_few_frames_are_learnt_by_heart(name: str, tiny_drive: Path, tmp_path: Path):
+    model, epochs = DETECTORS[name]
+    source = {"drive": str(tiny_drive), "split": "train"}
+    config = parse_train_config(
+        {
+            "train": source,
+            "validate_on": source,
+            "model": {"name": name, **_SMALL, **model},
+            "augment": {"flip": 0, "rotation_deg": 0, "scale": 0, "samples": {}},
+            "epochs": epochs,
+            "batch_size": 4,
+            "learning_rate": 0.006,
+            "validate_every": epochs,
+            "log_every": 1,
+            "precision": "float32",
+        },
+        name,
+    )
+    last: list[Evaluation] = []
+    run_training(config, tmp_path, Watcher(on_scores=lambda _, evaluation: last.append(evaluation)))
+    totals = [entry["losses"]["total"] for entry in read_log(tmp_path) if "losses" in entry]
+    assert np.mean(totals[-5:]) < 0.2 * np.mean(totals[:5])
+    assert last[-1].results["Car"]["3d"][2].continuous > 95
