@@ -32,7 +32,7 @@ class Shot:
         camera: what the grayscale camera saw at the pose time; None where no image is at hand.
         frame_time_s: pose time of the frame.
         before: (n,) intensity of the return of the beam fired before each in its ring, where that was measured.
-        whole: the whole revolution, where these beams are only some of it.
+        whole, rows: the whole revolution where these beams are only some of it, and which (n,).
     """
 
     def __init__(
@@ -47,6 +47,7 @@ class Shot:
         frame_time_s: float = 0.0,
         before: np.ndarray | None = None,
         whole: Shot | None = None,
+        rows: np.ndarray | None = None,
     ) -> None:
         self.pattern = pattern
         self.rays = rays
@@ -57,6 +58,7 @@ class Shot:
         self.frame_time_s = frame_time_s
         self.before = before
         self.whole = whole
+        self.rows = rows
         self._kept: dict[str, Any] = {}
 
     def kept(self, name: str, make: Callable[[], _T]) -> _T:

@@ -199,6 +199,7 @@ class FrameReplay:
             frame_time_s=time_s,
             before=self.previous_intensity,
             whole=self._shot,
+            rows=self._rows,
         )
 
     @staticmethod

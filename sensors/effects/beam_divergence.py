@@ -9,6 +9,8 @@ import numpy as np
 from sensors.effects.base import EchoEffect, number
 from sensors.effects.footprint import directions_aside, strongest_echo
 from sensors.effects.phases import Phase
+from sensors.effects.some_footprints import footprints_of_some
+from sensors.hits import Hits
 from sensors.returns import Returns
 from sensors.shot import Shot
 
@@ -45,11 +47,24 @@ class BeamDivergence(EchoEffect):
         if shot.world is None or shot.beams is None:
             raise ValueError("the footprint is new rays; measure with trace_and_measure")
         radius_rad = self.divergence_mrad / 2000
-        aside = shot.world.trace_around(
-            shot.beams, lambda middle: directions_aside(middle, radius_rad), slot=f"footprint {radius_rad}"
-        )
-        return strongest_echo(returns, shot.hits, aside, pulse_m=self.pulse_ns * _METRES_PER_NS / 2)
+        world, beams = shot.world, shot.beams
+
+        def make() -> Hits:
+            return world.trace_around(beams, lambda middle: directions_aside(middle, radius_rad), slot=slot)
+
+        slot = f"footprint {radius_rad}"
+        return strongest_echo(returns, shot.hits, shot.kept(slot, make), pulse_m=self._pulse_m)
 
     def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
-        """Away from edges the footprint lies on one face, and nothing changes."""
-        return returns, np.ones(len(returns))
+        """Returns of whole footprints: no chance plays a part."""
+        if self.divergence_mrad == 0 or shot.whole is None or shot.rows is None:
+            changed = self.apply(returns, shot, np.random.default_rng(0))
+        else:
+            radius_rad = self.divergence_mrad / 2000
+            aside = shot.kept(f"footprint {radius_rad}", lambda: footprints_of_some(shot, radius_rad))
+            changed = strongest_echo(returns, shot.hits, aside, pulse_m=self._pulse_m)
+        return changed, np.ones(len(changed))
+
+    @property
+    def _pulse_m(self) -> float:
+        return self.pulse_ns * _METRES_PER_NS / 2

@@ -1,0 +1,53 @@
+"""Footprints of some beams of a revolution: only those beside which something else stands are worth new rays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sensors.effects.footprint import directions_aside
+from sensors.hits import Hits, Surface
+from sensors.shot import Shot
+
+_SAMPLES = 4
+_AROUND = 2  # firings to each side
+_TURNED = 700  # of 32767: normals a degree apart
+
+
+def footprints_of_some(shot: Shot, radius_rad: float) -> Hits:
+    """What samples around the middle of each of a shot's beams meet, in row 4 · beam + sample.
+
+    Args:
+        shot: of some beams of a whole revolution.
+        radius_rad: of the footprint, within two firings or one ring.
+    """
+    hits, traced, world = shot.hits, shot.traced, shot.world
+    if traced is None or world is None:
+        raise ValueError("the footprint is new rays; measure with trace_and_measure")
+    beam = np.flatnonzero(_changes(shot))
+    direction = directions_aside(traced.direction[beam], radius_rad).reshape(-1, 3)
+    time_s = np.broadcast_to(traced.time_s, len(shot.rays))[beam]
+    origin = np.repeat(traced.origin[beam], _SAMPLES, axis=0)
+    met = world.shoot(origin, direction, np.repeat(time_s, _SAMPLES), shot.pattern.range_m[1])
+    around = hits.solid.take(np.repeat(np.arange(len(shot.rays)), _SAMPLES))
+    rows = (_SAMPLES * beam[:, None] + np.arange(_SAMPLES)).ravel()
+    columns = {}
+    for name in ("range_m", "normal_code", "material", "instance"):
+        columns[name] = np.array(getattr(around, name))
+        columns[name][rows] = getattr(met, name)
+    return Hits(
+        hits.rays, hits.pose, Surface(**columns), hits.pane_beam[:0], hits.pane.take(rows[:0]), hits.paint, hits.table
+    )
+
+
+def _changes(shot: Shot) -> np.ndarray:
+    """(n,) bool: beams of which a neighbour in the ring or in the rings beside it meets another face or material."""
+    assert shot.whole is not None and shot.rows is not None  # some of a revolution
+    solid, firings = shot.whole.hits.solid, shot.pattern.firings
+    last, found = len(solid.range_m) - 1, np.zeros(len(shot.rows), bool)
+    for step in (*range(-_AROUND, 0), *range(1, _AROUND + 1), -firings, firings):
+        other = np.clip(shot.rows + step, 0, last)
+        turned = solid.normal_code[shot.rows].astype(int) - solid.normal_code[other]
+        found |= (np.abs(turned) > _TURNED).any(1)
+        found |= solid.material[shot.rows] != solid.material[other]
+        found |= solid.instance[shot.rows] != solid.instance[other]
+    return found
