@@ -259,12 +259,12 @@ def _amplitude(effect: str, name: str, value: float, words: Vocabulary) -> str:
 
 def _how(found: Diagnosis) -> str:
     fitted, judged = len(found.split.fit), len(found.split.test)
-    said += " Statistics are explained in docs/discrepancy.md."
-    labels = f"<p>{escape(str(found.labels).capitalize())}.</p>" if found.labels is not None else ""
+    labels = f"<p>L{escape(str(found.labels)[1:])}.</p>" if found.labels is not None else ""
     said = f"{fitted} frames were fitted, {judged} judged"
     said += (
         "." if found.split.is_held_out else "; they are the same, for want of more: errors after a fit are flattering."
     )
+    said += " Statistics are explained in docs/discrepancy.md."
     return f"<section><h2>How it was found</h2><p>{said}</p>{labels}</section>"
 
 
