@@ -125,11 +125,16 @@ def _scatter(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     image = np.full((_PANEL_PX, _PANEL_PX, 3), 255, np.uint8)
     if not len(x):
         return image
-    low, high = np.percentile(y, 0.5), np.percentile(y, 99.5)
-    low, high = min(low, 0.0), max(high, low + 1e-3)
+    told = y[y != 0] if y.any() else y  # a few changes among many that are none still set the scale
+    low, high = (0.0, float(y.max())) if y.min() >= 0 else np.percentile(told, (2, 98))
+    low, high = min(low, 0.0), max(high, 0.0, low + 1e-3)
     column = 50 + _pixels(x, 0.0, float(x.max()) + 1e-6)
     row = _PANEL_PX - 30 - _pixels(y, low, high)
-    image[row, column] = (160, 80, 20)
+    dots = np.zeros((_PANEL_PX, _PANEL_PX), np.uint8)
+    dots[row, column] = 1
+    image[cv2.dilate(dots, np.ones((3, 3), np.uint8)) > 0] = (160, 80, 20)
+    cv2.line(image, (46, 30), (46, _PANEL_PX - 26), (170, 170, 170), 1)
+    cv2.line(image, (46, _PANEL_PX - 26), (_PANEL_PX - 10, _PANEL_PX - 26), (170, 170, 170), 1)
     for value, at in ((low, _PANEL_PX - 28), (high, 34)):
         cv2.putText(image, f"{value:.3g}", (2, int(at)), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (0, 0, 0), 1, cv2.LINE_AA)
     at = (50, _PANEL_PX - 8)
