@@ -1,0 +1,52 @@
+"""Rounding: what it leaves of a mean and a spread, and how its lattice is told from crowded values."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cosim.discrepancy.lattice import _step
+from cosim.discrepancy.rounding import _moments
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.01, 0.03, 0.06, 0.2])
+def test_moments_are_those_of_rounded_normal_deviates(sigma):
+    step, rng = 0.1, np.random.default_rng(3)
+    mean = np.array([0.26, 0.31, 0.449])
+    draws = np.rint((mean + sigma * rng.standard_normal((200_000, 3))) / step) * step
+    found, variance = _moments(mean, np.full(3, sigma), step)
+    assert np.allclose(found, draws.mean(0), atol=1.5e-3 if sigma else 1e-9)
+    assert np.allclose(np.sqrt(variance), draws.std(0), atol=1.5e-3)
+
+
+def test_no_step_leaves_everything():
+    found, variance = _moments(np.array([1.0]), np.array([0.2]), 0.0)
+    assert found[0] == 1.0 and variance[0] == pytest.approx(0.04)
+
+
+@pytest.mark.parametrize("step", [0.002, 0.0137, 0.15])
+def test_the_step_of_rounded_ranges_is_found(step):
+    rng = np.random.default_rng(1)
+    true = rng.gamma(3, 6, 20_000) + 1
+    noisy = true + 0.02 * rng.standard_normal(len(true))
+    stored = (np.rint(noisy / step) * step).astype(np.float32).astype(float)
+    found = _step(stored, noisy, 0)
+    assert found == pytest.approx(step, rel=1e-6)
+
+
+def test_values_that_crowd_by_themselves_make_no_lattice():
+    rng = np.random.default_rng(2)
+    bright = rng.choice([0.25, 0.5, 0.75], 20_000) + 0.01 * rng.standard_normal(20_000)
+    again = rng.choice([0.25, 0.5, 0.75], 20_000) + 0.01 * rng.standard_normal(20_000)
+    assert _step(bright, again, 1) is None
+
+
+def test_reflectances_of_two_decimals_are_no_lattice_where_the_model_has_them():
+    rng = np.random.default_rng(2)
+    bare = rng.choice([0.12, 0.25, 0.4, 0.55], 5000)
+    assert _step(bare, bare, 1) is None
+    assert _step(np.rint(bare / 0.1) * 0.1, bare, 1) == pytest.approx(0.1)
+
+
+def test_too_few_values_say_nothing():
+    assert _step(np.arange(100) * 0.1, np.linspace(0, 10, 100), 0) is None
