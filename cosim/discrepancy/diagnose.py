@@ -36,6 +36,7 @@ _COARSE_M = 0.25
 _FEWEST_PARTS = 120
 _MOST_EFFECTS = 12
 _ALIKE_BIC = 10.0
+_LEAST_BIC = 0.0
 _CLEARLY_THERE = 5.0
 _CLEARLY_MORE = 1.15  # times the gain of the best candidate must be an unknown shape's
 _SHAPE_LEVEL = 0.02
@@ -145,7 +146,7 @@ class Detective:
         """What to add, the most promising first."""
         ranked = self._rank(look) if look.verdict.p_value <= LEVEL else []
         self._ranking = self._ranking or [_alternative(one, look.verdict) for one in ranked]
-        worthy = [one for one in ranked if one.delta_bic > 0]
+        worthy = [one for one in ranked if one.delta_bic > _LEAST_BIC]
         strange = self._strange(look, worthy[0] if worthy else None) if self._unknown is None else None
         if strange is not None:
             yield strange
