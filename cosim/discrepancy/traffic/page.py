@@ -17,6 +17,7 @@ from cosim.discrepancy.traffic.summary import HEADWAY_BINS, LATERAL_BINS, SPEED_
 from cosim.html import document
 from cosim.stats.plot import Axis, Plot
 
+_AREAS = ".area { opacity: .22; } .area.a { fill: var(--a); }"
 _CHARTS = {
     "speed": ("Speeds of who moves", "speed [m/s]", SPEED_BINS, 2),
     "headway": ("Time headways to the leader", "headway [s]", HEADWAY_BINS, 2),
@@ -24,11 +25,11 @@ _CHARTS = {
 }
 _WORDS = {
     "free_speed": "speed where nothing holds one up",
-    "free_speed_spread": "its spread between drivers",
+    "free_speed_spread": "spread of that speed between drivers",
     "standing_gap": "gap to the leader in a queue",
     "headway": "time headway when following",
     "lateral": "place beside the lane's middle, to the left",
-    "lateral_spread": "its spread between drivers",
+    "lateral_spread": "spread of that place between drivers",
     "lane_changes": "lane changes on roads of several lanes",
     "u_turns": "U-turns, an hour of driving",
     "pull_outs": "pull-outs, an hour of a parked vehicle",
@@ -63,7 +64,7 @@ def format_comparison(found: TrafficComparison, measured: str, config: str) -> s
         _statistics(found.statistics, None),
         _notes(found.notes),
     ]
-    return document(f"{config} against {measured}", sections, style=STYLE, generator="cosim traffic-compare")
+    return document(f"{config} against {measured}", sections, style=STYLE + _AREAS, generator="cosim traffic-compare")
 
 
 def format_diagnosis(found: TrafficDiagnosis, measured: str, config: str) -> str:
@@ -86,7 +87,7 @@ def format_diagnosis(found: TrafficDiagnosis, measured: str, config: str) -> str
         _smallest(found),
         _notes((*found.before.notes, f"{found.simulations} simulations of {found.before.measured.seconds:.0f} s")),
     ]
-    return document(title, sections, style=STYLE, generator="cosim traffic-diagnose")
+    return document(title, sections, style=STYLE + _AREAS, generator="cosim traffic-diagnose")
 
 
 def _verdict(found: TrafficDiagnosis) -> str:

@@ -99,7 +99,7 @@ def _check(names: np.ndarray, network: Network) -> None:
     unknown = [name for name in names if name and name not in network.lanes and name not in network.others]
     if unknown:
         raise TrackError(
-            f"lane {unknown[0]!r} is not in the town ({len(unknown)} of {len(names)} lanes are not); "
+            f"lane {str(unknown[0])!r} is not in the town ({len(unknown)} of {len(names)} lanes are not); "
             "give the configuration of the town that was measured, or correct `lane`"
         )
     if not any(name in network.lanes for name in names):

@@ -30,7 +30,21 @@ COUNTS = ("lane_changes", "u_turns", "pull_outs")
 MEDIANS = ("standing_gap", "headway")
 """Those of `MEANS` of which the middle vehicle counts: some stand or drive behind another without following him."""
 SPREADS = {"free_speed_spread": "free_speed", "lateral_spread": "lateral"}
-STATISTICS = (*MEANS, *SPREADS, "reaction_lag")
+STATISTICS = (
+    "free_speed",
+    "free_speed_spread",
+    "standing_gap",
+    "headway",
+    "lateral",
+    "lateral_spread",
+    "lane_changes",
+    "u_turns",
+    "pull_outs",
+    "acceleration_noise",
+    "acceleration_memory",
+    "reaction_lag",
+    "startup_lag",
+)
 LAGS_S = np.arange(0.0, 3.01, 0.1)
 
 

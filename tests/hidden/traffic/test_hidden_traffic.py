@@ -1,0 +1,66 @@
+"""A hidden habit of drivers that SUMO alone was told of is found, with its size; and the loop writes what it found."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tests.hidden.traffic.town import BEHAVIOUR, build_town
+
+_ROOT = Path(__file__).resolve().parents[3]
+pytestmark = pytest.mark.xdist_group("traffic")
+
+
+def measured(folder: Path, hidden: dict, seed: int, seconds: float = 40, drivers: int = 24) -> tuple[Path, Path]:
+    """A measured CSV file, and the configuration of a user who knows nothing of what is hidden."""
+    town, out, config = build_town(folder / "town", crossings=3), folder / "measured.csv", folder / "run.yaml"
+    task = {"config": str(town), "out": str(out), "hidden": hidden, "seed": seed, "drivers": drivers}
+    (folder / "task.json").write_text(json.dumps({**task, "parked": 12, "seconds": seconds, "step_s": 0.2}))
+    maker = [sys.executable, "-m", "tests.hidden.traffic.maker", str(folder / "task.json")]
+    subprocess.run(maker, check=True, cwd=_ROOT)
+    config.write_text(yaml.safe_dump({"town": str(town), "step_s": 0.2, "behaviour": BEHAVIOUR}))
+    return out, config
+
+
+def test_a_hidden_place_in_the_lane_is_found_and_written(tmp_path: Path, capsys) -> None:
+    from cosim.cli import main
+
+    csv, config = measured(tmp_path, {"offset": (0.2, 0.05)}, seed=5)
+    command = ["traffic-diagnose", str(csv), "--config", str(config), "--seeds", "4", "--workers", "2"]
+    assert main([*command, "--out", str(tmp_path / "page"), "--json", str(tmp_path / "found.json")]) == 0
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert found["verdict"] == "missing"
+    assert [one["effect"] for one in found["effects"]] == ["lane_offset"]
+    assert found["effects"][0]["params"]["lat_alignment_m"] == pytest.approx(0.2, abs=0.03)
+    assert found["error_after"] < found["error_before"]
+    assert "lane_offset" in capsys.readouterr().out
+    better = yaml.safe_load((tmp_path / "page/config.yaml").read_text())["behaviour"]["lane_offset_m"]
+    assert (better["min"] + better["max"]) / 2 == pytest.approx(0.2, abs=0.03)
+    assert "<script" not in (tmp_path / "page/index.html").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("hidden", "effect"),
+    [
+        ({"speed": (1.2, 0.05)}, "speeding"),
+        ({"gap": (0.7, 0.3), "tau": (0.8, 0.1)}, "short_gap"),
+        ({"change_per_edge": 0.8}, "lane_changing"),
+        ({"u_turn_share": 0.1}, "u_turns"),
+        ({"leaves_per_min": 6.0}, "parked_pull_out"),
+        ({"sigma": 0.9}, "imperfection"),
+        ({"action_s": 0.8}, "reaction_time"),
+        ({}, None),
+    ],
+)
+def test_hidden_habits_are_named(tmp_path: Path, hidden: dict, effect: str | None) -> None:
+    from cosim.discrepancy.traffic import traffic_diagnose
+
+    csv, config = measured(tmp_path, hidden, seed=6, seconds=90, drivers=40)
+    found = traffic_diagnose(csv, config, workers=2)
+    assert [one.behaviour for one in found.effects] == ([effect] if effect else [])
