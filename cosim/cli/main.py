@@ -17,6 +17,8 @@ from cosim.cli import (
     diagnose,
     effects,
     evaluate,
+    experiment,
+    export,
     run,
     stats,
     towns,
@@ -30,7 +32,23 @@ from cosim.cli import (
 )
 from cosim.user_errors import USER_ERRORS
 
-_COMMANDS = (run, check, variants, view, stats, towns, effects, twin, compare, diagnose, add, evaluate, train)
+_COMMANDS = (
+    run,
+    check,
+    variants,
+    view,
+    stats,
+    towns,
+    effects,
+    twin,
+    compare,
+    diagnose,
+    add,
+    evaluate,
+    train,
+    experiment,
+    export,
+)
 _TRAFFIC = (traffic_compare, traffic_diagnose, traffic_record)
 
 

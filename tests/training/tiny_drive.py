@@ -35,7 +35,7 @@ def car_points(box: np.ndarray, rng: np.random.Generator, count: int = 250) -> n
     place *= box[3:6] * 0.98
     c, s = np.cos(box[6]), np.sin(box[6])
     x, y = c * place[:, 0] - s * place[:, 1], s * place[:, 0] + c * place[:, 1]
-    return np.column_stack([x, y, place[:, 2], np.zeros(count)]) + [*box[:3], 0.3]
+    return np.column_stack([x, y, place[:, 2], np.zeros(count)]) + np.array([*box[:3], 0.3])
 
 
 def scene(rng: np.random.Generator, cars: int = 2) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,92 @@
+"""`cosim experiment`: a table of the paper, run as far as the frames at hand allow."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from cosim.cli.options import add_common, write_json
+
+if TYPE_CHECKING:
+    from training.loop import Moment
+
+
+def add_command(commands: Any) -> None:
+    """Describe the command to the parser."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "experiment", help="train and test as one of the paper's tables", description=__doc__
+    )
+    parser.add_argument(
+        "table", metavar="TABLE", help="synthetic, synthetic_to_real, real_to_synthetic, few_shot, full; or a YAML file"
+    )
+    parser.add_argument("--variants", type=Path, metavar="DIR", help="simulated drives, as cosim variants writes them")
+    parser.add_argument("--real", type=Path, metavar="DIR", help="real frames in KITTI's layout")
+    parser.add_argument("--few", default="fit", metavar="LIST", help="list of few real frames (default: fit)")
+    parser.add_argument("--full", default="train", metavar="LIST", help="list of all real training frames (train)")
+    parser.add_argument("--test", default="test", metavar="LIST", help="list of real test frames (default: test)")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="model, epochs … (default: pillars_small)")
+    parser.add_argument("--only", metavar="NAMES", help="rows to run, with commas between (default: all)")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="keeps trainings and tables")
+    add_common(parser, computes=True)
+    parser.set_defaults(execute=execute)
+
+
+def execute(options: argparse.Namespace, console: Console) -> None:
+    """Run the rows, one after another, and write the table."""
+    from training.errors import TrainingError, demand_torch
+    from training.experiments import load_table
+
+    table = load_table(options.table)
+    if options.only:
+        chosen = tuple(options.only.split(","))
+        paper = {name: values for name, values in table.paper.items() if name in chosen}
+        unknown = [name for name in chosen if name not in (*table.variants, *table.paper)]
+        if unknown:
+            raise TrainingError(f"--only names {unknown[0]!r}; rows of {options.table} are {', '.join(table.variants)}")
+        table = table.model_copy(update={"variants": chosen, "paper": paper})
+    demand_torch()
+    from training.experiments.report import as_json, write_report
+    from training.experiments.run import Inputs, run_table
+    from training.run import Watcher
+
+    config = _config(options.config)
+    inputs = Inputs(options.variants, options.real, config, options.out, options.few, options.full, options.test)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[loss]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+        task = bar.add_task("", total=None, loss="")
+
+        def on_step(moment: Moment) -> None:
+            loss = f"loss {moment.losses['total']:.3f}"
+            bar.update(task, total=moment.steps, completed=moment.step, loss=loss)
+
+        def on_row(name: str) -> None:
+            bar.reset(task, description=name, total=None, loss="")
+
+        rows = run_table(table, options.table, inputs, on_row, Watcher(on_step=on_step))
+    folder = options.out / "tables" / Path(options.table).stem
+    page = write_report(table, rows, folder)
+    if not options.quiet:
+        print((folder / "table.md").read_text(encoding="utf-8"))
+    console.print(f"{page}", soft_wrap=True, highlight=False)
+    write_json(options.json, as_json(table, rows))
+
+
+def _config(path: Path | None) -> Any:
+    """A training configuration without frames of its own."""
+    import yaml
+
+    from cosim.files import read_text
+    from training.config import parse_train_config
+
+    values = yaml.safe_load(read_text(path)) if path is not None else {}
+    return parse_train_config({"train": [], **(values or {})}, str(path or "default"))

@@ -1,0 +1,69 @@
+"""Frames keep their sense when they are altered."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cosim.kitti import Drive, points_in_boxes
+from tests.training.tiny_drive import car_points
+from training.data import IGNORED, Augment, ObjectBank, Sample, Source, augment, read_sample, read_samples
+from training.data.object_bank import as_boxes
+from training.errors import TrainingError
+from training.evaluation.rotated_overlap import paired_intersections
+
+
+def sample(rng: np.random.Generator, name: str = "a", cars: int = 3) -> Sample:
+    boxes = np.zeros((cars, 7), np.float32)
+    boxes[:, 0], boxes[:, 1] = 10 + 9 * np.arange(cars), rng.uniform(-8, 8, cars)
+    boxes[:, 3:6], boxes[:, 6] = [3.9, 1.6, 1.5], rng.uniform(-3, 3, cars)
+    points = np.concatenate([car_points(box, rng) for box in boxes]).astype(np.float32)
+    return Sample(name, points, boxes, np.zeros(cars, np.int64))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_points_stay_in_their_boxes_when_a_frame_is_flipped_turned_and_scaled(seed):
+    rng = np.random.default_rng(seed)
+    before = sample(rng)
+    after = augment(before, Augment(flip=1, rotation_deg=90, scale=0.2, samples={}), None, rng)
+    counts = [points_in_boxes(some.points, as_boxes(some.boxes)).sum(1) for some in (before, after)]
+    assert counts[0].tolist() == counts[1].tolist() and counts[0].min() > 200
+    assert not np.allclose(before.boxes, after.boxes)
+
+
+def test_the_same_seed_alters_alike():
+    rng = np.random.default_rng(0)
+    before = sample(rng)
+    one, other = (augment(before, Augment(samples={}), None, np.random.default_rng([1, 2])) for _ in range(2))
+    assert np.array_equal(one.points, other.points) and np.array_equal(one.boxes, other.boxes)
+
+
+def test_objects_put_in_bring_their_points_and_overlap_nothing():
+    rng = np.random.default_rng(4)
+    bank = ObjectBank([sample(rng, str(number)) for number in range(12)], {0: 8})
+    filled = bank.fill(sample(rng), rng)
+    assert 3 < len(filled.boxes) <= 8
+    columns = [0, 1, 3, 4, 6]
+    for row in range(len(filled.boxes)):
+        others = np.delete(filled.boxes, row, 0)[:, columns]
+        mine = np.repeat(filled.boxes[row : row + 1, columns], len(others), 0)
+        assert paired_intersections(mine, others).max() == 0
+    assert points_in_boxes(filled.points, as_boxes(filled.boxes)).sum(1).min() > 200
+
+
+def test_real_frames_keep_what_the_camera_sees_and_ignore_vans(kitti_root):
+    drive = Drive(kitti_root)
+    for frame in drive:
+        read = read_sample(frame, ["Car"])
+        assert 0.1 < len(read.points) / len(frame.points) < 0.3
+        vans = sum(name == "Van" for name in frame.labels.type)
+        assert (read.kinds == IGNORED).sum() >= vans
+        inside = points_in_boxes(read.points, as_boxes(read.boxes[read.kinds == 0])).sum(1)
+        assert (inside >= 5).all()
+
+
+def test_an_empty_training_set_is_named(tiny_drive):
+    with pytest.raises(TrainingError, match="empty"):
+        read_samples([], ["Car"])
+    with pytest.raises(TrainingError, match="none of its 4 frames has a labelled Cyclist"):
+        read_samples([Source(drive=tiny_drive)], ["Cyclist"])
