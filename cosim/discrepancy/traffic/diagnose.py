@@ -25,7 +25,7 @@ _LOG = logging.getLogger(__name__)
 _ALIKE_BIC = 10.0
 _MOST_EFFECTS = 5
 _FITTED = 3  # candidates a round that are fitted by simulation
-_FIT_SEEDS = 2
+_FIT_SEEDS = 3
 _SLOPE_SEEDS = 1
 _NEARLY = 0.3  # of the best promise, to be worth a fit
 

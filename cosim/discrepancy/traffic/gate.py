@@ -28,7 +28,7 @@ RESOLUTION = {
 }
 """Differences so small are the simulator's, not drivers': added to the luck in squares."""
 _VEHICLE_FREEDOM = 4.0  # what the spread between vehicles counts beside that between seeds
-_FEWEST = 3
+_FEWEST, _FEWEST_OF_MEDIANS = 3, 6
 _DRAWS = 20_000
 _POWER_80 = 0.84
 
@@ -151,7 +151,8 @@ def _told(
 ) -> bool:
     if not np.isfinite(mine[name]) or not all(np.isfinite(row[name]) for row in rows):
         return False
-    return name in COUNTS or min(one.count(name) for one in (measured, *runs)) >= _FEWEST
+    least = _FEWEST_OF_MEDIANS if name in MEDIANS else _FEWEST
+    return name in COUNTS or min(one.count(name) for one in (measured, *runs)) >= least
 
 
 def _variance(summary: Summary, name: str) -> float:
