@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 COSIM := .venv/bin/cosim
 
-.PHONY: demo test slow check bench hidden setup setup-dev clean
+.PHONY: demo test slow check bench hidden fuzz setup setup-dev clean
 
 demo: setup
 	$(COSIM) run --town town01 --frames 12 --seed 1 --workers 2 --out out/demo/drive
@@ -25,6 +25,9 @@ bench: setup-dev
 
 hidden: setup-dev
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.hidden.benchmark
+
+fuzz: setup-dev
+	$(PYTHON) -m tests.fuzz
 
 setup:
 	@sh tools/setup.sh

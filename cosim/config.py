@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
+from assets.documents import DocumentError, parse_yaml
 from assets.world import EnvironmentConfig
 from cosim.annotators import Annotators
 from cosim.behaviour.config import BehaviourConfig
@@ -89,10 +89,10 @@ def load_config(path: Path | None, **overrides: object) -> RunConfig:
     values: dict[str, object] = {}
     if path is not None:
         try:
-            loaded = yaml.safe_load(path.read_text(encoding="utf-8"))
+            loaded = parse_yaml(path.read_text(encoding="utf-8"))
         except OSError as error:
             raise ConfigError(f"cannot read {path}: {error.strerror}; give the path of a YAML file") from error
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
+        except (DocumentError, UnicodeDecodeError) as error:
             raise ConfigError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
         if loaded is not None and not isinstance(loaded, dict):
             raise ConfigError(f"{path} holds {type(loaded).__name__}, not keys and values; write `town: town01`")

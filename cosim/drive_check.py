@@ -8,9 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
 from pydantic import ValidationError
 
+from assets.documents import DocumentError, parse_yaml
 from cosim.config import RunConfig
 from cosim.drive_writer import MANIFEST, SUMMARY, UNFINISHED, DriveWriter, OutputError, sha256_of
 from cosim.engine import Engine, Event
@@ -168,8 +168,8 @@ def _config_of(folder: Path) -> RunConfig:
 
 def _mapping(path: Path) -> dict:
     try:
-        document = yaml.safe_load(read_text(path))
-    except yaml.YAMLError:
+        document = parse_yaml(read_text(path))
+    except DocumentError:
         document = None
     if not isinstance(document, dict):
         raise OutputError(f"{path} is damaged: it holds no keys and values")

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import yaml
 
+from assets.documents import parse_json
 from cosim.drive_lock import LOCK, exclusive
 from cosim.errors import CosimError
 
@@ -190,7 +191,7 @@ class DriveWriter:
         entries = []
         for number, line in enumerate(whole.decode("utf-8", errors="replace").splitlines(), start=1):
             try:
-                entry = json.loads(line)
+                entry = parse_json(line)
                 if not isinstance(entry.get("name", ""), str) or not ("name" in entry or "attempt" in entry):
                     raise ValueError
             except (ValueError, AttributeError):

@@ -6,8 +6,7 @@ smoothness of surfaces. Material rows are stored with their names, so the table 
 
 from __future__ import annotations
 
-import io
-import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ import numpy as np
 from assets.materials import MATERIAL_NAMES, material_index
 from sensors.errors import SensorError
 from sensors.hits import NOTHING, RANGE_STEP_M, Hits, Surface
-from sensors.npz import npz_bytes
+from sensors.npz import NpzError, npz_arrays, npz_bytes
 from sensors.rays import Rays
 
 _KEYS = ("pose", "paint", "pane_beam", "beams", "materials")
@@ -47,19 +46,22 @@ def load_hits(path: Path, rays: Rays) -> Hits:
         SensorError: the file is damaged or belongs to another pattern.
     """
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile, KeyError) as error:
+        arrays = npz_arrays(path.read_bytes())
+    except (OSError, NpzError) as error:
         raise SensorError(f"{path} is not a hits archive ({error}); make the frame again") from error
     wanted = [*_KEYS, *(f"{name}_{key}" for name in ("solid", "pane") for key in _SURFACE_KEYS)]
     missing = [key for key in wanted if key not in arrays]
     if missing:
         raise SensorError(f"{path} lacks {', '.join(missing)}; make the frame again")
-    if int(arrays["beams"][0]) != len(rays):
-        raise SensorError(
-            f"{path} holds {int(arrays['beams'][0])} beams but the pattern has {len(rays)}; use the drive's own pattern"
-        )
-    rows = np.array([material_index(str(name)) for name in arrays["materials"]], np.uint8)
+    beams = arrays["beams"]
+    if beams.shape != (1,) or beams.dtype.kind != "i" or int(beams[0]) != len(rays):
+        held = " ".join(map(str, beams.flat))
+        raise SensorError(f"{path} holds {held} beams but the pattern has {len(rays)}; use the drive's own pattern")
+    try:
+        rows = np.array([material_index(str(name)) for name in arrays["materials"]], np.uint8)
+        _check(arrays, len(rays), len(rows))
+    except (KeyError, ValueError) as error:
+        raise SensorError(f"{path} is damaged: {error}; make the frame again") from error
     surfaces = {
         name: Surface(
             range_m=_ranges(arrays[f"{name}_range"], arrays[f"{name}_instance"]),
@@ -70,6 +72,31 @@ def load_hits(path: Path, rays: Rays) -> Hits:
         for name in ("solid", "pane")
     }
     return Hits(rays, arrays["pose"], surfaces["solid"], arrays["pane_beam"], surfaces["pane"], arrays["paint"])
+
+
+def _check(arrays: Mapping[str, np.ndarray], beams: int, materials: int) -> None:
+    """Raise ValueError where arrays are not of the shapes, kinds and values that `encode_hits` writes."""
+    panes, instances = len(arrays["pane_beam"]), len(arrays["paint"])
+    expected = {"pose": (np.float64, (4, 4)), "paint": (np.float32, (instances,)), "pane_beam": (np.int32, (panes,))}
+    for name, count in (("solid", beams), ("pane", panes)):
+        expected[f"{name}_range"] = (np.uint8, (4, count))
+        expected |= {f"{name}_{key}": (np.int16, (count,)) for key in ("normal_x", "normal_y", "instance")}
+        expected[f"{name}_material"] = (np.uint8, (count,))
+    for name, (dtype, shape) in expected.items():
+        if arrays[name].dtype != dtype or arrays[name].shape != shape:
+            raise ValueError(f"{name} is {arrays[name].dtype} {arrays[name].shape}, not {np.dtype(dtype)} {shape}")
+    for name in ("pose", "paint"):
+        if not np.isfinite(arrays[name]).all():
+            raise ValueError(f"{name} is not finite")
+    for name, least, most in (
+        ("pane_beam", 0, beams),
+        ("solid_material", 0, materials),
+        ("pane_material", 0, materials),
+        ("solid_instance", NOTHING, instances),
+        ("pane_instance", NOTHING, instances),
+    ):
+        if not ((arrays[name] >= least) & (arrays[name] < most)).all():
+            raise ValueError(f"{name} lies outside {least}…{most - 1}")
 
 
 def _range_planes(surface: Surface) -> np.ndarray:

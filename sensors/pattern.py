@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from assets.documents import DocumentError, parse_yaml
 from sensors.errors import SensorError
 from sensors.rays import Rays
 
@@ -122,7 +123,11 @@ def load_pattern(name_or_path: str | Path) -> Pattern:
             raise SensorError(
                 f"pattern {text!r} does not exist; choose one of {', '.join(pattern_names())} or give a file's path"
             )
-    return parse_pattern(source.read_text(encoding="utf-8"), origin=text)
+    try:
+        content = source.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SensorError(f"pattern {text} cannot be read: {' '.join(str(error).split())}") from error
+    return parse_pattern(content, origin=text)
 
 
 def parse_pattern(text: str, *, origin: str) -> Pattern:
@@ -134,10 +139,10 @@ def parse_pattern(text: str, *, origin: str) -> Pattern:
     from sensors.depth_camera import DepthCamera  # is a Pattern itself
 
     try:
-        values = yaml.safe_load(text)
+        values = parse_yaml(text)
         kind = DepthCamera if isinstance(values, dict) and "fov_deg" in values else Pattern
         return kind.model_validate(values)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except DocumentError as error:
         raise SensorError(f"pattern {origin} is not YAML: {' '.join(str(error).split())}") from error
     except ValidationError as error:
         raise SensorError(f"pattern {origin}: {first_problem(error)}") from error

@@ -6,9 +6,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import ValidationError
 
+from assets.documents import DocumentError, parse_yaml
 from sensors.effects.base import Effect
 from sensors.effects.registry import find_effect
 from sensors.errors import SensorError
@@ -54,8 +54,8 @@ def parse_sensor(content: str, *, origin: str, folder: Path) -> SensorModel:
         SensorError: the text breaks the format.
     """
     try:
-        values = yaml.safe_load(content)
-    except yaml.YAMLError as error:
+        values = parse_yaml(content)
+    except DocumentError as error:
         raise SensorError(f"sensor {origin} cannot be read: {' '.join(str(error).split())}") from error
     if not isinstance(values, dict) or not isinstance(values.get("pattern"), str):
         raise SensorError(f"sensor {origin} names no pattern; write `pattern: hdl64e`")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from assets.streets import Streets
 from sumo_nets.errors import TownError
+from sumo_nets.no_writing import refuse_writing
 from sumo_nets.reader import read_streets
 from sumo_nets.recipes import RECIPES, TOWNS
 from sumo_nets.tools import run_tool
@@ -48,7 +49,7 @@ def read_town(name_or_path: str | Path) -> Town:
     built_in = str(name_or_path) in RECIPES
     name = str(name_or_path)
     config = built_in_folder(name) / f"{name}.sumocfg" if built_in else _find_config(Path(name_or_path))
-    net, additional = _inputs(config)
+    net, additional = _inputs(config, built_in=built_in)
     if not built_in:
         _try_in_sumo(net)
     style = RECIPES[name].style if built_in else "suburb"
@@ -75,16 +76,19 @@ def _find_config(path: Path) -> Path:
     raise TownError(f"town {str(path)!r} does not exist; choose one of {names}, or give the path of a .sumocfg")
 
 
-def _inputs(config: Path) -> tuple[Path, tuple[Path, ...]]:
+def _inputs(config: Path, *, built_in: bool) -> tuple[Path, tuple[Path, ...]]:
     """Return the network and the additional files that a configuration names."""
     root = read_xml(config, "configuration", "sumoConfiguration")
+    routes = _files(root, config, ("route-files", "routes", "r"))
     nets = _files(root, config, ("net-file", "net", "n"))
     if len(nets) != 1:
         raise TownError(f'{config}: names {len(nets)} networks, where it must name one as <net-file value="…"/>')
     additional = _files(root, config, ("additional-files", "additional", "a"))
-    for path in (*nets, *additional):
+    for path in (*nets, *additional, *routes):
         if not path.is_file():
             raise TownError(f"{config}: names {path.name}, which does not exist in {path.parent}")
+    if not built_in:
+        refuse_writing(config, root, (*additional, *routes))
     return nets[0], tuple(additional)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 _REAL_FRAMES = 3
+_CONFIG = "town: town01\nseed: 3\nframes: 8\nframes_per_episode: 4\ncollection: {every_s: 2.0}\nwarm_up_s: 45\n"
 
 
 @pytest.fixture(scope="session")
@@ -44,3 +45,21 @@ def kitti_root(kitti_source: Path, tmp_path_factory: pytest.TempPathFactory) -> 
     (root / "ImageSets" / "train.txt").write_text("\n".join([*names[:2], "999999"]) + "\n")
     (root / "ImageSets" / "val.txt").write_text(names[2] + "\n" if len(names) > 2 else "")
     return root
+
+
+@pytest.fixture(scope="session")
+def run_config(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A configuration of two short episodes."""
+    path = tmp_path_factory.mktemp("config") / "run.yaml"
+    path.write_text(_CONFIG)
+    return path
+
+
+@pytest.fixture(scope="session")
+def drive_folder(run_config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The drive it gives."""
+    from tests.cosim.conftest import cosim
+
+    folder = tmp_path_factory.mktemp("drives") / "whole"
+    cosim("run", run_config, "--out", folder, "--workers", 2, "--quiet")
+    return folder

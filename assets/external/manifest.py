@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal
 
-import yaml
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
+from assets.documents import DocumentError, parse_yaml
 from assets.errors import AssetError
 from assets.materials import MATERIALS
 from assets.models.catalogue import CATALOGUE, Kind
@@ -79,10 +79,10 @@ def read_manifest(folder: Path) -> tuple[VehicleEntry, ...]:
     try:
         if file.stat().st_size > _LARGEST_BYTES:
             raise AssetError(f"{file}: larger than {_LARGEST_BYTES >> 20} MiB; is it a manifest?")
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+        content = parse_yaml(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise AssetError(f"{file}: {error.strerror}; external vehicles need a folder with {MANIFEST}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (DocumentError, UnicodeDecodeError) as error:
         raise AssetError(f"{file}: not readable as YAML ({' '.join(str(error).split())})") from None
     if not isinstance(content, list) or not content:
         raise AssetError(f"{file}: holds no list; write one entry a mesh, as `- {{file: golf.glb, kind: car}}`")

@@ -12,6 +12,7 @@ import numpy as np
 
 from assets.errors import AssetError
 from assets.external.wavefront import parse_obj
+from assets.gltf_buffers import buffers_beside
 
 _LARGEST_BYTES = 256 << 20
 _MOST_FACES = 4_000_000
@@ -96,19 +97,9 @@ def _read(folder: Path, file: Path) -> bytes:
 
 def _read_gltf(data: bytes, file: Path) -> MeshFile:
     import trimesh  # slow to import
-    from trimesh.resolvers import FilePathResolver
-
-    class _BuffersOnly(FilePathResolver):
-        """Opens the buffers of a `.gltf` file beside it, of bounded size; textures have no part in this."""
-
-        def get(self, name: str) -> bytes:
-            path = self.absolute(name)
-            if path.suffix.lower() != ".bin" or path.stat().st_size > _LARGEST_BYTES:
-                raise OSError(f"{name} is not a .bin file of at most {_LARGEST_BYTES >> 20} MiB")
-            return path.read_bytes()
 
     kind = file.suffix.lower().lstrip(".")
-    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=_BuffersOnly(str(file)), process=False)
+    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=buffers_beside(file), process=False)
     parts = []
     for node in sorted(scene.graph.nodes_geometry):
         pose, key = scene.graph[node]

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import yaml
 
+from assets.documents import DocumentError, parse_yaml
 from cosim.errors import DriveError
 from cosim.files import is_safe_name, read_text
 from cosim.kitti.frame import Frame
@@ -236,8 +236,8 @@ def _read_mapping(file: Path) -> Mapping[str, Any]:
     if not file.is_file():
         return {}
     try:
-        content = yaml.safe_load(read_text(file))
-    except yaml.YAMLError as error:
+        content = parse_yaml(read_text(file))
+    except DocumentError as error:
         raise DriveError(f"{file}: not readable as YAML ({' '.join(str(error).split())})") from None
     if content is not None and not isinstance(content, dict):
         raise DriveError(f"{file}: holds {type(content).__name__}, not keys with values")

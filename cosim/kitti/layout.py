@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from assets.documents import parse_json
 from cosim.errors import DriveError
 from cosim.files import is_safe_name, read_text
 
@@ -63,7 +63,7 @@ def read_manifest(file: Path) -> list[str]:
         if not line.endswith("\n") or not line.strip():
             continue
         try:
-            entry = json.loads(line)
+            entry = parse_json(line)
             if "name" not in entry and "episode" in entry:
                 continue  # a remark about an episode
             name = entry["name"]

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +9,7 @@ import numpy as np
 
 from cosim.errors import FormatError
 from cosim.files import read_bytes
-from sensors.npz import npz_bytes
+from sensors.npz import NpzError, npz_arrays, npz_bytes
 
 _DTYPES = {"ring": "|u1", "azimuth": "<f4", "time_s": "<f4", "return_no": "|u1"}
 
@@ -71,17 +68,16 @@ def decode_rays(data: bytes, source: str | Path = "rays", points: int | None = N
         FormatError: not an `.npz` file, an array missing, of another kind or length.
     """
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            missing = [name for name in _DTYPES if name not in archive.files]
-            arrays = {} if missing else {name: archive[name] for name in _DTYPES}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
-        raise FormatError(f"{source}: not a readable .npz file ({error}); write it again") from None
+        arrays = npz_arrays(data)
+    except NpzError as error:
+        raise FormatError(f"{source}: {error}; write it again") from None
+    missing = [name for name in _DTYPES if name not in arrays]
     if missing:
         raise FormatError(f"{source}: lacks {', '.join(missing)}; rays hold {', '.join(_DTYPES)}")
     for name, dtype in _DTYPES.items():
         _check_column(arrays[name], np.dtype(dtype), f"{source}: {name}", points)
     try:
-        return PointRays(**arrays)
+        return PointRays(arrays["ring"], arrays["azimuth"], arrays["time_s"], arrays["return_no"])
     except FormatError as error:
         raise FormatError(f"{source}: {error}") from None
 

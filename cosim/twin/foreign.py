@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import struct
 from collections.abc import Iterator
 from pathlib import Path
 
+from assets.documents import parse_json
 from assets.external.material_words import sort_material
 from assets.materials import MATERIALS, TABLE, Material, MaterialTable
 from cosim.errors import FormatError
@@ -74,7 +74,7 @@ def _colours(file: Path) -> Iterator[tuple[str, float]]:
     data = read_bytes(file)
     try:
         (length,) = struct.unpack_from("<I", data, 12)
-        materials = json.loads(data[20 : 20 + length]).get("materials", [])
+        materials = parse_json(data[20 : 20 + length].decode("utf-8", "replace")).get("materials", [])
         for material in materials:
             colour = material.get("pbrMetallicRoughness", {}).get("baseColorFactor", (1.0, 1.0, 1.0))
             luminance = sum(weight * float(part) for weight, part in zip(_WEIGHTS, colour[:3], strict=True))

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from assets.documents import parse_json
 from cosim.errors import FormatError
 from cosim.files import read_text
 from cosim.twin.json_values import Reader, arrays, matrix_json, number_json, poses, positives, vector_json
@@ -148,7 +149,7 @@ class TwinFrame:
             FormatError: not JSON, a key missing, or a value of the wrong kind, shape or range.
         """
         try:
-            document = json.loads(text)
+            document = parse_json(text)
         except ValueError as error:
             raise FormatError(f"{source}: not readable as JSON ({error}); write it again") from None
         root = Reader(document, str(source))

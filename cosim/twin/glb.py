@@ -6,6 +6,7 @@ than by a library, so that material names, their order and every byte are ours: 
 
 from __future__ import annotations
 
+import io
 import json
 import struct
 from collections.abc import Iterator, Mapping
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from assets.gltf_buffers import buffers_beside
 from assets.materials import MATERIAL_NAMES, MATERIALS, TABLE, MaterialTable
 from assets.mesh import Mesh
 from cosim.errors import FormatError
@@ -72,12 +74,13 @@ def read_glb(path: str | Path, materials: Mapping[str, str] | None = None, table
     if kind == "glb" and data[:4] != _MAGIC:
         raise FormatError(f"{path}: not a binary glTF file (begins with {data[:4]!r}); export it as .glb")
     try:
-        scene = trimesh.load_scene(str(file), process=False, file_type=kind)
+        scene = trimesh.load_scene(io.BytesIO(data), process=False, file_type=kind, resolver=buffers_beside(file))
+        shapes = [scene.graph[node] for node in scene.graph.nodes_geometry]
     except Exception as error:  # noqa: BLE001 - trimesh raises whatever its parsers meet in a broken file
-        raise FormatError(f"{path}: not a readable glTF file ({type(error).__name__}: {error})") from None
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise FormatError(f"{path}: not a readable glTF file ({reason})") from None
     parts, unknown = [], set()
-    for node in reversed(scene.graph.nodes_geometry):  # trimesh lists the last node first
-        pose, key = scene.graph[node]
+    for pose, key in reversed(shapes):  # trimesh lists the last node first
         shape = scene.geometry[key]
         if not isinstance(shape, trimesh.Trimesh):
             continue  # lines and points have no surface
@@ -86,7 +89,10 @@ def read_glb(path: str | Path, materials: Mapping[str, str] | None = None, table
         if material not in table:
             unknown.add(label)
             continue
-        parts.append(Mesh.of(shape.vertices, shape.faces, material, table).transformed(_WORLD_FROM_GLTF @ pose))
+        try:
+            parts.append(Mesh.of(shape.vertices, shape.faces, material, table).transformed(_WORLD_FROM_GLTF @ pose))
+        except ValueError as error:
+            raise FormatError(f"{path}: the mesh of material {label!r} is broken: {error}; export it again") from None
     if unknown:
         raise FormatError(
             f"{path}: material names {', '.join(map(repr, sorted(unknown)))} are not in the material table; "

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
+from assets.documents import DocumentError, parse_yaml
 from assets.materials import MATERIALS
 from cosim.errors import FormatError
 from cosim.files import read_text
@@ -63,8 +64,8 @@ def read_materials(path: str | Path) -> Mapping[str, MaterialEntry]:
         FormatError: not YAML, an unknown or missing key, or a value out of bounds; the first fault is named.
     """
     try:
-        content = yaml.safe_load(read_text(path))
-    except yaml.YAMLError as error:
+        content = parse_yaml(read_text(path))
+    except DocumentError as error:
         raise FormatError(f"{path}: not readable as YAML ({' '.join(str(error).split())})") from None
     try:
         return _FILE.validate_python(content or {})

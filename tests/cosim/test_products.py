@@ -11,17 +11,18 @@ from cosim.kitti.drive import Drive
 from cosim.kitti.images import read_depth
 from cosim.products import PRODUCTS
 from sensors.cameras import CLASSES
-from tests.cosim.conftest import CONFIG, cosim
+from tests.cosim.conftest import cosim
 
 pytestmark = pytest.mark.xdist_group("drive")
 WANTED = ("image_0", "image_1", "image_3", "depth_0", "depth_1", "semantic_2", "instance_2")
 
 
 @pytest.fixture(scope="module")
-def stereo(tmp_path_factory) -> Drive:
+def stereo(run_config, tmp_path_factory) -> Drive:
     folder = tmp_path_factory.mktemp("stereo")
     config = folder / "run.yaml"
-    text = CONFIG.replace("frames: 8", "frames: 4") + f"images: [{', '.join(WANTED)}]\nstore_hits: false\n"
+    text = run_config.read_text().replace("frames: 8", "frames: 4")
+    text += f"images: [{', '.join(WANTED)}]\nstore_hits: false\n"
     text += "min_label_points: 0\nannotators: {enabled: false}\n"  # nobody who shows is left to DontCare
     config.write_text(text)
     cosim("run", config, "--out", folder / "drive", "--quiet")

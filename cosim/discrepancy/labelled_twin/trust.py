@@ -16,9 +16,6 @@ how well they fit: choosing points would cut the tails off the residuals that ar
 
 from __future__ import annotations
 
-import io
-import zipfile
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +25,7 @@ import numpy as np
 from cosim.errors import FormatError
 from cosim.files import read_bytes
 from cosim.twin import Instance
-from sensors.npz import npz_bytes
+from sensors.npz import NpzError, npz_arrays, npz_bytes
 
 CELL_M = 0.5
 MARGIN_M = 0.3
@@ -152,10 +149,10 @@ def read_trust(path: str | Path) -> Trust:
         FormatError: it is missing, not such an archive, or an array is missing or of the wrong shape.
     """
     try:
-        with np.load(io.BytesIO(read_bytes(path)), allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in _ARRAYS if name in archive.files}
-    except (ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error, AttributeError) as error:
-        raise FormatError(f"{path}: not a readable .npz archive ({error}); make the twin again") from None
+        archive = npz_arrays(read_bytes(path))
+    except NpzError as error:
+        raise FormatError(f"{path}: {error}; make the twin again") from None
+    arrays = {name: archive[name] for name in _ARRAYS if name in archive}
     missing = [name for name in _ARRAYS if name not in arrays]
     if missing:
         raise FormatError(f"{path}: lacks {', '.join(missing)}; make the twin again with `cosim twin`")

@@ -1,0 +1,91 @@
+"""One whole file of every kind that a stranger may send."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import trimesh
+
+from assets import build_model
+from cosim.kitti.labels import read_labels
+from cosim.twin import encode_glb
+from sumo_nets.tools import run_tool
+
+SENSOR = """pattern: hdl64e
+effects:
+  - {effect: dual_block, upper_m: 0.0405, lower_m: -0.0405}
+  - {effect: range_noise, sigma_m: 0.02}
+"""
+RUN = """town: town01
+frames: 3
+seed: 1
+behaviour: {preset: paper, u_turns_per_min: 2.0}
+population: {driving_factor: [0.5, 1.0]}
+"""
+VEHICLES = (
+    "- {file: car.glb, class: car, name: a, forward: +x}\n"
+    "- {file: box.obj, class: van, name: b, up: z, forward: x}\n- {file: box.dae, class: truck, name: c, forward: x}\n"
+)
+
+
+def make_material(drive: Path, folder: Path) -> None:
+    """Fill a folder with what `READERS` read.
+
+    Args:
+        drive: a simulated drive.
+        folder: to fill.
+    """
+    _copy_one_frame(drive, folder / "drive")
+    shutil.copyfile(drive / "pattern.yaml", folder / "pattern.yaml")
+    (folder / "sensor.yaml").write_text(SENSOR)
+    (folder / "run.yaml").write_text(RUN)
+    (folder / "car.glb").write_bytes(encode_glb(build_model("saloon_01"), "car"))
+    _make_vehicles(folder / "vehicles")
+    _make_town(folder / "town")
+    rows = [
+        f"{0.1 * step:.1f},{name},{x0 + step:.2f},{3.0 * lane:.1f},10.0,90.0,e_{lane},car"
+        for step in range(30)
+        for lane, (name, x0) in enumerate((("a", 0.0), ("b", 20.0)))
+    ]
+    header = "time_s,id,x_m,y_m,speed_mps,heading_deg,lane,type"
+    (folder / "tracks.csv").write_text("\n".join([header, *rows]) + "\n")
+    (folder / "detections").mkdir()
+    labels = (folder / "drive/label_2/000000.txt").read_text().splitlines()
+    seen = [f"{line} 0.9" for line in labels if not line.startswith("DontCare")]
+    (folder / "detections/000000.txt").write_text("\n".join(seen) + "\n")
+
+
+def _copy_one_frame(drive: Path, target: Path) -> None:
+    """The first frame of a drive, with a few labels and points, so that changes hit what matters."""
+    entry = next(json.loads(line) for line in (drive / "manifest.jsonl").read_text().splitlines() if '"name"' in line)
+    for name in (*entry["files"], "drive.yaml", "twin/materials.yaml"):
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(drive / name, target / name)
+    (target / "manifest.jsonl").write_text(json.dumps(entry) + "\n")
+    points = target / entry["files"][0]
+    points.write_bytes(points.read_bytes()[:16_000])
+    assert len(read_labels(target / "label_2/000000.txt").type)
+
+
+def _make_vehicles(folder: Path) -> None:
+    folder.mkdir()
+    box = trimesh.creation.box(extents=(4.0, 1.8, 1.5))
+    (folder / "car.glb").write_bytes(encode_glb(build_model("saloon_01"), "car"))
+    (folder / "box.obj").write_text(box.export(file_type="obj"))
+    exported = box.export(file_type="dae")
+    (folder / "box.dae").write_bytes(exported if isinstance(exported, bytes) else exported.encode())
+    (folder / "vehicles.yaml").write_text(VEHICLES)
+
+
+def _make_town(folder: Path) -> None:
+    folder.mkdir()
+    run_tool("netgenerate", "--grid", "--grid.number", "2", "--grid.length", "80", "-o", folder / "town.net.xml")
+    (folder / "town.sumocfg").write_text(
+        '<configuration><net-file value="town.net.xml"/><additional-files value="town.add.xml"/></configuration>\n'
+    )
+    (folder / "town.add.xml").write_text(
+        '<additional><vType id="car" length="4.5"/><parkingArea id="p" lane="A0A1_0" startPos="10" endPos="40" '
+        'roadsideCapacity="4"><space x="1" y="2" length="5" width="2"/></parkingArea></additional>\n'
+    )
