@@ -52,3 +52,10 @@ if [ -n "$missing" ]; then
     apt_install $missing ||
         die "system libraries are missing and cannot be installed here; run: sudo apt-get install$missing (where your release has no libosmesa6: libegl1, and backend: egl in the configuration)"
 fi
+
+# Tests open pages in a browser; where there is none they are skipped.
+case ",$extras," in *,dev,*)
+    if ! command -v chromium >/dev/null 2>&1 && ! command -v google-chrome >/dev/null 2>&1; then
+        apt_install chromium || say "no chromium here and none can be installed: pages will not be opened by tests"
+    fi ;;
+esac

@@ -27,6 +27,7 @@ class Observed:
         points: rows of the scan that are in it.
         strays: points that fit no beam of the pattern, left out.
         bad: points with NaN or infinity, left out.
+        row: (n,) int64 row of the scan's point; −1 where nothing returned.
         recovered: whether beams were told from the order of the points: then these have their measured azimuths,
             and points stand where the unit's own calibration puts them.
     """
@@ -39,6 +40,7 @@ class Observed:
     points: int
     strays: int
     bad: int
+    row: np.ndarray
     recovered: bool = False
 
     @property
@@ -86,6 +88,8 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays) -> Observed:
     above[first] = np.einsum("ij,ij->i", xyz, upwards(direction))
     if frame.has_intensity:
         intensity[first] = points[used, 3]
+    row_of = np.full(len(rays), -1, np.int64)
+    row_of[first] = used
     seconds = int(np.count_nonzero(of.return_no))
     return Observed(
         rays=rays,
@@ -96,6 +100,7 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays) -> Observed:
         points=len(points),
         strays=len(points) - seconds - len(used),
         bad=frame.bad_points,
+        row=row_of,
         recovered=of.recovered,
     )
 

@@ -14,7 +14,7 @@ GRID: Rgb = (38, 45, 57)
 MUTED: Rgb = (134, 146, 166)
 TEXT: Rgb = (226, 232, 240)
 
-_CLASS_COLOURS: dict[str, Rgb] = {
+CLASS_COLOURS: dict[str, Rgb] = {
     "car": (255, 178, 62),
     "van": (255, 122, 69),
     "truck": (240, 82, 82),
@@ -25,7 +25,7 @@ _CLASS_COLOURS: dict[str, Rgb] = {
     "cyclist": (86, 204, 242),
     "motorcycle": (120, 180, 255),
 }
-_OTHER_CLASS: Rgb = (190, 200, 215)
+OTHER_CLASS: Rgb = (190, 200, 215)
 _ROUND_VALUES = (1, 2, 3, 5, 10, 20, 40, 80, 160)
 _GOLDEN = 0.61803398875  # successive hues lie as far apart as can be
 _MAPS = {"turbo": cv2.COLORMAP_TURBO, "viridis": cv2.COLORMAP_VIRIDIS}
@@ -91,7 +91,7 @@ def dimmed(colour: Rgb, share: float) -> Rgb:
 
 def class_colour(name: str) -> Rgb:
     """The colour of a class or kind of object, whatever its case."""
-    return _CLASS_COLOURS.get(name.lower(), _OTHER_CLASS)
+    return CLASS_COLOURS.get(name.lower(), OTHER_CLASS)
 
 
 def instance_colours(numbers: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from sensors.hits_file import load_hits
 from sensors.pattern import Pattern, load_pattern
 
 STATIC = -1
+NO_MATERIAL = 255
 _BOX_MARGIN_M = 0.1
 _ON_SURFACE_M = 1.0  # a point farther from what its beam met came from something else
 
@@ -44,10 +45,15 @@ class PointInstances:
     Attributes:
         number: (n,) int64 row of `Objects`, −1 for the static world.
         source: `hits` where traced, `boxes` where points were sorted into boxes, `none` without objects.
+        material: (n,) uint8 row of `materials`, `NO_MATERIAL` where the point is not on what its beam met; None
+            where nothing was traced.
+        materials: names of materials.
     """
 
     number: np.ndarray
     source: Literal["hits", "boxes", "none"]
+    material: np.ndarray | None = None
+    materials: tuple[str, ...] = ()
 
 
 def labelled_boxes(frame: Frame) -> Boxes:
@@ -87,7 +93,7 @@ def find_instances(drive: Drive, frame: Frame, objects: Objects) -> PointInstanc
                 f"{frame.hits_path}: hits of {len(hits.paint)} instances but the twin has {len(objects)}; "
                 "they are of different runs: make the frame again"
             )
-        return PointInstances(_of_hits(frame, hits, pattern), "hits")
+        return _of_hits(frame, hits, pattern)
     if not len(objects):
         return PointInstances(np.full(len(frame.points), STATIC), "none")
     inside = points_in_boxes(frame.points, _above_ground(objects.boxes), _BOX_MARGIN_M)
@@ -109,8 +115,8 @@ def _twin_boxes(twin: TwinFrame) -> Boxes:
     return Boxes(centre, sizes, np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
 
 
-def _of_hits(frame: Frame, hits: Hits, pattern: Pattern) -> np.ndarray:
-    """The instance that each point's beam met, (n,); static where the point is not on what it met."""
+def _of_hits(frame: Frame, hits: Hits, pattern: Pattern) -> PointInstances:
+    """What each point's beam met; static, of no material, where the point is not on it."""
     rays = frame.rays
     offset = np.radians(np.array(pattern.azimuth_offset_deg))[rays.ring]
     column = np.mod(np.pi - (rays.azimuth.astype(np.float64) - offset), 2 * np.pi)
@@ -119,4 +125,5 @@ def _of_hits(frame: Frame, hits: Hits, pattern: Pattern) -> np.ndarray:
     distance = np.linalg.norm(frame.points[:, :3], axis=1)
     with np.errstate(invalid="ignore"):
         on_it = np.abs(distance - met.range_m) < _ON_SURFACE_M
-    return np.where(on_it & (met.instance != NOTHING), met.instance, STATIC).astype(np.int64)
+    number = np.where(on_it & (met.instance != NOTHING), met.instance, STATIC).astype(np.int64)
+    return PointInstances(number, "hits", np.where(on_it, met.material, NO_MATERIAL), tuple(hits.table.names))

@@ -42,11 +42,16 @@ def spread_evenly(names: tuple[str, ...], count: int) -> tuple[str, ...]:
     return tuple(names[row] for row in rows)
 
 
+def richest_frames(drive: Drive, names: tuple[str, ...], count: int) -> tuple[str, ...]:
+    """Of as many parts of the names, the frame of each whose labelled objects cover most of the image."""
+    parts = np.array_split(np.array(names, object), max(1, min(count, len(names))))
+    return tuple(_richest(drive, tuple(part)) for part in parts)
+
+
 def _spread(drive: Drive, count: int) -> tuple[str, ...]:
     if count > _MOST_FRAMES:
         raise DriveError(f"--frames is {count}; a page holds at most {_MOST_FRAMES}")
-    parts = np.array_split(np.array(drive.frames, object), min(count, len(drive)))
-    return tuple(_richest(drive, tuple(part)) for part in parts)
+    return richest_frames(drive, drive.frames, count)
 
 
 def _richest(drive: Drive, names: tuple[str, ...]) -> str:

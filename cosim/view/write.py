@@ -19,6 +19,7 @@ from cosim.view.facts import drive_facts, frame_facts
 from cosim.view.frame_pictures import Absent, FramePictures, intensity_scale
 from cosim.view.page import GENERATOR, FrameSection, Missing, Page, Shown, Thumbnail, format_page
 from cosim.view.selection import spread_evenly
+from cosim.view.titles import drive_title
 
 _PICTURES = "pictures"
 _OVERVIEW_FRAMES = 8
@@ -26,15 +27,21 @@ _THUMBNAIL_PX = (414, 125)
 
 
 def write_view(
-    drive: Drive, names: tuple[str, ...], folder: Path, on_frame: Callable[[str], None] = lambda name: None
+    drive: Drive,
+    names: tuple[str, ...],
+    folder: Path,
+    on_frame: Callable[[str], None] = lambda name: None,
+    *,
+    file: str = "index.html",
 ) -> Path:
-    """Write `folder/index.html` and `folder/pictures/*.png`; pictures of a page that was there are removed.
+    """Write a page of pictures and `folder/pictures/*.png`; pictures of a page that was there are removed.
 
     Args:
         drive: the drive.
         names: frames to show in full.
         folder: made if need be.
         on_frame: told the name of every frame before it is drawn.
+        file: name of the page in the folder.
 
     Returns:
         The path of the page.
@@ -43,7 +50,7 @@ def write_view(
         OutputError: the folder cannot be written.
         CosimError: a part of a frame is broken.
     """
-    index = folder / "index.html"
+    index = folder / file
     with explained(folder):
         (folder / _PICTURES).mkdir(parents=True, exist_ok=True)
         _remove_pictures(index)
@@ -56,7 +63,7 @@ def write_view(
         _draw_thumbnail(drive, name, intensity, folder, shown=name in names)
         for name in sorted({*names, *spread_evenly(drive.frames, max(0, _OVERVIEW_FRAMES - len(names)))})
     ]
-    page = Page(_title(drive), drive_facts(drive), drive.missing, overview, sections)
+    page = Page(drive_title(drive), drive_facts(drive), drive.missing, overview, sections)
     with explained(index):
         index.write_text(format_page(page), encoding="utf-8", newline="\n")
     return index
@@ -95,14 +102,6 @@ def _draw_thumbnail(drive: Drive, name: str, intensity: Scale, folder: Path, *, 
     small = cv2.resize(image, _THUMBNAIL_PX, interpolation=cv2.INTER_AREA)
     saved = _save(small, Caption("overview", "", ""), name, folder)
     return Thumbnail(name, saved.file, saved.width, saved.height, shown)
-
-
-def _title(drive: Drive) -> str:
-    config = drive.info.get("config")
-    town = config.get("town") if isinstance(config, dict) else None
-    root = drive.root.resolve()
-    folder = f"{root.parent.name}/{root.name}" if root.name in ("training", "testing") else root.name
-    return f"{town}: simulated drive" if town else f"{folder}: {drive.kind} drive"
 
 
 def _remove_pictures(index: Path) -> None:

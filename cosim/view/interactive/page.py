@@ -1,0 +1,94 @@
+"""The page: its controls, its style, its script, and frames within it or at the server that gave it."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterable, Mapping
+from html import escape
+from typing import Any
+
+from cosim.view.interactive.style import STYLE
+from cosim.view.scripts import viewer_script
+
+GENERATOR = "cosim view"
+_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; connect-src "
+_KEYS = (
+    ("← →", "frame before, after"),
+    ("Page ↑ ↓", "ten frames"),
+    ("space", "play, stop"),
+    ("1 – 6", "colours"),
+    ("[ ]", "scale of the colours"),
+    ("+ −", "size of the points"),
+    ("b", "boxes: labels, all objects, none"),
+    ("n", "names of the boxes"),
+    ("p", "points in the image"),
+    ("c", "next camera"),
+    ("r", "view from behind the car"),
+    ("t", "view from above"),
+    ("drag", "turn; with shift or the right button, move; wheel: nearer"),
+)
+
+
+def page_parts(
+    settings: Mapping[str, Any], absences: Iterable[tuple[str, tuple[str, ...]]], *, pictures: str | None = None
+) -> tuple[str, str]:
+    """What stands before and after the frames in the page's HTML.
+
+    Args:
+        settings: what the script must know, as JSON values.
+        absences: title and what is missing of each drive.
+        pictures: where the page of pictures is, if there is one.
+    """
+    absences = list(absences)
+    title = " | ".join(drive for drive, _ in absences)
+    source = "'self'" if settings["served"] else "'none'"
+    head = (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}{source}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<meta name="generator" content="{GENERATOR}">\n<title>{escape(title)}</title>\n'
+        f"<style>{STYLE}</style>\n</head>\n<body>\n"
+    )
+    panes = "".join(_pane(drive, missing) for drive, missing in absences)
+    link = f'<a href="{escape(pictures)}">pictures</a>' if pictures else ""
+    data = json.dumps(settings, separators=(",", ":")).replace("<", "\\u003c")
+    head += f'<main>{panes}</main>\n{_controls(link)}\n<script type="application/json" id="settings">{data}</script>\n'
+    return head, f"{viewer_script()}\n</body>\n</html>\n"
+
+
+def frame_element(kind: str, drive: int, name: str, data: bytes) -> str:
+    """A frame within the page."""
+    text = base64.b64encode(data).decode()
+    return f'<script type="text/plain" data-{kind}="{drive}" data-name="{escape(name)}">{text}</script>\n'
+
+
+def _pane(title: str, missing: tuple[str, ...]) -> str:
+    absent = ""
+    if missing:
+        items = "".join(f"<li>{escape(note)}</li>" for note in missing)
+        absent = f"<details><summary>{len(missing)} absent</summary><ul>{items}</ul></details>"
+    return (
+        f'<section class="pane"><header><h1>{escape(title)}</h1><div class="facts"></div>{absent}</header>'
+        '<div class="space"><canvas class="points" aria-label="points in three dimensions"></canvas>'
+        '<canvas class="over"></canvas><div class="legend"></div><pre class="tip" hidden></pre>'
+        '<p class="fault" hidden>Points need WebGL, which this browser has turned off or lacks.</p></div>'
+        '<div class="image"><canvas aria-label="camera image"></canvas>'
+        '<p class="no-image" hidden>no camera images in this frame</p></div></section>'
+    )
+
+
+def _controls(link: str) -> str:
+    keys = "".join(f"<dt>{key}</dt><dd>{does}</dd>" for key, does in _KEYS)
+    return (
+        '<footer><button id="play" title="space">▶</button>'
+        '<input id="slider" type="range" min="0" value="0" aria-label="frame"><output id="place"></output>'
+        '<div id="modes" role="group" aria-label="colours"></div>'
+        '<div role="group"><button id="boxes" title="key b"></button><button id="names" title="key n">names</button>'
+        '<button id="projected" title="key p">points in image</button>'
+        '<button id="camera" title="key c">next camera</button></div>'
+        '<div role="group"><button id="behind" title="key r">behind</button>'
+        '<button id="above" title="key t">above</button><button id="help" title="key ?">keys</button></div>'
+        f'{link}<span id="waiting" hidden>tracing the twin…</span><span id="fault"></span></footer>'
+        f'<dl id="keys" hidden>{keys}</dl>'
+    )

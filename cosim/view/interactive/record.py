@@ -1,0 +1,173 @@
+"""Everything a page shows of one frame, as bytes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+import cv2
+import numpy as np
+
+from cosim.errors import CosimError
+from cosim.kitti import Boxes, Drive, Frame
+from cosim.view.facts import Facts
+from cosim.view.interactive.columns import point_columns, residual_column
+from cosim.view.interactive.packing import Column, pack
+from cosim.view.interactive.residual import PointResiduals, ResidualTracer
+from cosim.view.objects import Objects, PointInstances, find_objects, labelled_boxes
+from sensors.errors import SensorError
+
+CAMERAS = ("image_2", "image_0", "image_3", "image_1")
+_JPEG_QUALITY = 88
+_SENSOR_HEIGHT_M = 1.73  # of KITTI's LiDAR, where a drive does not tell its own
+_MOST_CLASSES = 4
+
+
+class FrameRecords:
+    """Makes the records of a drive's frames.
+
+    Args:
+        drive: the drive.
+        residuals: traces the twin; None where that cannot be.
+        why_not: what to say then.
+        most_cameras: images a frame at most, the left colour image first.
+        thorough: deflate well rather than fast.
+    """
+
+    def __init__(
+        self, drive: Drive, residuals: ResidualTracer | None, why_not: str, *, most_cameras: int, thorough: bool
+    ) -> None:
+        self.drive = drive
+        self._residuals, self._why_not = residuals, why_not
+        self._most_cameras, self._thorough = most_cameras, thorough
+
+    def whole(self, name: str) -> bytes:
+        """The bytes of a frame, see `packing`, with all that can be told of its points.
+
+        Raises:
+            CosimError: no such frame, or its points or a part that all else needs are broken.
+        """
+        return self._record(self.drive[name], *self._traced(name), deferred=())
+
+    def quick(self, name: str) -> bytes:
+        """The same without what the twin must be traced for; `extra` gives that."""
+        frame = self.drive[name]
+        return self._record(frame, None, self._why_not, () if self._residuals is None else _traced_modes(frame))
+
+    def extra(self, name: str) -> bytes:
+        """What `quick` left out of a frame."""
+        modes = _traced_modes(self.drive[name])
+        residuals, why_not = self._traced(name)
+        if residuals is None:
+            return pack({"absent": dict.fromkeys(modes, why_not), "materials": []}, [], {})
+        columns = [residual_column(residuals)]
+        if "material" in modes:
+            columns.append(Column("material", residuals.material))
+        materials = _readable(residuals.materials) if "material" in modes else []
+        return pack({"absent": {}, "materials": materials}, columns, {}, thorough=self._thorough)
+
+    def _record(self, frame: Frame, residuals: PointResiduals | None, why_not: str, deferred: tuple[str, ...]) -> bytes:
+        objects = find_objects(frame)
+        found = point_columns(self.drive, frame, objects, residuals, why_not)
+        images = {part: _jpeg(frame.image(part)) for part in self._cameras(frame)}
+        header = {
+            "name": frame.name,
+            "facts": _facts(frame),
+            "boxes": [*_labels(frame), *_objects(objects, found.met, frame)],
+            "cameras": [_camera(frame, part) for part in images],
+            "absent": {mode: why for mode, why in found.absent.items() if mode not in deferred},
+            "deferred": deferred,
+            "materials": _readable(found.materials),
+            "ground_m": -_sensor_height(frame),
+        }
+        return pack(header, found.columns, images, thorough=self._thorough)
+
+    def _cameras(self, frame: Frame) -> list[str]:
+        known = {f"image_{camera}" for camera in frame.calibration.cameras}
+        return [part for part in CAMERAS if part in known and frame.has(part)][: self._most_cameras]
+
+    def _traced(self, name: str) -> tuple[PointResiduals | None, str]:
+        if self._residuals is None:
+            return None, self._why_not
+        try:
+            return self._residuals.trace(name), ""
+        except (CosimError, SensorError) as error:
+            return None, str(error)
+
+
+def _traced_modes(frame: Frame) -> tuple[str, ...]:
+    """What is only known once the twin was traced."""
+    return ("residual",) if frame.has("hits") else ("residual", "material")
+
+
+def _jpeg(image: np.ndarray) -> bytes:
+    pixels = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    return cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1].tobytes()
+
+
+def _camera(frame: Frame, part: str) -> dict[str, Any]:
+    """The projection of homogeneous LiDAR axes to (u·d, v·d, d), row by row."""
+    matrix = frame.calibration.projection(int(part[-1])) @ frame.calibration.velo_to_rect_matrix
+    return {"name": part, "matrix": [float(f"{value:.9g}") for value in matrix.ravel()]}
+
+
+def _facts(frame: Frame) -> Facts:
+    """Time, ego speed, points and labels."""
+    facts: Facts = []
+    if frame.has("twin/frames"):
+        twin = frame.twin
+        facts.append(("time", f"{twin.time_s:.1f} s"))
+        facts.append(("ego", f"{3.6 * np.linalg.norm(twin.ego.velocity_mps):.0f} km/h"))
+    elif frame.has("oxts"):
+        speed = np.hypot(frame.oxts.vf, frame.oxts.vl)
+        facts.append(("ego", f"{3.6 * speed:.0f} km/h"))
+    facts.append(("points", f"{len(frame.points):,}"))
+    if frame.has("label_2"):
+        classes = Counter(frame.labels.cared_for.type).most_common()
+        said = [f"{count} {name}" for name, count in classes[:_MOST_CLASSES]]
+        rest = sum(count for _, count in classes[_MOST_CLASSES:])
+        facts.append(("labels", ", ".join([*said, f"{rest} others"] if rest else said) or "none"))
+    return facts
+
+
+def _labels(frame: Frame) -> Iterator[dict[str, Any]]:
+    if not frame.has("label_2"):
+        return
+    labels, boxes = frame.labels.cared_for, labelled_boxes(frame)
+    occlusion = {0: "visible", 1: "partly occluded", 2: "largely occluded"}
+    for row, kind in enumerate(labels.type):
+        note = occlusion.get(int(labels.occluded[row]), "")
+        if labels.truncated[row] >= 0.005:
+            note += f"{', ' if note else ''}{labels.truncated[row]:.0%} cut off"
+        yield _box(boxes, row, kind, "label", note)
+
+
+def _objects(objects: Objects, met: PointInstances, frame: Frame) -> Iterator[dict[str, Any]]:
+    """Those of the twin, with how many points they have and how fast they are."""
+    if objects.source != "twin":
+        return
+    counts = np.bincount(met.number + 1, minlength=len(objects) + 1)[1:]
+    for row, thing in enumerate(frame.twin.instances):
+        speed = 3.6 * np.linalg.norm(thing.velocity_mps)
+        yield _box(objects.boxes, row, thing.kind, "object", f"{thing.id}, {counts[row]} points, {speed:.0f} km/h")
+
+
+def _box(boxes: Boxes, row: int, kind: str, source: str, note: str) -> dict[str, Any]:
+    return {
+        "kind": kind,
+        "source": source,
+        "note": note,
+        "centre": np.round(boxes.centre[row], 3).tolist(),
+        "size": np.round(boxes.size[row], 3).tolist(),
+        "yaw": round(float(boxes.yaw[row]), 4),
+    }
+
+
+def _readable(names: tuple[str, ...]) -> list[str]:
+    return [name.replace("_", " ") for name in names]
+
+
+def _sensor_height(frame: Frame) -> float:
+    """Of the LiDAR above the ground [m]."""
+    return float(frame.twin.lidar.pose_ego[2, 3]) if frame.has("twin/frames") else _SENSOR_HEIGHT_M

@@ -1,0 +1,93 @@
+"""Measured − expected range of every point: the twin traced as `cosim compare` traces it."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cosim.kitti import Drive
+from cosim.view.objects import NO_MATERIAL
+from sensors.effects.base import Effect
+from sensors.sensor_model import SensorModel
+
+if TYPE_CHECKING:
+    from cosim.discrepancy.frames import FrameTracer
+
+
+@dataclass(frozen=True, eq=False)
+class PointResiduals:
+    """What a sensor model says of the points of a frame.
+
+    Attributes:
+        metres: (n,) measured − expected range [m]; NaN where the point fits no beam or its beam meets nothing.
+        material: (n,) uint8 row of `materials` of the surface that the point's beam meets; `NO_MATERIAL` for none.
+        materials: names.
+    """
+
+    metres: np.ndarray
+    material: np.ndarray
+    materials: tuple[str, ...]
+
+
+class ResidualTracer:
+    """Traces the frames of a drive with a sensor model; reads the twin when the first frame is asked for.
+
+    Args:
+        drive: with points and a twin.
+        sensor: the model.
+    """
+
+    def __init__(self, drive: Drive, sensor: SensorModel) -> None:
+        self._drive, self._sensor = drive, sensor
+        self._one_at_a_time = threading.Lock()
+
+    def trace(self, name: str) -> PointResiduals:
+        """The residuals of a frame; may be called from any thread.
+
+        Raises:
+            DriveError: the twin is not that of the drive.
+            CosimError: a part of the frame is broken or absent.
+        """
+        with self._one_at_a_time:
+            return self._trace(name)
+
+    @cached_property
+    def _tracer(self) -> FrameTracer:
+        from cosim.discrepancy.checks import check_fit, opened
+        from cosim.discrepancy.frames import FrameTracer
+
+        tracer = FrameTracer(opened(self._drive), self._sensor)
+        check_fit(tracer.trace(self._drive.frames[0], self._bending), self._drive)
+        return tracer
+
+    @cached_property
+    def _effects(self) -> tuple[Effect, ...]:
+        from cosim.discrepancy.frames import in_order
+
+        return in_order(self._sensor.effects)
+
+    @cached_property
+    def _bending(self) -> tuple[Effect, ...]:
+        from cosim.discrepancy.frames import bending
+
+        return bending(self._effects)
+
+    def _trace(self, name: str) -> PointResiduals:
+        from cosim.discrepancy.expectation import expect
+
+        traced = self._tracer.trace(name, self._bending)
+        observed, shot = traced.observed, traced.shot
+        expected = expect(self._effects, shot).range_m  # chance left out, as on the page of `cosim compare`
+        by_beam = observed.range_from(shot.rays.origin) - expected
+        beams = np.flatnonzero(observed.row >= 0)
+        rows = observed.row[beams]
+        metres = np.full(observed.points, np.nan)
+        metres[rows] = np.where(observed.trusted[beams], by_beam[beams], np.nan)
+        solid = shot.hits.solid
+        material = np.full(observed.points, NO_MATERIAL, np.uint8)
+        material[rows] = np.where(solid.exists[beams], solid.material[beams], NO_MATERIAL)
+        return PointResiduals(metres, material, tuple(shot.hits.table.names))

@@ -1,0 +1,14 @@
+"""What a drive is called on pages."""
+
+from __future__ import annotations
+
+from cosim.kitti import Drive
+
+
+def drive_title(drive: Drive) -> str:
+    """Its town or folder, and its kind."""
+    config = drive.info.get("config")
+    town = config.get("town") if isinstance(config, dict) else None
+    root = drive.root.resolve()
+    folder = f"{root.parent.name}/{root.name}" if root.name in ("training", "testing") else root.name
+    return f"{town}: simulated drive" if town else f"{folder}: {drive.kind} drive"
