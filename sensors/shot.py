@@ -18,6 +18,7 @@ from sensors.returns import Returns
 from sensors.world import Traced, World
 
 _T = TypeVar("_T")
+_KEPT = 4
 
 
 class Shot:
@@ -62,9 +63,11 @@ class Shot:
         self._kept: dict[str, Any] = {}
 
     def kept(self, name: str, make: Callable[[], _T]) -> _T:
-        """What an effect worked out of this revolution before, or makes now."""
+        """What an effect worked out of this revolution before, or makes now; only the latest few are kept."""
         if name not in self._kept:
             self._kept[name] = make()
+            for oldest in list(self._kept)[:-_KEPT]:
+                del self._kept[oldest]
         return self._kept[name]
 
     @property
