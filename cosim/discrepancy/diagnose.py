@@ -41,6 +41,7 @@ _CLEARLY_THERE = 5.0
 _CLEARLY_MORE = 1.15  # times the gain of the best candidate must be an unknown shape's
 _SHAPE_LEVEL = 0.02
 _RETUNED_SIGMAS, _RETUNED_SHARE = 2.0, 1e-3  # what other values of an effect must gain, of its scatter and of the error
+_HARM_SIGMAS = 2.0
 _TRIED = 3  # candidates a round, until one helps on held-out frames
 
 
@@ -330,11 +331,13 @@ def _is_asked_for(kind: type[Effect]) -> bool:
 def _helps(best: Ranked, after: HeldOut, before: HeldOut, is_new: bool) -> bool:
     """Whether an addition may stand by what held-out frames say.
 
-    A lattice is a fact of the file, which needs only do no harm. Other values of an effect that was there take more
-    than what is new: what they fit may be any misfit of that channel.
+    A lattice is a fact of the file, which needs only do no harm; so is where points stand beside their beams. Other
+    values of an effect that was there take more than what is new: what they fit may be any misfit of that channel.
     """
     if isinstance(best.fitted.effects[best.place], RoundingEffect):
         return not before.beats(after)
+    if after.aligns(before) and not before.beats(after, _HARM_SIGMAS):
+        return True
     return after.beats(before) if is_new else after.beats(before, _RETUNED_SIGMAS, _RETUNED_SHARE)
 
 

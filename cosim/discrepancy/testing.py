@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from cosim.discrepancy.compare import Totals
 from cosim.discrepancy.expectation import expect
-from cosim.discrepancy.frames import FrameTracer, bending, in_order
+from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.noise_floor import NoiseFloor, estimate_floor
+from cosim.discrepancy.replay import FrameReplay
 from cosim.discrepancy.scoring import score_frame
 from sensors.effects.base import Effect
+
+_CLOSER = 0.9
+_EVERY = 7  # returns; enough for a mean
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,11 +27,13 @@ class HeldOut:
         error: over all of them.
         by_frame: (f,) of each.
         floor: the error that noise alone would make, estimated from neighbouring beams; None where nothing matched.
+        rise_m: (f,) how far points stand above or below their beams on average; 0 where files tell each point's beam.
     """
 
     error: float
     by_frame: np.ndarray
     floor: float | None
+    rise_m: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def standard_error(self) -> float:
@@ -44,17 +50,37 @@ class HeldOut:
             return bool(self.error < other.error)
         return bool(fall.mean() > sigmas * np.std(fall, ddof=1) / np.sqrt(len(fall)))
 
+    def aligns(self, other: HeldOut) -> bool:
+        """Whether points stand closer to their beams, in every frame and by a clear share.
+
+        The error knows nothing of that: it asks how far a surface is, not where its point was put down.
+        """
+        return bool(len(self.rise_m) and (self.rise_m < _CLOSER * other.rise_m).all())
+
 
 def held_out_errors(tracer: FrameTracer, names: Sequence[str], effects: Sequence[Effect], origin: str) -> HeldOut:
     """The errors of effects on some frames."""
     effects = in_order(effects)
-    each, noise = [], []
+    each, noise, rise_m = [], [], []
     for number, name in enumerate(names):
         frame = tracer.trace(name, bending(effects))
         scores = score_frame(frame, effects, np.random.default_rng([0, number]), origin)
         each.append(Totals.of(frame, scores))
         noise.append(estimate_floor(frame, scores, expect(effects, frame.shot)))
+        rise_m.append(_mean_rise(frame, effects))
     floor = NoiseFloor.of(noise)
     return HeldOut(
-        sum(each, Totals()).error, np.array([one.error for one in each]), None if floor is None else floor.error
+        error=sum(each, Totals()).error,
+        by_frame=np.array([one.error for one in each]),
+        floor=None if floor is None else floor.error,
+        rise_m=np.array(rise_m),
     )
+
+
+def _mean_rise(frame: TracedFrame, effects: Sequence[Effect]) -> float:
+    if not frame.observed.recovered:
+        return 0.0
+    beams = np.flatnonzero(frame.observed.returned)[::_EVERY]
+    _, _, above = FrameReplay(frame, beams).expect(effects)
+    away = np.abs(frame.observed.above_m[beams] - above)
+    return float(away.mean()) if len(away) else 0.0
