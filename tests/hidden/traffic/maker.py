@@ -85,7 +85,9 @@ def _routes(net: Path, more: Path, habit: dict, rng, drivers: int, parked: int, 
     root = ET.parse(net).getroot()
     edges = {e.get("id"): (e.get("from"), e.get("to")) for e in root.iter("edge") if not e.get("function")}
     onward = {e: sorted(o for o in edges if edges[o][0] == edges[e][1] and edges[o][1] != edges[e][0]) for e in edges}
+    links = {(link.get("from"), link.get("to")) for link in root.iter("connection")}
     back = {e: next(o for o in edges if edges[o] == edges[e][::-1]) for e in edges}
+    back = {e: other for e, other in back.items() if (e, other) in links}
     types = ET.parse(more).getroot().findall("vType")
     lots = ET.parse(more).getroot().findall("parkingArea")
     names, lines = sorted(edges), []
@@ -111,9 +113,9 @@ def _routes(net: Path, more: Path, habit: dict, rng, drivers: int, parked: int, 
         text.append("<vType " + " ".join(f'{key}="{value}"' for key, value in base.items()) + "/>")
         route, turns = [edge], habit["u_turn_share"]
         while len(route) < 40:
-            turned = turns and rng.random() < turns
-            options = onward[route[-1]]
-            route.append(back[route[-1]] if turned or not options else options[int(rng.integers(len(options)))])
+            turned, options = turns and rng.random() < turns, onward[route[-1]]
+            around = route[-1] in back and (turned or not options)
+            route.append(back[route[-1]] if around else options[int(rng.integers(len(options)))])
         stop = ""
         if lot is not None:
             stop = f'<stop parkingArea="{lot.get("id")}" duration="{stays.get(name, 1e6):.1f}"/>'
