@@ -25,6 +25,7 @@ bench: setup-dev
 
 hidden: setup-dev
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.hidden.benchmark
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.hidden.traffic.benchmark
 
 fuzz: setup-dev
 	$(PYTHON) -m tests.fuzz
