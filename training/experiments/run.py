@@ -120,7 +120,12 @@ def _run_row(table: ExperimentTable, name: str, variant: str, inputs: Inputs, wa
 
 def _train(folder: Path, config: TrainConfig, source: Source, watcher: Watcher | None) -> Path:
     """The checkpoint of a training that is run, gone on with, or finished already."""
-    run_training(config.model_copy(update={"train": (source,), "validate_on": ()}), folder, watcher)
+    config = config.model_copy(update={"train": (source,), "validate_on": ()})
+    marker, settings = folder / "finished.json", config.model_dump(mode="json")
+    if not (marker.is_file() and json.loads(marker.read_text(encoding="utf-8")) == settings):
+        run_training(config, folder, watcher)
+        with explained(marker):
+            marker.write_text(json.dumps(settings, indent=1) + "\n", encoding="utf-8")
     return folder / CHECKPOINT
 
 

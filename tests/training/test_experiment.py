@@ -1,0 +1,69 @@
+"""A table runs what it has frames for, names what it has not, and takes up what it finished."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+
+pytest.importorskip("torch")
+
+from cosim.cli import main  # noqa: E402
+from tests.training.test_resuming import _TINY  # noqa: E402
+from training.experiments import load_table, table_names  # noqa: E402
+
+
+@pytest.fixture
+def drives(tiny_drive: Path, tmp_path: Path) -> Path:
+    for name, lists in (("variants/dual", ("train", "val")), ("real", ("fit", "test"))):
+        folder = tmp_path / name
+        shutil.copytree(tiny_drive, folder)
+        frames = (folder / "ImageSets" / "train.txt").read_text()
+        for split in lists:
+            (folder / "ImageSets" / f"{split}.txt").write_text(frames)
+    config = {"model": _TINY, "epochs": 1, "batch_size": 2, "precision": "float32"}
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+    return tmp_path
+
+
+def run(folder: Path, table: str) -> dict:
+    given = ["--variants", folder / "variants", "--real", folder / "real", "--config", folder / "config.yaml"]
+    more = ["--out", folder / "out", "--json", folder / "table.json", "--quiet"]
+    assert main([str(word) for word in ("experiment", table, *given, *more)]) == 0
+    return json.loads((folder / "table.json").read_text())
+
+
+def test_rows_without_frames_say_so_and_the_papers_figures_stand_beside_ours(drives):
+    said = {row["name"]: row for row in run(drives, "synthetic_to_real")["rows"]}
+    assert len(said["dual"]["3d"]) == 3 and said["dual"]["reason"] is None
+    assert said["dual"]["paper_3d"] == [76.9, 64.3, 61.5]
+    assert said["raydrop"]["3d"] is None and "cosim variants --variant raydrop" in said["raydrop"]["reason"]
+    folder = drives / "out" / "tables" / "synthetic_to_real"
+    assert "64.3" in (folder / "index.html").read_text() and "64.3" in (folder / "table.md").read_text()
+
+
+def test_finished_rows_and_trainings_are_taken_up(drives):
+    first = run(drives, "few_shot")
+    checkpoints = {path: path.stat().st_mtime_ns for path in (drives / "out").rglob("*.pt")}
+    assert {path.parent.name for path in checkpoints} == {"dual", "few-dual"}
+    assert run(drives, "few_shot") == first
+    run(drives, "synthetic")
+    assert all(path.stat().st_mtime_ns == before for path, before in checkpoints.items())
+
+
+def test_the_papers_tables_are_there_and_whole():
+    assert set(table_names()) == {"synthetic", "synthetic_to_real", "real_to_synthetic", "few_shot", "full"}
+    for name in table_names():
+        table = load_table(name)
+        assert len(table.variants) == 8
+        assert set(table.paper) <= {*table.variants, "real"}
+
+
+def test_an_unknown_table_or_row_is_named(drives, capsys):
+    assert main(["experiment", "nonsense", "--out", str(drives / "out")]) == 2
+    assert "few_shot" in capsys.readouterr().err
+    assert main(["experiment", "synthetic", "--only", "dull", "--out", str(drives / "out")]) == 2
+    assert "'dull'" in capsys.readouterr().err
