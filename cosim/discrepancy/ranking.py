@@ -65,7 +65,12 @@ def shortlist(
     tilting = sorted((name for name in likeness if likeness[name] > _LIKE_POSES), key=lambda name: -likeness[name])
     outstanding = [*significant[:_OUTSTANDING], *tilting[:_OUTSTANDING]]
     names += [name for name in dict.fromkeys(outstanding) if name in best and name not in names]
-    return {name: [direction for _, direction in best[name][:_STARTS]] for name in names}
+    return {name: [direction for _, direction in best[name][: _starts(best[name][0][1])]] for name in names}
+
+
+def _starts(best: Direction) -> int:
+    """From how many directions to fit: forms with a gain of their own are as strong as they look."""
+    return _STARTS if best.gain is None else 1
 
 
 def fit_candidate(fitter: Fitter, fitted: Fitted, starts: Sequence[Direction], settled: Collection[int] = ()) -> Ranked:
