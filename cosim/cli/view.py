@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+import sys
 import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -115,7 +117,8 @@ def _serve(shown: ShownDrives, port: int, console: Console) -> None:
     with ViewServer(shown, port) as server:
         print(server.address, flush=True)
         console.print(f"{len(shown.steps)} frames; Ctrl-C ends", highlight=False)
-        webbrowser.open(server.address)
+        if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+            webbrowser.open(server.address)
         try:
             server.serve_forever()
         except KeyboardInterrupt:
