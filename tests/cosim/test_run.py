@@ -25,9 +25,9 @@ def checksums(folder: Path) -> dict[str, str]:
     }
 
 
-def start_run(config: Path, folder: Path) -> subprocess.Popen[str]:
+def start_run(config: Path, folder: Path, *options: str) -> subprocess.Popen[str]:
     code = "import sys; from cosim.cli import main; sys.exit(main())"
-    command = [sys.executable, "-c", code, "run", str(config), "--out", str(folder), "--quiet"]
+    command = [sys.executable, "-c", code, "run", str(config), "--out", str(folder), "--quiet", *options]
     return subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE, text=True)
 
 
