@@ -14,6 +14,7 @@ from cosim.cli import (
     add,
     check,
     compare,
+    detect,
     diagnose,
     effects,
     evaluate,

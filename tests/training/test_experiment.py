@@ -11,9 +11,9 @@ import yaml
 
 pytest.importorskip("torch")
 
-from cosim.cli import main  # noqa: E402
-from tests.training.test_resuming import _TINY  # noqa: E402
-from training.experiments import load_table, table_names  # noqa: E402
+from cosim.cli import main
+from tests.training.test_resuming import _TINY
+from training.experiments import load_table, table_names
 
 
 @pytest.fixture

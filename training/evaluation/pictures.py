@@ -52,7 +52,7 @@ def _outline(image: np.ndarray, table: Table, rows: np.ndarray, calibration: Cal
             continue
         red, green, blue = (int(c * (0.35 + 0.65 * sure)) for c in colour)
         shade = (red, green, blue)
-        draw_path(image, _PLAN.pixels(corners), shade, 2, closed=True)
+        draw_path(image, _PLAN.pixels(corners), shade, 5 if score is None else 2, closed=True)
         front = corners[[0, 3]].mean(0)
         draw_path(image, _PLAN.pixels(np.stack([corners.mean(0), front])), shade, 2)
         if score is not None:
