@@ -54,7 +54,7 @@ def test_fifty_kills_at_random_instants(config, undisturbed, tmp_path):
         while frames_listed(folder) < least and process.poll() is None:
             assert time.monotonic() < deadline
             time.sleep(0.01)
-        time.sleep(chance.uniform(0.0, 3.0))
+        time.sleep(chance.uniform(0.0, 1.5))
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
             kills += 1
