@@ -47,6 +47,7 @@ _COMMANDS = (
     add,
     evaluate,
     train,
+    detect,
     experiment,
     export,
 )

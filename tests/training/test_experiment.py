@@ -67,3 +67,16 @@ def test_an_unknown_table_or_row_is_named(drives, capsys):
     assert "few_shot" in capsys.readouterr().err
     assert main(["experiment", "synthetic", "--only", "dull", "--out", str(drives / "out")]) == 2
     assert "'dull'" in capsys.readouterr().err
+
+
+def test_a_trained_detectors_finds_can_be_scored(drives):
+    train = drives / "train.yaml"
+    config = {**yaml.safe_load((drives / "config.yaml").read_text()), "train": {"drive": str(drives / "real")}}
+    train.write_text(yaml.safe_dump(config))
+    assert main(["train", str(train), "--out", str(drives / "first"), "--quiet"]) == 0
+    found, real = drives / "found", drives / "real"
+    given = ["detect", drives / "first" / "checkpoint.pt", real, "--split", "test", "--out", found, "--quiet"]
+    assert main([str(word) for word in given]) == 0
+    assert {file.stem for file in found.iterdir()} == set((real / "ImageSets" / "test.txt").read_text().split())
+    score = ["evaluate", "--detections", found, "--labels", real / "label_2", "--out", drives / "page", "--quiet"]
+    assert main([str(word) for word in score]) == 0
