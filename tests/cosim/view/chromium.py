@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import fcntl
 import json
 import os
 import select
@@ -52,14 +53,21 @@ class Chromium:
         self._number, self._rest = 0, b""
         reads, self._to = os.pipe()
         self._from, writes = os.pipe()
-        # descriptors 3 and 4 are what the protocol speaks on
-        command = ["sh", "-c", f'exec "$@" 3<&{reads} 4>&{writes}', "sh", find_chromium(), *_FLAGS]
-        command += [f"--user-data-dir={profile}", f"--window-size={width},{height}", "about:blank"]
+        ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (reads, writes)]
+
+        def give_pipes() -> None:
+            for end, place in zip(ends, (3, 4), strict=True):  # where the protocol is spoken
+                os.dup2(end, place)
+
         self._process = subprocess.Popen(
-            command, pass_fds=(reads, writes), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            [find_chromium(), *_FLAGS, f"--user-data-dir={profile}", f"--window-size={width},{height}", "about:blank"],
+            pass_fds=(3, 4),
+            preexec_fn=give_pipes,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
         )
-        os.close(reads)
-        os.close(writes)
+        for end in (reads, writes, *ends):
+            os.close(end)
         targets = self._call("Target.getTargets")["targetInfos"]
         page = next(target["targetId"] for target in targets if target["type"] == "page")
         self._session = self._call("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
