@@ -9,14 +9,14 @@ import numpy as np
 from scipy import stats
 
 from cosim.behaviour import BehaviourConfig
-from cosim.discrepancy.traffic.behaviours import BEHAVIOURS, TOGETHER, Background, Behaviour
+from cosim.discrepancy.traffic.behaviours import BEHAVIOURS, TOGETHER, Background, Behaviour, Knob
 from cosim.discrepancy.traffic.gate import Evidence
 from cosim.discrepancy.traffic.pool import Simulations
 from cosim.discrepancy.traffic.summary import STATISTICS, Summary
 
 _ROUNDS = 5
-_SMALL = 0.25  # of a standard error: a step that is not worth a simulation
-_RIDGE = 1e-6
+_SMALL = 0.1  # fall of chi² that is not worth a simulation
+_WEAK = 5.0  # times a parameter's own step: how far it may be expected to be off where nothing tells
 _GOOD = 0.25  # a squared difference that luck makes more often than not
 
 Values = dict[str, dict[str, float]]
@@ -105,7 +105,7 @@ class Estimator:
         """How much chi² would fall if statistics went on as straight as they begin."""
         values = behaviour.read(config, self._background)
         jacobian = slopes / evidence.sigma[:, None]
-        step = _solve(jacobian, evidence.z)
+        step = _solve(jacobian, evidence.z, behaviour.knobs)
         now = np.array([values[knob.name] for knob in behaviour.knobs])
         low = np.array([knob.low for knob in behaviour.knobs]) - now
         high = np.array([knob.high for knob in behaviour.knobs]) - now
@@ -126,7 +126,8 @@ class Estimator:
         knobs = [(behaviour, knob) for behaviour in behaviours for knob in behaviour.knobs]
         start = {one.name: one.read(config, self._background) for one in behaviours}
         at = np.array([start[behaviour.name][knob.name] for behaviour, knob in knobs])
-        low, high = (np.array([getattr(knob, end) for _, knob in knobs]) for end in ("low", "high"))
+        plain = [knob for _, knob in knobs]
+        low, high = (np.array([getattr(knob, end) for knob in plain]) for end in ("low", "high"))
         rows = [STATISTICS.index(name) for name in evidence.names]
         jacobian = np.concatenate([slopes[one.name] for one in behaviours], 1) / evidence.sigma[:, None]
         own = np.array([any(name in one.statistics for one in behaviours) for name in evidence.names])
@@ -134,9 +135,9 @@ class Estimator:
         at = np.clip(at, low, high)
         before = rest = self._rest(config, behaviours, at, evidence)
         for _ in range(_ROUNDS):
-            step = np.clip(at + _solve(jacobian, rest), low, high) - at
-            errors = np.sqrt(np.diag(_covariance(jacobian)))
-            if np.all(np.abs(step) < _SMALL * errors):
+            step = np.clip(at + _solve(jacobian, rest, plain), low, high) - at
+            foreseen = rest - jacobian @ step
+            if own @ rest**2 - own @ foreseen**2 < _SMALL:
                 break
             new = self._rest(config, behaviours, at + step, evidence)
             secant = np.outer(rest - new - jacobian @ step, step) / max(float(step @ step), 1e-12)
@@ -154,7 +155,7 @@ class Estimator:
             chi2_before=float(before @ before),
             chi2=float(rest @ rest),
             slopes=full,
-            covariance=_covariance(jacobian),
+            covariance=_covariance(jacobian, plain),
         )
 
     def polished(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: Evidence) -> Fit:
@@ -163,8 +164,8 @@ class Estimator:
         at = np.array([fit.values[one.name][knob.name] for one in behaviours for knob in one.knobs])
         jacobian = fit.slopes / evidence.sigma[:, None]
         low, high = (np.array([getattr(knob, end) for knob in knobs]) for end in ("low", "high"))
-        covariance = _covariance(jacobian)
-        step = np.clip(at + _solve(jacobian, evidence.z), low, high) - at
+        covariance = _covariance(jacobian, knobs)
+        step = np.clip(at + _solve(jacobian, evidence.z, knobs), low, high) - at
         step = np.clip(step, -np.sqrt(np.diag(covariance)), np.sqrt(np.diag(covariance)))
         values = _by_name(behaviours, at + step)
         config = _written(fit.config, behaviours, values)
@@ -209,14 +210,14 @@ def _changed(behaviour: Behaviour, name: str, values: Mapping[str, float]) -> di
     return changed
 
 
-def _covariance(jacobian: np.ndarray) -> np.ndarray:
-    normal = jacobian.T @ jacobian
-    scale = np.maximum(np.diag(normal), 1e-12)
-    return np.linalg.inv(normal + _RIDGE * np.diag(scale))
+def _covariance(jacobian: np.ndarray, knobs: Sequence[Knob]) -> np.ndarray:
+    """Covariance of parameters; what the data do not tell is held by weak priors."""
+    weak = np.array([1 / (_WEAK * knob.step) ** 2 for knob in knobs])
+    return np.linalg.inv(jacobian.T @ jacobian + np.diag(weak))
 
 
-def _solve(jacobian: np.ndarray, rest: np.ndarray) -> np.ndarray:
-    return _covariance(jacobian) @ (jacobian.T @ rest)
+def _solve(jacobian: np.ndarray, rest: np.ndarray, knobs: Sequence[Knob]) -> np.ndarray:
+    return _covariance(jacobian, knobs) @ (jacobian.T @ rest)
 
 
 def _by_name(behaviours: Sequence[Behaviour], at: np.ndarray) -> Values:

@@ -1,0 +1,30 @@
+"""Labels drawn too small are told from labels drawn unsteadily, on a traced town."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.hidden.labels import shrink_labels
+
+pytestmark = pytest.mark.xdist_group("hidden")
+
+
+def test_a_hidden_shrinking_of_labels_is_found(base: Path, tmp_path: Path) -> None:
+    from cosim.discrepancy.labels import diagnose_labels
+    from cosim.kitti import Drive
+
+    shrink_labels(base, tmp_path / "small", (0.2, 0.05, 0.05), (0.25, 0.25, 0.05), jitter_m=0.02, seed=1)
+    found = diagnose_labels(Drive(tmp_path / "small"))
+    assert found.verdict == "missing"
+    assert found.a_m == pytest.approx((0.2, 0.05, 0.05), abs=0.04)
+    assert found.b[:2] == pytest.approx((0.25, 0.25), abs=0.08)
+
+
+def test_unsteady_labels_are_no_bias(base: Path, tmp_path: Path) -> None:
+    from cosim.discrepancy.labels import diagnose_labels
+    from cosim.kitti import Drive
+
+    shrink_labels(base, tmp_path / "unsteady", (0, 0, 0), (0, 0, 0), jitter_m=0.05, seed=2)
+    assert diagnose_labels(Drive(tmp_path / "unsteady")).verdict == "none"
