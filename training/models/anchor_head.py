@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from training.data.batch import Batch
 from training.data.grid import Grid
@@ -47,13 +48,15 @@ class AnchorHead(nn.Module):
 
     def forward(self, image: Tensor) -> AnchorOutput:
         """Answers at every cell of an image (b, c, rows, columns)."""
+        cells = image.permute(0, 2, 3, 1).flatten(0, 2)
+        convolutions = (self.conv_cls, self.conv_box, self.conv_dir_cls)
         with torch.autocast(image.device.type, enabled=False):  # millimetres matter here
-            image = image.float()
-            answers = [
-                conv(image).permute(0, 2, 3, 1).reshape(len(image), -1, width)
-                for conv, width in ((self.conv_cls, self._count), (self.conv_box, 7), (self.conv_dir_cls, DIRECTIONS))
-            ]
-        return AnchorOutput(*answers)
+            weight = torch.cat([conv.weight.flatten(1) for conv in convolutions])
+            bias = torch.cat([conv.bias for conv in convolutions])  # type: ignore[misc]
+            answers = functional.linear(cells.float(), weight, bias)  # one product is faster than three convolutions
+        parts = answers.split([conv.out_channels for conv in convolutions], dim=1)
+        widths = (self._count, 7, DIRECTIONS)
+        return AnchorOutput(*(p.reshape(len(image), -1, width) for p, width in zip(parts, widths, strict=True)))
 
     def losses(self, output: AnchorOutput, batch: Batch) -> dict[str, Tensor]:
         """Weighted losses by name."""

@@ -47,8 +47,8 @@ class BevBackbone(nn.Module):
 
 def _stage(channels_in: int, channels: int, further: int, stride: int) -> nn.Sequential:
     layers: list[nn.Module] = [
-        nn.ZeroPad2d(1),
-        nn.Conv2d(channels_in, channels, 3, stride=stride, bias=False),
+        nn.Identity(),  # OpenPCDet pads in a layer of its own
+        nn.Conv2d(channels_in, channels, 3, stride=stride, padding=1, bias=False),
         _norm(channels),
         nn.ReLU(),
     ]
