@@ -225,7 +225,7 @@ class DriveWriter:
 
     def _checksums(self, entries: list[dict]) -> str:
         """What the summary tells of the files that belong to no single frame."""
-        listed = {MANIFEST, UNFINISHED, LOCK}.union(*(entry.get("files", ()) for entry in entries))
+        listed = {MANIFEST, SUMMARY, UNFINISHED, LOCK}.union(*(entry.get("files", ()) for entry in entries))
         with explained(self.folder):
             files = sorted(path for path in self.folder.rglob("*") if path.is_file())
             names = {path.relative_to(self.folder).as_posix(): path for path in files}
