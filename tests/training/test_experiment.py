@@ -6,6 +6,7 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -14,6 +15,8 @@ pytest.importorskip("torch")
 from cosim.cli import main
 from tests.training.test_resuming import _TINY
 from training.experiments import load_table, table_names
+from training.experiments.report import differences
+from training.experiments.run import Row
 
 
 @pytest.fixture
@@ -43,6 +46,24 @@ def test_rows_without_frames_say_so_and_the_papers_figures_stand_beside_ours(dri
     assert said["raydrop"]["3d"] is None and "cosim variants --variant raydrop" in said["raydrop"]["reason"]
     folder = drives / "out" / "tables" / "synthetic_to_real"
     assert "64.3" in (folder / "index.html").read_text() and "64.3" in (folder / "table.md").read_text()
+
+
+def test_two_rows_that_answer_alike_do_not_differ_and_a_perfect_one_is_above_a_blind_one():
+    settings = {"test": {"drive": "real"}}
+    draws = np.random.default_rng(0).uniform(60, 80, 200)
+
+    def row(name: str, mean: float, values: np.ndarray) -> Row:
+        scores = {"Car": {"3d": {"R40": [0.0, mean, 0.0]}}, "ci95": {}, "settings": settings}
+        return Row(name, {**scores, "draws_3d_moderate": values.tolist()})
+
+    rows = [
+        row("best", 70.1, draws),
+        row("same", 70.0, draws - 0.1 + np.tile([1.0, -1.0], 100)),
+        row("blind", 0, draws * 0),
+    ]
+    said = {name: (gap, low, high) for name, gap, low, high in differences(rows)}
+    assert said["same"][1] < 0 < said["same"][2]
+    assert said["blind"][2] < 0 and said["blind"][0] == pytest.approx(-70.1)
 
 
 def test_finished_rows_and_trainings_are_taken_up(drives):

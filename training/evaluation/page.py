@@ -64,7 +64,7 @@ def pr_plot(results: Sequence[tuple[str, Result]], title: str) -> str:
         if len(result.recall):
             order = np.argsort(result.recall, kind="stable")
             recall, precision = result.recall[order], result.precision[order]
-            plot.line(np.append(recall, recall[-1]), np.append(precision, 0.0), style)
+            plot.line(np.r_[0.0, recall, recall[-1]], np.r_[precision[0], precision, 0.0], style)
     return plot.svg()
 
 

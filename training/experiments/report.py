@@ -8,11 +8,14 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cosim.discrepancy.pages.style import STYLE
 from cosim.drive_writer import explained
 from cosim.html import document
 from cosim.kitti import Drive
 from training.evaluation import evaluate, read_results
+from training.evaluation.bootstrap import interval
 from training.evaluation.page import pr_plot
 from training.evaluation.pictures import detection_pictures
 from training.evaluation.rules import DIFFICULTIES
@@ -62,12 +65,51 @@ def format_page(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> st
     body = "".join(_html_row(table, row) for row in rows)
     result = (
         f"<header><h1>{escape(table.title)}</h1><p>Cars, IoU over 0.7, AP R40 in percent; small: 95 % interval over "
-        "draws of the test frames. Differences smaller than the intervals mean nothing.</p></header>"
+        "draws of the test frames.</p></header>"
         "<section class=plain><table><thead><tr><th></th><th colspan=3>3D</th><th colspan=3>from above</th>"
         f"<th colspan=3>paper, 3D</th></tr><tr><th></th>{heads}</tr></thead><tbody>{body}</tbody></table></section>"
     )
-    sections = [result, *(_details(row, folder) for row in rows if row.scores is not None)]
+    sections = [result, _differences(rows), *(_details(row, folder) for row in rows if row.scores is not None)]
     return document(table.title, sections, style=STYLE + _STYLE, generator="cosim experiment")
+
+
+def differences(rows: Sequence[Row]) -> list[tuple[str, float, float, float]]:
+    """How far each row lies below the best, 3D moderate: name, difference, and its 95 % interval, draw by draw.
+
+    Only rows tested on the frames that the best was tested on can be subtracted so; an interval that holds 0 means
+    that the order of the two may be chance.
+    """
+    run = [row for row in rows if row.scores is not None and row.scores["draws_3d_moderate"]]
+    if not run:
+        return []
+    best = max(run, key=_moderate)
+    assert best.scores is not None
+    said = []
+    for row in run:
+        if row is best or row.scores is None or row.scores["settings"]["test"] != best.scores["settings"]["test"]:
+            continue
+        gaps = np.subtract(row.scores["draws_3d_moderate"], best.scores["draws_3d_moderate"])
+        said.append((row.name, _moderate(row) - _moderate(best), *interval(gaps)))
+    return said
+
+
+def _differences(rows: Sequence[Row]) -> str:
+    lines = [
+        f"<tr><th>{escape(name)}</th><td>{gap:+.1f}</td><td>{low:+.1f} … {high:+.1f}</td>"
+        f"<td class=words>{'may be chance' if low <= 0 <= high else 'no chance'}</td></tr>"
+        for name, gap, low, high in differences(rows)
+    ]
+    if not lines:
+        return ""
+    return (
+        "<section><h2>Which differences mean something</h2><p>3D moderate, less that of the best row, over the "
+        "same draws of test frames.</p><table><thead><tr><th></th><th>difference</th><th>95 %</th><th></th></tr></thead>"
+        f"<tbody>{''.join(lines)}</tbody></table></section>"
+    )
+
+
+def _moderate(row: Row) -> float:
+    return (_averages(row, "3d") or [0.0] * 3)[1]
 
 
 def _html_row(table: ExperimentTable, row: Row) -> str:
@@ -132,5 +174,5 @@ def _averages(row: Row, metric: str) -> list[float] | None:
 
 _STYLE = """
 td small { display: block; color: var(--muted); font-size: 11.5px; } thead th { text-align: right; }
-figure img { width: 100%; display: block; }
+figure img { width: 100%; display: block; } .charts { grid-template-columns: repeat(2, minmax(0, 1fr)); }
 """

@@ -112,7 +112,10 @@ def _run_row(table: ExperimentTable, name: str, variant: str, inputs: Inputs, wa
     detector, classes = load_detector(checkpoint)
     device = find_device(inputs.config.device)
     evaluation = score(detector.to(device), test, classes, device, folder / variant)
-    scores = {**as_json(evaluation), "ci95": _intervals(evaluation), "settings": settings}
+    draws = _draws(evaluation)
+    intervals = {metric: [list(interval(values)) for values in levels] for metric, levels in draws.items()}
+    moderate = [round(value, 3) for value in draws["3d"][1].tolist()] if "3d" in draws else None
+    scores = {**as_json(evaluation), "ci95": intervals, "draws_3d_moderate": moderate, "settings": settings}
     with explained(finished):
         finished.write_text(json.dumps(scores, indent=1) + "\n", encoding="utf-8")
     return Row(variant, scores, evaluation)
@@ -171,11 +174,11 @@ def _finished(path: Path, settings: dict[str, Any]) -> dict[str, Any] | None:
     return scores if scores.get("settings") == settings else None
 
 
-def _intervals(evaluation: Evaluation) -> dict[str, list[list[float]]]:
-    """95 % of R40 of cars, by metric and difficulty, over draws of frames."""
+def _draws(evaluation: Evaluation) -> dict[str, list[np.ndarray]]:
+    """R40 of cars over draws of frames, by metric and difficulty; the same draws for all rows of the same frames."""
     metrics = evaluation.results.get(_CLASS, {})
     return {
-        metric: [list(interval(resample(result, np.random.default_rng(0), _DRAWS)[:, 0])) for result in metrics[metric]]
+        metric: [resample(result, np.random.default_rng(0), _DRAWS)[:, 0] for result in metrics[metric]]
         for metric in ("3d", "bev")
         if metric in metrics
     }

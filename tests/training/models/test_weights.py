@@ -85,3 +85,16 @@ def test_ours_tell_their_model_and_classes(tmp_path):
     assert classes == ("Car",)
     for name, value in detector.state_dict().items():
         assert torch.equal(again.state_dict()[name], value)
+
+
+def test_voxel_rcnn_has_the_published_parameters():
+    detector = build_detector(ModelSettings.model_validate("voxel_rcnn"), ("Car",))
+    shapes = {name: tuple(value.shape) for name, value in detector.state_dict().items()}
+    assert shapes["backbone_3d.conv_input.0.weight"] == (16, 3, 3, 3, 4)
+    assert shapes["backbone_3d.conv4.0.0.weight"] == (64, 3, 3, 3, 64)
+    assert shapes["backbone_3d.conv_out.0.weight"] == (128, 3, 1, 1, 64)
+    assert shapes["backbone_2d.blocks.0.1.weight"] == (64, 256, 3, 3)
+    assert shapes["roi_head.roi_grid_pool_layers.0.mlps_in.0.0.weight"] == (32, 32, 1)
+    assert shapes["roi_head.shared_fc_layer.0.weight"] == (256, 96 * 6**3)
+    assert shapes["roi_head.shared_fc_layer.4.weight"] == (256, 256)
+    assert shapes["roi_head.reg_pred_layer.weight"] == (7, 256)
