@@ -17,7 +17,7 @@ from cosim.view.titles import drive_title
 from sensors.pattern import load_pattern
 from sensors.sensor_model import SensorModel, load_sensor
 
-MOST_DRIVES = 2
+MOST_IN_A_FILE = 200
 _SCALED_FRAMES = 6
 _BARE = "hdl64e_kitti"  # measured drives that name no pattern are KITTI's
 
@@ -75,17 +75,24 @@ def show_drives(
         for_file: whether frames are packed tightly with one image each, rather than quickly with all.
 
     Raises:
-        CosimError: no such frame, or a broken drive or sensor.
+        CosimError: no such frame, too many for a file, a sensor but no twin, or a broken drive.
+        SensorError: the sensor file breaks the rules.
     """
     notes: list[str] = []
     steps = _paired(drives, notes)
     steps = _chosen(steps, drives[0], wanted, most)
+    if for_file and len(steps) > MOST_IN_A_FILE:
+        raise DriveError(
+            f"--frames takes {len(steps)} frames; a file holds at most {MOST_IN_A_FILE}: --serve shows all"
+        )
     records = []
     for drive in drives:
         tracer, why_not = _tracer(drive, steps[0][len(records)], sensor)
         records.append(
             FrameRecords(drive, tracer, why_not, most_cameras=1 if for_file else len(CAMERAS), thorough=for_file)
         )
+    if sensor is not None and not any(one.traces for one in records):
+        raise DriveError(f"--sensor needs a twin to trace, and {drives[0].root} has none; leave it out, or make one")
     return ShownDrives(tuple(records), steps, tuple(notes))
 
 

@@ -42,6 +42,11 @@ class FrameRecords:
         self._residuals, self._why_not = residuals, why_not
         self._most_cameras, self._thorough = most_cameras, thorough
 
+    @property
+    def traces(self) -> bool:
+        """Whether there is a twin to trace."""
+        return self._residuals is not None
+
     def whole(self, name: str) -> bytes:
         """The bytes of a frame, see `packing`, with all that can be told of its points.
 

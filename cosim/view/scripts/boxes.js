@@ -3,6 +3,7 @@
 const EDGES = [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7],
   [0, 7], [3, 4]];
 const CORNERS = [[1, 1, -1], [-1, 1, -1], [-1, -1, -1], [1, -1, -1], [1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1]];
+const FARTHEST_M = 100;
 const BOX_CHOICES = ['labels', 'all objects', 'none'];
 
 function cornersOf({centre, size, yaw}) {
@@ -18,7 +19,8 @@ function shownBoxes(frame, choice) {
   if (choice === 'none') return [];
   const labels = frame.boxes.filter(box => box.source === 'label');
   if (choice === 'labels' && (labels.length || frame.facts.some(([name]) => name === 'labels'))) return labels;
-  return frame.boxes.filter(box => box.source === 'object').concat(labels);
+  return frame.boxes.filter(box => box.source === 'object' && distanceOf(box) < FARTHEST_M)
+    .concat(labels);
 }
 
 function boxLines(boxes, colourOf) {

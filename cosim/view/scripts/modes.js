@@ -14,7 +14,7 @@ const MODES = [
   {name: 'instance', key: '4', title: 'Object', unit: '', kind: 'number'},
   {name: 'material', key: '5', title: 'Material', unit: '', kind: 'name'},
   {name: 'residual', key: '6', title: 'Residual', unit: 'cm', low: -0.05, high: 0.05, table: DIVERGING, both: true,
-    text: value => `${value > 0 ? '+' : ''}${(100 * value).toFixed(1)}`},
+    text: value => `${value > 0 ? '+' : ''}${(100 * value).toFixed(Math.abs(value) < 0.1 ? 1 : 0)}`},
 ];
 
 // A scale's place of a value, 0–1.
