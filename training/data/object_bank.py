@@ -12,6 +12,10 @@ from training.data.frame import Sample
 from training.evaluation.rotated_overlap import paired_intersections
 
 _MARGIN_M = 0.1  # points of the frame this close to an object that is put in are taken out
+_GROUND_RADIUS_M = 3.0  # the ground under an object is that of the lowest points so near
+_GROUND_PERCENT = 10.0
+_FEWEST_GROUND_POINTS = 20
+_FARTHEST_LIFT_M = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +51,10 @@ class ObjectBank:
         return sum(len(some) for some in self._objects.values())
 
     def fill(self, sample: Sample, rng: np.random.Generator) -> Sample:
-        """The sample with objects put in until it has the wanted number of each class; none overlaps another."""
+        """The sample with objects put in until it has the wanted number of each class.
+
+        They keep their places seen from above, stand on the ground of this frame, and overlap nothing.
+        """
         boxes, chosen = sample.boxes, list[BankedObject]()
         for kind, wanted in self._wanted.items():
             missing = wanted - int((sample.kinds == kind).sum())
@@ -55,8 +62,8 @@ class ObjectBank:
             if missing <= 0 or not stock:
                 continue
             for number in rng.choice(len(stock), min(missing, len(stock)), replace=False):
-                candidate = stock[number]
-                if not _overlaps(candidate.box, boxes):
+                candidate = _on_ground(stock[number], sample.points)
+                if candidate is not None and not _overlaps(candidate.box, boxes):
                     chosen.append(candidate)
                     boxes = np.concatenate([boxes, candidate.box[None]])
         if not chosen:
@@ -71,6 +78,21 @@ class ObjectBank:
 def as_boxes(table: np.ndarray) -> Boxes:
     """Boxes of a table (n, 7)."""
     return Boxes(table[:, :3], table[:, 3:6], table[:, 6])
+
+
+def _on_ground(item: BankedObject, points: np.ndarray) -> BankedObject | None:
+    """The object lifted or lowered onto the ground of a frame; None where that lies implausibly high or low."""
+    offset = points[:, :2] - item.box[:2]
+    near = points[(offset * offset).sum(1) < _GROUND_RADIUS_M**2, 2]
+    if len(near) < _FEWEST_GROUND_POINTS:
+        return item
+    lift = np.float32(np.percentile(near, _GROUND_PERCENT) - (item.box[2] - item.box[5] / 2))
+    if abs(lift) > _FARTHEST_LIFT_M:
+        return None
+    box, cut = item.box.copy(), item.points.copy()
+    box[2] += lift
+    cut[:, 2] += lift
+    return BankedObject(box, cut, item.kind)
 
 
 def _overlaps(box: np.ndarray, others: np.ndarray) -> bool:

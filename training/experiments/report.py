@@ -103,7 +103,8 @@ def _differences(rows: Sequence[Row]) -> str:
         return ""
     return (
         "<section><h2>Which differences mean something</h2><p>3D moderate, less that of the best row, over the "
-        "same draws of test frames.</p><table><thead><tr><th></th><th>difference</th><th>95 %</th><th></th></tr></thead>"
+        "same draws of test frames.</p>"
+        "<table><thead><tr><th></th><th>difference</th><th>95 %</th><th></th></tr></thead>"
         f"<tbody>{''.join(lines)}</tbody></table></section>"
     )
 

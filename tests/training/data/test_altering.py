@@ -51,6 +51,21 @@ def test_objects_put_in_bring_their_points_and_overlap_nothing():
     assert points_in_boxes(filled.points, as_boxes(filled.boxes)).sum(1).min() > 200
 
 
+def test_objects_put_in_stand_on_the_ground_of_the_frame():
+    rng = np.random.default_rng(6)
+    low = -2.4
+    ground = np.column_stack([rng.uniform(0, 40, 8000), rng.uniform(-15, 15, 8000), rng.normal(low, 0.01, 8000)])
+    ground = np.column_stack([ground, np.zeros(8000)]).astype(np.float32)
+    empty = Sample("low", ground, np.zeros((0, 7), np.float32), np.zeros(0, np.int64))
+    donor = sample(rng)
+    donor.boxes[:, 2] -= 1.0
+    donor.points[:, 2] -= 1.0
+    filled = ObjectBank([donor], {0: 3}).fill(empty, rng)
+    assert len(filled.boxes) == 3
+    assert filled.boxes[:, 2] - filled.boxes[:, 5] / 2 == pytest.approx(low, abs=0.05)
+    assert points_in_boxes(filled.points, as_boxes(filled.boxes)).sum(1).min() > 200
+
+
 def test_real_frames_keep_what_the_camera_sees_and_ignore_vans(kitti_root):
     drive = Drive(kitti_root)
     for frame in drive:
