@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from cosim.kitti import Frame, points_in_boxes
@@ -36,13 +35,14 @@ class Sample:
 def image_size(frame: Frame) -> tuple[int, int]:
     """Width and height [px] of the left colour camera: of the frame's image, else KITTI's usual ones."""
     path = frame.find("image_2")
-    image = None if path is None else cv2.imread(str(path), cv2.IMREAD_REDUCED_GRAYSCALE_8)
-    if image is None:
+    if path is None:
         return _DEFAULT_SIZE_PX
-    header = path.read_bytes()[:24] if path is not None and path.suffix == ".png" else b""
-    if header[12:16] == b"IHDR":  # the reduced image says the size to 8 px only
+    with path.open("rb") as file:
+        header = file.read(24)
+    if header[12:16] == b"IHDR":  # a PNG says its size at once
         return int.from_bytes(header[16:20], "big"), int.from_bytes(header[20:24], "big")
-    return image.shape[1] * 8, image.shape[0] * 8
+    height, width = frame.image("image_2").shape[:2]
+    return width, height
 
 
 def in_view(frame: Frame, points: np.ndarray) -> np.ndarray:
