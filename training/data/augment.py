@@ -22,6 +22,13 @@ class Augment(BaseModel):
         default_factory=lambda: {"Car": 10, "Pedestrian": 8, "Cyclist": 8},
         description="objects of other frames are put in until a frame has so many of a class",
     )
+    tilt_deg: float = Field(
+        default=0.0,
+        ge=0,
+        le=10,
+        description="standard deviation of a tilt along and across the direction of travel [deg]",
+    )
+    lift_m: float = Field(default=0.0, ge=0, le=2, description="standard deviation of a lift of everything [m]")
     drop_points: float = Field(default=0.0, ge=0, lt=1, description="at most this share of the points is left out")
     intensity_gain: float = Field(default=0.0, ge=0, lt=1, description="intensities times 1 ± at most this share")
 
@@ -42,6 +49,7 @@ def augment(sample: Sample, settings: Augment, bank: ObjectBank | None, rng: np.
         boxes[:, 6] *= -1
     limit = np.radians(settings.rotation_deg)
     points, boxes = _turned(points, boxes, rng.uniform(-limit, limit))
+    _tilt(points, boxes, np.tan(np.radians(rng.normal(0, settings.tilt_deg, 2))), rng.normal(0, settings.lift_m))
     factor = rng.uniform(1 - settings.scale, 1 + settings.scale)
     points[:, :3] *= factor
     boxes[:, :6] *= factor
@@ -51,6 +59,12 @@ def augment(sample: Sample, settings: Augment, bank: ObjectBank | None, rng: np.
     points[:, 3] = np.clip(points[:, 3] * gain, 0, 1)
     boxes[:, 6] = wrap_angle(boxes[:, 6])
     return Sample(sample.name, points, boxes, sample.kinds)
+
+
+def _tilt(points: np.ndarray, boxes: np.ndarray, slope: np.ndarray, lift_m: float) -> None:
+    """Raise everything by a slope along x and y; boxes stay upright, as labels are. Exact to the square of the slope."""
+    for table in (points, boxes):
+        table[:, 2] += (table[:, :2] @ slope + lift_m).astype(np.float32)
 
 
 def _turned(points: np.ndarray, boxes: np.ndarray, angle_rad: float) -> tuple[np.ndarray, np.ndarray]:

@@ -31,6 +31,15 @@ def test_points_stay_in_their_boxes_when_a_frame_is_flipped_turned_and_scaled(se
     assert not np.allclose(before.boxes, after.boxes)
 
 
+def test_a_small_tilt_keeps_the_points_of_a_car_in_its_box():
+    rng = np.random.default_rng(7)
+    before = sample(rng)
+    settings = Augment(flip=0, rotation_deg=0, scale=0, samples={}, tilt_deg=0.3, lift_m=0.3)
+    after = augment(before, settings, None, rng)
+    assert np.abs(after.boxes[:, 2] - before.boxes[:, 2]).max() > 0.01
+    assert points_in_boxes(after.points, as_boxes(after.boxes), 0.03).sum(1).min() == 250
+
+
 def test_the_same_seed_alters_alike():
     rng = np.random.default_rng(0)
     before = sample(rng)
