@@ -17,7 +17,7 @@ from sensors.pattern import Pattern, load_pattern
 STATIC = -1
 NO_MATERIAL = 255
 _BOX_MARGIN_M = 0.1
-_ON_SURFACE_M = 1.0  # a point farther from what its beam met came from something else
+ON_SURFACE_M = 1.0  # a point farther from what its beam met came from something else
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +124,6 @@ def _of_hits(frame: Frame, hits: Hits, pattern: Pattern) -> PointInstances:
     met = hits.solid.take(rays.ring.astype(int) * pattern.firings + firing)
     distance = np.linalg.norm(frame.points[:, :3], axis=1)
     with np.errstate(invalid="ignore"):
-        on_it = np.abs(distance - met.range_m) < _ON_SURFACE_M
+        on_it = np.abs(distance - met.range_m) < ON_SURFACE_M
     number = np.where(on_it & (met.instance != NOTHING), met.instance, STATIC).astype(np.int64)
     return PointInstances(number, "hits", np.where(on_it, met.material, NO_MATERIAL), tuple(hits.table.names))

@@ -26,7 +26,8 @@ _KEYS = (
     ("c", "next camera"),
     ("r", "view from behind the car"),
     ("t", "view from above"),
-    ("drag", "turn; with shift or the right button, move; wheel: nearer"),
+    ("drag", "turn; with shift or the right button, move; wheel: nearer; double click: back"),
+    ("image", "wheel: nearer; drag: move; double click: whole"),
 )
 
 

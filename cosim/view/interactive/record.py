@@ -78,7 +78,7 @@ class FrameRecords:
         images = {part: _jpeg(frame.image(part)) for part in self._cameras(frame)}
         header = {
             "name": frame.name,
-            "facts": _facts(frame),
+            "facts": _facts(frame, moves=self.drive.info.get("twin") != "labels"),
             "boxes": [*_labels(frame), *_objects(objects, found.met, frame)],
             "cameras": [_camera(frame, part) for part in images],
             "absent": {mode: why for mode, why in found.absent.items() if mode not in deferred},
@@ -117,10 +117,10 @@ def _camera(frame: Frame, part: str) -> dict[str, Any]:
     return {"name": part, "matrix": [float(f"{value:.9g}") for value in matrix.ravel()]}
 
 
-def _facts(frame: Frame) -> Facts:
-    """Time, ego speed, points and labels."""
+def _facts(frame: Frame, *, moves: bool) -> Facts:
+    """Time, ego speed (twins from labels know neither), points and labels."""
     facts: Facts = []
-    if frame.has("twin/frames"):
+    if frame.has("twin/frames") and moves:
         twin = frame.twin
         facts.append(("time", f"{twin.time_s:.1f} s"))
         facts.append(("ego", f"{3.6 * np.linalg.norm(twin.ego.velocity_mps):.0f} km/h"))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.kitti import Drive
-from cosim.view.objects import NO_MATERIAL
+from cosim.view.objects import NO_MATERIAL, ON_SURFACE_M
 from sensors.effects.base import Effect
 from sensors.sensor_model import SensorModel
 
@@ -89,5 +89,7 @@ class ResidualTracer:
         metres[rows] = np.where(observed.trusted[beams], by_beam[beams], np.nan)
         solid = shot.hits.solid
         material = np.full(observed.points, NO_MATERIAL, np.uint8)
-        material[rows] = np.where(solid.exists[beams], solid.material[beams], NO_MATERIAL)
+        with np.errstate(invalid="ignore"):
+            on_it = np.abs(by_beam[beams]) < ON_SURFACE_M
+        material[rows] = np.where(on_it, solid.material[beams], NO_MATERIAL)
         return PointResiduals(metres, material, tuple(shot.hits.table.names))

@@ -24,6 +24,7 @@ details ul { position: absolute; z-index: 3; right: 0; width: 46ch; margin: 4px 
 .space canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
 .points { cursor: grab; touch-action: none; }
 .over { pointer-events: none; }
+.image canvas { cursor: crosshair; touch-action: none; }
 .legend { position: absolute; left: 12px; top: 10px; padding: 8px 12px; border-radius: 6px; background: #0d1016cc;
   font-size: 12.5px; max-width: 250px; pointer-events: none; }
 .legend strong { display: block; font-weight: 600; margin-bottom: 4px; }

@@ -1,12 +1,35 @@
 // A camera image with the points that it sees, nearest on top, and boxes, in the colours of the other panel.
+// The wheel comes nearer, dragging moves, a double click shows the whole; images of two drives do so together.
 
-const IMAGE_NEAR_M = 0.3;
+const IMAGE_NEAR_M = 0.3, MOST_ENLARGED = 16;
+const WHOLE = {scale: 1, x: 0, y: 0};
 
 class ImagePanel {
   constructor(canvas, look) {
     Object.assign(this, {canvas, look, boxes: []});
     this.redraw = onNextPicture(() => this.draw());
     new ResizeObserver(this.redraw).observe(canvas.parentElement);
+    canvas.addEventListener('wheel', event => {
+      event.preventDefault();
+      this.enlarge(Math.exp(-event.deltaY * 0.001), event.offsetX / canvas.clientWidth, event.offsetY / canvas.clientHeight);
+    }, {passive: false});
+    canvas.addEventListener('pointerdown', event => canvas.setPointerCapture(event.pointerId));
+    canvas.addEventListener('pointermove', event => {
+      if (event.buttons) this.shift(-event.movementX / canvas.clientWidth, -event.movementY / canvas.clientHeight);
+    });
+    canvas.addEventListener('dblclick', () => look.showPart(WHOLE));
+  }
+
+  // About a place given in shares of the canvas.
+  enlarge(factor, across, down) {
+    const {scale, x, y} = this.look.part, next = Math.min(MOST_ENLARGED, Math.max(1, scale * factor));
+    const gain = 1 / scale - 1 / next;
+    this.look.showPart({scale: next, x: x + across * gain, y: y + down * gain});
+  }
+
+  shift(across, down) {
+    const {scale, x, y} = this.look.part;
+    this.look.showPart({scale, x: x + across / scale, y: y + down / scale});
   }
 
   async setFrame(frame, camera) {
@@ -45,11 +68,15 @@ class ImagePanel {
     Object.assign(canvas.style, {width: `${picture.width * scale}px`, height: `${picture.height * scale}px`});
     canvas.width = Math.round(picture.width * scale * ratio);
     canvas.height = Math.round(picture.height * scale * ratio);
-    const context = canvas.getContext('2d'), enlarge = canvas.width / picture.width;
-    context.drawImage(picture, 0, 0, canvas.width, canvas.height);
+    const context = canvas.getContext('2d'), part = look.part;
+    const enlarge = canvas.width / picture.width * part.scale;
+    const left = part.x * picture.width, top = part.y * picture.height;
+    context.imageSmoothingEnabled = enlarge < 4;
+    context.setTransform(enlarge, 0, 0, enlarge, -left * enlarge, -top * enlarge);
+    context.drawImage(picture, 0, 0);
     // (0, 0) is the centre of the first pixel
-    context.setTransform(enlarge, 0, 0, enlarge, enlarge / 2, enlarge / 2);
-    if (look.projected && this.rgba) this.drawPoints(context, enlarge, ratio);
+    context.setTransform(enlarge, 0, 0, enlarge, (0.5 - left) * enlarge, (0.5 - top) * enlarge);
+    if (look.projected && this.rgba) this.drawPoints(context, enlarge, ratio * Math.sqrt(part.scale));
     context.lineWidth = 1.6 * ratio / enlarge;
     for (const box of this.boxes) this.drawBox(context, box);
   }

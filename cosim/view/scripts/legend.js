@@ -4,12 +4,12 @@ function showLegend(element, frame, mode) {
   const why = frame.absent[mode.name];
   if (why) return element.replaceChildren(line('strong', mode.title), line('span', `not here: ${why}`, 'muted'));
   if (!mode.kind) return element.replaceChildren(line('strong', `${mode.title} [${mode.unit}]`), bar(mode), marks(mode),
-    ...(mode.both ? [line('span', 'blue: measured nearer; gray: no beam of the model', 'muted')] : []));
+    ...(mode.both ? [line('span', 'blue: measured nearer than the model says; gray: it says nothing', 'muted')] : []));
   const title = line('strong', mode.title);
   if (mode.kind === 'number')
     return element.replaceChildren(title, line('span', 'a hue an object, gray: static world', 'muted'));
   element.replaceChildren(title, ...mostCommon(frame).map(([row, count]) => {
-    const text = line('span', `${frame.materials[row] ?? row} ${Math.round(100 * count / frame.count)}%`);
+    const text = line('span', `${frame.materials[row] ?? row} ${percent(count / frame.count)}`);
     return swatched(materialColour(frame, row), text);
   }));
 }
@@ -51,3 +51,5 @@ function mostCommon(frame) {
     if (row !== NO_MATERIAL) counts.set(row, (counts.get(row) ?? 0) + 1);
   return [...counts].sort((a, b) => b[1] - a[1]).slice(0, 12);
 }
+
+const percent = part => part < 0.005 ? '< 1%' : `${Math.round(100 * part)}%`;

@@ -6,8 +6,8 @@ const PREFETCHED = 2;
 
 class Viewer {
   constructor() {
-    this.look = {mode: MODES[0], boxes: 'labels', projected: true, names: true, size: 1, camera: null,
-      colourOf: kind => settings.classes[kind.toLowerCase()] ?? settings.other_class};
+    this.look = {mode: MODES[0], boxes: 'labels', projected: true, names: true, size: 1, camera: null, part: WHOLE,
+      showPart: part => this.showPart(part), colourOf: kind => settings.classes[kind.toLowerCase()] ?? settings.other_class};
     this.orbit = new Orbit();
     this.steps = settings.steps;
     this.store = new FrameStore(settings.served ? new ServedSource() : new InlineSource(), 10 * settings.drives.length);
@@ -67,6 +67,13 @@ class Viewer {
     try { await Promise.all(lacking.map(([frame, drive]) => this.store.complete(drive, frame))); }
     finally { byId('waiting').hidden = true; }
     fitResidual(frames);
+  }
+
+  // Shows a part of the images: how much enlarged, and its corner as shares of the image.
+  showPart({scale, x, y}) {
+    const within = value => Math.min(1 - 1 / scale, Math.max(0, value));
+    this.look.part = {scale, x: within(x), y: within(y)};
+    for (const pane of this.panes) pane.image.redraw();
   }
 
   complain(error) {

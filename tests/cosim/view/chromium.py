@@ -108,6 +108,10 @@ class Chromium:
         """Move the pointer."""
         self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
 
+    def scroll(self, x: float, y: float, down: float) -> None:
+        """Turn the wheel."""
+        self.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=down)
+
     def screenshot(self) -> bytes:
         """A PNG of the page."""
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import shutil
 import threading
 from collections.abc import Iterator
@@ -62,8 +63,6 @@ def pixels(browser: Chromium, pane: int = 0) -> np.ndarray:
         f"gl.readPixels(0, 0, {width}, {height}, gl.RGBA, gl.UNSIGNED_BYTE, out);"
         "for (const value of out) text += String.fromCharCode(value); return btoa(text); })()"
     )
-    import base64
-
     return np.frombuffer(base64.b64decode(values), np.uint8).reshape(height, width, 4)
 
 
@@ -151,6 +150,23 @@ def test_boxes_and_points_in_the_image_come_and_go(browser: Chromium, labelled_d
     browser.press("p")
     pixels(browser)
     assert browser.evaluate(image) != without_in_image
+
+
+def test_the_wheel_enlarges_the_image_about_the_pointer(
+    browser: Chromium, labelled_drive: Path, tmp_path: Path
+) -> None:
+    browser.open(written(tmp_path / "page.html", labelled_drive, frames="000001"))
+    browser.evaluate(_DRAWN)
+    x, y = browser.evaluate(
+        "(() => { const box = document.querySelector('.image canvas').getBoundingClientRect();"
+        "return [box.left + box.width / 4, box.top + box.height / 2]; })()"
+    )
+    browser.scroll(x, y, -1000)
+    browser.wait("cosimView.look.part.scale > 2")
+    part = browser.evaluate("cosimView.look.part")
+    assert abs(part["x"] + 0.25 / part["scale"] - 0.25) < 0.01  # what was under the pointer is still there
+    browser.scroll(x, y, 5000)
+    browser.wait("cosimView.look.part.scale === 1 && cosimView.look.part.x === 0")
 
 
 def test_dragging_turns_and_r_goes_back(browser: Chromium, labelled_drive: Path, tmp_path: Path) -> None:
