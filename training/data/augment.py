@@ -62,7 +62,7 @@ def augment(sample: Sample, settings: Augment, bank: ObjectBank | None, rng: np.
 
 
 def _tilt(points: np.ndarray, boxes: np.ndarray, slope: np.ndarray, lift_m: float) -> None:
-    """Raise everything by a slope along x and y; boxes stay upright, as labels are. Exact to the square of the slope."""
+    """Raise everything by a slope along x and y, right to its square; boxes stay upright, as labels are."""
     for table in (points, boxes):
         table[:, 2] += (table[:, :2] @ slope + lift_m).astype(np.float32)
 
