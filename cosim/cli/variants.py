@@ -36,15 +36,17 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Make the variants, with a progress bar, and the picture."""
     from cosim.cli.progress import FrameBar
+    from cosim.engine import LocalEngine
     from cosim.variants import make_variants
 
+    engine = LocalEngine(options.workers)
     begun = time.monotonic()
     with FrameBar(console, starting="reading the drive", working="measuring") as bar:
         result = make_variants(
             options.drive,
             options.variant,
             options.out,
-            workers=options.workers,
+            engine=engine,
             on_start=bar.start,
             on_event=bar.follow,
         )

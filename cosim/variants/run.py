@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
-from multiprocessing.queues import Queue
 from pathlib import Path
 
 import yaml
 
+from cosim.drive_lock import shared
 from cosim.drive_writer import OutputError
-from cosim.processes import Event, share_out, telling
+from cosim.engine import Do, Engine, Event, LocalEngine, Tell
 from cosim.variants.maker import Maker
 from cosim.variants.request import Variant, VariantError, read_variants
 from cosim.variants.source import Source
@@ -48,7 +49,7 @@ def make_variants(
     text: str,
     folder: Path,
     *,
-    workers: int = 1,
+    engine: Engine | None = None,
     on_start: Callable[[int, int], None] = lambda done, total: None,
     on_event: Callable[[Event], None] = lambda event: None,
 ) -> VariantsResult:
@@ -58,7 +59,7 @@ def make_variants(
         path: the drive.
         text: its variants, as `read_variants` takes them.
         folder: gets a drive a variant.
-        workers: processes to share the frames.
+        engine: whose processes share the frames; by default one process of this machine.
         on_start: told how many frames are complete already, and of how many.
         on_event: told of every event of the workers.
 
@@ -66,24 +67,25 @@ def make_variants(
         CosimError: the drive, the folder or the disk refuses; frames already written stay.
         SensorError: a sensor does not exist, breaks the format, or its effect breaks the rules.
     """
-    if workers < 1:
-        raise VariantError(f"workers is {workers}; give 1 or more")
     variants = read_variants(text)
     source = Source(path)
     _refuse_inside(source.drive.root, folder)
-    open_writers = {}
-    for variant in variants:
-        writer = VariantWriter(folder / variant.stem)
-        if not writer.open(_settings(source, variant)):
-            open_writers[variant.stem] = writer
-    done = {stem: frozenset(writer.manifest()) for stem, writer in open_writers.items()}
-    left = {name: tuple(stem for stem in done if name not in done[stem]) for name in source.drive.frames}
-    left = {name: stems for name, stems in left.items() if stems}
-    on_start(len(source.drive) - len(left), len(source.drive))
-    share_out(work, (path, text, folder), _tasks(source, left), workers, on_event)
-    for variant in variants:
-        if variant.stem in open_writers:
-            _finish(open_writers[variant.stem], source, variant)
+    writers = {variant.stem: VariantWriter(folder / variant.stem) for variant in variants}
+    with ExitStack() as locks:
+        for writer in writers.values():
+            locks.enter_context(writer.alone())
+        open_writers = {v.stem: writers[v.stem] for v in variants if not writers[v.stem].open(_settings(source, v))}
+        done = {stem: frozenset(writer.manifest()) for stem, writer in open_writers.items()}
+        left = {name: tuple(stem for stem in done if name not in done[stem]) for name in source.drive.frames}
+        left = {name: stems for name, stems in left.items() if stems}
+        on_start(len(source.drive) - len(left), len(source.drive))
+        job = VariantsJob(path.absolute(), text, folder.absolute())
+        skipped = (engine or LocalEngine()).share_out(job, _tasks(source, left), on_event)
+        if skipped:
+            raise VariantError(f"some frames failed twice, because {skipped[0].reason}; run again to go on with them")
+        for variant in variants:
+            if variant.stem in open_writers:
+                _finish(open_writers[variant.stem], source, variant)
     return VariantsResult(
         folder,
         len(source.drive),
@@ -92,35 +94,45 @@ def make_variants(
     )
 
 
-def work(path: Path, text: str, folder: Path, tasks: Queue, events: Queue, threads: int) -> None:
-    """Make frames until the queue gives None, with so many threads."""
-    with telling(events), ThreadPoolExecutor(_WRITERS) as disk:
-        source, variants = Source(path, threads=threads), read_variants(text)
-        maker = Maker(source, variants)
-        writers = {variant.stem: VariantWriter(folder / variant.stem) for variant in variants}
-        events.put(Event("ready"))
-        while True:
-            task: Task | None = tasks.get()
-            if task is None:
-                return
-            underway: list[Future[None]] = []
-            for name, stems in task:
-                frames, linked = maker.make(name, stems), source.linked_files(name)
-                _settle(underway, events)
-                underway = [
-                    disk.submit(writers[stem].write_variant, name, frame, linked, source.sha256)
-                    for stem, frame in frames.items()
-                ]
-            _settle(underway, events)
-            events.put(Event("task"))
+@dataclass(frozen=True)
+class VariantsJob:
+    """What processes measure again, and where they write."""
+
+    path: Path
+    text: str
+    folder: Path
+
+    @contextmanager
+    def open(self, threads: int) -> Iterator[Do]:
+        """Makes stretches of frames, each a `Task`."""
+        with ThreadPoolExecutor(_WRITERS) as disk, ExitStack() as locks:
+            source, variants = Source(self.path, threads=threads), read_variants(self.text)
+            maker = Maker(source, variants)
+            writers = {variant.stem: VariantWriter(self.folder / variant.stem) for variant in variants}
+            for writer in writers.values():
+                locks.enter_context(shared(writer.folder))
+
+            def make(task: Task, tell: Tell) -> None:
+                tell(Event("ready"))
+                underway: list[Future[None]] = []
+                for name, stems in task:
+                    frames, linked = maker.make(name, stems), source.linked_files(name)
+                    _settle(underway, tell)
+                    underway = [
+                        disk.submit(writers[stem].write_variant, name, frame, linked, source.sha256)
+                        for stem, frame in frames.items()
+                    ]
+                _settle(underway, tell)
+
+            yield make
 
 
-def _settle(underway: list[Future[None]], events: Queue) -> None:
+def _settle(underway: list[Future[None]], tell: Tell) -> None:
     """Wait until the variants of a frame are on disk, and tell so."""
     for future in underway:
         future.result()
     if underway:
-        events.put(Event("frame"))
+        tell(Event("frame"))
 
 
 def _tasks(source: Source, left: Mapping[str, tuple[str, ...]]) -> list[Task]:

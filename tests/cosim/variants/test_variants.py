@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from cosim.engine import LocalEngine
 from cosim.kitti import Drive, points_in_boxes
 from cosim.variants import PAPER, make_variants
 from tests.cosim.conftest import cosim
@@ -156,7 +157,7 @@ def test_an_interrupted_job_is_taken_up_and_gives_the_same_bytes(variants_folder
     with pytest.raises(StopError):
         make_variants(drive_folder, "strongest,raydrop", tmp_path / "v", on_event=stop)
     assert not (tmp_path / "v/raydrop/drive.yaml").exists()
-    result = make_variants(drive_folder, "strongest,raydrop", tmp_path / "v", workers=2)
+    result = make_variants(drive_folder, "strongest,raydrop", tmp_path / "v", engine=LocalEngine(2))
     assert 0 < result.made < 16
     for name in ("strongest", "raydrop"):
         assert checksums(tmp_path / "v" / name) == checksums(variants_folder / name)
