@@ -48,7 +48,7 @@ class ImagePanel {
       m[8] * x + m[9] * y + m[10] * z + m[11]];
   }
 
-  // Rows, pixels and depths of the points within the image, far ones first.
+  // Rows, pixels and depths of the points within the image, far ones first, those of one surface in no order.
   project() {
     const {xyz, count} = this.frame, {width, height} = this.picture, found = [];
     for (let row = 0; row < count; row++) {
@@ -57,7 +57,7 @@ class ImagePanel {
       const u = ud / depth, v = vd / depth;
       if (u >= -0.5 && v >= -0.5 && u < width - 0.5 && v < height - 0.5) found.push([depth, u, v, row]);
     }
-    return found.sort((a, b) => b[0] - a[0]);
+    return found.sort((a, b) => Math.round(4 * b[0]) - Math.round(4 * a[0]));
   }
 
   draw() {

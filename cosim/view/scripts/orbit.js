@@ -3,7 +3,9 @@
 
 const BEHIND = {target: [10, 0, 0], yaw: 0, pitch: 0.36, away: 30};
 const ABOVE = {target: [12, 0, 0], yaw: 0, pitch: 1.5607, away: 85};
-const FIELD_RAD = 0.9;
+const FIELD_RAD = 0.9, NEAR_M = 0.3, FAR_M = 900;
+// Clip depth is DEPTH_OF[0] · distance along the view + DEPTH_OF[1].
+const DEPTH_OF = [(FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2 * FAR_M * NEAR_M / (FAR_M - NEAR_M)];
 
 class Orbit {
   constructor(start = BEHIND) {
@@ -23,7 +25,7 @@ class Orbit {
   matrix(aspect) {
     const {forward, left, up, eye} = this.axes();
     const view = viewMatrix(eye, left.map(value => -value), up, forward);
-    return multiply(perspective(FIELD_RAD, aspect, 0.3, 900), view);
+    return multiply(perspective(FIELD_RAD, aspect, NEAR_M, FAR_M), view);
   }
 
   axes() {

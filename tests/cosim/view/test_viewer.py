@@ -13,6 +13,7 @@ import pytest
 
 from cosim.kitti import Drive, encode_rgb
 from cosim.view.interactive import ViewServer, show_drives, write_interactive
+from sensors.effects.registry import find_effect
 from tests.cosim.discrepancy.small_drive import Yard, make_yard
 from tests.cosim.view.chromium import Chromium
 
@@ -37,8 +38,6 @@ def no_faults(browser: Chromium) -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def yard(tmp_path_factory: pytest.TempPathFactory) -> Yard:
-    from sensors.effects.registry import find_effect
-
     effect = find_effect("range_bias").model_validate({"offset_m": 0.04})
     return make_yard(tmp_path_factory.mktemp("yard"), (effect,), frames=3)
 
@@ -120,6 +119,20 @@ def test_every_mode_of_colours_paints_another_picture(browser: Chromium, yard: Y
     assert "[cm]" in browser.evaluate("document.querySelector('.legend').textContent")
     red, blue = (pictures[5][..., band].astype(int) for band in (0, 2))
     assert (red - blue > 60).sum() > 20 * (blue - red > 60).sum()  # 4 cm too far
+
+
+def test_noise_about_nought_looks_like_it_however_points_overlap(browser: Chromium, tmp_path: Path) -> None:
+    noise = {"effect": "range_noise", "sigma_m": 0.02}
+    effect = find_effect("range_noise").model_validate({"sigma_m": 0.02})
+    noisy = make_yard(tmp_path / "yard", (effect,), known=(noise,), frames=1)
+    browser.open(written(tmp_path / "page.html", noisy.drive, sensor=noisy.sensor))
+    browser.press("6")
+    for _ in range(5):
+        browser.press("+")
+    drawn = pixels(browser).astype(int)
+    farther, nearer = ((sign * (drawn[..., 0] - drawn[..., 2]) > 60).sum() for sign in (1, -1))
+    assert farther > 1000
+    assert 0.8 < farther / nearer < 1.25  # the bars are not quite alike in how red and how blue they are
 
 
 def test_modes_that_cannot_be_had_are_greyed_and_say_why(
