@@ -92,6 +92,8 @@ def _log_frame(rr: Any, root: str, drive: Drive, frame: Frame, scale: Scale) -> 
     for part in CAMERAS:
         if frame.has(part) and int(part[-1]) in frame.calibration.cameras:
             _log_camera(rr, f"{lidar}/{part}", frame, part)
+        elif (drive.root / part).is_dir():
+            rr.log(f"{lidar}/{part}", rr.Clear(recursive=False))  # or the last frame's would stay
 
 
 def _log_boxes(rr: Any, path: str, boxes: Boxes, kinds: tuple[str, ...]) -> None:

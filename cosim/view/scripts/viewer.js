@@ -19,8 +19,7 @@ class Viewer {
   }
 
   fromAddress() {
-    const name = decodeURIComponent(location.hash.slice(1)), found = this.steps.findIndex(names => names[0] === name);
-    return Math.max(0, found);
+    return Math.max(0, this.steps.findIndex(([name]) => `#${encodeURIComponent(name)}` === location.hash));
   }
 
   // Shows a step; of several asked for meanwhile, the last.

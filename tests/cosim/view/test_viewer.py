@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 import shutil
 import threading
 from collections.abc import Iterator
@@ -97,6 +98,14 @@ def test_keys_and_slider_change_the_frame(browser: Chromium, labelled_drive: Pat
     assert browser.evaluate("location.hash") == "#000001"
 
 
+@pytest.mark.parametrize(("ending", "index"), [("#000002", 2), ("#000009", 0), ("#%", 0)])
+def test_a_link_opens_at_its_frame(
+    browser: Chromium, labelled_drive: Path, tmp_path: Path, ending: str, index: int
+) -> None:
+    browser.open(written(tmp_path / "page.html", labelled_drive) + ending)
+    assert browser.evaluate("cosimView.index") == index
+
+
 def test_space_plays_and_stops(browser: Chromium, labelled_drive: Path, tmp_path: Path) -> None:
     browser.open(written(tmp_path / "page.html", labelled_drive))
     browser.press(" ")
@@ -127,12 +136,14 @@ def test_noise_about_nought_looks_like_it_however_points_overlap(browser: Chromi
     noisy = make_yard(tmp_path / "yard", (effect,), known=(noise,), frames=1)
     browser.open(written(tmp_path / "page.html", noisy.drive, sensor=noisy.sensor))
     browser.press("6")
-    for _ in range(5):
+    for _ in range(8):
         browser.press("+")
+    browser.evaluate("cosimView.orbit.look({target: [10, 22, 0], yaw: Math.PI / 2, pitch: 0, away: 120})")  # a wall
     drawn = pixels(browser).astype(int)
-    farther, nearer = ((sign * (drawn[..., 0] - drawn[..., 2]) > 60).sum() for sign in (1, -1))
+    # a quarter of the way from the middle to the ends of the scale, and beyond
+    farther, nearer = (drawn[..., 0] - drawn[..., 2] > 79).sum(), (drawn[..., 2] - drawn[..., 0] > 60).sum()
     assert farther > 1000
-    assert 0.8 < farther / nearer < 1.25  # the bars are not quite alike in how red and how blue they are
+    assert 0.8 < farther / nearer < 1.25
 
 
 def test_modes_that_cannot_be_had_are_greyed_and_say_why(
@@ -263,3 +274,11 @@ def test_a_served_page_traces_when_residuals_are_asked_for(browser: Chromium, ya
         assert all(one.startswith((server.address, "blob:", "data:")) for one in browser.requests)
         server.shutdown()
         thread.join()
+
+
+def test_real_frames_are_shown_with_boxes_and_image(browser: Chromium, kitti_root: Path, tmp_path: Path) -> None:
+    browser.open(written(tmp_path / "page.html", kitti_root))
+    assert re.search(r"points 1\d\d,\d{3}", frame_shown(browser))
+    assert (np.ptp(pixels(browser)[..., :3].astype(int), axis=-1) > 40).sum() > 20_000
+    assert browser.evaluate("cosimView.panes[0].image.seen.length") > 10_000
+    assert browser.evaluate("cosimView.panes[0].image.boxes.length") > 0
