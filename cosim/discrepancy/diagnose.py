@@ -246,7 +246,7 @@ class Detective:
             sample.frame,
             sample.parts(_FEWEST_PARTS),
             fitted.columns,
-            fitter.poses,
+            fitter.pose_errors.slopes(fitted.pose),
             rng,
         )
 

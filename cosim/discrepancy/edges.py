@@ -69,6 +69,14 @@ class Neighbours:
             edge |= there & differs
         return edge
 
+    def at_border(self, hits: Hits) -> np.ndarray:
+        """(n,) bool: beams beside which the surface is of another material, so that brightness may be either's."""
+        material = hits.solid.material
+        border = np.zeros(len(material), bool)
+        for row in self.rows:
+            border |= (row >= 0) & (material != material[np.maximum(row, 0)])
+        return border
+
 
 def _changes(instance: np.ndarray, other: np.ndarray) -> np.ndarray:
     return instance != instance[other]

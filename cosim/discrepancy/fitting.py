@@ -15,8 +15,9 @@ from cosim.discrepancy.candidates import Unknown, unknowns, with_values
 from cosim.discrepancy.evidence import ROUNDED_M, Evidence, Quantity, change
 from cosim.discrepancy.hard_limits import is_searched, searched
 from cosim.discrepancy.likelihood import Fit, judge
+from cosim.discrepancy.pose_errors import PoseErrors
 from cosim.discrepancy.sample import Prediction, Sample
-from cosim.discrepancy.system import Column, Normal, pose_matrix
+from cosim.discrepancy.system import Column, Normal
 from sensors.effects.base import Effect, RoundingEffect
 
 _POSE_FLOOR = np.array([5e-4] * 3 + [np.radians(2e-3)] * 3)
@@ -75,7 +76,7 @@ class Fitter:
 
     def __init__(self, sample: Sample) -> None:
         self.sample = sample
-        self.poses = pose_matrix(sample)
+        self.pose_errors = PoseErrors(sample.pose_derivative, sample.frame, sample.range_m, len(sample.names))
         self.rings = int(sample.ring.max(initial=0)) + 1
         self._scans = len(sample.names)
 
@@ -143,7 +144,7 @@ class Fitter:
 
     def shift(self, pose: np.ndarray) -> np.ndarray:
         """Change of ranges (n,) [m] by pose errors (scans, 6)."""
-        return self.poses @ pose.ravel()
+        return self.pose_errors.shift(pose)
 
     def _state(self, effects: tuple[Effect, ...], pose: np.ndarray, blur: float = 0.0) -> tuple[Prediction, Fit]:
         prediction = self.sample.predict(effects)
@@ -189,7 +190,8 @@ class Fitter:
         value = self._penalised(fit, pose, sigma)
         for _ in range(steps):
             evidence = Evidence.of(self.sample, fit, blur)
-            normal = Normal.of(self.columns(effects, free, prediction), evidence, self.poses)
+            poses = self.pose_errors.slopes(pose)
+            normal = Normal.of(self.columns(effects, free, prediction), evidence, poses)
             precision = np.tile(1 / sigma**2, self._scans)
             right = normal.right.copy()
             right[normal.parameters :] -= precision * pose.ravel()
@@ -227,7 +229,7 @@ class Fitter:
         return float(weight @ fit.loglik) - 0.5 * float(((pose / sigma) ** 2).sum())
 
     def _marginal(self, fit: Fit, pose: np.ndarray, sigma: np.ndarray) -> float:
-        normal = Normal.of((), Evidence.of(self.sample, fit), self.poses)
+        normal = Normal.of((), Evidence.of(self.sample, fit), self.pose_errors.slopes(pose))
         scale = np.tile(sigma, self._scans)
         matrix = np.eye(len(scale)) + scale[:, None] * normal.matrix * scale
         return self._penalised(fit, pose, sigma) - 0.5 * float(np.linalg.slogdet(matrix)[1])

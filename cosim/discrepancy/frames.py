@@ -34,6 +34,7 @@ class TracedFrame:
         observed: what was measured, by beam.
         shot: what the model's true beams met, by beam; with its world, so that effects can trace on.
         edge: (n,) bool: beams whose outcome is ambiguous, because a touch aside the world is another.
+        border: (n,) bool: beams whose brightness is, because a touch aside the material is another.
         ego, instances: at the pose time.
     """
 
@@ -43,6 +44,7 @@ class TracedFrame:
     observed: Observed
     shot: Shot
     edge: np.ndarray
+    border: np.ndarray
     ego: EgoMotion
     instances: Instances
 
@@ -82,6 +84,7 @@ class FrameTracer:
             observed=replace(observed, trusted=_trusted(frame, shot, observed)),
             shot=shot,
             edge=self._neighbours.at_edge(traced.hits),
+            border=self._neighbours.at_border(traced.hits),
             ego=ego,
             instances=instances,
         )

@@ -20,7 +20,8 @@ def standard_errors(fitter: Fitter, fitted: Fitted) -> np.ndarray:
     Of the two clusterings, and none, the widest counts.
     """
     sample, columns = fitter.sample, fitted.columns
-    normal = Normal.of(columns, fitted.evidence, fitter.poses)
+    poses = fitter.pose_errors.slopes(fitted.pose)
+    normal = Normal.of(columns, fitted.evidence, poses)
     count = normal.parameters
     if not count:
         return np.zeros(0)
@@ -31,7 +32,7 @@ def standard_errors(fitter: Fitter, fitted: Fitted) -> np.ndarray:
     influence = np.zeros((rows, count))
     for quantity, score in fitted.evidence.score.items():
         parts = [column.matrix(quantity, rows) for column in columns]
-        parts.append(fitter.poses if quantity == "range" else sparse.csr_matrix(fitter.poses.shape))
+        parts.append(poses if quantity == "range" else sparse.csr_matrix(poses.shape))
         influence += score[:, None] * (sparse.hstack(parts, format="csr") @ inverse[:, :count])
     found = (influence**2).sum(0)
     for cluster in (sample.track, sample.frame):

@@ -83,7 +83,7 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.nda
         # Where noise would be cut off at 0 or 1 a residual is no normal deviate.
         room = np.minimum(expected.intensity, 1 - expected.intensity) >= _CLEAR_OF_LIMITS * expected.intensity_sigma
         intensity_z = np.where(room, np.nan_to_num((sample.intensity - expected.intensity) / spread), 0.0)
-        bright = matched * room
+        bright = matched * (room & ~sample.border)
         loglik += bright * (student(intensity_z) - np.log(spread))
     return Fit(z, intensity_z, rise_z, sigma, spread, matched, bright, seen, loglik)
 

@@ -167,11 +167,12 @@ class _Foresight:
     def __init__(self, fitter: Fitter, fitted: Fitted) -> None:
         self._fitted, self._rows = fitted, len(fitter.sample)
         self._precision = np.tile(1 / fitted.pose_sigma**2, len(fitter.sample.names))
-        self._weighted = (fitter.poses.T @ sparse.diags(fitted.evidence.information["range"])).tocsr()
-        known = np.asarray((self._weighted @ fitter.poses).todense())
+        poses = fitter.pose_errors.slopes(fitted.pose)
+        self._weighted = (poses.T @ sparse.diags(fitted.evidence.information["range"])).tocsr()
+        known = np.asarray((self._weighted @ poses).todense())
         self._known = known + np.diag(1e-9 * np.diag(known) + 1e-12)
         self._block = np.linalg.inv(known + np.diag(self._precision))
-        slope = fitter.poses.T @ fitted.evidence.score["range"]
+        slope = poses.T @ fitted.evidence.score["range"]
         self._slope = self._block @ (slope - self._precision * fitted.pose.ravel())
 
     def pose_likeness(self, direction: Direction) -> float:

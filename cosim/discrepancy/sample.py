@@ -58,6 +58,7 @@ class Sample:
         track: (n,) int what beams share errors with over time: an instance, or a cell of the map.
         pose_derivative: (n, 6) change of range per metre and radian of the LiDAR's pose, in its own axes.
         edge: (n,) bool ambiguous beams.
+        border: (n,) bool beams of ambiguous brightness.
         compared: (n,) bool: beams that can be compared with the twin; of others it only tells something where their
             returns stand above them.
         partner: (n,) int row of the beam fired just before or after at the same surface, −1 where there is none:
@@ -79,6 +80,7 @@ class Sample:
     track: np.ndarray
     pose_derivative: np.ndarray
     edge: np.ndarray
+    border: np.ndarray
     compared: np.ndarray
     partner: np.ndarray
     ring: np.ndarray
@@ -270,6 +272,7 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
         "intensity": observed.intensity[beams].astype(np.float64),
         "pose_derivative": np.nan_to_num(pose, posinf=0, neginf=0),
         "edge": frame.edge[beams],
+        "border": frame.border[beams],
         "compared": observed.trusted[beams],
         "ring": rays.ring[beams].astype(int),
         "azimuth": rays.azimuth[beams].astype(np.float64),

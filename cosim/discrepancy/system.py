@@ -10,7 +10,6 @@ import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.evidence import QUANTITIES, ROUNDED_M, Evidence, Quantity
-from cosim.discrepancy.sample import Sample
 
 SparseMatrix = Any  # scipy's sparse matrices; their types do not tell what products give
 
@@ -44,14 +43,6 @@ class Column:
         used = np.nonzero(values)[0]
         place = np.zeros(len(used), int) if self.ring is None else self.ring[used]
         return sparse.csr_matrix((values[used], (used, place)), (rows, self.rings))
-
-
-def pose_matrix(sample: Sample) -> SparseMatrix:
-    """(n, 6·frames) change of ranges by the pose errors of every scan."""
-    rows, frames = len(sample), len(sample.names)
-    columns = sample.frame[:, None] * 6 + np.arange(6)
-    index = np.repeat(np.arange(rows), 6)
-    return sparse.csr_matrix((sample.pose_derivative.ravel(), (index, columns.ravel())), (rows, 6 * frames))
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,6 +51,5 @@ def shape_gate(fitter: Fitter, fitted: Fitted, present: tuple[Column, ...], rng:
         for channel in CHANNELS:
             column = shape_column(fitted, channel, covariate.bin, bins)
             found.append(Direction(f"{channel} by {covariate.name}", "", "", column))
-    return run_gate(
-        found, [evidence], [], sample.track, sample.frame, sample.parts(_FEWEST_PARTS), present, fitter.poses, rng
-    )
+    poses = fitter.pose_errors.slopes(fitted.pose)
+    return run_gate(found, [evidence], [], sample.track, sample.frame, sample.parts(_FEWEST_PARTS), present, poses, rng)

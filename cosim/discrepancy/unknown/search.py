@@ -128,7 +128,7 @@ def _shape(fitter: Fitter, fitted: Fitted, channel: Quantity, covariate: Covaria
 
 def _solved(fitter: Fitter, fitted: Fitted, column: Column, channel: Quantity) -> tuple[np.ndarray, np.ndarray, float]:
     """Values, their covariance, and the gain of log-likelihood of a column, pose errors in the background."""
-    poses = fitter.poses if channel == "range" else None
+    poses = fitter.pose_errors.slopes(fitted.pose) if channel == "range" else None
     normal = Normal.of([column], fitted.evidence, poses)
     size = normal.parameters
     matrix, right = normal.matrix[:size, :size], normal.right[:size]

@@ -1,0 +1,54 @@
+"""A tilted scanner meets the plane of the road where geometry says, near and far."""
+
+import numpy as np
+import pytest
+
+from cosim.discrepancy.pose_errors import PoseErrors
+
+_HEIGHT_M = 1.73
+
+
+def _road(reach_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How ranges of beams that meet a level road ahead change, and how far down these look."""
+    down = np.arcsin(_HEIGHT_M / reach_m)
+    ray = np.stack([np.cos(down), np.zeros_like(down), -np.sin(down)], 1)
+    slope = ray[:, 2:3]
+    normal = np.tile([0.0, 0.0, 1.0], (len(down), 1))
+    turned = normal / slope
+    return np.hstack([-turned, -np.cross(ray, turned) * reach_m[:, None]]), down
+
+
+def _errors(derivative: np.ndarray, reach_m: np.ndarray) -> PoseErrors:
+    return PoseErrors(derivative, np.zeros(len(reach_m), int), reach_m, scans=1)
+
+
+def _pitched(degrees: float) -> np.ndarray:
+    return np.array([[0, 0, 0, 0, np.radians(degrees), 0]])
+
+
+@pytest.mark.parametrize("degrees", [-0.2, 0.05, 0.2])
+def test_a_pitched_scanner_meets_the_road_where_its_beams_look(degrees: float) -> None:
+    reach = np.array([5.0, 20.0, 50.0])
+    derivative, down = _road(reach)
+    expected = _HEIGHT_M / np.sin(down + np.radians(degrees)) - reach
+    found = _errors(derivative, reach).shift(_pitched(degrees))
+    np.testing.assert_allclose(found, expected, rtol=2e-3)
+
+
+def test_slopes_are_those_of_the_shift() -> None:
+    reach = np.array([5.0, 20.0, 50.0])
+    errors = _errors(_road(reach)[0], reach)
+    pose, step = np.array([[0.05, 0.02, -0.03, 0.001, 0.002, -0.001]]), 1e-6
+    slopes = errors.slopes(pose).toarray()
+    for axis in range(6):
+        aside = pose.copy()
+        aside[0, axis] += step
+        np.testing.assert_allclose((errors.shift(aside) - errors.shift(pose)) / step, slopes[:, axis], rtol=1e-4)
+
+
+def test_a_beam_that_meets_nothing_is_not_moved() -> None:
+    derivative, _ = _road(np.array([5.0, 20.0]))
+    derivative[1] = 0
+    errors = _errors(derivative, np.array([5.0, np.nan]))
+    assert errors.shift(_pitched(0.1))[1] == 0
+    assert not errors.slopes(_pitched(0.1)).toarray()[1].any()
