@@ -120,6 +120,7 @@ class Detective:
         self._ranking: list[Alternative] = []
         self._unknown: Shape | None = None
         self._errors: list[HeldOut] = []
+        self._refused: set[str] = set()
 
     def run(self) -> Diagnosis:
         """Everything in order."""
@@ -151,7 +152,8 @@ class Detective:
         strange = self._strange(look, worthy[0] if worthy else None) if self._unknown is None else None
         if strange is not None:
             yield strange
-        for one in worthy[:_TRIED]:
+        # What did not help before waits until all others have been tried.
+        for one in sorted(worthy, key=lambda one: one.effect in self._refused)[:_TRIED]:
             yield _Choice(one, tuple(other for other in worthy if other is not one))
 
     def _adopt(self, choice: _Choice, look: _Look) -> Settled | None:
@@ -165,6 +167,7 @@ class Detective:
         if not _helps(best, after, self._errors[-1], is_new):
             self._say(f"{best.effect} does not help on frames that took no part: taken back")
             self._model, self._frames = before
+            self._refused.add(best.effect)
             return None
         self._errors.append(after)
         if choice.shape is not None:
@@ -335,7 +338,7 @@ def _helps(best: Ranked, after: HeldOut, before: HeldOut, is_new: bool) -> bool:
     values of an effect that was there take more than what is new: what they fit may be any misfit of that channel.
     """
     if isinstance(best.fitted.effects[best.place], RoundingEffect):
-        return not before.beats(after)
+        return not before.beats(after, share=_RETUNED_SHARE)
     if after.aligns(before) and not before.beats(after, _HARM_SIGMAS):
         return True
     return after.beats(before) if is_new else after.beats(before, _RETUNED_SIGMAS, _RETUNED_SHARE)

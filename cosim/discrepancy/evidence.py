@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.discrepancy.likelihood import INTENSITY_FLOOR, NU, RANGE_FLOOR_M, RISE_SIGMA_M, Fit, pull
+from cosim.discrepancy.likelihood import NU, RISE_SIGMA_M, Fit, intensity_spread, pull, range_spread_m
 from cosim.discrepancy.sample import Prediction, Sample
 
 Quantity = Literal["range", "rise", "intensity", "range_variance", "intensity_variance", "drop"]
@@ -75,10 +75,8 @@ def change(before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:
         "range": np.where(both, after.range_m - before.range_m, 0.0),
         "rise": np.nan_to_num(after.rise_m - before.rise_m),
         "intensity": after.intensity - before.intensity,
-        "range_variance": np.log(_floored(after.range_sigma_m) / _floored(before.range_sigma_m)),
-        "intensity_variance": np.log(
-            np.hypot(after.intensity_sigma, INTENSITY_FLOOR) / np.hypot(before.intensity_sigma, INTENSITY_FLOOR)
-        ),
+        "range_variance": np.log(range_spread_m(after) / range_spread_m(before)),
+        "intensity_variance": np.log(intensity_spread(after) / intensity_spread(before)),
         "drop": after.seen - before.seen,
     }
     return {name: values for name, values in found.items() if np.any(np.abs(values) > 1e-12)}
@@ -87,7 +85,3 @@ def change(before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:
 def _spread_excess(gap: np.ndarray) -> np.ndarray:
     """Above 0 where neighbours scatter more than stated, 0 on average for any law of the stated standard deviation."""
     return np.minimum(gap**2, _MOST_SQUARED) - 1
-
-
-def _floored(sigma_m: np.ndarray) -> np.ndarray:
-    return np.hypot(sigma_m, RANGE_FLOOR_M)

@@ -14,7 +14,7 @@ import numpy as np
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
 from cosim.discrepancy.evidence import ROUNDED_M, Evidence, Quantity, change
 from cosim.discrepancy.hard_limits import is_searched, searched
-from cosim.discrepancy.likelihood import Fit, judge
+from cosim.discrepancy.likelihood import Fit, judge, range_spread_m
 from cosim.discrepancy.pose_errors import PoseErrors
 from cosim.discrepancy.sample import Prediction, Sample
 from cosim.discrepancy.system import Column, Normal
@@ -169,7 +169,7 @@ class Fitter:
         order = np.argsort(gap[near])
         below = np.cumsum(self.sample.weight[near][order])
         wide = float(gap[near][order][np.searchsorted(below, _ROUGH_SHARE * below[-1])])
-        stated = float(np.median(prediction.range_sigma_m[near]))
+        stated = float(np.median(range_spread_m(prediction)[near]))
         return wide if wide > _ROUGH * max(stated, _FINE_M) else 0.0
 
     def evidence(self, prediction: Prediction, pose: np.ndarray | None = None, blur: float = 0.0) -> Evidence:

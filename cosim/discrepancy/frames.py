@@ -22,6 +22,8 @@ from sensors.sensor_model import SensorModel
 from sensors.shot import Shot
 from sensors.world import TracerCache, World
 
+_GRAZING = 0.02
+
 
 @dataclass(frozen=True, eq=False)
 class TracedFrame:
@@ -33,6 +35,8 @@ class TracedFrame:
         time_s: pose time.
         observed: what was measured, by beam.
         shot: what the model's true beams met, by beam; with its world, so that effects can trace on.
+        unsure_m, unsure_intensity: (n,) how far the twin itself may be off where the beam meets it: along the beam and
+            in brightness, standard deviations; 0 where it is surveyed.
         edge: (n,) bool: beams whose outcome is ambiguous, because a touch aside the world is another.
         border: (n,) bool: beams whose brightness is, because a touch aside the material is another.
         ego, instances: at the pose time.
@@ -43,6 +47,8 @@ class TracedFrame:
     time_s: float
     observed: Observed
     shot: Shot
+    unsure_m: np.ndarray
+    unsure_intensity: np.ndarray
     edge: np.ndarray
     border: np.ndarray
     ego: EgoMotion
@@ -77,12 +83,15 @@ class FrameTracer:
         beams = act_on_beams(in_order(effects), Beams.nominal(observed.rays), before, streams, self.sensor.origin)
         traced = world.trace(beams)
         shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
+        trusted, unsure_m, unsure_intensity = _known(frame, shot, observed)
         return TracedFrame(
             name=name,
             place=twin.static or "",
             time_s=twin.time_s,
-            observed=replace(observed, trusted=_trusted(frame, shot, observed)),
+            observed=replace(observed, trusted=trusted),
             shot=shot,
+            unsure_m=unsure_m,
+            unsure_intensity=unsure_intensity,
             edge=self._neighbours.at_edge(traced.hits),
             border=self._neighbours.at_border(traced.hits),
             ego=ego,
@@ -90,10 +99,11 @@ class FrameTracer:
         )
 
 
-def _trusted(frame: Frame, shot: Shot, observed: Observed) -> np.ndarray:
-    """(n,) bool: all beams, or those that a twin made from labels tells something of."""
+def _known(frame: Frame, shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which beams may be compared, all or those that a twin made from labels tells something of; how unsure it is."""
     if not frame.has("twin/trust"):
-        return observed.trusted
+        sure = np.zeros(len(observed.rays), np.float32)
+        return observed.trusted, sure, sure
     trust = read_trust(frame.path("twin/trust"))
     solid, traced = shot.hits.solid, shot.traced
     assert traced is not None  # frames are traced
@@ -101,7 +111,10 @@ def _trusted(frame: Frame, shot: Shot, observed: Observed) -> np.ndarray:
     pose, direction = shot.hits.pose, observed.rays.direction
     point = observed.along_m[:, None] * direction + observed.above_m[:, None] * upwards(direction)
     found = trust.beams(frame.twin.instances, met, solid.instance, point @ pose[:3, :3].T + pose[:3, 3])
-    return found & (trust.ground_range | (solid.instance >= 0))
+    away, bright = trust.unsure(met, solid.instance)
+    steep = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
+    trusted = found & (trust.ground_range | (solid.instance >= 0))
+    return trusted, away / np.maximum(steep, _GRAZING), bright
 
 
 def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:

@@ -60,7 +60,7 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.nda
         blur: a standard deviation [m] added to every range: fits that are far off find their way with it.
         shift: (n,) what is added to expected ranges [m], as pose errors do.
     """
-    sigma = np.sqrt(expected.range_sigma_m**2 + RANGE_FLOOR_M**2 + blur**2)
+    sigma = np.hypot(range_spread_m(expected), blur)
     mean = expected.range_m if shift is None else expected.range_m + shift
     returned = sample.returned
     z = np.where(returned & np.isfinite(mean), (sample.along_m - mean) / sigma, 0.0)
@@ -77,7 +77,7 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.nda
     rise = np.nan_to_num(sample.above_m - expected.rise_m)
     rise_z = np.where(returned, rise / np.hypot(RISE_SIGMA_M, blur), 0.0)
     loglik += np.where(returned, student(rise_z), 0.0)
-    spread = np.sqrt(expected.intensity_sigma**2 + INTENSITY_FLOOR**2)
+    spread = intensity_spread(expected)
     intensity_z, bright = np.zeros(len(z)), np.zeros(len(z))
     if sample.has_intensity:
         # Where noise would be cut off at 0 or 1 a residual is no normal deviate.
@@ -86,6 +86,16 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.nda
         bright = matched * (room & ~sample.border)
         loglik += bright * (student(intensity_z) - np.log(spread))
     return Fit(z, intensity_z, rise_z, sigma, spread, matched, bright, seen, loglik)
+
+
+def range_spread_m(expected: Prediction) -> np.ndarray:
+    """Standard deviation (n,) [m] of ranges: by the sensor's noise and by how far the twin may be off."""
+    return np.sqrt(expected.range_sigma_m**2 + expected.unsure_m**2 + RANGE_FLOOR_M**2)
+
+
+def intensity_spread(expected: Prediction) -> np.ndarray:
+    """The same of intensities."""
+    return np.sqrt(expected.intensity_sigma**2 + expected.unsure_intensity**2 + INTENSITY_FLOOR**2)
 
 
 def student(z: np.ndarray) -> np.ndarray:

@@ -32,6 +32,7 @@ class Prediction:
         seen: probability that the surface's return is reported.
         silent: probability that nothing is.
         stray: (n,) density [1/m] of returns from elsewhere at the measured range; 0 where nothing was measured.
+        unsure_m, unsure_intensity: how far the twin itself may be off, standard deviations beside those of the sensor.
     """
 
     range_m: np.ndarray
@@ -42,6 +43,8 @@ class Prediction:
     seen: np.ndarray
     silent: np.ndarray
     stray: np.ndarray
+    unsure_m: np.ndarray
+    unsure_intensity: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +60,7 @@ class Sample:
         along_m, above_m, intensity: (n,) measured, as in `Observed`; NaN where nothing returned.
         track: (n,) int what beams share errors with over time: an instance, or a cell of the map.
         pose_derivative: (n, 6) change of range per metre and radian of the LiDAR's pose, in its own axes.
+        unsure_m, unsure_intensity: (n,) how far the twin itself may be off, see `TracedFrame`.
         edge: (n,) bool ambiguous beams.
         border: (n,) bool beams of ambiguous brightness.
         compared: (n,) bool: beams that can be compared with the twin; of others it only tells something where their
@@ -79,6 +83,8 @@ class Sample:
     intensity: np.ndarray
     track: np.ndarray
     pose_derivative: np.ndarray
+    unsure_m: np.ndarray
+    unsure_intensity: np.ndarray
     edge: np.ndarray
     border: np.ndarray
     compared: np.ndarray
@@ -127,7 +133,8 @@ class Sample:
         """What effects let expect of the sample's beams."""
         effects = tuple(sorted(effects, key=lambda effect: effect.phase))
         parts = [_predict(replay, effects, self.along_m[rows]) for replay, rows in self._frames()]
-        return Prediction(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        return Prediction(*[*columns, self.unsure_m, self.unsure_intensity])
 
     def _frames(self) -> Iterator[tuple[FrameReplay, np.ndarray]]:
         for number, replay in enumerate(self.replays):
@@ -271,6 +278,8 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
         "above_m": observed.above_m[beams].astype(np.float64),
         "intensity": observed.intensity[beams].astype(np.float64),
         "pose_derivative": np.nan_to_num(pose, posinf=0, neginf=0),
+        "unsure_m": frame.unsure_m[beams].astype(np.float64),
+        "unsure_intensity": frame.unsure_intensity[beams].astype(np.float64),
         "edge": frame.edge[beams],
         "border": frame.border[beams],
         "compared": observed.trusted[beams],

@@ -26,29 +26,28 @@ class HeldOut:
     Attributes:
         error: over all of them.
         by_frame: (f,) of each.
+        beams: (f,) how many of each could be compared: what it counts for.
         floor: the error that noise alone would make, estimated from neighbouring beams; None where nothing matched.
         rise_m: (f,) how far points stand above or below their beams on average; 0 where files tell each point's beam.
     """
 
     error: float
     by_frame: np.ndarray
+    beams: np.ndarray
     floor: float | None
     rise_m: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def standard_error(self) -> float:
         """Of the error, from frame to frame; NaN of one frame."""
-        count = len(self.by_frame)
-        return float(np.std(self.by_frame, ddof=1) / np.sqrt(count)) if count > 1 else float("nan")
+        return _mean_and_error(self.by_frame, self.beams)[1]
 
     def beats(self, other: HeldOut, sigmas: float = 1.0, share: float = 0.0) -> bool:
         """Whether it is smaller by more than its differences, frame by frame, leave to chance, and by a share."""
-        fall = other.by_frame - self.by_frame
-        if fall.mean() <= share * other.by_frame.mean():
+        fall, error = _mean_and_error(other.by_frame - self.by_frame, self.beams)
+        if fall <= share * _mean_and_error(other.by_frame, self.beams)[0]:
             return False
-        if len(fall) < 2:
-            return bool(self.error < other.error)
-        return bool(fall.mean() > sigmas * np.std(fall, ddof=1) / np.sqrt(len(fall)))
+        return bool(fall > sigmas * error) if np.isfinite(error) else bool(self.error < other.error)
 
     def aligns(self, other: HeldOut) -> bool:
         """Whether points stand closer to their beams, in every frame and by a clear share.
@@ -72,9 +71,20 @@ def held_out_errors(tracer: FrameTracer, names: Sequence[str], effects: Sequence
     return HeldOut(
         error=sum(each, Totals()).error,
         by_frame=np.array([one.error for one in each]),
+        beams=np.array([one.beams for one in each]),
         floor=None if floor is None else floor.error,
         rise_m=np.array(rise_m),
     )
+
+
+def _mean_and_error(values: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
+    """Weighted mean of values (f,), and its standard error from their scatter; NaN of fewer than two."""
+    used = np.isfinite(values) & (weights > 0)
+    values, share, count = values[used], weights[used] / max(weights[used].sum(), 1), int(used.sum())
+    mean = float(share @ values)
+    if count < 2:
+        return mean, float("nan")
+    return mean, float(np.sqrt((share**2 @ (values - mean) ** 2) * count / (count - 1)))
 
 
 def _mean_rise(frame: TracedFrame, effects: Sequence[Effect]) -> float:

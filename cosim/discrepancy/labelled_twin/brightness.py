@@ -15,19 +15,24 @@ from cosim.discrepancy.labelled_twin.trust import Trust, in_box
 from cosim.twin import Instance
 
 _FEWEST = 30  # points that tell a paint
+_UNSEEN = 0.2  # spread of intensities of bodies with fewer
 
 
 @dataclass(frozen=True)
 class Brightness:
-    """Mean measured intensity of some points, 0–1, and how many they are."""
+    """Mean measured intensity of some points, 0–1, how many they are, and how far they scatter."""
 
     mean: float
     points: int
+    spread: float = 0.0
 
     @classmethod
     def of(cls, intensity: np.ndarray) -> Brightness:
         """That of intensities (n,)."""
-        return cls(float(np.mean(intensity.clip(0, 1), dtype=np.float64)) if len(intensity) else 0.0, len(intensity))
+        if not len(intensity):
+            return cls(0.0, 0)
+        bright = intensity.clip(0, 1).astype(np.float64)
+        return cls(float(bright.mean()), len(bright), float(bright.std()))
 
 
 def ground_brightness(trust: Trust, xyz: np.ndarray, intensity: np.ndarray) -> Brightness:
@@ -35,10 +40,14 @@ def ground_brightness(trust: Trust, xyz: np.ndarray, intensity: np.ndarray) -> B
     return Brightness.of(intensity[trust.measured(xyz, ())])
 
 
-def painted(instances: Sequence[Instance], xyz: np.ndarray, intensity: np.ndarray) -> tuple[Instance, ...]:
-    """Instances as bright as the returns (n, 3) in their boxes, where these are enough to tell."""
-    found = []
-    for instance in instances:
+def painted(
+    instances: Sequence[Instance], xyz: np.ndarray, intensity: np.ndarray
+) -> tuple[tuple[Instance, ...], np.ndarray]:
+    """Instances as bright as the returns (n, 3) in their boxes, where these tell enough; spreads (i,) of these."""
+    found, spread = [], np.full(len(instances), _UNSEEN)
+    for row, instance in enumerate(instances):
         seen = Brightness.of(intensity[in_box(xyz, instance, 0.0)])
-        found.append(replace(instance, paint=seen.mean) if seen.points >= _FEWEST else instance)
-    return tuple(found)
+        told = seen.points >= _FEWEST
+        found.append(replace(instance, paint=seen.mean) if told else instance)
+        spread[row] = seen.spread if told else _UNSEEN
+    return tuple(found), spread

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from cosim.discrepancy.labelled_twin.brightness import Brightness, ground_bright
 from cosim.discrepancy.labelled_twin.ground_surface import REACH_M, fit_ground
 from cosim.discrepancy.labelled_twin.objects import label_instances
 from cosim.discrepancy.labelled_twin.road_cells import find_road_cells
+from cosim.discrepancy.labelled_twin.scatter import body_scatter
 from cosim.discrepancy.labelled_twin.trust import MARGIN_M, Trust
 from cosim.discrepancy.labelled_twin.trusted_ground import ground_mesh, trust_ground
 from cosim.errors import FormatError
@@ -68,9 +69,16 @@ def make_frame_twin(frame: Frame, pattern: Pattern) -> FrameTwin:
             spread = 1.4826 * float(np.median(np.abs(away)))
     instances, without = label_instances(labels, calibration, world_from_lidar)
     xyz, brightness = points[:, :3].astype(np.float64) + sensor_m, Brightness(0.0, 0)
+    spread_of_bodies, spread_of_paint = body_scatter(instances, xyz), np.zeros(len(instances))
     if frame.has_intensity:
         brightness = ground_brightness(trust, xyz, points[:, 3])
-        instances = painted(instances, xyz, points[:, 3])
+        instances, spread_of_paint = painted(instances, xyz, points[:, 3])
+    trust = replace(
+        trust,
+        ground_intensity_sd=brightness.spread,
+        body_sd_m=spread_of_bodies.astype(np.float32),
+        body_intensity_sd=spread_of_paint.astype(np.float32),
+    )
     twin = TwinFrame(
         frame=frame.name,
         time_s=0.0,

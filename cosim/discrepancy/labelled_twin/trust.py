@@ -10,6 +10,8 @@ how well they fit: choosing points would cut the tails off the residuals that ar
 - A beam is compared where its traced hit is trusted and its measured return, if it has one, is trusted as part of the
   same thing: the ground, or the same object's box. A return from elsewhere is something that nobody labelled standing
   in front, or the outline of a model that is not quite the vehicle's.
+- How far the twin may be off is told along: how points scatter about the surface and about the models, in place and in
+  brightness. What is made from points and boxes is known to centimetres and decimetres, not to the laser's millimetres.
 - `ground_range` says whether ranges on the ground mean something: with road seen to one side only, a slope and a
   sensor that looks too low are the same thing. Intensities and lost returns are good either way.
 """
@@ -17,7 +19,7 @@ how well they fit: choosing points would cut the tails off the residuals that ar
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +31,8 @@ from sensors.npz import NpzError, npz_arrays, npz_bytes
 
 CELL_M = 0.5
 MARGIN_M = 0.3
-_ARRAYS = ("corner_m", "cell_m", "ground", "height_m", "ground_range", "cone_deg", "lever_m")
+_SINGLE = ("cell_m", "ground_range", "cone_deg", "lever_m", "ground_intensity_sd")
+_ARRAYS = ("corner_m", "ground", "height_m", "height_sd_m", "body_sd_m", "body_intensity_sd", *_SINGLE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +47,10 @@ class Trust:
         ground_range: whether ranges on the ground may be compared.
         cone_deg: opening of the cone seen in this frame's ground: an elevation error and the lie of the land.
         lever_m: how well it is known, see `GroundSurface`.
+        height_sd_m: (k, m) float32, how far points scatter about the surface.
+        ground_intensity_sd: how far intensities of the ground scatter.
+        body_sd_m: (i,) float32 of each of the frame's instances, how far points in its box scatter about its model.
+        body_intensity_sd: (i,) float32, how far their intensities scatter.
     """
 
     corner_m: np.ndarray
@@ -53,11 +60,16 @@ class Trust:
     ground_range: bool
     cone_deg: float
     lever_m: float
+    height_sd_m: np.ndarray
+    ground_intensity_sd: float = 0.0
+    body_sd_m: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
+    body_intensity_sd: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
 
     @classmethod
     def nothing(cls) -> Trust:
         """No ground at all."""
-        return cls(np.zeros(2), CELL_M, np.zeros((1, 1), bool), np.zeros((1, 1), np.float32), False, 0.0, 0.0)
+        none = np.zeros((1, 1), np.float32)
+        return cls(np.zeros(2), CELL_M, np.zeros((1, 1), bool), none, False, 0.0, 0.0, none)
 
     def ground_at(self, xy: np.ndarray) -> np.ndarray:
         """Whether places (n, 2) lie in trusted cells, (n,) bool; NaN places do not."""
@@ -113,6 +125,22 @@ class Trust:
             same[on_it] = in_box(measured[on_it], thing, MARGIN_M)
         return self.traced(traced, instance) & same
 
+    def unsure(self, traced: np.ndarray, instance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How far the twin may be off where beams meet it: across its surface [m] and in brightness, (n,) each.
+
+        Args:
+            traced: (n, 3) world places of the beams' traced hits; anything where they hit nothing.
+            instance: (n,) rows of the instances hit, −1 the static world, −2 nothing.
+        """
+        rows, inside = self._cells(traced[:, :2])
+        on_ground = inside & (instance == -1)
+        away = np.where(on_ground, self.height_sd_m[tuple(rows)], np.float32(0))
+        bright = np.where(on_ground, np.float32(self.ground_intensity_sd), np.float32(0))
+        on_body = np.flatnonzero((instance >= 0) & (instance < len(self.body_sd_m)))
+        away[on_body] = self.body_sd_m[instance[on_body]]
+        bright[on_body] = self.body_intensity_sd[instance[on_body]]
+        return away, bright
+
     def _cells(self, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         place = (np.asarray(xy, np.float64) - self.corner_m) / self.cell_m
         inside = np.all((place >= 0) & (place < self.ground.shape), axis=1)  # false for NaN
@@ -138,6 +166,10 @@ def encode_trust(trust: Trust) -> bytes:
             "ground_range": np.array([trust.ground_range], np.uint8),
             "cone_deg": np.array([trust.cone_deg]),
             "lever_m": np.array([trust.lever_m]),
+            "height_sd_m": np.round(trust.height_sd_m, 4).astype(np.float32),
+            "ground_intensity_sd": np.array([trust.ground_intensity_sd]),
+            "body_sd_m": np.round(trust.body_sd_m, 4).astype(np.float32),
+            "body_intensity_sd": np.round(trust.body_intensity_sd, 4).astype(np.float32),
         }
     )
 
@@ -157,9 +189,11 @@ def read_trust(path: str | Path) -> Trust:
     if missing:
         raise FormatError(f"{path}: lacks {', '.join(missing)}; make the twin again with `cosim twin`")
     ground, height = arrays["ground"], arrays["height_m"]
-    single = [name for name in ("cell_m", "ground_range", "cone_deg", "lever_m") if arrays[name].size != 1]
+    single = [name for name in _SINGLE if arrays[name].size != 1]
     numeric = all(array.dtype.kind in "uif" and np.isfinite(array).all() for array in arrays.values())
     flat = ground.ndim == 2 and ground.size > 0 and ground.shape == height.shape and arrays["corner_m"].shape == (2,)
+    flat &= arrays["height_sd_m"].shape == height.shape and arrays["body_sd_m"].ndim == 1
+    flat &= arrays["body_sd_m"].shape == arrays["body_intensity_sd"].shape
     if single or not numeric or not flat or not arrays["cell_m"].item() > 0:
         raise FormatError(f"{path}: arrays of the wrong shape or kind; make the twin again with `cosim twin`")
     return Trust(
@@ -170,4 +204,8 @@ def read_trust(path: str | Path) -> Trust:
         ground_range=bool(arrays["ground_range"].item()),
         cone_deg=arrays["cone_deg"].item(),
         lever_m=arrays["lever_m"].item(),
+        height_sd_m=arrays["height_sd_m"].astype(np.float32),
+        ground_intensity_sd=arrays["ground_intensity_sd"].item(),
+        body_sd_m=arrays["body_sd_m"].astype(np.float32),
+        body_intensity_sd=arrays["body_intensity_sd"].astype(np.float32),
     )

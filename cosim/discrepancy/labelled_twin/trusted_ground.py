@@ -8,6 +8,7 @@ from scipy.ndimage import binary_dilation
 from assets.mesh import Mesh
 from cosim.discrepancy.labelled_twin.ground_surface import GroundSurface
 from cosim.discrepancy.labelled_twin.road_cells import RoadCells
+from cosim.discrepancy.labelled_twin.scatter import ground_scatter
 from cosim.discrepancy.labelled_twin.trust import CELL_M, Trust
 
 _FOLLOWS_M = 0.05  # a cell farther from the surface with its cone is a kerb's or a wall's foot
@@ -42,7 +43,8 @@ def trust_ground(cells: RoadCells, surface: GroundSurface, others: np.ndarray, s
     grid = np.stack(np.meshgrid(*middle, indexing="ij"), -1).reshape(-1, 2)
     height = (surface.height(grid) + sensor_m[2]).reshape(shape).astype(np.float32)
     cone = float(np.degrees(surface.cone_rad))
-    return Trust(corner, CELL_M, ground, height, surface.knows_cone, cone, surface.lever_m)
+    scatter = ground_scatter(cells.take(follows), surface, grid).reshape(shape).astype(np.float32)
+    return Trust(corner, CELL_M, ground, height, surface.knows_cone, cone, surface.lever_m, scatter)
 
 
 def ground_mesh(trust: Trust, surface: GroundSurface, sensor_m: np.ndarray) -> Mesh:

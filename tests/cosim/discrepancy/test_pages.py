@@ -54,8 +54,8 @@ def finding(effect: str = "range_walk", also: tuple[str, ...] = ("incidence_bias
         params={"amplitude_m": 0.031, "decay": 4.0},
         ci95={"amplitude_m": [0.029, 0.033], "decay": [3.5, 4.5]},
         p_value=0.0004,
-        error_before=HeldOut(1.83, np.array([1.8, 1.86]), 1.02),
-        error_after=HeldOut(1.04, np.array([1.02, 1.06]), 1.02),
+        error_before=HeldOut(1.83, np.array([1.8, 1.86]), np.ones(2), 1.02),
+        error_after=HeldOut(1.04, np.array([1.02, 1.06]), np.ones(2), 1.02),
         also_possible=also,
         delta_bic=900.0,
     )

@@ -18,7 +18,9 @@ from cosim.twin import Instance
 def _trust() -> Trust:
     ground = np.zeros((4, 6), bool)
     ground[1, 2] = True
-    return Trust(np.array([-1.0, -2.0]), 0.5, ground, np.full((4, 6), 0.1, np.float32), True, 0.19, 6.5)
+    height_m, scatter_m = np.full((4, 6), 0.1, np.float32), np.full((4, 6), 0.014, np.float32)
+    bodies = np.array([0.1], np.float32), np.array([0.2], np.float32)
+    return Trust(np.array([-1.0, -2.0]), 0.5, ground, height_m, True, 0.19, 6.5, scatter_m, 0.1, *bodies)
 
 
 def _box() -> Instance:
