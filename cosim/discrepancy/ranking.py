@@ -13,6 +13,7 @@ from cosim.discrepancy.fitting import Fitted, Fitter, all_free
 from cosim.discrepancy.frames import TracedFrame, bending
 from cosim.discrepancy.gate import LEVEL, Direction, Verdict
 from cosim.discrepancy.likelihood import judge
+from cosim.discrepancy.pose_errors import independent_share
 from cosim.discrepancy.sample import same_beams
 from sensors.effects.base import BeamEffect, Effect
 
@@ -93,7 +94,7 @@ def fit_candidate(fitter: Fitter, fitted: Fitted, starts: Sequence[Direction], s
         free = (*mine, *all_free(effects, [one for one in along if one != place], fitter.rings))
         result = fitter.fit(effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=_STEPS)
         count = sum(one.unknown.rings for one in mine)
-        delta = 2 * (result.loglik - before.loglik) - count * np.log(rows)
+        delta = 2 * _gain(fitter, before, result) - count * np.log(rows)
         if best is None or delta > best.delta_bic:
             best = Ranked(start.effect, result, place, float(delta), count)
     assert best is not None  # there is a start
@@ -128,6 +129,23 @@ def _refitted(fitter: Fitter, fitted: Fitted, places: Sequence[int]) -> Fitted:
     return fitter.fit(fitted.effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=_STEPS)
 
 
+def _gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
+    """Of log-likelihood."""
+    beams = fitter.sample.weight / fitter.sample.weight.mean() @ (after.fit.loglik - before.fit.loglik)
+    return float(beams) + _pose_gain(fitter, before, after)
+
+
+def _pose_gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
+    """Of the log-likelihood of pose errors: by how much smaller ones suffice.
+
+    Errors that drift from scan to scan are fewer facts than scans: the middle of a drift is no mount that is off.
+    What counts is how much those drift that the better model leaves.
+    """
+    weight = fitter.sample.weight / fitter.sample.weight.mean()
+    gain = after.loglik - before.loglik - float(weight @ (after.fit.loglik - before.fit.loglik))
+    return gain * independent_share(after.pose / after.pose_sigma) if gain > 0 else gain
+
+
 def judged_anew(
     ranked: Sequence[Ranked], fitter: Fitter, fitted: Fitted, trace: Callable[[tuple[Effect, ...]], list[TracedFrame]]
 ) -> list[Ranked]:
@@ -154,9 +172,8 @@ def judged_anew(
     found = []
     for one in ranked:
         gained = float((weight * (rows[one.effect] - fitted.fit.loglik))[keep].sum())
-        pose = one.fitted.loglik - float(weight @ one.fitted.fit.loglik)
-        before = fitted.loglik - float(weight @ fitted.fit.loglik)
-        delta = 2 * (gained + pose - before) - one.parameters * np.log(float(len(weight)))
+        pose = _pose_gain(fitter, fitted, one.fitted)
+        delta = 2 * (gained + pose) - one.parameters * np.log(float(len(weight)))
         found.append(replace(one, delta_bic=float(delta)))
     return found
 
