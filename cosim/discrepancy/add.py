@@ -15,7 +15,7 @@ from cosim.discrepancy.checks import check_fit, opened
 from cosim.discrepancy.directions import directions
 from cosim.discrepancy.fitting import Fitter, all_free
 from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
-from cosim.discrepancy.held_out import split_frames
+from cosim.discrepancy.held_out import split_drive
 from cosim.discrepancy.intervals import intervals
 from cosim.discrepancy.lattice import find_lattices
 from cosim.discrepancy.ranking import fit_candidate
@@ -88,7 +88,7 @@ def add(
     drive = opened(drive)
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
     fixed = known_parameters(kind, fixed or {})
-    split = split_frames(drive.frames)
+    split = split_drive(drive)
     tracer = FrameTracer(drive, model)
     effects = in_order(model.effects)
     before = held_out_errors(tracer, split.test, effects, model.origin)

@@ -16,7 +16,7 @@ from cosim.discrepancy.directions import directions
 from cosim.discrepancy.fitting import Fitted, Fitter, Free, all_free
 from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.gate import LEVEL, Verdict, run_gate
-from cosim.discrepancy.held_out import Split, split_frames
+from cosim.discrepancy.held_out import Split, split_drive
 from cosim.discrepancy.intervals import intervals, standard_errors
 from cosim.discrepancy.labels import with_labels
 from cosim.discrepancy.lattice import Lattice, find_lattices
@@ -42,7 +42,7 @@ _CLEARLY_MORE = 1.15  # times the gain of the best candidate must be an unknown 
 _SHAPE_LEVEL = 0.02
 _RETUNED_SIGMAS, _RETUNED_SHARE = 2.0, 1e-3  # what other values of an effect must gain, of its scatter and of the error
 _HARM_SIGMAS = 2.0
-_TRIED = 3  # candidates a round, until one helps on held-out frames
+_TRIED = 3  # candidates a round, until one helps on held-out frames; then those that the gate lets through alone
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class Detective:
     ) -> None:
         self.drive = drive
         self.sensor = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
-        self.split: Split = split_frames(drive.frames)
+        self.split: Split = split_drive(drive)
         self._kinds = candidate_kinds(extra)
         self._seed, self._say = seed, say
         self._tracer = FrameTracer(drive, self.sensor)
@@ -153,7 +153,9 @@ class Detective:
         if strange is not None:
             yield strange
         # What did not help before waits until all others have been tried.
-        for one in sorted(worthy, key=lambda one: one.effect in self._refused)[:_TRIED]:
+        waiting = sorted(worthy, key=lambda one: one.effect in self._refused)
+        outstanding = [one for one in waiting[_TRIED:] if _p_value(look.verdict, one.effect) <= LEVEL]
+        for one in (*waiting[:_TRIED], *outstanding):
             yield _Choice(one, tuple(other for other in worthy if other is not one))
 
     def _adopt(self, choice: _Choice, look: _Look) -> Settled | None:
