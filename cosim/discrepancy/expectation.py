@@ -37,12 +37,20 @@ class Expectation:
     silent: np.ndarray
 
 
-def expect(effects: Sequence[Effect], shot: Shot) -> Expectation:
-    """What effects, in the order in which they act, let expect of a traced shot."""
+def expect(effects: Sequence[Effect], shot: Shot, unsure: tuple[np.ndarray, np.ndarray] | None = None) -> Expectation:
+    """What effects, in the order in which they act, let expect of a traced shot.
+
+    Args:
+        effects: of the sensor.
+        shot: of n beams.
+        unsure: (n,) each, how far the twin's ranges [m] and reflectances may be off: rounding acts on what is true, not
+            on what the twin says. The spreads of the expectation are the sensor's alone.
+    """
     beams = len(shot.rays)
     returns = returns_of(shot.hits)
     seen, silent = np.ones(beams), None
     range_variance, intensity_variance = np.zeros(beams), np.zeros(beams)
+    more = (np.zeros(beams), np.zeros(beams)) if unsure is None else (np.square(unsure[0]), np.square(unsure[1]))
     clips = list(CLIP_BEFORE)
     for effect in effects:
         while clips and effect.phase >= clips[0]:
@@ -60,8 +68,10 @@ def expect(effects: Sequence[Effect], shot: Shot) -> Expectation:
             intensity_variance[returns.beam] += np.square(of_intensity)
         elif isinstance(effect, RoundingEffect):
             beam = returns.beam
-            returns, spread = rounded(returns, effect, np.sqrt(range_variance[beam]), np.sqrt(intensity_variance[beam]))
-            range_variance[beam], intensity_variance[beam] = spread
+            true_range, true_intensity = range_variance[beam] + more[0][beam], intensity_variance[beam] + more[1][beam]
+            returns, spread = rounded(returns, effect, np.sqrt(true_range), np.sqrt(true_intensity))
+            range_variance[beam] = np.maximum(spread[0] - more[0][beam], 0)
+            intensity_variance[beam] = np.maximum(spread[1] - more[1][beam], 0)
         elif isinstance(effect, PointEffect):
             returns, spread = _mean_and_spread(effect, returns, shot)
             range_variance[returns.beam] += spread[0]

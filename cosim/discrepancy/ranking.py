@@ -108,6 +108,8 @@ def entangled(fitter: Fitter, fitted: Fitted, direction: Direction, settled: Col
     for place in settled:
         free = all_free(fitted.effects, [place], fitter.rings)
         present = fitter.columns(fitted.effects, free, fitted.prediction)
+        if not present:
+            continue  # a rounding, of which no slope tells
         for quantity in direction.column.delta:
             own = direction.column.matrix(quantity, rows)
             basis = sparse.hstack([column.matrix(quantity, rows) for column in present], format="csr")

@@ -107,6 +107,7 @@ class FrameReplay:
         self._nominal = _rows(frame.observed.rays, beams)
         self._calibrated = frame.observed.recovered
         self._along_m = frame.observed.along_m[beams].astype(np.float64)
+        self._unsure = (frame.unsure_m[beams].astype(np.float64), frame.unsure_intensity[beams].astype(np.float64))
         hits = frame.shot.hits
         self._solid = hits.solid.take(beams)
         self._met = Planes.of(frame, beams, self._solid)
@@ -132,7 +133,7 @@ class FrameReplay:
         origin, direction = shot.rays.origin.astype(np.float64), shot.rays.direction
         along = np.einsum("ij,ij->i", origin, direction)
         above = np.einsum("ij,ij->i", origin, upwards(direction))
-        found = expect(effects, shot)
+        found = expect(effects, shot, self._unsure)
         if self._calibrated:
             # Points stand where the unit's calibration has its lasers look, not along the pattern's beams; how far
             # above these follows from the measured range, whatever surface it was.
