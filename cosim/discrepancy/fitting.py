@@ -101,8 +101,9 @@ class Fitter:
         pose = np.zeros((self._scans, 6)) if pose is None else pose
         sigma = _POSE_START if pose_sigma is None else pose_sigma
         state = self._state(current, pose)
+        gradual = tuple(one for one in free if not current[one.effect].by_search)
         for blur in self._blurs(state):
-            current, pose, sigma = self._descend(current, free, pose, sigma, blur, steps)
+            current, pose, sigma = self._descend(current, gradual, pose, sigma, blur, steps)
             state = self._state(current, pose)
         current = self._searched(current, free, pose, sigma)
         state = self._state(current, pose)
@@ -120,7 +121,7 @@ class Fitter:
         which = [
             (one.effect, one.unknown, column)
             for one, column in zip(free, columns, strict=True)
-            if is_searched(effects[one.effect], one.unknown, column)
+            if effects[one.effect].by_search or is_searched(effects[one.effect], one.unknown, column)
         ]
         return searched(effects, which, self.loss(pose, sigma), self.sample, fit) if which else effects
 

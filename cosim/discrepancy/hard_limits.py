@@ -21,6 +21,7 @@ from sensors.effects.base import Effect, ScanEffect
 
 _REACH, _REACH_STEPS = 0.6, 25.0  # to both sides: of the value, or of its natural step
 _GRID, _ZOOMS = 13, 8
+_NEAR = 2e-3  # of the reach of a search
 _FEW, _ALTOGETHER = 0.01, 0.5
 _FALL, _SMOOTH_FALL = float(np.log(20)), 1.92
 _DOUBLINGS, _BISECTIONS = 24, 10
@@ -62,7 +63,8 @@ def searched(
         effects = trial if lost(trial) < lost(effects) else effects
     rest = [one for one in which if not (one[0] in sectors and one[1].name in (AZIMUTH, WIDTH))]
     for place, unknown, column in rest * (2 if len(rest) > 1 else 1):
-        effects = _best(effects, place, unknown, lost, is_flat(unknown, column))
+        flat = is_flat(unknown, column) and not effects[place].by_search
+        effects = _best(effects, place, unknown, lost, flat)
     return effects
 
 
@@ -122,7 +124,7 @@ def _best(effects: tuple[Effect, ...], place: int, unknown: Unknown, lost: Loss,
 
     low, high = max(value - reach, unknown.low), min(value + reach, unknown.high)
     if not flat:
-        bounds = {"bounds": (low, high), "method": "bounded", "options": {"xatol": 1e-3 * reach}}
+        bounds = {"bounds": (low, high), "method": "bounded", "options": {"xatol": _NEAR * reach}}
         found: Any = optimize.minimize_scalar(of, **bounds)
         return _with(effects, place, {unknown.name: float(found.x)}) if found.fun < of(value) else effects
     best, least = value, of(value)

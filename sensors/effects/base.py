@@ -62,6 +62,7 @@ class Effect(BaseModel):
         neutral: parameters that do nothing, the start of fits; None where there are none.
         shapes: settings of parameters that an amplitude alone does not show, each worth starting a fit from.
         is_candidate: whether a diagnosis asks for it unbidden.
+        by_search: whether fits look for its numbers one after the other, because every slope costs new rays.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -82,6 +83,7 @@ class Effect(BaseModel):
     neutral: ClassVar[dict[str, Any] | None] = None
     shapes: ClassVar[tuple[dict[str, Any], ...]] = ()
     is_candidate: ClassVar[bool] = True
+    by_search: ClassVar[bool] = False
     source: ClassVar[str] = ""  # where a user's effect was loaded from, as sensor files name it
 
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:

@@ -10,6 +10,7 @@ from sensors.effects.base import EchoEffect, number
 from sensors.effects.footprint import directions_aside, strongest_echo
 from sensors.effects.phases import Phase
 from sensors.effects.some_footprints import footprints_of_some
+from sensors.effects.split_echoes import CHANCE, elsewhere, is_split, sampled_ranges
 from sensors.hits import Hits
 from sensors.returns import Returns
 from sensors.shot import Shot
@@ -33,6 +34,7 @@ class BeamDivergence(EchoEffect):
     taxonomy: ClassVar = "sp55"
     confusable_with: ClassVar = ("range_noise", "incidence_bias")
     needs_new_rays: ClassVar = True
+    by_search: ClassVar = True
     example: ClassVar = {"divergence_mrad": 6.0, "pulse_ns": 6.0}
     neutral: ClassVar = {"divergence_mrad": 0.0, "pulse_ns": 6.0}
     shapes: ClassVar = tuple({"divergence_mrad": angle} for angle in (1.0, 3.0, 6.0))
@@ -56,14 +58,28 @@ class BeamDivergence(EchoEffect):
         return strongest_echo(returns, shot.hits, shot.kept(slot, make), pulse_m=self._pulse_m)
 
     def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
-        """Returns of whole footprints: no chance plays a part."""
-        if self.divergence_mrad == 0 or shot.whole is None or shot.rows is None:
+        """Returns of whole footprints, and how likely it is that no other part of these answers."""
+        if not self._is_replayed(shot):
             changed = self.apply(returns, shot, np.random.default_rng(0))
-        else:
-            radius_rad = self.divergence_mrad / 2000
-            aside = shot.kept(f"footprint {radius_rad}", lambda: footprints_of_some(shot, radius_rad))
-            changed = strongest_echo(returns, shot.hits, aside, pulse_m=self._pulse_m)
-        return changed, np.ones(len(changed))
+            return changed, np.ones(len(changed))
+        aside = self._aside(shot)
+        changed = strongest_echo(returns, shot.hits, aside, pulse_m=self._pulse_m)
+        split = is_split(sampled_ranges(shot.hits, aside), self._pulse_m)
+        return changed, 1 - CHANCE * split[changed.beam]
+
+    def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
+        """Where other parts of the footprint stand."""
+        if not self._is_replayed(shot):
+            return np.zeros(len(beam))
+        return elsewhere(sampled_ranges(shot.hits, self._aside(shot))[beam], range_m, self._pulse_m)
+
+    def _is_replayed(self, shot: Shot) -> bool:
+        return self.divergence_mrad > 0 and shot.whole is not None and shot.rows is not None
+
+    def _aside(self, shot: Shot) -> Hits:
+        """What footprints of some beams of a revolution meet."""
+        radius_rad = self.divergence_mrad / 2000
+        return shot.kept(f"footprint {radius_rad}", lambda: footprints_of_some(shot, radius_rad))
 
     @property
     def _pulse_m(self) -> float:

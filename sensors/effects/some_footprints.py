@@ -1,4 +1,7 @@
-"""Footprints of some beams of a revolution: only those beside which something else stands are worth new rays."""
+"""Footprints of some beams of a revolution: only those beside which something else stands are worth new rays.
+
+Those of the others lie on the face that the beam meets, whose plane says how far.
+"""
 
 from __future__ import annotations
 
@@ -24,19 +27,30 @@ def footprints_of_some(shot: Shot, radius_rad: float) -> Hits:
     if traced is None or world is None:
         raise ValueError("the footprint is new rays; measure with trace_and_measure")
     beam = np.flatnonzero(_changes(shot))
-    direction = directions_aside(traced.direction[beam], radius_rad).reshape(-1, 3)
+    every = directions_aside(traced.direction, radius_rad)
+    direction = every[beam].reshape(-1, 3)
     time_s = np.broadcast_to(traced.time_s, len(shot.rays))[beam]
     origin = np.repeat(traced.origin[beam], _SAMPLES, axis=0)
     met = world.shoot(origin, direction, np.repeat(time_s, _SAMPLES), shot.pattern.range_m[1])
     around = hits.solid.take(np.repeat(np.arange(len(shot.rays)), _SAMPLES))
     rows = (_SAMPLES * beam[:, None] + np.arange(_SAMPLES)).ravel()
-    columns = {}
-    for name in ("range_m", "normal_code", "material", "instance"):
+    columns = {"range_m": _on_plane(hits.solid, traced.direction, every)}
+    columns["range_m"][rows] = met.range_m
+    for name in ("normal_code", "material", "instance"):
         columns[name] = np.array(getattr(around, name))
         columns[name][rows] = getattr(met, name)
     return Hits(
         hits.rays, hits.pose, Surface(**columns), hits.pane_beam[:0], hits.pane.take(rows[:0]), hits.paint, hits.table
     )
+
+
+def _on_plane(solid: Surface, middle: np.ndarray, aside: np.ndarray) -> np.ndarray:
+    """Ranges (4·n,) float32 of samples `aside` (n, 4, 3) on the planes that `middle` (n, 3) meets."""
+    normal = solid.normal
+    with np.errstate(divide="ignore", invalid="ignore"):
+        farther = np.einsum("ij,ij->i", normal, middle)[:, None] / np.einsum("ij,ikj->ik", normal, aside)
+        reach = solid.range_m[:, None] * farther
+    return np.where((farther > 0) & np.isfinite(reach), reach, np.inf).astype(np.float32).ravel()
 
 
 def _changes(shot: Shot) -> np.ndarray:
