@@ -20,7 +20,7 @@ from cosim.discrepancy.held_out import Split, split_drive
 from cosim.discrepancy.intervals import intervals, standard_errors
 from cosim.discrepancy.labels import with_labels
 from cosim.discrepancy.lattice import Lattice, find_lattices
-from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist
+from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist, simpler_first
 from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.settling import Settled, settle
 from cosim.discrepancy.testing import HeldOut, held_out_errors
@@ -264,7 +264,7 @@ class Detective:
         self._say(f"fitting {', '.join(promising)}")
         ranked = [fit_candidate(fitter, null, starts, self._model.fitted) for starts in promising.values()]
         ranked.sort(key=lambda one: -one.delta_bic)
-        ranked = judged_anew(ranked, fitter, null, self._traced)
+        ranked = simpler_first(judged_anew(ranked, fitter, null, self._traced), fitter, promising)
         ranked += [one.ranked(look.fitter, look.fitted) for one in look.lattices]
         return sorted(ranked, key=lambda one: -one.delta_bic)
 

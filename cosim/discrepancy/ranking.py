@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,7 @@ _LIKE_POSES = 0.2
 _RETRACED = 3
 _ENTANGLED = 0.25  # share of a candidate's information
 _STRANGE_SHARE = 3e-3
+_MATTERS, _OF_ITS_OWN = 0.1, 0.5
 _STARTS = 2
 _STEPS = 10
 
@@ -177,6 +178,26 @@ def judged_anew(
         pose = _pose_gain(fitter, fitted, one.fitted)
         delta = 2 * (gained + pose) - one.parameters * np.log(float(len(weight)))
         found.append(replace(one, delta_bic=float(delta)))
+    return found
+
+
+def simpler_first(ranked: Sequence[Ranked], fitter: Fitter, starts: Mapping[str, Sequence[Direction]]) -> list[Ranked]:
+    """Candidates with those ahead that the best one would take up part of, though it cannot make up for them.
+
+    One number a laser bends to whatever else is missing. Where a candidate of fewer numbers, which it is entangled
+    with, still gains most of what it gains alone once the best one is there, both are missing; alone, the one of many
+    numbers would end beside its true values. The simpler one counts for what both gain together.
+    """
+    if not ranked:
+        return []
+    best, found = max(ranked, key=lambda one: one.delta_bic), []
+    for one in ranked:
+        simpler = one.parameters < best.parameters and one.delta_bic > max(_MATTERS * best.delta_bic, 0.0)
+        if simpler and entangled(fitter, best.fitted, starts[one.effect][0], [best.place]):
+            both = fit_candidate(fitter, best.fitted, starts[one.effect], [best.place])
+            if both.delta_bic > _OF_ITS_OWN * one.delta_bic:
+                one = replace(one, delta_bic=best.delta_bic + both.delta_bic)
+        found.append(one)
     return found
 
 
