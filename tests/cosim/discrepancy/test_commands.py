@@ -131,6 +131,7 @@ def test_diagnose_writes_its_json_page_and_sensor(
     assert len(capsys.readouterr().out.strip().splitlines()) == 1
     found = read(tmp_path / "d.json")
     assert set(found) == {
+        "labels",
         "verdict",
         "effects",
         "ranking",
