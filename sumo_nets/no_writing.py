@@ -11,7 +11,21 @@ from sumo_nets.errors import TownError
 from sumo_nets.xml_guard import read_xml
 
 _INPUTS = frozenset(
-    ["net-file", "net", "n", "route-files", "routes", "r", "additional-files", "additional", "a", "junction-taz", "weight-files", "weights", "w"]
+    [
+        "net-file",
+        "net",
+        "n",
+        "route-files",
+        "routes",
+        "r",
+        "additional-files",
+        "additional",
+        "a",
+        "junction-taz",
+        "weight-files",
+        "weights",
+        "w",
+    ]
 )
 # SUMO's options that name a file, a port or a program all have one of these in them.
 _OUTWARD = re.compile(r"output|log|save|file|prefix|dump|script|config|gui|remote|write|state|load", re.IGNORECASE)

@@ -17,12 +17,12 @@ from cosim import recorder as recording
 from cosim.bridge import Bridge
 from cosim.config import RunConfig
 from cosim.drive_writer import DriveWriter
+from cosim.engine import LocalEngine
 from cosim.episode import run_episode
 from cosim.labelling import Labeller
 from cosim.living import LivingTraffic
 from cosim.plan import plan_episodes
 from cosim.recorder import Recorder
-from cosim.engine import LocalEngine
 from cosim.runner import run
 from cosim.variants import PAPER, make_variants
 from sensors.cameras import CameraRenderer
