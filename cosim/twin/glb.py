@@ -179,4 +179,5 @@ def _used(faces: np.ndarray, vertices: int) -> np.ndarray:
 
 def _material_name(shape: Any) -> str:
     material = getattr(shape.visual, "material", None)
-    return str(getattr(material, "name", None) or "")
+    name = getattr(material, "name", None)
+    return name if isinstance(name, str) else ""
