@@ -9,7 +9,7 @@ from pathlib import Path
 from cosim.config import RunConfig
 from cosim.errors import CosimError
 from cosim.plan import plan_episodes, world_count
-from cosim.products import camera_of
+from cosim.products import content_of
 from sensors.cameras import KITTI_CALIBRATION, kitti_cameras
 from sensors.sensor_model import SensorModel
 
@@ -17,7 +17,7 @@ from sensors.sensor_model import SensorModel
 _POINT = 16 * 0.95  # of beams that return
 _RAY = 0.6
 _HIT = 1.0
-_PIXEL = {"image_gray": 0.15, "image_colour": 0.36, "depth": 0.5, "semantic": 0.02, "instance": 0.03}
+_PIXEL = {"gray": 0.15, "colour": 0.36, "depth": 0.5, "semantic": 0.02, "instance": 0.03}
 _TEXT = 250_000  # poses, labels, calibration
 _WORLD = 11_000_000
 _MODELS = 6_000_000
@@ -33,7 +33,7 @@ def estimate_bytes(config: RunConfig, sensor: SensorModel) -> int:
     camera = kitti_cameras(KITTI_CALIBRATION)["image_2"]
     pixels = camera.width * camera.height
     frame = beams * (_POINT + _RAY + (_HIT if config.store_hits else 0)) + _TEXT
-    frame += sum(pixels * _PIXEL[_content(product)] for product in config.images)
+    frame += sum(pixels * _PIXEL[content_of(product)] for product in config.images)
     worlds = world_count(plan_episodes(config))
     return round(config.frames * frame + worlds * _WORLD + _MODELS)
 
@@ -59,11 +59,6 @@ def in_words(count: float) -> str:
             return f"{count:.3g} {unit}"
         count /= 1000
     return f"{count:.3g} TB"
-
-
-def _content(product: str) -> str:
-    kind = product.rpartition("_")[0]
-    return kind if kind != "image" else f"image_{'gray' if camera_of(product) < 2 else 'colour'}"
 
 
 def _existing(folder: Path) -> Path:

@@ -116,7 +116,7 @@ class DriveWriter:
             OutputError: it cannot be written; nothing half-written stays.
         """
         path = self.folder / name
-        partial = path.with_name(f".{path.name}.{_HOST}-{os.getpid()}{_TEMPORARY_SUFFIX}")
+        partial = partial_of(path)
         with explained(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
@@ -253,6 +253,11 @@ class DriveWriter:
         with explained(self.folder):
             for path in self.folder.rglob(f".*{_TEMPORARY_SUFFIX}"):
                 path.unlink(missing_ok=True)
+
+
+def partial_of(path: Path) -> Path:
+    """What a file is called while this process writes it; whatever is left of such files is cleared away."""
+    return path.with_name(f".{path.name}.{_HOST}-{os.getpid()}{_TEMPORARY_SUFFIX}")
 
 
 def sha256_of(path: Path) -> str:

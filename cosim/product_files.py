@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from cosim.kitti.images import encode_depth, encode_gray, encode_instances, encode_rgb
-from cosim.products import camera_of
+from cosim.products import camera_of, content_of
 from sensors.cameras import Images, semantic_image
 
-_GRAY_CAMERAS = (0, 1)
 _ENCODERS: Mapping[str, Callable[[Images, tuple[str, ...]], bytes]] = {
     "gray": lambda images, _: encode_gray(images.gray),
     "colour": lambda images, _: encode_rgb(images.rgb),
@@ -30,12 +29,6 @@ def encode_products(
         name: of the frame.
     """
     return {
-        f"{product}/{name}.png": _ENCODERS[_content(product)](images[camera_of(product)], kinds) for product in products
+        f"{product}/{name}.png": _ENCODERS[content_of(product)](images[camera_of(product)], kinds)
+        for product in products
     }
-
-
-def _content(product: str) -> str:
-    kind = product.rpartition("_")[0]
-    if kind != "image":
-        return kind
-    return "gray" if camera_of(product) in _GRAY_CAMERAS else "colour"

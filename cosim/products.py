@@ -8,6 +8,9 @@ PRODUCTS = tuple(f"{kind}_{camera}" for kind in ("image", "depth", "semantic", "
 """The folders. Cameras 0 (left) and 1 (right) are grayscale, 2 (left) and 3 (right) see colour."""
 
 
+_GRAY_CAMERAS = (0, 1)
+
+
 def check_products(products: Sequence[str]) -> None:
     """Raise ValueError where a name is no image folder, or is there twice."""
     for product in products:
@@ -27,3 +30,11 @@ def cameras_of(products: Sequence[str]) -> tuple[int, ...]:
 def camera_of(product: str) -> int:
     """Number of the camera that a product shows."""
     return int(product.rpartition("_")[2])
+
+
+def content_of(product: str) -> str:
+    """What a product shows: `gray`, `colour`, `depth`, `semantic` or `instance`."""
+    kind = product.rpartition("_")[0]
+    if kind != "image":
+        return kind
+    return "gray" if camera_of(product) in _GRAY_CAMERAS else "colour"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
+from assets.documents import DocumentError, parse_yaml
 from cosim.files import read_text
 from sensors.pattern import first_problem
 from training.data.augment import Augment
@@ -59,13 +59,23 @@ def load_train_config(path: Path) -> TrainConfig:
     Raises:
         TrainingError: unreadable, not YAML, an unknown key or a value out of bounds.
     """
+    return parse_train_config(read_settings(path), str(path))
+
+
+def read_settings(path: Path) -> dict:
+    """The keys and values of a YAML file.
+
+    Raises:
+        TrainingError: not YAML, or no keys with values.
+        FormatError: it is missing or unreadable.
+    """
     try:
-        loaded = yaml.safe_load(read_text(path))
-    except yaml.YAMLError as error:
-        raise TrainingError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+        loaded = parse_yaml(read_text(path))
+    except DocumentError as error:
+        raise TrainingError(f"{path} is not YAML: {error}") from error
     if not isinstance(loaded, dict):
         raise TrainingError(f"{path} holds {type(loaded).__name__}, not keys and values; write `train: {{drive: DIR}}`")
-    return parse_train_config(loaded, str(path))
+    return loaded
 
 
 def parse_train_config(values: dict, where: str) -> TrainConfig:

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cosim.cli.options import add_common, write_json
+from cosim.cli.progress import step_bar
 
 if TYPE_CHECKING:
     from training.loop import Moment
@@ -55,14 +55,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
     config = _config(options.config)
     inputs = Inputs(options.variants, options.real, config, options.out, options.few, options.full, options.test)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[loss]}"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+    with step_bar(console, shown=console.is_terminal, transient=True) as bar:
         task = bar.add_task("", total=None, loss="")
 
         def on_step(moment: Moment) -> None:
@@ -83,10 +76,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
 def _config(path: Path | None) -> Any:
     """A training configuration without frames of its own."""
-    import yaml
+    from training.config import parse_train_config, read_settings
 
-    from cosim.files import read_text
-    from training.config import parse_train_config
-
-    values = yaml.safe_load(read_text(path)) if path is not None else {}
-    return parse_train_config({"train": [], **(values or {})}, str(path or "default"))
+    values = read_settings(path) if path is not None else {}
+    return parse_train_config({"train": [], **values}, str(path or "default"))

@@ -10,6 +10,18 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from cosim.engine import Event
 
 
+def step_bar(console: Console, *, shown: bool, transient: bool = False) -> Progress:
+    """A bar of training steps; its tasks have a field `loss` of words."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[loss]}"),
+        TimeRemainingColumn(),
+    )
+    return Progress(*columns, console=console, disable=not shown, transient=transient)
+
+
 class FrameBar:
     """Frames done, frames a second and the time left; a second is counted from the first frame on."""
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cosim.cli.options import add_common, write_json
+from cosim.cli.progress import step_bar
 
 if TYPE_CHECKING:
     from training.evaluation import Evaluation
@@ -41,14 +41,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from training.run import Watcher, run_training
 
     shown = console.is_terminal and os.environ.get("RANK", "0") == "0"
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[loss]}"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, disable=not shown) as bar:
+    with step_bar(console, shown=shown) as bar:
         task = bar.add_task("reading frames", total=None, loss="")
 
         def on_step(moment: Moment) -> None:

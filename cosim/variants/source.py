@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import zlib
 from collections.abc import Mapping
 from functools import cached_property
@@ -11,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from assets.documents import parse_json
 from cosim.camera_views import view_of_frame
+from cosim.drive_writer import DriveWriter
 from cosim.files import read_text
 from cosim.kitti.drive import Drive
 from cosim.kitti.frame import Frame
@@ -73,12 +74,9 @@ class Source:
     @cached_property
     def sha256(self) -> Mapping[str, str]:
         """Checksums of the drive's files, as its manifest lists them."""
-        manifest = self.drive.root / "manifest.jsonl"
-        lines = manifest.read_text(encoding="utf-8").splitlines() if manifest.is_file() else []
-        entries = [entry for entry in map(json.loads, filter(None, lines)) if "name" in entry]
         return {
             file: digest
-            for entry in entries
+            for entry in DriveWriter(self.drive.root).manifest().values()
             for file, digest in zip(entry.get("files", ()), entry.get("sha256", ()), strict=False)
         }
 
@@ -88,7 +86,7 @@ class Source:
         if path is None or not (self.drive.root / "twin/worlds").is_dir():
             return ""
         try:
-            return str(json.loads(read_text(path)).get("static", ""))
+            return str(parse_json(read_text(path)).get("static", ""))
         except (ValueError, AttributeError):
             return ""  # who reads the frame says what is wrong with it
 

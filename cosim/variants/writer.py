@@ -11,7 +11,7 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from cosim.drive_writer import MANIFEST, DriveWriter, explained
+from cosim.drive_writer import MANIFEST, DriveWriter, explained, partial_of, sha256_of
 from cosim.variants.maker import VariantFrame
 
 _NOT_LINKABLE = (errno.EXDEV, errno.EPERM, errno.EMLINK, errno.ENOTSUP)
@@ -27,7 +27,7 @@ class VariantWriter(DriveWriter):
             OutputError: it can be neither.
         """
         path = self.folder / name
-        partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+        partial = partial_of(path)
         with explained(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             if path.exists() and path.samefile(source):
@@ -62,6 +62,6 @@ class VariantWriter(DriveWriter):
             self.write(path, data)
         for path, source in linked.items():
             self.share(path, source)
-            checksums[path] = known_sha256.get(path) or hashlib.sha256(source.read_bytes()).hexdigest()
+            checksums[path] = known_sha256.get(path) or sha256_of(source)
         entry = {"name": name, "counts": frame.counts, "files": list(checksums), "sha256": list(checksums.values())}
         self._append_to(self.folder / MANIFEST, json.dumps(entry, separators=(",", ":")) + "\n")
