@@ -10,12 +10,11 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from assets.documents import DocumentError, parse_yaml
 from cosim.config import RunConfig
 from cosim.drive_writer import MANIFEST, SUMMARY, UNFINISHED, DriveWriter, OutputError, sha256_of
 from cosim.engine import Engine, Event
 from cosim.errors import CosimError
-from cosim.files import is_safe_path, read_text
+from cosim.files import is_safe_path, read_mapping
 from cosim.runner import run
 from cosim.twin import read_frame
 from sensors.pattern import first_problem
@@ -111,10 +110,10 @@ def _shared_sums(folder: Path) -> dict[str, str]:
     """Checksums of what belongs to no single frame; none of a drive that is unfinished."""
     if not (folder / SUMMARY).is_file():
         return {}
-    summary = _mapping(folder / SUMMARY)
-    sums = summary.get("sha256", {})
+    summary = read_mapping(folder / SUMMARY)
+    sums = summary.get("sha256", {}) if summary else None
     if not isinstance(sums, dict):
-        raise OutputError(f"{folder / SUMMARY}: sha256 must hold a checksum by file")
+        raise OutputError(f"{folder / SUMMARY} is damaged: sha256 must hold a checksum by file")
     return dict(zip(_safe(sums, folder / SUMMARY), map(str, sums.values()), strict=True))
 
 
@@ -155,7 +154,7 @@ def _dependents(folder: Path, names: list[str], paths: list[str], damaged: Mappi
 def _config_of(folder: Path) -> RunConfig:
     for name in (SUMMARY, UNFINISHED):
         if (folder / name).is_file():
-            summary = _mapping(folder / name)
+            summary = read_mapping(folder / name)
             if "variant" in summary:
                 raise CheckError(f"{folder} is a variant: remove it and make it again with cosim variants")
             if "config" in summary:
@@ -164,13 +163,3 @@ def _config_of(folder: Path) -> RunConfig:
                 except ValidationError as error:
                     raise CheckError(f"{folder / name} is damaged: {first_problem(error)}") from error
     raise CheckError(f"{folder} was not recorded by cosim run, so its frames cannot be made again")
-
-
-def _mapping(path: Path) -> dict:
-    try:
-        document = parse_yaml(read_text(path))
-    except DocumentError:
-        document = None
-    if not isinstance(document, dict):
-        raise OutputError(f"{path} is damaged: it holds no keys and values")
-    return document

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from pathlib import Path, PurePosixPath
+from typing import Any
 
+from assets.documents import DocumentError, parse_yaml
 from cosim.errors import FormatError
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*", re.ASCII)
@@ -32,6 +34,21 @@ def read_text(path: str | Path) -> str:
         return read_bytes(path).decode("utf-8")
     except UnicodeDecodeError as error:
         raise FormatError(f"{path}: not a text file (byte {error.start} is not UTF-8)") from None
+
+
+def read_mapping(path: str | Path) -> dict[str, Any]:
+    """The keys and values of a YAML file; none of an empty one.
+
+    Raises:
+        FormatError: it is missing, unreadable, not YAML, or holds something else.
+    """
+    try:
+        content = parse_yaml(read_text(path))
+    except DocumentError as error:
+        raise FormatError(f"{path}: not readable as YAML ({error})") from None
+    if content is not None and not isinstance(content, dict):
+        raise FormatError(f"{path}: holds {type(content).__name__}, not keys with values")
+    return content or {}
 
 
 def numbers(words: list[str], where: str) -> list[float]:

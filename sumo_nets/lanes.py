@@ -10,11 +10,18 @@ from assets.streets import LaneUse
 
 _DRIVERS = {"passenger", "delivery", "truck", "bus", "motorcycle", "taxi", "coach", "private", "hov", "evehicle"}
 _DRIVERS |= {"trailer", "moped", "emergency", "army", "vip", "authority"}
+_FARTHEST_M = 4e7
 
 
 def points(shape: Any) -> np.ndarray:
-    """Return a sumolib shape as a read-only (k, 3) array, world metres; heights that are missing are zero."""
+    """Return a sumolib shape as a read-only (k, 3) array, world metres; heights that are missing are zero.
+
+    Raises:
+        ValueError: a coordinate is not finite, or farther out than the Earth is round.
+    """
     array = np.array([(*p, 0.0)[:3] for p in shape], dtype=np.float64).reshape(-1, 3)
+    if not (np.abs(array) < _FARTHEST_M).all():
+        raise ValueError(f"a shape has the coordinate {array[~(np.abs(array) < _FARTHEST_M)][0]:g} m")
     array.setflags(write=False)
     return array
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from assets.streets import LaneUse, ParkingBay, StreetArea, StreetLane, Streets
+from assets.streets import LaneUse, ParkingBay, StopLine, StreetArea, StreetLane, Streets
 from sumo_nets import polyline
 from sumo_nets.errors import TownError
 from sumo_nets.lanes import points, use_of
@@ -27,7 +27,7 @@ def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], 
     carriageway that nothing drives on. Their parking lots lie within them.
 
     Raises:
-        TownError: a file is not safe, whole XML.
+        TownError: a file is not safe, whole XML, or a shape lies nowhere.
     """
     import sumolib
 
@@ -36,6 +36,16 @@ def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], 
         net = sumolib.net.readNet(str(net_path), withInternal=True, withPedestrianConnections=True, lxml=False)
     except (LookupError, ValueError, TypeError, AttributeError) as error:
         raise TownError(f"{net_path}: is not a complete network ({type(error).__name__}: {error})") from error
+    try:
+        lanes, areas, stops = _geometry(net)
+    except ValueError as error:
+        raise TownError(f"{net_path}: {error}; make the network anew") from error
+    parking = [bay for path in additional_paths for bay in _parking(path, net)]
+    return Streets(name, tuple(lanes), tuple(areas), tuple(parking), tuple(stops), style)
+
+
+def _geometry(net: Any) -> tuple[list[StreetLane], list[StreetArea], list[StopLine]]:
+    """Return lanes, areas and stop lines."""
     lanes, areas, stops = [], [], []
     for edge in net.getEdges(withInternal=True):
         if edge.getFunction() == "walkingarea":
@@ -51,8 +61,7 @@ def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], 
         stops += stop_lines(edge)
     for node in net.getNodes():
         areas += _areas(node.getID(), "junction", points(node.getShape3D()))
-    parking = [bay for path in additional_paths for bay in _parking(path, net)]
-    return Streets(name, tuple(lanes), tuple(areas), tuple(parking), tuple(stops), style)
+    return lanes, areas, stops
 
 
 def _areas(name: str, use: Literal["junction", "walkingarea"], corners: np.ndarray) -> list[StreetArea]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from assets.errors import AssetError
 from assets.external.manifest import VehicleEntry
-from assets.external.reading import MeshFile
+from assets.external.reading import MeshFile, Part
 from assets.mesh import Mesh
 
 _ROWS = {"x": 0, "y": 1, "z": 2}
@@ -41,16 +41,22 @@ def stand(content: MeshFile, entry: VehicleEntry, file: Path) -> list[Mesh]:
         turn = axes_matrix(forward, up)
     except ValueError as error:
         raise AssetError(f"{file}: {error}; give two different axes in the manifest") from None
-    used = [part.vertices[np.unique(part.faces)] @ turn.T for part in content.parts]
-    low = np.min([vertices.min(0) for vertices in used], axis=0)
-    high = np.max([vertices.max(0) for vertices in used], axis=0)
+    used = [(vertices @ turn.T, faces) for vertices, faces in map(_used, content.parts)]
+    low = np.min([vertices.min(0) for vertices, _ in used], axis=0)
+    high = np.max([vertices.max(0) for vertices, _ in used], axis=0)
     size = high - low
     if not (size > 1e-9 * size.max()).all():
         raise AssetError(f"{file}: is flat, its extent is {_text(size)} units; a vehicle has length, width and height")
     scale = _scale(size, entry, content.unit_m)
     _demand_plausible(size * scale, entry, file)
     base = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
-    return [Mesh.of((part.vertices @ turn.T - base) * scale, part.faces, "car_paint") for part in content.parts]
+    return [Mesh.of((vertices - base) * scale, faces, "car_paint") for vertices, faces in used]
+
+
+def _used(part: Part) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices that faces name, and the faces in their rows; the others may lie anywhere."""
+    rows, faces = np.unique(part.faces, return_inverse=True)
+    return part.vertices[rows], faces.reshape(-1, 3)
 
 
 def _scale(size: np.ndarray, entry: VehicleEntry, unit_m: float) -> np.ndarray:

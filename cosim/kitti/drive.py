@@ -10,9 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from assets.documents import DocumentError, parse_yaml
 from cosim.errors import DriveError
-from cosim.files import is_safe_name, read_text
+from cosim.files import is_safe_name, read_mapping
 from cosim.kitti.frame import Frame
 from cosim.kitti.layout import find_layout, list_scans, read_manifest, read_split
 from cosim.kitti.points import POINT_COLUMNS
@@ -49,7 +48,8 @@ class Drive:
         """Open the drive at `path`.
 
         Raises:
-            DriveError: no folder, no `velodyne/` or `calib/`, no frame, or a broken `drive.yaml` or manifest.
+            DriveError: no folder, no `velodyne/` or `calib/`, no frame, or a value of `drive.yaml` out of bounds.
+            FormatError: `drive.yaml`, the pattern or the manifest cannot be read.
         """
         layout = find_layout(Path(path))
         self.root = layout.root
@@ -63,7 +63,7 @@ class Drive:
             raise DriveError(f"{self.root / 'velodyne'}: {state}; a drive needs at least one frame")
         self._lost = len(finished - set(scans))
         self._known = frozenset(self.frames)
-        self.info: Mapping[str, Any] = _read_mapping(self.root / "drive.yaml")
+        self.info: Mapping[str, Any] = self._content(self.root / "drive.yaml")
         self.kind: Literal["simulated", "measured"] = self._find_kind()
         self.sweep_s = self._find_sweep()
         self._columns = self._find_columns()
@@ -216,7 +216,7 @@ class Drive:
     @cached_property
     def _pattern_content(self) -> Mapping[str, Any]:
         pattern = self.pattern
-        return _read_mapping(Path(pattern)) if pattern is not None and Path(pattern).is_file() else {}
+        return self._content(Path(pattern)) if pattern is not None else {}
 
     @cached_property
     def _elevations_rad(self) -> np.ndarray | None:
@@ -228,17 +228,9 @@ class Drive:
         except (TypeError, ValueError):
             raise DriveError(f"{self.pattern}: elevation_deg is not a list of numbers, one a laser") from None
 
+    @staticmethod
+    def _content(file: Path) -> Mapping[str, Any]:
+        return read_mapping(file) if file.is_file() else {}
+
     def _file(self, name: str) -> Path | None:
         return self.root / name if (self.root / name).is_file() else None
-
-
-def _read_mapping(file: Path) -> Mapping[str, Any]:
-    if not file.is_file():
-        return {}
-    try:
-        content = parse_yaml(read_text(file))
-    except DocumentError as error:
-        raise DriveError(f"{file}: not readable as YAML ({' '.join(str(error).split())})") from None
-    if content is not None and not isinstance(content, dict):
-        raise DriveError(f"{file}: holds {type(content).__name__}, not keys with values")
-    return content or {}

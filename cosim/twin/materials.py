@@ -9,10 +9,9 @@ from typing import Annotated, Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from assets.documents import DocumentError, parse_yaml
 from assets.materials import MATERIALS
 from cosim.errors import FormatError
-from cosim.files import read_text
+from cosim.files import read_mapping
 
 _Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -64,11 +63,7 @@ def read_materials(path: str | Path) -> Mapping[str, MaterialEntry]:
         FormatError: not YAML, an unknown or missing key, or a value out of bounds; the first fault is named.
     """
     try:
-        content = parse_yaml(read_text(path))
-    except DocumentError as error:
-        raise FormatError(f"{path}: not readable as YAML ({' '.join(str(error).split())})") from None
-    try:
-        return _FILE.validate_python(content or {})
+        return _FILE.validate_python(read_mapping(path))
     except ValidationError as error:
         fault = error.errors()[0]
         place = " → ".join(str(part) for part in fault["loc"]) or "the file"

@@ -342,3 +342,12 @@ def test_polygons_and_backward_indices_of_obj_are_read(tmp_path: Path) -> None:
     mesh = load_external(manifest(tmp_path, OBJ)).meshes["x"]
     assert len(mesh.faces) == 6
     np.testing.assert_allclose(np.ptp(mesh.bounds, axis=0), (4, 1.8, 1.5))
+
+
+def test_vertices_that_no_face_uses_may_lie_anywhere(tmp_path: Path) -> None:
+    write_obj(tmp_path / "model.obj", car_parts())
+    text = (tmp_path / "model.obj").read_text()
+    (tmp_path / "model.obj").write_text(text + "v 1e300 0 0\n")
+    entry = {"file": "model.obj", "kind": "car", "forward": "+x", "up": "+z"}
+    spec = load_external(manifest(tmp_path, entry)).specs["model"]
+    np.testing.assert_allclose(spec.size_m, (LENGTH, WIDTH, HEIGHT), atol=1e-6)

@@ -163,7 +163,7 @@ def test_a_material_is_written_with_its_documented_keys() -> None:
         ("brick: {albedo: 0.2}", "brick → reflectance: Field required"),
         ("brick: {reflectance: 0.1, albedo: 0.2, shiny: true}", "brick → shiny"),
         ("brick: {reflectance: 0.1, albedo: 0.2, class: wood}", "brick → class"),
-        ("[1, 2]", "valid dictionary"),
+        ("[1, 2]", "holds list, not keys"),
         ("a: [", "not readable as YAML"),
     ],
 )

@@ -57,6 +57,13 @@ def test_a_net_that_sumo_refuses_is_refused(tmp_path, town):
     assert "SUMO refuses it" in _message(_town(tmp_path, text.encode()))
 
 
+def test_a_net_with_a_shape_that_lies_nowhere_is_refused(tmp_path, town):
+    first = town.net.read_text(encoding="utf-8").split(' shape="', 1)
+    shape, rest = first[1].split('"', 1)
+    broken = first[0] + ' shape="' + shape.replace(shape.split(",", 1)[0], "1e300", 1) + '"' + rest
+    assert "coordinate 1e+300 m" in _message(_town(tmp_path, broken.encode()))
+
+
 def test_folders_need_one_configuration(tmp_path):
     assert "holds 0 .sumocfg files" in _message(tmp_path)
     _town(tmp_path, b"<net/>")
@@ -87,7 +94,7 @@ def test_a_parking_area_that_cannot_be_placed_is_named(tmp_path, town, area):
 @pytest.mark.parametrize(
     "option",
     [
-        '<summary-output value="/tmp/x"/>',
+        '<summary-output value="../written.xml"/>',
         '<output><fcd-output value="../x"/></output>',
         '<report><log value="x"/></report>',
         '<save-state.prefix value="x"/>',
@@ -106,7 +113,7 @@ def test_a_configuration_that_writes_files_is_refused(tmp_path, town, option):
 @pytest.mark.parametrize(
     ("key", "element"),
     [
-        ("additional-files", '<edgeData id="e" file="/tmp/x"/>'),
+        ("additional-files", '<edgeData id="e" file="../written.xml"/>'),
         ("additional-files", '<inductionLoop id="e" lane="A0_A1_1" pos="1" freq="1" file="x"/>'),
         ("additional-files", '<timedEvent type="SaveTLSStates" source="A0" dest="x"/>'),
         ("route-files", '<include href="/etc/passwd"/>'),

@@ -11,12 +11,11 @@ from scipy import stats
 from cosim.behaviour import BehaviourConfig
 from cosim.living import LivingTraffic
 from cosim.traffic import Traffic
-from sumo_nets.tools import run_tool
+from tests.cosim.behaviour.scenario import CAR, write_scenario
 
 ROADS = 90
 LIMIT_MPS = 13.89
 LENGTH_M, STOP_M = 700.0, 650.0
-CAR = 'length="4.3" width="1.75" height="1.5" vClass="passenger" accel="2.6" decel="4.5" sigma="0" speedFactor="1"'
 
 
 @pytest.fixture(scope="module")
@@ -33,13 +32,7 @@ def roads(tmp_path_factory: pytest.TempPathFactory) -> Path:
             f'<vehicle id="stands{i}" type="car" depart="0" departPos="stop" departSpeed="0">{route}{stop}</vehicle>',
             f'<vehicle id="drives{i}" type="car" depart="0" departPos="10" departSpeed="0">{route}</vehicle>',
         ]
-    (folder / "n.nod.xml").write_text(f"<nodes>{''.join(nodes)}</nodes>")
-    (folder / "n.edg.xml").write_text(f"<edges>{''.join(edges)}</edges>")
-    (folder / "n.rou.xml").write_text(f'<routes><vType id="car" {CAR}/>{"".join(cars)}</routes>')
-    run_tool("netconvert", "-n", "n.nod.xml", "-e", "n.edg.xml", "-o", "n.net.xml", cwd=folder)
-    inputs = '<net-file value="n.net.xml"/><route-files value="n.rou.xml"/>'
-    (folder / "n.sumocfg").write_text(f"<configuration>{inputs}</configuration>")
-    return folder / "n.sumocfg"
+    return write_scenario(folder, nodes, edges, [f'<vType id="car" {CAR} speedFactor="1"/>', *cars])
 
 
 def observe(sumocfg: Path, config: BehaviourConfig) -> tuple[np.ndarray, ...]:

@@ -14,13 +14,12 @@ from cosim.behaviour.roads import Roads
 from cosim.behaviour.stage import Stage
 from cosim.motion import Motion, overlaps
 from cosim.traffic import Traffic
-from sumo_nets.tools import run_tool
+from tests.cosim.behaviour.scenario import CAR, write_scenario
 from tests.cosim.inspector import centres
 
 REACH_M = 220.0
 PATIENT_S = 45.0  # nobody is let go who has stood for less
 CAREFUL = 31
-CAR = 'length="4.3" width="1.75" height="1.5" vClass="passenger" accel="2.6" decel="4.5" sigma="0" impatience="off"'
 
 
 @pytest.fixture(scope="module")
@@ -28,24 +27,25 @@ def crossing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A crossroads of a main road, west to east, with a car every 1.5 s, and a side road with a car at either end."""
     folder = tmp_path_factory.mktemp("crossing")
     arms = {"w": (-REACH_M, 0), "e": (REACH_M, 0), "s": (0, -REACH_M), "n": (0, REACH_M)}
-    nodes = '<node id="c" x="0" y="0" type="priority"/>'
-    nodes += "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in arms.items())
-    edges = ""
+    nodes = ['<node id="c" x="0" y="0" type="priority"/>']
+    nodes += [f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in arms.items()]
+    edges = []
     for name in arms:
         cut = f'numLanes="1" speed="13.89" priority="{9 if name in "we" else 1}"'
-        edges += f'<edge id="{name}c" from="{name}" to="c" {cut}/><edge id="c{name}" from="c" to="{name}" {cut}/>'
-    routes = f'<vType id="car" {CAR}/><route id="main" edges="wc ce"/>'
-    routes += '<route id="north" edges="sc cn"/><route id="south" edges="nc cs"/>'
-    routes += '<flow id="stream" type="car" route="main" begin="0" end="400" period="1.5" departSpeed="max"/>'
-    routes += '<vehicle id="southern" type="car" route="north" depart="25" departPos="150"/>'
-    routes += '<vehicle id="northern" type="car" route="south" depart="25" departPos="150"/>'
-    (folder / "x.nod.xml").write_text(f"<nodes>{nodes}</nodes>")
-    (folder / "x.edg.xml").write_text(f"<edges>{edges}</edges>")
-    (folder / "x.rou.xml").write_text(f"<routes>{routes}</routes>")
-    run_tool("netconvert", "-n", "x.nod.xml", "-e", "x.edg.xml", "-o", "x.net.xml", cwd=folder)
-    inputs = '<net-file value="x.net.xml"/><route-files value="x.rou.xml"/>'
-    (folder / "x.sumocfg").write_text(f"<configuration>{inputs}</configuration>")
-    return folder / "x.sumocfg"
+        edges += [
+            f'<edge id="{name}c" from="{name}" to="c" {cut}/>',
+            f'<edge id="c{name}" from="c" to="{name}" {cut}/>',
+        ]
+    routes = [
+        f'<vType id="car" {CAR} impatience="off"/>',
+        '<route id="main" edges="wc ce"/>',
+        '<route id="north" edges="sc cn"/>',
+        '<route id="south" edges="nc cs"/>',
+        '<flow id="stream" type="car" route="main" begin="0" end="400" period="1.5" departSpeed="max"/>',
+        '<vehicle id="southern" type="car" route="north" depart="25" departPos="150"/>',
+        '<vehicle id="northern" type="car" route="south" depart="25" departPos="150"/>',
+    ]
+    return write_scenario(folder, nodes, edges, routes)
 
 
 @dataclass

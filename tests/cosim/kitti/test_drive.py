@@ -158,7 +158,7 @@ def test_rays_of_another_length_are_refused(drive_root: Path) -> None:
 )
 def test_broken_descriptions_are_named(drive_root: Path, file: str, content: str, message: str) -> None:
     (drive_root / file).write_text(content)
-    with pytest.raises(DriveError, match=message):
+    with pytest.raises((DriveError, FormatError), match=message):
         Drive(drive_root)
 
 
