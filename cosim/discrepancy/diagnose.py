@@ -24,7 +24,15 @@ from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortl
 from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.settling import Settled, settle
 from cosim.discrepancy.testing import HeldOut, held_out_errors
-from cosim.discrepancy.unknown import Shape, effect_name, find_shape, rank_shape, shape_gate
+from cosim.discrepancy.unknown import (
+    Shape,
+    effect_name,
+    find_shape,
+    rank_shape,
+    same_shape,
+    shape_effect,
+    shape_gate,
+)
 from cosim.kitti import Drive
 from sensors.effects.base import Effect, RoundingEffect
 from sensors.effects.registry import effect_classes
@@ -42,6 +50,7 @@ _CLEARLY_MORE = 1.15  # times the gain of the best candidate must be an unknown 
 _SHAPE_LEVEL = 0.02
 _RETUNED_SIGMAS, _RETUNED_SHARE = 2.0, 1e-3  # what other values of an effect must gain, of its scatter and of the error
 _HARM_SIGMAS = 2.0
+_REDRAWN = 2
 _TRIED = 3  # candidates a round, until one helps on held-out frames; then those that the gate lets through alone
 
 
@@ -130,7 +139,7 @@ class Detective:
         look = self._look(self._fitted_anew())
         while len(self._errors) <= _MOST_EFFECTS and (added := self._added(look)) is not None:
             look = self._look(added)
-        return self._concluded(self._tidied(look))
+        return self._concluded(self._tidied(self._redrawn(look)))
 
     def _look(self, settled: Settled) -> _Look:
         """Run the gate over what a fit leaves."""
@@ -183,6 +192,32 @@ class Detective:
         )
         return settled
 
+    def _redrawn(self, look: _Look) -> _Look:
+        """The unknown shape drawn anew: when it was found, it stood beside values that had made up for part of it."""
+        for _ in range(_REDRAWN):
+            place = self._unknown_place()
+            if self._unknown is None or place is None:
+                break
+            rest = tuple(effect for number, effect in enumerate(look.fitted.effects) if number != place)
+            without = look.fitter.fit(rest, (), pose=look.fitted.pose, pose_sigma=look.fitted.pose_sigma)
+            shape = same_shape(look.fitter, without, self._unknown)
+            if shape is None:
+                break
+            was, self._unknown = self._unknown, shape
+            if shape.is_like(was):
+                break  # its numbers have been fitted along with all others
+            self._say("drawing the unknown shape anew")
+            before = self._model, self._frames
+            effects = (*self._model.effects[:place], shape_effect(shape), *self._model.effects[place + 1 :])
+            self._model = replace(self._model, effects=effects)
+            settled, after = self._fitted_anew(), self._held_out()
+            if self._errors[-1].beats(after):
+                (self._model, self._frames), self._unknown = before, was
+                break
+            self._errors.append(after)
+            look = replace(look, fitter=settled.fitter, fitted=settled.fitted)
+        return look
+
     def _tidied(self, look: _Look) -> _Look:
         """Take out what turned out to do nothing once the others were there."""
         idle = [place for place in self._model.fitted if self._is_idle(look, place)]
@@ -211,11 +246,15 @@ class Detective:
 
     def _shape(self) -> Shape | None:
         """The unknown shape as it was fitted at last."""
-        if self._unknown is None:
+        place = self._unknown_place()
+        if self._unknown is None or place is None:
             return None
-        name = effect_name(self._unknown)
-        found = next((effect for effect in self._model.effects if effect.name == name), None)
-        return self._unknown.refitted(found.model_dump()) if found is not None else None
+        return self._unknown.refitted(self._model.effects[place].model_dump())
+
+    def _unknown_place(self) -> int | None:
+        """Where the unknown shape stands among the effects."""
+        name = effect_name(self._unknown) if self._unknown is not None else ""
+        return next((place for place, effect in enumerate(self._model.effects) if effect.name == name), None)
 
     def _held_out(self) -> HeldOut:
         return held_out_errors(self._tracer, self.split.test, self._model.effects, self.sensor.origin)
@@ -280,7 +319,7 @@ class Detective:
                 return None
         quick = Fitter(self._sample(_QUICK_ROWS))
         null = quick.fit(fitted.effects, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
-        found = rank_shape(quick, null, shape)
+        shape, found = rank_shape(quick, null, shape, self._model.fitted)
         known = best.delta_bic if best is not None else 0.0
         clear = found.delta_bic > _CLEARLY_MORE * known + _ALIKE_BIC
         return _Choice(found, shape=shape) if clear else None

@@ -108,9 +108,11 @@ def _answering(seen: np.ndarray, returns: Returns) -> np.ndarray:
 def _mean_and_spread(
     effect: PointEffect, returns: Returns, shot: Shot
 ) -> tuple[Returns, tuple[np.ndarray | float, np.ndarray | float]]:
-    """Returns after a point effect, and the variances it brings; a user's own may draw random numbers."""
-    changed = effect.apply(returns, shot, np.random.default_rng(0))
-    if not effect.source:
+    """Returns after a point effect, and the variances it brings; some draw random numbers."""
+    rng = np.random.default_rng(0)
+    before = rng.bit_generator.state
+    changed = effect.apply(returns, shot, rng)
+    if rng.bit_generator.state == before:  # it draws no random numbers
         return changed, (0.0, 0.0)
     draws = [effect.apply(returns, shot, np.random.default_rng(seed)) for seed in range(1, _DRAWS)]
     ranges = np.stack([changed.range_m, *(draw.range_m for draw in draws)])

@@ -1,7 +1,17 @@
 """What no candidate explains: on what it depends, in what shape, and as an effect that runs."""
 
-from cosim.discrepancy.unknown.candidate import rank_shape, shape_gate
-from cosim.discrepancy.unknown.search import Shape, find_shape
+from cosim.discrepancy.unknown.candidate import rank_shape, shape_effect, shape_gate
+from cosim.discrepancy.unknown.search import Shape, find_shape, same_shape
 from cosim.discrepancy.unknown.write import class_name, effect_name, effect_source
 
-__all__ = ["Shape", "class_name", "effect_name", "effect_source", "find_shape", "rank_shape", "shape_gate"]
+__all__ = [
+    "Shape",
+    "class_name",
+    "effect_name",
+    "effect_source",
+    "find_shape",
+    "rank_shape",
+    "same_shape",
+    "shape_effect",
+    "shape_gate",
+]

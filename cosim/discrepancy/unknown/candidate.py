@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +14,15 @@ from cosim.discrepancy.gate import Direction, Verdict, run_gate
 from cosim.discrepancy.ranking import Ranked
 from cosim.discrepancy.system import Column
 from cosim.discrepancy.unknown.covariates import covariates
-from cosim.discrepancy.unknown.search import CHANNELS, Shape, shape_column
+from cosim.discrepancy.unknown.refined import shape_column
+from cosim.discrepancy.unknown.search import CHANNELS, Shape
 from cosim.discrepancy.unknown.write import class_name, effect_source
 from sensors.effects.base import Effect
 from sensors.effects.registry import find_effect
 
 _STEPS = 8
 _FEWEST_PARTS = 120
+_ALIKE_BIC = 10.0
 
 
 def shape_effect(shape: Shape) -> Effect:
@@ -30,13 +34,32 @@ def shape_effect(shape: Shape) -> Effect:
     return kind.model_validate(kind.example)
 
 
-def rank_shape(fitter: Fitter, fitted: Fitted, shape: Shape) -> Ranked:
-    """A shape fitted on top of a model, to be held against candidates."""
+def rank_shape(fitter: Fitter, fitted: Fitted, shape: Shape, along: Sequence[int] = ()) -> tuple[Shape, Ranked]:
+    """A shape fitted on top of a model, to be held against candidates; of intensities, in the better of two places.
+
+    Args:
+        fitter: of the sample.
+        fitted: the model as it stands.
+        shape: what was found.
+        along: places of effects that have been fitted, which may have made up for light that was another.
+    """
+    if shape.channel != "intensity":
+        return shape, _ranked(fitter, fitted, shape)
+    reading, light = replace(shape, acts="reading"), replace(shape, acts="light")
+    free = all_free(fitted.effects, along, fitter.rings)
+    before = fitter.fit(fitted.effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=_STEPS)
+    of_reading, of_light = (_ranked(fitter, before, one, along) for one in (reading, light))
+    is_read = of_reading.delta_bic > of_light.delta_bic + _ALIKE_BIC
+    return (reading, of_reading) if is_read else (light, of_light)
+
+
+def _ranked(fitter: Fitter, fitted: Fitted, shape: Shape, along: Sequence[int] = ()) -> Ranked:
     effects = (*fitted.effects, shape_effect(shape))
     place = len(fitted.effects)
-    free = all_free(effects, [place], fitter.rings)
+    free = all_free(effects, [place, *along], fitter.rings)
     result = fitter.fit(effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=_STEPS)
-    count = len(free) if shape.formula is not None else len(shape.y)
+    mine = sum(one.unknown.rings for one in result.free_of(place))
+    count = mine if shape.formula is not None else len(shape.y)
     delta = 2 * (result.loglik - fitted.loglik) - count * np.log(len(fitter.sample))
     return Ranked(effects[place].name, result, place, float(delta), count)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 _GRID = 25
+_CENTRES, _WIDTHS = 60, 18
 _SECOND_HARMONICS = 4
 
 
@@ -97,6 +98,13 @@ def _families(x: np.ndarray, period: float) -> Iterator[_Family]:
         shape = np.exp(-(x - low) / length)
         text, code = "exp(−(x − {start:.3g})/{length:.3g})", "np.exp(-(x - start) / length)"
         yield "exponential", 1, shape, text, code, {"start": low, "length": float(length)}
+    for centre in np.linspace(low, high, _CENTRES):
+        apart = np.mod(x - centre + period / 2, period) - period / 2 if period else x - centre
+        for width in np.geomspace((high - low) / 40, (high - low) / 2, _WIDTHS):
+            turn = f"(np.mod(x - centre + {period / 2!r}, {period!r}) - {period / 2!r})" if period else "(x - centre)"
+            text, code = "exp(−((x − {centre:.3g})/{width:.3g})²)", f"np.exp(-(({turn} / width) ** 2))"
+            shape, numbers = np.exp(-((apart / width) ** 2)), {"centre": float(centre), "width": float(width)}
+            yield "bell", 2, shape, text, code, numbers
     for edge in inner:
         rises = (x > edge).astype(float)
         if 0 < rises.sum() < len(x):

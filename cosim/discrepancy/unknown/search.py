@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from cosim.discrepancy.evidence import Quantity
 from cosim.discrepancy.fitting import Fitted, Fitter
-from cosim.discrepancy.system import Column, Normal
 from cosim.discrepancy.unknown.covariates import Covariate, covariates
 from cosim.discrepancy.unknown.formulas import Formula, best_formula
+from cosim.discrepancy.unknown.refined import solve_shape
 
 CHANNELS: tuple[Quantity, ...] = ("range", "intensity", "drop")
 _FEWEST = 200  # beams in a bin
@@ -29,6 +29,8 @@ class Shape:
         formula: the simplest that fits; None for categories, which are told one by one.
         delta_bic: how much the BIC falls with the shape as it is.
         names: (b,) of categories.
+        acts: of intensities, whether the light itself is another, which whatever hangs on its strength notices (the
+            chance of a return, its range), or only its reading.
     """
 
     channel: Quantity
@@ -40,6 +42,7 @@ class Shape:
     formula: Formula | None
     delta_bic: float
     names: tuple[str, ...]
+    acts: Literal["light", "reading"] = "reading"
 
     @property
     def r2(self) -> float:
@@ -53,6 +56,10 @@ class Shape:
             return self.formula.text
         order = np.argsort(-np.abs(self.y / np.maximum(self.sigma, 1e-12)))[:6]
         return ", ".join(f"{self.names[i]}: {self.y[i]:+.3g}" for i in order)
+
+    def is_like(self, other: Shape) -> bool:
+        """Whether another has a formula of the same kind; tables of categories have no formula."""
+        return bool(self.formula and other.formula and self.formula.family == other.formula.family)
 
     def refitted(self, parameters: Mapping[str, float]) -> Shape:
         """With the parameters of a later fit, as far as its formula has them."""
@@ -78,66 +85,53 @@ class Shape:
 
 
 def find_shape(fitter: Fitter, fitted: Fitted) -> Shape | None:
-    """The dependence that explains most of what a fitted model leaves, or None if none is worth its bins.
-
-    The shape is that of the channel's residual with pose errors of every scan as likely as their spread says, so
-    that a tilted scan is not taken for a dependence on azimuth.
-    """
-    best: Shape | None = None
+    """The dependence that explains most of what a fitted model leaves, or None if none is worth its bins."""
+    best: tuple[float, Quantity, Covariate, np.ndarray] | None = None
     for covariate in covariates(fitter.sample, fitted):
         for channel in CHANNELS:
-            found = _shape(fitter, fitted, channel, covariate)
-            if found is not None and found.delta_bic > (best.delta_bic if best else 0.0):
-                best = found
-    if best is None or best.names:
-        return best
-    period = 2 * np.pi if best.covariate == "azimuth" else 0.0
-    formula = best_formula(best.x, best.y, best.sigma, period)
-    return Shape(
-        best.channel, best.covariate, best.unit, best.x, best.y, best.sigma, formula, best.delta_bic, best.names
-    )
+            kept = _kept(fitted, channel, covariate)
+            if len(kept) < 2:
+                continue
+            *_, gain = solve_shape(fitter, fitted, channel, _rows(fitted, channel, covariate, kept), len(kept), 1)
+            delta = 2 * gain - len(kept) * np.log(len(fitter.sample))
+            if delta > (best[0] if best else 0.0):
+                best = float(delta), channel, covariate, kept
+    return None if best is None else _followed(fitter, fitted, *best)
 
 
-def shape_column(fitted: Fitted, channel: Quantity, row: np.ndarray, bins: int) -> Column:
-    """A parameter a bin; intensity changes in proportion to itself."""
-    size = fitted.prediction.intensity if channel == "intensity" else np.ones(len(row))
-    return Column({channel: np.where(row >= 0, size, 0.0)}, np.maximum(row, 0), bins)
-
-
-def _shape(fitter: Fitter, fitted: Fitted, channel: Quantity, covariate: Covariate) -> Shape | None:
-    evidence = fitted.evidence
-    if channel not in evidence.score:
+def same_shape(fitter: Fitter, fitted: Fitted, shape: Shape) -> Shape | None:
+    """A shape found before, found again beside another model; None where it cannot be."""
+    covariate = next((one for one in covariates(fitter.sample, fitted) if one.name == shape.covariate), None)
+    kept = _kept(fitted, shape.channel, covariate) if covariate is not None else np.zeros(0, int)
+    if covariate is None or len(kept) < 2:
         return None
-    used = (covariate.bin >= 0) & (evidence.information[channel] > 0)
-    count = np.bincount(covariate.bin[used], minlength=len(covariate.centres))
-    kept = np.flatnonzero(count >= _FEWEST)
-    if len(kept) < 2:
-        return None
+    return replace(_followed(fitter, fitted, shape.delta_bic, shape.channel, covariate, kept), acts=shape.acts)
+
+
+def _followed(
+    fitter: Fitter, fitted: Fitted, delta_bic: float, channel: Quantity, covariate: Covariate, kept: np.ndarray
+) -> Shape:
+    """The shape of a channel over the bins that are kept, and its formula."""
+    y, covariance, _ = solve_shape(fitter, fitted, channel, _rows(fitted, channel, covariate, kept), len(kept))
+    sigma, x = np.sqrt(np.maximum(np.diag(covariance), 0)), covariate.centres[kept]
+    names = tuple(covariate.names[i] for i in kept) if covariate.names else ()
+    formula = None if names else best_formula(x, y, sigma, covariate.period)
+    return Shape(channel, covariate.name, covariate.unit, x, y, sigma, formula, delta_bic, names)
+
+
+def _kept(fitted: Fitted, channel: Quantity, covariate: Covariate) -> np.ndarray:
+    """Numbers of the bins with enough beams that tell of a channel."""
+    count = np.bincount(covariate.bin[_used(fitted, channel, covariate)], minlength=len(covariate.centres))
+    return np.flatnonzero(count >= _FEWEST)
+
+
+def _used(fitted: Fitted, channel: Quantity, covariate: Covariate) -> np.ndarray:
+    information = fitted.evidence.information.get(channel)
+    return np.zeros(len(covariate.bin), bool) if information is None else (covariate.bin >= 0) & (information > 0)
+
+
+def _rows(fitted: Fitted, channel: Quantity, covariate: Covariate, kept: np.ndarray) -> np.ndarray:
+    """Place (n,) of every beam's bin among those kept; −1 for none."""
     place = np.full(len(covariate.centres) + 1, -1)
     place[kept] = np.arange(len(kept))
-    row = np.where(used, place[covariate.bin], -1)
-    column = shape_column(fitted, channel, row, len(kept))
-    step, covariance, gain = _solved(fitter, fitted, column, channel)
-    sigma = np.sqrt(np.maximum(np.diag(covariance), 0))
-    delta = 2 * gain - len(kept) * np.log(len(fitter.sample))
-    names = tuple(covariate.names[i] for i in kept) if covariate.names else ()
-    return Shape(
-        channel, covariate.name, covariate.unit, covariate.centres[kept], step, sigma, None, float(delta), names
-    )
-
-
-def _solved(fitter: Fitter, fitted: Fitted, column: Column, channel: Quantity) -> tuple[np.ndarray, np.ndarray, float]:
-    """Values, their covariance, and the gain of log-likelihood of a column, pose errors in the background."""
-    poses = fitter.pose_errors.slopes(fitted.pose) if channel == "range" else None
-    normal = Normal.of([column], fitted.evidence, poses)
-    size = normal.parameters
-    matrix, right = normal.matrix[:size, :size], normal.right[:size]
-    if poses is not None:
-        precision = np.tile(1 / fitted.pose_sigma**2, len(fitter.sample.names))
-        block = np.linalg.inv(normal.matrix[size:, size:] + np.diag(precision))
-        shared = normal.matrix[:size, size:]
-        matrix = matrix - shared @ block @ shared.T
-        right = right - shared @ block @ (normal.right[size:] - precision * fitted.pose.ravel())
-    covariance = np.linalg.inv(matrix + np.diag(1e-6 * np.diag(matrix) + 1e-12))
-    step = covariance @ right
-    return step, covariance, 0.5 * float(right @ step)
+    return np.where(_used(fitted, channel, covariate), place[covariate.bin], -1)

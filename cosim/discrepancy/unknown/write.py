@@ -44,6 +44,24 @@ _APPLY = {
 }
 
 
+_WORDS = {
+    "amplitude": "how large it is",
+    "level": "the same everywhere",
+    "start": "where it begins",
+    "end": "where it ends",
+    "edge": "where it begins",
+    "centre": "where it is strongest",
+    "width": "how far it reaches",
+    "length": "how fast it fades",
+    "power": "the exponent",
+    "wave": "how fast it swings",
+    "shift": "its phase",
+    "period": "after which it comes again",
+}
+_INVERSE = ("wave", "power", "shift")
+_ABOVE_ZERO = ("width", "length", "period")
+
+
 def effect_name(shape: Shape) -> str:
     """Name of the effect in sensor files."""
     return f"unknown_{shape.channel}_by_{shape.covariate}"
@@ -58,12 +76,12 @@ def effect_source(shape: Shape) -> str:
     """Python source of a plug-in file with one effect, named by `class_name`."""
     signature, says, body = _APPLY[shape.channel]
     parameters, example, neutral, fields, law = _law(shape)
-    base = _BASES[shape.channel]
+    base = "EchoEffect" if _is_light(shape) else _BASES[shape.channel]
     imports = "from dataclasses import replace\n" if "replace(" in body else ""
     return f'''"""An effect that measurements show and no known one explains: {shape.channel} by {shape.covariate}.
 
 Shape found: {shape.text} (x: {shape.covariate}{f" [{shape.unit}]" if shape.unit else ""}), R² {shape.r2:.2f}.
-Give it a name and a cause when you know them; parameters can be fitted anew with `cosim add`.
+{_acts(shape)}Give it a name and a cause when you know them; parameters can be fitted anew with `cosim add`.
 """
 
 from __future__ import annotations
@@ -100,6 +118,20 @@ class {class_name(shape)}({base}):
 '''
 
 
+def _is_light(shape: Shape) -> bool:
+    """Whether the echo is another before anything is read of it."""
+    return shape.channel == "intensity" and shape.acts == "light"
+
+
+def _acts(shape: Shape) -> str:
+    """Where it acts, for the file's heading."""
+    if shape.channel != "intensity":
+        return ""
+    if _is_light(shape):
+        return "It acts on the light: what hangs on an echo's strength, its range or its chance to be seen, follows.\n"
+    return "It acts on what is read: ranges and chances to be seen stay as they are.\n"
+
+
 def _law(shape: Shape) -> tuple[str, str, str, str, str]:
     """Shape parameters, example, neutral, field lines and the body of `error`."""
     unit = {"range": "m"}.get(shape.channel, "")
@@ -124,14 +156,11 @@ def _law(shape: Shape) -> tuple[str, str, str, str, str]:
     amplitudes = ("amplitude", "level")
     neutral = {name: 0.0 if name in amplitudes else value for name, value in values.items()}
     shapes = {name: value for name, value in values.items() if name not in amplitudes}
-    words = {
-        "amplitude": "how large it is",
-        "level": "the same everywhere",
-    }
     fields = ""
     for name in values:
-        of = unit if name in amplitudes else ""
-        fields += f'    {name}: float = number("{words.get(name, "of the shape")}", unit="{of}")\n'
+        of = unit if name in amplitudes else "" if name in _INVERSE else shape.unit
+        bound = ", ge=1e-6" if name in _ABOVE_ZERO and values[name] > 0 else ""
+        fields += f'    {name}: float = number("{_WORDS.get(name, "of the shape")}", unit="{of}"{bound})\n'
     code = shape.formula.code
     for name in sorted(values, key=len, reverse=True):
         code = _replaced(code, name)
