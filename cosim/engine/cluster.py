@@ -18,8 +18,9 @@ from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any, Literal
 
 from cosim.engine.jobs import Event, Job, Skipped, Tell, WorkError
-from cosim.engine.local import ATTEMPTS, PATIENCE_S
+from cosim.engine.local import PATIENCE_S
 from cosim.engine.parent import Child
+from cosim.engine.retries import Attempt, Retries
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -57,46 +58,40 @@ class DaskEngine:
             client.register_plugin(_plugin(job, self.patience_s), name=name)
             if not client.nthreads():
                 _log.warning("no worker has joined %s yet; waiting for one", self.address)
+            retries = Retries(on_event, renewed)
             try:
-                return _Submissions(client, name, on_event, renewed).follow(tasks, told)
+                _Submissions(client, name, on_event).follow(tasks, told, retries)
             finally:
                 client.unregister_worker_plugin(name)
+        return retries.skipped
 
 
 class _Submissions:
     """What the cluster was given, and what comes back."""
 
-    def __init__(self, client: Client, name: str, on_event: Tell, renewed: Callable[[Any], Any]) -> None:
-        self._client, self._name, self._on_event, self._renewed = client, name, on_event, renewed
-        self._pending: dict[Future, tuple[Any, int]] = {}
+    def __init__(self, client: Client, name: str, on_event: Tell) -> None:
+        self._client, self._name, self._on_event = client, name, on_event
+        self._pending: dict[Future, Attempt] = {}
         self._count = 0
 
-    def follow(self, tasks: Sequence[Any], told: queue.SimpleQueue[Event]) -> list[Skipped]:
+    def follow(self, tasks: Sequence[Any], told: queue.SimpleQueue[Event], retries: Retries) -> None:
         for task in tasks:
-            self._submit(task, 1)
-        skipped: list[Skipped] = []
+            self._submit(Attempt(task))
         while self._pending:
             self._pass_on(told)
             for future in [future for future in self._pending if future.done()]:
-                task, attempt = self._pending.pop(future)
+                attempt = self._pending.pop(future)
                 reason = self._settled(future)
-                if reason is None:
-                    continue
-                if attempt < ATTEMPTS:
-                    _log.warning("a task failed and is tried once more: %s", reason)
-                    self._on_event(Event("again", reason))
-                    self._submit(self._renewed(task), attempt + 1)
-                else:
-                    self._on_event(Event("skipped", reason))
-                    skipped.append(Skipped(task, reason))
-        return skipped
+                again = None if reason is None else retries.after(attempt, reason)
+                if again is not None:
+                    self._submit(again)
 
-    def _submit(self, task: Any, attempt: int) -> None:
+    def _submit(self, attempt: Attempt) -> None:
         # Earlier tasks first: those of one place follow each other.
         key = f"{self._name}-{self._count}"
         self._count += 1
-        future = self._client.submit(_do, task, self._name, key=key, pure=False, priority=-self._count)
-        self._pending[future] = (task, attempt)
+        future = self._client.submit(_do, attempt.task, self._name, key=key, pure=False, priority=-self._count)
+        self._pending[future] = attempt
 
     def _pass_on(self, told: queue.SimpleQueue[Event]) -> None:
         try:

@@ -12,11 +12,11 @@ from typing import Any
 
 from cosim.engine.jobs import Event, Job, Skipped, Tell, WorkError
 from cosim.engine.parent import Child
+from cosim.engine.retries import Attempt, Retries
 
 PATIENCE_S = 300.0
 """A process that tells nothing for so long hangs [s]: an episode's longest silence is its town's building."""
 _POLL_S = 0.5
-ATTEMPTS = 2
 _log = logging.getLogger(__name__)
 
 
@@ -41,63 +41,56 @@ class LocalEngine:
     ) -> list[Skipped]:
         """Have all tasks done; see `Engine`."""
         count = min(self.workers, len(tasks))
-        foremen = _Foremen(job, max(1, (os.cpu_count() or 1) // max(count, 1)), on_event, self.patience_s, renewed)
+        foremen = _Foremen(job, max(1, (os.cpu_count() or 1) // max(count, 1)), on_event, self.patience_s)
+        retries = Retries(on_event, renewed)
         try:
-            return foremen.oversee(deque((task, 1) for task in tasks), count)
+            foremen.oversee(deque(Attempt(task) for task in tasks), count, retries)
         finally:
             foremen.end_all()
+        return retries.skipped
 
 
 class _Foremen:
     """Processes at work, and what each is doing."""
 
-    def __init__(
-        self, job: Job, threads: int, on_event: Tell, patience_s: float, renewed: Callable[[Any], Any]
-    ) -> None:
+    def __init__(self, job: Job, threads: int, on_event: Tell, patience_s: float) -> None:
         self._job, self._threads, self._on_event, self._patience_s = job, threads, on_event, patience_s
-        self._renewed = renewed
         self._idle: list[Child] = []
-        self._busy: dict[Connection, tuple[Child, Any, int]] = {}
+        self._busy: dict[Connection, tuple[Child, Attempt]] = {}
 
-    def oversee(self, pending: deque[tuple[Any, int]], count: int) -> list[Skipped]:
-        skipped: list[Skipped] = []
+    def oversee(self, pending: deque[Attempt], count: int, retries: Retries) -> None:
         while pending or self._busy:
             while pending and len(self._busy) < count:
-                self._give(*pending.popleft())
-            for failed, attempt, reason in self._hear():
-                if attempt < ATTEMPTS:
-                    _log.warning("a task failed and is tried once more: %s", reason)
-                    self._on_event(Event("again", reason))
-                    pending.appendleft((self._renewed(failed), attempt + 1))
-                else:
-                    self._on_event(Event("skipped", reason))
-                    skipped.append(Skipped(failed, reason))
-        return skipped
+                self._give(pending.popleft())
+            for failed, reason in self._hear():
+                again = retries.after(failed, reason)
+                if again is not None:
+                    pending.appendleft(again)
 
     def end_all(self) -> None:
-        for child, *_ in self._busy.values():
+        for child, _ in self._busy.values():
             child.kill()
         for child in self._idle:
             child.dismiss()
 
-    def _give(self, task: Any, attempt: int) -> None:
+    def _give(self, attempt: Attempt) -> None:
         child = self._idle.pop() if self._idle else Child(self._job, self._threads)
-        child.give(task)
-        self._busy[child.connection] = (child, task, attempt)
+        child.give(attempt.task)
+        self._busy[child.connection] = (child, attempt)
 
-    def _hear(self) -> list[tuple[Any, int, str]]:
-        """Pass on what is told meanwhile; gives the tasks that failed, with their attempt and the reason."""
+    def _hear(self) -> list[tuple[Attempt, str]]:
+        """Pass on what is told meanwhile; gives the attempts that failed, with the reason."""
         failures = []
         for connection in wait(list(self._busy), timeout=_POLL_S):
             assert isinstance(connection, Connection)
-            child, task, attempt = self._busy[connection]
+            child, attempt = self._busy[connection]
             reason = self._follow(child, child.hear())
             if reason is not None:
-                failures.append((task, attempt, reason))
-        for child, task, attempt in list(self._busy.values()):
+                failures.append((attempt, reason))
+        for child, attempt in list(self._busy.values()):
             if child.hangs(self._patience_s):
                 self._lose(child)
-                failures.append((task, attempt, f"its process told nothing for {self._patience_s:g} s"))
+                failures.append((attempt, f"its process told nothing for {self._patience_s:g} s"))
         return failures
 
     def _follow(self, child: Child, event: Event | None) -> str | None:
