@@ -38,10 +38,16 @@ def upright_outlines(boxes: Tensor) -> Tensor:
 
 def outline_iou(a: Tensor, b: Tensor) -> Tensor:
     """Intersection over union of all pairs of outlines (n, 4), (m, 4): (n, m)."""
-    low, high = torch.maximum(a[:, None, :2], b[None, :, :2]), torch.minimum(a[:, None, 2:], b[None, :, 2:])
-    shared = (high - low).clamp(min=0).prod(-1)
+    along, across = (_shared(a[:, [axis, axis + 2]], b[:, [axis, axis + 2]]) for axis in (0, 1))
+    shared = along.mul_(across)
     areas = [(some[:, 2:] - some[:, :2]).prod(-1) for some in (a, b)]
-    return shared / (areas[0][:, None] + areas[1][None] - shared).clamp(min=1e-6)
+    return shared / (areas[0][:, None] + areas[1][None] - shared).clamp_(min=1e-6)
+
+
+def _shared(a: Tensor, b: Tensor) -> Tensor:
+    """Lengths (n, m) that all pairs of intervals (n, 2), (m, 2) share."""
+    (a0, a1), (b0, b1) = a.T.contiguous(), b.T
+    return torch.minimum(a1[:, None], b1).sub_(torch.maximum(a0[:, None], b0)).clamp_(min=0)
 
 
 @torch.no_grad()
@@ -61,9 +67,10 @@ def assign(
         for frame, (objects, kind) in enumerate(zip(boxes, kinds, strict=True)):
             found, which = _match(outlines, item, objects, kind, number)
             label[frame, :, :, number] = found.reshape(shape[0], shape[1], shape[3])
-            chosen = objects[which] if len(objects) else mine
-            residual[frame, :, :, number] = encode(chosen, mine).reshape(shape[0], shape[1], shape[3], 7)
-            yaw[frame, :, :, number] = chosen[:, 6].reshape(shape[0], shape[1], shape[3])
+            rows = torch.nonzero(found > 0)[:, 0]
+            place = (frame, rows // shape[3] // shape[1], rows // shape[3] % shape[1], number, rows % shape[3])
+            chosen = objects[which[rows]]
+            residual[place], yaw[place] = encode(chosen, mine[rows]), chosen[:, 6]
     count = len(boxes)
     return Targets(label.reshape(count, -1), residual.reshape(count, -1, 7), yaw.reshape(count, -1))
 
