@@ -1,4 +1,4 @@
-"""Prints all benchmarks in one table: `python -m tests.bench [lidar] [growth] [stages] [rates]`."""
+"""Prints all benchmarks in one table: `python -m tests.bench [SECTION …]`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 
 from rich.console import Console
 
-from tests.bench import frames, growth, lidar
+from tests.bench import effects, frames, growth, lidar, loop, memory
 from tests.bench.rows import one_table
 
 _SECTIONS = {
@@ -14,19 +14,25 @@ _SECTIONS = {
     "growth": ("First-hit trace as things grow", growth.rows),
     "stages": ("A frame of the default drive, one process, its own time", frames.stage_rows),
     "rates": ("The default drive: LiDAR with hits, gray, depth, colour, labels, files", frames.rate_rows),
+    "memory": ("A long drive by two workers", memory.rows),
+    "loop": ("Comparing and diagnosing, one process, its own time", loop.rows),
 }
 
 
 def main() -> None:
     """Run and print every benchmark, or those that are named."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(_SECTIONS))
-    chosen = parser.parse_args().sections or list(_SECTIONS)
-    unknown = sorted(set(chosen) - set(_SECTIONS))
+    known = [*_SECTIONS, "effects"]
+    parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(known))
+    chosen = parser.parse_args().sections or known
+    unknown = sorted(set(chosen) - set(known))
     if unknown:
-        parser.error(f"unknown section {unknown[0]!r}; give some of {', '.join(_SECTIONS)}")
-    console = Console()
-    console.print(one_table((title, rows()) for title, rows in (_SECTIONS[name] for name in chosen)))
+        parser.error(f"unknown section {unknown[0]!r}; give some of {', '.join(known)}")
+    timed = [_SECTIONS[name] for name in chosen if name in _SECTIONS]
+    if timed:
+        Console().print(one_table((title, rows()) for title, rows in timed))
+    if "effects" in chosen:
+        Console(width=170).print(effects.table())
 
 
 if __name__ == "__main__":

@@ -1,0 +1,32 @@
+"""Whether workers' memory stays flat over a long drive."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from cosim.config import RunConfig
+from cosim.engine import Event, LocalEngine
+from cosim.runner import run
+from tests.bench.rows import Row
+
+_FRAMES, _EPISODE = 1000, 25
+_SHARES = (0.1, 0.25, 0.5, 1.0)
+
+
+def rows() -> Iterator[Row]:
+    """The most memory that any of two workers has held, as a drive of all products goes on."""
+    peaks: list[float] = []
+
+    def on_event(event: Event) -> None:
+        if event.kind == "task":
+            peaks.append(max(event.peak_bytes / 2**20, peaks[-1] if peaks else 0.0))
+
+    config = RunConfig(frames=_FRAMES, frames_per_episode=_EPISODE, seed=1, sensor="kitti")
+    with tempfile.TemporaryDirectory() as folder:
+        run(config, Path(folder) / "drive", engine=LocalEngine(2), on_event=on_event)
+    counts = [round(share * len(peaks)) for share in _SHARES]
+    frames = " / ".join(str(count * _EPISODE) for count in counts)
+    figures = " / ".join(f"{peaks[count - 1]:.0f}" for count in counts)
+    yield Row(f"a worker's peak after {frames} frames of sensor kitti", f"{figures} MiB", "1024")
