@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
+from cosim.discrepancy.saying import p_words
 from cosim.discrepancy.unknown import Shape
 from sensors.effects.base import Effect, Parameter
 from sensors.effects.registry import effect_classes
@@ -67,10 +68,11 @@ class Vocabulary:
 def headline(found: Diagnosis, words: Vocabulary) -> str:
     """The line that `cosim diagnose` says."""
     parts = [_found(one, words) for one in found.effects]
+    if parts:
+        ambiguous = any(one.also_possible for one in found.effects)
+        parts[0] = f"{'ambiguous' if ambiguous else 'missing'}: {parts[0]}"
     if found.unknown is not None:
         parts.append(f"unknown: {unknown_words(found.unknown)}")
-    elif parts:
-        parts[0] = f"{'ambiguous' if found.verdict == 'ambiguous' else 'missing'}: {parts[0]}"
     biased = found.labels is not None and found.labels.verdict == "missing"
     if biased:
         parts.append(str(found.labels))
@@ -82,11 +84,6 @@ def headline(found: Diagnosis, words: Vocabulary) -> str:
     fall = f"held-out error {found.error_before:.3f} → {found.error_after:.3f}"
     floor = "" if found.noise_floor is None else f", noise floor {found.noise_floor:.3f}"
     return f"{'; '.join(parts)}; {fall}{floor}"
-
-
-def p_words(p_value: float) -> str:
-    """A p-value as papers write it."""
-    return "p < 0.001" if p_value < 0.001 else f"p = {p_value:.3f}"
 
 
 def unknown_words(unknown: Shape) -> str:

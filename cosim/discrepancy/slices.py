@@ -12,7 +12,7 @@ from cosim.discrepancy.frames import TracedFrame
 from cosim.discrepancy.scoring import SCALES, FrameScores
 
 _RANGES_M = (0, 10, 20, 30, 45, 60, 80, 1000)
-_RING_BAND = 16
+_RING_BAND, _BANDS = 16, 4
 _FEWEST = 300
 _SHOWN = 12
 
@@ -60,6 +60,7 @@ class SliceTally:
 
     def __init__(self) -> None:
         self._names: tuple[str, ...] = ()
+        self._rings = 0
         self._sums: dict[str, dict[tuple[int, int, int], np.ndarray]] = {
             channel: defaultdict(lambda: np.zeros(4)) for channel in ("range", "intensity", "drop")
         }
@@ -67,10 +68,10 @@ class SliceTally:
     def add(self, frame: TracedFrame, scores: FrameScores) -> None:
         """Add a frame."""
         solid, ring = frame.shot.hits.solid, frame.shot.rays.ring
-        self._names = frame.shot.hits.table.names
-        band = np.minimum(ring // _RING_BAND, 3)
+        self._names, self._rings = frame.shot.hits.table.names, frame.shot.pattern.rings
+        band = np.minimum(ring // _RING_BAND, _BANDS - 1)
         reach = np.searchsorted(_RANGES_M, np.nan_to_num(solid.range_m, posinf=999.0), side="right") - 1
-        key = (solid.material.astype(int) * 4 + band) * 8 + reach
+        key = (solid.material.astype(int) * _BANDS + band) * 8 + reach
         residual = scores.measured_m - scores.range_m
         bright = scores.measured_intensity - scores.intensity
         outcome = (~np.isnan(scores.measured_m)).astype(float) - scores.expected
@@ -86,7 +87,7 @@ class SliceTally:
             mine, cost = values[used].astype(np.float64), score[used].astype(np.float64)
             columns = (np.bincount(place, w) for w in (np.ones(len(used)), mine, mine**2, np.nan_to_num(cost)))
             for row, code in zip(np.stack(list(columns), 1), keys.tolist(), strict=True):
-                self._sums[channel][(code // 32, code // 8 % 4, code % 8)] += row
+                self._sums[channel][(code // 8 // _BANDS, code // 8 % _BANDS, code % 8)] += row
 
     def worst(self) -> tuple[Slice, ...]:
         """Slices whose bias stands out, by how much of the error is theirs."""
@@ -109,4 +110,7 @@ class SliceTally:
         name = self._names[material].replace("_", " ")
         low, high = _RANGES_M[reach], _RANGES_M[reach + 1]
         far = f"beyond {low} m" if high == _RANGES_M[-1] else f"at {low}–{high} m"
-        return f"rings {band * _RING_BAND}–{band * _RING_BAND + _RING_BAND - 1} on {name} {far}"
+        if self._rings <= _RING_BAND:
+            return f"{name} {far}"
+        last = self._rings - 1 if band == _BANDS - 1 else min(band * _RING_BAND + _RING_BAND, self._rings) - 1
+        return f"rings {band * _RING_BAND}–{last} on {name} {far}"

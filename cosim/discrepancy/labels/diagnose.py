@@ -78,7 +78,7 @@ class LabelFinding:
         if self.verdict == "untold":
             return f"labels: {self.why}"
         if self.verdict == "none":
-            seen = " × ".join(f"{100 * value:.1f}" for value in self.smallest_m)
+            seen = " × ".join(f"{100 * max(value, _TINY_M):.1f}" for value in self.smallest_m)
             return f"labels: unbiased; a loss of {seen} cm (length × width × height) would have shown"
         law = ", ".join(f"{axis} {a:.3f} m + {b:.2f}·d" for axis, a, b in zip(AXES, self.a_m, self.b, strict=True))
         return (

@@ -55,7 +55,13 @@ CONFUSIONS = (
     ),
     Confusion(
         ("range_walk",),
-        ("incidence_bias", "range_bias", "incidence_falloff"),
+        ("range_bias",),
+        "Among materials that are all about as bright, a delay by intensity is the same delay everywhere.",
+        "Have bright surfaces beside dark ones, such as signs and road marking: a delay by weakness fades on them.",
+    ),
+    Confusion(
+        ("range_walk",),
+        ("incidence_bias", "incidence_falloff"),
         "Slanted surfaces are dim ones, so a delay that grows as intensity falls looks like one that grows with slant.",
         "Have dark and bright materials at one slant: asphalt beside road marking, a dark car beside a white one.",
     ),

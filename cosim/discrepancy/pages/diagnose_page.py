@@ -10,14 +10,14 @@ from scipy import stats
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
 from cosim.discrepancy.pages.confusions import separations
+from cosim.discrepancy.pages.ranking_table import ranking_section
 from cosim.discrepancy.pages.style import STYLE
 from cosim.discrepancy.pages.unknown_section import unknown_section
 from cosim.discrepancy.pages.waterfall import waterfall
-from cosim.discrepancy.sentences import Vocabulary, p_words, smallest_rows, smallest_words, unknown_words
+from cosim.discrepancy.saying import listed, p_cell
+from cosim.discrepancy.sentences import Vocabulary, smallest_rows, smallest_words, unknown_words
 from cosim.html import document
 from cosim.stats.plot import Axis, Plot
-
-_MOST_RANKED = 12
 
 
 def format_diagnosis(found: Diagnosis, words: Vocabulary, drive: str, sensor: str) -> str:
@@ -50,20 +50,20 @@ def _verdict(found: Diagnosis, words: Vocabulary) -> str:
             for one in found.effects
         ]
         verb = "is" if len(names) == 1 else "are"
-        said.append(f'<span class="bad">Missing</span> {verb} {_listed(names)}.')
-        said.append(_fall(found))
+        said.append(f'<span class="bad">Missing</span> {verb} {listed(names)}.')
+        if found.unknown is None:
+            said.append(_fall(found))
         unsure = [one for one in found.effects if one.also_possible]
         for one in unsure:
-            others = _listed([escape(name) for name in one.also_possible], "or")
+            others = listed([escape(name) for name in one.also_possible], "or")
             said.append(f'<span class="warn">It may as well be {others}</span> in place of {escape(one.effect)}.')
     if found.unknown is not None:
-        what = "Something unknown is left:" if found.effects else "Something unknown is missing:"
+        what = "Something unknown is missing, too:" if found.effects else "Something unknown is missing:"
         said.append(
             f'<span class="warn">{what}</span> {escape(unknown_words(found.unknown))}; '
             "no effect of the catalogue does that."
         )
-        if not found.effects:
-            said.append(_fall(found))
+        said.append(_fall(found))
     if found.labels is not None and found.labels.verdict == "missing":
         law = escape(str(found.labels).removeprefix("labels: "))
         said.append(f'<span class="bad">Labels are biased</span>: {law}.')
@@ -77,7 +77,8 @@ def _verdict(found: Diagnosis, words: Vocabulary) -> str:
 
 
 def _fall(found: Diagnosis) -> str:
-    said = f"With {'it' if len(found.effects) < 2 else 'them'} the held-out error "
+    count = len(found.effects) + (found.unknown is not None)
+    said = f"With {['it', 'it', 'both'][count] if count < 3 else 'all of them'} the held-out error "
     said += "falls" if found.error_after < found.error_before else "does not fall"
     said += f" from {found.error_before:.3f} to {found.error_after:.3f}"
     if found.noise_floor is None or found.noise_floor <= 0:
@@ -139,7 +140,7 @@ def _rows(one: Finding, words: Vocabulary) -> str:
         if first:
             span = f'rowspan="{len(one.params)}"'
             tail = (
-                f"<td {span}>{escape(p_words(one.p_value).removeprefix('p ').removeprefix('= '))}</td>"
+                f"<td {span}>{escape(p_cell(one.p_value))}</td>"
                 f"<td {span}>{_change(one)}</td>"
                 f'<td {span} class="words">{escape(kind.equation if kind else "")}</td>'
             )
@@ -220,20 +221,7 @@ def _remedy(one: str, other: str, words: Vocabulary) -> str:
 
 
 def _ranking(found: Diagnosis) -> str:
-    if not found.ranking:
-        return ""
-    best = max(max(one.delta_bic for one in found.ranking), 1e-9)
-    rows = "".join(
-        f'<tr><th>{escape(one.effect)}</th><td>{one.delta_bic:,.0f}</td><td><span class="meter"><i '
-        f'style="width:{100 * max(one.delta_bic, 0) / best:.1f}%"></i></span></td>'
-        f"<td>{escape(p_words(one.p_value).removeprefix('p ').removeprefix('= '))}</td></tr>"
-        for one in found.ranking[:_MOST_RANKED]
-    )
-    return (
-        "<section><h2>Candidates of the first round</h2><p>How much each would lower the BIC by itself: differences "
-        "above 10 decide.</p><table><thead><tr><th></th><th>ΔBIC</th><th></th><th>p</th></tr></thead>"
-        f"<tbody>{rows}</tbody></table></section>"
-    )
+    return ranking_section([(one.effect, one.delta_bic, one.p_value) for one in found.ranking])
 
 
 def _smallest(found: Diagnosis, words: Vocabulary) -> str:
@@ -266,7 +254,3 @@ def _how(found: Diagnosis) -> str:
     )
     said += " Statistics are explained in docs/discrepancy.md."
     return f"<section><h2>How it was found</h2><p>{said}</p>{labels}</section>"
-
-
-def _listed(names: list[str], word: str = "and") -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}"

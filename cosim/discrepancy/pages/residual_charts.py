@@ -24,6 +24,7 @@ COVARIATES = {
 WORDS = {name: name.replace("_", " ") for name in COVARIATES}
 _BINS = 20
 _MOST_MATERIALS = 5
+_ALIKE, _COMMON = 0.02, 0.02
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,10 @@ def residual_charts(rows: Rows, channel: ChannelOf) -> list[ResidualChart]:
         ResidualChart(name, one.strength, one.apparent, _svg(name, one, channel, top, rows.materials))
         for name, one in found.items()
     ]
-    return sorted(charts, key=lambda chart: (-chart.strength, -chart.apparent))
+    strongest = max((chart.strength for chart in charts), default=0.0)
+    # A head that turns evenly makes azimuth and time of firing one thing; of equals the first stands ahead.
+    near = _ALIKE * strongest or 1.0
+    return sorted(charts, key=lambda chart: (-round(chart.strength / near), -round(chart.apparent / near)))
 
 
 def _one(rows: Rows, name: str, residual: np.ndarray) -> Binned:
@@ -106,7 +110,9 @@ def _top(charts: Sequence[Binned], channel: ChannelOf) -> float:
     """One scale for all charts of a channel, so that they can be compared."""
     reach = []
     for one in charts:
-        mean, half = np.quantile(np.abs(one.mean), 0.97), np.quantile(np.nan_to_num(one.half), 0.9)
+        common = one.count >= _COMMON * one.count.sum()
+        mean = np.abs(one.mean[common]).max(initial=0.0)
+        half = np.quantile(np.nan_to_num(one.half), 0.9)
         reach.append(float(mean + min(half, mean)))
     return 1.1 * max([*reach, {"cm": 0.5, "%": 0.5}.get(channel.unit, 0.005)])
 

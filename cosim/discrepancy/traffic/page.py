@@ -7,12 +7,14 @@ from html import escape
 
 import numpy as np
 
+from cosim.discrepancy.pages.ranking_table import ranking_section
 from cosim.discrepancy.pages.style import STYLE
+from cosim.discrepancy.saying import p_cell
 from cosim.discrepancy.traffic.behaviours import BEHAVIOURS
 from cosim.discrepancy.traffic.comparison import UNIT_OF, Row, TrafficComparison
 from cosim.discrepancy.traffic.diagnosis import TrafficDiagnosis, TrafficFinding
 from cosim.discrepancy.traffic.distance import SCALES, UNITS
-from cosim.discrepancy.traffic.sentences import p_words, parameter_words, quantity, smallest_words, unexplained_words
+from cosim.discrepancy.traffic.sentences import parameter_words, quantity, smallest_words, unexplained_words
 from cosim.discrepancy.traffic.summary import HEADWAY_BINS, LATERAL_BINS, SPEED_BINS, Summary
 from cosim.html import document
 from cosim.stats.plot import Axis, Plot
@@ -184,7 +186,7 @@ def _finding(one: TrafficFinding) -> str:
         tail = ""
         if row == 0:
             tail = (
-                f"<td {span}>{escape(p_words(one.p_value).removeprefix('p ').removeprefix('= '))}</td>"
+                f"<td {span}>{escape(p_cell(one.p_value))}</td>"
                 f"<td {span}>{one.error_before:.3f} → {one.error_after:.3f}</td>"
                 f'<td {span} class="words">{escape(behaviour.equation)}</td>'
                 f'<td {span} class="words">{escape(behaviour.vtype)}</td>'
@@ -265,20 +267,9 @@ def _value(name: str, value: float) -> str:
 
 
 def _ranking(found: TrafficDiagnosis) -> str:
-    if not found.ranking:
-        return ""
-    best = max(max(one.delta_bic for one in found.ranking), 1e-9)
-    rows = "".join(
-        f'<tr><th>{escape(one.behaviour)}</th><td>{one.delta_bic:,.0f}</td><td><span class="meter"><i '
-        f'style="width:{100 * max(one.delta_bic, 0) / best:.1f}%"></i></span></td>'
-        f"<td>{escape(p_words(one.p_value).removeprefix('p ').removeprefix('= '))}</td>"
-        f"<td class=words>{'fitted' if one.fitted else 'by its slopes'}</td></tr>"
-        for one in found.ranking
-    )
-    return (
-        "<section><h2>Candidates of the first round</h2><p>How much each would lower the BIC by itself: differences "
-        "above 10 decide.</p><table><thead><tr><th></th><th>ΔBIC</th><th></th><th>p</th><th></th></tr></thead>"
-        f"<tbody>{rows}</tbody></table></section>"
+    return ranking_section(
+        [(one.behaviour, one.delta_bic, one.p_value) for one in found.ranking],
+        ["fitted" if one.fitted else "by its slopes" for one in found.ranking],
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cosim.discrepancy.saying import p_words
 from cosim.discrepancy.traffic.behaviours import BEHAVIOURS
 from cosim.discrepancy.traffic.diagnosis import TrafficDiagnosis, TrafficFinding
 
@@ -42,11 +43,6 @@ def quantity(behaviour: str, name: str, value: float) -> str:
     """A value with its unit."""
     unit = next(knob.unit for knob in BEHAVIOURS[behaviour].knobs if knob.name == name)
     return f"{value:.3g}{f' {unit}' if unit else ''}"
-
-
-def p_words(p_value: float) -> str:
-    """A p-value as papers write it."""
-    return "p < 0.001" if p_value < 0.001 else f"p = {p_value:.3f}"
 
 
 def smallest_words(found: TrafficDiagnosis, names: tuple[str, ...] = _NEEDED) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -14,13 +15,13 @@ _SECOND_HARMONICS = 4
 
 @dataclass(frozen=True, eq=False)
 class Formula:
-    """y = level + amplitude·shape(x).
+    """y = level + amplitude·shape(x), the level only where data ask for one.
 
     Attributes:
         family: its name.
         words: its shape as people write it, with places for the parameters.
         code: as Python, in `x` and the names of `parameters`.
-        parameters: amplitude first, level last.
+        parameters: amplitude first, level last if there is one.
         r2: share of the shape's (weighted) variance that it explains.
         bic: of the fit; lower is better.
     """
@@ -35,9 +36,12 @@ class Formula:
     @property
     def text(self) -> str:
         """As people write it, with numbers."""
-        level = self.parameters["level"]
-        shape = self.words.format(**self.parameters)
-        return f"{self.parameters['amplitude']:.3g}·{shape} {'+' if level >= 0 else '−'} {abs(level):.3g}"
+        said = f"{self.parameters['amplitude']:.3g}·{self.words.format(**self.parameters)}"
+        if "level" in self.parameters:
+            said += f" + {self.parameters['level']:.3g}"
+        said = re.sub(r"− -(?=[\d.])", "+ ", said)
+        said = re.sub(r"\+ -(?=[\d.])", "− ", said)
+        return re.sub(r"(?<![e\d])-(?=[\d.])", "−", said)
 
 
 def best_formula(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float = 0.0) -> Formula:
@@ -55,22 +59,25 @@ def best_formula(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float 
     mean = np.average(y, weights=weight)
     total = float(weight @ (y - mean) ** 2)
     found = []
+    root = np.sqrt(weight)
     for family, count, shape, text, code, extra in _families(x, period):
-        basis = np.stack([shape, np.ones_like(x)], 1)
-        root = np.sqrt(weight)
-        solution, *_ = np.linalg.lstsq(basis * root[:, None], y * root, rcond=None)
-        rest = float(weight @ (y - basis @ solution) ** 2)
-        amplitude, level = (float(value) for value in solution)
-        found.append(
-            Formula(
-                family,
-                text,
-                f"level + amplitude * {code}",
-                {"amplitude": amplitude, **extra, "level": level},
-                1 - rest / total if total > 0 else 0.0,
-                rest + (count + 2) * np.log(len(x)),
+        for levels in (0, 1):
+            basis = np.stack([shape, np.ones_like(x)][: 1 + levels], 1)
+            solution, *_ = np.linalg.lstsq(basis * root[:, None], y * root, rcond=None)
+            rest = float(weight @ (y - basis @ solution) ** 2)
+            parameters = {"amplitude": float(solution[0]), **extra}
+            if levels:
+                parameters["level"] = float(solution[1])
+            found.append(
+                Formula(
+                    family,
+                    text,
+                    f"level + amplitude * {code}" if levels else f"amplitude * {code}",
+                    parameters,
+                    1 - rest / total if total > 0 else 0.0,
+                    rest + (count + 1 + levels) * np.log(len(x)),
+                )
             )
-        )
     return min(found, key=lambda one: one.bic)
 
 

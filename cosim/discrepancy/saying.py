@@ -1,0 +1,18 @@
+"""Words that all findings share."""
+
+from __future__ import annotations
+
+
+def p_words(p_value: float) -> str:
+    """A p-value as papers write it."""
+    return "p < 0.001" if p_value < 0.001 else f"p = {p_value:.3f}"
+
+
+def p_cell(p_value: float) -> str:
+    """The same in a column that is headed p."""
+    return p_words(p_value).removeprefix("p ").removeprefix("= ")
+
+
+def listed(names: list[str], word: str = "and") -> str:
+    """Names as a sentence lists them."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}"
