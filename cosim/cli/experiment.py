@@ -41,16 +41,16 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from training.experiments import load_table
 
     table = load_table(options.table)
+    chosen = list(table.rows)
     if options.only:
-        chosen = tuple(options.only.split(","))
-        paper = {name: values for name, values in table.paper.items() if name in chosen}
-        unknown = [name for name in chosen if name not in (*table.variants, *table.paper)]
+        chosen = [name.strip() for name in options.only.split(",")]
+        unknown = [name for name in chosen if name not in table.rows]
         if unknown:
-            raise TrainingError(f"--only names {unknown[0]!r}; rows of {options.table} are {', '.join(table.variants)}")
-        table = table.model_copy(update={"variants": chosen, "paper": paper})
+            raise TrainingError(f"--only names {unknown[0]!r}; rows of {options.table} are {', '.join(table.rows)}")
     demand_torch()
+    from training.experiments.frames import Inputs
     from training.experiments.report import as_json, write_report
-    from training.experiments.run import Inputs, run_table
+    from training.experiments.run import run_table
     from training.run import Watcher
 
     config = _config(options.config)
@@ -65,7 +65,8 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         def on_row(name: str) -> None:
             bar.reset(task, description=name, total=None, loss="")
 
-        rows = run_table(table, options.table, inputs, on_row, Watcher(on_step=on_step))
+        watcher = Watcher(on_step=on_step)
+        rows = run_table(table, options.table, inputs, on_row, watcher, only=chosen)
     folder = options.out / "tables" / Path(options.table).stem
     page = write_report(table, rows, folder)
     if not options.quiet:

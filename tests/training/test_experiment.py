@@ -14,8 +14,10 @@ pytest.importorskip("torch")
 
 from cosim.cli import main
 from tests.training.test_resuming import _TINY
+from training.config import parse_train_config
 from training.experiments import load_table, table_names
-from training.experiments.report import differences
+from training.experiments.comparisons import differences, gains
+from training.experiments.frames import Inputs, real_lessons, with_as_many_steps
 from training.experiments.run import Row
 
 
@@ -61,18 +63,46 @@ def test_two_rows_that_answer_alike_do_not_differ_and_a_perfect_one_is_above_a_b
         row("same", 70.0, draws - 0.1 + np.tile([1.0, -1.0], 100)),
         row("blind", 0, draws * 0),
     ]
-    said = {name: (gap, low, high) for name, gap, low, high in differences(rows)}
-    assert said["same"][1] < 0 < said["same"][2]
-    assert said["blind"][2] < 0 and said["blind"][0] == pytest.approx(-70.1)
+    said = {comparison.name.split()[0]: comparison for comparison in differences(rows)}
+    assert said["same"].low < 0 < said["same"].high and said["same"].verdict == "may be chance"
+    assert said["blind"].high < 0 and said["blind"].gap == pytest.approx(-70.1)
+    assert said["blind"].verdict == "more than chance"
 
 
 def test_finished_rows_and_trainings_are_taken_up(drives):
     first = run(drives, "few_shot")
     checkpoints = {path: path.stat().st_mtime_ns for path in (drives / "out").rglob("*.pt")}
-    assert {path.parent.name for path in checkpoints} == {"dual", "few-dual"}
+    assert {path.parent.name for path in checkpoints} == {"dual", "few-dual", "real-fit"}
     assert run(drives, "few_shot") == first
     run(drives, "synthetic")
     assert all(path.stat().st_mtime_ns == before for path, before in checkpoints.items())
+
+
+def test_fine_tuning_stands_beside_what_was_before_and_the_few_frames_alone(drives):
+    rows = {row["name"]: row for row in run(drives, "few_shot")["rows"]}
+    before = {row["name"]: row for row in run(drives, "synthetic_to_real")["rows"]}
+    assert rows["dual"]["before"]["3d"] == before["dual"]["3d"]
+    assert set(rows["dual"]["gain_ci95"]) <= {"3d", "bev"}
+    assert rows["real"]["before"] is None and len(rows["real"]["3d"]) == 3
+    assert "before fine-tuning" in (drives / "out" / "tables" / "few_shot" / "index.html").read_text()
+
+
+def test_a_gain_is_after_less_before():
+    def scores(mean: float) -> dict:
+        return {"Car": {"3d": {"R40": [0.0, mean, 0.0]}}}
+
+    row = Row("dual", {**scores(50.0), "before": scores(40.0), "gain_ci95": {"3d": [-2.0, 15.0]}})
+    (gain,) = gains([row, Row("real", scores(60.0))])
+    assert gain.gap == pytest.approx(10) and gain.verdict == "may be chance"
+
+
+def test_fewer_real_frames_are_seen_for_as_many_steps(drives):
+    (drives / "real" / "ImageSets" / "fit.txt").write_text("000000\n000001\n")
+    config = parse_train_config({"train": [], "epochs": 3, "batch_size": 2}, "config")
+    table, inputs = load_table("few_shot"), Inputs(drives / "variants", drives / "real", config, drives / "out")
+    learnt = real_lessons(table, inputs)
+    simulated = len((drives / "variants" / "dual" / "ImageSets" / "train.txt").read_text().split())
+    assert with_as_many_steps(config, learnt, table, inputs).epochs == 3 * -(-simulated // 2)
 
 
 def test_the_papers_tables_are_there_and_whole():

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from cosim.discrepancy.pages.style import STYLE
 from cosim.drive_writer import explained
 from cosim.html import document
 from cosim.kitti import Drive
 from training.evaluation import evaluate, read_results
-from training.evaluation.bootstrap import interval
 from training.evaluation.page import pr_plot
 from training.evaluation.pictures import detection_pictures
 from training.evaluation.rules import DIFFICULTIES
+from training.experiments.comparisons import Comparison, averages, differences, gains
 from training.experiments.run import Row
-from training.experiments.table import ExperimentTable
+from training.experiments.table import REAL, ExperimentTable
 
 _HEADS = ("easy", "moderate", "hard")
+_GAINS = "What fine-tuning changes"
+_DIFFERENCES = "Which differences mean something"
 
 
 def write_report(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> Path:
@@ -36,11 +37,17 @@ def write_report(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> P
 
 
 def as_json(table: ExperimentTable, rows: Sequence[Row]) -> dict[str, Any]:
-    """`{"title", "rows": [{"name", "3d", "bev", "ci95", "paper_3d", "reason"}]}`, R40 of cars in percent."""
+    """`{"title", "rows": [{"name", "3d", "bev", "ci95", "before", "gain_ci95", "paper_3d", "reason"}]}`.
+
+    R40 of cars in percent. `before`: 3d, bev and ci95 before fine-tuning; `gain_ci95`: of the differences at
+    moderate. Both null where nothing was fine-tuned.
+    """
     said = []
     for row in rows:
-        entry: dict[str, Any] = {metric: _averages(row, metric) for metric in ("3d", "bev")}
-        entry["ci95"] = row.scores["ci95"] if row.scores else None
+        entry = _figures(row.scores)
+        before = (row.scores or {}).get("before")
+        entry["before"] = before and _figures(before)
+        entry["gain_ci95"] = (row.scores or {}).get("gain_ci95")
         paper = table.paper.get(row.name)
         entry["paper_3d"] = list(paper) if paper else None
         said.append({"name": row.name, **entry, "reason": row.reason or None})
@@ -49,91 +56,80 @@ def as_json(table: ExperimentTable, rows: Sequence[Row]) -> dict[str, Any]:
 
 def format_markdown(table: ExperimentTable, rows: Sequence[Row]) -> str:
     """The table as Markdown."""
-    heads = [f"{kind} {level}" for kind in ("3D", "BEV", "paper 3D") for level in _HEADS]
+    groups = _groups(table)
+    heads = [f"{group.title} {level}" for group in groups for level in _HEADS]
     lines = [f"# {table.title}", "", "Cars, IoU over 0.7, AP R40 in percent.", ""]
     lines += ["| trained on | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
     for row in rows:
-        words = [word for some in _words(table, row) for word in some]
-        lines.append(f"| {row.name} | " + " | ".join(words) + " |")
-    absent = [f"- {row.name}: not run; {row.reason}" for row in rows if row.reason]
-    return "\n".join([*lines, "", *absent]).rstrip() + "\n"
+        words = [word for group in groups for word in _words(group.values(row))]
+        lines.append(f"| {_label(table, row)} | " + " | ".join(words) + " |")
+    lines.append("")
+    for title, compared in ((_GAINS, gains(rows)), (_DIFFERENCES, differences(rows))):
+        if compared:
+            lines += [f"{title}:", "", *(f"- {said.in_words}" for said in compared), ""]
+    absent = [f"- {_label(table, row)}: not run; {row.reason}" for row in rows if row.reason]
+    return "\n".join([*lines, *absent]).rstrip() + "\n"
 
 
 def format_page(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> str:
     """The page, with precision–recall curves and pictures of the rows that were run."""
-    heads = "".join(f"<th>{level}</th>" for _ in range(3) for level in _HEADS)
-    body = "".join(_html_row(table, row) for row in rows)
+    groups = _groups(table)
+    over = "".join(f"<th colspan=3>{escape(group.title)}</th>" for group in groups)
+    heads = "".join(f"<th>{level}</th>" for _ in groups for level in _HEADS)
+    body = "".join(_html_row(table, row, groups) for row in rows)
     result = (
         f"<header><h1>{escape(table.title)}</h1><p>Cars, IoU over 0.7, AP R40 in percent; small: 95 % interval over "
         "draws of the test frames.</p></header>"
-        "<section class=plain><table><thead><tr><th></th><th colspan=3>3D</th><th colspan=3>from above</th>"
-        f"<th colspan=3>paper, 3D</th></tr><tr><th></th>{heads}</tr></thead><tbody>{body}</tbody></table></section>"
+        f"<section class=plain><table><thead><tr><th></th>{over}</tr><tr><th></th>{heads}</tr></thead>"
+        f"<tbody>{body}</tbody></table></section>"
     )
-    sections = [result, _differences(rows), *(_details(row, folder) for row in rows if row.scores is not None)]
-    return document(table.title, sections, style=STYLE + _STYLE, generator="cosim experiment")
+    compared = [_comparisons(_GAINS, gains(rows)), _comparisons(_DIFFERENCES, differences(rows))]
+    details = [_details(table, row, folder) for row in rows if row.scores is not None]
+    return document(table.title, [result, *compared, *details], style=STYLE + _STYLE, generator="cosim experiment")
 
 
-def differences(rows: Sequence[Row]) -> list[tuple[str, float, float, float]]:
-    """How far each row lies below the best, 3D moderate: name, difference, and its 95 % interval, draw by draw.
-
-    Only rows tested on the frames that the best was tested on can be subtracted so; an interval that holds 0 means
-    that the order of the two may be chance.
-    """
-    run = [row for row in rows if row.scores is not None and row.scores["draws_3d_moderate"]]
-    if not run:
-        return []
-    best = max(run, key=_moderate)
-    assert best.scores is not None
-    said = []
-    for row in run:
-        if row is best or row.scores is None or row.scores["settings"]["test"] != best.scores["settings"]["test"]:
-            continue
-        gaps = np.subtract(row.scores["draws_3d_moderate"], best.scores["draws_3d_moderate"])
-        said.append((row.name, _moderate(row) - _moderate(best), *interval(gaps)))
-    return said
+def _label(table: ExperimentTable, row: Row) -> str:
+    """What a row is called: a variant by its name, real frames by what they are here."""
+    if row.name != REAL:
+        return row.name
+    return "the few real frames alone" if table.fine_tune == "few" else "real frames"
 
 
-def _differences(rows: Sequence[Row]) -> str:
-    lines = [
-        f"<tr><th>{escape(name)}</th><td>{gap:+.1f}</td><td>{low:+.1f} … {high:+.1f}</td>"
-        f"<td class=words>{'may be chance' if low <= 0 <= high else 'no chance'}</td></tr>"
-        for name, gap, low, high in differences(rows)
-    ]
-    if not lines:
+def _html_row(table: ExperimentTable, row: Row, groups: Sequence[_Group]) -> str:
+    cells = []
+    for group in groups:
+        bounds = group.intervals(row)
+        for level, word in enumerate(_words(group.values(row))):
+            small = f"<small>{bounds[level][0]:.0f} – {bounds[level][1]:.0f}</small>" if bounds else ""
+            cells.append(f"<td>{word}{small}</td>")
+    if row.scores is None:  # the first two groups are what was measured
+        cells[:6] = [f"<td class=words colspan=6>{escape(row.reason)}</td>"]
+    return f"<tr><th>{escape(_label(table, row))}</th>{''.join(cells)}</tr>"
+
+
+def _comparisons(title: str, compared: Sequence[Comparison]) -> str:
+    if not compared:
         return ""
+    lines = [
+        f"<tr><th>{escape(said.name)}</th><td>{said.gap:+.1f}</td><td>{said.low:+.1f} … {said.high:+.1f}</td>"
+        f"<td class=words>{said.verdict}</td></tr>"
+        for said in compared
+    ]
     return (
-        "<section><h2>Which differences mean something</h2><p>3D moderate, less that of the best row, over the "
-        "same draws of test frames.</p>"
-        "<table><thead><tr><th></th><th>difference</th><th>95 %</th><th></th></tr></thead>"
+        f"<section><h2>{escape(title)}</h2><p>At moderate, with 95 % of its values over the same draws of test frames "
+        "for both.</p><table><thead><tr><th></th><th>difference</th><th>95 %</th><th></th></tr></thead>"
         f"<tbody>{''.join(lines)}</tbody></table></section>"
     )
 
 
-def _moderate(row: Row) -> float:
-    return (_averages(row, "3d") or [0.0] * 3)[1]
-
-
-def _html_row(table: ExperimentTable, row: Row) -> str:
-    if row.scores is None:
-        paper = "".join(f"<td>{word}</td>" for word in _words(table, row)[2])
-        return f"<tr><th>{escape(row.name)}</th><td class=words colspan=6>{escape(row.reason)}</td>{paper}</tr>"
-    cells = []
-    for number, words in enumerate(_words(table, row)):
-        bounds = row.scores["ci95"].get(("3d", "bev", "")[number], []) if number < 2 else []
-        for level, word in enumerate(words):
-            small = f"<small>{bounds[level][0]:.0f} – {bounds[level][1]:.0f}</small>" if bounds else ""
-            cells.append(f"<td>{word}{small}</td>")
-    return f"<tr><th>{escape(row.name)}</th>{''.join(cells)}</tr>"
-
-
-def _details(row: Row, folder: Path) -> str:
+def _details(table: ExperimentTable, row: Row, folder: Path) -> str:
     """Curves and pictures of a row, from the detections that it left."""
     assert row.scores is not None
     drive = Drive(Path(row.scores["settings"]["test"]["drive"]))
     scored = read_results(folder / row.name, drive.root / "label_2", _frame_list(folder / row.name))
     results = evaluate(scored, classes=("Car",)).results.get("Car")
     if results is None:
-        return f"<section><h2>{escape(row.name)}</h2><p>no car was detected</p></section>"
+        return f"<section><h2>{escape(_label(table, row))}</h2><p>no car was detected</p></section>"
     figures = []
     for metric, title in (("3d", "3D"), ("bev", "From above")):
         if metric in results:
@@ -150,7 +146,7 @@ def _details(row: Row, folder: Path) -> str:
             f"<figure><figcaption><h3>{escape(caption)}</h3><p>Labels green, detections orange with their scores</p>"
             f'</figcaption><img src="{data}" alt=""></figure>'
         )
-    return f'<section><h2>{escape(row.name)}</h2><div class="charts">{"".join(figures)}</div></section>'
+    return f'<section><h2>{escape(_label(table, row))}</h2><div class="charts">{"".join(figures)}</div></section>'
 
 
 def _frame_list(folder: Path) -> Path:
@@ -160,17 +156,41 @@ def _frame_list(folder: Path) -> Path:
     return path
 
 
-def _words(table: ExperimentTable, row: Row) -> list[list[str]]:
-    paper = table.paper.get(row.name)
-    ours = [[f"{value:.1f}" for value in _averages(row, metric) or []] or ["–"] * 3 for metric in ("3d", "bev")]
-    return [*ours, [f"{value:.1f}" for value in paper] if paper else ["–"] * 3]
+@dataclass(frozen=True)
+class _Group:
+    """Three columns of the table: their title, and what of a row stands in them."""
+
+    title: str
+    values: Callable[[Row], Sequence[float] | None]
+    intervals: Callable[[Row], Sequence[Sequence[float]]] = lambda row: ()
 
 
-def _averages(row: Row, metric: str) -> list[float] | None:
-    if row.scores is None:
-        return None
-    found = (row.scores.get("Car") or {}).get(metric)
-    return found["R40"] if found else [0.0, 0.0, 0.0]
+def _groups(table: ExperimentTable) -> list[_Group]:
+    groups = [_measured("3D", "3d"), _measured("from above", "bev")]
+    if table.fine_tune != "none":
+        groups += [_measured("before fine-tuning, 3D", "3d", "before")]
+        groups += [_measured("before, from above", "bev", "before")]
+    if table.paper:
+        groups.append(_Group("paper, 3D", lambda row: table.paper.get(row.name)))
+    return groups
+
+
+def _measured(title: str, metric: str, when: str | None = None) -> _Group:
+    def scores(row: Row) -> dict[str, Any] | None:
+        return row.scores if when is None else (row.scores or {}).get(when)
+
+    def intervals(row: Row) -> Sequence[Sequence[float]]:
+        return (scores(row) or {"ci95": {}})["ci95"].get(metric, ())
+
+    return _Group(title, lambda row: averages(scores(row), metric), intervals)
+
+
+def _words(values: Sequence[float] | None) -> list[str]:
+    return [f"{value:.1f}" for value in values] if values else ["–"] * 3
+
+
+def _figures(scores: dict[str, Any] | None) -> dict[str, Any]:
+    return {**{metric: averages(scores, metric) for metric in ("3d", "bev")}, "ci95": scores and scores["ci95"]}
 
 
 _STYLE = """

@@ -33,6 +33,12 @@ class ExperimentTable(BaseModel):
         default_factory=dict, description="the paper's own figures: AP easy, moderate, hard [%]"
     )
 
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """The variants, and real frames alone where a figure of theirs is to stand beside: the paper's, or ours."""
+        beside = REAL in self.paper or self.fine_tune != "none"
+        return (*self.variants, REAL) if beside and REAL not in self.variants else self.variants
+
 
 def table_names() -> tuple[str, ...]:
     """The built-in tables."""

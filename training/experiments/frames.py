@@ -1,0 +1,92 @@
+"""Which frames the rows of a table are trained and tested on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cosim.kitti import Drive
+from training.config import TrainConfig
+from training.data.source import Source
+from training.errors import TrainingError
+from training.experiments.table import ExperimentTable
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What experiments are run with.
+
+    Attributes:
+        variants: folder of simulated drives, one a variant, as `cosim variants` writes it; their lists train and val
+            are trained and tested on.
+        real: folder of real frames, or None.
+        few: name of the list of few real frames to fine-tune on.
+        full: name of the list of all real training frames.
+        test: name of the list of real frames to test on.
+        config: model, epochs and so on; its frames are replaced.
+        fine_tune: keys of the configuration that fine-tuning changes.
+        out: where everything is kept.
+    """
+
+    variants: Path | None
+    real: Path | None
+    config: TrainConfig
+    out: Path
+    few: str = "fit"
+    full: str = "train"
+    test: str = "test"
+    fine_tune: dict[str, Any] | None = None
+
+
+class MissingFramesError(TrainingError):
+    """A row's frames are not here."""
+
+
+def simulated_frames(variant: str, inputs: Inputs, split: str) -> Source:
+    """A list of a variant.
+
+    Raises:
+        MissingFramesError: it is not here.
+    """
+    if inputs.variants is None:
+        raise MissingFramesError("no simulated frames: name the folder of cosim variants with --variants")
+    return _listed(inputs.variants / variant, split, variant)
+
+
+def real_frames(inputs: Inputs, split: str) -> Source:
+    """A list of the real frames.
+
+    Raises:
+        MissingFramesError: it is not here.
+    """
+    if inputs.real is None:
+        raise MissingFramesError("no real frames: name their folder with --real")
+    return _listed(inputs.real, split)
+
+
+def real_lessons(table: ExperimentTable, inputs: Inputs) -> Source:
+    """The real frames that a detector learns from: all for training, or the few where there are no more."""
+    full = inputs.real is not None and inputs.full in Drive(inputs.real).splits
+    return real_frames(inputs, inputs.full if full and table.fine_tune != "few" else inputs.few)
+
+
+def with_as_many_steps(config: TrainConfig, source: Source, table: ExperimentTable, inputs: Inputs) -> TrainConfig:
+    """The configuration for other frames than the variants', which are fewer: seen more often, for as many steps."""
+    counts = [0]
+    for variant in table.variants:
+        try:
+            counts.append(len(simulated_frames(variant, inputs, "train").open()[1]))
+        except MissingFramesError:
+            continue
+    theirs, own = (-(-count // config.batch_size) for count in (max(counts), len(source.open()[1])))
+    return config.model_copy(update={"epochs": max(config.epochs, round(config.epochs * theirs / max(own, 1)))})
+
+
+def _listed(folder: Path, split: str, variant: str = "") -> Source:
+    if not folder.is_dir():
+        remedy = f"make it with cosim variants --variant {variant}" if variant else "name another folder with --real"
+        raise MissingFramesError(f"no drive at {folder}: {remedy}")
+    if split not in Drive(folder).splits:
+        raise MissingFramesError(f"no list ImageSets/{split}.txt in {folder}")
+    return Source(drive=folder, split=split)
