@@ -34,8 +34,6 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from cosim.discrepancy import add
     from cosim.discrepancy.add import known_parameters
     from cosim.discrepancy.checks import opened
-    from cosim.discrepancy.sensor_out import write_sensor
-    from cosim.discrepancy.sentences import Vocabulary
     from sensors.effects.registry import find_effect
     from sensors.sensor_model import load_sensor
 
@@ -48,11 +46,9 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             raise IsADirectoryError(21, "it is a folder", str(options.out))
     with console.status(f"fitting {kind.name}"):
         found = add(kind, drive, sensor, fixed=fixed)
-    write_sensor(found.sensor, options.out)
+    found.write_sensor(options.out)
     if not options.quiet:
-        values = Vocabulary([kind]).parameters(found.effect, found.params, found.ci95)
-        fall = f"held-out error {found.error_before.error:.3f} → {found.error_after.error:.3f}"
-        print(f"{found.effect} ({values}): {fall}")
+        print(found)
     console.print(f"{options.out}: the sensor with {found.effect}", soft_wrap=True, highlight=False)
     write_json(options.json, without_nan({**found.to_json(), "sensor_out": os.path.relpath(options.out)}))
 

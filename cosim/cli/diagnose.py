@@ -14,7 +14,6 @@ from cosim.cli.options import add_common, beside, without_nan, write_json
 from cosim.drive_writer import explained
 
 if TYPE_CHECKING:
-    from cosim.discrepancy.unknown import Shape
     from sensors.effects.base import Effect
 
 
@@ -45,9 +44,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from cosim.discrepancy import diagnose
     from cosim.discrepancy.checks import opened
     from cosim.discrepancy.pages import format_diagnosis, write_page
-    from cosim.discrepancy.sensor_out import write_sensor
     from cosim.discrepancy.sentences import Vocabulary, headline
-    from cosim.discrepancy.unknown.write import effect_name
     from sensors.sensor_model import load_sensor
 
     sensor, drive = load_sensor(options.sensor), opened(options.drive)
@@ -57,8 +54,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     with console.status("reading the drive") as status:
         found = diagnose(drive, sensor, extra=extra, on_progress=status.update)
-    own = {} if found.unknown is None else {effect_name(found.unknown): _plugin(found.unknown)}
-    sensor_out = write_sensor(found.sensor, options.sensor_out or folder / "sensor.yaml", own)
+    sensor_out = found.write_sensor(options.sensor_out or folder / "sensor.yaml")
     found = replace(found, sensor_out=os.path.relpath(sensor_out))
     words = Vocabulary(extra)
     page = write_page(folder, format_diagnosis(found, words, str(options.drive), str(options.sensor)))
@@ -66,12 +62,6 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         print(headline(found, words))
     console.print(f"{page}; the improved sensor: {found.sensor_out}", soft_wrap=True, highlight=False)
     write_json(options.json, without_nan(found.to_json()))
-
-
-def _plugin(unknown: Shape) -> tuple[str, str]:
-    from cosim.discrepancy.unknown import class_name, effect_source
-
-    return class_name(unknown), effect_source(unknown)
 
 
 def _asked_for(text: str) -> type[Effect]:

@@ -25,6 +25,7 @@ from cosim.discrepancy.testing import HeldOut, held_out_errors
 from cosim.errors import DriveError
 from cosim.kitti import Drive
 from sensors.effects.base import Effect, LabelEffect, RoundingEffect
+from sensors.effects.registry import find_effect
 from sensors.errors import SensorError
 from sensors.pattern import first_problem
 from sensors.sensor_model import SensorModel, load_sensor
@@ -59,13 +60,26 @@ class Added:
             "error_after": self.error_after.error,
         }
 
+    def write_sensor(self, path: str | Path) -> Path:
+        """Write the sensor to a file; returns its path.
+
+        Raises:
+            OutputError: the folder cannot be written.
+        """
+        from cosim.discrepancy.sensor_out import write_sensor
+
+        return write_sensor(self.sensor, Path(path))
+
     def __str__(self) -> str:
-        values = ", ".join(f"{name} {value:.4g}" for name, value in self.params.items() if isinstance(value, float))
-        return f"{self.effect} ({values}): error {self.error_before.error:.3f} → {self.error_after.error:.3f}"
+        from cosim.discrepancy.sentences import Vocabulary
+
+        words = Vocabulary([type(effect) for effect in self.sensor.effects])
+        values = words.parameters(self.effect, self.params, self.ci95)
+        return f"{self.effect} ({values}): held-out error {self.error_before.error:.3f} → {self.error_after.error:.3f}"
 
 
 def add(
-    kind: type[Effect],
+    effect: type[Effect] | str,
     drive: Drive | str | Path,
     sensor: SensorModel | str | Path,
     *,
@@ -75,7 +89,7 @@ def add(
     """Fit an effect to a drive together with the noise and the like that the sensor has already.
 
     Args:
-        kind: the effect; one that the sensor has is fitted anew.
+        effect: its class, its name in the catalogue, or `path.py:ClassName`; one that the sensor has is fitted anew.
         drive: measured, with a twin, or its folder.
         sensor: the model, or its file.
         fixed: parameters that are known and stay.
@@ -83,8 +97,9 @@ def add(
 
     Raises:
         CosimError: the drive lacks points or a twin, or the twin does not fit it.
-        SensorError: the sensor file breaks the rules, or a fixed parameter does not fit the effect.
+        SensorError: no such effect, the sensor file breaks the rules, or a fixed parameter does not fit the effect.
     """
+    kind = find_effect(effect) if isinstance(effect, str) else effect
     drive = opened(drive)
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
     fixed = known_parameters(kind, fixed or {})

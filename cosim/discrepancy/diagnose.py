@@ -18,6 +18,7 @@ from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.gate import LEVEL, Verdict, run_gate
 from cosim.discrepancy.held_out import Split, split_drive
 from cosim.discrepancy.intervals import intervals, standard_errors
+from cosim.discrepancy.kinds import candidate_kinds
 from cosim.discrepancy.labels import with_labels
 from cosim.discrepancy.lattice import Lattice, find_lattices
 from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist, simpler_first
@@ -35,7 +36,6 @@ from cosim.discrepancy.unknown import (
 )
 from cosim.kitti import Drive
 from sensors.effects.base import Effect, RoundingEffect
-from sensors.effects.registry import effect_classes
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
@@ -241,15 +241,16 @@ class Detective:
             verdict=look.verdict,
             errors=self._errors,
             split=self.split,
-            unknown=self._shape(),
+            unknown=self._shape(look),
         )
 
-    def _shape(self) -> Shape | None:
+    def _shape(self, look: _Look) -> Shape | None:
         """The unknown shape as it was fitted at last."""
         place = self._unknown_place()
         if self._unknown is None or place is None:
             return None
-        return self._unknown.refitted(self._model.effects[place].model_dump())
+        told = intervals(look.fitter, look.fitted).get(effect_name(self._unknown), {})
+        return self._unknown.refitted(self._model.effects[place].model_dump(), told)
 
     def _unknown_place(self) -> int | None:
         """Where the unknown shape stands among the effects."""
@@ -358,18 +359,6 @@ class Detective:
             params = effects[finding.effect].model_dump(mode="json")
             done.append(finding.settled(params, found.get(finding.effect, finding.ci95)))
         return done
-
-
-def candidate_kinds(extra: Sequence[type[Effect]] = ()) -> tuple[type[Effect], ...]:
-    """Effects that a diagnosis asks for: of the catalogue, installed ones, and the user's own."""
-    kinds = {kind.name: kind for kind in effect_classes().values() if kind.is_candidate}
-    kinds.update({kind.name: kind for kind in extra})
-    return tuple(kind for kind in kinds.values() if _is_asked_for(kind))
-
-
-def _is_asked_for(kind: type[Effect]) -> bool:
-    shows = kind.neutral is not None or issubclass(kind, RoundingEffect)
-    return shows and kind.stage not in ("label", "traffic")
 
 
 def _helps(best: Ranked, after: HeldOut, before: HeldOut, is_new: bool) -> bool:

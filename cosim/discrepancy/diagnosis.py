@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from cosim.discrepancy.gate import Verdict
 from cosim.discrepancy.held_out import Split
 from cosim.discrepancy.labels import LabelFinding
 from cosim.discrepancy.testing import HeldOut
-from cosim.discrepancy.unknown import Shape
+from cosim.discrepancy.unknown import Shape, class_name, effect_name, effect_source
 from sensors.sensor_model import SensorModel
 
 
@@ -139,6 +140,23 @@ class Diagnosis:
             "noise_floor": self.noise_floor,
             "sensor_out": self.sensor_out,
         }
+
+    def write_sensor(self, path: str | Path) -> Path:
+        """Write the improved sensor to a file, and an unknown effect as a plug-in beside it; returns the path.
+
+        Raises:
+            OutputError: the folder cannot be written.
+        """
+        from cosim.discrepancy.sensor_out import write_sensor
+
+        unknown = self.unknown
+        own = {} if unknown is None else {effect_name(unknown): (class_name(unknown), effect_source(unknown))}
+        return write_sensor(self.sensor, Path(path), own)
+
+    def __str__(self) -> str:
+        from cosim.discrepancy.sentences import Vocabulary, headline
+
+        return headline(self, Vocabulary([type(effect) for effect in self.sensor.effects]))
 
 
 def _smallest(verdict: Verdict) -> dict[str, dict[str, float]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from html import escape
-from typing import Any
 
 import numpy as np
 
@@ -24,9 +23,8 @@ def unknown_section(found: Diagnosis) -> str:
         return ""
     unknown = found.unknown
     fit = f"<p>The formula explains {unknown.r2:.0%} of the shape.</p>" if unknown.formula else ""
-    own = next((one for one in found.sensor.effects if one.name == effect_name(unknown)), None)
-    fitted = ", ".join(f"{key} {_plain(value)}" for key, value in own.model_dump().items()) if own else ""
-    fitted = f"<p>Fitted together with everything else: {escape(fitted)}.</p>" if fitted else ""
+    fitted = ", ".join(_plain(name, value, unknown.ci95.get(name)) for name, value in unknown.params.items())
+    fitted = f"<p>Fitted together with everything else: {escape(fitted)}.{_acts(unknown)}</p>" if fitted else ""
     file = f"<code>{escape(effect_name(unknown))}.py</code>"
     return (
         f"<section><h2>What no effect of the catalogue explains</h2><p>{escape(unknown_words(unknown))}</p>"
@@ -35,8 +33,17 @@ def unknown_section(found: Diagnosis) -> str:
     )
 
 
-def _plain(value: Any) -> str:
-    return f"{len(value)} values" if isinstance(value, tuple | list) else f"{value:.3g}"
+def _plain(name: str, value: float, interval: list[float] | None) -> str:
+    said = f"{name} {value:.3g}".replace("-", "−")
+    return said if interval is None else f"{said} ± {(interval[1] - interval[0]) / 2:.2g}"
+
+
+def _acts(unknown: Shape) -> str:
+    if unknown.channel != "intensity":
+        return ""
+    if unknown.acts == "light":
+        return " It acts on the light: ranges and losses that hang on an echo’s strength follow."
+    return " It acts on what is read only: ranges and losses do not follow."
 
 
 def _curve(unknown: Shape) -> str:
@@ -49,9 +56,16 @@ def _curve(unknown: Shape) -> str:
     else:
         unit = f" ({unknown.unit})" if unknown.unit else ""
         axis = Axis(float(x.min()), float(x.max()) if np.ptp(x) > 0 else float(x.min()) + 1, f"{name}{unit}")
-    reach = 1.15 * max(float((np.abs(y) + 2 * sigma).max()), 1e-9)
+    low, high = float((y - 2 * sigma).min()), float((y + 2 * sigma).max())
+    reach = max(high, 0.0) - min(low, 0.0) or 1e-9
     label = f"{unknown.channel.replace('_', ' ')} left over{_UNITS.get(unknown.channel, '')}"
-    plot = Plot(axis, Axis(-reach, reach, label), f"left over against {name}", 900, 320)
+    plot = Plot(
+        axis,
+        Axis(min(low, 0.0) - 0.15 * reach, max(high, 0.0) + 0.15 * reach, label),
+        f"left over against {name}",
+        900,
+        320,
+    )
     plot.line(np.array([axis.low, axis.high]), np.zeros(2), "zero")
     if unknown.names:
         for place, level, side in zip(x, y, 2 * sigma, strict=True):

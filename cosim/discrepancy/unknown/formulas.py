@@ -11,6 +11,7 @@ import numpy as np
 _GRID = 25
 _CENTRES, _WIDTHS = 60, 18
 _SECOND_HARMONICS = 4
+_TURN = "np.mod(x - centre + np.pi, 2 * np.pi) - np.pi"
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +52,7 @@ def best_formula(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float 
         x: (b,) where.
         y: (b,) the shape.
         sigma: (b,) its standard errors.
-        period: of x, if it comes round.
+        period: of x, if it comes round: 2π, or 0.
     """
     weight = 1 / np.maximum(sigma, 1e-9) ** 2
     # A formula need not be better than a hundredth of the shape's size.
@@ -106,9 +107,9 @@ def _families(x: np.ndarray, period: float) -> Iterator[_Family]:
         text, code = "exp(−(x − {start:.3g})/{length:.3g})", "np.exp(-(x - start) / length)"
         yield "exponential", 1, shape, text, code, {"start": low, "length": float(length)}
     for centre in np.linspace(low, high, _CENTRES):
-        apart = np.mod(x - centre + period / 2, period) - period / 2 if period else x - centre
+        apart = np.mod(x - centre + np.pi, 2 * np.pi) - np.pi if period else x - centre
         for width in np.geomspace((high - low) / 40, (high - low) / 2, _WIDTHS):
-            turn = f"(np.mod(x - centre + {period / 2!r}, {period!r}) - {period / 2!r})" if period else "(x - centre)"
+            turn = f"({_TURN})" if period else "(x - centre)"
             text, code = "exp(−((x − {centre:.3g})/{width:.3g})²)", f"np.exp(-(({turn} / width) ** 2))"
             shape, numbers = np.exp(-((apart / width) ** 2)), {"centre": float(centre), "width": float(width)}
             yield "bell", 2, shape, text, code, numbers

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -31,6 +31,7 @@ class Shape:
         names: (b,) of categories.
         acts: of intensities, whether the light itself is another, which whatever hangs on its strength notices (the
             chance of a return, its range), or only its reading.
+        params, ci95: of the effect that it makes, as fitted together with everything else; empty before.
     """
 
     channel: Quantity
@@ -43,6 +44,8 @@ class Shape:
     delta_bic: float
     names: tuple[str, ...]
     acts: Literal["light", "reading"] = "reading"
+    params: Mapping[str, float] = field(default_factory=dict)
+    ci95: Mapping[str, list[float]] = field(default_factory=dict)
 
     @property
     def r2(self) -> float:
@@ -61,12 +64,13 @@ class Shape:
         """Whether another has a formula of the same kind; tables of categories have no formula."""
         return bool(self.formula and other.formula and self.formula.family == other.formula.family)
 
-    def refitted(self, parameters: Mapping[str, float]) -> Shape:
-        """With the parameters of a later fit, as far as its formula has them."""
+    def refitted(self, params: Mapping[str, float], ci95: Mapping[str, list[float]]) -> Shape:
+        """With the parameters of a later fit and their intervals, which its formula takes over."""
+        told = replace(self, params=dict(params), ci95=dict(ci95))
         if self.formula is None:
-            return self
-        values = {name: float(parameters.get(name, value)) for name, value in self.formula.parameters.items()}
-        return replace(self, formula=replace(self.formula, parameters=values))
+            return told
+        values = {name: float(params.get(name, value)) for name, value in self.formula.parameters.items()}
+        return replace(told, formula=replace(self.formula, parameters=values))
 
     def to_json(self) -> dict[str, Any]:
         """What `diagnose --json` writes under `unknown`."""
@@ -76,6 +80,8 @@ class Shape:
             "form": self.text,
             "r2": self.r2,
             "unit": self.unit,
+            "params": dict(self.params),
+            "ci95": dict(self.ci95),
             "curve": {
                 "x": list(self.names) if self.names else self.x.tolist(),
                 "y": self.y.tolist(),

@@ -100,7 +100,7 @@ class {class_name(shape)}({base}):
 
     name: ClassVar = "{effect_name(shape)}"
     channel: ClassVar = "{shape.channel}"
-    equation: ClassVar = {shape.text!r}
+    equation: ClassVar = "{shape.text}"
     reference: ClassVar = "found in measurements"
     example: ClassVar = {example}
     neutral: ClassVar = {neutral}
@@ -152,7 +152,7 @@ def _law(shape: Shape) -> tuple[str, str, str, str, str]:
             lookup = "        from assets.materials import material_index\n\n" + lookup
         field = f'    amplitude: float = number("how much of it there is", unit="{unit}")\n'
         return "{}", '{"amplitude": 1.0}', '{"amplitude": 0.0}', field, lookup
-    values = dict(shape.formula.parameters)
+    values = {name: float(f"{value:.6g}") for name, value in shape.formula.parameters.items()}
     amplitudes = ("amplitude", "level")
     neutral = {name: 0.0 if name in amplitudes else value for name, value in values.items()}
     shapes = {name: value for name, value in values.items() if name not in amplitudes}
@@ -164,7 +164,11 @@ def _law(shape: Shape) -> tuple[str, str, str, str, str]:
     code = shape.formula.code
     for name in sorted(values, key=len, reverse=True):
         code = _replaced(code, name)
-    return repr(shapes), repr(values), repr(neutral), fields, f"        return {code}"
+    return _plain(shapes), _plain(values), _plain(neutral), fields, f"        return {code}"
+
+
+def _plain(values: dict[str, float]) -> str:
+    return "{" + ", ".join(f'"{name}": {value!r}' for name, value in values.items()) + "}"
 
 
 def _replaced(code: str, name: str) -> str:
