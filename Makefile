@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 COSIM := .venv/bin/cosim
 
-.PHONY: demo test slow check bench hidden fuzz setup setup-dev clean
+.PHONY: demo test slow check docs bench hidden fuzz setup setup-dev clean
 
 demo: setup
 	$(COSIM) run --town town01 --frames 12 --seed 1 --workers 2 --out out/demo/drive
@@ -20,6 +20,9 @@ check: setup-dev
 	$(PYTHON) -m pyright
 	$(PYTHON) -m pytest -n 2 --dist loadgroup
 
+docs: setup-dev
+	$(PYTHON) -m mkdocs build --strict  # out/site/index.html
+
 bench: setup-dev
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.bench  # as workers run
 
@@ -34,7 +37,7 @@ setup:
 	@sh tools/setup.sh
 
 setup-dev:
-	@sh tools/setup.sh dev training
+	@sh tools/setup.sh dev training docs
 
 clean:
 	rm -rf out .pytest_cache .ruff_cache

@@ -61,13 +61,18 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0, or 2 for bad input."""
+def make_parser() -> argparse.ArgumentParser:
+    """The parser of all commands; the reference in the documentation is made from it, too."""
     parser = _Parser(prog="cosim", description="Traffic co-simulation on SUMO with LiDAR, cameras and KITTI output.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     for module in (*_COMMANDS, *_TRAFFIC):
         module.add_command(commands)
-    options = parser.parse_args(arguments)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code: 0, or 2 for bad input."""
+    options = make_parser().parse_args(arguments)
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")
     console = Console(stderr=True, quiet=options.quiet)
     try:
