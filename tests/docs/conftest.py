@@ -8,12 +8,16 @@ from pathlib import Path
 
 import pytest
 
+from tests.cosim.conftest import cosim
 from tests.docs.blocks import given
 from tests.docs.folder import PageFolder, Provide
 
+_BELIEVED = "pattern: hdl64e\neffects:\n  - {effect: range_noise, sigma_m: 0.02}\n"
+_TRUE = _BELIEVED + "  - {effect: range_walk, amplitude_m: 0.05, decay: 4}\n"
+
 
 @pytest.fixture(scope="session")
-def providers(request: pytest.FixtureRequest) -> dict[str, Provide]:
+def providers(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Provide]:
     """By the word of a page's `given`: what lays something into its folder."""
 
     def drive(target: Path) -> None:
@@ -24,13 +28,29 @@ def providers(request: pytest.FixtureRequest) -> dict[str, Provide]:
         """Three real frames in KITTI's ordinary layout."""
         shutil.copytree(request.getfixturevalue("kitti_root"), target)
 
-    return {"drive": drive, "kitti": kitti}
+    def sensor(target: Path) -> None:
+        """What a user believes of his sensor."""
+        target.write_text(_BELIEVED)
+
+    def measured(target: Path) -> None:
+        """What stands for measurements: the same drive by a sensor whose weak echoes come late."""
+        scratch = tmp_path_factory.mktemp("measured")
+        (scratch / "true.yaml").write_text(_TRUE)
+        source = request.getfixturevalue("drive_folder")
+        cosim("variants", source, "--variant", scratch / "true.yaml", "--out", scratch / "made", "--quiet")
+        shutil.copytree(scratch / "made/true", target)
+
+    def tracks(target: Path) -> None:
+        """What stands for measured trajectories: drivers who keep 0.3 m beside the middle of their lanes."""
+        config = target.with_name("measured_traffic.yaml")
+        config.write_text("town: town01\nbehaviour: {preset: calm, lane_offset_m: {kind: constant, value: 0.3}}\n")
+        cosim("traffic-record", "--config", config, "--seconds", 60, "--out", target, "--quiet")
+
+    return {"drive": drive, "kitti": kitti, "sensor": sensor, "measured": measured, "tracks": tracks}
 
 
 @pytest.fixture(scope="session")
-def page_folder(
-    tmp_path_factory: pytest.TempPathFactory, providers: dict[str, Provide]
-) -> Callable[[str], PageFolder]:
+def page_folder(tmp_path_factory: pytest.TempPathFactory, providers: dict[str, Provide]) -> Callable[[str], PageFolder]:
     """The one folder of each page."""
     folders: dict[str, PageFolder] = {}
 
