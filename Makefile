@@ -12,7 +12,7 @@ test: setup-dev
 	$(PYTHON) -m pytest -n 2 --dist loadgroup
 
 slow: setup-dev
-	$(PYTHON) -m pytest -m slow -n 2
+	$(PYTHON) -m pytest -m slow -n 2 --dist loadgroup
 
 check: setup-dev
 	$(PYTHON) -m ruff format --check .

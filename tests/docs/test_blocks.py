@@ -7,14 +7,13 @@ import yaml
 
 from tests.docs.blocks import LANGUAGES, Block, pages, read_blocks
 
-pytestmark = pytest.mark.xdist_group("drive")
 ALL = [block for page in pages() for block in read_blocks(page)]
 
 
 def _case(block: Block) -> object:
     marks = {
-        "quick": (),
-        "slow": (pytest.mark.slow,),
+        "quick": (pytest.mark.xdist_group("drive"),),
+        "slow": (pytest.mark.slow, pytest.mark.xdist_group(block.page)),
         "never": (pytest.mark.skip(reason=f"not run, because {block.reason}"),),
     }
     return pytest.param(block, marks=marks[block.when], id=f"{block.page}:{block.line}")
