@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from pydantic import ValidationError
 from torch import Tensor
 
 from cosim.drive_writer import explained
+from sensors.pattern import first_problem
 from training.errors import TrainingError
 from training.models.build import build_detector
 from training.models.detector import Detector
@@ -67,7 +69,7 @@ def load_weights(detector: Detector, path: Path, classes: tuple[str, ...]) -> No
         TrainingError: of another architecture; says which keys differ.
     """
     content = read_checkpoint(path)
-    weights = content["weights"] if content.get("format") == FORMAT else translate(content, classes).weights
+    weights = _ours(content, path)[2] if content.get("format") == FORMAT else translate(content, classes).weights
     demand_same_keys(detector.state_dict(), weights, path)
     detector.load_state_dict(weights)
 
@@ -84,8 +86,7 @@ def load_detector(
     """
     content = read_checkpoint(path)
     if content.get("format") == FORMAT:
-        settings, found = ModelSettings.model_validate(content["model"]), tuple(content["classes"])
-        weights = content["weights"]
+        settings, found, weights = _ours(content, path)
     else:
         found = classes or ("Car", "Pedestrian", "Cyclist")
         translated = translate(content, found)
@@ -95,6 +96,24 @@ def load_detector(
     demand_same_keys(detector.state_dict(), weights, path)
     detector.load_state_dict(weights)
     return detector, found
+
+
+def _ours(content: dict[str, Any], path: Path) -> tuple[ModelSettings, tuple[str, ...], dict[str, Tensor]]:
+    """Model, classes and weights of a checkpoint of cosim train.
+
+    Raises:
+        TrainingError: a part is missing, or another version wrote it.
+    """
+    absent = [name for name in ("model", "classes", "weights") if name not in content]
+    if absent:
+        raise TrainingError(f"{path}: no {absent[0]} in it; take a checkpoint.pt as cosim train left it")
+    try:
+        settings = ModelSettings.model_validate(content["model"])
+    except ValidationError as error:
+        raise TrainingError(
+            f"{path}: {first_problem(error)}; another version of cosim wrote it, use it with that one"
+        ) from error
+    return settings, tuple(content["classes"]), content["weights"]
 
 
 def demand_same_keys(wanted: dict[str, Tensor], given: dict[str, Tensor], path: Path) -> None:

@@ -96,6 +96,6 @@ def memory_explained(config: TrainConfig) -> Iterator[None]:
             raise
         lower = "`batch_size`" if config.batch_size > 1 else "`model: {max_cells: …}` or the range `low_m`, `high_m`"
         raise TrainingError(
-            f"out of memory with batch_size {config.batch_size}; lower {lower}, then run the same command again: "
-            "it goes on from the last checkpoint"
+            f"out of memory with batch_size {config.batch_size}; lower {lower}; what was begun with other settings "
+            "stays as it is, so give another --out if there is a checkpoint already"
         ) from error

@@ -40,7 +40,9 @@ class Source(BaseModel):
             names = tuple(read_split(self.frames))
             absent = [name for name in names if name not in drive]
             if absent:
-                raise TrainingError(f"{self.frames}: {len(absent)} frames are not in {self.drive} ({absent[0]}, …)")
+                raise TrainingError(
+                    f"{self.frames}: of its frames {len(absent)} not in {self.drive}, first {absent[0]}"
+                )
         if self.count is not None and self.count < len(names):
             names = tuple(names[i * len(names) // self.count] for i in range(self.count))
         return drive, names
@@ -60,8 +62,11 @@ def read_samples(
         for name in names:
             samples.append(read_sample(drive[name], classes))
             on_frame()
-    if not samples:
+    if not sources:
         raise TrainingError("the training set is empty: name at least one drive under `train`")
+    if not samples:
+        named = ", ".join(str(source.frames or source.split or source.drive) for source in sources)
+        raise TrainingError(f"the training set is empty: {named} names no frame; choose another list or drive")
     if not any((sample.kinds >= 0).any() for sample in samples):
         raise TrainingError(
             f"the training set is empty: none of its {len(samples)} frames has a labelled {' or '.join(classes)} "

@@ -110,7 +110,8 @@ def _names(folder: Path) -> set[str]:
 def _demand(folder: Path, absent: list[str], have: str, lack: str, remedy: str) -> None:
     if absent:
         shown = ", ".join(absent[:3]) + (" …" if len(absent) > 3 else "")
-        raise EvaluationError(f"{folder}: {len(absent)} frames have {have} but no {lack} ({shown}); {remedy}")
+        count = "1 frame has" if len(absent) == 1 else f"{len(absent)} frames have"
+        raise EvaluationError(f"{folder}: {count} {have} but no {lack} ({shown}); {remedy}")
 
 
 def _join(frames: Sequence[Labels]) -> Labels:

@@ -87,6 +87,18 @@ def test_ours_tell_their_model_and_classes(tmp_path):
         assert torch.equal(again.state_dict()[name], value)
 
 
+def test_a_checkpoint_that_lacks_a_part_or_comes_from_another_version_says_so(tmp_path):
+    detector = build_detector(_TINY, ("Car",))
+    save_checkpoint(tmp_path / "ours.pt", detector, _TINY, ("Car",))
+    content = torch.load(tmp_path / "ours.pt", weights_only=True)
+    torch.save({**content, "model": {**content["model"], "wings": 2}}, tmp_path / "newer.pt")
+    torch.save({key: value for key, value in content.items() if key != "classes"}, tmp_path / "part.pt")
+    with pytest.raises(TrainingError, match="wings.*another version"):
+        load_detector(tmp_path / "newer.pt")
+    with pytest.raises(TrainingError, match="no classes in it"):
+        load_weights(detector, tmp_path / "part.pt", ("Car",))
+
+
 def test_voxel_rcnn_has_the_published_parameters():
     detector = build_detector(ModelSettings.model_validate("voxel_rcnn"), ("Car",))
     shapes = {name: tuple(value.shape) for name, value in detector.state_dict().items()}
