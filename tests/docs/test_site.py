@@ -78,3 +78,9 @@ def test_every_setting_is_in_the_configuration_page(config):
     page = (ROOT / "docs/configuration.md").read_text(encoding="utf-8")
     missing = [key for key in config.model_fields if f"`{key}`" not in page]
     assert not missing
+
+
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
+def test_links_of_pages_outside_the_site_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#]+)", (ROOT / page).read_text(encoding="utf-8")):
+        assert "://" in target or (ROOT / target).exists(), target
