@@ -5,16 +5,16 @@ from __future__ import annotations
 import argparse
 import inspect
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 
 from sensors.effects.base import Effect, Parameter
 
 _STAGES = {
-    "beam": "Beams: where they really look, before they are traced",
-    "echo": "Echoes: which surface answers, how strongly, and whether that is noticed",
-    "point": "Points: ranges and intensities of returns",
-    "scan": "Scans: returns that no surface gave, and returns that are removed",
-    "label": "Labels",
+    "beam": ("Beams", "Where beams really look and when they leave, before they are traced."),
+    "echo": ("Echoes", "Which surface answers, how strongly, and whether that is noticed."),
+    "point": ("Points", "What is read of a return: its range and its intensity."),
+    "scan": ("Scans", "Returns that no surface gave, and returns that are removed."),
+    "label": ("Labels", "What annotators write down of objects."),
 }
 
 
@@ -61,15 +61,16 @@ def effects_page(effects: Iterable[type[Effect]]) -> str:
         "",
     ]
     effects = list(effects)
-    for stage, title in _STAGES.items():
-        lines += [f"## {title}", ""]
+    names = {effect.name for effect in effects}
+    for stage, (title, said) in _STAGES.items():
+        lines += [f"## {title}", "", said, ""]
         for effect in effects:
             if effect.stage == stage:
-                lines += _effect(effect)
+                lines += _effect(effect, names)
     return "\n".join(lines)
 
 
-def _effect(effect: type[Effect]) -> list[str]:
+def _effect(effect: type[Effect], known: Container[str]) -> list[str]:
     said = inspect.cleandoc(effect.__doc__ or "").split("\n\n")[0]
     lines = [f"### {effect.name}", "", " ".join(said.split()), "", "```text", effect.equation, "```", ""]
     if effect.parameters():
@@ -78,20 +79,22 @@ def _effect(effect: type[Effect]) -> list[str]:
         lines.append("")
     facts = []
     if effect.confusable_with:
-        facts.append("looks like " + ", ".join(f"`{name}`" for name in effect.confusable_with))
+        alike = [f"[`{name}`](#{name})" if name in known else f"`{name}`" for name in effect.confusable_with]
+        facts.append("looks like " + ", ".join(alike))
     if effect.needs_new_rays:
         facts.append("needs new rays")
     if effect.reference:
         facts.append(f"source: {effect.reference}")
     if effect.taxonomy:
         facts.append(f"[node in LidarLimbs]({effect.taxonomy_link()})")
-    return [*lines, "; ".join(facts) + ".", ""] if facts else lines
+    told = "; ".join(facts)
+    return [*lines, f"{told[:1].upper()}{told[1:]}.", ""] if facts else lines
 
 
 def _bounds(one: Parameter) -> str:
     if one.choices:
         return ", ".join(f"`{word}`" for word in one.choices)
-    low, high = ("" if bound is None else f"{bound:g}" for bound in (one.low, one.high))
+    low, high = ("" if bound is None else f"{bound:g}".replace("-", "−") for bound in (one.low, one.high))
     many = ", one a laser" if one.per_ring else ", for length, width and height" if one.per_axis else ""
     return f"{low} … {high} {one.unit}".strip() + many if low or high else f"any {one.unit}".strip() + many
 
