@@ -32,7 +32,9 @@ from sensors.effects.mount_rotation import MountRotation
 from sensors.effects.mount_translation import MountTranslation
 from sensors.effects.own_shadow import OwnShadow
 from sensors.effects.paint_gloss import PaintGloss
+from sensors.effects.path_dropout import PathDropout
 from sensors.effects.projected_intensity import ProjectedIntensity
+from sensors.effects.pulse_detection import PulseDetection
 from sensors.effects.random_dropout import RandomDropout
 from sensors.effects.range_bias import RangeBias
 from sensors.effects.range_falloff import RangeFalloff
@@ -83,7 +85,9 @@ BUILT_IN: dict[str, type[Effect]] = {
             MountTranslation,
             OwnShadow,
             PaintGloss,
+            PathDropout,
             ProjectedIntensity,
+            PulseDetection,
             RandomDropout,
             RangeBias,
             RangeFalloff,

@@ -34,6 +34,7 @@ class Phase(IntEnum):
     LINEAR_FALLOFF = auto()
     EXTINCTION = auto()
     FOCAL_RESPONSE = auto()
+    DETECTION = auto()
     RING_GAIN = auto()
     RETRO = auto()
     COMPRESSION = auto()

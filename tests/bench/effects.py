@@ -14,8 +14,8 @@ def table() -> Table:
     """A line an effect: the share of beams that it changes, by channel, with the parameters of its example."""
     found = Table(
         title="Each effect alone: share of beams changed (of boxes: label)",
-        caption="room: closed, of one material; street: road, walls, glass, sign, two moving cars. In brackets: what the "
-        "effect says it cannot but touch. `yes`: its own channel changes, and none that it does not name.",
+        caption="room: closed, of one material; street: road, walls, glass, sign, two moving cars. In brackets: what "
+        "the effect says it cannot but touch. `yes`: its own channel changes, and none that it does not name.",
     )
     for column in ("effect", "about", "scene", *_CHANNELS, "median |ΔR|", "median |ΔI|", "alone"):
         found.add_column(column, justify="left" if column in ("effect", "about", "scene") else "right", no_wrap=True)

@@ -140,6 +140,36 @@ def test_the_threshold_keeps_a_logistic_share(plain, threshold, softness):
     assert stats.binomtest(kept, len(plain[0]), chance).pvalue > 1e-3
 
 
+@pytest.mark.parametrize(("signal", "steepness"), [(0.4, 3.0), (0.2, 1.0), (0.6, 4.0)])
+def test_pulses_are_noticed_by_a_power_of_their_signal_and_not_by_the_gain_they_are_reported_with(
+    plain, signal, steepness
+):
+    pulses = effect("pulse_detection", signal=signal, steepness=steepness)
+    kept = after(pulses)
+    chance = 1 / (1 + (signal / RHO) ** steepness)
+    assert stats.binomtest(len(kept), len(plain[0]), chance).pvalue > 1e-3
+    gained = after(pulses, effect("ring_gain", gains=[0.1] * plain[1].pattern.rings))
+    np.testing.assert_array_equal(gained.beam, kept.beam)
+    np.testing.assert_allclose(gained.intensity, 0.1 * kept.intensity, rtol=1e-5)
+
+
+def test_retro_reflectors_are_always_noticed():
+    sign = Scene(wall(20.0, material="sign_face"), no_model)
+    blind = after(effect("pulse_detection", signal=1.0, steepness=50.0), scene=sign)
+    assert len(blind) == len(after(scene=sign)) > 0
+
+
+@pytest.mark.parametrize("length", [20.0, 100.0, 1000.0])
+def test_what_the_path_takes_grows_with_its_length(plain, length):
+    kept = after(effect("path_dropout", mean_path_m=length))
+    range_m = plain[0].range_m
+    near = range_m < np.median(range_m)
+    for rows in (near, ~near):
+        chance = np.exp(-range_m[rows] / length)
+        found = int(np.isin(plain[0].beam[rows], kept.beam).sum())
+        assert abs(found - chance.sum()) < 4 * np.sqrt((chance * (1 - chance)).sum())
+
+
 @settings(max_examples=6, deadline=None)
 @given(p=st.floats(0.01, 0.99), seed=st.integers(0, 5))
 def test_dropout_loses_its_share_independently(plain, p, seed):

@@ -1,0 +1,36 @@
+"""Returns are lost on the way, the more the longer it is."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from sensors.effects.base import DetectionEffect, number
+from sensors.effects.phases import Phase
+from sensors.returns import Returns
+from sensors.shot import Shot
+
+
+class PathDropout(DetectionEffect):
+    """Kept with probability exp(−R/L): every metre of air holds the same chance that something spoils the pulse.
+
+    Twigs, insects, exhaust and shimmer take pulses from bright and dark surfaces alike. From 5 to 50 m the share of
+    firings that KITTI's scans lack within one surface grows in proportion to range.
+    """
+
+    name: ClassVar = "path_dropout"
+    phase: ClassVar = Phase.DROPOUT
+    channel: ClassVar = "drop"
+    equation: ClassVar = "P(kept) = exp(−R/L)"
+    reference: ClassVar = "Beer–Lambert law of chance obstacles; lost firings of KITTI's scans"
+    taxonomy: ClassVar = "di1"
+    confusable_with: ClassVar = ("random_dropout", "detection_threshold", "pulse_detection")
+    example: ClassVar = {"mean_path_m": 100.0}
+    is_candidate: ClassVar = False
+
+    mean_path_m: float = number("L, the way after which 1/e of the pulses are left", unit="m", ge=1, le=1e6)
+
+    def kept(self, returns: Returns, shot: Shot) -> np.ndarray:
+        """The more likely, the nearer."""
+        return np.exp(-returns.range_m.astype(np.float64) / self.mean_path_m)
