@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tests.docs.blocks import ROOT, Block, read_blocks
 
-_LONGEST_S = {"quick": 120, "slow": 1800}
+_LONGEST_S = {"quick": 600, "slow": 3600}
 
 
 class PageFolder:
