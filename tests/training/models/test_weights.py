@@ -93,7 +93,7 @@ def test_a_checkpoint_that_lacks_a_part_or_comes_from_another_version_says_so(tm
     content = torch.load(tmp_path / "ours.pt", weights_only=True)
     torch.save({**content, "model": {**content["model"], "wings": 2}}, tmp_path / "newer.pt")
     torch.save({key: value for key, value in content.items() if key != "classes"}, tmp_path / "part.pt")
-    with pytest.raises(TrainingError, match="wings.*another version"):
+    with pytest.raises(TrainingError, match=r"wings.*another version"):
         load_detector(tmp_path / "newer.pt")
     with pytest.raises(TrainingError, match="no classes in it"):
         load_weights(detector, tmp_path / "part.pt", ("Car",))
