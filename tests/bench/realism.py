@@ -1,6 +1,7 @@
-"""Ours beside real: `python -m tests.bench.realism DRIVE... --real DIR [--frames FILE] [--json FILE]`.
+"""Ours beside real: `python -m tests.bench.realism [DRIVE...] [--variants DIR] --real DIR [--frames FILE]`.
 
-A DRIVE is any folder in KITTI's layout with labels: a drive, or what `cosim variants` wrote of one.
+A DRIVE is any folder in KITTI's layout with labels: a drive, or what `cosim variants` wrote of one. `--variants DIR`
+takes all that `cosim variants --out DIR` wrote and says which is nearest to the real scans.
 """
 
 from __future__ import annotations
@@ -11,11 +12,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from cosim.errors import CosimError
 from cosim.stats import FrameSet, ObjectTable
 from tests.bench.scan_signature import CAR_EDGES_M, INTENSITIES, REACH_EDGES_M, RINGS, SATURATED, Signature, measure
 
@@ -68,6 +71,7 @@ def rows(ours: Signature, real: Signature) -> Iterator[Row | Gap]:
     """Every quantity, group by group, each group with its distance."""
     yield _row("scan", "points a frame", *(_mean(s.points, np.ones(len(s.points))) for s in (ours, real)))
     yield Gap("scan", "1-Wasserstein distance of points a frame", _wasserstein(ours.points, real.points))
+    yield _row("scan", "scatter of ranges, smooth surfaces [m]", *(_known_mean(s.scatter_m) for s in (ours, real)))
     yield from _group("points a visible car", "mean |ln ratio|", _car_points(ours, real))
     like = "points a visible car, by its outline [1/msr]"
     yield from _group(like, "mean |ln ratio|", _car_points(ours, real, like))
@@ -169,6 +173,10 @@ def _mean(values: np.ndarray, weights: np.ndarray | None) -> tuple[float, float]
     return _share(values, np.ones(len(values)) if weights is None else weights)
 
 
+def _known_mean(values: np.ndarray) -> tuple[float, float]:
+    return _mean(values[np.isfinite(values)], None)
+
+
 def _share(part: np.ndarray, whole: np.ndarray) -> tuple[float, float]:
     """Ratio of sums over frames and its standard error, frames being what is drawn (Cochran 1977, section 6.4)."""
     total = whole.sum()
@@ -211,31 +219,51 @@ def _text(value: float) -> str:
 
 
 def main() -> None:
-    """Print a table for every drive."""
+    """Print a table for every drive, and one for all variants."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench.realism", description=__doc__)
-    parser.add_argument("drives", nargs="+", type=Path, metavar="DRIVE")
+    parser.add_argument("drives", nargs="*", type=Path, metavar="DRIVE")
+    parser.add_argument("--variants", type=Path, metavar="DIR", help="what cosim variants wrote: one table for all")
     parser.add_argument("--real", type=Path, required=True, metavar="DIR", help="measured frames in KITTI's layout")
     parser.add_argument("--frames", type=Path, metavar="FILE", help="names of the measured frames to use, one a line")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
     options = parser.parse_args()
-    console = Console(width=120)
+    if not options.drives and options.variants is None:
+        parser.error("nothing to hold beside the real frames; give a DRIVE or --variants DIR")
+    try:
+        result = _report(options)
+    except CosimError as error:
+        parser.error(str(error))
+    if options.json:
+        options.json.write_text(json.dumps(result, indent=1), encoding="utf-8")
+
+
+def _report(options: argparse.Namespace) -> dict[str, list[dict[str, Any]]]:
+    from tests.bench.variant_realism import side_by_side
+
     names = options.frames.read_text(encoding="utf-8").split() if options.frames else None
     real = measure(FrameSet(options.real, names))
     result = {}
     for drive in options.drives:
         found = list(rows(measure(FrameSet(drive)), real))
-        console.print(_table(f"{drive} beside {options.real}", found))
-        result[str(drive)] = [
-            {"group": item.group, "name": item.name}
-            | (
-                {"distance": item.value}
-                if isinstance(item, Gap)
-                else {"ours": item.ours, "real": item.real, "ratio_error": item.ratio_error, "within": item.verdict}
-            )
-            for item in found
-        ]
-    if options.json:
-        options.json.write_text(json.dumps(result, indent=1), encoding="utf-8")
+        Console(width=120).print(_table(f"{drive} beside {options.real}", found))
+        result[str(drive)] = _told(found)
+    if options.variants is not None:
+        table, found_by_set = side_by_side(options.variants, real, FrameSet(options.real), names)
+        Console(width=180).print(table)
+        result |= {name: _told(found) for name, found in found_by_set.items()}
+    return result
+
+
+def _told(found: list[Row | Gap]) -> list[dict[str, Any]]:
+    return [
+        {"group": item.group, "name": item.name}
+        | (
+            {"distance": item.value}
+            if isinstance(item, Gap)
+            else {"ours": item.ours, "real": item.real, "ratio_error": item.ratio_error, "within": item.verdict}
+        )
+        for item in found
+    ]
 
 
 if __name__ == "__main__":

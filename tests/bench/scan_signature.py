@@ -19,6 +19,7 @@ _CLEARANCE_M = 0.2  # of a box's bottom: what lies below is road
 _WIDEST_GAP_RAD = np.radians(1.2)
 _SAME_SURFACE = 0.05  # of the range: both ends of a gap lie on one surface
 _FINEST_STEP_RAD = np.radians(0.05)
+_QUARTILE = 0.3186  # a quarter of |N(0, 1)| lies below
 
 
 @dataclass(eq=False)
@@ -31,6 +32,7 @@ class Signature:
         reach, car_reach: (f, 9, 3), (f, 5, 3) sums by range, of all and of points on cars.
         intensity, car_intensity: (f, 101) histograms of points elsewhere than on cars, and on cars.
         lost: (f, 9, 2) firings without a return between two returns of one surface, and returns, by range.
+        scatter_m: (f,) standard deviation of ranges along smooth surfaces within 20 m; NaN where it cannot be told.
         elevation_deg: (f, 64) slope of the cone each ring's points lie on; NaN where it cannot be told.
         cars: labelled cars with their points.
     """
@@ -42,6 +44,7 @@ class Signature:
     intensity: np.ndarray
     car_intensity: np.ndarray
     lost: np.ndarray
+    scatter_m: np.ndarray
     elevation_deg: np.ndarray
     cars: ObjectTable = field(default_factory=lambda: ObjectTable.merge([]))
 
@@ -57,6 +60,7 @@ def measure(source: FrameSet) -> Signature:
         intensity=np.zeros((frames, len(INTENSITIES))),
         car_intensity=np.zeros((frames, len(INTENSITIES))),
         lost=np.zeros((frames, bins, 2)),
+        scatter_m=np.full(frames, np.nan),
         elevation_deg=np.full((frames, RINGS), np.nan),
     )
     tables = []
@@ -75,7 +79,9 @@ def measure(source: FrameSet) -> Signature:
         ring = frame.rays.ring
         if ring.max(initial=0) < RINGS:
             found.rings[row] = np.bincount(ring, minlength=RINGS)
-            found.lost[row] = _lost(ring, np.arctan2(points[:, 1], points[:, 0], dtype=np.float64), distance)
+            azimuth = np.arctan2(points[:, 1], points[:, 0], dtype=np.float64)
+            found.lost[row] = _lost(ring, azimuth, distance)
+            found.scatter_m[row] = _scatter_m(ring, azimuth, distance)
             found.elevation_deg[row] = _elevations(ring, points)
     found.cars = ObjectTable.merge(tables).of_type("Car")
     return found
@@ -114,6 +120,19 @@ def _lost(ring: np.ndarray, azimuth: np.ndarray, distance: np.ndarray) -> np.nda
     missing = np.where(same, np.maximum(np.rint(gap / step) - 1, 0), 0)
     counts = (np.histogram(near, REACH_EDGES_M, weights=column)[0] for column in (missing, same.astype(float)))
     return np.stack(list(counts), 1)
+
+
+def _scatter_m(ring: np.ndarray, azimuth: np.ndarray, distance: np.ndarray) -> float:
+    """From the lower quartile of second differences of three neighbours, which edges and texture leave alone."""
+    order = np.lexsort((azimuth, ring))
+    ring, azimuth, distance = ring[order], azimuth[order], distance[order].astype(np.float64)
+    near = (ring[2:] == ring[:-2]) & (azimuth[2:] - azimuth[:-2] < np.radians(0.6)) & (distance[1:-1] < 20)
+    if near.sum() < 100:
+        return float("nan")
+    bend = np.abs(distance[2:] - 2 * distance[1:-1] + distance[:-2])[near]
+    return float(
+        np.quantile(bend, 0.25) / _QUARTILE / np.sqrt(6)
+    )  # a second difference of noise has six times its variance
 
 
 def _elevations(ring: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.errors import CosimError
 from cosim.kitti import write_points
 from cosim.kitti.boxes import Boxes
 from cosim.stats import FrameSet
 from tests.bench.realism import Gap, Row, rows
 from tests.bench.scan_signature import measure
+from tests.bench.variant_realism import distance, side_by_side
 from tests.cosim.stats.sets import cars, write_frame
 
 _FIRINGS = 2000
@@ -63,3 +65,39 @@ def test_some_frames_of_a_set_can_be_named(tmp_path: Path) -> None:
     assert FrameSet(tmp_path, ["000002", "000000"]).names == ("000000", "000002")
     with pytest.raises(Exception, match="000007"):
         FrameSet(tmp_path, ["000007"])
+
+
+def row(ours: float, real: float) -> Row:
+    return Row("share of firings lost", "0–5 m", ours, real)
+
+
+def test_the_distance_is_nought_for_what_is_alike_and_the_logarithm_of_the_ratio_else() -> None:
+    assert distance([row(0.2, 0.2), row(0.0, 0.0)]) == 0
+    assert distance([row(0.1, 0.2)]) == pytest.approx(np.log(2))
+    assert distance([row(0.1, 0.2)]) == pytest.approx(distance([row(0.2, 0.1)])), "both ways alike"
+    assert distance([row(0.0, 0.2)]) == pytest.approx(np.log(10)), "what is missing counts as a factor of ten"
+    assert distance([row(1e-9, 0.2)]) == pytest.approx(np.log(10)), "and nothing for more"
+    with_unknown = [row(0.1, 0.2), row(float("nan"), 0.2)]
+    assert distance(with_unknown) == pytest.approx(np.log(2)), "what cannot be told does not count"
+
+
+@pytest.mark.parametrize("sigma_m", [0.0, 0.01, 0.1])
+def test_scatter_of_ranges_is_that_of_the_noise(tmp_path: Path, sigma_m: float) -> None:
+    write_frame(tmp_path, "000000", cars((30, 2, -1)), ["Car"])
+    points = room(None)
+    noise = np.random.default_rng(0).normal(0, sigma_m, len(points))
+    points[:, :3] *= 1 + (noise / np.linalg.norm(points[:, :3], axis=1))[:, None]
+    write_points(tmp_path / "velodyne/000000.bin", points)
+    assert measure(FrameSet(tmp_path)).scatter_m[0] == pytest.approx(sigma_m, rel=0.05, abs=1e-3)
+
+
+def test_variants_stand_in_columns_with_a_distance_each(tmp_path: Path) -> None:
+    for name in ("dual", "noise"):
+        write_frame(tmp_path / name, "000000", cars((10, 2, -1)), ["Car"])
+    measured = FrameSet(tmp_path / "dual")
+    table, found = side_by_side(tmp_path, measure(measured), measured, None)
+    assert list(found) == ["dual", "noise"]
+    assert [column.header for column in table.columns] == ["quantity", "real", "dual", "noise"]
+    assert all(distance(items) == 0 for items in found.values())
+    with pytest.raises(CosimError, match="holds no drives"):
+        side_by_side(tmp_path / "dual", measure(measured), measured, None)
