@@ -20,7 +20,8 @@ check: setup-dev
 	$(PYTHON) -m pyright
 	$(PYTHON) -m pytest -n 2 --dist loadgroup
 
-docs: setup-dev
+docs:
+	@sh tools/setup.sh docs
 	$(PYTHON) -m mkdocs build --strict  # out/site/index.html
 
 bench: setup-dev

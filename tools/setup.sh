@@ -33,12 +33,13 @@ if [ ! -x .venv/bin/python ] || ! .venv/bin/python -m pip --version >/dev/null 2
 fi
 
 extras=$(printf '%s,' "$@" | sed 's/,*$//')
-wanted=$(cat pyproject.toml constraints.txt; echo "$extras")
-if [ "$(cat .venv/.installed 2>/dev/null || true)" != "$wanted" ]; then
+installed=.venv/.installed${extras:+,$extras}  # of each choice of extras: they do not remove each other
+wanted=$(cat pyproject.toml constraints.txt)
+if [ "$(cat "$installed" 2>/dev/null || true)" != "$wanted" ]; then
     say "installing Python packages into .venv (some minutes the first time)"
     .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt -e ".${extras:+[$extras]}" ||
         die "pip could not install the packages; see the lines above"
-    printf '%s\n' "$wanted" > .venv/.installed
+    printf '%s\n' "$wanted" > "$installed"
 fi
 
 # What the binary packages expect of the system: library and Debian package.
