@@ -17,6 +17,7 @@ from cosim.discrepancy.fitting import Fitter, all_free
 from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.held_out import split_drive
 from cosim.discrepancy.intervals import intervals
+from cosim.discrepancy.kinds import as_known, for_rings, with_rings
 from cosim.discrepancy.lattice import find_lattices
 from cosim.discrepancy.ranking import fit_candidate
 from cosim.discrepancy.sample import draw_sample
@@ -102,10 +103,10 @@ def add(
     kind = find_effect(effect) if isinstance(effect, str) else effect
     drive = opened(drive)
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
-    fixed = known_parameters(kind, fixed or {})
+    fixed, kind = known_parameters(kind, fixed or {}), for_rings(kind, model.pattern.rings)
     split = split_drive(drive)
     tracer = FrameTracer(drive, model)
-    effects = in_order(model.effects)
+    effects = with_rings(in_order(model.effects), model.pattern.rings)
     before = held_out_errors(tracer, split.test, effects, model.origin)
     place = next((i for i, effect in enumerate(effects) if effect.name == kind.name), None)
     if place is not None and fixed:
@@ -124,7 +125,7 @@ def add(
     settled = settle(frames, trace, effects, free, seed)
     result = settled.fitted
     effects = result.effects
-    sensor_after = SensorModel(model.pattern, effects, model.origin)
+    sensor_after = SensorModel(model.pattern, as_known(effects), model.origin)
     return Added(
         effect=kind.name,
         params=effects[place].model_dump(mode="json"),

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.discrepancy.candidates import amplitudes
 from cosim.discrepancy.checks import check_fit, opened
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.directions import directions
@@ -17,11 +16,12 @@ from cosim.discrepancy.fitting import Fitted, Fitter, Free, all_free
 from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.gate import LEVEL, Verdict, run_gate
 from cosim.discrepancy.held_out import Split, split_drive
-from cosim.discrepancy.intervals import intervals, standard_errors
-from cosim.discrepancy.kinds import candidate_kinds
+from cosim.discrepancy.intervals import intervals
+from cosim.discrepancy.kinds import as_known, candidate_kinds, with_rings
 from cosim.discrepancy.labels import with_labels
 from cosim.discrepancy.lattice import Lattice, find_lattices
 from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist, simpler_first
+from cosim.discrepancy.revising import is_idle, redrawn, simpler_rival
 from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.settling import Settled, settle
 from cosim.discrepancy.testing import HeldOut, held_out_errors
@@ -30,7 +30,6 @@ from cosim.discrepancy.unknown import (
     effect_name,
     find_shape,
     rank_shape,
-    same_shape,
     shape_effect,
     shape_gate,
 )
@@ -50,7 +49,6 @@ _CLEARLY_MORE = 1.15  # times the gain of the best candidate must be an unknown 
 _SHAPE_LEVEL = 0.02
 _RETUNED_SIGMAS, _RETUNED_SHARE = 2.0, 1e-3  # what other values of an effect must gain, of its scatter and of the error
 _HARM_SIGMAS = 2.0
-_REDRAWN = 2
 _TRIED = 3  # candidates a round, until one helps on held-out frames; then those that the gate lets through alone
 
 
@@ -120,11 +118,11 @@ class Detective:
         self.drive = drive
         self.sensor = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
         self.split: Split = split_drive(drive)
-        self._kinds = candidate_kinds(extra)
+        self._kinds = candidate_kinds(extra, self.sensor.pattern.rings)
         self._seed, self._say = seed, say
         self._tracer = FrameTracer(drive, self.sensor)
         self._frames: list[TracedFrame] = []
-        self._model = _Model(in_order(self.sensor.effects))
+        self._model = _Model(with_rings(in_order(self.sensor.effects), self.sensor.pattern.rings))
         self._findings: list[Finding] = []
         self._ranking: list[Alternative] = []
         self._unknown: Shape | None = None
@@ -139,7 +137,7 @@ class Detective:
         look = self._look(self._fitted_anew())
         while len(self._errors) <= _MOST_EFFECTS and (added := self._added(look)) is not None:
             look = self._look(added)
-        return self._concluded(self._tidied(self._redrawn(look)))
+        return self._concluded(self._tidied(self._revised(look)))
 
     def _look(self, settled: Settled) -> _Look:
         """Run the gate over what a fit leaves."""
@@ -183,7 +181,7 @@ class Detective:
         self._errors.append(after)
         if choice.shape is not None:
             self._unknown = choice.shape
-            return settled
+            return self._parted(choice.shape) if choice.shape.has_apart else settled
         alike = tuple(one.effect for one in choice.rivals if one.delta_bic > best.delta_bic - _ALIKE_BIC)
         p_value, known = look.verdict.p_value, {one.effect.name: one.interval for one in look.lattices}
         interval = known.get(best.effect, {})
@@ -192,35 +190,54 @@ class Detective:
         )
         return settled
 
-    def _redrawn(self, look: _Look) -> _Look:
-        """The unknown shape drawn anew: when it was found, it stood beside values that had made up for part of it."""
-        for _ in range(_REDRAWN):
-            place = self._unknown_place()
-            if self._unknown is None or place is None:
-                break
-            rest = tuple(effect for number, effect in enumerate(look.fitted.effects) if number != place)
-            without = look.fitter.fit(rest, (), pose=look.fitted.pose, pose_sigma=look.fitted.pose_sigma)
-            shape = same_shape(look.fitter, without, self._unknown)
-            if shape is None:
-                break
-            was, self._unknown = self._unknown, shape
-            if shape.is_like(was):
-                break  # its numbers have been fitted along with all others
-            self._say("drawing the unknown shape anew")
-            before = self._model, self._frames
-            effects = (*self._model.effects[:place], shape_effect(shape), *self._model.effects[place + 1 :])
-            self._model = replace(self._model, effects=effects)
-            settled, after = self._fitted_anew(), self._held_out()
-            if self._errors[-1].beats(after):
-                (self._model, self._frames), self._unknown = before, was
-                break
-            self._errors.append(after)
-            look = replace(look, fitter=settled.fitter, fitted=settled.fitted)
-        return look
+    def _parted(self, shape: Shape) -> Settled:
+        """The unknown shape about zero: a constant error beside it is a candidate of the next round."""
+        place, self._unknown = self._unknown_place(), shape.without_level()
+        assert place is not None  # it has just been added
+        self._model = replace(self._model, effects=self._with(place, shape_effect(self._unknown)))
+        settled = self._fitted_anew()
+        self._errors[-1] = self._held_out()
+        return settled
+
+    def _revised(self, look: _Look) -> _Look:
+        """What was found first, looked at again beside all the rest."""
+        if len(self._findings) + (self._unknown is not None) < 2:
+            return look
+        for number, finding in enumerate(self._findings):
+            place = next(i for i, effect in enumerate(self._model.effects) if effect.name == finding.effect)
+            rival = simpler_rival(look.fitter, look.fitted, place, self._kinds)
+            anew = self._exchanged(look, place, rival) if rival is not None else None
+            if rival is not None and anew is not None:
+                look, self._findings[number] = anew, replace(finding, effect=rival.name)
+        place = self._unknown_place()
+        if self._unknown is None or place is None:
+            return look
+        shape = redrawn(look.fitter, look.fitted, place, self._unknown)
+        if shape is None or shape.is_like(self._unknown):
+            self._unknown = shape or self._unknown
+            return look
+        anew = self._exchanged(look, place, shape_effect(shape))
+        self._unknown = shape if anew is not None else self._unknown
+        return anew or look
+
+    def _with(self, place: int, effect: Effect) -> tuple[Effect, ...]:
+        return (*self._model.effects[:place], effect, *self._model.effects[place + 1 :])
+
+    def _exchanged(self, look: _Look, place: int, effect: Effect) -> _Look | None:
+        """With another effect in a place, unless frames that took no part are told worse by it."""
+        self._say(f"{effect.name} in place of {self._model.effects[place].name}")
+        before = self._model, self._frames
+        self._model = replace(self._model, effects=self._with(place, effect))
+        settled, after = self._fitted_anew(), self._held_out()
+        if self._errors[-1].beats(after):
+            self._model, self._frames = before
+            return None
+        self._errors[-1] = after
+        return replace(look, fitter=settled.fitter, fitted=settled.fitted)
 
     def _tidied(self, look: _Look) -> _Look:
         """Take out what turned out to do nothing once the others were there."""
-        idle = [place for place in self._model.fitted if self._is_idle(look, place)]
+        idle = [place for place in self._model.fitted if is_idle(look.fitter, look.fitted, place, _CLEARLY_THERE)]
         if not idle:
             return look
         self._say(f"taking out {', '.join(self._model.effects[place].name for place in idle)}")
@@ -235,7 +252,7 @@ class Detective:
 
     def _concluded(self, look: _Look) -> Diagnosis:
         return Diagnosis.of(
-            sensor=SensorModel(self.sensor.pattern, self._model.effects, self.sensor.origin),
+            sensor=SensorModel(self.sensor.pattern, as_known(self._model.effects), self.sensor.origin),
             findings=self._settled(look),
             ranking=self._ranking,
             verdict=look.verdict,
@@ -331,24 +348,6 @@ class Detective:
         self._frames, self._model = found.frames, replace(self._model, effects=found.fitted.effects)
         return found
 
-    def _is_idle(self, look: _Look, place: int) -> bool:
-        """Whether an effect's amplitudes could as well be those that do nothing, and the fit is as good without."""
-        fitter, fitted = look.fitter, look.fitted
-        kind, errors, at = type(fitted.effects[place]), standard_errors(fitter, fitted), 0
-        neutral, deviates = kind.neutral or {}, []
-        for one in fitted.free:
-            part = errors[at : at + one.unknown.rings]
-            at += one.unknown.rings
-            if one.effect == place and one.unknown.name in amplitudes(kind):
-                apart = np.subtract(getattr(fitted.effects[place], one.unknown.name), neutral[one.unknown.name])
-                deviates.append(float(np.sqrt(np.mean((apart / np.maximum(part, 1e-12)) ** 2))))
-        if not deviates or max(deviates) > _CLEARLY_THERE:
-            return False
-        rest = tuple(effect for number, effect in enumerate(fitted.effects) if number != place)
-        without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
-        count = sum(one.unknown.rings for one in fitted.free_of(place))
-        return 2 * (fitted.loglik - without.loglik) < count * np.log(len(fitter.sample))
-
     def _settled(self, look: _Look) -> list[Finding]:
         """Findings with the parameters and intervals of the last joint fit."""
         fitted = look.fitted
@@ -375,12 +374,7 @@ def _helps(best: Ranked, after: HeldOut, before: HeldOut, is_new: bool) -> bool:
 
 
 def _p_value(verdict: Verdict, effect: str) -> float:
-    found = verdict.of(effect)
-    return (
-        min((one.p_value for one in verdict.statistics if one.direction.effect == effect), default=1.0)
-        if found
-        else 1.0
-    )
+    return min((one.p_value for one in verdict.statistics if one.direction.effect == effect), default=1.0)
 
 
 def _alternative(ranked: Ranked, verdict: Verdict) -> Alternative:

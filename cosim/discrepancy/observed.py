@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.kitti import Frame
+from cosim.kitti import Frame, PointRays
 from sensors.pattern import Pattern
 from sensors.rays import Rays
 
@@ -67,14 +67,7 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays) -> Observed:
         rays: of the pattern.
     """
     points, of = frame.points, frame.rays
-    step = 2 * np.pi / pattern.firings
-    ring = of.ring.astype(np.int64)
-    known = ring < pattern.rings
-    fan = np.radians(np.array(pattern.azimuth_offset_deg, float))[np.minimum(ring, pattern.rings - 1)]
-    place = (np.pi - (of.azimuth.astype(np.float64) - fan)) / step - 0.5
-    slot = np.rint(place)
-    fits = known & (np.abs(place - slot) < _HALF_SLOT) & (of.return_no == 0)
-    row = ring * pattern.firings + slot.astype(np.int64) % pattern.firings
+    row, fits = _beams(of, pattern)
     first, taken = np.unique(row[fits], return_index=True)
     used = np.flatnonzero(fits)[taken]
 
@@ -91,18 +84,34 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays) -> Observed:
     row_of = np.full(len(rays), -1, np.int64)
     row_of[first] = used
     seconds = int(np.count_nonzero(of.return_no))
+    trusted = np.ones(len(rays), bool)
+    if frame.bad_points and (lost := frame.bad_rays) is not None:
+        beam, told = _beams(lost, pattern)
+        trusted[beam[told]] = False  # it returned, nobody knows from where
     return Observed(
         rays=rays,
         along_m=along,
         above_m=above,
         intensity=intensity,
-        trusted=np.ones(len(rays), bool),
+        trusted=trusted,
         points=len(points),
         strays=len(points) - seconds - len(used),
         bad=frame.bad_points,
         row=row_of,
         recovered=of.recovered,
     )
+
+
+def _beams(of: PointRays, pattern: Pattern) -> tuple[np.ndarray, np.ndarray]:
+    """Row (m,) of each point's beam, and whether the point fits one (m,): first returns near a firing's azimuth."""
+    step = 2 * np.pi / pattern.firings
+    ring = of.ring.astype(np.int64)
+    known = ring < pattern.rings
+    fan = np.radians(np.array(pattern.azimuth_offset_deg, float))[np.minimum(ring, pattern.rings - 1)]
+    place = (np.pi - (of.azimuth.astype(np.float64) - fan)) / step - 0.5
+    slot = np.rint(place)
+    fits = known & (np.abs(place - slot) < _HALF_SLOT) & (of.return_no == 0)
+    return ring * pattern.firings + slot.astype(np.int64) % pattern.firings, fits
 
 
 def _turned(rays: Rays, rows: np.ndarray, azimuth: np.ndarray) -> Rays:

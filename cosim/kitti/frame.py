@@ -103,6 +103,12 @@ class Frame:
             return read_rays(file, points=len(finite))[finite]
         return recover_rays(points, self.sweep_s, self.elevations_rad, str(self.path("velodyne")))
 
+    @property
+    def bad_rays(self) -> PointRays | None:
+        """The beams of the rows that were left out; None where the drive does not tell beams."""
+        file, finite = self.find("rays"), self._scan[1]
+        return None if file is None else read_rays(file, points=len(finite))[~finite]
+
     @cached_property
     def calibration(self) -> Calibration:
         """The calibration."""

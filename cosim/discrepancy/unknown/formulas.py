@@ -11,6 +11,7 @@ import numpy as np
 _GRID = 25
 _CENTRES, _WIDTHS = 60, 18
 _SECOND_HARMONICS = 4
+_OF_THEIR_OWN = ("sine", "sawtooth", "bell", "step", "window", "hinge")
 _TURN = "np.mod(x - centre + np.pi, 2 * np.pi) - np.pi"
 
 
@@ -33,6 +34,11 @@ class Formula:
     parameters: dict[str, float]
     r2: float
     bic: float
+
+    @property
+    def has_own_zero(self) -> bool:
+        """Whether the shape is about or beside nothing by nature, so that a level is a constant error beside it."""
+        return self.family in _OF_THEIR_OWN
 
     @property
     def text(self) -> str:
@@ -132,19 +138,12 @@ def _families(x: np.ndarray, period: float) -> Iterator[_Family]:
                 text, code = "[{start:.3g} < x ≤ {end:.3g}]", "((x > start) & (x <= end))"
                 yield "window", 2, within, text, code, {"start": float(start), "end": float(end)}
     if period:
-        for start in inner:
-            shape = np.mod((x - start) / period, 1.0)
-            yield (
-                "sawtooth",
-                1,
-                shape,
-                "frac((x − {start:.2f})/{period:.3g})",
-                "np.mod((x - start) / period, 1.0)",
-                {
-                    "start": float(start),
-                    "period": period,
-                },
-            )
+        for turns in range(1, _SECOND_HARMONICS + 1):
+            for start in inner[inner < low + period / turns]:
+                shape = np.mod((x - start) / period * turns, 1.0) - 0.5
+                text = "(frac((x − {start:.2f})/{period:.3g}) − ½)"
+                code = "(np.mod((x - start) / period, 1.0) - 0.5)"
+                yield "sawtooth", 2, shape, text, code, {"start": float(start), "period": period / turns}
 
 
 def evaluate(formula: Formula, x: np.ndarray) -> np.ndarray:

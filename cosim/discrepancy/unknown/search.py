@@ -11,11 +11,12 @@ import numpy as np
 from cosim.discrepancy.evidence import Quantity
 from cosim.discrepancy.fitting import Fitted, Fitter
 from cosim.discrepancy.unknown.covariates import Covariate, covariates
-from cosim.discrepancy.unknown.formulas import Formula, best_formula
+from cosim.discrepancy.unknown.formulas import Formula, best_formula, evaluate
 from cosim.discrepancy.unknown.refined import solve_shape
 
 CHANNELS: tuple[Quantity, ...] = ("range", "intensity", "drop")
 _FEWEST = 200  # beams in a bin
+_KNOWN = (("range", "ring"), ("intensity", "ring"))  # the catalogue has one number a laser for these
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +65,30 @@ class Shape:
         """Whether another has a formula of the same kind; tables of categories have no formula."""
         return bool(self.formula and other.formula and self.formula.family == other.formula.family)
 
+    @property
+    def has_apart(self) -> bool:
+        """Whether its formula holds a constant error of ranges or a constant gain, which are effects of their own."""
+        told = self.formula if self.channel in ("range", "intensity") else None
+        return bool(told and told.has_own_zero and "level" in told.parameters)
+
+    def without_level(self) -> Shape:
+        """The same about zero."""
+        assert self.formula is not None  # it has a level
+        rest = {name: value for name, value in self.formula.parameters.items() if name != "level"}
+        code = self.formula.code.removeprefix("level + ")
+        return replace(self, formula=replace(self.formula, parameters=rest, code=code))
+
     def refitted(self, params: Mapping[str, float], ci95: Mapping[str, list[float]]) -> Shape:
         """With the parameters of a later fit and their intervals, which its formula takes over."""
         told = replace(self, params=dict(params), ci95=dict(ci95))
         if self.formula is None:
             return told
         values = {name: float(params.get(name, value)) for name, value in self.formula.parameters.items()}
-        return replace(told, formula=replace(self.formula, parameters=values))
+        formula = replace(self.formula, parameters=values)
+        weight = 1 / np.maximum(self.sigma, 1e-9) ** 2
+        total = float(weight @ (self.y - np.average(self.y, weights=weight)) ** 2)
+        rest = float(weight @ (self.y - evaluate(formula, self.x)) ** 2)
+        return replace(told, formula=replace(formula, r2=1 - rest / total if total > 0 else 0.0))
 
     def to_json(self) -> dict[str, Any]:
         """What `diagnose --json` writes under `unknown`."""
@@ -96,7 +114,7 @@ def find_shape(fitter: Fitter, fitted: Fitted) -> Shape | None:
     for covariate in covariates(fitter.sample, fitted):
         for channel in CHANNELS:
             kept = _kept(fitted, channel, covariate)
-            if len(kept) < 2:
+            if len(kept) < 2 or (channel, covariate.name) in _KNOWN:
                 continue
             *_, gain = solve_shape(fitter, fitted, channel, _rows(fitted, channel, covariate, kept), len(kept), 1)
             delta = 2 * gain - len(kept) * np.log(len(fitter.sample))

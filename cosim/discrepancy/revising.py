@@ -1,0 +1,94 @@
+"""Second thoughts on what was found first, once the rest is there: simpler causes, shapes drawn anew."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cosim.discrepancy.candidates import amplitudes
+from cosim.discrepancy.directions import directions
+from cosim.discrepancy.fitting import Fitted, Fitter
+from cosim.discrepancy.intervals import standard_errors
+from cosim.discrepancy.ranking import Ranked, fit_candidate
+from cosim.discrepancy.unknown import Shape, same_shape
+from sensors.effects.base import BeamEffect, Effect
+
+_STARTS = 2
+
+
+def simpler_rival(fitter: Fitter, fitted: Fitted, place: int, kinds: Sequence[type[Effect]]) -> Effect | None:
+    """An effect of fewer numbers that does as well in the place of another, by the BIC; None if there is none.
+
+    What is found first has to make up for all that is missing then: a delay by intensity for a constant one whose
+    sum with another error it fits by chance.
+
+    Args:
+        fitter: of the sample.
+        fitted: the model with everything found.
+        place: of the effect in question.
+        kinds: the candidates; asked are those declared to be confusable with it.
+    """
+    effect, there = fitted.effects[place], {one.name for one in fitted.effects}
+    count = sum(one.unknown.rings for one in fitted.free_of(place))
+    rivals = [kind for kind in kinds if _alike(kind, type(effect)) and kind.name not in there]
+    rest = (*fitted.effects[:place], *fitted.effects[place + 1 :])
+    without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma) if rivals else fitted
+    best: Ranked | None = None
+    for kind in rivals:
+        starts = directions(fitter, without, [kind], range(len(rest)))
+        if not starts or issubclass(kind, BeamEffect):
+            continue
+        one = fit_candidate(fitter, without, starts[:_STARTS])
+        gained = 2 * (one.fitted.loglik - fitted.loglik) + (count - one.parameters) * np.log(len(fitter.sample))
+        if one.parameters < count and gained > 0 and (best is None or one.delta_bic > best.delta_bic):
+            best = one
+    return None if best is None else best.fitted.effects[best.place]
+
+
+def is_idle(fitter: Fitter, fitted: Fitted, place: int, clearly: float) -> bool:
+    """Whether an effect's amplitudes could as well be those that do nothing, and the fit is as good without.
+
+    Args:
+        fitter: of the sample.
+        fitted: the model with everything found.
+        place: of the effect in question.
+        clearly: standard errors beyond which an amplitude is there.
+    """
+    kind, errors, at = type(fitted.effects[place]), standard_errors(fitter, fitted), 0
+    neutral, deviates = kind.neutral or {}, []
+    for one in fitted.free:
+        part = errors[at : at + one.unknown.rings]
+        at += one.unknown.rings
+        if one.effect == place and one.unknown.name in amplitudes(kind):
+            apart = np.subtract(getattr(fitted.effects[place], one.unknown.name), neutral[one.unknown.name])
+            deviates.append(float(np.sqrt(np.mean((apart / np.maximum(part, 1e-12)) ** 2))))
+    if not deviates or max(deviates) > clearly:
+        return False
+    rest = tuple(effect for number, effect in enumerate(fitted.effects) if number != place)
+    without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
+    count = sum(one.unknown.rings for one in fitted.free_of(place))
+    return 2 * (fitted.loglik - without.loglik) < count * np.log(len(fitter.sample))
+
+
+def redrawn(fitter: Fitter, fitted: Fitted, place: int, shape: Shape) -> Shape | None:
+    """An unknown shape drawn anew: when it was found, it stood beside values that had made up for part of it.
+
+    Args:
+        fitter: of the sample.
+        fitted: the model with everything found.
+        place: of the shape's effect.
+        shape: as it was found.
+    """
+    rest = (*fitted.effects[:place], *fitted.effects[place + 1 :])
+    without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
+    found = same_shape(fitter, without, shape)
+    if found is None or found.is_like(shape):
+        # Its numbers have been fitted along with all others.
+        return None if found is None else replace(found, formula=shape.formula)
+    return found.without_level() if found.has_apart else found
+
+
+def _alike(one: type[Effect], other: type[Effect]) -> bool:
+    return one.name in other.confusable_with or other.name in one.confusable_with
