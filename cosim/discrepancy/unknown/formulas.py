@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 _GRID = 25
-_CENTRES, _WIDTHS = 60, 18
+_CENTRES, _WIDTHS = 60, 32
 _SECOND_HARMONICS = 4
 _OF_THEIR_OWN = ("sine", "sawtooth", "bell", "step", "window", "hinge")
 _TURN = "np.mod(x - centre + np.pi, 2 * np.pi) - np.pi"

@@ -1,0 +1,87 @@
+"""Unknown effects: simple formulas for shapes, and plug-ins that act where the physics has them act."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.discrepancy.kinds import as_known, for_rings, with_rings
+from cosim.discrepancy.unknown import Shape, class_name, effect_source
+from cosim.discrepancy.unknown.candidate import shape_effect
+from cosim.discrepancy.unknown.formulas import best_formula, evaluate
+from sensors.effects.base import EchoEffect, PointEffect
+from sensors.effects.phases import Phase
+from sensors.effects.registry import find_effect
+
+AZIMUTH = np.linspace(-np.pi, np.pi, 41)[:-1] + np.pi / 40
+
+
+def shape(channel, y: np.ndarray, **more) -> Shape:
+    sigma = np.full(len(AZIMUTH), 0.002)
+    formula = best_formula(AZIMUTH, y, sigma, 2 * np.pi)
+    return Shape(channel, "azimuth", "rad", AZIMUTH, y, sigma, formula, 100.0, (), **more)
+
+
+@pytest.mark.parametrize("centre", [-0.8, 3.0])
+def test_a_spot_of_dirt_is_a_bell_wherever_it_is(centre: float) -> None:
+    apart = np.mod(AZIMUTH - centre + np.pi, 2 * np.pi) - np.pi
+    found = best_formula(AZIMUTH, -0.5 * np.exp(-((apart / 0.4) ** 2)), np.full(40, 0.002), 2 * np.pi)
+    assert found.family == "bell"
+    assert set(found.parameters) == {"amplitude", "centre", "width"}, "it needs no level"
+    assert found.parameters["amplitude"] == pytest.approx(-0.5, rel=0.05)
+    assert abs(np.mod(found.parameters["centre"] - centre + np.pi, 2 * np.pi) - np.pi) < 0.08
+    assert found.parameters["width"] == pytest.approx(0.4, rel=0.1)
+
+
+def test_a_formula_reads_as_people_write() -> None:
+    text = best_formula(AZIMUTH, -0.3 * np.sin(2 * AZIMUTH + 0.5) - 0.1, np.full(40, 0.002), 2 * np.pi).text
+    assert "-" not in text
+    assert "− −" not in text
+    assert "+ −" not in text
+
+
+def test_a_constant_beside_a_wave_is_an_error_of_its_own() -> None:
+    found = shape("range", 0.05 * np.sin(2 * AZIMUTH + 0.5) + 0.05)
+    assert found.has_apart
+    alone = found.without_level()
+    assert alone.formula is not None
+    assert np.mean(evaluate(alone.formula, AZIMUTH)) == pytest.approx(0, abs=1e-3)
+
+
+def test_a_warming_sensor_starts_from_nothing_and_keeps_its_level() -> None:
+    time_s = np.linspace(0, 20, 40)
+    y = 0.08 * (1 - np.exp(-time_s / 6))
+    found = Shape("range", "frame_time", "s", time_s, y, np.full(40, 0.002), None, 1.0, ())
+    formula = best_formula(time_s, y, found.sigma)
+    assert formula.r2 > 0.98
+    assert not formula.has_own_zero
+
+
+@pytest.mark.parametrize(("acts", "base", "before"), [("light", EchoEffect, True), ("reading", PointEffect, False)])
+def test_light_that_is_another_is_what_delays_by_intensity_see(acts, base: type, before: bool) -> None:
+    kind = type(shape_effect(shape("intensity", -0.5 * np.exp(-(((AZIMUTH + 0.8) / 0.4) ** 2)), acts=acts)))
+    assert issubclass(kind, base)
+    assert (kind.phase < Phase.RANGE_WALK) is before
+
+
+@pytest.mark.parametrize("channel", ["range", "intensity", "drop"])
+def test_every_plug_in_loads_and_switches_off(channel, tmp_path: Path) -> None:
+    found = shape(channel, -0.1 * (AZIMUTH > 0.6))
+    file = tmp_path / "mine.py"
+    file.write_text(effect_source(found), encoding="utf-8")
+    kind = find_effect(f"mine.py:{class_name(found)}", tmp_path)
+    assert kind.neutral is not None
+    kind.model_validate(kind.neutral)
+    kind.model_validate(kind.example)
+
+
+@pytest.mark.parametrize("rings", [16, 64, 128])
+def test_one_number_a_laser_whatever_their_number(rings: int) -> None:
+    known = find_effect("ring_gain")
+    kind = for_rings(known, rings)
+    effect = kind.model_validate(kind.example)
+    assert len(effect.model_dump()["gains"]) == rings
+    assert type(as_known([effect])[0]) is known
+    assert with_rings(as_known([effect]), rings)[0].model_dump() == effect.model_dump()
