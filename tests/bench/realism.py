@@ -267,4 +267,6 @@ def _told(found: list[Row | Gap]) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
+    from tests.bench.realism import main  # so that there is one class Gap, not a second of __main__
+
     main()

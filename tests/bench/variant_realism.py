@@ -87,7 +87,9 @@ def _table(found: Mapping[str, list[Row | Gap]], title: str) -> Table:
     for group, words in _GROUPS.items():
         values = (distances(items).get(group, float("nan")) for items in found.values())
         result.add_row(f"  {words}", "", *(_text(value) for value in values))
-    result.add_row("[bold]  mean of these", "", *(f"[bold]{value:.2f}" for value in far.values()))
+    partial = {name for name, items in found.items() if len(distances(items)) < len(_GROUPS)}
+    marks = (f"[bold]{value:.2f}{'*' if name in partial else ''}" for name, value in far.items())
+    result.add_row("[bold]  mean of these (* of those that can be told)", "", *marks)
     return result
 
 
