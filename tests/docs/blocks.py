@@ -21,6 +21,7 @@ from typing import Literal
 ROOT = Path(__file__).resolve().parents[2]
 LANGUAGES = {"bash", "python", "yaml", "json", "toml", "text", "xml"}
 RUNNABLE = ("bash", "python")
+STORIES = {"docs/tutorial.md"}  # each block needs those before it, and the whole takes minutes: all are slow
 
 _FENCE = re.compile(r"^(?P<indent> *)```(?P<language>\w*)(?P<rest>[^\n`]*)$")
 _TITLE = re.compile(r'title="([^"]+)"')
@@ -86,7 +87,8 @@ def read_blocks(page: str) -> list[Block]:
         body = "\n".join(line[indent:] for line in lines[at + 1 : end]) + "\n"
         title = _TITLE.search(opening["rest"])
         said = _COMMENT.match(lines[at - 1]) if at else None
-        when, reason, smaller = _plan(said[1] if said else "", f"{page}:{at + 1}")
+        plain = "slow" if page in STORIES else ""
+        when, reason, smaller = _plan(said[1] if said else plain, f"{page}:{at + 1}")
         name = title[1] if title else ""
         blocks.append(Block(page, at + 1, opening["language"], name, body, when, reason, smaller))
         at = end + 1
