@@ -1,6 +1,7 @@
 """Fenced blocks of Markdown pages, and what a comment above each says about running it.
 
-Blocks of `bash` and `python` are run, in order, in one folder a page. Blocks with a title are files, and written:
+Blocks of `bash` and `python` are run, in order, in one folder a page; what one block of Python imports, later ones
+have. Blocks with a title are files, and written:
 a `yaml` fence with `title="my.yaml"` becomes `my.yaml`. A comment in the line above a fence may say
 
     run: slow                      takes long: by `make slow` only

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
@@ -14,7 +15,7 @@ _LONGEST_S = {"quick": 600, "slow": 3600}
 
 
 class PageFolder:
-    """Runs the blocks of one page, each once and in their order.
+    """Runs the blocks of one page, each once and in their order, each in a process of its own.
 
     Args:
         page: whose.
@@ -26,6 +27,7 @@ class PageFolder:
         self._blocks = [block for block in read_blocks(page) if block.acts and block.when != "never"]
         self._failed: dict[int, str] = {}
         self._done: set[int] = set()
+        self._imports: list[str] = []
 
     def reach(self, wanted: Block) -> None:
         """Run all blocks before one, and it: slow ones only on the way to a slow one."""
@@ -50,7 +52,8 @@ class PageFolder:
             command = ["bash", "-euo", "pipefail", "-c", block.program]
         else:
             script = self._folder / f"block_{block.line}.py"
-            script.write_text(block.program, encoding="utf-8")
+            script.write_text("\n".join([*self._imports, block.program]), encoding="utf-8")
+            self._imports += imports(block.program)
             command = [sys.executable, str(script)]
         try:
             done = subprocess.run(
@@ -67,6 +70,11 @@ class PageFolder:
         if done.returncode == 0:
             return ""
         return f"{block.page}:{block.line} ended with {done.returncode}\n{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
+
+
+def imports(program: str) -> list[str]:
+    """Import statements of a program; later blocks of a page go on with what is imported."""
+    return [ast.unparse(one) for one in ast.parse(program).body if isinstance(one, ast.Import | ast.ImportFrom)]
 
 
 def environment() -> Mapping[str, str]:
