@@ -25,6 +25,8 @@ _KEPT_SHARE = 0.02  # of a candidate's information that must outlive the fit of 
 _Z80 = 0.8416
 _FEWEST_SCANS = 5
 _MOST_LIKE = 0.8
+_PLAIN = 3.0
+_TILTS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,8 +198,10 @@ class _Projector:
             by_cluster = [found - of_basis @ explained for found, of_basis in zip(by_cluster, scores, strict=True)]
         if left < max(kept_share, 1e-4) * total:
             return []
-        by_scan = np.asarray(self._clusters[1] @ column.multiply(weighted).tocsr().sum(1)).ravel()
-        return [_Sums(direction, quantity, by_cluster[0], by_cluster[1], left, by_scan)]
+        square = column.multiply(weighted).tocsr()
+        known = [(one @ square).toarray() for one in self._clusters]
+        by_track, by_scan = (_bounded(*pair) for pair in zip(by_cluster, known, strict=True))
+        return [_Sums(direction, quantity, by_track, by_scan, left, known[1].sum(1))]
 
     def _basis(self, quantity: Quantity, rows: int) -> tuple[SparseMatrix, np.ndarray, list[np.ndarray]]:
         if quantity not in self._cache:
@@ -228,6 +232,9 @@ def _signs(sums: Sequence[_Sums], rng: np.random.Generator) -> tuple[np.ndarray,
     for clustered, wider in (([one.track for one in sums], still), ([one.scan for one in sums], drift)):
         z = _drawn(clustered, rng)
         z[0] /= wider
+        for place, table in zip(starts, clustered, strict=True):
+            if table.shape[1] == 1:
+                z[:, place] = _deviates(z[:, place], table[:, 0])
         drawn = np.where(one_sided, z[:, starts], _sizes(z, starts, ends))
         # Each in terms of its own scatter, so that none has a head start.
         drawn = (drawn - drawn[1:].mean(0)) / np.maximum(drawn[1:].std(0), 1e-12)
@@ -255,6 +262,16 @@ def _smallest(one: _Sums, deviates: float) -> float:
         return one.direction.countable(deviates)
     error = np.sqrt(max((one.track**2).sum(), (one.scan**2).sum())) / max(one.information, 1e-300)
     return max(float(deviates * error), one.direction.column.resolved(one.quantity))
+
+
+def _bounded(score: np.ndarray, information: np.ndarray) -> np.ndarray:
+    """Scores by cluster, beyond some standard deviations only growing as their logarithms.
+
+    Where an effect is plain, few objects that have most of the beams must not outvote that all others agree.
+    """
+    sigma = np.sqrt(np.maximum(information, 1e-300))
+    beyond = np.maximum(np.abs(score) / (_PLAIN * sigma), 1.0)
+    return score / beyond * (1 + np.log(beyond))
 
 
 def _compressed(gain: np.ndarray) -> np.ndarray:
@@ -290,6 +307,25 @@ def _drawn(clustered: Sequence[np.ndarray], rng: np.random.Generator) -> np.ndar
         for place, columns in zip(mine, np.split(z, ends[:-1], axis=1), strict=True):
             parts[place] = columns
     return np.hstack([part for part in parts if part is not None])
+
+
+def _deviates(z: np.ndarray, sums: np.ndarray) -> np.ndarray:
+    """How unlikely studentised sums (m,) are with random signs, as normal deviates.
+
+    Of few or unequal clusters even sums that all agree make no large z, though they hardly ever all agree by chance.
+    That is the large-deviation rate of the signs (Chernoff, Ann. Math. Stat. 1952): r = √(2(tz − Σ log cosh t·s)),
+    where t makes z = Σ s·tanh t·s; of many equal clusters r = z.
+    """
+    share = np.abs(sums[sums != 0])
+    if not len(share):
+        return z
+    share = share / np.sqrt((share**2).sum())
+    tilt = np.geomspace(0.05, 1e4, _TILTS)
+    tilted = tilt[:, None] * share
+    reached = np.tanh(tilted) @ share
+    cumulant = (tilted + np.log1p(np.exp(-2 * tilted)) - np.log(2)).sum(1)
+    rate = np.sqrt(np.maximum(2 * (tilt * reached - cumulant), 0))
+    return np.sign(z) * np.interp(np.abs(z), np.append(0, reached), np.append(0, rate))
 
 
 def _sizes(z: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:

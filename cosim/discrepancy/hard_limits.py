@@ -7,6 +7,7 @@ there is no normal approximation, and 95 % of the likelihood lie within a fall o
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ _NEAR = 2e-3  # of the reach of a search
 _FEW, _ALTOGETHER = 0.01, 0.5
 _FALL, _SMOOTH_FALL = float(np.log(20)), 1.92
 _DOUBLINGS, _BISECTIONS = 24, 10
+_MOST_COUPLED = 0.995
+_FARTHEST = 12.0
 
 Loss = Callable[[tuple[Effect, ...]], float]
 
@@ -62,14 +65,38 @@ def searched(
         trial = _with(effects, place, crowded_sector(sample, fit))
         effects = trial if lost(trial) < lost(effects) else effects
     rest = [one for one in which if not (one[0] in sectors and one[1].name in (AZIMUTH, WIDTH))]
-    for place, unknown, column in rest * (2 if len(rest) > 1 else 1):
-        flat = is_flat(unknown, column) and not effects[place].by_search
-        effects = _best(effects, place, unknown, lost, flat)
-    return effects
+    passes = [effects]
+    for _ in range(2 if len(rest) > 1 else 1):
+        for place, unknown, column in rest:
+            flat = is_flat(unknown, column) and not effects[place].by_search
+            effects = _best(effects, place, unknown, lost, flat)
+        passes.append(effects)
+    smooth = [(place, unknown) for place, unknown, column in rest if not is_flat(unknown, column)]
+    return _along_valley(passes[1], effects, smooth, lost) if len(smooth) > 1 else effects
+
+
+def _along_valley(
+    first: tuple[Effect, ...], second: tuple[Effect, ...], which: Sequence[tuple[int, Unknown]], lost: Loss
+) -> tuple[Effect, ...]:
+    """The best on the line through what two passes over all parameters found (Powell, Computer J. 1964).
+
+    Where parameters make up for one another, passes of one after the other creep along a valley towards its bottom.
+    """
+
+    def at(steps: float) -> tuple[Effect, ...]:
+        effects = first
+        for place, unknown in which:
+            start, end = (float(getattr(one[place], unknown.name)) for one in (first, second))
+            effects = _with(effects, place, {unknown.name: start + steps * (end - start)})
+        return effects
+
+    options = {"bounds": (1.0, _FARTHEST), "method": "bounded", "options": {"xatol": 0.05}}
+    found: Any = optimize.minimize_scalar(lambda steps: lost(at(steps)), **options)
+    return at(float(found.x)) if found.fun < lost(second) else second
 
 
 def likely_interval(
-    effects: tuple[Effect, ...], place: int, unknown: Unknown, column: Column, lost: Loss, weight: float
+    effects: tuple[Effect, ...], place: int, unknown: Unknown, column: Column, lost: Loss, stray_weight: float
 ) -> tuple[float, float]:
     """How far down and up a parameter may go until the likelihood has fallen too far.
 
@@ -77,12 +104,12 @@ def likely_interval(
         effects: all of the sensor.
         place, unknown, column: the parameter.
         lost: negative log-likelihood of effects, of a sample whose beams weigh one on average.
-        weight: how many beams each of the sample stands for. Of strays the sample has nearly all, and each counts.
+        stray_weight: what a stray weighs in it. Each is one fact.
     """
     value, least = float(getattr(effects[place], unknown.name)), lost(effects)
     fall = _FALL if is_flat(unknown, column) else _SMOOTH_FALL
     if isinstance(effects[place], ScanEffect):
-        fall /= weight
+        fall *= stray_weight
 
     def fallen(apart: float) -> bool:
         if not unknown.low <= value + apart <= unknown.high:
@@ -101,6 +128,34 @@ def likely_interval(
             near, far = (near, middle) if fallen(middle) else (middle, far)
         ends.append(min(max(value + far, unknown.low), unknown.high))
     return ends[0], ends[1]
+
+
+def widened(
+    effects: tuple[Effect, ...], place: int, pairs: dict[str, tuple[float, float]], lost: Loss
+) -> dict[str, tuple[float, float]]:
+    """Intervals of smooth parameters of one effect, each with the others free, from those with the others held.
+
+    Of a likelihood that is a paraboloid the first are wider by √(R⁻¹)ᵢᵢ, R its coupling in units of the second.
+    """
+    names, effect = list(pairs), effects[place]
+    if len(names) < 2:
+        return pairs
+    value = {name: float(getattr(effect, name)) for name in names}
+    half = {name: (pairs[name][1] - pairs[name][0]) / 2 for name in names}
+    coupling, least = np.eye(len(names)), lost(effects)
+    fall = lost(_with(effects, place, {names[0]: value[names[0]] + half[names[0]]})) - least
+    for i, j in combinations(range(len(names)), 2):
+        a, b = names[i], names[j]
+        near = value[a] + half[a] / 2
+        alike, unlike = (
+            lost(_with(effects, place, {a: near, b: value[b] + side * half[b] / 2})) for side in (1.0, -1.0)
+        )
+        coupling[i, j] = coupling[j, i] = np.clip((alike - unlike) / max(fall, 1e-12), -_MOST_COUPLED, _MOST_COUPLED)
+    wider = np.sqrt(np.maximum(np.diag(np.linalg.inv(coupling)), 1.0))
+    return {
+        name: (value[name] - (value[name] - low) * by, value[name] + (high - value[name]) * by)
+        for (name, (low, high)), by in zip(pairs.items(), wider, strict=True)
+    }
 
 
 def _alternatives(

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse, stats
 
 from cosim.discrepancy.fitting import Fitted, Fitter
-from cosim.discrepancy.hard_limits import is_searched, likely_interval
+from cosim.discrepancy.hard_limits import is_flat, is_searched, likely_interval, widened
 from cosim.discrepancy.system import Normal
 
 _LEVEL = 0.975
@@ -52,7 +52,8 @@ def half_widths(fitter: Fitter, fitted: Fitted) -> np.ndarray:
 def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:
     """95 % intervals of everything that was fitted, by effect and parameter: pairs, or lists of pairs."""
     widths, found, at = half_widths(fitter, fitted), {}, 0
-    weight = float(fitter.sample.weight.mean())
+    stray_weight = _stray_weight(fitter, fitted)
+    smooth: dict[int, dict[str, tuple[float, float]]] = {}
     lost = fitter.loss(fitted.pose, fitted.pose_sigma)
     for one, column in zip(fitted.free, fitted.columns, strict=True):
         part = widths[at : at + one.unknown.rings]
@@ -60,8 +61,21 @@ def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:
         effect = fitted.effects[one.effect]
         value = np.asarray(getattr(effect, one.unknown.name), float)
         if is_searched(effect, one.unknown, column):
-            pair = np.array(likely_interval(fitted.effects, one.effect, one.unknown, column, lost, weight))
+            pair = np.array(likely_interval(fitted.effects, one.effect, one.unknown, column, lost, stray_weight))
+            if not is_flat(one.unknown, column):
+                smooth.setdefault(one.effect, {})[one.unknown.name] = (float(pair[0]), float(pair[1]))
         else:
             pair = np.stack([value - part, value + part], -1) if value.ndim else value + np.array([-part[0], part[0]])
         found.setdefault(effect.name, {})[one.unknown.name] = pair.tolist()
+    for place, pairs in smooth.items():
+        wide = widened(fitted.effects, place, pairs, lost)
+        found[fitted.effects[place].name].update({name: list(pair) for name, pair in wide.items()})
     return found
+
+
+def _stray_weight(fitter: Fitter, fitted: Fitted) -> float:
+    """What a return from nowhere weighs on average in a sample whose beams weigh one."""
+    sample = fitter.sample
+    weight = sample.weight[sample.returned & sample.compared & (fitted.fit.matched < 0.5)]
+    own = float((weight**2).sum() / weight.sum()) if len(weight) else 1.0
+    return own / float(sample.weight.mean())

@@ -33,7 +33,9 @@ class Blooming(ScanEffect):
     confusable_with: ClassVar = ("retroreflection", "beam_divergence")
     example: ClassVar = {"radius_deg": 1.0, "threshold": 0.7}
     neutral: ClassVar = {"radius_deg": 0.0, "threshold": 1.0}
-    shapes: ClassVar = ({"radius_deg": 0.4, "threshold": 0.6}, {"radius_deg": 1.2, "threshold": 0.6})
+    shapes: ClassVar = tuple(
+        {"radius_deg": radius, "threshold": least} for radius in (0.4, 1.2) for least in (0.5, 0.7)
+    )
 
     radius_deg: float = number("radius of the halo", unit="°", ge=0, le=20)
     threshold: float = number("intensity above which a reflector blooms", ge=0, le=1)

@@ -1,4 +1,4 @@
-"""Returns from nowhere: in which sector they crowd, and what silent beams say of them."""
+"""Returns from nowhere: in which sector they crowd, and how sure their law is."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy.gate import _compressed
+from cosim.discrepancy.hard_limits import widened
 from cosim.discrepancy.sector import crowded_sector
+from sensors.effects.backscatter import Backscatter
 
 
 def _strays(middle_deg: float, width_deg: float, rng: np.random.Generator) -> tuple[Any, Any]:
@@ -38,3 +40,19 @@ def test_one_large_gain_does_not_drown_many_small_ones():
     assert deviates(gain) < 1.2
     assert deviates(_compressed(gain)) > 3
     assert np.array_equal(_compressed(-gain), -_compressed(gain))
+
+
+@pytest.mark.parametrize("coupling", [0.0, -0.6, 0.9])
+def test_parameters_that_make_up_for_one_another_are_less_sure(coupling):
+    """Of a paraboloid ½(x² + y² + 2ρxy), x is known to 1 with y held and to 1/√(1 − ρ²) with y free."""
+    start = Backscatter(density_per_m=0.01, mean_range_m=10.0)
+    unit = {"density_per_m": 1e-4, "mean_range_m": 0.1}
+
+    def lost(effects):
+        x, y = ((getattr(effects[0], name) - getattr(start, name)) / step for name, step in unit.items())
+        return 0.5 * (x**2 + y**2 + 2 * coupling * x * y)
+
+    held = {name: (getattr(start, name) - step, getattr(start, name) + step) for name, step in unit.items()}
+    free = widened((start,), 0, held, lost)
+    for name, step in unit.items():
+        assert (free[name][1] - free[name][0]) / (2 * step) == pytest.approx(1 / np.sqrt(1 - coupling**2), rel=1e-3)

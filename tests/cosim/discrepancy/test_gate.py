@@ -1,0 +1,42 @@
+"""What the gate lets through: effects that objects agree on, and hardly ever chance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from cosim.discrepancy.evidence import Evidence
+from cosim.discrepancy.gate import Direction, run_gate
+from cosim.discrepancy.system import Column
+
+SCANS, CANDIDATES = 16, 12
+
+
+def _p_value(effect: float, shared: float, seed: int, objects: int = 18) -> float:
+    """Of intensities on objects of very unequal size, off by an effect and by an error that each object has."""
+    rng = np.random.default_rng(seed)
+    size = np.rint(400 * rng.exponential(size=objects) ** 2 + 5).astype(int)
+    track = np.repeat(np.arange(objects), size)
+    scan = rng.integers(SCANS, size=len(track))
+    score = rng.standard_normal(len(track)) + effect + shared * rng.standard_normal(objects)[track]
+    every = np.ones(len(track))
+    evidence = Evidence({"intensity": score}, {"intensity": every})
+    columns = [every, *rng.standard_normal((CANDIDATES - 1, len(track)))]
+    found = [Direction(f"{number}", "", "a", Column({"intensity": one})) for number, one in enumerate(columns)]
+    no_poses = sparse.csr_matrix((len(track), 6 * SCANS))
+    return run_gate(found, [evidence], [], track, scan, scan, (), no_poses, rng).p_value
+
+
+def test_what_all_objects_agree_on_shows_though_few_of_them_have_most_of_the_beams():
+    assert max(_p_value(0.6, 0.1, seed) for seed in range(5)) < 0.05
+
+
+def test_errors_that_objects_have_of_their_own_hardly_ever_alarm():
+    alarms = sum(_p_value(0.0, 0.5, seed) <= 0.05 for seed in range(60))
+    assert alarms <= 8  # 3 on average; more than 8 once in 250
+
+
+@pytest.mark.parametrize("objects", [2, 4])
+def test_a_handful_of_objects_proves_nothing(objects):
+    assert _p_value(3.0, 0.0, 1, objects) > 0.05
