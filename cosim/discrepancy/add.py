@@ -111,7 +111,7 @@ def add(
     place = next((i for i, effect in enumerate(effects) if effect.name == kind.name), None)
     if place is not None and fixed:
         effects = tuple(with_values(one, fixed) if i == place else one for i, one in enumerate(effects))
-    frames = [tracer.trace(name, bending(effects)) for name in split.fit]
+    frames = tracer.trace_all(split.fit, bending(effects))
     check_fit(frames[0], drive)
     known: dict[str, Any] = {}
     if place is None or issubclass(kind, RoundingEffect):
@@ -119,8 +119,8 @@ def add(
         effects, place, known = _begun(fitter, kind, effects, fixed, drive)
     free = [one for one in all_free(effects, [place], model.pattern.rings) if one.unknown.name not in fixed]
 
-    def trace(bent: tuple[Effect, ...]) -> list[TracedFrame]:
-        return [tracer.trace(name, bent) for name in split.fit]
+    def trace(bent: tuple[Effect, ...], leaning: np.ndarray) -> list[TracedFrame]:
+        return tracer.trace_all(split.fit, bent, leaning)
 
     settled = settle(frames, trace, effects, free, seed)
     result = settled.fitted

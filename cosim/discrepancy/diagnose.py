@@ -18,12 +18,14 @@ from cosim.discrepancy.gate import LEVEL, Verdict, run_gate
 from cosim.discrepancy.held_out import Split, split_drive
 from cosim.discrepancy.intervals import intervals
 from cosim.discrepancy.kinds import as_known, candidate_kinds, with_rings
+from cosim.discrepancy.label_scatter import with_unsure_labels
 from cosim.discrepancy.labels import with_labels
 from cosim.discrepancy.lattice import Lattice, find_lattices
 from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist, simpler_first
 from cosim.discrepancy.revising import is_idle, redrawn, simpler_rival
 from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.settling import Settled, settle
+from cosim.discrepancy.taken_up import from_said_poses
 from cosim.discrepancy.testing import HeldOut, held_out_errors
 from cosim.discrepancy.unknown import (
     Shape,
@@ -34,7 +36,7 @@ from cosim.discrepancy.unknown import (
     shape_gate,
 )
 from cosim.kitti import Drive
-from sensors.effects.base import Effect, RoundingEffect
+from sensors.effects.base import BeamEffect, Effect, RoundingEffect
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
@@ -172,7 +174,9 @@ class Detective:
         places = self._model.fitted if best.place in self._model.fitted else (*self._model.fitted, best.place)
         is_new = best.place >= len(self._model.effects)
         self._model = _Model(best.fitted.effects, places)
-        settled, after = self._fitted_anew(), self._held_out()
+        if isinstance(best.fitted.effects[best.place], BeamEffect):
+            self._frames = self._traced(bending(self._model.effects), best.fitted.pose)
+        settled, after = self._fitted_anew(best.fitted.pose), self._held_out()
         if not _helps(best, after, self._errors[-1], is_new):
             self._say(f"{best.effect} does not help on frames that took no part: taken back")
             self._model, self._frames = before
@@ -236,16 +240,23 @@ class Detective:
         return replace(look, fitter=settled.fitter, fitted=settled.fitted)
 
     def _tidied(self, look: _Look) -> _Look:
-        """Take out what turned out to do nothing once the others were there."""
-        idle = [place for place in self._model.fitted if is_idle(look.fitter, look.fitted, place, _CLEARLY_THERE)]
+        """Take out, or put back as it was said, what turned out to do nothing once the others were there."""
+        fitter, fitted = look.fitter, look.fitted
+        idle = [
+            place
+            for place in self._model.fitted
+            if is_idle(fitter, fitted, place, _CLEARLY_THERE, said=self._said(place))
+        ]
         if not idle:
             return look
         self._say(f"taking out {', '.join(self._model.effects[place].name for place in idle)}")
-        kept = [place for place in range(len(self._model.effects)) if place not in idle]
-        effects = tuple(self._model.effects[place] for place in kept)
-        self._model = _Model(effects, tuple(kept.index(place) for place in self._model.fitted if place in kept))
-        there = {effect.name for effect in effects}
-        self._findings = [one for one in self._findings if one.effect in there]
+        gone = {self._model.effects[place].name for place in idle}
+        self._findings = [one for one in self._findings if one.effect not in gone]
+        effects = {place: effect for place, effect in enumerate(self._model.effects) if place not in idle}
+        effects |= {place: said for place in idle if (said := self._said(place)) is not None}
+        kept = sorted(effects)
+        places = tuple(kept.index(place) for place in self._model.fitted if place not in idle)
+        self._model = _Model(tuple(effects[place] for place in kept), places)
         settled = self._fitted_anew()
         self._errors.append(self._held_out())
         return replace(look, fitter=settled.fitter, fitted=settled.fitted)
@@ -281,8 +292,9 @@ class Detective:
         self._say("tracing the twin")
         self._frames = self._traced(bending(self._model.effects))
 
-    def _traced(self, bending: tuple[Effect, ...]) -> list[TracedFrame]:
-        return [self._tracer.trace(name, bending) for name in self.split.fit]
+    def _traced(self, bending: tuple[Effect, ...], leaning: np.ndarray | None = None) -> list[TracedFrame]:
+        frames = self._tracer.trace_all(self.split.fit, bending, leaning)
+        return with_unsure_labels(frames, self._frames[0].label_scatter_m) if self._frames else frames
 
     def _sample(self, rows: int) -> Sample:
         return draw_sample(self._frames, rows, np.random.default_rng([self._seed, rows]))
@@ -320,6 +332,7 @@ class Detective:
         promising = shortlist(fitter, null, found, look.verdict)
         self._say(f"fitting {', '.join(promising)}")
         ranked = [fit_candidate(fitter, null, starts, self._model.fitted) for starts in promising.values()]
+        ranked = from_said_poses(ranked, fitter, null, promising, self._traced, self._model.fitted)
         ranked.sort(key=lambda one: -one.delta_bic)
         ranked = simpler_first(judged_anew(ranked, fitter, null, self._traced), fitter, promising)
         ranked += [one.ranked(look.fitter, look.fitted) for one in look.lattices]
@@ -342,11 +355,16 @@ class Detective:
         clear = found.delta_bic > _CLEARLY_MORE * known + _ALIKE_BIC
         return _Choice(found, shape=shape) if clear else None
 
-    def _fitted_anew(self) -> Settled:
-        """The model fitted to frames traced as it bends their beams."""
-        found = settle(self._frames, self._traced, self._model.effects, self._free(), self._seed)
+    def _fitted_anew(self, pose: np.ndarray | None = None) -> Settled:
+        """The model fitted to frames traced as it bends their beams, starting from pose errors."""
+        found = settle(self._frames, self._traced, self._model.effects, self._free(), self._seed, pose)
         self._frames, self._model = found.frames, replace(self._model, effects=found.fitted.effects)
         return found
+
+    def _said(self, place: int) -> Effect | None:
+        """The effect as the sensor had it; None if it did not."""
+        said = with_rings(in_order(self.sensor.effects), self.sensor.pattern.rings)
+        return said[place] if place < len(said) else None
 
     def _settled(self, look: _Look) -> list[Finding]:
         """Findings with the parameters and intervals of the last joint fit."""

@@ -10,6 +10,7 @@ from sensors.rays import Rays
 _JUMP_M = 0.1
 _JUMP_SHARE = 0.01
 _GRAZING = 0.02
+_APART = 0.3  # of the brighter: three times a noise of 10 %
 
 
 class Neighbours:
@@ -69,13 +70,21 @@ class Neighbours:
             edge |= there & differs
         return edge
 
-    def at_border(self, hits: Hits) -> np.ndarray:
-        """(n,) bool: beams beside which the surface is of another material, so that brightness may be either's."""
-        material = hits.solid.material
-        border = np.zeros(len(material), bool)
+    def at_border(self, hits: Hits) -> tuple[np.ndarray, np.ndarray]:
+        """Beams beside which the surface is of another material, so that brightness may be either's, (n,) bool twice.
+
+        Returns:
+            Where a neighbour is so alike that nobody could tell which was met; where every one is clearly another.
+        """
+        material, reflectance = hits.solid.material, hits.reflectance(hits.solid)
+        alike, apart = np.zeros(len(material), bool), np.zeros(len(material), bool)
         for row in self.rows:
-            border |= (row >= 0) & (material != material[np.maximum(row, 0)])
-        return border
+            other = np.maximum(row, 0)
+            differs = (row >= 0) & (material != material[other])
+            clear = np.abs(reflectance - reflectance[other]) > _APART * np.maximum(reflectance, reflectance[other])
+            alike |= differs & ~clear
+            apart |= differs & clear
+        return alike, apart & ~alike
 
 
 def _changes(instance: np.ndarray, other: np.ndarray) -> np.ndarray:

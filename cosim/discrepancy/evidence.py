@@ -11,13 +11,13 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.discrepancy.likelihood import NU, RISE_SIGMA_M, Fit, intensity_spread, pull, range_spread_m
+from cosim.discrepancy.likelihood import RISE_SIGMA_M, Fit, intensity_spread, range_spread_m
 from cosim.discrepancy.sample import Prediction, Sample
+from cosim.discrepancy.saturation import MEAN_INFORMATION, pull
 
 Quantity = Literal["range", "rise", "intensity", "range_variance", "intensity_variance", "drop"]
 QUANTITIES: tuple[Quantity, ...] = ("range", "rise", "intensity", "range_variance", "intensity_variance", "drop")
 ROUNDED_M = 6e-4  # to which coordinates may be stored
-_MEAN_INFORMATION = (NU + 1) / (NU + 3) * NU / (NU - 2)
 _SPREAD_INFORMATION = 2.0  # of a Gaussian: of d log σ, E[(z² − 1)²]; and E[z² − 1] grows by 2 a unit of it
 _MOST_SQUARED = 100.0
 
@@ -52,16 +52,17 @@ class Evidence:
             "drop": binary * (fit.matched - fit.seen),
         }
         information: dict[Quantity, np.ndarray] = {
-            "range": matched * _MEAN_INFORMATION / fit.range_sigma_m**2,
-            "rise": returned * _MEAN_INFORMATION / rise_sigma**2,
+            "range": matched * MEAN_INFORMATION / fit.range_sigma_m**2,
+            "rise": returned * MEAN_INFORMATION / rise_sigma**2,
             "range_variance": paired * _SPREAD_INFORMATION,
             "drop": binary,
         }
         if sample.has_intensity:
             bright = weight * fit.bright
-            lit = weight * fit.bright * fit.bright[pair] * (sample.partner >= 0)
-            score["intensity"] = bright * pull(fit.intensity_z) / fit.intensity_sigma
-            information["intensity"] = bright * _MEAN_INFORMATION / fit.intensity_sigma**2
+            plain = fit.bright * fit.whole * ~sample.seam
+            lit = weight * plain * plain[pair] * (sample.partner >= 0)
+            score["intensity"] = bright * fit.intensity_pull / fit.intensity_sigma
+            information["intensity"] = bright * fit.intensity_known / fit.intensity_sigma**2
             score["intensity_variance"] = lit * _spread_excess(intensity_gap)
             information["intensity_variance"] = lit * _SPREAD_INFORMATION
         return cls(score, information)

@@ -20,7 +20,7 @@ from cosim.discrepancy.sample import Prediction, Sample
 from cosim.discrepancy.system import Column, Normal
 from sensors.effects.base import Effect, RoundingEffect
 
-_POSE_FLOOR = np.array([5e-4] * 3 + [np.radians(2e-3)] * 3)
+POSE_FLOOR = np.array([5e-4] * 3 + [np.radians(2e-3)] * 3)
 _POSE_START = np.array([0.02] * 3 + [np.radians(0.05)] * 3)
 _POSE_MOST = np.array([0.5] * 3 + [np.radians(3.0)] * 3)
 _GAIN_M = 1e-3  # log-likelihood that a step must still bring
@@ -76,7 +76,7 @@ class Fitter:
 
     def __init__(self, sample: Sample) -> None:
         self.sample = sample
-        self.pose_errors = PoseErrors(sample.pose_derivative, sample.frame, sample.range_m, len(sample.names))
+        self.pose_errors = PoseErrors(sample.pose_derivative, sample.frame, sample.range_m, sample.leaning)
         self.rings = int(sample.ring.max(initial=0)) + 1
         self._scans = len(sample.names)
 
@@ -94,15 +94,15 @@ class Fitter:
         Args:
             effects: all effects of the sensor.
             free: what may change.
-            pose, pose_sigma: where to start with the scans' pose errors.
+            pose, pose_sigma: where to start with the scans' pose errors; else with those that were traced with.
             steps: most Gauss–Newton steps.
         """
         current, free = tuple(effects), tuple(free)
-        pose = np.zeros((self._scans, 6)) if pose is None else pose
+        pose = self.sample.leaning if pose is None else pose
         sigma = _POSE_START if pose_sigma is None else pose_sigma
         state = self._state(current, pose)
         gradual = tuple(one for one in free if not current[one.effect].by_search)
-        for blur in self._blurs(state):
+        for blur in self._blurs(state[0], pose):
             current, pose, sigma = self._descend(current, gradual, pose, sigma, blur, steps)
             state = self._state(current, pose)
         current = self._searched(current, free, pose, sigma)
@@ -151,18 +151,18 @@ class Fitter:
         prediction = self.sample.predict(effects)
         return prediction, judge(self.sample, prediction, blur, self.shift(pose))
 
-    def _blurs(self, state: tuple[Prediction, Fit]) -> list[float]:
+    def _blurs(self, prediction: Prediction, pose: np.ndarray) -> list[float]:
         """Widths of ranges to fit with one after the other, down to none."""
-        wide = self.roughness(state[0])
+        wide = self.roughness(prediction, pose)
         blurs = []
         while wide > 0:
             blurs.append(wide)
             wide = wide / 4 if wide / 4 > _FINE_M else 0.0
         return [*blurs, 0.0]
 
-    def roughness(self, prediction: Prediction, pose: np.ndarray | None = None) -> float:
+    def roughness(self, prediction: Prediction, pose: np.ndarray) -> float:
         """How far off ranges are where they are far off [m]; 0 where all are within a few standard deviations."""
-        mean = prediction.range_m if pose is None else prediction.range_m + self.shift(pose)
+        mean = prediction.range_m + self.shift(pose)
         gap = np.where(self.sample.compared, np.abs(self.sample.along_m - mean), np.nan)
         near = np.isfinite(gap) & (gap < _FAR_M)
         if not near.any():
@@ -174,8 +174,11 @@ class Fitter:
         return wide if wide > _ROUGH * max(stated, _FINE_M) else 0.0
 
     def evidence(self, prediction: Prediction, pose: np.ndarray | None = None, blur: float = 0.0) -> Evidence:
-        """The evidence at a prediction, for tests: with a standard deviation of `blur` [m] added to every range."""
-        shift = None if pose is None else self.shift(pose)
+        """The evidence at a prediction, for tests: with a standard deviation of `blur` [m] added to every range.
+
+        Without pose errors poses are as they are said.
+        """
+        shift = self.shift(np.zeros((self._scans, 6)) if pose is None else pose)
         return Evidence.of(self.sample, judge(self.sample, prediction, blur, shift), blur, ROUNDED_M)
 
     def _descend(
@@ -223,7 +226,7 @@ class Fitter:
         count = normal.parameters
         block = normal.matrix[count:, count:] + np.diag(np.tile(1 / sigma**2, self._scans))
         uncertain = np.diag(np.linalg.inv(block)).reshape(-1, 6)
-        return np.clip(np.sqrt((pose**2 + uncertain).mean(0)), _POSE_FLOOR, _POSE_MOST)
+        return np.clip(np.sqrt((pose**2 + uncertain).mean(0)), POSE_FLOOR, _POSE_MOST)
 
     def _penalised(self, fit: Fit, pose: np.ndarray, sigma: np.ndarray) -> float:
         weight = self.sample.weight / self.sample.weight.mean()

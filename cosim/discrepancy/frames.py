@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from cosim.discrepancy.edges import Neighbours
 from cosim.discrepancy.labelled_twin.trust import read_trust
@@ -39,7 +40,11 @@ class TracedFrame:
             in brightness, standard deviations; 0 where it is surveyed.
         edge: (n,) bool: beams whose outcome is ambiguous, because a touch aside the world is another.
         border: (n,) bool: beams whose brightness is, because a touch aside the material is another.
+        seam: (n,) bool: the same where the other is so much brighter or darker that the brightness tells which it was.
+        leaning: (6,) error of the LiDAR's pose that was traced with: a shift [m], and a turn about its axes [rad].
         ego, instances: at the pose time.
+        label_scatter_m: how far labels may be off, as far as `unsure_m` and `edge` know of it.
+        exact: the same frame where these do not; None if it is this one.
     """
 
     name: str
@@ -51,8 +56,12 @@ class TracedFrame:
     unsure_intensity: np.ndarray
     edge: np.ndarray
     border: np.ndarray
+    seam: np.ndarray
+    leaning: np.ndarray
     ego: EgoMotion
     instances: Instances
+    label_scatter_m: float = 0.0
+    exact: TracedFrame | None = None
 
 
 class FrameTracer:
@@ -71,12 +80,14 @@ class FrameTracer:
         self._neighbours = Neighbours(self._rays)
         self._tracers = TracerCache(sensor.pattern.range_m)
 
-    def trace(self, name: str, effects: tuple[Effect, ...]) -> TracedFrame:
-        """One frame, as beams changed by `effects` meet it."""
+    def trace(self, name: str, effects: tuple[Effect, ...], leaning: np.ndarray | None = None) -> TracedFrame:
+        """One frame, as beams changed by `effects` meet it, from a pose that is off by `leaning`, see `TracedFrame`."""
+        leaning = np.zeros(6) if leaning is None else leaning
         frame = self.drive[name]
         twin = frame.twin
         instances, ego, pattern = scene_instances(twin.instances), ego_motion(twin), self.sensor.pattern
-        world = World(self._scenes.of(frame), lidar_pose(twin), instances, ego, pattern.range_m, self._tracers)
+        pose = lidar_pose(twin) @ _moved(leaning)
+        world = World(self._scenes.of(frame), pose, instances, ego, pattern.range_m, self._tracers)
         observed = observe(frame, pattern, self._rays)
         before = Shot(pattern, observed.rays, world=world, frame_time_s=twin.time_s)
         streams = Streams(np.random.default_rng(0))
@@ -84,6 +95,7 @@ class FrameTracer:
         traced = world.trace(beams)
         shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
         trusted, unsure_m, unsure_intensity = _known(frame, shot, observed)
+        border, seam = self._neighbours.at_border(traced.hits)
         return TracedFrame(
             name=name,
             place=twin.static or "",
@@ -93,10 +105,27 @@ class FrameTracer:
             unsure_m=unsure_m,
             unsure_intensity=unsure_intensity,
             edge=self._neighbours.at_edge(traced.hits),
-            border=self._neighbours.at_border(traced.hits),
+            border=border,
+            seam=seam,
+            leaning=leaning,
             ego=ego,
             instances=instances,
         )
+
+    def trace_all(
+        self, names: Sequence[str], effects: tuple[Effect, ...], leaning: np.ndarray | None = None
+    ) -> list[TracedFrame]:
+        """Several frames, each from a pose off by its row of `leaning` (frames, 6)."""
+        rows = np.zeros((len(names), 6)) if leaning is None else leaning
+        return [self.trace(name, effects, row) for name, row in zip(names, rows, strict=True)]
+
+
+def _moved(leaning: np.ndarray) -> np.ndarray:
+    """(4, 4) of a shift and a turn."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_rotvec(leaning[3:]).as_matrix()
+    matrix[:3, 3] = leaning[:3]
+    return matrix
 
 
 def _known(frame: Frame, shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,7 +2,9 @@
 
 A beam returns from the surface it meets with probability `seen`; then its range scatters with heavy tails
 (Student-t of 5 degrees of freedom scaled to the stated standard deviation). It may also return from elsewhere,
-with a small uniform density on top of what scan effects say. Intensities count as far as the return is the surface's.
+with a small uniform density on top of what scan effects say. Intensities count as far as the return is the surface's;
+those at the limits of what the sensor tells say that they would have been there or beyond. Where another material
+begins beside a beam, any brightness is as likely as its own.
 Where a return stands above its beam tells of the sensor whatever surface it was, so it counts for every return, and is
 all that counts of beams that cannot be compared with the twin.
 """
@@ -12,11 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaln
 
 from cosim.discrepancy.sample import Prediction, Sample
+from cosim.discrepancy.saturation import censored, student
 
-NU = 5.0
 RANGE_FLOOR_M = 5e-4
 INTENSITY_FLOOR = 0.002
 RISE_SIGMA_M = 0.003
@@ -24,8 +25,7 @@ _STRAY_SHARE = 1e-4
 _REACH_M = 120.0
 _CLEAR_OF_LIMITS = 2.5
 _LOST_SHARE = 1e-3
-_SCALE = np.sqrt((NU - 2) / NU)
-_LOG_NORM = float(gammaln((NU + 1) / 2) - gammaln(NU / 2) - 0.5 * np.log(NU * np.pi))
+_OWN_AT_SEAMS, _CUT_AT_SEAMS = 0.5, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,11 @@ class Fit:
 
     Attributes:
         range_z, intensity_z, rise_z: residuals in standard deviations; 0 where there are none.
+        intensity_pull, intensity_known: what intensities say of their mean, and how much they would on average, in
+            standard deviations.
         matched: probability that the return is the surface's.
-        bright: the same where the intensity tells something, else 0.
+        bright: probability that its brightness is, too; 0 where that is not to be told.
+        whole: (n,) bool: intensities that the limits hardly ever cut off.
         seen: probability of a return of the surface, away from 0 and 1.
         loglik: (n,) log-likelihood.
     """
@@ -45,8 +48,11 @@ class Fit:
     rise_z: np.ndarray
     range_sigma_m: np.ndarray
     intensity_sigma: np.ndarray
+    intensity_pull: np.ndarray
+    intensity_known: np.ndarray
     matched: np.ndarray
     bright: np.ndarray
+    whole: np.ndarray
     seen: np.ndarray
     loglik: np.ndarray
 
@@ -78,14 +84,39 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.nda
     rise_z = np.where(returned, rise / np.hypot(RISE_SIGMA_M, blur), 0.0)
     loglik += np.where(returned, student(rise_z), 0.0)
     spread = intensity_spread(expected)
-    intensity_z, bright = np.zeros(len(z)), np.zeros(len(z))
+    none = np.zeros(len(z))
+    light = _Light(none, none, none, none, none > 0, none)
     if sample.has_intensity:
-        # Where noise would be cut off at 0 or 1 a residual is no normal deviate.
-        room = np.minimum(expected.intensity, 1 - expected.intensity) >= _CLEAR_OF_LIMITS * expected.intensity_sigma
-        intensity_z = np.where(room, np.nan_to_num((sample.intensity - expected.intensity) / spread), 0.0)
-        bright = matched * (room & ~sample.border)
-        loglik += bright * (student(intensity_z) - np.log(spread))
-    return Fit(z, intensity_z, rise_z, sigma, spread, matched, bright, seen, loglik)
+        light = _light(sample, expected, spread)
+        loglik += matched * light.loglik
+    bright = matched * light.own
+    return Fit(z, light.z, rise_z, sigma, spread, light.pull, light.known, matched, bright, light.whole, seen, loglik)
+
+
+@dataclass(frozen=True, eq=False)
+class _Light:
+    """What the intensities of n beams say, if their returns are the surfaces' they were traced to; see `Fit`."""
+
+    z: np.ndarray
+    pull: np.ndarray
+    known: np.ndarray
+    own: np.ndarray
+    whole: np.ndarray
+    loglik: np.ndarray
+
+
+def _light(sample: Sample, expected: Prediction, spread: np.ndarray) -> _Light:
+    mean, limits = expected.intensity, sample.intensity_limits
+    measured = np.where(sample.returned, sample.intensity, mean)
+    told = censored(measured, mean, spread, limits)
+    # Where noise would be cut off at a limit a residual is no normal deviate.
+    whole = np.minimum(mean - limits[0], limits[1] - mean) >= _CLEAR_OF_LIMITS * expected.intensity_sigma
+    cut = (measured <= limits[0]) | (measured >= limits[1])
+    other = (1 - _OWN_AT_SEAMS) * np.where(cut, _CUT_AT_SEAMS, 1.0)
+    mine = _OWN_AT_SEAMS * np.exp(told.loglik)
+    own = np.where(sample.seam, mine / (mine + other), 1.0) * ~sample.border
+    loglik = np.where(sample.seam, np.log(mine + other), told.loglik) * ~sample.border
+    return _Light((measured - mean) / spread, told.pull, told.information, own, whole, loglik)
 
 
 def range_spread_m(expected: Prediction) -> np.ndarray:
@@ -96,13 +127,3 @@ def range_spread_m(expected: Prediction) -> np.ndarray:
 def intensity_spread(expected: Prediction) -> np.ndarray:
     """The same of intensities."""
     return np.sqrt(expected.intensity_sigma**2 + expected.unsure_intensity**2 + INTENSITY_FLOOR**2)
-
-
-def student(z: np.ndarray) -> np.ndarray:
-    """Log-density of a Student-t scaled to unit variance."""
-    return _LOG_NORM - np.log(_SCALE) - (NU + 1) / 2 * np.log1p(z**2 / (_SCALE**2 * NU))
-
-
-def pull(z: np.ndarray) -> np.ndarray:
-    """−d log f/dz of the unit-variance Student-t: bounded."""
-    return (NU + 1) * z / (_SCALE**2 * NU + z**2)

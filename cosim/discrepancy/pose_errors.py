@@ -27,20 +27,23 @@ def independent_share(errors: np.ndarray) -> float:
 class PoseErrors:
     """Pose errors (scans, 6): shifts [m] and turns [rad] in the LiDAR's axes.
 
+    Beams were traced with some already; how ranges change is told from there.
+
     Args:
         derivative: (n, 6) change of range per metre and radian.
         frame: (n,) int scan of each beam.
         reach_m: (n,) range of the plane it meets; NaN where there is none.
-        scans: how many there are.
+        traced: (scans, 6) those that beams were traced with.
     """
 
-    def __init__(self, derivative: np.ndarray, frame: np.ndarray, reach_m: np.ndarray, scans: int) -> None:
+    def __init__(self, derivative: np.ndarray, frame: np.ndarray, reach_m: np.ndarray, traced: np.ndarray) -> None:
         self._derivative, self._frame = derivative, frame
         self._reach = np.nan_to_num(reach_m, nan=np.inf)
         columns = self._frame[:, None] * 6 + np.arange(6)
         rows = np.repeat(np.arange(len(frame)), 6)
         self._places = (rows, columns.ravel())
-        self._shape = (len(frame), 6 * scans)
+        self._shape = (len(frame), traced.size)
+        self._traced = traced
 
     def shift(self, pose: np.ndarray) -> np.ndarray:
         """Change of ranges (n,) [m]."""
@@ -56,7 +59,7 @@ class PoseErrors:
 
     def _parts(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Δ, and 1 − Δ′/R."""
-        of_beam = pose[self._frame]
+        of_beam = (pose - self._traced)[self._frame]
         moved = np.einsum("ij,ij->i", self._derivative[:, :3], of_beam[:, :3])
         turned = np.einsum("ij,ij->i", self._derivative[:, 3:], of_beam[:, 3:])
         return moved, np.maximum(1 - turned / self._reach, _FLATTEST)

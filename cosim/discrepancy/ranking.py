@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,22 +10,23 @@ from scipy import sparse
 
 from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.fitting import Fitted, Fitter, all_free
-from cosim.discrepancy.frames import TracedFrame, bending
+from cosim.discrepancy.frames import bending
 from cosim.discrepancy.gate import LEVEL, Direction, Verdict
 from cosim.discrepancy.likelihood import judge
 from cosim.discrepancy.pose_errors import independent_share
 from cosim.discrepancy.sample import same_beams
+from cosim.discrepancy.settling import Trace
 from sensors.effects.base import BeamEffect, Effect
 
 _SHORTLIST = 6
 _OUTSTANDING = 3
-_LIKE_POSES = 0.2
+LIKE_POSES = 0.2
 _RETRACED = 3
 _ENTANGLED = 0.25  # share of a candidate's information
 _STRANGE_SHARE = 3e-3
 _MATTERS, _OF_ITS_OWN = 0.1, 0.5
 _STARTS = 2
-_STEPS = 10
+STEPS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ def shortlist(
     Promise is the gain of likelihood that the linearised model foresees. It does not see that scans' pose errors may
     be all of one kind, so what would make such errors counts as well.
     """
-    foresee = _Foresight(fitter, fitted)
+    foresee = Foresight(fitter, fitted)
     promise: dict[str, list[tuple[float, Direction]]] = {}
     for direction in found:
         promise.setdefault(direction.effect, []).append((foresee.gain(direction), direction))
@@ -64,7 +65,7 @@ def shortlist(
     names = sorted(best, key=lambda name: -best[name][0][0])[:_SHORTLIST]
     names = [name for name in names if best[name][0][0] > 0]
     likeness = {name: max(foresee.pose_likeness(row[1]) for row in rows) for name, rows in best.items()}
-    tilting = sorted((name for name in likeness if likeness[name] > _LIKE_POSES), key=lambda name: -likeness[name])
+    tilting = sorted((name for name in likeness if likeness[name] > LIKE_POSES), key=lambda name: -likeness[name])
     outstanding = [*significant[:_OUTSTANDING], *tilting[:_OUTSTANDING]]
     names += [name for name in dict.fromkeys(outstanding) if name in best and name not in names]
     return {name: [direction for _, direction in best[name][: _starts(best[name][0][1])]] for name in names}
@@ -90,10 +91,10 @@ def fit_candidate(fitter: Fitter, fitted: Fitted, starts: Sequence[Direction], s
     along = entangled(fitter, fitted, starts[0], settled)
     before = _refitted(fitter, fitted, along) if along else fitted
     for start in starts:
-        effects, place = _started(fitter, fitted, start)
+        effects, place = started(fitter, fitted, start)
         mine = all_free(effects, [place], fitter.rings)
         free = (*mine, *all_free(effects, [one for one in along if one != place], fitter.rings))
-        result = fitter.fit(effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=_STEPS)
+        result = fitter.fit(effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=STEPS)
         count = sum(one.unknown.rings for one in mine)
         delta = 2 * _gain(fitter, before, result) - count * np.log(rows)
         if best is None or delta > best.delta_bic:
@@ -129,16 +130,16 @@ def entangled(fitter: Fitter, fitted: Fitted, direction: Direction, settled: Col
 
 def _refitted(fitter: Fitter, fitted: Fitted, places: Sequence[int]) -> Fitted:
     free = all_free(fitted.effects, places, fitter.rings)
-    return fitter.fit(fitted.effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=_STEPS)
+    return fitter.fit(fitted.effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=STEPS)
 
 
 def _gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
     """Of log-likelihood."""
     beams = fitter.sample.weight / fitter.sample.weight.mean() @ (after.fit.loglik - before.fit.loglik)
-    return float(beams) + _pose_gain(fitter, before, after)
+    return float(beams) + pose_gain(fitter, before, after)
 
 
-def _pose_gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
+def pose_gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
     """Of the log-likelihood of pose errors: by how much smaller ones suffice.
 
     Errors that drift from scan to scan are fewer facts than scans: the middle of a drift is no mount that is off.
@@ -149,9 +150,7 @@ def _pose_gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
     return gain * independent_share(after.pose / after.pose_sigma) if gain > 0 else gain
 
 
-def judged_anew(
-    ranked: Sequence[Ranked], fitter: Fitter, fitted: Fitted, trace: Callable[[tuple[Effect, ...]], list[TracedFrame]]
-) -> list[Ranked]:
+def judged_anew(ranked: Sequence[Ranked], fitter: Fitter, fitted: Fitted, trace: Trace) -> list[Ranked]:
     """Candidates that bend beams, with what bent beams really meet.
 
     Where many measurements are not where the model stands, bent beams meet other surfaces than the planes that fits
@@ -167,7 +166,7 @@ def judged_anew(
     rows = {one.effect: one.fitted.fit.loglik for one in ranked}
     for one in tilting:
         beams = bending(one.fitted.effects)
-        anew = Fitter(same_beams(fitter.sample, trace(beams)))
+        anew = Fitter(same_beams(fitter.sample, trace(beams, one.fitted.pose)))
         # The pose errors' own share is small beside what other surfaces change.
         prediction = anew.sample.predict(one.fitted.effects)
         rows[one.effect] = judge(anew.sample, prediction, shift=anew.shift(one.fitted.pose)).loglik
@@ -175,7 +174,7 @@ def judged_anew(
     found = []
     for one in ranked:
         gained = float((weight * (rows[one.effect] - fitted.fit.loglik))[keep].sum())
-        pose = _pose_gain(fitter, fitted, one.fitted)
+        pose = pose_gain(fitter, fitted, one.fitted)
         delta = 2 * (gained + pose) - one.parameters * np.log(float(len(weight)))
         found.append(replace(one, delta_bic=float(delta)))
     return found
@@ -201,7 +200,7 @@ def simpler_first(ranked: Sequence[Ranked], fitter: Fitter, starts: Mapping[str,
     return found
 
 
-class _Foresight:
+class Foresight:
     """Gains that the linearised model foresees, pose errors in the background as likely as their spread says."""
 
     def __init__(self, fitter: Fitter, fitted: Fitted) -> None:
@@ -247,7 +246,7 @@ class _Foresight:
         return 0.5 * float(slope @ np.linalg.solve(matrix + np.diag(1e-9 * np.diag(matrix) + 1e-12), slope))
 
 
-def _started(fitter: Fitter, fitted: Fitted, start: Direction) -> tuple[tuple[Effect, ...], int]:
+def started(fitter: Fitter, fitted: Fitted, start: Direction) -> tuple[tuple[Effect, ...], int]:
     """Effects with the candidate among them, as strongly as the linearised model foresees."""
     if start.place is not None:
         return fitted.effects, start.place

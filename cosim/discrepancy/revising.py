@@ -47,26 +47,28 @@ def simpler_rival(fitter: Fitter, fitted: Fitted, place: int, kinds: Sequence[ty
     return None if best is None else best.fitted.effects[best.place]
 
 
-def is_idle(fitter: Fitter, fitted: Fitted, place: int, clearly: float) -> bool:
-    """Whether an effect's amplitudes could as well be those that do nothing, and the fit is as good without.
+def is_idle(fitter: Fitter, fitted: Fitted, place: int, clearly: float, said: Effect | None = None) -> bool:
+    """Whether an effect could as well do nothing, or what it was said to do, and the fit is as good so.
 
     Args:
         fitter: of the sample.
         fitted: the model with everything found.
         place: of the effect in question.
         clearly: standard errors beyond which an amplitude is there.
+        said: the effect as the sensor had it; None if it did not.
     """
     kind, errors, at = type(fitted.effects[place]), standard_errors(fitter, fitted), 0
-    neutral, deviates = kind.neutral or {}, []
+    neutral, deviates = said.model_dump() if said is not None else kind.neutral or {}, []
     for one in fitted.free:
         part = errors[at : at + one.unknown.rings]
         at += one.unknown.rings
-        if one.effect == place and one.unknown.name in amplitudes(kind):
+        if one.effect == place and (said is not None or one.unknown.name in amplitudes(kind)):
             apart = np.subtract(getattr(fitted.effects[place], one.unknown.name), neutral[one.unknown.name])
             deviates.append(float(np.sqrt(np.mean((apart / np.maximum(part, 1e-12)) ** 2))))
     if not deviates or max(deviates) > clearly:
         return False
-    rest = tuple(effect for number, effect in enumerate(fitted.effects) if number != place)
+    there = () if said is None else (said,)
+    rest = (*fitted.effects[:place], *there, *fitted.effects[place + 1 :])
     without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
     count = sum(one.unknown.rings for one in fitted.free_of(place))
     return 2 * (fitted.loglik - without.loglik) < count * np.log(len(fitter.sample))

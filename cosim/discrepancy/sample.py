@@ -18,6 +18,7 @@ CELL_M = 5.0
 _MATCHED_M = 1.0
 _SKY_RAD = 0.1
 _ODD_SHARE = 0.3  # of the sample at most, for beams that return from where nothing is
+_RARE_SHARE = 0.2  # of the sample
 _LONE_SHARE = 0.25  # of the sample, for returns that tell of the sensor alone
 
 
@@ -63,12 +64,14 @@ class Sample:
         unsure_m, unsure_intensity: (n,) how far the twin itself may be off, see `TracedFrame`.
         edge: (n,) bool ambiguous beams.
         border: (n,) bool beams of ambiguous brightness.
+        seam: (n,) bool the same, where the brightness itself tells whose it is.
         compared: (n,) bool: beams that can be compared with the twin; of others it only tells something where their
             returns stand above them.
         partner: (n,) int row of the beam fired just before or after at the same surface, −1 where there is none:
             their difference knows nothing of errors that both share.
         ring, material, instance: (n,) int.
         reflectance, previous_intensity: (n,) of the surface; measured of the beam fired before in the ring, 0 for none.
+        leaning: (scans, 6) pose errors that were traced with, see `TracedFrame`.
         scan_values: by name, (scans,) pose time, and the ego vehicle's speed, acceleration and yaw rate.
         azimuth, time_s, range_m, cos_incidence: (n,) of the beams as traced.
     """
@@ -87,6 +90,7 @@ class Sample:
     unsure_intensity: np.ndarray
     edge: np.ndarray
     border: np.ndarray
+    seam: np.ndarray
     compared: np.ndarray
     partner: np.ndarray
     ring: np.ndarray
@@ -99,6 +103,7 @@ class Sample:
     place: np.ndarray
     reflectance: np.ndarray
     previous_intensity: np.ndarray
+    leaning: np.ndarray
     scan_values: dict[str, np.ndarray]
 
     def __len__(self) -> int:
@@ -113,6 +118,18 @@ class Sample:
     def has_intensity(self) -> bool:
         """Whether the drive has intensities at all."""
         return bool(np.nanmax(np.append(self.intensity, 0.0)) > 0)
+
+    @cached_property
+    def intensity_limits(self) -> tuple[float, float]:
+        """Values at or beyond which intensities have been cut off.
+
+        Stored in steps, whatever is more than half a step above the last value but one has become the last.
+        """
+        told = self.intensity[~np.isnan(self.intensity)]
+        inside = told[(told > 0) & (told < 1)]
+        low = float(inside.min()) / 2 if len(inside) and (told <= 0).any() else 0.0
+        high = (1 + float(inside.max())) / 2 if len(inside) and (told >= 1).any() else 1.0
+        return low, high
 
     def parts(self, fewest: int) -> np.ndarray:
         """(n,) numbers of equal sectors of scans, as many a scan as it takes to have `fewest` in all."""
@@ -164,6 +181,9 @@ def _predict(replay: FrameReplay, effects: tuple[Effect, ...], measured_m: np.nd
 def draw_sample(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, *, edges: bool = False) -> Sample:
     """A sample of about `count` beams in neighbouring pairs: of every frame alike, more of objects than of the rest.
 
+    Materials that few beams meet, as those of plates and signs, are taken nearly whole.
+
+
     Args:
         frames: in order of time.
         count: how many beams to take, roughly.
@@ -201,6 +221,7 @@ def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, 
         names=tuple(one.name for one in frames),
         previous_intensity=np.concatenate([replay.previous_intensity for replay in replays]).astype(np.float64),
         track=_tracks(frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"]),
+        leaning=np.array([one.leaning for one in frames]),
         scan_values={
             "time_s": np.array([one.time_s for one in frames]),
             "speed_mps": np.array([float(np.linalg.norm(one.ego.velocity_mps)) for one in frames]),
@@ -223,6 +244,7 @@ def _choose(
     chance = np.where(solid.instance >= 0, 3.0, np.where(solid.exists, 1.0, 0.15)) * usable
     chance = np.clip(chance * (share / 2 / max(chance.sum(), 1.0)), 0, 1)
     chance = np.where(odd, np.maximum(chance, min(1.0, _ODD_SHARE * share / max(odd.sum(), 1))), chance)
+    chance = np.maximum(chance, _rare(solid.material, usable & solid.exists, _RARE_SHARE * share))
     first = rng.random(len(chance)) < chance
     taken = (first | np.append(False, first[:-1])) & usable
     before = np.append(0.0, chance[:-1])
@@ -243,6 +265,13 @@ def _choose(
     place = np.argsort(order)
     partner = np.append(np.where(partner >= 0, place[partner], -1), np.full(len(lone), -1))
     return np.append(beams, lone)[order], weight[order], partner[order]
+
+
+def _rare(material: np.ndarray, usable: np.ndarray, wanted: float) -> np.ndarray:
+    """Chances (n,) by which as many usable beams of every material are taken, `wanted` in all."""
+    count = np.bincount(material[usable], minlength=int(material.max(initial=0)) + 1)
+    each = wanted / max(np.count_nonzero(count), 1)
+    return np.where(usable, np.minimum(each / np.maximum(count, 1), 1.0)[material], 0.0)
 
 
 def _lone(frame: TracedFrame, share: int, rng: np.random.Generator) -> np.ndarray:
@@ -282,6 +311,7 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
         "unsure_intensity": frame.unsure_intensity[beams].astype(np.float64),
         "edge": frame.edge[beams],
         "border": frame.border[beams],
+        "seam": frame.seam[beams],
         "compared": observed.trusted[beams],
         "ring": rays.ring[beams].astype(int),
         "azimuth": rays.azimuth[beams].astype(np.float64),

@@ -1,7 +1,8 @@
 """Fits effects, traces the beams that they bend anew, and fits again, until both agree.
 
-A fit holds on to the planes that beams met when they were traced. Once it bends them so far that they meet something
-else, its answer is only a better place to trace from.
+A fit holds on to the planes that beams met when they were traced. Once it bends them so far, by effects or by the pose
+errors of their scan, that they meet something else, its answer is only a better place to trace from. How far labels
+are off shows in a fit, too, and the next one knows it.
 """
 
 from __future__ import annotations
@@ -13,14 +14,15 @@ import numpy as np
 
 from cosim.discrepancy.fitting import Fitted, Fitter, Free
 from cosim.discrepancy.frames import TracedFrame, bending
-from cosim.discrepancy.sample import draw_sample
+from cosim.discrepancy.label_scatter import differs, label_scatter_m, with_unsure_labels
+from cosim.discrepancy.sample import Sample, draw_sample
 from sensors.effects.base import Effect
 
 ROWS = 60_000
 _ROUNDS = 4
 _ASIDE_RAD, _ASIDE_M = 5e-4, 0.01  # a beam that moved by more may meet another surface
 
-Trace = Callable[[tuple[Effect, ...]], list[TracedFrame]]
+Trace = Callable[[tuple[Effect, ...], np.ndarray], list[TracedFrame]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,23 +40,37 @@ def settle(
     effects: Sequence[Effect],
     free: Sequence[Free],
     seed: int,
+    pose: np.ndarray | None = None,
 ) -> Settled:
     """Fit parameters of effects to frames.
 
     Args:
         frames: traced with whatever beam effects.
-        trace: traces them with others.
+        trace: traces them with others, and with pose errors (scans, 6).
         effects: all of the sensor.
         free: what may change.
         seed: of the sample.
+        pose: (scans, 6) pose errors to start with, else those that frames were traced with.
     """
     effects = tuple(effects)
     for left in reversed(range(_ROUNDS)):
         fitter = Fitter(draw_sample(frames, ROWS, np.random.default_rng([seed, ROWS])))
-        fitted = fitter.fit(effects, free)
-        effects = fitted.effects
-        moved = fitter.sample.moved(effects)
-        if not left or (moved[0] < _ASIDE_RAD and moved[1] < _ASIDE_M):
+        fitted = fitter.fit(effects, free, pose=pose)
+        effects, pose = fitted.effects, fitted.pose
+        scatter_m, aside = label_scatter_m(frames, fitter, fitted), _aside(fitter.sample, fitted)
+        if not left or not (aside or differs(scatter_m, frames[0].label_scatter_m)):
             return Settled(frames, fitter, fitted)
-        frames = trace(bending(effects))
+        frames = with_unsure_labels(trace(bending(effects), pose) if aside else frames, scatter_m)
     raise AssertionError  # the last round returns
+
+
+def _aside(sample: Sample, fitted: Fitted) -> bool:
+    """Whether beams look or stand elsewhere than when they were traced."""
+    turned, moved = sample.moved(fitted.effects)
+    return turned > _ASIDE_RAD or moved > _ASIDE_M or leans(fitted.pose, sample.leaning)
+
+
+def leans(pose: np.ndarray, traced: np.ndarray) -> bool:
+    """Whether pose errors (scans, 6) are so far from others that beams may meet other surfaces."""
+    apart = np.abs(pose - traced)
+    return bool(apart[:, 3:].max(initial=0) > _ASIDE_RAD or apart[:, :3].max(initial=0) > _ASIDE_M)

@@ -68,7 +68,7 @@ class Fits:
 
     def fit(self, effects: tuple[Effect, ...]) -> Settled:
         free = all_free(effects, range(len(effects)), PLAIN.pattern.rings)
-        trace = lambda bent: [self.tracer.trace(name, bent) for name in self.names]  # noqa: E731
+        trace = lambda bent, leaning: self.tracer.trace_all(self.names, bent, leaning)  # noqa: E731
         found = settle(self.frames, trace, effects, free, seed=0)
         self.frames = found.frames
         return found
