@@ -51,8 +51,9 @@ class Pattern(BaseModel):
                 object.__setattr__(self, name, (0,) * rings)
             elif len(values) != rings:
                 raise ValueError(f"{name} has {len(values)} entries but elevation_deg has {rings}; give one a laser")
-        if any(not -90 < elevation < 90 for elevation in self.elevation_deg):
-            raise ValueError("elevation_deg must lie between -90 and 90")
+        beyond = [elevation for elevation in self.elevation_deg if not -90 < elevation < 90]
+        if beyond:
+            raise ValueError(f"elevation_deg holds {beyond[0]:g}; give degrees between -90 and 90")
         if any(block not in (0, 1) for block in self.block):
             raise ValueError("block entries are 0 (upper) or 1 (lower)")
         if self.firing_offset_us and len(self.firing_offset_us) != rings:

@@ -119,7 +119,7 @@ def _check_beams(effect: Effect, before: Beams, after: object, origin: str) -> N
     shape = (len(before.rays), 3)
     for name in ("origin", "direction"):
         values = getattr(after, name)
-        if np.shape(values) != shape or not np.isfinite(values).all():
+        if np.shape(values) != shape or not _finite(values):
             raise _broken(effect, origin, f"gave {name} of shape {np.shape(values)} or not finite; give {shape}")
 
 
@@ -134,6 +134,9 @@ def _check_returns(effect: Effect, before: Returns, after: object, shot: Shot, o
         wanted = (rows, 2) if field.name == "normal_code" else (rows,)
         if np.shape(values) != wanted:
             raise _broken(effect, origin, f"gave {field.name} of shape {np.shape(values)}; give {wanted}")
+        kind, usual = np.asarray(values).dtype, getattr(before, field.name).dtype
+        if kind.kind not in ("f" if usual.kind == "f" else "iu"):
+            raise _broken(effect, origin, f"gave {field.name} of type {kind}; give {usual}")
     if not (np.isfinite(after.range_m).all() and np.isfinite(after.intensity).all()):
         raise _broken(effect, origin, "gave NaN or infinity; keep range_m and intensity finite")
     if rows and (after.beam.min() < 0 or after.beam.max() >= len(shot.rays) or (np.diff(after.beam) < 0).any()):
@@ -145,10 +148,15 @@ def _check_boxes(effect: Effect, before: LabelBoxes, after: object, origin: str)
         raise _broken(effect, origin, f"returned {type(after).__name__}; return LabelBoxes")
     for name in ("centre", "size", "yaw", "kept"):
         values, wanted = getattr(after, name), np.shape(getattr(before, name))
-        if np.shape(values) != wanted or not np.isfinite(values).all():
+        if np.shape(values) != wanted or not _finite(values):
             raise _broken(effect, origin, f"gave {name} of shape {np.shape(values)} or not finite; give {wanted}")
     if (after.size <= 0).any():
         raise _broken(effect, origin, "gave a size that is not above zero; keep every edge positive")
+
+
+def _finite(values: object) -> bool:
+    array = np.asarray(values)
+    return array.dtype.kind in "biuf" and bool(np.isfinite(array).all())
 
 
 def _broken(effect: Effect, origin: str, what: str) -> SensorError:

@@ -67,6 +67,8 @@ def find_effect(text: str, folder: Path = Path()) -> type[Effect]:
             f"effect {text!r} is of the {_ELSEWHERE[text]} stage and no part of a sensor; "
             "it stands under behaviour in the run's configuration (docs/configuration.md)"
         )
+    if text.endswith(".py"):
+        raise SensorError(f"effect {text!r} names no class of that file; write `{text}:ClassName`")
     close = get_close_matches(text, classes, n=3, cutoff=0.5)
     hint = f"did you mean {' or '.join(close)}?" if close else "`cosim effects` lists all"
     raise SensorError(f"effect {text!r} is unknown; {hint}")

@@ -79,6 +79,8 @@ BODY = "return replace(returns, range_m=returns.range_m + self.shift_m)"
         (GOOD.replace(BODY, "return replace(returns, range_m=returns.range_m[:5])"), r"gave range_m of shape \(5,\)"),
         (GOOD.replace(BODY, "return replace(returns, intensity=returns.intensity * float('nan'))"), "NaN"),
         (GOOD.replace(BODY, "return None"), "returned NoneType"),
+        (GOOD.replace(BODY, "return replace(returns, range_m=returns.range_m.astype(str))"), "range_m of type"),
+        (GOOD.replace(BODY, "return replace(returns, beam=returns.beam.astype(float))"), "beam of type float64"),
     ],
 )
 def test_a_broken_effect_is_named_with_its_file_and_remedy(tmp_path, source, complaint):
@@ -95,6 +97,7 @@ def test_a_broken_effect_is_named_with_its_file_and_remedy(tmp_path, source, com
         (GOOD + "\n1/0\n", None, "does not load: ZeroDivisionError"),
         (GOOD, "{effect: ./my_effect.py:Hail, shift_m: 0}", "holds no 'Hail'"),
         (GOOD, "{effect: ./other.py:RainStreaks}", "does not exist"),
+        (GOOD, "{effect: ./my_effect.py}", "names no class of that file; write `./my_effect.py:ClassName`"),
         (GOOD, "{effect: ./my_effect.py:RainStreaks, shift_m: 3}", "shift_m: .*less than or equal to 1"),
         (GOOD.replace("(PointEffect)", ""), None, "is no sensor effect"),
         (GOOD.replace("    example", "    stage: ClassVar = 'scan'\n    example"), None, "derived from PointEffect"),
