@@ -13,7 +13,7 @@ from cosim.discrepancy.checks import check_fit, opened
 from cosim.discrepancy.expectation import expect
 from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.noise_floor import NoiseFloor, estimate_floor
-from cosim.discrepancy.scoring import SCALES, FrameScores, score_frame
+from cosim.discrepancy.scoring import SCALES, FrameScores, model_chance, score_frame
 from cosim.discrepancy.slices import Slice, SliceTally
 from cosim.kitti import Drive
 from sensors.sensor_model import SensorModel, load_sensor
@@ -218,7 +218,7 @@ def compare(
         traced = tracer.trace(name, bending(effects))
         if number == 0:
             check_fit(traced, drive)
-        scores = score_frame(traced, effects, np.random.default_rng([seed, number]), model.origin)
+        scores = score_frame(traced, effects, model_chance(seed, number), model.origin)
         by_frame[name] = Totals.of(traced, scores)
         tally.add(traced, scores)
         if keep:

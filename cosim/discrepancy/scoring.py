@@ -18,7 +18,16 @@ from sensors.shot import returns_of
 
 CLIP_M = 1.0
 MEMBERS = 4
+_STREAM = 0x6D6F6465
 SCALES = {"range": 0.01, "intensity": 0.05, "drop": 0.02, "spurious": 1.0}
+
+
+def model_chance(seed: int, number: int) -> np.random.Generator:
+    """The model's chance in a frame: another than the one that `cosim run` measures frames of that number with.
+
+    A model that draws the very noise that a simulated drive was made with would be better than its noise lets be.
+    """
+    return np.random.default_rng([seed, number, _STREAM])
 
 
 @dataclass(frozen=True, eq=False)

@@ -89,7 +89,8 @@ def headline(found: Diagnosis, words: Vocabulary) -> str:
 def unknown_words(unknown: Shape) -> str:
     """What an unknown effect does, in short."""
     channel = unknown.channel.replace("_", " ").replace("variance", "spread")
-    return f"{channel} depends on {unknown.covariate.replace('_', ' ')} as {unknown.text}"
+    of = "" if unknown.names or not unknown.unit else f", x in {unknown.unit}"
+    return f"{channel} depends on {unknown.covariate.replace('_', ' ')} as {unknown.text}{of}"
 
 
 def smallest_words(found: Diagnosis, words: Vocabulary, most: int) -> str:

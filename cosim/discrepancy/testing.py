@@ -12,7 +12,7 @@ from cosim.discrepancy.expectation import expect
 from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.noise_floor import NoiseFloor, estimate_floor
 from cosim.discrepancy.replay import FrameReplay
-from cosim.discrepancy.scoring import score_frame
+from cosim.discrepancy.scoring import model_chance, score_frame
 from sensors.effects.base import Effect
 
 _CLOSER = 0.9
@@ -63,7 +63,7 @@ def held_out_errors(tracer: FrameTracer, names: Sequence[str], effects: Sequence
     each, noise, rise_m = [], [], []
     for number, name in enumerate(names):
         frame = tracer.trace(name, bending(effects))
-        scores = score_frame(frame, effects, np.random.default_rng([0, number]), origin)
+        scores = score_frame(frame, effects, model_chance(0, number), origin)
         each.append(Totals.of(frame, scores))
         noise.append(estimate_floor(frame, scores, expect(effects, frame.shot)))
         rise_m.append(_mean_rise(frame, effects))

@@ -7,7 +7,6 @@ from html import escape
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis
-from cosim.discrepancy.sentences import unknown_words
 from cosim.discrepancy.unknown import Shape
 from cosim.discrepancy.unknown.formulas import evaluate
 from cosim.discrepancy.unknown.write import effect_name
@@ -27,7 +26,7 @@ def unknown_section(found: Diagnosis) -> str:
     fitted = f"<p>Fitted together with everything else: {escape(fitted)}.{_acts(unknown)}</p>" if fitted else ""
     file = f"<code>{escape(effect_name(unknown))}.py</code>"
     return (
-        f"<section><h2>What no effect of the catalogue explains</h2><p>{escape(unknown_words(unknown))}</p>"
+        f"<section><h2>What no effect of the catalogue explains</h2><p>{escape(_depends(unknown))}</p>"
         f'<p class="formula">{escape(unknown.text)}</p>{fit}{fitted}<p>The improved sensor has it as '
         f"{file} beside it: a plug-in to be renamed and edited once its cause is known.</p>{_curve(unknown)}</section>"
     )
@@ -36,6 +35,12 @@ def unknown_section(found: Diagnosis) -> str:
 def _plain(name: str, value: float, interval: list[float] | None) -> str:
     said = f"{name} {value:.3g}".replace("-", "−")
     return said if interval is None else f"{said} ± {(interval[1] - interval[0]) / 2:.2g}"
+
+
+def _depends(unknown: Shape) -> str:
+    unit = f" [{unknown.unit}]" if unknown.unit else ""
+    of = "" if unknown.names else f", x{unit}"
+    return f"{unknown.channel.capitalize()} depends on {unknown.covariate.replace('_', ' ')}{of}:"
 
 
 def _acts(unknown: Shape) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cosim.discrepancy.scoring import _crps
+from cosim.discrepancy.scoring import _crps, model_chance
 
 MEMBERS, ROWS = 4, 200_000
 
@@ -44,3 +44,8 @@ def test_members_that_do_not_return_are_left_out() -> None:
 
 def test_far_off_costs_no_more_than_the_clip() -> None:
     assert _crps(np.zeros((1, 1)), np.array([50.0]), 1.0) == pytest.approx([1.0])
+
+
+def test_a_model_does_not_draw_the_noise_that_a_simulated_drive_was_measured_with() -> None:
+    measured = np.random.default_rng([3, 7]).standard_normal(4)
+    assert not np.isin(model_chance(3, 7).standard_normal(4), measured).any()
