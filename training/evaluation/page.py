@@ -12,6 +12,7 @@ from cosim.html import document
 from cosim.stats.plot import Axis, Plot
 from training.evaluation.as_json import Intervals
 from training.evaluation.evaluate import Evaluation, Result
+from training.evaluation.pictures import CAPTION
 from training.evaluation.rules import DIFFICULTIES, METRICS, MIN_OVERLAP
 from training.evaluation.slices import Slice
 
@@ -53,7 +54,9 @@ def format_page(
             "</figure>"
             for caption, data in pictures
         )
-        sections.append(f'<section><h2>Detections from above</h2><div class="pictures">{figures}</div></section>')
+        sections.append(
+            f'<section><h2>Detections from above</h2><p>{CAPTION}</p><div class="pictures">{figures}</div></section>'
+        )
     return document(title, sections, style=STYLE + _STYLE, generator="cosim evaluate")
 
 

@@ -1,4 +1,4 @@
-"""What was detected, drawn on scans from above: labels green, detections orange, the surer the brighter."""
+"""What was detected, drawn on scans from above: which boxes are right, which are not, and which objects were missed."""
 
 from __future__ import annotations
 
@@ -11,53 +11,92 @@ from cosim.kitti import Calibration, Drive
 from cosim.view.birds_eye import GroundPlan, draw_from_above
 from cosim.view.colours import Rgb
 from cosim.view.drawing import draw_path, draw_text
+from training.data.frame import in_view
+from training.evaluation.candidates import overlapping
 from training.evaluation.read import Scored, Table
+from training.evaluation.rules import MIN_OVERLAP
 
-_PLAN = GroundPlan(reach_m=60.0, size_px=1200)
-_LABEL, _FOUND = (96, 220, 130), (255, 178, 62)
-_LEAST_SCORE = 0.1
-_AHEAD_PX = 640  # rows kept: what lies ahead, and a little behind
+CAPTION = (
+    "Labels green, of classes that are not looked for gray. Detections with their scores, from 0.3: orange where they "
+    "fit an object in 3D as well as KITTI demands, else red."
+)
+_PLAN = GroundPlan(reach_m=60.0, size_px=1680)
+_AHEAD_M, _BEHIND_M, _ASIDE_M = 56.0, 3.0, 31.0  # what is kept: beyond, KITTI labels nothing that counts
+_LABEL, _OTHER, _FITS, _ASTRAY = (96, 220, 130), (120, 126, 138), (255, 178, 62), (240, 84, 84)
+_LEAST_SCORE = 0.3
+_BUSY = 3  # objects that make a frame worth a picture
+_UNSEEN = 0.4  # brightness of points outside the image
 
 
 def detection_pictures(scored: Scored, drive: Drive, most: int = 4) -> list[tuple[str, str]]:
-    """Captions with data URLs of pictures of frames with labels, evenly spread.
+    """Captions with data URLs of pictures of frames with several objects, evenly spread.
 
     Args:
         scored: labels and detections.
         drive: has the scans.
         most: at most so many.
     """
-    busy = np.unique(scored.labels.frame[scored.labels.kind != "dontcare"])
-    busy = [int(frame) for frame in busy if scored.names[frame] in drive]
-    chosen = [busy[i] for i in np.unique(np.linspace(0, len(busy) - 1, most).round().astype(int))] if busy else []
-    return [(f"Frame {scored.names[number]}", _data_url(draw(scored, drive, number))) for number in chosen]
+    wanted = scored.labels.frame[np.isin(scored.labels.kind, _kinds(scored))]
+    counts = np.bincount(wanted, minlength=len(scored.names))
+    here = np.array([name in drive for name in scored.names], bool)
+    busy = np.flatnonzero(here & (counts >= min(_BUSY, counts[here].max(initial=1))))
+    chosen = busy[np.unique(np.linspace(0, len(busy) - 1, most).round().astype(int))] if len(busy) else []
+    return [(f"Frame {scored.names[number]}", _data_url(draw(scored, drive, int(number)))) for number in chosen]
 
 
 def draw(scored: Scored, drive: Drive, number: int) -> np.ndarray:
-    """One frame's part ahead of the sensor, (h, w, 3) uint8 RGB."""
+    """One frame's part ahead of the sensor, (h, w, 3) uint8 RGB. Detections below a score of 0.3 are left out."""
     frame = drive[scored.names[number]]
-    brightness = np.clip(70 + 160 * frame.points[:, 3], 0, 255).astype(np.uint8)
+    labels, detections = scored.labels, scored.detections
+    seen = np.where(in_view(frame, frame.points), 1.0, _UNSEEN)
+    brightness = np.clip((80 + 160 * frame.points[:, 3]) * seen, 0, 255).astype(np.uint8)
     image = draw_from_above(frame.points, np.repeat(brightness[:, None], 3, 1), _PLAN)
-    for table, colour in ((scored.labels, _LABEL), (scored.detections, _FOUND)):
-        rows = np.flatnonzero((table.frame == number) & (table.kind != "dontcare"))
-        _outline(image, table, rows, frame.calibration, colour)
-    return image[:_AHEAD_PX]
+    objects = np.flatnonzero((labels.frame == number) & (labels.kind != "dontcare"))
+    wanted = np.isin(labels.kind[objects], _kinds(scored))
+    _outline(image, labels, objects[~wanted], frame.calibration, _OTHER, 1)
+    _outline(image, labels, objects[wanted], frame.calibration, _LABEL, 5)
+    score = np.ones(len(detections.frame)) if detections.objects.score is None else detections.objects.score
+    found = np.flatnonzero((detections.frame == number) & (score >= _LEAST_SCORE))
+    fits = np.isin(found, _fitting(scored, objects, found))
+    for rows, colour in ((found[~fits], _ASTRAY), (found[fits], _FITS)):
+        _outline(image, detections, rows, frame.calibration, colour, 2)
+        _name(image, detections, rows, frame.calibration, score, colour)
+    left, top = _PLAN.pixels(np.array([_AHEAD_M, _ASIDE_M])).astype(int)
+    right, bottom = _PLAN.pixels(np.array([-_BEHIND_M, -_ASIDE_M])).astype(int)
+    return image[top:bottom, left:right]
 
 
-def _outline(image: np.ndarray, table: Table, rows: np.ndarray, calibration: Calibration, colour: Rgb) -> None:
-    boxes, score = table.objects[rows].boxes_velo(calibration), table.objects.score
-    for row, corners in zip(rows, boxes.corners[:, :4, :2], strict=True):
-        sure = 1.0 if score is None else float(np.clip(score[row], 0, 1))
-        if sure < _LEAST_SCORE:
-            continue
-        red, green, blue = (int(c * (0.35 + 0.65 * sure)) for c in colour)
-        shade = (red, green, blue)
-        draw_path(image, _PLAN.pixels(corners), shade, 5 if score is None else 2, closed=True)
+def _kinds(scored: Scored) -> list[str]:
+    """Classes that were looked for: those of the detections, else all that are scored."""
+    scorable = {name.lower() for name in MIN_OVERLAP}
+    return sorted(scorable & set(scored.detections.kind) or scorable)
+
+
+def _fitting(scored: Scored, objects: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Rows of detections that overlap an object of their class as much as KITTI demands."""
+    rows = [np.zeros(0, np.int64)]
+    for name, least in MIN_OVERLAP.items():
+        mine = objects[scored.labels.kind[objects] == name.lower()]
+        theirs = found[scored.detections.kind[found] == name.lower()]
+        rows.append(overlapping(scored, mine, theirs, "3d", least).detection)
+    return np.concatenate(rows)
+
+
+def _outline(
+    image: np.ndarray, table: Table, rows: np.ndarray, calibration: Calibration, colour: Rgb, thickness: int
+) -> None:
+    for corners in table.objects[rows].boxes_velo(calibration).corners[:, :4, :2]:
+        draw_path(image, _PLAN.pixels(corners), colour, thickness, closed=True)
         front = corners[[0, 3]].mean(0)
-        draw_path(image, _PLAN.pixels(np.stack([corners.mean(0), front])), shade, 2)
-        if score is not None:
-            x, y = _PLAN.pixels(corners).max(0)
-            draw_text(image, f"{sure:.2f}", (x + 4, y - 4), 9, shade)
+        draw_path(image, _PLAN.pixels(np.stack([corners.mean(0), front])), colour, min(thickness, 2))
+
+
+def _name(
+    image: np.ndarray, table: Table, rows: np.ndarray, calibration: Calibration, score: np.ndarray, colour: Rgb
+) -> None:
+    for row, corners in zip(rows, table.objects[rows].boxes_velo(calibration).corners[:, :4, :2], strict=True):
+        x, y = _PLAN.pixels(corners).max(0)
+        draw_text(image, f"{score[row]:.2f}", (x + 4, y - 4), 10, colour)
 
 
 def _data_url(image: np.ndarray) -> str:

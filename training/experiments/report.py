@@ -15,7 +15,7 @@ from cosim.html import document
 from cosim.kitti import Drive
 from training.evaluation import evaluate, read_results
 from training.evaluation.page import pr_plot
-from training.evaluation.pictures import detection_pictures
+from training.evaluation.pictures import CAPTION, detection_pictures
 from training.evaluation.rules import DIFFICULTIES
 from training.experiments.comparisons import Comparison, averages, differences, gains
 from training.experiments.run import Row
@@ -143,7 +143,7 @@ def _details(table: ExperimentTable, row: Row, folder: Path) -> str:
             figures.append(f'<figure>{caption}{svg}<div class="legend">{legend}</div></figure>')
     for caption, data in detection_pictures(scored, drive, most=2):
         figures.append(
-            f"<figure><figcaption><h3>{escape(caption)}</h3><p>Labels green, detections orange with their scores</p>"
+            f"<figure><figcaption><h3>{escape(caption)}</h3><p>{CAPTION}</p>"
             f'</figcaption><img src="{data}" alt=""></figure>'
         )
     return f'<section><h2>{escape(_label(table, row))}</h2><div class="charts">{"".join(figures)}</div></section>'
