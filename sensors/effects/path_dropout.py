@@ -26,7 +26,7 @@ class PathDropout(DetectionEffect):
     reference: ClassVar = "Beer–Lambert law of chance obstacles; lost firings of KITTI's scans"
     taxonomy: ClassVar = "di1"
     confusable_with: ClassVar = ("random_dropout", "detection_threshold", "pulse_detection")
-    example: ClassVar = {"mean_path_m": 100.0}
+    example: ClassVar = {"mean_path_m": 40.0}
     is_candidate: ClassVar = False
 
     mean_path_m: float = number("L, the way after which 1/e of the pulses are left", unit="m", ge=1, le=1e6)

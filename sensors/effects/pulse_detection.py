@@ -17,7 +17,7 @@ class PulseDetection(DetectionEffect):
 
     `detection_threshold` asks for the reported intensity instead, so that lasers with little gain miss more. In KITTI's
     scans they do not: the share of lost firings of a laser hardly goes with its gain, even beyond 60 m (correlation
-    −0.2). Speckle and what beams graze make the change from lost to kept broad. Retro-reflectors are always noticed.
+    −0.2). Retro-reflectors are always noticed.
     """
 
     name: ClassVar = "pulse_detection"
@@ -29,7 +29,7 @@ class PulseDetection(DetectionEffect):
     )
     taxonomy: ClassVar = "di3"
     confusable_with: ClassVar = ("detection_threshold", "random_dropout", "max_range")
-    example: ClassVar = {"signal": 0.1, "steepness": 3.0}
+    example: ClassVar = {"signal": 0.2, "steepness": 4.0}
     neutral: ClassVar = {"signal": 0.0, "steepness": 3.0}
     is_candidate: ClassVar = False
 
