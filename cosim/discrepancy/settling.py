@@ -52,22 +52,25 @@ def settle(
         seed: of the sample.
         pose: (scans, 6) pose errors to start with, else those that frames were traced with.
     """
-    effects = tuple(effects)
+    effects, straightened = tuple(effects), False
     for left in reversed(range(_ROUNDS)):
         fitter = Fitter(draw_sample(frames, ROWS, np.random.default_rng([seed, ROWS])))
         fitted = fitter.fit(effects, free, pose=pose)
         effects, pose = fitted.effects, fitted.pose
-        scatter_m, aside = label_scatter_m(frames, fitter, fitted), _aside(fitter.sample, fitted)
+        scatter_m, aside = label_scatter_m(frames, fitter, fitted), _aside(fitter.sample, effects)
+        if not straightened and leans(pose, fitter.sample.leaning):
+            # Once: where poses make up for what is missing they never settle.
+            aside = straightened = True
         if not left or not (aside or differs(scatter_m, frames[0].label_scatter_m)):
             return Settled(frames, fitter, fitted)
         frames = with_unsure_labels(trace(bending(effects), pose) if aside else frames, scatter_m)
     raise AssertionError  # the last round returns
 
 
-def _aside(sample: Sample, fitted: Fitted) -> bool:
-    """Whether beams look or stand elsewhere than when they were traced."""
-    turned, moved = sample.moved(fitted.effects)
-    return turned > _ASIDE_RAD or moved > _ASIDE_M or leans(fitted.pose, sample.leaning)
+def _aside(sample: Sample, effects: Sequence[Effect]) -> bool:
+    """Whether effects let beams look or stand elsewhere than when they were traced."""
+    turned, moved = sample.moved(effects)
+    return turned > _ASIDE_RAD or moved > _ASIDE_M
 
 
 def leans(pose: np.ndarray, traced: np.ndarray) -> bool:

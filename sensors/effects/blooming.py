@@ -34,7 +34,7 @@ class Blooming(ScanEffect):
     example: ClassVar = {"radius_deg": 1.0, "threshold": 0.7}
     neutral: ClassVar = {"radius_deg": 0.0, "threshold": 1.0}
     shapes: ClassVar = tuple(
-        {"radius_deg": radius, "threshold": least} for radius in (0.4, 1.2) for least in (0.5, 0.7)
+        {"radius_deg": radius, "threshold": least} for radius in (0.4, 0.7, 1.2) for least in (0.5, 0.7)
     )
 
     radius_deg: float = number("radius of the halo", unit="°", ge=0, le=20)
