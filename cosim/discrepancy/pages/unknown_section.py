@@ -21,7 +21,7 @@ def unknown_section(found: Diagnosis) -> str:
     if found.unknown is None:
         return ""
     unknown = found.unknown
-    fit = f"<p>The formula explains {unknown.r2:.0%} of the shape.</p>" if unknown.formula else ""
+    fit = f"<p>The formula explains {unknown.r2:.1%} of the shape.</p>" if unknown.formula else ""
     fitted = ", ".join(_plain(name, value, unknown.ci95.get(name)) for name, value in unknown.params.items())
     fitted = f"<p>Fitted together with everything else: {escape(fitted)}.{_acts(unknown)}</p>" if fitted else ""
     file = f"<code>{escape(effect_name(unknown))}.py</code>"
