@@ -81,7 +81,8 @@ def headline(found: Diagnosis, words: Vocabulary) -> str:
         return "nothing missing that would show" + (f"; would have seen {smallest}" if smallest else "")
     if biased and len(parts) == 1:
         return parts[0]
-    fall = f"held-out error {found.error_before:.3f} → {found.error_after:.3f}"
+    of = "held-out error" if found.split.is_held_out else "error on the fitted frames themselves"
+    fall = f"{of} {found.error_before:.3f} → {found.error_after:.3f}"
     floor = "" if found.noise_floor is None else f", noise floor {found.noise_floor:.3f}"
     return f"{'; '.join(parts)}; {fall}{floor}"
 

@@ -78,7 +78,8 @@ def _verdict(found: Diagnosis, words: Vocabulary) -> str:
 
 def _fall(found: Diagnosis) -> str:
     count = len(found.effects) + (found.unknown is not None)
-    said = f"With {['it', 'it', 'both'][count] if count < 3 else 'all of them'} the held-out error "
+    said = f"With {['it', 'it', 'both'][count] if count < 3 else 'all of them'} the "
+    said += "held-out error " if found.split.is_held_out else "error on the fitted frames themselves "
     said += "falls" if found.error_after < found.error_before else "does not fall"
     said += f" from {found.error_before:.3f} to {found.error_after:.3f}"
     if found.noise_floor is None or found.noise_floor <= 0:
