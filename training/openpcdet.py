@@ -22,10 +22,10 @@ from cosim.kitti import Drive, Frame, Labels, points_in_boxes
 from training.data.frame import image_size, in_view
 from training.data.object_bank import as_boxes
 from training.errors import TrainingError
+from training.evaluation.rules import MAX_OCCLUSION, MAX_TRUNCATION, MIN_HEIGHT_PX
 
 _SPLITS = ("train", "val")
 _PARTS = ("velodyne", "calib", "label_2", "image_2")
-_HEIGHTS_PX, _OCCLUSIONS, _TRUNCATIONS = (40, 25, 25), (0, 1, 2), (0.15, 0.3, 0.5)
 
 
 def export_openpcdet(
@@ -146,8 +146,8 @@ def _difficulty(labels: Labels) -> np.ndarray:
     height = labels.bbox[:, 3] - labels.bbox[:, 1] + 1
     level = np.full(len(labels), -1, np.int32)
     for number in (2, 1, 0):
-        fits = (height >= _HEIGHTS_PX[number]) & (labels.occluded <= _OCCLUSIONS[number])
-        level[fits & (labels.truncated <= _TRUNCATIONS[number])] = number
+        fits = (height >= MIN_HEIGHT_PX[number]) & (labels.occluded <= MAX_OCCLUSION[number])
+        level[fits & (labels.truncated <= MAX_TRUNCATION[number])] = number
     return level
 
 

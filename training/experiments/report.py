@@ -58,8 +58,8 @@ def format_markdown(table: ExperimentTable, rows: Sequence[Row]) -> str:
     """The table as Markdown."""
     groups = _groups(table)
     heads = [f"{group.title} {level}" for group in groups for level in _HEADS]
-    lines = [f"# {table.title}", "", "Cars, IoU over 0.7, AP R40 in percent.", ""]
-    lines += ["| trained on | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
+    lines = [f"# {table.title}", "", f"Cars, IoU over 0.7, AP R40 in percent. {_tested_on(rows)}".rstrip(), ""]
+    lines += [f"| {_row_head(table)} | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
     for row in rows:
         words = [word for group in groups for word in _words(group.values(row))]
         lines.append(f"| {_label(table, row)} | " + " | ".join(words) + " |")
@@ -79,13 +79,31 @@ def format_page(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> st
     body = "".join(_html_row(table, row, groups) for row in rows)
     result = (
         f"<header><h1>{escape(table.title)}</h1><p>Cars, IoU over 0.7, AP R40 in percent; small: 95 % interval over "
-        "draws of the test frames.</p></header>"
-        f"<section class=plain><table><thead><tr><th></th>{over}</tr><tr><th></th>{heads}</tr></thead>"
-        f"<tbody>{body}</tbody></table></section>"
+        f"draws of the test frames. {escape(_tested_on(rows))}</p></header>"
+        f"<section class=plain><table><thead><tr><th></th>{over}</tr>"
+        f"<tr><th>{_row_head(table)}</th>{heads}</tr></thead><tbody>{body}</tbody></table></section>"
     )
     compared = [_comparisons(_GAINS, gains(rows)), _comparisons(_DIFFERENCES, differences(rows))]
     details = [_details(table, row, folder) for row in rows if row.scores is not None]
     return document(table.title, [result, *compared, *details], style=STYLE + _STYLE, generator="cosim experiment")
+
+
+def _tested_on(rows: Sequence[Row]) -> str:
+    """How many frames and objects the figures rest on, where all rows rest on as many."""
+    sizes = {
+        (row.scores["frames"], row.scores["Car"]["3d"]["objects"][1])
+        for row in rows
+        if row.scores is not None and row.scores.get("Car") and "frames" in row.scores
+    }
+    if len(sizes) != 1:
+        return ""
+    frames, cars = sizes.pop()
+    return f"Tested on {frames} frames with {cars} cars at moderate."
+
+
+def _row_head(table: ExperimentTable) -> str:
+    """In what the rows differ."""
+    return "tested on" if table.train_on == REAL else "trained on"
 
 
 def _label(table: ExperimentTable, row: Row) -> str:

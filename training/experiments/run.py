@@ -101,7 +101,7 @@ def _run_row(table: ExperimentTable, name: str, row: str, inputs: Inputs, watche
         untuned = _scored(checkpoint, test, inputs)
         after = _scored(tuned, test, inputs, folder / row)
         scores = {**_summary(*after), "before": _summary(*untuned), "gain_ci95": _gains(untuned[1], after[1])}
-    scores["settings"] = settings
+    scores |= {"frames": len(test.open()[1]), "settings": settings}
     with explained(finished):
         finished.write_text(json.dumps(scores, indent=1) + "\n", encoding="utf-8")
     return Row(row, scores)

@@ -20,7 +20,6 @@ from training.models.pillar_encoder import PillarEncoder, spread_on_grid
 from training.models.settings import ModelSettings
 
 _OVERLAP, _BEFORE, _AFTER = 0.01, 500, 100
-_CELLS_IN_TESTS = 40000
 
 
 class PillarDetector(Detector):
@@ -58,10 +57,7 @@ class PillarDetector(Detector):
 
     def _answers(self, batch: Batch) -> AnchorOutput:
         settings = self.settings
-        most = settings.max_cells
-        if most is not None and not self.training:
-            most = max(most, _CELLS_IN_TESTS)
-        voxels = voxelise(batch.points, settings.grid, settings.max_points, most)
+        voxels = voxelise(batch.points, settings.grid, settings.max_points, settings.most_cells(self.training))
         with torch.autocast(batch.points.device.type, enabled=False):
             pillars = self.vfe(voxels)
         image = spread_on_grid(pillars, voxels, settings.grid, len(batch))

@@ -8,6 +8,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from training.data.grid import Grid
 
+_CELLS_IN_TESTS = 40000
+
 Name = Literal["pillars_small", "pointpillars", "voxel_rcnn"]
 
 
@@ -69,6 +71,10 @@ class ModelSettings(BaseModel):
     def grid(self) -> Grid:
         """The pillars or voxels."""
         return Grid(self.low_m, self.high_m, self.cell_m)
+
+    def most_cells(self, training: bool) -> int | None:
+        """Cells of a frame at most; tests may have more than training."""
+        return self.max_cells if training or self.max_cells is None else max(self.max_cells, _CELLS_IN_TESTS)
 
     @property
     def sparse_stride(self) -> int:

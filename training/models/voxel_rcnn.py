@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from training.data.batch import Batch
-from training.data.voxels import Voxels, voxelise
+from training.data.voxels import voxelise
 from training.models.anchor_head import AnchorHead, AnchorOutput
 from training.models.bev_backbone import BevBackbone
 from training.models.detector import Detector, as_detections, detect_from_anchors
@@ -18,7 +18,6 @@ from training.models.settings import ModelSettings
 from training.models.sparse_conv import SparseTensor
 from training.models.voxel_backbone import VoxelBackbone
 
-_CELLS_IN_TESTS = 40000
 _LEARNT_FROM, _REFINED = 0.8, 0.7  # overlap of proposals, in training and in tests
 _CANDIDATES, _PROPOSALS, _REFINED_COUNT = 8, 4, 100  # in training so many times the regions chosen
 _OVERLAP, _AFTER = 0.1, 100
@@ -90,10 +89,8 @@ class VoxelRcnn(Detector):
         )
 
     def _propose(self, batch: Batch) -> tuple[AnchorOutput, list[SparseTensor]]:
-        settings, most = self.settings, self.settings.max_cells
-        if most is not None and not self.training:
-            most = max(most, _CELLS_IN_TESTS)
-        voxels: Voxels = voxelise(batch.points, settings.grid, settings.max_points, most)
+        settings = self.settings
+        voxels = voxelise(batch.points, settings.grid, settings.max_points, settings.most_cells(self.training))
         with torch.autocast(batch.points.device.type, enabled=False):
             features = voxels.mean(voxels.points[:, 1:])
             image, stages = self.backbone_3d(features, voxels.place, len(batch))
