@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,7 @@ _GROUPS = {
 _SHOWN = ("scan", "points a visible car", *list(_GROUPS)[1:], "intensity of all", "intensity on cars")
 
 
-def distances(found: list[Row | Gap]) -> dict[str, float]:
+def distances(found: Sequence[Row | Gap]) -> dict[str, float]:
     """Mean |ln(ours/real)| of each group that can be told, none counting for more than a factor of ten.
 
     A quantity that is nought on one side alone counts as that factor.
@@ -38,7 +38,7 @@ def distances(found: list[Row | Gap]) -> dict[str, float]:
     return {name: float(np.nanmean(values)) for name, values in by_group.items() if np.isfinite(values).any()}
 
 
-def distance(found: list[Row | Gap]) -> float:
+def distance(found: Sequence[Row | Gap]) -> float:
     """One number: the mean over the groups. 0 is alike, 0.1 means that a typical figure is off by a tenth."""
     return float(np.mean(list(distances(found).values())))
 
