@@ -135,7 +135,8 @@ def _comparisons(title: str, compared: Sequence[Comparison]) -> str:
     ]
     return (
         f"<section><h2>{escape(title)}</h2><p>At moderate, with 95 % of its values over the same draws of test frames "
-        "for both.</p><table><thead><tr><th></th><th>difference</th><th>95 %</th><th></th></tr></thead>"
+        "for both. Each detector was trained once: what another seed would change is not in these intervals.</p>"
+        "<table><thead><tr><th></th><th>difference</th><th>95 %</th><th></th></tr></thead>"
         f"<tbody>{''.join(lines)}</tbody></table></section>"
     )
 
@@ -213,5 +214,6 @@ def _figures(scores: dict[str, Any] | None) -> dict[str, Any]:
 
 _STYLE = """
 td small { display: block; color: var(--muted); font-size: 11.5px; } thead th { text-align: right; }
+thead th:first-child { text-align: left; }
 figure img { width: 100%; display: block; } .charts { grid-template-columns: repeat(2, minmax(0, 1fr)); }
 """
