@@ -163,7 +163,7 @@ class Training:
         if not path.is_file():
             return 0
         content = read_checkpoint(path)
-        before, now = content.get("config", {}), _decisive(self._config)
+        before, now = content.get("config", {}), decisive(self._config)
         changed = [key for key in now if before.get(key) != now[key]]
         if changed or content.get("world") != self._place.world:
             what = f"{changed[0]} was {before.get(changed[0])}" if changed else f"with {content.get('world')} processes"
@@ -182,11 +182,11 @@ class Training:
             optimiser=self._optimiser.state_dict(),
             scaler=self._scaler.state_dict(),
             step=step,
-            config=_decisive(self._config),
+            config=decisive(self._config),
             world=self._place.world,
         )
 
 
-def _decisive(config: TrainConfig) -> dict[str, Any]:
+def decisive(config: TrainConfig) -> dict[str, Any]:
     """The settings that decide the losses."""
     return config.model_dump(mode="json", exclude=_FREE)

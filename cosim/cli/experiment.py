@@ -29,6 +29,9 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--full", default="train", metavar="LIST", help="list of all real training frames (train)")
     parser.add_argument("--test", default="test", metavar="LIST", help="list of real test frames (default: test)")
     parser.add_argument("--config", type=Path, metavar="FILE", help="model, epochs … (default: pillars_small)")
+    parser.add_argument(
+        "--fine-tune", type=Path, metavar="FILE", help="what fine-tuning changes (default: 20 epochs, low rate)"
+    )
     parser.add_argument("--only", metavar="NAMES", help="rows to run, with commas between (default: all)")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="keeps trainings and tables")
     add_common(parser, computes=True)
@@ -48,13 +51,15 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         if unknown:
             raise TrainingError(f"--only names {unknown[0]!r}; rows of {options.table} are {', '.join(table.rows)}")
     demand_torch()
-    from training.experiments.frames import Inputs
+    from training.experiments.frames import Inputs, tuned_config
     from training.experiments.report import as_json, write_report
     from training.experiments.run import run_table
     from training.run import Watcher
 
     config = _config(options.config)
-    inputs = Inputs(options.variants, options.real, config, options.out, options.few, options.full, options.test)
+    tuned = tuned_config(config, _settings(options.fine_tune), str(options.fine_tune or "fine-tuning"))
+    lists = (options.few, options.full, options.test)
+    inputs = Inputs(options.variants, options.real, config, options.out, *lists, fine_tune=tuned)
     with step_bar(console, shown=console.is_terminal, transient=True) as bar:
         task = bar.add_task("", total=None, loss="")
 
@@ -77,7 +82,12 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
 def _config(path: Path | None) -> Any:
     """A training configuration without frames of its own."""
-    from training.config import parse_train_config, read_settings
+    from training.config import parse_train_config
 
-    values = read_settings(path) if path is not None else {}
-    return parse_train_config({"train": [], **values}, str(path or "default"))
+    return parse_train_config({"train": [], **_settings(path)}, str(path or "default"))
+
+
+def _settings(path: Path | None) -> dict[str, Any]:
+    from training.config import read_settings
+
+    return read_settings(path) if path is not None else {}

@@ -34,10 +34,10 @@ def drives(tiny_drive: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(folder: Path, table: str) -> dict:
+def run(folder: Path, table: str, *further: object) -> dict:
     given = ["--variants", folder / "variants", "--real", folder / "real", "--config", folder / "config.yaml"]
     more = ["--out", folder / "out", "--json", folder / "table.json", "--quiet"]
-    assert main([str(word) for word in ("experiment", table, *given, *more)]) == 0
+    assert main([str(word) for word in ("experiment", table, *given, *more, *further)]) == 0
     return json.loads((folder / "table.json").read_text())
 
 
@@ -85,6 +85,26 @@ def test_fine_tuning_stands_beside_what_was_before_and_the_few_frames_alone(driv
     assert set(rows["dual"]["gain_ci95"]) <= {"3d", "bev"}
     assert rows["real"]["before"] is None and len(rows["real"]["3d"]) == 3
     assert "before fine-tuning" in (drives / "out" / "tables" / "few_shot" / "index.html").read_text()
+
+
+def test_what_fine_tuning_changes_can_be_given_and_is_checked_first(drives, capsys):
+    (drives / "tune.yaml").write_text("epochs: 1\naugment: {tilt_deg: 0.5}\n")
+    assert run(drives, "few_shot", "--fine-tune", drives / "tune.yaml")["rows"]
+    tuned = yaml.safe_load((drives / "out" / "fine_tuned" / "few-dual" / "config.yaml").read_text())
+    assert tuned["epochs"] == 1 and tuned["augment"]["tilt_deg"] == 0.5 and tuned["learning_rate"] == 0.0005
+    (drives / "tune.yaml").write_text("epoch: 1\n")
+    given = ["experiment", "few_shot", "--out", str(drives / "other"), "--fine-tune", str(drives / "tune.yaml")]
+    assert main(given) == 2
+    assert "tune.yaml: unknown key 'epoch'" in capsys.readouterr().err and not (drives / "other").exists()
+
+
+def test_a_finished_row_with_other_settings_is_not_taken_up(drives, capsys):
+    run(drives, "synthetic")
+    config = yaml.safe_load((drives / "config.yaml").read_text())
+    (drives / "config.yaml").write_text(yaml.safe_dump({**config, "seed": 5}))
+    given = ["--variants", str(drives / "variants"), "--config", str(drives / "config.yaml"), "--out"]
+    assert main(["experiment", "synthetic", *given, str(drives / "out")]) == 2
+    assert "other settings (seed was 0)" in capsys.readouterr().err
 
 
 def test_a_gain_is_after_less_before():

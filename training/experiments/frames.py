@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from cosim.kitti import Drive
-from training.config import TrainConfig
+from training.config import TrainConfig, parse_train_config
 from training.data.source import Source
 from training.errors import TrainingError
 from training.experiments.table import ExperimentTable
+
+_FINE_TUNING = {"epochs": 20, "learning_rate": 0.0005}
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class Inputs:
         full: name of the list of all real training frames.
         test: name of the list of real frames to test on.
         config: model, epochs and so on; its frames are replaced.
-        fine_tune: keys of the configuration that fine-tuning changes.
+        fine_tune: of fine-tuning, as `tuned_config` makes it; its frames and first weights are replaced.
         out: where everything is kept.
     """
 
@@ -36,11 +38,20 @@ class Inputs:
     few: str = "fit"
     full: str = "train"
     test: str = "test"
-    fine_tune: dict[str, Any] | None = None
+    fine_tune: TrainConfig | None = None
 
 
 class MissingFramesError(TrainingError):
     """A row's frames are not here."""
+
+
+def tuned_config(config: TrainConfig, changes: dict[str, Any], where: str = "fine-tuning") -> TrainConfig:
+    """A configuration with what fine-tuning changes: 20 epochs at a low rate, and other keys that are given.
+
+    Raises:
+        TrainingError: an unknown key or a value out of bounds; `where` leads the error.
+    """
+    return parse_train_config({**config.model_dump(mode="json"), **_FINE_TUNING, **changes}, where)
 
 
 def simulated_frames(variant: str, inputs: Inputs, split: str) -> Source:

@@ -28,15 +28,15 @@ from training.experiments.frames import (
     real_frames,
     real_lessons,
     simulated_frames,
+    tuned_config,
     with_as_many_steps,
 )
 from training.experiments.table import REAL, ExperimentTable
-from training.loop import CHECKPOINT
+from training.loop import CHECKPOINT, decisive
 from training.run import Watcher, run_training, score
 
 _CLASS = "Car"
 _DRAWS = 1000
-_FEW_SHOT = {"epochs": 20, "learning_rate": 0.0005}
 _METRICS = ("3d", "bev")
 _MODERATE = 1
 
@@ -82,22 +82,22 @@ def _run_row(table: ExperimentTable, name: str, row: str, inputs: Inputs, watche
         config, trained = with_as_many_steps(config, learnt, table, inputs), f"{REAL}-{learnt.split}"
     else:
         learnt = simulated_frames(row, inputs, "train")
-    tuned_on = None
+    tuned_on, tuning = None, None
     if table.fine_tune != "none" and row != REAL:
         tuned_on = real_frames(inputs, inputs.few if table.fine_tune == "few" else inputs.full)
+        tuning = inputs.fine_tune or tuned_config(config, {})
     folder = inputs.out / "tables" / Path(name).stem
-    settings = _told(config, learnt, test, tuned_on)
+    settings = _told(config, learnt, test) | _tuning_told(tuning, tuned_on)
     finished = folder / f"{row}.json"
     before = _finished(finished, settings)
     if before is not None:
         return Row(row, before)
     checkpoint = _train(inputs.out / "detectors" / trained, config, learnt, watcher)
-    if tuned_on is None:
+    if tuned_on is None or tuning is None:
         scores = _summary(*_scored(checkpoint, test, inputs, folder / row))
     else:
-        changed = {**_FEW_SHOT, **(inputs.fine_tune or {}), "from_checkpoint": checkpoint}
         target = inputs.out / "fine_tuned" / f"{table.fine_tune}-{row}"
-        tuned = _train(target, config.model_copy(update=changed), tuned_on, watcher)
+        tuned = _train(target, tuning.model_copy(update={"from_checkpoint": checkpoint}), tuned_on, watcher)
         untuned = _scored(checkpoint, test, inputs)
         after = _scored(tuned, test, inputs, folder / row)
         scores = {**_summary(*after), "before": _summary(*untuned), "gain_ci95": _gains(untuned[1], after[1])}
@@ -118,11 +118,16 @@ def _train(folder: Path, config: TrainConfig, source: Source, watcher: Watcher |
     return folder / CHECKPOINT
 
 
-def _told(config: TrainConfig, learnt: Source, test: Source, tuned_on: Source | None) -> dict[str, Any]:
+def _told(config: TrainConfig, learnt: Source, test: Source) -> dict[str, Any]:
     """What decides a row, to know whether a finished one still holds."""
-    decisive = config.model_dump(mode="json", include={"model", "classes", "epochs", "batch_size", "learning_rate"})
-    frames = {"train": learnt, "fine_tune": tuned_on, "test": test}
-    return {**decisive, **{name: some and some.model_dump(mode="json") for name, some in frames.items()}}
+    frames = {"train": learnt.model_dump(mode="json"), "test": test.model_dump(mode="json")}
+    return {**decisive(config), **frames}
+
+
+def _tuning_told(tuning: TrainConfig | None, tuned_on: Source | None) -> dict[str, Any]:
+    if tuning is None or tuned_on is None:
+        return {}
+    return {"fine_tuning": {**decisive(tuning), "train": tuned_on.model_dump(mode="json")}}
 
 
 def _finished(path: Path, settings: dict[str, Any]) -> dict[str, Any] | None:
