@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import re
 import socket
 import time
 from collections.abc import Iterator
@@ -18,7 +19,9 @@ from typing import IO
 from cosim.errors import CosimError
 
 LOCK = ".lock"
-_WAIT_S = 5.0  # processes of a run that was killed end within this
+_HOLDER = "process {pid} on {host}"
+_WAIT_S = 5.0
+_WAIT_FOR_ORPHANS_S = 60.0  # processes of a run that was killed end within this, however busy the machine
 _POLL_S = 0.05
 
 
@@ -54,18 +57,18 @@ def shared(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _taken(folder: Path) -> Iterator[IO[str]]:
-    deadline = time.monotonic() + _WAIT_S
+    begun = time.monotonic()
     while True:
         with (folder / LOCK).open("a+") as file:
             if _locked(file, folder / LOCK):
                 file.truncate(0)
-                file.write(f"process {os.getpid()} on {socket.gethostname()}")
+                file.write(_HOLDER.format(pid=os.getpid(), host=socket.gethostname()))
                 file.flush()
                 yield file
                 return
-            if time.monotonic() > deadline:
-                file.seek(0)
-                holder = file.read(200) or "a process"
+            file.seek(0)
+            holder = file.read(200) or "a process"
+            if time.monotonic() - begun > (_WAIT_FOR_ORPHANS_S if _is_dead(holder) else _WAIT_S):
                 raise LockError(
                     f"{folder} is being written by another run ({holder}); wait for it, or choose another --out"
                 )
@@ -82,3 +85,17 @@ def _locked(file: IO[str], path: Path) -> bool:
         return os.fstat(file.fileno()).st_ino == path.stat().st_ino
     except FileNotFoundError:
         return False
+
+
+def _is_dead(holder: str) -> bool:
+    """Whether a run of this machine has ended, so that only its processes may still be about to."""
+    match = re.fullmatch(_HOLDER.format(pid=r"(\d{1,9})", host=re.escape(socket.gethostname())), holder)
+    if match is None:
+        return False
+    try:
+        os.kill(int(match[1]), 0)
+    except ProcessLookupError:
+        return True
+    except PermissionError:
+        return False
+    return False

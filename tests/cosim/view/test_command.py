@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -100,6 +101,11 @@ def test_rerun_gets_points_boxes_and_images(labelled_drive: Path, tmp_path: Path
         assert path in data
 
 
+def _heed_interrupts() -> None:
+    """As in a terminal: what a shell starts in the background ignores them."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_serving_says_where_and_ends_on_interrupt(labelled_drive: Path) -> None:
     command = [sys.executable, "-c", "import sys; from cosim.cli import main; sys.exit(main())"]
     process = subprocess.Popen(
@@ -107,6 +113,7 @@ def test_serving_says_where_and_ends_on_interrupt(labelled_drive: Path) -> None:
         stdout=subprocess.PIPE,
         text=True,
         env={"PATH": "/nowhere", "PYTHONPATH": str(Path(__file__).parents[3])},
+        preexec_fn=_heed_interrupts,
     )
     assert process.stdout is not None
     try:
