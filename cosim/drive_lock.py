@@ -96,6 +96,6 @@ def _is_dead(holder: str) -> bool:
         os.kill(int(match[1]), 0)
     except ProcessLookupError:
         return True
-    except PermissionError:
-        return False
+    except PermissionError:  # it lives, under another user
+        pass
     return False

@@ -124,7 +124,8 @@ class Detective:
         self._seed, self._say = seed, say
         self._tracer = FrameTracer(drive, self.sensor)
         self._frames: list[TracedFrame] = []
-        self._model = _Model(with_rings(in_order(self.sensor.effects), self.sensor.pattern.rings))
+        self._given = with_rings(in_order(self.sensor.effects), self.sensor.pattern.rings)
+        self._model = _Model(self._given)
         self._findings: list[Finding] = []
         self._ranking: list[Alternative] = []
         self._unknown: Shape | None = None
@@ -363,8 +364,7 @@ class Detective:
 
     def _said(self, place: int) -> Effect | None:
         """The effect as the sensor had it; None if it did not."""
-        said = with_rings(in_order(self.sensor.effects), self.sensor.pattern.rings)
-        return said[place] if place < len(said) else None
+        return self._given[place] if place < len(self._given) else None
 
     def _settled(self, look: _Look) -> list[Finding]:
         """Findings with the parameters and intervals of the last joint fit."""
