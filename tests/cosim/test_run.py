@@ -189,8 +189,9 @@ def test_an_empty_disk_is_reported_and_nothing_finished_is_lost(drive_folder, ru
         (disk / "ballast").unlink()
         process = start_run(run_config, disk / "drive")
         wait_for_frames(disk / "drive", 3, process)
-        free = shutil.disk_usage(disk).free
-        (disk / "ballast").write_bytes(bytes(free - 500_000))
+        with pytest.raises(OSError, match="No space left"), (disk / "ballast").open("wb", buffering=0) as ballast:
+            while True:
+                ballast.write(bytes(1_000_000))
         _, errors = process.communicate(timeout=300)
         assert process.returncode == 2 and "no space left" in errors and errors.count("\n") == 1
         written = checksums(disk / "drive")
