@@ -13,7 +13,7 @@ from assets.mesh import Mesh
 
 CELLS_M = (0.0, 0.10, 0.25)  # grid of each level; 0 is the model itself
 _COARSE_FACES = 2000
-_MOST_PX = 1.5  # a cell may cover this many pixels
+_MOST_PX = 2.0  # a cell may cover this many pixels
 _INNER = ("car_interior", "car_seat", "underbody")
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sensors.scene import Instances
 
 
-_NEAR_TILES_M = 30.0
+_NEAR_TILES_M = 60.0
 _NEAR_INSTANCES = 16
 
 

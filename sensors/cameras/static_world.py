@@ -10,7 +10,7 @@ from sensors.cameras.closed import closed_faces
 from sensors.cameras.packing import drawable, pack
 from sensors.cameras.tiles import sort_into_tiles, tiles_of
 
-_TILE_M = 64.0
+_TILE_M = 24.0
 
 
 class StaticWorld:

@@ -28,10 +28,15 @@ from cosim.variants import PAPER, make_variants
 from sensors.cameras import CameraRenderer
 from sensors.sensor_model import SensorModel, load_sensor
 from sensors.tracing import Tracer
+from sumo_nets import DemandConfig
 from tests.bench.rows import Row
 
 _STAGED, _TIMED, _VARIED = 20, 60, 8
 _SEED = 1
+_POPULATIONS = {
+    "60 vehicles on the move, 30 parked, 30 people": DemandConfig(driving=(60, 60), parked=(30, 30), walking=(30, 30)),
+    "as many as is usual in town01": DemandConfig(),
+}
 _STAGES: dict[str, tuple[Any, str]] = {
     "traffic and motion": (LivingTraffic, "advance"),
     "bridge": (Bridge, "place"),
@@ -75,19 +80,20 @@ def stage_rows() -> Iterator[Row]:
 
 def rate_rows() -> Iterator[Row]:
     """Frames a second by workers, from each worker's first frames to the last; memory, disk, and variants after."""
-    rates = {}
     with tempfile.TemporaryDirectory() as folder:
-        for workers in (1, 2):
-            drive = Path(folder) / f"{workers}"
-            before = _children_s()
-            rates[workers] = _rate(drive, workers)
-            own = (_children_s() - before) / _TIMED
-            target = "10" if workers == 2 else ""
-            yield Row(
-                f"{workers} worker{'s' if workers > 1 else ''}",
-                f"{rates[workers]:.1f} frames/s, {rates[workers] / rates[1]:.2f} × one, {own:.2f} s of CPU a frame",
-                target,
-            )
+        drive = Path(folder)
+        for name, population in _POPULATIONS.items():
+            rates = {}
+            for workers in (1, 2):
+                drive = Path(folder) / f"{len(name)}_{workers}"
+                before = _children_s()
+                rates[workers] = _rate(drive, workers, population)
+                own = (_children_s() - before) / _TIMED
+                yield Row(
+                    f"{name}, {workers} worker{'s' if workers > 1 else ''}",
+                    f"{rates[workers]:.1f} frames/s, {rates[workers] / rates[1]:.2f} × one, {own:.2f} s of CPU a frame",
+                    "10" if population.driving and workers == 2 else "",
+                )
         # the largest of all processes so far; workers are much larger than what they start
         peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
         yield Row("memory of a worker, at most", f"{peak:.0f} MiB")
@@ -114,14 +120,14 @@ def _counted(function: Callable[..., Any], stage: str, spent: Counter[str]) -> C
     return wrapper
 
 
-def _rate(drive: Path, workers: int) -> float:
+def _rate(drive: Path, workers: int, population: DemandConfig) -> float:
     stamps: list[float] = []
 
     def on_event(event: object) -> None:
         if getattr(event, "kind", "") == "frame":
             stamps.append(time.monotonic())
 
-    config = RunConfig(frames=_TIMED, frames_per_episode=_TIMED // 2, seed=_SEED)
+    config = RunConfig(frames=_TIMED, frames_per_episode=_TIMED // 2, seed=_SEED, population=population)
     run(config, drive, engine=LocalEngine(workers), on_event=on_event)
     # the first frames of each worker wait for its models to be built
     skipped = 2 * workers

@@ -333,5 +333,5 @@ def test_a_coarser_model_keeps_its_outline_to_a_cell(name, cell_m):
 
 
 def test_detail_falls_where_cells_shrink_below_pixels():
-    levels = level_of(np.array([5.0, 40.0, 60.0, 100.0, 150.0, 390.0]), focal_px=721.5)
+    levels = level_of(np.array([5.0, 30.0, 60.0, 85.0, 100.0, 390.0]), focal_px=721.5)
     assert levels.tolist() == [0, 0, 1, 1, 2, 2]
