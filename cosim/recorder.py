@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from assets import MATERIALS, Mesh, build_model
 from assets.external import load_external
 from cosim.actors import Actors
+from cosim.behind import Behind
 from cosim.bridge import Bridge
 from cosim.camera_views import CAMERA, view_of_images
 from cosim.config import RunConfig
@@ -55,6 +58,7 @@ class Recorder:
         self._sensor = sensor
         self._writer = writer
         self._threads = threads
+        self._behind = Behind()  # waiting for the disk would cost as much again as a fast frame
         self._external = load_external(config.external_vehicles)
         self._models: dict[str, Mesh] = dict(self._external.meshes)
         self._written_models: set[str] = set()
@@ -101,11 +105,16 @@ class Recorder:
         return town
 
     def note(self, entry: dict[str, object]) -> None:
-        """Write a remark about an episode into the manifest."""
+        """Write a remark about an episode into the manifest, behind its frames."""
+        self._behind.settle()
         self._writer.write_note(entry)
 
     def record(self, name: str, plan: EpisodePlan, actors: Actors, ego: str) -> None:
-        """Measure one instant and write the frame."""
+        """Measure one instant and begin to write the frame.
+
+        It is on disk when the next frame is taken, a remark is written or the recorder is closed, all of which raise
+        what went wrong.
+        """
         assert self._place is not None
         scene, renderer = self._place.scene, self._place.renderer
         placed = self._bridge.place(actors)
@@ -143,7 +152,8 @@ class Recorder:
         if self._config.store_hits:
             files[f"hits/{name}.npz"] = encode_hits(hits)
         self._write_models(others.models)
-        self._writer.write_frame(
+        write = partial(
+            self._writer.write_frame,
             name,
             files,
             counts={
@@ -156,12 +166,14 @@ class Recorder:
             time_s=round(actors.time_s, 6),
             ego=ego,
         )
+        self._behind.do(write)
 
     def close(self) -> None:
-        """Leave the place and free its renderer."""
+        """Leave the place and free its renderer, and see the last frame written."""
         if self._place is not None:
             self._place.renderer.close()
             self._place = None
+        self._behind.settle()
 
     def _static_file(self) -> str | None:
         """Where the twin keeps this place's world, relative to `twin/`, in a drive of several; else None."""

@@ -19,7 +19,7 @@ class Event:
     """What a worker tells.
 
     Attributes:
-        kind: `opened` (the job is), `ready` (to record), `frame` (one is on disk), `task` (one is complete), `again`
+        kind: `opened` (the job is), `ready` (to record), `frame` (one is taken), `task` (one is complete), `again`
             (one failed and is tried once more), `skipped` (one failed again), `refused` (the user's mistake, in
             `text`) or `failed` (ours: `text` is a traceback).
         text: frame name or message.

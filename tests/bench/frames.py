@@ -59,7 +59,7 @@ def stage_rows() -> Iterator[Row]:
     begun: list[float] = []
 
     def follow(_: str) -> None:
-        begun.append(time.thread_time())
+        begun.append(time.process_time())
         if len(begun) == 2:  # models and programs are made by now
             spent.clear()
 
