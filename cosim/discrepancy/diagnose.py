@@ -21,6 +21,7 @@ from cosim.discrepancy.kinds import as_known, candidate_kinds, with_rings
 from cosim.discrepancy.label_scatter import with_unsure_labels
 from cosim.discrepancy.labels import with_labels
 from cosim.discrepancy.lattice import Lattice, find_lattices
+from cosim.discrepancy.pose_patterns import PosePatterns
 from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist, simpler_first
 from cosim.discrepancy.revising import is_idle, redrawn, simpler_rival
 from cosim.discrepancy.sample import Sample, draw_sample
@@ -323,6 +324,7 @@ class Detective:
             fitted.columns,
             fitter.pose_errors.slopes(fitted.pose),
             rng,
+            PosePatterns(fitter, fitted).of(found, np.random.default_rng([self._seed, 4])),
         )
 
     def _rank(self, look: _Look) -> list[Ranked]:

@@ -76,7 +76,7 @@ class Statistic:
     """
 
     direction: Direction
-    quantity: Quantity | Literal["likelihood"]
+    quantity: Quantity | Literal["likelihood", "poses"]
     value: float
     p_value: float
     smallest: float
@@ -92,6 +92,25 @@ class Verdict:
     def of(self, effect: str) -> Statistic | None:
         """The strongest statistic of an effect."""
         return next((one for one in self.statistics if one.direction.effect == effect), None)
+
+
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """What the fitted pose errors say of one candidate, see `pose_patterns.py`.
+
+    Attributes:
+        direction: what was looked for.
+        deviate: how well they follow its pattern, as a standard normal deviate.
+        p_value: of its own.
+        error: standard error of its amplitude.
+        unit: (6·scans,) its pattern in units of the errors' spread, of length 1.
+    """
+
+    direction: Direction
+    deviate: float
+    p_value: float
+    error: float
+    unit: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +139,7 @@ def run_gate(
     present: Sequence[Column],
     poses: SparseMatrix,
     rng: np.random.Generator,
+    posed: Sequence[Posed] = (),
 ) -> Verdict:
     """Test all directions at once.
 
@@ -132,6 +152,7 @@ def run_gate(
         present: columns of parameters that have been fitted.
         poses: (n, 6·scans) columns of pose errors.
         rng: for the signs.
+        posed: what fitted pose errors say.
     """
     sums: list[_Sums] = []
     with_pose = [_Projector(present, one, poses, track, part) for one in evidence]
@@ -151,12 +172,15 @@ def run_gate(
                 sums += [_drifting(one) for one in projector.sums(direction, quantity, 0.0)]
     if not sums:
         return Verdict((), 1.0)
-    values, p_values, critical = _signs(sums, rng)
+    values, p_values, critical = _signs(sums, rng, posed)
     found = []
-    for one, value, p in zip(sums, values, p_values, strict=True):
+    for one, value, p in zip(sums, values[: len(sums)], p_values[: len(sums)], strict=True):
         # Of a group of rings the same amplitude in all is meant.
         smallest = _smallest(one, critical + _Z80) if one.direction.amplitude else np.nan
         found.append(Statistic(one.direction, one.quantity, float(value), float(p), float(smallest)))
+    for one, value, p in zip(posed, values[len(sums) :], p_values[len(sums) :], strict=True):
+        smallest = (critical + _Z80) * one.error
+        found.append(Statistic(one.direction, "poses", float(value), max(float(p), one.p_value), smallest))
     found.sort(key=lambda one: -one.value)
     return Verdict(tuple(found), min(one.p_value for one in found))
 
@@ -220,12 +244,18 @@ class _Projector:
         return self._cache[quantity]
 
 
-def _signs(sums: Sequence[_Sums], rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float]:
-    """Equivalent normal deviates, family-wise p-values, and the deviate that p = 0.05 takes."""
+def _signs(
+    sums: Sequence[_Sums], rng: np.random.Generator, posed: Sequence[Posed] = ()
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Equivalent normal deviates, family-wise p-values, and the deviate that p = 0.05 takes.
+
+    Of sums first, then of pose errors, which are drawn as normal ones.
+    """
+    by_pose = _posed_deviates(posed, rng)
     ends = np.cumsum([one.track.shape[1] for one in sums])
     starts = np.append(0, ends[:-1])
     one_sided = np.array([one.quantity == "likelihood" or one.direction.one_sided for one in sums])
-    values, p_values = np.full(len(sums), np.inf), np.zeros(len(sums))
+    values, p_values = np.full(len(sums) + len(posed), np.inf), np.zeros(len(sums) + len(posed))
     critical = 0.0
     still = np.ones(ends[-1])
     drift = np.repeat([one.drift for one in sums], ends - starts)
@@ -235,7 +265,7 @@ def _signs(sums: Sequence[_Sums], rng: np.random.Generator) -> tuple[np.ndarray,
         for place, table in zip(starts, clustered, strict=True):
             if table.shape[1] == 1:
                 z[:, place] = _deviates(z[:, place], table[:, 0])
-        drawn = np.where(one_sided, z[:, starts], _sizes(z, starts, ends))
+        drawn = np.hstack([np.where(one_sided, z[:, starts], _sizes(z, starts, ends)), by_pose])
         # Each in terms of its own scatter, so that none has a head start.
         drawn = (drawn - drawn[1:].mean(0)) / np.maximum(drawn[1:].std(0), 1e-12)
         largest = np.sort(drawn[1:].max(1))
@@ -245,6 +275,15 @@ def _signs(sums: Sequence[_Sums], rng: np.random.Generator) -> tuple[np.ndarray,
         values = np.minimum(values, found)
         critical = max(critical, float(largest[int((1 - LEVEL) * DRAWS)]))
     return values, p_values, critical
+
+
+def _posed_deviates(posed: Sequence[Posed], rng: np.random.Generator) -> np.ndarray:
+    """(1 + draws, candidates): the true ones, then of normal pose errors; below 0 of a sign that makes no sense."""
+    if not posed:
+        return np.zeros((1 + DRAWS, 0))
+    units = np.stack([one.unit for one in posed], 1)
+    z = np.vstack([[one.deviate for one in posed], rng.standard_normal((DRAWS, len(units))) @ units])
+    return np.where([one.direction.one_sided for one in posed], z, np.abs(z))
 
 
 def _gained(direction: Direction, gain: np.ndarray, track: np.ndarray, scan: np.ndarray) -> _Sums:

@@ -1,0 +1,152 @@
+"""What fitted pose errors say of candidates that would make such errors, as a suspension or a late clock does.
+
+Scan by scan nothing tells a turn of the vehicle from an error of its pose: every trace of it in the ranges goes once
+poses are fitted. From scan to scan it does: errors that follow the acceleration or the speed are no chance. With poses
+as random effects N(0, Σ) the slope of the likelihood, poses integrated out, is Σ q·Σ⁻¹·p over scans, where p are the
+fitted errors and q those that a unit of the candidate would make. So p is regressed on q, each scan one fact, fewer
+where what is left drifts; the deviate is Student's. That the scans it rests on are not a few that are off by chance is
+asked of signed permutations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from cosim.discrepancy.fitting import POSE_FLOOR, Fitted, Fitter
+from cosim.discrepancy.gate import DRAWS, Direction, Posed
+from cosim.discrepancy.pose_errors import independent_share
+
+_RIGID = 0.5  # share of a candidate's changes of ranges that pose errors could make
+_VARIED = 0.05  # share of its pattern that differs from scan to scan; what all have alike shows as poses are said
+_FEWEST_SCANS = 4
+_MOST_DEVIATE = 12.0
+_CLOSE = 1e-3  # standard deviations
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How well errors (scans, k) follow a pattern.
+
+    Attributes:
+        amplitude, error: of the pattern in the errors, and its standard error.
+        deviate: equivalent standard normal deviate, of the amplitude's sign.
+        p_value: share of signed permutations that agree as well.
+    """
+
+    amplitude: float
+    error: float
+    deviate: float
+    p_value: float
+
+
+class PosePatterns:
+    """Candidates as patterns of pose errors.
+
+    Args:
+        fitter, fitted: the model as it stands.
+    """
+
+    def __init__(self, fitter: Fitter, fitted: Fitted) -> None:
+        self._fitted, self._sample = fitted, fitter.sample
+        self._poses = fitter.pose_errors.slopes(fitted.pose)
+        self._weight = _weights(fitted)
+
+    def of(self, directions: Sequence[Direction], rng: np.random.Generator) -> list[Posed]:
+        """What pose errors say of those of the directions that act through poses."""
+        pose, sigma = self._fitted.pose, self._fitted.pose_sigma
+        found = []
+        for direction in directions:
+            pattern = self.pattern(direction)
+            if pattern is None or _is_constant(pattern / sigma):
+                continue
+            told = agreement(pose / sigma, pattern / sigma, POSE_FLOOR / sigma, rng)
+            if told is not None:
+                unit = (pattern / sigma).ravel()
+                unit = unit / np.linalg.norm(unit)
+                found.append(Posed(direction, told.deviate, told.p_value, told.error, unit))
+        return found
+
+    def pattern(self, direction: Direction) -> np.ndarray | None:
+        """Pose errors (scans, 6) that a unit of a direction makes; None where it does something else."""
+        column = direction.column
+        if column.rings > 1 or "range" not in column.delta:
+            return None
+        delta = column.delta["range"]
+        # The longest changes of a direction have been cut: they are no rigid motion's.
+        used = self._weight * (np.abs(delta) < np.abs(delta).max() * (1 - 1e-9))
+        scans = self._fitted.pose.shape[0]
+        pattern, explained = np.zeros((scans, 6)), 0.0
+        rows = np.arange(len(delta))
+        for scan in range(scans):
+            mine = rows[self._sample.frame == scan]
+            basis = self._poses[mine][:, 6 * scan : 6 * scan + 6].toarray() * POSE_FLOOR
+            known = (basis.T * used[mine]) @ basis
+            slope = basis.T @ (used[mine] * delta[mine])
+            made = np.linalg.lstsq(known, slope, rcond=1e-9)[0]
+            pattern[scan], explained = made * POSE_FLOOR, explained + float(made @ slope)
+        total = float(used @ delta**2)
+        return pattern if total > 0 and explained > _RIGID * total else None
+
+
+def _weights(fitted: Fitted) -> np.ndarray:
+    """(n,) weights by which fitted pose errors are what they are: residuals beyond noise hardly count."""
+    fit, evidence = fitted.fit, fitted.evidence
+    away = np.abs(fit.range_z) > _CLOSE
+    residual = np.where(away, fit.range_z, 1.0) * fit.range_sigma_m
+    return np.where(away, evidence.score["range"] / residual, evidence.information["range"])
+
+
+def agreement(errors: np.ndarray, pattern: np.ndarray, floor: np.ndarray, rng: np.random.Generator) -> Agreement | None:
+    """Regress errors (scans, k) in units of their spread on a pattern of the same shape.
+
+    Args:
+        errors: fitted.
+        pattern: those that a unit makes.
+        floor: (k,) how small errors may be that nothing is to be made of.
+        rng: for the permutations.
+    """
+    size = np.linalg.norm(pattern, axis=1)
+    acts = size > 1e-6 * size.max(initial=0.0)
+    if np.count_nonzero(acts) < _FEWEST_SCANS:
+        return None
+    weight, along = size[acts], (errors * pattern).sum(1)[acts] / size[acts]
+    least = ((floor * pattern[acts]) ** 2).sum() / (weight**2).sum()
+    amplitude = float(weight @ along) / float(weight @ weight)
+    left = along - amplitude * weight
+    facts = len(weight) * _share(left)
+    if facts <= 2:
+        return None
+    # What is too small to matter may well be the same in all scans.
+    variance = float(left @ left) / (facts - 1) + len(weight) * float(least)
+    error = float(np.sqrt(variance / (weight @ weight)))
+    tail = float(stats.t.logsf(abs(amplitude) / error, facts - 1))
+    deviate = min(_deviate(tail), _MOST_DEVIATE)
+    order = np.argsort(rng.random((DRAWS, len(errors))), axis=1)
+    signs = rng.choice((-1.0, 1.0), order.shape)
+    drawn = np.einsum("dsk,sk,ds->d", errors[order], pattern, signs)
+    beyond = np.count_nonzero(np.abs(drawn) >= abs(float((errors * pattern).sum())) * (1 - 1e-12))
+    return Agreement(amplitude, error, float(np.sign(amplitude)) * deviate, (1 + beyond) / (1 + DRAWS))
+
+
+def _share(left: np.ndarray) -> float:
+    """How many facts each residual is; autocorrelations of short series come out too low by (1 + 3ρ)/n (Kendall)."""
+    share = independent_share(left[:, None])
+    likeness = (1 - share) / (1 + share)
+    likeness = min(likeness + (1 + 3 * likeness) / len(left), 0.95)
+    return (1 - likeness) / (1 + likeness)
+
+
+def _deviate(log_tail: float) -> float:
+    """Standard normal deviate of a one-sided tail probability given by its logarithm."""
+    if log_tail > -600:
+        return float(stats.norm.isf(np.exp(log_tail)))
+    return float(np.sqrt(-2 * log_tail))
+
+
+def _is_constant(pattern: np.ndarray) -> bool:
+    mean = pattern.mean(0)
+    return float(((pattern - mean) ** 2).sum()) < _VARIED * float((pattern**2).sum())
