@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,11 +12,26 @@ from assets import Mesh
 from assets.world import build_world
 from cosim.config import RunConfig
 from cosim.ground import Ground
-from sensors.cameras import Camera, CameraRenderer, Light, bake_sun_shadows
-from sensors.scene import Scene
+from sensors.cameras import Camera, CameraRenderer, Light, PackedModel, bake_sun_shadows
+from sensors.scene import Scene, TracedModel
 from sumo_nets import Town
 
 _WORLD_STREAM, _LIGHT_STREAM = 0, 1  # keep the random numbers of world and light apart
+
+
+@dataclass(frozen=True, eq=False)
+class Models:
+    """Models as places need them, each made ready once for all of them.
+
+    Attributes:
+        load: gives the mesh of a name.
+        traced: by name, for rays.
+        packed: by name and level of detail, for images.
+    """
+
+    load: Callable[[str], Mesh]
+    traced: dict[str, TracedModel] = field(default_factory=dict)
+    packed: dict[tuple[str, int], PackedModel] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,21 +63,21 @@ class Place:
         light: Light,
         *,
         camera: Camera,
-        load_model: Callable[[str], Mesh],
+        models: Models,
         threads: int,
     ) -> Place:
         """Build the world that the run's seed, the town and the world's number determine, in a given light."""
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
         static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment)
-        scene = Scene(static.mesh, load_model, threads)
-        renderer = _renderer(static.mesh, scene, light, camera, config.backend, load_model)
+        scene = Scene(static.mesh, models.load, threads, models=models.traced)
+        renderer = _renderer(static.mesh, scene, light, camera, config.backend, models)
         return cls(town, world, static.mesh, Ground(static.ground), scene, renderer)
 
-    def lit(self, light: Light, config: RunConfig, camera: Camera, load_model: Callable[[str], Mesh]) -> Place:
+    def lit(self, light: Light, config: RunConfig, camera: Camera, models: Models) -> Place:
         """The same place in another light; the renderer it had is closed."""
         self.renderer.close()
-        return replace(self, renderer=_renderer(self.mesh, self.scene, light, camera, config.backend, load_model))
+        return replace(self, renderer=_renderer(self.mesh, self.scene, light, camera, config.backend, models))
 
 
 def light_of(config: RunConfig, episode: int) -> Light:
@@ -81,15 +96,14 @@ def draw_light(rng: np.random.Generator) -> Light:
     )
 
 
-def _renderer(
-    mesh: Mesh, scene: Scene, light: Light, camera: Camera, backend: str, load_model: Callable[[str], Mesh]
-) -> CameraRenderer:
+def _renderer(mesh: Mesh, scene: Scene, light: Light, camera: Camera, backend: str, models: Models) -> CameraRenderer:
     return CameraRenderer(
         mesh,
-        load_model,
+        models.load,
         light,
         width=camera.width,
         height=camera.height,
         backend=backend,
         static_shade=bake_sun_shadows(mesh, light, scene.static),
+        packed=models.packed,
     )

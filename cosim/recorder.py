@@ -21,7 +21,7 @@ from cosim.kitti.points import encode_points
 from cosim.kitti.rays import PointRays, encode_rays
 from cosim.label_effects import EXACT, relabelled
 from cosim.labelling import Labeller
-from cosim.place import Place, light_of
+from cosim.place import Models, Place, light_of
 from cosim.plan import EpisodePlan, plan_episodes, world_count
 from cosim.product_files import encode_products
 from cosim.products import cameras_of
@@ -60,7 +60,8 @@ class Recorder:
         self._threads = threads
         self._behind = Behind()  # waiting for the disk would cost as much again as a fast frame
         self._external = load_external(config.external_vehicles)
-        self._models: dict[str, Mesh] = dict(self._external.meshes)
+        self._meshes: dict[str, Mesh] = dict(self._external.meshes)
+        self._models = Models(self._mesh)
         self._written_models: set[str] = set()
         self._worlds = world_count(plan_episodes(config))
         self._calibration = Calibration(**vars(KITTI_CALIBRATION))
@@ -83,14 +84,14 @@ class Recorder:
                 plan.world,
                 light,
                 camera=camera,
-                load_model=self._model,
+                models=self._models,
                 threads=self._threads,
             )
             path = f"twin/{self._static_file() or 'static.glb'}"
             if not self._writer.has(path):
                 self._writer.write(path, encode_glb(self._place.mesh, town.name))
         elif self._episode != plan.number:
-            self._place = self._place.lit(light, self._config, camera, self._model)
+            self._place = self._place.lit(light, self._config, camera, self._models)
         self._episode = plan.number
         self._labeller = Labeller(
             self._place.scene,
@@ -241,16 +242,16 @@ class Recorder:
             static=self._static_file(),
         )
 
-    def _model(self, name: str) -> Mesh:
-        if name not in self._models:
-            self._models[name] = build_model(name)
-        return self._models[name]
+    def _mesh(self, name: str) -> Mesh:
+        if name not in self._meshes:
+            self._meshes[name] = build_model(name)
+        return self._meshes[name]
 
     def _write_models(self, names: tuple[str, ...]) -> None:
         for name in sorted(set(names) - self._written_models):
             path = f"twin/models/{name}.glb"
             if not self._writer.has(path):
-                self._writer.write(path, encode_glb(self._model(name), name))
+                self._writer.write(path, encode_glb(self._mesh(name), name))
             self._written_models.add(name)
 
 

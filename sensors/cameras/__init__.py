@@ -6,6 +6,7 @@ from sensors.cameras.errors import CameraError
 from sensors.cameras.images import Images
 from sensors.cameras.kitti_rig import KITTI_CALIBRATION, KittiCalibration, kitti_cameras, lidar_pose_ego
 from sensors.cameras.light import Light
+from sensors.cameras.packed_model import PackedModel
 from sensors.cameras.renderer import CameraRenderer
 from sensors.cameras.semantics import CLASSES, semantic_image
 
@@ -18,6 +19,7 @@ __all__ = [
     "Images",
     "KittiCalibration",
     "Light",
+    "PackedModel",
     "bake_sun_shadows",
     "kitti_cameras",
     "lidar_pose_ego",

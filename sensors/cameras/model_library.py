@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from assets.mesh import Mesh
-from sensors.cameras.baking import bake_hollows
 from sensors.cameras.buffers import InstanceBuffer, MeshBuffer, back_faces
-from sensors.cameras.closed import closed_faces
 from sensors.cameras.detail import CELLS_M, coarsened, level_of
 from sensors.cameras.occlusion import box_corners
-from sensors.cameras.packing import drawable, pack
+from sensors.cameras.packed_model import PackedModel, pack_model
 from sensors.cameras.projection import View, spheres_inside
 
 if TYPE_CHECKING:
@@ -30,10 +28,16 @@ class _Model:
 
 
 class ModelLibrary:
-    """Every model once, drawn for all its visible instances together."""
+    """Every model once, drawn for all its visible instances together.
 
-    def __init__(self, load: Callable[[str], Mesh]) -> None:
+    Args:
+        load: gives the mesh of a name.
+        packed: (name, level of detail) → what is packed already, added to.
+    """
+
+    def __init__(self, load: Callable[[str], Mesh], packed: dict[tuple[str, int], PackedModel]) -> None:
         self._load = load
+        self._packed = packed
         self._models: dict[tuple[str, int], _Model] = {}
         self._bounds: dict[str, np.ndarray] = {}
         self._instances = InstanceBuffer()
@@ -98,21 +102,15 @@ class ModelLibrary:
         return self._bounds[name]
 
     def _model(self, name: str, level: int) -> _Model:
-        if (name, level) not in self._models:
-            self._models[name, level] = self._loaded(coarsened(self._load(name), CELLS_M[level]))
-        return self._models[name, level]
-
-    def _loaded(self, mesh: Mesh) -> _Model:
-        mesh = drawable(mesh)
-        closed = closed_faces(mesh)
-        order = np.argsort(~closed, kind="stable")
-        sorted_mesh = Mesh(mesh.vertices, mesh.faces[order], mesh.materials[order])
-        n_closed = int(closed.sum())
-        return _Model(
-            MeshBuffer(pack(sorted_mesh, bake_hollows(sorted_mesh)), self._instances),
-            slice(0, n_closed),
-            slice(n_closed, len(order)),
-        )
+        key = name, level
+        if key not in self._models:
+            if key not in self._packed:
+                self._packed[key] = pack_model(coarsened(self._load(name), CELLS_M[level]))
+            mesh, n_closed = self._packed[key].mesh, self._packed[key].n_closed
+            self._models[key] = _Model(
+                MeshBuffer(mesh, self._instances), slice(0, n_closed), slice(n_closed, len(mesh.faces))
+            )
+        return self._models[key]
 
 
 def _instance_matrices(instances: Instances, rows: np.ndarray, camera_from_world: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from sensors.cameras.context import ShaderProgram, open_context
 from sensors.cameras.light import Light
 from sensors.cameras.model_library import ModelLibrary
 from sensors.cameras.occlusion import Horizon, box_corners
+from sensors.cameras.packed_model import PackedModel
 from sensors.cameras.projection import View
 from sensors.cameras.static_world import StaticWorld
 from sensors.cameras.target import RenderTarget
@@ -36,12 +37,13 @@ class Painter:
         width: int,
         height: int,
         static_shade: np.ndarray | None,
+        packed: dict[tuple[str, int], PackedModel],
     ) -> None:
         self._light = light
         self._context = open_context(width, height)
         self._target = RenderTarget(width, height)
         self._static = StaticWorld(static, static_shade)
-        self._models = ModelLibrary(load)
+        self._models = ModelLibrary(load, packed)
         self._nothing = GL.glGenVertexArrays(1)
 
     def paint(self, view: View, instances: Instances) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

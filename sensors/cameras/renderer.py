@@ -12,6 +12,7 @@ from sensors.cameras.backend import select_backend
 from sensors.cameras.errors import CameraError
 from sensors.cameras.images import Images
 from sensors.cameras.light import Light
+from sensors.cameras.packed_model import PackedModel
 from sensors.cameras.projection import View
 
 if TYPE_CHECKING:
@@ -41,6 +42,8 @@ class CameraRenderer:
         backend: `osmesa` or `egl`.
         static_shade: (n, 2) float32 share of sun and of sky, 0–1, that reaches each vertex of `static`,
             as `bake_sun_shadows` gives it; None for none in shadow.
+        packed: models made ready already, by name and level of detail, shared with other renderers of the same
+            models and added to.
 
     Raises:
         CameraError: the backend's library is missing or gives no context.
@@ -56,6 +59,7 @@ class CameraRenderer:
         height: int,
         backend: str = "osmesa",
         static_shade: np.ndarray | None = None,
+        packed: dict[tuple[str, int], PackedModel] | None = None,
     ) -> None:
         if static_shade is not None and static_shade.shape != (len(static.vertices), 2):
             raise CameraError(
@@ -67,7 +71,9 @@ class CameraRenderer:
 
         load = models if callable(models) else models.__getitem__
         self.width, self.height = width, height
-        self._painter: Painter | None = Painter(static, load, light, width, height, static_shade)
+        self._painter: Painter | None = Painter(
+            static, load, light, width, height, static_shade, {} if packed is None else packed
+        )
 
     def render(self, camera_pose_world: np.ndarray, P: np.ndarray, instances: Instances) -> Images:
         """Images of one instant.

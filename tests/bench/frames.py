@@ -17,7 +17,7 @@ from cosim import recorder as recording
 from cosim.bridge import Bridge
 from cosim.config import RunConfig
 from cosim.drive_writer import DriveWriter
-from cosim.engine import LocalEngine
+from cosim.engine import Event, LocalEngine
 from cosim.episode import run_episode
 from cosim.labelling import Labeller
 from cosim.living import LivingTraffic
@@ -31,11 +31,11 @@ from sensors.tracing import Tracer
 from sumo_nets import DemandConfig
 from tests.bench.rows import Row
 
-_STAGED, _TIMED, _VARIED = 20, 60, 8
+_STAGED, _EACH, _VARIED = 20, 40, 8
 _SEED = 1
 _POPULATIONS = {
-    "60 vehicles on the move, 30 parked, 30 people": DemandConfig(driving=(60, 60), parked=(30, 30), walking=(30, 30)),
-    "as many as is usual in town01": DemandConfig(),
+    "town02, 60 driving, 30 parked, 30 walking": DemandConfig(driving=(60, 60), parked=(30, 30), walking=(30, 30)),
+    "town01, as many as is usual there": DemandConfig(),
 }
 _STAGES: dict[str, tuple[Any, str]] = {
     "traffic and motion": (LivingTraffic, "advance"),
@@ -79,7 +79,7 @@ def stage_rows() -> Iterator[Row]:
 
 
 def rate_rows() -> Iterator[Row]:
-    """Frames a second by workers, from each worker's first frames to the last; memory, disk, and variants after."""
+    """Frames a second by workers; memory, disk, and variants after."""
     with tempfile.TemporaryDirectory() as folder:
         drive = Path(folder)
         for name, population in _POPULATIONS.items():
@@ -87,8 +87,8 @@ def rate_rows() -> Iterator[Row]:
             for workers in (1, 2):
                 drive = Path(folder) / f"{len(name)}_{workers}"
                 before = _children_s()
-                rates[workers] = _rate(drive, workers, population)
-                own = (_children_s() - before) / _TIMED
+                rates[workers] = _rate(drive, workers, name.partition(",")[0], population)
+                own = (_children_s() - before) / (_EACH * workers)
                 yield Row(
                     f"{name}, {workers} worker{'s' if workers > 1 else ''}",
                     f"{rates[workers]:.1f} frames/s, {rates[workers] / rates[1]:.2f} × one, {own:.2f} s of CPU a frame",
@@ -120,18 +120,21 @@ def _counted(function: Callable[..., Any], stage: str, spent: Counter[str]) -> C
     return wrapper
 
 
-def _rate(drive: Path, workers: int, population: DemandConfig) -> float:
+def _rate(drive: Path, workers: int, town: str, population: DemandConfig) -> float:
+    """Frames a second while all workers record: from the first frames, which wait for models, to the first end."""
     stamps: list[float] = []
+    ended: list[int] = []
 
-    def on_event(event: object) -> None:
-        if getattr(event, "kind", "") == "frame":
+    def on_event(event: Event) -> None:
+        if event.kind == "frame":
             stamps.append(time.monotonic())
+        elif event.kind == "task":
+            ended.append(len(stamps))
 
-    config = RunConfig(frames=_TIMED, frames_per_episode=_TIMED // 2, seed=_SEED, population=population)
+    config = RunConfig(town=town, frames=_EACH * workers, frames_per_episode=_EACH, seed=_SEED, population=population)
     run(config, drive, engine=LocalEngine(workers), on_event=on_event)
-    # the first frames of each worker wait for its models to be built
-    skipped = 2 * workers
-    return (len(stamps) - 1 - skipped) / (stamps[-1] - stamps[skipped])
+    first, last = 2 * workers, ended[0] - 1
+    return (last - first) / (stamps[last] - stamps[first])
 
 
 def _children_s() -> float:

@@ -239,7 +239,7 @@ def test_what_is_left_out_would_not_have_shown(monkeypatch):
     crowd = placed(*(("crate", at, rng.uniform(0.5, 3.0, 3)) for at in places))
     quick = shoot(world, crowd)
     monkeypatch.setattr("sensors.cameras.occlusion.Horizon.hides", lambda _, corners: np.zeros(len(corners), bool))
-    for module in ("static_world", "model_library"):
+    for module in ("static_world", "packed_model"):
         monkeypatch.setattr(f"sensors.cameras.{module}.closed_faces", lambda mesh: np.zeros(len(mesh.faces), bool))
     full = shoot(world, crowd)
     assert len(np.unique(full.instance)) > 10

@@ -1,0 +1,34 @@
+"""A model as the graphics library draws it, made once for any number of renderers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from assets.mesh import Mesh
+from sensors.cameras.baking import bake_hollows
+from sensors.cameras.closed import closed_faces
+from sensors.cameras.packing import PackedMesh, drawable, pack
+
+
+@dataclass(frozen=True, eq=False)
+class PackedModel:
+    """One level of detail of a model.
+
+    Attributes:
+        mesh: faces of closed surfaces first.
+        n_closed: how many those are.
+    """
+
+    mesh: PackedMesh
+    n_closed: int
+
+
+def pack_model(mesh: Mesh) -> PackedModel:
+    """Leave out what is not drawn, and darken hollows."""
+    mesh = drawable(mesh)
+    closed = closed_faces(mesh)
+    order = np.argsort(~closed, kind="stable")
+    ordered = Mesh(mesh.vertices, mesh.faces[order], mesh.materials[order])
+    return PackedModel(pack(ordered, bake_hollows(ordered)), int(closed.sum()))
