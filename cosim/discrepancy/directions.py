@@ -83,14 +83,15 @@ def _told(
             added = max(kept, 0.0) / step
             yield Direction(weak.name, label, amplitude, Column({}), weak, place, True, gain, added, strays)
         return
-    delta: dict[Quantity, np.ndarray] = {
-        name: _bounded(values / step) for name, values in change(fitted.prediction, after).items()
+    whole: dict[Quantity, np.ndarray] = {
+        name: values / step for name, values in change(fitted.prediction, after).items()
     }
+    delta: dict[Quantity, np.ndarray] = {name: _bounded(values) for name, values in whole.items()}
     if delta:
         free = next(unknown for unknown in unknowns(type(weak)) if unknown.name == amplitude)
         column = Column(delta, sample.ring if free.rings > 1 else None, free.rings)
         at_bound = place is None and free.rings == 1 and (weak.neutral or {})[amplitude] <= free.low
-        yield Direction(weak.name, label, amplitude, column, weak, place, at_bound)
+        yield Direction(weak.name, label, amplitude, column, weak, place, at_bound, moved=whole.get("range"))
 
 
 def _bounded(delta: np.ndarray) -> np.ndarray:

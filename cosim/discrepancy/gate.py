@@ -44,6 +44,7 @@ class Direction:
         added, strays: of forms with a gain: how many strays a unit of the amplitude adds, and how many there are.
         gain: (n,) what the weak form adds to every beam's log-likelihood: for effects that replace the answering
             surface, which no slope tells of.
+        moved: (n,) the column's change of ranges with its longest tails.
     """
 
     effect: str
@@ -56,6 +57,7 @@ class Direction:
     gain: np.ndarray | None = None
     added: float = 0.0
     strays: float = 0.0
+    moved: np.ndarray | None = None
 
     def countable(self, deviates: float) -> float:
         """Amplitude whose strays stand out of a Poisson count by so many deviates; NaN where it adds none."""

@@ -24,6 +24,8 @@ _RIGID = 0.5  # share of a candidate's changes of ranges that pose errors could 
 _VARIED = 0.05  # share of its pattern that differs from scan to scan; what all have alike shows as poses are said
 _FEWEST_SCANS = 4
 _MOST_DEVIATE = 12.0
+_REWEIGHTED, _WIDE = 8, 3.0
+_MATTERS = 2.0  # times the least spread must be what errors follow
 _CLOSE = 1e-3  # standard deviations
 
 
@@ -72,24 +74,33 @@ class PosePatterns:
 
     def pattern(self, direction: Direction) -> np.ndarray | None:
         """Pose errors (scans, 6) that a unit of a direction makes; None where it does something else."""
-        column = direction.column
-        if column.rings > 1 or "range" not in column.delta:
+        delta, weight = direction.moved, self._weight
+        if direction.column.rings > 1 or delta is None:
             return None
-        delta = column.delta["range"]
-        # The longest changes of a direction have been cut: they are no rigid motion's.
-        used = self._weight * (np.abs(delta) < np.abs(delta).max() * (1 - 1e-9))
         scans = self._fitted.pose.shape[0]
-        pattern, explained = np.zeros((scans, 6)), 0.0
-        rows = np.arange(len(delta))
+        pattern, explained, total = np.zeros((scans, 6)), 0.0, 0.0
         for scan in range(scans):
-            mine = rows[self._sample.frame == scan]
+            mine = np.flatnonzero(self._sample.frame == scan)
             basis = self._poses[mine][:, 6 * scan : 6 * scan + 6].toarray() * POSE_FLOOR
-            known = (basis.T * used[mine]) @ basis
-            slope = basis.T @ (used[mine] * delta[mine])
-            made = np.linalg.lstsq(known, slope, rcond=1e-9)[0]
-            pattern[scan], explained = made * POSE_FLOOR, explained + float(made @ slope)
-        total = float(used @ delta**2)
+            made, used = _followed(basis, delta[mine], weight[mine])
+            pattern[scan] = made * POSE_FLOOR
+            explained += float(used @ (basis @ made) ** 2)
+            total += float(used @ delta[mine] ** 2)
         return pattern if total > 0 and explained > _RIGID * total else None
+
+
+def _followed(basis: np.ndarray, delta: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients (k,) by which columns (n, k) make most of the changes (n,), and the weights that these got at last.
+
+    Vehicles that move by themselves are no part of what a pose does, and ranges along their sides change most of all.
+    """
+    used = weight
+    for _ in range(_REWEIGHTED):
+        made = np.linalg.lstsq((basis.T * used) @ basis, basis.T @ (used * delta), rcond=1e-9)[0]
+        apart = np.abs(delta - basis @ made)
+        middle = float(np.median(apart[weight > 0])) if np.any(weight > 0) else 0.0
+        used = weight / (1 + (apart / max(_WIDE * middle, 1e-9)) ** 2)
+    return made, used
 
 
 def _weights(fitted: Fitted) -> np.ndarray:
@@ -114,17 +125,15 @@ def agreement(errors: np.ndarray, pattern: np.ndarray, floor: np.ndarray, rng: n
     if np.count_nonzero(acts) < _FEWEST_SCANS:
         return None
     weight, along = size[acts], (errors * pattern).sum(1)[acts] / size[acts]
-    least = ((floor * pattern[acts]) ** 2).sum() / (weight**2).sum()
-    amplitude = float(weight @ along) / float(weight @ weight)
+    total = float(weight @ weight)
+    amplitude = float(weight @ along) / total
     left = along - amplitude * weight
-    facts = len(weight) * _share(left)
-    if facts <= 2:
-        return None
-    # What is too small to matter may well be the same in all scans.
-    variance = float(left @ left) / (facts - 1) + len(weight) * float(least)
-    error = float(np.sqrt(variance / (weight @ weight)))
-    tail = float(stats.t.logsf(abs(amplitude) / error, facts - 1))
-    deviate = min(_deviate(tail), _MOST_DEVIATE)
+    share, freedom = _share(left), len(weight) - 1
+    least = float(((floor * pattern[acts]) ** 2).sum()) / total
+    error = float(np.sqrt((float(left @ left) / (freedom * share) + least) / total))
+    tail = float(stats.t.logsf(abs(amplitude) / error, max(freedom * np.sqrt(share), 2.0)))
+    matters = np.sqrt((pattern**2).mean(0)) * abs(amplitude) > _MATTERS * floor
+    deviate = min(_deviate(tail), _MOST_DEVIATE) if matters.any() else 0.0
     order = np.argsort(rng.random((DRAWS, len(errors))), axis=1)
     signs = rng.choice((-1.0, 1.0), order.shape)
     drawn = np.einsum("dsk,sk,ds->d", errors[order], pattern, signs)
