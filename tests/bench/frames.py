@@ -34,7 +34,7 @@ from tests.bench.rows import Row
 _STAGED, _EACH, _VARIED = 20, 40, 8
 _SEED = 1
 _POPULATIONS = {
-    "town02, 60 driving, 30 parked, 30 walking": DemandConfig(driving=(60, 60), parked=(30, 30), walking=(30, 30)),
+    "town07, 60 driving, 30 parked, 30 walking": DemandConfig(driving=(60, 60), parked=(30, 30), walking=(30, 30)),
     "town01, as many as is usual there": DemandConfig(),
 }
 _STAGES: dict[str, tuple[Any, str]] = {
