@@ -120,11 +120,12 @@ class Twin:
         direction32 = direction.astype(np.float32)
         solid, pane = _Nearest(n, far), _Nearest(n, far)
         world = self._static(frame)
-        everything = np.arange(n)
+        everything, low, high = np.arange(n), origin.min(0), origin.max(0)
         for near, shape in ((solid, world.solid), (pane, world.pane)):
             near.offer(shape, everything, origin, direction32, None, STATIC)
         for row, thing in enumerate(frame["instances"]):
-            if np.linalg.norm(np.array(thing["pose"])[:3, 3] - origin[0]) > far + _LONGEST_M:
+            place = np.array(thing["pose"])[:3, 3]
+            if np.linalg.norm(place - np.clip(place, low, high)) > far + _LONGEST_M:
                 continue
             model = self._model(thing["model"])
             rays, local_origin, local_direction, normals = _to_model(
