@@ -22,7 +22,7 @@ from cosim.discrepancy.label_scatter import with_unsure_labels
 from cosim.discrepancy.labels import with_labels
 from cosim.discrepancy.lattice import Lattice, find_lattices
 from cosim.discrepancy.pose_patterns import PosePatterns
-from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, shortlist, simpler_first
+from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, look_alikes, shortlist, simpler_first
 from cosim.discrepancy.revising import is_idle, redrawn, simpler_rival
 from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.settling import Settled, settle
@@ -335,6 +335,9 @@ class Detective:
         promising = shortlist(fitter, null, found, look.verdict)
         self._say(f"fitting {', '.join(promising)}")
         ranked = [fit_candidate(fitter, null, starts, self._model.fitted) for starts in promising.values()]
+        alike = shortlist(fitter, null, look_alikes(ranked, found, self._kinds), look.verdict)
+        ranked += [fit_candidate(fitter, null, starts, self._model.fitted) for starts in alike.values()]
+        promising |= alike
         ranked = from_said_poses(ranked, fitter, null, promising, self._traced, self._model.fitted)
         ranked.sort(key=lambda one: -one.delta_bic)
         ranked = simpler_first(judged_anew(ranked, fitter, null, self._traced), fitter, promising)

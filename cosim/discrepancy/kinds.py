@@ -56,6 +56,11 @@ def as_known(effects: Sequence[Effect]) -> tuple[Effect, ...]:
     )
 
 
+def confusable(one: type[Effect], other: type[Effect]) -> bool:
+    """Whether either says that the other's traces look like its own."""
+    return one.name in other.confusable_with or other.name in one.confusable_with
+
+
 def _is_asked_for(kind: type[Effect]) -> bool:
     shows = kind.neutral is not None or issubclass(kind, RoundingEffect)
     return shows and kind.stage not in ("label", "traffic")

@@ -12,6 +12,7 @@ from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.fitting import Fitted, Fitter, all_free
 from cosim.discrepancy.frames import bending
 from cosim.discrepancy.gate import LEVEL, Direction, Verdict
+from cosim.discrepancy.kinds import confusable
 from cosim.discrepancy.likelihood import judge
 from cosim.discrepancy.pose_errors import independent_share
 from cosim.discrepancy.sample import same_beams
@@ -69,6 +70,20 @@ def shortlist(
     outstanding = [*significant[:_OUTSTANDING], *tilting[:_OUTSTANDING]]
     names += [name for name in dict.fromkeys(outstanding) if name in best and name not in names]
     return {name: [direction for _, direction in best[name][: _starts(best[name][0][1])]] for name in names}
+
+
+def look_alikes(ranked: Sequence[Ranked], found: Sequence[Direction], kinds: Sequence[type[Effect]]) -> list[Direction]:
+    """Directions of effects that were not fitted, though the best candidate may be mistaken for them.
+
+    Strong effects bend away from what their slopes foresee, and one with more numbers bends along with them.
+    """
+    best = max(ranked, key=lambda one: one.delta_bic, default=None)
+    if best is None:
+        return []
+    done = {one.effect for one in ranked}
+    kind = type(best.fitted.effects[best.place])
+    names = {one.name for one in kinds if one.name not in done and confusable(one, kind)}
+    return [direction for direction in found if direction.effect in names]
 
 
 def _starts(best: Direction) -> int:

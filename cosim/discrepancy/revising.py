@@ -11,6 +11,7 @@ from cosim.discrepancy.candidates import amplitudes
 from cosim.discrepancy.directions import directions
 from cosim.discrepancy.fitting import Fitted, Fitter
 from cosim.discrepancy.intervals import standard_errors
+from cosim.discrepancy.kinds import confusable
 from cosim.discrepancy.ranking import Ranked, fit_candidate
 from cosim.discrepancy.unknown import Shape, same_shape
 from sensors.effects.base import BeamEffect, Effect
@@ -32,7 +33,7 @@ def simpler_rival(fitter: Fitter, fitted: Fitted, place: int, kinds: Sequence[ty
     """
     effect, there = fitted.effects[place], {one.name for one in fitted.effects}
     count = sum(one.unknown.rings for one in fitted.free_of(place))
-    rivals = [kind for kind in kinds if _alike(kind, type(effect)) and kind.name not in there]
+    rivals = [kind for kind in kinds if confusable(kind, type(effect)) and kind.name not in there]
     rest = (*fitted.effects[:place], *fitted.effects[place + 1 :])
     without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma) if rivals else fitted
     best: Ranked | None = None
@@ -90,7 +91,3 @@ def redrawn(fitter: Fitter, fitted: Fitted, place: int, shape: Shape) -> Shape |
         # Its numbers have been fitted along with all others.
         return None if found is None else replace(found, formula=shape.formula)
     return found.without_level() if found.has_apart else found
-
-
-def _alike(one: type[Effect], other: type[Effect]) -> bool:
-    return one.name in other.confusable_with or other.name in one.confusable_with
