@@ -35,6 +35,7 @@ from cosim.discrepancy.unknown import (
     rank_shape,
     shape_effect,
     shape_gate,
+    spread_of_gain,
 )
 from cosim.kitti import Drive
 from sensors.effects.base import BeamEffect, Effect, RoundingEffect
@@ -50,6 +51,7 @@ _LEAST_BIC = 0.0
 _CLEARLY_THERE = 5.0
 _CLEARLY_MORE = 1.15  # times the gain of the best candidate must be an unknown shape's
 _SHAPE_LEVEL = 0.02
+_WIDELY = 3.0  # deviates by which an unknown shape must gain from place to place
 _RETUNED_SIGMAS, _RETUNED_SHARE = 2.0, 1e-3  # what other values of an effect must gain, of its scatter and of the error
 _HARM_SIGMAS = 2.0
 _TRIED = 3  # candidates a round, until one helps on held-out frames; then those that the gate lets through alone
@@ -359,7 +361,8 @@ class Detective:
         shape, found = rank_shape(quick, null, shape, self._model.fitted)
         known = best.delta_bic if best is not None else 0.0
         clear = found.delta_bic > _CLEARLY_MORE * known + _ALIKE_BIC
-        return _Choice(found, shape=shape) if clear else None
+        widely = spread_of_gain(quick, null, found.fitted) > _WIDELY
+        return _Choice(found, shape=shape) if clear and widely else None
 
     def _fitted_anew(self, pose: np.ndarray | None = None) -> Settled:
         """The model fitted to frames traced as it bends their beams, starting from pose errors."""

@@ -53,6 +53,22 @@ def rank_shape(fitter: Fitter, fitted: Fitted, shape: Shape, along: Sequence[int
     return (reading, of_reading) if is_read else (light, of_light)
 
 
+def spread_of_gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
+    """By how many deviates a fit gains from place to place: its gain over the root sum of squares of places' own.
+
+    A law of the sensor shows wherever its covariate does. A wrong label or a wrong spot of the map makes a shape, too,
+    of whatever is peculiar to it, but gains there alone.
+
+    Args:
+        fitter: of the sample, whose tracks (instances, cells of the map) are the places.
+        before, after: fits to compare.
+    """
+    gain = fitter.sample.weight / fitter.sample.weight.mean() * (after.fit.loglik - before.fit.loglik)
+    _, place = np.unique(fitter.sample.track, return_inverse=True)
+    own = np.bincount(place.ravel(), gain)
+    return float(own.sum() / max(np.sqrt(np.sum(own**2)), 1e-12))
+
+
 def _ranked(fitter: Fitter, fitted: Fitted, shape: Shape, along: Sequence[int] = ()) -> Ranked:
     effects = (*fitted.effects, shape_effect(shape))
     place = len(fitted.effects)
