@@ -26,7 +26,7 @@ from cosim.discrepancy.ranking import Ranked, fit_candidate, judged_anew, look_a
 from cosim.discrepancy.revising import is_idle, redrawn, simpler_rival
 from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.settling import Settled, settle
-from cosim.discrepancy.taken_up import from_said_poses
+from cosim.discrepancy.taken_up import handed_over
 from cosim.discrepancy.testing import HeldOut, held_out_errors
 from cosim.discrepancy.unknown import (
     Shape,
@@ -340,7 +340,8 @@ class Detective:
         alike = shortlist(fitter, null, look_alikes(ranked, found, self._kinds), look.verdict)
         ranked += [fit_candidate(fitter, null, starts, self._model.fitted) for starts in alike.values()]
         promising |= alike
-        ranked = from_said_poses(ranked, fitter, null, promising, self._traced, self._model.fitted)
+        of_effect = {name: [one for one in found if one.effect == name] for name in promising}
+        ranked = handed_over(ranked, fitter, null, of_effect, self._traced, self._model.fitted)
         ranked.sort(key=lambda one: -one.delta_bic)
         ranked = simpler_first(judged_anew(ranked, fitter, null, self._traced), fitter, promising)
         ranked += [one.ranked(look.fitter, look.fitted) for one in look.lattices]

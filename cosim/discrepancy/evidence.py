@@ -20,6 +20,7 @@ QUANTITIES: tuple[Quantity, ...] = ("range", "rise", "intensity", "range_varianc
 ROUNDED_M = 6e-4  # to which coordinates may be stored
 _SPREAD_INFORMATION = 2.0  # of a Gaussian: of d log σ, E[(z² − 1)²]; and E[z² − 1] grows by 2 a unit of it
 _MOST_SQUARED = 100.0
+_FAR_OFF = 3.0  # standard deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +67,18 @@ class Evidence:
             score["intensity_variance"] = lit * _spread_excess(intensity_gap)
             information["intensity_variance"] = lit * _SPREAD_INFORMATION
         return cls(score, information)
+
+    def reweighted(self, fit: Fit) -> Evidence:
+        """With the curvature of ranges far off that their pull has (iterated reweighting of a Student-t).
+
+        On average over noise curvatures are as they are said; beams that are far off would hold a step back by the
+        curvature of beams that fit, though they hardly pull at all.
+        """
+        far = np.abs(fit.range_z) > _FAR_OFF
+        residual = np.where(far, fit.range_z, 1.0) * fit.range_sigma_m
+        loose = np.where(far, self.score["range"] / residual, self.information["range"])
+        information: dict[Quantity, np.ndarray] = {**self.information, "range": loose}
+        return Evidence(self.score, information)
 
 
 def change(before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:

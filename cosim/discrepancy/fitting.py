@@ -193,7 +193,7 @@ class Fitter:
         prediction, fit = self._state(effects, pose, blur)
         value = self._penalised(fit, pose, sigma)
         for _ in range(steps):
-            evidence = Evidence.of(self.sample, fit, blur)
+            evidence = Evidence.of(self.sample, fit, blur).reweighted(fit)
             poses = self.pose_errors.slopes(pose)
             normal = Normal.of(self.columns(effects, free, prediction), evidence, poses)
             precision = np.tile(1 / sigma**2, self._scans)

@@ -149,7 +149,7 @@ def _refitted(fitter: Fitter, fitted: Fitted, places: Sequence[int]) -> Fitted:
 
 
 def _gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
-    """Of log-likelihood."""
+    """Of log-likelihood, by one fit over another."""
     beams = fitter.sample.weight / fitter.sample.weight.mean() @ (after.fit.loglik - before.fit.loglik)
     return float(beams) + pose_gain(fitter, before, after)
 

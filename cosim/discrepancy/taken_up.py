@@ -1,8 +1,8 @@
-"""Candidates whose work pose errors have done: the turn that all scans share.
+"""Candidates whose work pose errors have done: what scans' errors have of their pattern is handed over to them.
 
-Where every scan is off alike, the model without the candidate fits as well, but for poses that are all wrong. The way
-from there to the candidate is long and flat, so it is fitted from the other end: from poses that are as they are said,
-in frames that were traced so.
+Where every scan is off as a candidate would have it, the model without it fits as well, but for poses that are all
+wrong. The way from there to the candidate is long and flat, for the spread of the errors only shrinks as they do. So
+candidates are fitted from its other end, too: from the amplitude that errors follow, and the errors that it leaves.
 """
 
 from __future__ import annotations
@@ -12,18 +12,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.fitting import POSE_FLOOR, Fitted, Fitter, all_free
 from cosim.discrepancy.frames import bending
 from cosim.discrepancy.gate import Direction
-from cosim.discrepancy.ranking import LIKE_POSES, STEPS, Foresight, Ranked, entangled, pose_gain, started
+from cosim.discrepancy.pose_patterns import PosePatterns
+from cosim.discrepancy.ranking import STEPS, Ranked, entangled, pose_gain
 from cosim.discrepancy.sample import same_beams
 from cosim.discrepancy.settling import Trace, leans
-from sensors.effects.base import BeamEffect
+from sensors.effects.base import BeamEffect, Effect
 
-_CLOSE_POSES = 2.0  # times their least spread
+_WORTH = 0.1  # share of the pose errors that a candidate must make up for
 
 
-def from_said_poses(
+def handed_over(
     ranked: Sequence[Ranked],
     fitter: Fitter,
     fitted: Fitted,
@@ -36,49 +38,71 @@ def from_said_poses(
     Args:
         ranked: fitted from the pose errors of the model as it stands.
         fitter, fitted: that model.
-        starts: directions to start from, by effect.
+        starts: all directions, by effect.
         trace: traces frames anew.
         settled: places of effects that have been fitted before.
     """
-    said = np.zeros_like(fitted.pose)
-    if not leans(fitted.pose, said) or max((one.delta_bic for one in ranked), default=0.0) > _most(fitted):
+    if not leans(fitted.pose, np.zeros_like(fitted.pose)):
         return list(ranked)
-    foresee, near, found = Foresight(fitter, fitted), None, []
+    patterns, found = PosePatterns(fitter, fitted), []
     for one in ranked:
-        start = max(starts[one.effect], key=foresee.pose_likeness)
-        like = isinstance(one.fitted.effects[one.place], BeamEffect) and foresee.pose_likeness(start) > LIKE_POSES
-        if like and near is None:
-            near = Fitter(same_beams(fitter.sample, trace(bending(fitted.effects), said)))
-        found.append(_anew(one, fitter, fitted, near, start, trace, settled) if like and near is not None else one)
+        bends = isinstance(one.fitted.effects[one.place], BeamEffect) and one.place not in settled
+        begun = _begun(patterns, fitted, starts[one.effect]) if bends else None
+        found.append(_better(one, fitter, fitted, begun, starts[one.effect][0], trace, settled) if begun else one)
     return found
 
 
-def _most(fitted: Fitted) -> float:
-    """Fall of the BIC that poses as they are said can bring: where a candidate brings more, it goes first."""
-    return 2 * len(fitted.pose) * float(np.log(np.maximum(fitted.pose_sigma / POSE_FLOOR, 1.0)).sum())
+def _begun(
+    patterns: PosePatterns, fitted: Fitted, directions: Sequence[Direction]
+) -> tuple[Effect, int | None, np.ndarray] | None:
+    """A candidate as strong as pose errors follow it, its place if it has one, and the errors (scans, 6) it leaves."""
+    of_amplitude: dict[str, tuple[Direction, np.ndarray]] = {}
+    for direction in directions:
+        pattern = patterns.pattern(direction) if direction.amplitude else None
+        if pattern is not None and direction.start is not None:
+            of_amplitude.setdefault(direction.amplitude, (direction, pattern))
+    if not of_amplitude:
+        return None
+    columns = np.stack([(pattern / fitted.pose_sigma).ravel() for _, pattern in of_amplitude.values()], 1)
+    errors = (fitted.pose / fitted.pose_sigma).ravel()
+    amplitudes = np.linalg.lstsq(columns, errors, rcond=1e-6)[0]
+    left = errors - columns @ amplitudes
+    if float(left @ left) > (1 - _WORTH) * float(errors @ errors):
+        return None
+    first = next(iter(of_amplitude.values()))[0]
+    effect = first.start
+    assert effect is not None  # others have been left out
+    off = effect if first.place is not None else type(effect).model_validate(type(effect).neutral or {})
+    values = {
+        name: getattr(fitted.effects[first.place] if first.place is not None else off, name) + float(amplitude)
+        for name, amplitude in zip(of_amplitude, amplitudes, strict=True)
+    }
+    return with_values(effect, values), first.place, left.reshape(fitted.pose.shape) * fitted.pose_sigma
 
 
-def _anew(
+def _better(
     one: Ranked,
     fitter: Fitter,
     fitted: Fitted,
-    near: Fitter,
+    begun: tuple[Effect, int | None, np.ndarray],
     start: Direction,
     trace: Trace,
     settled: Collection[int],
 ) -> Ranked:
-    effects, place = started(fitter, fitted, start)
+    effect, there, pose = begun
+    place = len(fitted.effects) if there is None else there
+    effects = (*fitted.effects[:place], effect, *fitted.effects[place + 1 :])
     along = [other for other in entangled(fitter, fitted, start, settled) if other != place]
     free = all_free(effects, [place, *along], fitter.rings)
-    sigma = np.minimum(fitted.pose_sigma, _CLOSE_POSES * POSE_FLOOR)
-    found = near.fit(effects, free, pose=np.zeros_like(fitted.pose), pose_sigma=sigma, steps=STEPS)
-    anew = Fitter(same_beams(fitter.sample, trace(bending(found.effects), found.pose)))
-    found = anew.fit(found.effects, free, pose=found.pose, pose_sigma=found.pose_sigma, steps=STEPS)
+    sigma = np.maximum(np.sqrt((pose**2).mean(0)), POSE_FLOOR)
+    # Slopes do not reach from one end to the other: vehicles stand elsewhere, and far ground is met where it rises.
+    anew = Fitter(same_beams(fitter.sample, trace(bending(effects), pose)))
+    found = anew.fit(effects, free, pose=pose, pose_sigma=sigma, steps=STEPS)
     keep = ~fitter.sample.edge & ~anew.sample.edge & (anew.sample.compared == fitter.sample.compared)
     weight = fitter.sample.weight / fitter.sample.weight.mean()
     gain = float((weight * (found.fit.loglik - fitted.fit.loglik))[keep].sum()) + pose_gain(fitter, fitted, found)
     delta = 2 * gain - one.parameters * np.log(float(len(weight)))
     if delta <= one.delta_bic:
         return one
-    there = fitter.fit(found.effects, free, pose=found.pose, pose_sigma=found.pose_sigma, steps=0)
-    return replace(one, fitted=there, place=place, delta_bic=float(delta))
+    there_again = fitter.fit(found.effects, free, pose=found.pose, pose_sigma=found.pose_sigma, steps=0)
+    return replace(one, fitted=there_again, place=place, delta_bic=float(delta))
