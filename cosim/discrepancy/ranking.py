@@ -21,13 +21,14 @@ from sensors.effects.base import BeamEffect, Effect
 
 _SHORTLIST = 6
 _OUTSTANDING = 3
-LIKE_POSES = 0.2
+_LIKE_POSES = 0.2
 _RETRACED = 3
 _ENTANGLED = 0.25  # share of a candidate's information
 _STRANGE_SHARE = 3e-3
 _MATTERS, _OF_ITS_OWN = 0.1, 0.5
 _STARTS = 2
 STEPS = 10
+ALIKE_BIC = 10.0  # what differs by less cannot be told apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ def shortlist(
     names = sorted(best, key=lambda name: -best[name][0][0])[:_SHORTLIST]
     names = [name for name in names if best[name][0][0] > 0]
     likeness = {name: max(foresee.pose_likeness(row[1]) for row in rows) for name, rows in best.items()}
-    tilting = sorted((name for name in likeness if likeness[name] > LIKE_POSES), key=lambda name: -likeness[name])
+    tilting = sorted((name for name in likeness if likeness[name] > _LIKE_POSES), key=lambda name: -likeness[name])
     outstanding = [*significant[:_OUTSTANDING], *tilting[:_OUTSTANDING]]
     names += [name for name in dict.fromkeys(outstanding) if name in best and name not in names]
     return {name: [direction for _, direction in best[name][: _starts(best[name][0][1])]] for name in names}

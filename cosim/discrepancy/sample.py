@@ -16,6 +16,7 @@ from sensors.hits import NOTHING, STATIC
 
 CELL_M = 5.0
 _MATCHED_M = 1.0
+_FEWEST_PARTS = 120
 _SKY_RAD = 0.1
 _ODD_SHARE = 0.3  # of the sample at most, for beams that return from where nothing is
 _RARE_SHARE = 0.2  # of the sample
@@ -131,9 +132,9 @@ class Sample:
         high = (1 + float(inside.max())) / 2 if len(inside) and (told >= 1).any() else 1.0
         return low, high
 
-    def parts(self, fewest: int) -> np.ndarray:
-        """(n,) numbers of equal sectors of scans, as many a scan as it takes to have `fewest` in all."""
-        sectors = -(-fewest // max(len(self.names), 1))
+    def parts(self) -> np.ndarray:
+        """(n,) numbers of equal sectors of scans, as many a scan as it takes to have enough in all."""
+        sectors = -(-_FEWEST_PARTS // max(len(self.names), 1))
         return self.frame * sectors + ((self.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
 
     def reported_range(self, effects: Sequence[Effect]) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.discrepancy.fitting import Fitted, Fitter, all_free
 from cosim.discrepancy.gate import Direction, Verdict, run_gate
-from cosim.discrepancy.ranking import Ranked
+from cosim.discrepancy.ranking import ALIKE_BIC, Ranked
 from cosim.discrepancy.system import Column
 from cosim.discrepancy.unknown.covariates import covariates
 from cosim.discrepancy.unknown.refined import shape_column
@@ -21,8 +21,6 @@ from sensors.effects.base import Effect
 from sensors.effects.registry import find_effect
 
 _STEPS = 8
-_FEWEST_PARTS = 120
-_ALIKE_BIC = 10.0
 
 
 def shape_effect(shape: Shape) -> Effect:
@@ -49,7 +47,7 @@ def rank_shape(fitter: Fitter, fitted: Fitted, shape: Shape, along: Sequence[int
     free = all_free(fitted.effects, along, fitter.rings)
     before = fitter.fit(fitted.effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=_STEPS)
     of_reading, of_light = (_ranked(fitter, before, one, along) for one in (reading, light))
-    is_read = of_reading.delta_bic > of_light.delta_bic + _ALIKE_BIC
+    is_read = of_reading.delta_bic > of_light.delta_bic + ALIKE_BIC
     return (reading, of_reading) if is_read else (light, of_light)
 
 
@@ -91,4 +89,4 @@ def shape_gate(fitter: Fitter, fitted: Fitted, present: tuple[Column, ...], rng:
             column = shape_column(fitted, channel, covariate.bin, bins)
             found.append(Direction(f"{channel} by {covariate.name}", "", "", column))
     poses = fitter.pose_errors.slopes(fitted.pose)
-    return run_gate(found, [evidence], [], sample.track, sample.frame, sample.parts(_FEWEST_PARTS), present, poses, rng)
+    return run_gate(found, [evidence], [], sample.track, sample.frame, sample.parts(), present, poses, rng)
