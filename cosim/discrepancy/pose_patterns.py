@@ -82,14 +82,14 @@ class PosePatterns:
         for scan in range(scans):
             mine = np.flatnonzero(self._sample.frame == scan)
             basis = self._poses[mine][:, 6 * scan : 6 * scan + 6].toarray() * POSE_FLOOR
-            made, used = _followed(basis, delta[mine], weight[mine])
+            made, used = followed(basis, delta[mine], weight[mine])
             pattern[scan] = made * POSE_FLOOR
             explained += float(used @ (basis @ made) ** 2)
             total += float(used @ delta[mine] ** 2)
         return pattern if total > 0 and explained > _RIGID * total else None
 
 
-def _followed(basis: np.ndarray, delta: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def followed(basis: np.ndarray, delta: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Coefficients (k,) by which columns (n, k) make most of the changes (n,), and the weights that these got at last.
 
     Vehicles that move by themselves are no part of what a pose does, and ranges along their sides change most of all.

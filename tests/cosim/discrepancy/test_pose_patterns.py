@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.discrepancy.pose_patterns import agreement
+from cosim.discrepancy.pose_patterns import agreement, followed
 
 SCANS = 16
 CRITICAL = 4.0  # about what a family of sixty candidates takes
@@ -55,3 +55,13 @@ def test_errors_too_small_to_matter_prove_nothing():
     noise = 1e-6 * np.random.default_rng(1).standard_normal((SCANS, 6))
     found = _agreement(_pitches(1e-4 * _acceleration()) + noise)
     assert found is not None and abs(found.deviate) < 1.0
+
+
+def test_a_pattern_is_that_of_what_stands_still():
+    rng = np.random.default_rng(0)
+    basis = rng.standard_normal((2000, 6))
+    true = np.array([10.0, 0.0, 0.0, 0.0, 0.1, 0.0])
+    change = basis @ true
+    change[:300] += 40 + 20 * rng.standard_normal(300)  # a car that comes along
+    made, _ = followed(basis, change, np.ones(2000))
+    assert made == pytest.approx(true, abs=0.05)
