@@ -203,7 +203,7 @@ class Detective:
             sample.frame,
             sample.parts(),
             fitted.columns,
-            fitter.pose_errors.slopes(fitted.pose),
+            fitter.slopes(fitted.pose, fitted.prediction),
             rng,
             PosePatterns(fitter, fitted).of(found, np.random.default_rng([self._case.seed, 4])),
         )

@@ -17,7 +17,7 @@ from cosim.discrepancy.hard_limits import is_searched, searched
 from cosim.discrepancy.likelihood import Fit, judge, range_spread_m
 from cosim.discrepancy.pose_errors import PoseErrors
 from cosim.discrepancy.sample import Prediction, Sample
-from cosim.discrepancy.system import Column, Normal
+from cosim.discrepancy.system import Column, Normal, SparseMatrix
 from sensors.effects.base import Effect, RoundingEffect
 
 POSE_FLOOR = np.array([5e-4] * 3 + [np.radians(2e-3)] * 3)
@@ -109,7 +109,7 @@ class Fitter:
         state = self._state(current, pose)
         columns = self.columns(current, free, state[0])
         evidence = Evidence.of(self.sample, state[1])
-        loglik = self._marginal(state[1], pose, sigma)
+        loglik = self._marginal(state, pose, sigma)
         return Fitted(current, free, pose, sigma, loglik, state[0], state[1], evidence, columns)
 
     def _searched(
@@ -143,13 +143,17 @@ class Fitter:
             found.append(Column(delta, ring, unknown.rings))
         return tuple(found)
 
-    def shift(self, pose: np.ndarray) -> np.ndarray:
-        """Change of ranges (n,) [m] by pose errors (scans, 6)."""
-        return self.pose_errors.shift(pose)
+    def shift(self, pose: np.ndarray, prediction: Prediction) -> np.ndarray:
+        """Change of predicted ranges (n,) [m] by pose errors (scans, 6)."""
+        return self.pose_errors.shift(pose, prediction.range_m)
+
+    def slopes(self, pose: np.ndarray, prediction: Prediction) -> SparseMatrix:
+        """(n, 6·scans) its derivatives."""
+        return self.pose_errors.slopes(pose, prediction.range_m)
 
     def _state(self, effects: tuple[Effect, ...], pose: np.ndarray, blur: float = 0.0) -> tuple[Prediction, Fit]:
         prediction = self.sample.predict(effects)
-        return prediction, judge(self.sample, prediction, blur, self.shift(pose))
+        return prediction, judge(self.sample, prediction, blur, self.shift(pose, prediction))
 
     def _blurs(self, prediction: Prediction, pose: np.ndarray) -> list[float]:
         """Widths of ranges to fit with one after the other, down to none."""
@@ -162,7 +166,7 @@ class Fitter:
 
     def roughness(self, prediction: Prediction, pose: np.ndarray) -> float:
         """How far off ranges are where they are far off [m]; 0 where all are within a few standard deviations."""
-        mean = prediction.range_m + self.shift(pose)
+        mean = prediction.range_m + self.shift(pose, prediction)
         gap = np.where(self.sample.compared, np.abs(self.sample.along_m - mean), np.nan)
         near = np.isfinite(gap) & (gap < _FAR_M)
         if not near.any():
@@ -178,7 +182,7 @@ class Fitter:
 
         Without pose errors poses are as they are said.
         """
-        shift = self.shift(np.zeros((self._scans, 6)) if pose is None else pose)
+        shift = self.shift(np.zeros((self._scans, 6)) if pose is None else pose, prediction)
         return Evidence.of(self.sample, judge(self.sample, prediction, blur, shift), blur, ROUNDED_M)
 
     def _descend(
@@ -194,7 +198,7 @@ class Fitter:
         value = self._penalised(fit, pose, sigma)
         for _ in range(steps):
             evidence = Evidence.of(self.sample, fit, blur).reweighted(fit)
-            poses = self.pose_errors.slopes(pose)
+            poses = self.slopes(pose, prediction)
             normal = Normal.of(self.columns(effects, free, prediction), evidence, poses)
             precision = np.tile(1 / sigma**2, self._scans)
             right = normal.right.copy()
@@ -232,8 +236,9 @@ class Fitter:
         weight = self.sample.weight / self.sample.weight.mean()
         return float(weight @ fit.loglik) - 0.5 * float(((pose / sigma) ** 2).sum())
 
-    def _marginal(self, fit: Fit, pose: np.ndarray, sigma: np.ndarray) -> float:
-        normal = Normal.of((), Evidence.of(self.sample, fit), self.pose_errors.slopes(pose))
+    def _marginal(self, state: tuple[Prediction, Fit], pose: np.ndarray, sigma: np.ndarray) -> float:
+        prediction, fit = state
+        normal = Normal.of((), Evidence.of(self.sample, fit), self.slopes(pose, prediction))
         scale = np.tile(sigma, self._scans)
         matrix = np.eye(len(scale)) + scale[:, None] * normal.matrix * scale
         return self._penalised(fit, pose, sigma) - 0.5 * float(np.linalg.slogdet(matrix)[1])

@@ -20,7 +20,7 @@ def standard_errors(fitter: Fitter, fitted: Fitted) -> np.ndarray:
     Of the two clusterings, and none, the widest counts.
     """
     sample, columns = fitter.sample, fitted.columns
-    poses = fitter.pose_errors.slopes(fitted.pose)
+    poses = fitter.slopes(fitted.pose, fitted.prediction)
     normal = Normal.of(columns, fitted.evidence, poses)
     count = normal.parameters
     if not count:

@@ -2,7 +2,9 @@
 
 Of a plane met at R = n·(p − o)/(n·d), a shift of the sensor changes the numerator and a turn the denominator, so
 R′ = (R + Δ)/(1 − Δ′/R) with Δ and Δ′ as the slopes at no error say. Far ground at a flat angle is far from linear: at
-50 m a tenth of a degree of roll may move it by two metres, and the square of that by a tenth.
+50 m a tenth of a degree of roll may move it by two metres, and the square of that by a tenth. Effects that turn
+beams, too, change the same denominator: where they have moved the surface to R₁, R′ = (R + Δ)/(R/R₁ − Δ′/R). Added up
+instead, a turn by an effect and its undoing by the pose would leave a tenth of a metre on far ground.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from scipy import sparse
 from cosim.discrepancy.system import SparseMatrix
 
 _MOST_LIKE = 0.9
+_SAME_SURFACE = 0.5  # of its range is what a beam may be bent away on it
 _FLATTEST = 0.5  # of the slope between a beam and its plane must outlive a turn
 
 
@@ -45,26 +48,33 @@ class PoseErrors:
         self._shape = (len(frame), traced.size)
         self._traced = traced
 
-    def shift(self, pose: np.ndarray) -> np.ndarray:
-        """Change of ranges (n,) [m]."""
-        return self._change(*self._parts(pose))
+    def shift(self, pose: np.ndarray, bent_m: np.ndarray | None = None) -> np.ndarray:
+        """Change of ranges (n,) [m], which effects have brought to `bent_m` (n,); as they were traced by default."""
+        bent = self._bent(bent_m)
+        moved, slope = self._parts(pose, bent)
+        known = np.isfinite(self._reach)
+        reach = np.where(known, self._reach, 0.0)
+        return np.where(known, (reach + moved) / slope - reach / bent, 0.0)
 
-    def slopes(self, pose: np.ndarray) -> SparseMatrix:
+    def slopes(self, pose: np.ndarray, bent_m: np.ndarray | None = None) -> SparseMatrix:
         """(n, 6·scans) derivatives of `shift`."""
-        moved, slope = self._parts(pose)
-        farther = 1 + self._change(moved, slope) / self._reach
+        moved, slope = self._parts(pose, self._bent(bent_m))
+        farther = (1 + moved / self._reach) / slope
         scale = np.repeat(np.stack([1 / slope, farther / slope], 1), 3, axis=1)
         values = (self._derivative * scale).ravel()
         return sparse.csr_matrix((values, self._places), self._shape)
 
-    def _parts(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Δ, and 1 − Δ′/R."""
+    def _bent(self, bent_m: np.ndarray | None) -> np.ndarray:
+        """R/R₁; 1 where that is another surface's."""
+        if bent_m is None:
+            return np.ones_like(self._reach)
+        with np.errstate(invalid="ignore"):
+            ratio = self._reach / bent_m
+            return np.where(np.abs(ratio - 1) < _SAME_SURFACE, ratio, 1.0)
+
+    def _parts(self, pose: np.ndarray, bent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Δ, and R/R₁ − Δ′/R."""
         of_beam = (pose - self._traced)[self._frame]
         moved = np.einsum("ij,ij->i", self._derivative[:, :3], of_beam[:, :3])
         turned = np.einsum("ij,ij->i", self._derivative[:, 3:], of_beam[:, 3:])
-        return moved, np.maximum(1 - turned / self._reach, _FLATTEST)
-
-    def _change(self, moved: np.ndarray, slope: np.ndarray) -> np.ndarray:
-        known = np.isfinite(self._reach)
-        reach = np.where(known, self._reach, 0.0)
-        return np.where(known, (reach + moved) / slope - reach, 0.0)
+        return moved, np.maximum(bent - turned / self._reach, _FLATTEST)

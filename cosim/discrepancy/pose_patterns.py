@@ -54,7 +54,7 @@ class PosePatterns:
 
     def __init__(self, fitter: Fitter, fitted: Fitted) -> None:
         self._fitted, self._sample = fitted, fitter.sample
-        self._poses = fitter.pose_errors.slopes(fitted.pose)
+        self._poses = fitter.slopes(fitted.pose, fitted.prediction)
         self._weight = _weights(fitted)
 
     def of(self, directions: Sequence[Direction], rng: np.random.Generator) -> list[Posed]:

@@ -185,7 +185,7 @@ def judged_anew(ranked: Sequence[Ranked], fitter: Fitter, fitted: Fitted, trace:
         anew = Fitter(same_beams(fitter.sample, trace(beams, one.fitted.pose)))
         # The pose errors' own share is small beside what other surfaces change.
         prediction = anew.sample.predict(one.fitted.effects)
-        rows[one.effect] = judge(anew.sample, prediction, shift=anew.shift(one.fitted.pose)).loglik
+        rows[one.effect] = judge(anew.sample, prediction, shift=anew.shift(one.fitted.pose, prediction)).loglik
         keep &= ~anew.sample.edge & (anew.sample.compared == fitter.sample.compared)
     found = []
     for one in ranked:
@@ -222,7 +222,7 @@ class Foresight:
     def __init__(self, fitter: Fitter, fitted: Fitted) -> None:
         self._fitted, self._rows = fitted, len(fitter.sample)
         self._precision = np.tile(1 / fitted.pose_sigma**2, len(fitter.sample.names))
-        poses = fitter.pose_errors.slopes(fitted.pose)
+        poses = fitter.slopes(fitted.pose, fitted.prediction)
         self._weighted = (poses.T @ sparse.diags(fitted.evidence.information["range"])).tocsr()
         known = np.asarray((self._weighted @ poses).todense())
         self._known = known + np.diag(1e-9 * np.diag(known) + 1e-12)
@@ -279,11 +279,12 @@ def _best_strength(fitter: Fitter, fitted: Fitted, start: Direction) -> Effect:
     kind, sample = type(start.start), fitter.sample
     off = (kind.neutral or {})[start.amplitude]
     weak = np.subtract(getattr(start.start, start.amplitude), off)
-    shift = fitter.shift(fitted.pose)
     best, reached = start.start, -np.inf
     for factor in (1.0, 5.0, 25.0, -1.0, -5.0):
         trial = with_values(start.start, {start.amplitude: off + weak * factor})
-        value = float(sample.weight @ judge(sample, sample.predict((*fitted.effects, trial)), shift=shift).loglik)
+        prediction = sample.predict((*fitted.effects, trial))
+        shift = fitter.shift(fitted.pose, prediction)
+        value = float(sample.weight @ judge(sample, prediction, shift=shift).loglik)
         if value > reached:
             best, reached = trial, value
     return best

@@ -88,5 +88,5 @@ def shape_gate(fitter: Fitter, fitted: Fitted, present: tuple[Column, ...], rng:
         for channel in CHANNELS:
             column = shape_column(fitted, channel, covariate.bin, bins)
             found.append(Direction(f"{channel} by {covariate.name}", "", "", column))
-    poses = fitter.pose_errors.slopes(fitted.pose)
+    poses = fitter.slopes(fitted.pose, fitted.prediction)
     return run_gate(found, [evidence], [], sample.track, sample.frame, sample.parts(), present, poses, rng)

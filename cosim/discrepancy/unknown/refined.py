@@ -48,7 +48,7 @@ def solve_shape(
         if np.all(np.abs(step) < _SETTLED * np.sqrt(np.maximum(np.diag(covariance), 0)) + 1e-12) or number + 1 == steps:
             break
         after = _shaped(fitted.prediction, channel, row, y)
-        evidence = Evidence.of(fitter.sample, judge(fitter.sample, after, shift=fitter.shift(pose)))
+        evidence = Evidence.of(fitter.sample, judge(fitter.sample, after, shift=fitter.shift(pose, fitted.prediction)))
     return y, covariance, gain
 
 
@@ -56,7 +56,7 @@ def _step(
     fitter: Fitter, fitted: Fitted, column: Column, channel: Quantity, evidence: Evidence, pose: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """A step of the shape, that of pose errors, the covariance of the first, and the gain that it foresees."""
-    poses = fitter.pose_errors.slopes(pose) if channel == "range" else None
+    poses = fitter.slopes(pose, fitted.prediction) if channel == "range" else None
     normal = Normal.of([column], evidence, poses)
     size = normal.parameters
     matrix, right, tilt = normal.matrix[:size, :size], normal.right[:size], np.zeros_like(pose)

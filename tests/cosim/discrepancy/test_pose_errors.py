@@ -35,15 +35,27 @@ def test_a_pitched_scanner_meets_the_road_where_its_beams_look(degrees: float) -
     np.testing.assert_allclose(found, expected, rtol=2e-3)
 
 
-def test_slopes_are_those_of_the_shift() -> None:
+@pytest.mark.parametrize("bent_deg", [0.0, 0.3])
+def test_slopes_are_those_of_the_shift(bent_deg: float) -> None:
     reach = np.array([5.0, 20.0, 50.0])
-    errors = _errors(_road(reach)[0], reach)
+    derivative, down = _road(reach)
+    errors, bent = _errors(derivative, reach), _HEIGHT_M / np.sin(down + np.radians(bent_deg))
     pose, step = np.array([[0.05, 0.02, -0.03, 0.001, 0.002, -0.001]]), 1e-6
-    slopes = errors.slopes(pose).toarray()
+    slopes = errors.slopes(pose, bent).toarray()
     for axis in range(6):
         aside = pose.copy()
         aside[0, axis] += step
-        np.testing.assert_allclose((errors.shift(aside) - errors.shift(pose)) / step, slopes[:, axis], rtol=1e-4)
+        change = (errors.shift(aside, bent) - errors.shift(pose, bent)) / step
+        np.testing.assert_allclose(change, slopes[:, axis], rtol=1e-4)
+
+
+@pytest.mark.parametrize("bent_deg", [-0.1, 0.3])
+def test_a_pose_undoes_what_an_effect_has_turned(bent_deg: float) -> None:
+    reach = np.array([5.0, 20.0, 50.0, 100.0])
+    derivative, down = _road(reach)
+    bent = _HEIGHT_M / np.sin(down + np.radians(bent_deg))
+    back = bent + _errors(derivative, reach).shift(_pitched(-bent_deg), bent)
+    np.testing.assert_allclose(back, reach, rtol=1e-4)
 
 
 def test_a_beam_that_meets_nothing_is_not_moved() -> None:
