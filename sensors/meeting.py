@@ -12,6 +12,8 @@ from sensors.scene import Instances, Scene
 
 _STEP_BEHIND_GLASS_M = 1e-3
 _MOST_PANES = 16
+_AT_ONCE = 4096
+_SLACK_M = np.float32(0.05)  # single precision
 
 
 def shoot(
@@ -24,21 +26,55 @@ def shoot(
         centre = origin.mean(0)
         start, direction = (origin - centre).astype(np.float32), direction.astype(np.float32)
         solid, pane = meet_static(scene.static, start + centre.astype(np.float32), direction, limit)
-        near = KDTree(start[:, :2])
-        for row in range(len(instances)):
-            bounds = scene.model(instances.models[row]).bounds * instances.scales[row]
-            radius = float(np.abs(bounds).max(0) @ np.abs(bounds).max(0)) ** 0.5
-            place = (instances.poses[row, :3, 3] - centre).astype(np.float32)
-            travel = float(np.linalg.norm(instances.velocity_mps[row])) * float(np.abs(time_s).max())
-            if near.query(place[:2])[0] > limit_m + radius + travel:
-                continue
-            offset = place + instances.velocity_mps[row].astype(np.float32) * time_s[:, None] - start
-            along = np.einsum("ij,ij->i", offset, direction)
-            aside = np.einsum("ij,ij->i", offset, offset) - np.maximum(along, 0) ** 2
-            beams = np.flatnonzero((aside < radius**2) & (along < limit_m + radius))
-            meet_instance(scene, instances, row, beams, start, direction, centre, time_s, solid, pane)
+        for row, rays in _instances_near(scene, instances, start, direction, centre, time_s, solid.distance):
+            meet_instance(scene, instances, row, rays, start, direction, centre, time_s, solid, pane)
     solid.settle()
     return solid.surface()
+
+
+def _instances_near(
+    scene: Scene,
+    instances: Instances,
+    start: np.ndarray,
+    direction: np.ndarray,
+    centre: np.ndarray,
+    time_s: np.ndarray,
+    limit: np.ndarray,
+) -> list[tuple[int, np.ndarray]]:
+    """Instances whose spheres rays pass nearer than their limits (n,), in order, and which rays do.
+
+    Args:
+        scene, instances, centre: as in `meet_instance`.
+        start, direction: (n, 3) float32 of the rays, from `centre`.
+        time_s: (n,) float32 their instants.
+        limit: (n,) float32.
+    """
+    if not len(instances):
+        return []
+    corners = {name: np.abs(scene.model(name).bounds).max(0) for name in set(instances.models)}
+    corner = np.array([corners[name] for name in instances.models]) * instances.scales
+    radius = np.linalg.norm(corner, axis=1).astype(np.float32) + _SLACK_M
+    place = (instances.poses[:, :3, 3] - centre).astype(np.float32)
+    velocity = instances.velocity_mps.astype(np.float32)
+    travel = np.linalg.norm(velocity, axis=1) * float(np.abs(time_s).max())
+    apart = KDTree(start[:, :2]).query(place[:, :2])[0]
+    rows = np.flatnonzero(apart <= limit.max() + radius + travel)
+    found: list[list[np.ndarray]] = [[] for _ in rows]
+    for first in range(0, len(start), _AT_ONCE):
+        rays = slice(first, first + _AT_ONCE)
+        onward, far = direction[rays], limit[rays]
+        along, square = np.zeros((2, len(rows), len(onward)), np.float32)
+        for axis in range(3):
+            offset = place[rows, axis, None] - start[rays, axis]
+            if velocity[rows].any():
+                offset += velocity[rows, axis, None] * time_s[rays]
+            along += offset * onward[:, axis]
+            square += offset * offset
+        reach = radius[rows, None]
+        passed = (square - np.square(np.maximum(along, 0)) < reach * reach) & (along < far + reach)
+        for number in np.flatnonzero(passed.any(1)):
+            found[number].append(first + np.flatnonzero(passed[number]))
+    return [(int(row), np.concatenate(rays)) for row, rays in zip(rows, found, strict=True) if rays]
 
 
 def meet_static(

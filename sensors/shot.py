@@ -34,6 +34,7 @@ class Shot:
         frame_time_s: pose time of the frame.
         before: (n,) intensity of the return of the beam fired before each in its ring, where that was measured.
         whole, rows: the whole revolution where these beams are only some of it, and which (n,).
+        found: what effects have worked out of these beams, however they are bent; shots of the same beams share it.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class Shot:
         before: np.ndarray | None = None,
         whole: Shot | None = None,
         rows: np.ndarray | None = None,
+        found: dict[str, Any] | None = None,
     ) -> None:
         self.pattern = pattern
         self.rays = rays
@@ -61,6 +63,7 @@ class Shot:
         self.whole = whole
         self.rows = rows
         self._kept: dict[str, Any] = {}
+        self._found: dict[str, Any] = {} if found is None else found
 
     def kept(self, name: str, make: Callable[[], _T]) -> _T:
         """What an effect worked out of this revolution before, or makes now; only the latest few are kept."""
@@ -69,6 +72,12 @@ class Shot:
             for oldest in list(self._kept)[:-_KEPT]:
                 del self._kept[oldest]
         return self._kept[name]
+
+    def lasting(self, name: str, make: Callable[[], _T]) -> _T:
+        """What an effect worked out before of these beams, however they were bent, or makes now."""
+        if name not in self._found:
+            self._found[name] = make()
+        return self._found[name]
 
     @property
     def hits(self) -> Hits:

@@ -6,7 +6,7 @@ Gauss–Newton on the likelihood of `likelihood.py`. Pose errors are random effe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,6 +88,7 @@ class Fitter:
         pose: np.ndarray | None = None,
         pose_sigma: np.ndarray | None = None,
         steps: int = _STEPS,
+        near: Collection[int] = (),
     ) -> Fitted:
         """Fit some parameters, starting from those the effects have.
 
@@ -96,6 +97,7 @@ class Fitter:
             free: what may change.
             pose, pose_sigma: where to start with the scans' pose errors; else with those that were traced with.
             steps: most Gauss–Newton steps.
+            near: places of effects that are about right already, where a search need not go far.
         """
         current, free = tuple(effects), tuple(free)
         pose = self.sample.leaning if pose is None else pose
@@ -105,7 +107,7 @@ class Fitter:
         for blur in self._blurs(state[0], pose):
             current, pose, sigma = self._descend(current, gradual, pose, sigma, blur, steps)
             state = self._state(current, pose)
-        current = self._searched(current, free, pose, sigma)
+        current = self._searched(current, free, pose, sigma, near)
         state = self._state(current, pose)
         columns = self.columns(current, free, state[0])
         evidence = Evidence.of(self.sample, state[1])
@@ -113,7 +115,12 @@ class Fitter:
         return Fitted(current, free, pose, sigma, loglik, state[0], state[1], evidence, columns)
 
     def _searched(
-        self, effects: tuple[Effect, ...], free: tuple[Free, ...], pose: np.ndarray, sigma: np.ndarray
+        self,
+        effects: tuple[Effect, ...],
+        free: tuple[Free, ...],
+        pose: np.ndarray,
+        sigma: np.ndarray,
+        near: Collection[int],
     ) -> tuple[Effect, ...]:
         """With numbers that no slope tells of, such as hard limits, where they are likeliest."""
         prediction, fit = self._state(effects, pose)
@@ -123,7 +130,7 @@ class Fitter:
             for one, column in zip(free, columns, strict=True)
             if effects[one.effect].by_search or is_searched(effects[one.effect], one.unknown, column)
         ]
-        return searched(effects, which, self.loss(pose, sigma), self.sample, fit) if which else effects
+        return searched(effects, which, self.loss(pose, sigma), self.sample, fit, near) if which else effects
 
     def loss(self, pose: np.ndarray, sigma: np.ndarray) -> Callable[[tuple[Effect, ...]], float]:
         """Negative log-likelihood of effects, pose errors as they are."""

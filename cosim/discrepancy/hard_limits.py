@@ -6,7 +6,7 @@ there is no normal approximation, and 95 % of the likelihood lie within a fall o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -23,6 +23,7 @@ from sensors.effects.base import Effect, ScanEffect
 _REACH, _REACH_STEPS = 0.6, 25.0  # to both sides: of the value, or of its natural step
 _GRID, _ZOOMS = 13, 8
 _NEAR = 2e-3  # of the reach of a search
+_NEARBY = 0.15  # of it, where a value is about right already
 _FEW, _ALTOGETHER = 0.01, 0.5
 _FALL, _SMOOTH_FALL = float(np.log(20)), 1.92
 _DOUBLINGS, _BISECTIONS = 24, 10
@@ -49,7 +50,12 @@ def is_flat(unknown: Unknown, column: Column) -> bool:
 
 
 def searched(
-    effects: tuple[Effect, ...], which: Sequence[tuple[int, Unknown, Column]], lost: Loss, sample: Sample, fit: Fit
+    effects: tuple[Effect, ...],
+    which: Sequence[tuple[int, Unknown, Column]],
+    lost: Loss,
+    sample: Sample,
+    fit: Fit,
+    near: Collection[int] = (),
 ) -> tuple[Effect, ...]:
     """Effects with searched parameters where the likelihood is greatest.
 
@@ -58,6 +64,7 @@ def searched(
         which: place, parameter and column of each.
         lost: negative log-likelihood of effects.
         sample, fit: the measurements, and how the effects as they are fit them.
+        near: places of effects to be searched by that are about right already.
     """
     names = {(place, unknown.name) for place, unknown, _ in which}
     sectors = {place for place, name in names if name == AZIMUTH and (place, WIDTH) in names}
@@ -66,13 +73,15 @@ def searched(
         effects = trial if lost(trial) < lost(effects) else effects
     rest = [one for one in which if not (one[0] in sectors and one[1].name in (AZIMUTH, WIDTH))]
     passes = [effects]
-    for _ in range(2 if len(rest) > 1 else 1):
+    settled = all(place in near and effects[place].by_search for place, _, _ in rest)
+    for _ in range(2 if len(rest) > 1 and not settled else 1):
         for place, unknown, column in rest:
             flat = is_flat(unknown, column) and not effects[place].by_search
-            effects = _best(effects, place, unknown, lost, flat)
+            is_near = place in near and effects[place].by_search
+            effects = _best(effects, place, unknown, lost, flat, _NEARBY if is_near else 1.0)
         passes.append(effects)
     smooth = [(place, unknown) for place, unknown, column in rest if not is_flat(unknown, column)]
-    return _along_valley(passes[1], effects, smooth, lost) if len(smooth) > 1 else effects
+    return _along_valley(passes[1], effects, smooth, lost) if len(smooth) > 1 and not settled else effects
 
 
 def _along_valley(
@@ -170,16 +179,19 @@ def _alternatives(
             yield _with(effects, place, moved | {other: getattr(effect, other) + side * apart})
 
 
-def _best(effects: tuple[Effect, ...], place: int, unknown: Unknown, lost: Loss, flat: bool) -> tuple[Effect, ...]:
+def _best(
+    effects: tuple[Effect, ...], place: int, unknown: Unknown, lost: Loss, flat: bool, share: float = 1.0
+) -> tuple[Effect, ...]:
+    """The effects with one parameter where it is likeliest, within a share of the reach of a search."""
     value = float(getattr(effects[place], unknown.name))
-    reach = max(_REACH * abs(value), _REACH_STEPS * unknown.step)
+    reach = share * max(_REACH * abs(value), _REACH_STEPS * unknown.step)
 
     def of(value: float) -> float:
         return lost(_with(effects, place, {unknown.name: value}))
 
     low, high = max(value - reach, unknown.low), min(value + reach, unknown.high)
     if not flat:
-        bounds = {"bounds": (low, high), "method": "bounded", "options": {"xatol": _NEAR * reach}}
+        bounds = {"bounds": (low, high), "method": "bounded", "options": {"xatol": _NEAR * reach / share}}
         found: Any = optimize.minimize_scalar(of, **bounds)
         return _with(effects, place, {unknown.name: float(found.x)}) if found.fun < of(value) else effects
     best, least = value, of(value)

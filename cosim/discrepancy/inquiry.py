@@ -113,7 +113,7 @@ class Inquiry:
 
     def fitted_anew(self, pose: np.ndarray | None = None) -> Settled:
         """The model fitted to frames traced as it bends their beams, starting from pose errors."""
-        found = settle(self.frames, self.traced, self.model.effects, self.free(), self.seed, pose)
+        found = settle(self.frames, self.traced, self.model.effects, self.free(), self.seed, pose, self.model.fitted)
         self.frames, self.model = found.frames, replace(self.model, effects=found.fitted.effects)
         return found
 

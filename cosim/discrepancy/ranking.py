@@ -110,7 +110,7 @@ def fit_candidate(fitter: Fitter, fitted: Fitted, starts: Sequence[Direction], s
         effects, place = started(fitter, fitted, start)
         mine = all_free(effects, [place], fitter.rings)
         free = (*mine, *all_free(effects, [one for one in along if one != place], fitter.rings))
-        result = fitter.fit(effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=STEPS)
+        result = fitter.fit(effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=STEPS, near=along)
         count = sum(one.unknown.rings for one in mine)
         delta = 2 * _gain(fitter, before, result) - count * np.log(rows)
         if best is None or delta > best.delta_bic:
@@ -146,7 +146,7 @@ def entangled(fitter: Fitter, fitted: Fitted, direction: Direction, settled: Col
 
 def _refitted(fitter: Fitter, fitted: Fitted, places: Sequence[int]) -> Fitted:
     free = all_free(fitted.effects, places, fitter.rings)
-    return fitter.fit(fitted.effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=STEPS)
+    return fitter.fit(fitted.effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=STEPS, near=places)
 
 
 def _gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -122,6 +123,7 @@ class FrameReplay:
         measured = np.nan_to_num(frame.observed.intensity[before])
         self.previous_intensity = np.where(follows, measured, np.float32(0))
         self._last: tuple[tuple[Effect, ...], Shot] | None = None
+        self._found: dict[str, Any] = {}
 
     def expect(self, effects: Sequence[Effect]) -> tuple[Expectation, np.ndarray, np.ndarray]:
         """What effects, in the order in which they act, let expect.
@@ -201,6 +203,7 @@ class FrameReplay:
             before=self.previous_intensity,
             whole=self._shot,
             rows=self._rows,
+            found=self._found,
         )
 
     @staticmethod

@@ -7,7 +7,7 @@ are off shows in a fit, too, and the next one knows it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,6 +41,7 @@ def settle(
     free: Sequence[Free],
     seed: int,
     pose: np.ndarray | None = None,
+    near: Collection[int] = (),
 ) -> Settled:
     """Fit parameters of effects to frames.
 
@@ -51,12 +52,13 @@ def settle(
         free: what may change.
         seed: of the sample.
         pose: (scans, 6) pose errors to start with, else those that frames were traced with.
+        near: places of effects that are about right already; after a first fit all are.
     """
     effects, straightened = tuple(effects), False
     for left in reversed(range(_ROUNDS)):
         fitter = Fitter(draw_sample(frames, ROWS, np.random.default_rng([seed, ROWS])))
-        fitted = fitter.fit(effects, free, pose=pose)
-        effects, pose = fitted.effects, fitted.pose
+        fitted = fitter.fit(effects, free, pose=pose, near=near)
+        effects, pose, near = fitted.effects, fitted.pose, range(len(effects))
         scatter_m, aside = label_scatter_m(frames, fitter, fitted), _aside(fitter.sample, effects)
         if not straightened and leans(pose, fitter.sample.leaning):
             # Once: where poses make up for what is missing they never settle.

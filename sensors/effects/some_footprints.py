@@ -8,12 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from sensors.effects.footprint import directions_aside
+from sensors.effects.known_footprints import SAMPLES, TURNED, KnownFootprints
 from sensors.hits import Hits, Surface
 from sensors.shot import Shot
 
-_SAMPLES = 4
 _AROUND = 2  # firings to each side
-_TURNED = 700  # of 32767: normals a degree apart
 
 
 def footprints_of_some(shot: Shot, radius_rad: float) -> Hits:
@@ -23,17 +22,15 @@ def footprints_of_some(shot: Shot, radius_rad: float) -> Hits:
         shot: of some beams of a whole revolution.
         radius_rad: of the footprint, within two firings or one ring.
     """
-    hits, traced, world = shot.hits, shot.traced, shot.world
-    if traced is None or world is None:
+    hits, traced = shot.hits, shot.traced
+    if traced is None or shot.world is None:
         raise ValueError("the footprint is new rays; measure with trace_and_measure")
-    beam = np.flatnonzero(_changes(shot))
+    beam, known = shot.lasting("footprints", lambda: _asked(shot))
     every = directions_aside(traced.direction, radius_rad)
-    direction = every[beam].reshape(-1, 3)
     time_s = np.broadcast_to(traced.time_s, len(shot.rays))[beam]
-    origin = np.repeat(traced.origin[beam], _SAMPLES, axis=0)
-    met = world.shoot(origin, direction, np.repeat(time_s, _SAMPLES), shot.pattern.range_m[1])
-    around = hits.solid.take(np.repeat(np.arange(len(shot.rays)), _SAMPLES))
-    rows = (_SAMPLES * beam[:, None] + np.arange(_SAMPLES)).ravel()
+    met = known.bent(radius_rad, traced.origin[beam], traced.direction[beam], time_s)
+    around = hits.solid.take(np.repeat(np.arange(len(shot.rays)), SAMPLES))
+    rows = (SAMPLES * beam[:, None] + np.arange(SAMPLES)).ravel()
     columns = {"range_m": _on_plane(hits.solid, traced.direction, every)}
     columns["range_m"][rows] = met.range_m
     for name in ("normal_code", "material", "instance"):
@@ -42,6 +39,12 @@ def footprints_of_some(shot: Shot, radius_rad: float) -> Hits:
     return Hits(
         hits.rays, hits.pose, Surface(**columns), hits.pane_beam[:0], hits.pane.take(rows[:0]), hits.paint, hits.table
     )
+
+
+def _asked(shot: Shot) -> tuple[np.ndarray, KnownFootprints]:
+    """Rows of the beams whose footprints are asked for, and what these meet."""
+    beam = np.flatnonzero(_changes(shot))
+    return beam, KnownFootprints(shot, beam)
 
 
 def _on_plane(solid: Surface, middle: np.ndarray, aside: np.ndarray) -> np.ndarray:
@@ -61,7 +64,7 @@ def _changes(shot: Shot) -> np.ndarray:
     for step in (*range(-_AROUND, 0), *range(1, _AROUND + 1), -firings, firings):
         other = np.clip(shot.rows + step, 0, last)
         turned = solid.normal_code[shot.rows].astype(int) - solid.normal_code[other]
-        found |= (np.abs(turned) > _TURNED).any(1)
+        found |= (np.abs(turned) > TURNED).any(1)
         found |= solid.material[shot.rows] != solid.material[other]
         found |= solid.instance[shot.rows] != solid.instance[other]
     return found
