@@ -39,8 +39,8 @@ def simpler_rival(fitter: Fitter, fitted: Fitted, place: int, kinds: Sequence[ty
     best: Ranked | None = None
     for kind in rivals:
         starts = directions(fitter, without, [kind], range(len(rest)))
-        if not starts or issubclass(kind, BeamEffect):
-            continue
+        if not starts or issubclass(kind, BeamEffect) != isinstance(effect, BeamEffect):
+            continue  # frames are traced as the effect in question bends their beams
         one = fit_candidate(fitter, without, starts[:_STARTS])
         gained = 2 * (one.fitted.loglik - fitted.loglik) + (count - one.parameters) * np.log(len(fitter.sample))
         if one.parameters < count and gained > 0 and (best is None or one.delta_bic > best.delta_bic):
