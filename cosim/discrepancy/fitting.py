@@ -72,11 +72,16 @@ class Fitter:
 
     Args:
         sample: the measurements.
+
+    Attributes:
+        rings: how many there are.
+        again: fits, and the same with effects at some places fitted anew, by these.
     """
 
     def __init__(self, sample: Sample) -> None:
         self.sample = sample
         self.pose_errors = PoseErrors(sample.pose_derivative, sample.frame, sample.range_m, sample.leaning)
+        self.again: dict[tuple[int, ...], tuple[Fitted, Fitted]] = {}
         self.rings = int(sample.ring.max(initial=0)) + 1
         self._scans = len(sample.names)
 

@@ -144,9 +144,15 @@ def entangled(fitter: Fitter, fitted: Fitted, direction: Direction, settled: Col
     return tuple(found)
 
 
-def _refitted(fitter: Fitter, fitted: Fitted, places: Sequence[int]) -> Fitted:
+def _refitted(fitter: Fitter, fitted: Fitted, places: tuple[int, ...]) -> Fitted:
+    """The same model with the effects at some places fitted anew: once for all candidates entangled with those."""
+    start, again = fitter.again.get(places, (None, fitted))
+    if start is fitted:
+        return again
     free = all_free(fitted.effects, places, fitter.rings)
-    return fitter.fit(fitted.effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=STEPS, near=places)
+    again = fitter.fit(fitted.effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=STEPS, near=places)
+    fitter.again[places] = fitted, again
+    return again
 
 
 def _gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
