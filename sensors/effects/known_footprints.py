@@ -12,7 +12,7 @@ from sensors.normals import dot_with_normals
 from sensors.shot import Shot
 
 SAMPLES = 4
-TURNED = 700  # of 32767: normals a degree apart
+TURNED = 36  # steps of a normal code: about a degree
 _APART_RAD = 5e-4  # between radii whose samples tell what lies between: narrower things do not come between
 _OFF_FACE_M, _OFF_FACE_SHARE = 0.01, 0.15
 _MOST = 12
