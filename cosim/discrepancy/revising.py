@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.discrepancy.candidates import amplitudes
+from cosim.discrepancy.candidates import amplitudes, unknowns
 from cosim.discrepancy.directions import directions
 from cosim.discrepancy.fitting import Fitted, Fitter
 from cosim.discrepancy.intervals import standard_errors
@@ -34,6 +34,7 @@ def simpler_rival(fitter: Fitter, fitted: Fitted, place: int, kinds: Sequence[ty
     effect, there = fitted.effects[place], {one.name for one in fitted.effects}
     count = sum(one.unknown.rings for one in fitted.free_of(place))
     rivals = [kind for kind in kinds if confusable(kind, type(effect)) and kind.name not in there]
+    rivals = [kind for kind in rivals if sum(one.rings for one in unknowns(kind)) < count]
     rest = (*fitted.effects[:place], *fitted.effects[place + 1 :])
     without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma) if rivals else fitted
     best: Ranked | None = None
@@ -43,7 +44,7 @@ def simpler_rival(fitter: Fitter, fitted: Fitted, place: int, kinds: Sequence[ty
             continue  # frames are traced as the effect in question bends their beams
         one = fit_candidate(fitter, without, starts[:_STARTS])
         gained = 2 * (one.fitted.loglik - fitted.loglik) + (count - one.parameters) * np.log(len(fitter.sample))
-        if one.parameters < count and gained > 0 and (best is None or one.delta_bic > best.delta_bic):
+        if gained > 0 and (best is None or one.delta_bic > best.delta_bic):
             best = one
     return None if best is None else best.fitted.effects[best.place]
 
