@@ -34,8 +34,8 @@ from tests.bench.rows import Row
 _STAGED, _EACH, _VARIED = 20, 40, 8
 _SEED = 1
 _POPULATIONS = {
-    "town07, 60 driving, 30 parked, 30 walking": DemandConfig(driving=(60, 60), parked=(30, 30), walking=(30, 30)),
-    "town01, as many as is usual there": DemandConfig(),
+    "town07": ("60 driving, 30 parked, 30 walking", DemandConfig(driving=(60, 60), parked=(30, 30), walking=(30, 30))),
+    "town01": ("as many as is usual there", DemandConfig()),
 }
 _STAGES: dict[str, tuple[Any, str]] = {
     "traffic and motion": (LivingTraffic, "advance"),
@@ -82,15 +82,15 @@ def rate_rows() -> Iterator[Row]:
     """Frames a second by workers; memory, disk, and variants after."""
     with tempfile.TemporaryDirectory() as folder:
         drive = Path(folder)
-        for name, population in _POPULATIONS.items():
+        for town, (who, population) in _POPULATIONS.items():
             rates = {}
             for workers in (1, 2):
-                drive = Path(folder) / f"{len(name)}_{workers}"
+                drive = Path(folder) / f"{town}_{workers}"
                 before = _children_s()
-                rates[workers] = _rate(drive, workers, name.partition(",")[0], population)
+                rates[workers] = _rate(drive, workers, town, population)
                 own = (_children_s() - before) / (_EACH * workers)
                 yield Row(
-                    f"{name}, {workers} worker{'s' if workers > 1 else ''}",
+                    f"{town}, {who}, {workers} worker{'s' if workers > 1 else ''}",
                     f"{rates[workers]:.1f} frames/s, {rates[workers] / rates[1]:.2f} × one, {own:.2f} s of CPU a frame",
                     "10" if population.driving and workers == 2 else "",
                 )
