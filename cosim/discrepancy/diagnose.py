@@ -14,12 +14,13 @@ from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.directions import directions
 from cosim.discrepancy.fitting import Fitted, Fitter
 from cosim.discrepancy.frames import bending
-from cosim.discrepancy.gate import LEVEL, Verdict, run_gate
+from cosim.discrepancy.gate import LEVEL, Direction, Verdict, run_gate
 from cosim.discrepancy.inquiry import Inquiry, Look, Model
 from cosim.discrepancy.intervals import intervals
 from cosim.discrepancy.kinds import as_known
 from cosim.discrepancy.labels import with_labels
 from cosim.discrepancy.lattice import Lattice, find_lattices
+from cosim.discrepancy.map_errors import unsure_map
 from cosim.discrepancy.pose_patterns import PosePatterns
 from cosim.discrepancy.ranking import (
     ALIKE_BIC,
@@ -34,6 +35,7 @@ from cosim.discrepancy.second_thoughts import parted, revised, tidied
 from cosim.discrepancy.settling import Settled
 from cosim.discrepancy.taken_up import handed_over
 from cosim.discrepancy.testing import HeldOut
+from cosim.discrepancy.twin_scatter import with_scatter
 from cosim.discrepancy.unknown import (
     Shape,
     effect_name,
@@ -56,6 +58,7 @@ _SHAPE_LEVEL = 0.02
 _WIDELY = 3.0  # deviates by which an unknown shape must gain from place to place
 _RETUNED_SIGMAS, _RETUNED_SHARE = 2.0, 1e-3  # what other values of an effect must gain, of its scatter and of the error
 _HARM_SIGMAS = 2.0
+_VARIANCES = {"range_variance", "intensity_variance"}
 _TRIED = 3  # candidates a round, until one helps on held-out frames; then those that the gate lets through alone
 
 
@@ -100,6 +103,7 @@ class Detective:
         self._case = case
         self._ranking: list[Alternative] = []
         self._refused: set[str] = set()
+        self._found_map_off = False
 
     def run(self) -> Diagnosis:
         """Everything in order."""
@@ -120,15 +124,34 @@ class Detective:
 
     def _added(self, look: Look) -> Settled | None:
         """The first choice that helps, with everything fitted anew; None if there is none."""
-        found = (self._adopt(choice, look) for choice in self._choices(look))
+        quick = Fitter(self._case.sample(_QUICK_ROWS))
+        null = quick.fit(look.fitted.effects, (), pose=look.fitted.pose, pose_sigma=look.fitted.pose_sigma)
+        ranked = self._rank(look, quick, null) if look.verdict.p_value <= LEVEL else []
+        worthy = [one for one in ranked if _is_worthy(one, look.verdict)]
+        best = worthy[0] if worthy else None
+        strange = self._strange(look, quick, null, best) if self._case.unknown is None else None
+        explained = max((one.delta_bic for one in (best, strange and strange.ranked) if one), default=None)
+        unsure = None if explained is None else self._unsure(look, quick, null, explained)
+        if unsure is not None:
+            return unsure
+        self._ranking = self._ranking or [_alternative(one, look.verdict) for one in ranked]
+        found = (self._adopt(choice, look) for choice in self._choices(look, worthy, strange))
         return next((one for one in found if one is not None), None)
 
-    def _choices(self, look: Look) -> Iterator[_Choice]:
+    def _unsure(self, look: Look, quick: Fitter, null: Fitted, explained: float) -> Settled | None:
+        """The model fitted anew with a map that may be off, if that explains more than anything else; once."""
+        if self._found_map_off:
+            return None
+        scatter = unsure_map(self._case.frames, look.fitter, look.fitted, quick, null, explained)
+        if scatter is None:
+            return None
+        self._found_map_off = True
+        self._case.say(f"the map is off, by about {100 * scatter.map_m:.1f} cm")
+        self._case.frames = with_scatter(self._case.frames, scatter)
+        return self._case.fitted_anew(look.fitted.pose)
+
+    def _choices(self, look: Look, worthy: Sequence[Ranked], strange: _Choice | None) -> Iterator[_Choice]:
         """What to add, the most promising first."""
-        ranked = self._rank(look) if look.verdict.p_value <= LEVEL else []
-        self._ranking = self._ranking or [_alternative(one, look.verdict) for one in ranked]
-        worthy = [one for one in ranked if one.delta_bic > _LEAST_BIC]
-        strange = self._strange(look, worthy[0] if worthy else None) if self._case.unknown is None else None
         if strange is not None:
             yield strange
         # What did not help before waits until all others have been tried.
@@ -199,20 +222,17 @@ class Detective:
             found,
             evidence,
             raw,
-            sample.track,
-            sample.frame,
-            sample.parts(),
+            sample.clusters(),
             fitted.columns,
             fitter.slopes(fitted.pose, fitted.prediction),
             rng,
             PosePatterns(fitter, fitted).of(found, np.random.default_rng([self._case.seed, 4])),
         )
 
-    def _rank(self, look: Look) -> list[Ranked]:
+    def _rank(self, look: Look, fitter: Fitter, null: Fitted) -> list[Ranked]:
         """Candidates by how much the BIC falls with them."""
-        fitter = Fitter(self._case.sample(_QUICK_ROWS))
-        null = fitter.fit(self._case.model.effects, (), pose=look.fitted.pose, pose_sigma=look.fitted.pose_sigma)
         found = directions(fitter, null, self._case.kinds, self._case.model.fitted)
+        found = [one for one in found if _is_own(one, look.verdict)]
         promising = shortlist(fitter, null, found, look.verdict)
         self._case.say(f"fitting {', '.join(promising)}")
         ranked = [fit_candidate(fitter, null, starts, self._case.model.fitted) for starts in promising.values()]
@@ -226,7 +246,7 @@ class Detective:
         ranked += [one.ranked(look.fitter, look.fitted) for one in look.lattices]
         return sorted(ranked, key=lambda one: -one.delta_bic)
 
-    def _strange(self, look: Look, best: Ranked | None) -> _Choice | None:
+    def _strange(self, look: Look, quick: Fitter, null: Fitted, best: Ranked | None) -> _Choice | None:
         """A dependence that explains clearly more than the best candidate, or that is there when none is."""
         fitted = look.fitted
         shape = find_shape(look.fitter, fitted)
@@ -236,8 +256,6 @@ class Detective:
             rng = np.random.default_rng([self._case.seed, 2])
             if shape_gate(look.fitter, fitted, fitted.columns, rng).p_value > _SHAPE_LEVEL:
                 return None
-        quick = Fitter(self._case.sample(_QUICK_ROWS))
-        null = quick.fit(fitted.effects, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
         shape, found = rank_shape(quick, null, shape, self._case.model.fitted)
         known = best.delta_bic if best is not None else 0.0
         clear = found.delta_bic > _CLEARLY_MORE * known + ALIKE_BIC
@@ -267,6 +285,22 @@ def _helps(best: Ranked, after: HeldOut, before: HeldOut, is_new: bool) -> bool:
     if after.aligns(before) and not before.beats(after, _HARM_SIGMAS):
         return True
     return after.beats(before) if is_new else after.beats(before, _RETUNED_SIGMAS, _RETUNED_SHARE)
+
+
+def _is_own(direction: Direction, verdict: Verdict) -> bool:
+    """Whether a direction is more than scatter that beams beside each other share.
+
+    Noise of the sensor shows between neighbours, which errors of the twin do not.
+    """
+    of_noise = bool(direction.column.delta) and set(direction.column.delta) <= _VARIANCES
+    return not of_noise or _p_value(verdict, direction.effect) <= LEVEL
+
+
+def _is_worthy(ranked: Ranked, verdict: Verdict) -> bool:
+    """Whether a candidate explains more than its numbers cost: of all beams, or of the few that it is plain in."""
+    if ranked.delta_bic > _LEAST_BIC:
+        return True
+    return ranked.sampled_bic > _LEAST_BIC and _p_value(verdict, ranked.effect) <= LEVEL
 
 
 def _p_value(verdict: Verdict, effect: str) -> float:

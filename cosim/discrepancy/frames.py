@@ -26,6 +26,19 @@ from sensors.world import TracerCache, World
 _GRAZING = 0.02
 
 
+@dataclass(frozen=True)
+class Scatter:
+    """How far a twin is off across its surfaces, standard deviations [m].
+
+    Attributes:
+        labels_m: of objects, each scan anew.
+        map_m: of spots of the static world.
+    """
+
+    labels_m: float = 0.0
+    map_m: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class TracedFrame:
     """One frame, measured and traced.
@@ -43,7 +56,7 @@ class TracedFrame:
         seam: (n,) bool: the same where the other is so much brighter or darker that the brightness tells which it was.
         leaning: (6,) error of the LiDAR's pose that was traced with: a shift [m], and a turn about its axes [rad].
         ego, instances: at the pose time.
-        label_scatter_m: how far labels may be off, as far as `unsure_m` and `edge` know of it.
+        scatter: how far the twin is off, as far as `unsure_m` and `edge` know of it.
         exact: the same frame where these do not; None if it is this one.
     """
 
@@ -60,7 +73,7 @@ class TracedFrame:
     leaning: np.ndarray
     ego: EgoMotion
     instances: Instances
-    label_scatter_m: float = 0.0
+    scatter: Scatter = Scatter()
     exact: TracedFrame | None = None
 
 

@@ -3,7 +3,8 @@
 Every candidate's slope of the log-likelihood is summed by track and by scan. Under "nothing missing" the sums have
 random signs, so drawing signs gives the distribution of the largest of all candidates' statistics (max-T; Cameron,
 Gelbach, Miller 2008 on wild cluster bootstraps; Westfall, Young 1993 on max-T). The less favourable of the two
-clusterings counts.
+clusterings counts. Errors of the map reach over many of its cells, and errors of poses over many scans: sums that show
+it count as so much wider.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Literal
 import numpy as np
 from scipy import sparse
 
+from cosim.discrepancy.clusters import Clusters, widened
 from cosim.discrepancy.evidence import Evidence, Quantity
 from cosim.discrepancy.system import Column, SparseMatrix
 from sensors.effects.base import Effect
@@ -119,7 +121,8 @@ class Posed:
 class _Sums:
     """Scores of one candidate in one channel summed by track and by scan, (clusters, columns).
 
-    `drift` is how much wider sums over scans scatter when the errors of following scans are alike.
+    `spread` is how much wider sums over tracks scatter when errors of those nearby are alike, `drift` sums over scans
+    when errors of those that follow are.
     """
 
     direction: Direction
@@ -128,6 +131,7 @@ class _Sums:
     scan: np.ndarray
     information: float
     scan_information: np.ndarray
+    spread: float = 1.0
     drift: float = 1.0
 
 
@@ -135,9 +139,7 @@ def run_gate(
     directions: Sequence[Direction],
     evidence: Sequence[Evidence],
     raw: Sequence[Evidence],
-    track: np.ndarray,
-    scan: np.ndarray,
-    part: np.ndarray,
+    clusters: Clusters,
     present: Sequence[Column],
     poses: SparseMatrix,
     rng: np.random.Generator,
@@ -149,19 +151,18 @@ def run_gate(
         directions: to look in.
         evidence: with the pose errors of every scan fitted; fine, then coarse views of ranges.
         raw: the same with poses taken as they are said: for what cannot be told from a pose error in one scan.
-        track, scan: (n,) cluster of every beam.
-        part: (n,) part of a scan: where pose errors have been fitted and scans are few, these take their place.
+        clusters: of beams.
         present: columns of parameters that have been fitted.
         poses: (n, 6·scans) columns of pose errors.
         rng: for the signs.
         posed: what fitted pose errors say.
     """
     sums: list[_Sums] = []
-    with_pose = [_Projector(present, one, poses, track, part) for one in evidence]
-    without = [_Projector(present, one, None, track, scan) for one in raw]
+    with_pose = [_Projector(present, one, poses, clusters, clusters.part) for one in evidence]
+    without = [_Projector(present, one, None, clusters, clusters.scan) for one in raw]
     for direction in directions:
         if direction.gain is not None:
-            sums.append(_gained(direction, direction.gain, track, part))
+            sums.append(_gained(direction, direction.gain, clusters))
         for quantity in direction.column.delta:
             if quantity not in evidence[0].score:
                 continue
@@ -195,13 +196,13 @@ class _Projector:
         present: Sequence[Column],
         evidence: Evidence,
         poses: SparseMatrix | None,
-        track: np.ndarray,
+        clusters: Clusters,
         scan: np.ndarray,
     ) -> None:
         self._evidence = evidence
         self._present = present
         self._poses = poses
-        self._clusters = [_one_hot(track), _one_hot(scan)]
+        self._clusters, self._near = [_one_hot(clusters.track), _one_hot(scan)], clusters.near
         self._cache: dict[Quantity, tuple[SparseMatrix, np.ndarray, list[np.ndarray]]] = {}
 
     def sums(self, direction: Direction, quantity: Quantity, kept_share: float) -> list[_Sums]:
@@ -227,7 +228,8 @@ class _Projector:
         square = column.multiply(weighted).tocsr()
         known = [(one @ square).toarray() for one in self._clusters]
         by_track, by_scan = (_bounded(*pair) for pair in zip(by_cluster, known, strict=True))
-        return [_Sums(direction, quantity, by_track, by_scan, left, known[1].sum(1))]
+        spread = widened(by_track, known[0].sum(1), self._near)
+        return [_Sums(direction, quantity, by_track, by_scan, left, known[1].sum(1), spread)]
 
     def _basis(self, quantity: Quantity, rows: int) -> tuple[SparseMatrix, np.ndarray, list[np.ndarray]]:
         if quantity not in self._cache:
@@ -259,9 +261,10 @@ def _signs(
     one_sided = np.array([one.quantity == "likelihood" or one.direction.one_sided for one in sums])
     values, p_values = np.full(len(sums) + len(posed), np.inf), np.zeros(len(sums) + len(posed))
     critical = 0.0
-    still = np.ones(ends[-1])
-    drift = np.repeat([one.drift for one in sums], ends - starts)
-    for clustered, wider in (([one.track for one in sums], still), ([one.scan for one in sums], drift)):
+    spread, drift = (
+        np.repeat(one, ends - starts) for one in zip(*((one.spread, one.drift) for one in sums), strict=True)
+    )
+    for clustered, wider in (([one.track for one in sums], spread), ([one.scan for one in sums], drift)):
         z = _drawn(clustered, rng)
         z[0] /= wider
         for place, table in zip(starts, clustered, strict=True):
@@ -288,20 +291,23 @@ def _posed_deviates(posed: Sequence[Posed], rng: np.random.Generator) -> np.ndar
     return np.where([one.direction.one_sided for one in posed], z, np.abs(z))
 
 
-def _gained(direction: Direction, gain: np.ndarray, track: np.ndarray, scan: np.ndarray) -> _Sums:
+def _gained(direction: Direction, gain: np.ndarray, clusters: Clusters) -> _Sums:
     """Gains by cluster, large ones as their logarithms: a single ghost of many beams must not drown all others.
 
     An odd function of sums whose signs are random leaves their signs random.
     """
-    by_track, by_scan = (_compressed(np.bincount(cluster, gain))[:, None] for cluster in (track, scan))
-    return _Sums(direction, "likelihood", by_track, by_scan, float(gain @ gain), by_scan[:, 0])
+    both = (clusters.track, clusters.part)
+    by_track, by_scan = (_compressed(np.bincount(cluster, gain))[:, None] for cluster in both)
+    spread = widened(by_track, np.bincount(clusters.track), clusters.near)
+    return _Sums(direction, "likelihood", by_track, by_scan, float(gain @ gain), by_scan[:, 0], spread)
 
 
 def _smallest(one: _Sums, deviates: float) -> float:
     """Amplitude at which the statistic would be expected at so many deviates."""
     if one.direction.gain is not None:
         return one.direction.countable(deviates)
-    error = np.sqrt(max((one.track**2).sum(), (one.scan**2).sum())) / max(one.information, 1e-300)
+    scatter = max(one.spread * np.linalg.norm(one.track), one.drift * np.linalg.norm(one.scan))
+    error = scatter / max(one.information, 1e-300)
     return max(float(deviates * error), one.direction.column.resolved(one.quantity))
 
 

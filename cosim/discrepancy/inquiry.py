@@ -14,11 +14,11 @@ from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.gate import Verdict
 from cosim.discrepancy.held_out import Split, split_drive
 from cosim.discrepancy.kinds import candidate_kinds, with_rings
-from cosim.discrepancy.label_scatter import with_unsure_labels
 from cosim.discrepancy.lattice import Lattice
 from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.settling import Settled, settle
 from cosim.discrepancy.testing import HeldOut, held_out_errors
+from cosim.discrepancy.twin_scatter import with_scatter
 from cosim.discrepancy.unknown import Shape, effect_name
 from cosim.kitti import Drive
 from sensors.effects.base import Effect
@@ -95,9 +95,9 @@ class Inquiry:
         self.frames = self.traced(bending(self.model.effects))
 
     def traced(self, bending: tuple[Effect, ...], leaning: np.ndarray | None = None) -> list[TracedFrame]:
-        """The same frames, as effects bend their beams, from poses off by (scans, 6), labels as sure as is known."""
+        """The same frames, as effects bend their beams, from poses off by (scans, 6), the twin as sure as is known."""
         frames = self.tracer.trace_all(self.split.fit, bending, leaning)
-        return with_unsure_labels(frames, self.frames[0].label_scatter_m) if self.frames else frames
+        return with_scatter(frames, self.frames[0].scatter) if self.frames else frames
 
     def sample(self, rows: int) -> Sample:
         """About so many of their beams."""

@@ -124,6 +124,11 @@ def range_spread_m(expected: Prediction) -> np.ndarray:
     return np.sqrt(expected.range_sigma_m**2 + expected.unsure_m**2 + RANGE_FLOOR_M**2)
 
 
+def own_range_spread_m(expected: Prediction) -> np.ndarray:
+    """The part of it that beams beside each other do not share."""
+    return np.sqrt(np.maximum(range_spread_m(expected) ** 2 - expected.shared_m**2, RANGE_FLOOR_M**2))
+
+
 def intensity_spread(expected: Prediction) -> np.ndarray:
     """The same of intensities."""
     return np.sqrt(expected.intensity_sigma**2 + expected.unsure_intensity**2 + INTENSITY_FLOOR**2)

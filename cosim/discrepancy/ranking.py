@@ -41,6 +41,8 @@ class Ranked:
         place: where it stands among the effects.
         delta_bic: how much the Bayesian information criterion falls; above 0 speaks for it.
         parameters: how many numbers were fitted.
+        sampled_bic: the same of the sample's beams as they are, not as what they stand for: beams of rare things are
+            taken whole, and tell more than their share in a drive.
     """
 
     effect: str
@@ -48,6 +50,7 @@ class Ranked:
     place: int
     delta_bic: float
     parameters: int
+    sampled_bic: float = -np.inf
 
 
 def shortlist(
@@ -112,9 +115,11 @@ def fit_candidate(fitter: Fitter, fitted: Fitted, starts: Sequence[Direction], s
         free = (*mine, *all_free(effects, [one for one in along if one != place], fitter.rings))
         result = fitter.fit(effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=STEPS, near=along)
         count = sum(one.unknown.rings for one in mine)
-        delta = 2 * _gain(fitter, before, result) - count * np.log(rows)
+        price = count * np.log(rows)
+        delta = 2 * gain(fitter, before, result) - price
         if best is None or delta > best.delta_bic:
-            best = Ranked(start.effect, result, place, float(delta), count)
+            sampled = 2 * float((result.fit.loglik - before.fit.loglik).sum()) - price
+            best = Ranked(start.effect, result, place, float(delta), count, sampled)
     assert best is not None  # there is a start
     return best
 
@@ -155,7 +160,7 @@ def _refitted(fitter: Fitter, fitted: Fitted, places: tuple[int, ...]) -> Fitted
     return again
 
 
-def _gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
+def gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
     """Of log-likelihood, by one fit over another."""
     beams = fitter.sample.weight / fitter.sample.weight.mean() @ (after.fit.loglik - before.fit.loglik)
     return float(beams) + pose_gain(fitter, before, after)
@@ -168,8 +173,8 @@ def pose_gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
     What counts is how much those drift that the better model leaves.
     """
     weight = fitter.sample.weight / fitter.sample.weight.mean()
-    gain = after.loglik - before.loglik - float(weight @ (after.fit.loglik - before.fit.loglik))
-    return gain * independent_share(after.pose / after.pose_sigma) if gain > 0 else gain
+    found = after.loglik - before.loglik - float(weight @ (after.fit.loglik - before.fit.loglik))
+    return found * independent_share(after.pose / after.pose_sigma) if found > 0 else found
 
 
 def judged_anew(ranked: Sequence[Ranked], fitter: Fitter, fitted: Fitted, trace: Trace) -> list[Ranked]:

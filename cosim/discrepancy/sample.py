@@ -9,12 +9,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from cosim.discrepancy.clusters import Clusters, nearness
 from cosim.discrepancy.frames import TracedFrame
 from cosim.discrepancy.replay import FrameReplay
 from sensors.effects.base import Effect
 from sensors.hits import NOTHING, STATIC
 
-CELL_M = 5.0
+CELL_M, _OFF_CELL_M = 5.0, 20.0  # of maps that are exact, and of those whose errors reach far
 _MATCHED_M = 1.0
 _FEWEST_PARTS = 120
 _SKY_RAD = 0.1
@@ -35,6 +36,7 @@ class Prediction:
         silent: probability that nothing is.
         stray: (n,) density [1/m] of returns from elsewhere at the measured range; 0 where nothing was measured.
         unsure_m, unsure_intensity: how far the twin itself may be off, standard deviations beside those of the sensor.
+        shared_m: the part of `unsure_m` that beams beside each other share.
     """
 
     range_m: np.ndarray
@@ -47,6 +49,7 @@ class Prediction:
     stray: np.ndarray
     unsure_m: np.ndarray
     unsure_intensity: np.ndarray
+    shared_m: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +64,10 @@ class Sample:
         weight: (n,) how many beams each stands for.
         along_m, above_m, intensity: (n,) measured, as in `Observed`; NaN where nothing returned.
         track: (n,) int what beams share errors with over time: an instance, or a cell of the map.
+        cells: (tracks, 3) number of the world and middle [m] of each cell of a map; NaN of other tracks.
         pose_derivative: (n, 6) change of range per metre and radian of the LiDAR's pose, in its own axes.
         unsure_m, unsure_intensity: (n,) how far the twin itself may be off, see `TracedFrame`.
+        shared_m: (n,) the part of `unsure_m` that comes of its scatter, which beams beside each other share.
         edge: (n,) bool ambiguous beams.
         border: (n,) bool beams of ambiguous brightness.
         seam: (n,) bool the same, where the brightness itself tells whose it is.
@@ -86,9 +91,11 @@ class Sample:
     above_m: np.ndarray
     intensity: np.ndarray
     track: np.ndarray
+    cells: np.ndarray
     pose_derivative: np.ndarray
     unsure_m: np.ndarray
     unsure_intensity: np.ndarray
+    shared_m: np.ndarray
     edge: np.ndarray
     border: np.ndarray
     seam: np.ndarray
@@ -116,6 +123,11 @@ class Sample:
         return ~np.isnan(self.along_m)
 
     @cached_property
+    def map_is_off(self) -> bool:
+        """Whether spots of the map are known to stand off, each by its own error."""
+        return bool(np.any(self.shared_m[self.instance == STATIC] > 0))
+
+    @cached_property
     def has_intensity(self) -> bool:
         """Whether the drive has intensities at all."""
         return bool(np.nanmax(np.append(self.intensity, 0.0)) > 0)
@@ -132,10 +144,11 @@ class Sample:
         high = (1 + float(inside.max())) / 2 if len(inside) and (told >= 1).any() else 1.0
         return low, high
 
-    def parts(self) -> np.ndarray:
-        """(n,) numbers of equal sectors of scans, as many a scan as it takes to have enough in all."""
+    def clusters(self) -> Clusters:
+        """What its beams share errors with; parts are equal sectors of scans, as many as it takes to have enough."""
         sectors = -(-_FEWEST_PARTS // max(len(self.names), 1))
-        return self.frame * sectors + ((self.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
+        part = self.frame * sectors + ((self.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
+        return Clusters(self.track, self.frame, part, nearness(self.cells))
 
     def reported_range(self, effects: Sequence[Effect]) -> np.ndarray:
         """(n,) measured ranges from where effects have the optical centre stand [m]; NaN where nothing returned."""
@@ -152,7 +165,7 @@ class Sample:
         effects = tuple(sorted(effects, key=lambda effect: effect.phase))
         parts = [_predict(replay, effects, self.along_m[rows]) for replay, rows in self._frames()]
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-        return Prediction(*[*columns, self.unsure_m, self.unsure_intensity])
+        return Prediction(*[*columns, self.unsure_m, self.unsure_intensity, self.shared_m])
 
     def _frames(self) -> Iterator[tuple[FrameReplay, np.ndarray]]:
         for number, replay in enumerate(self.replays):
@@ -217,11 +230,13 @@ def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, 
         )
         rows += len(beams)
     joined = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
+    track, cells = _tracks(frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"])
     return Sample(
         replays=tuple(replays),
         names=tuple(one.name for one in frames),
         previous_intensity=np.concatenate([replay.previous_intensity for replay in replays]).astype(np.float64),
-        track=_tracks(frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"]),
+        track=track,
+        cells=cells,
         leaning=np.array([one.leaning for one in frames]),
         scan_values={
             "time_s": np.array([one.time_s for one in frames]),
@@ -310,6 +325,7 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
         "pose_derivative": np.nan_to_num(pose, posinf=0, neginf=0),
         "unsure_m": frame.unsure_m[beams].astype(np.float64),
         "unsure_intensity": frame.unsure_intensity[beams].astype(np.float64),
+        "shared_m": _shared(frame)[beams],
         "edge": frame.edge[beams],
         "border": frame.border[beams],
         "seam": frame.seam[beams],
@@ -326,17 +342,28 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
+def _shared(frame: TracedFrame) -> np.ndarray:
+    own = (frame.exact or frame).unsure_m.astype(np.float64)
+    return np.sqrt(np.maximum(frame.unsure_m.astype(np.float64) ** 2 - own**2, 0.0))
+
+
 def _tracks(
     frames: Sequence[TracedFrame], frame: np.ndarray, instance: np.ndarray, place: np.ndarray, azimuth: np.ndarray
-) -> np.ndarray:
-    """Numbers of instances by id, and of map cells for the static world."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of instances by id, and of map cells for the static world; and these cells, see `Sample.cells`."""
     keys = np.empty(len(frame), object)
     for number, one in enumerate(frames):
         rows = np.flatnonzero((frame == number) & (instance >= 0))
         keys[rows] = [f"#{one.instances.ids[i]}" for i in instance[rows]]
     rest = np.flatnonzero(instance == STATIC)
-    cells = np.floor(place[rest, :2] / CELL_M).astype(int).tolist()
+    size_m = _OFF_CELL_M if any(one.scatter.map_m > 0 for one in frames) else CELL_M
+    cells = np.floor(place[rest, :2] / size_m).astype(int).tolist()
     keys[rest] = [f"{frames[row].place} {x},{y}" for row, (x, y) in zip(frame[rest].tolist(), cells, strict=True)]
     sky = np.flatnonzero(instance == NOTHING)
     keys[sky] = [f"sky {sector}" for sector in np.floor(azimuth[sky] / _SKY_RAD).astype(int)]
-    return np.unique(keys.astype(str), return_inverse=True)[1]
+    names, track = np.unique(keys.astype(str), return_inverse=True)
+    worlds = np.unique([one.place for one in frames], return_inverse=True)[1]
+    middles = np.full((len(names), 3), np.nan)
+    middles[track[rest], 0] = worlds[frame[rest]]
+    middles[track[rest], 1:] = (np.array(cells).reshape(-1, 2) + 0.5) * size_m
+    return track, middles

@@ -1,8 +1,8 @@
 """Fits effects, traces the beams that they bend anew, and fits again, until both agree.
 
 A fit holds on to the planes that beams met when they were traced. Once it bends them so far, by effects or by the pose
-errors of their scan, that they meet something else, its answer is only a better place to trace from. How far labels
-are off shows in a fit, too, and the next one knows it.
+errors of their scan, that they meet something else, its answer is only a better place to trace from. How far the
+twin is off shows in a fit, too, and the next one knows it.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 
 from cosim.discrepancy.fitting import Fitted, Fitter, Free
 from cosim.discrepancy.frames import TracedFrame, bending
-from cosim.discrepancy.label_scatter import differs, label_scatter_m, with_unsure_labels
 from cosim.discrepancy.sample import Sample, draw_sample
+from cosim.discrepancy.twin_scatter import differs, measured_scatter, with_scatter
 from sensors.effects.base import Effect
 
 ROWS = 60_000
@@ -59,13 +59,13 @@ def settle(
         fitter = Fitter(draw_sample(frames, ROWS, np.random.default_rng([seed, ROWS])))
         fitted = fitter.fit(effects, free, pose=pose, near=near)
         effects, pose, near = fitted.effects, fitted.pose, range(len(effects))
-        scatter_m, aside = label_scatter_m(frames, fitter, fitted), _aside(fitter.sample, effects)
+        scatter, aside = measured_scatter(frames, fitter, fitted), _aside(fitter.sample, effects)
         if not straightened and leans(pose, fitter.sample.leaning):
             # Once: where poses make up for what is missing they never settle.
             aside = straightened = True
-        if not left or not (aside or differs(scatter_m, frames[0].label_scatter_m)):
+        if not left or not (aside or differs(scatter, frames[0].scatter)):
             return Settled(frames, fitter, fitted)
-        frames = with_unsure_labels(trace(bending(effects), pose) if aside else frames, scatter_m)
+        frames = with_scatter(trace(bending(effects), pose) if aside else frames, scatter)
     raise AssertionError  # the last round returns
 
 

@@ -51,9 +51,9 @@ def covariates(sample: Sample, fitted: Fitted) -> Iterator[Covariate]:
         "speed": ("m/s", sample.scan_values["speed_mps"][sample.frame], 0.0),
         "acceleration": ("m/s²", sample.scan_values["acceleration_mps2"][sample.frame], 0.0),
         "yaw_rate": ("rad/s", sample.scan_values["yaw_rate_radps"][sample.frame], 0.0),
-        "world_x": ("m", sample.place[:, 0], 0.0),
-        "world_y": ("m", sample.place[:, 1], 0.0),
     }
+    if not sample.map_is_off:
+        numbers |= {f"world_{axis}": ("m", sample.place[:, row], 0.0) for row, axis in enumerate("xy")}
     for name, (unit, values, period) in numbers.items():
         found = _binned(name, unit, np.asarray(values, float), period)
         if found is not None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from cosim.discrepancy.clusters import Clusters
 from cosim.discrepancy.evidence import Evidence
 from cosim.discrepancy.gate import Direction, run_gate
 from cosim.discrepancy.system import Column
@@ -25,7 +26,7 @@ def _p_value(effect: float, shared: float, seed: int, objects: int = 18) -> floa
     columns = [every, *rng.standard_normal((CANDIDATES - 1, len(track)))]
     found = [Direction(f"{number}", "", "a", Column({"intensity": one})) for number, one in enumerate(columns)]
     no_poses = sparse.csr_matrix((len(track), 6 * SCANS))
-    return run_gate(found, [evidence], [], track, scan, scan, (), no_poses, rng).p_value
+    return run_gate(found, [evidence], [], Clusters.unrelated(track, scan, scan), (), no_poses, rng).p_value
 
 
 def test_what_all_objects_agree_on_shows_though_few_of_them_have_most_of_the_beams():

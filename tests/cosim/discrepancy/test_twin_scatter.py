@@ -1,17 +1,22 @@
-"""Labels that are off show in what objects' ranges share, and then ranges on objects are unsure."""
+"""Labels and maps that are off show in what ranges share, and then ranges on what is off are unsure."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cosim.discrepancy import diagnose
 from cosim.discrepancy.checks import opened
-from cosim.discrepancy.frames import FrameTracer, TracedFrame, in_order
-from cosim.discrepancy.settling import settle
+from cosim.discrepancy.frames import FrameTracer, Scatter, in_order
+from cosim.discrepancy.settling import Settled, settle
+from cosim.discrepancy.twin_scatter import map_scatter_m, with_scatter
+from cosim.twin import read_glb, write_glb
 from sensors.effects.registry import find_effect
+from sensors.hits import STATIC
 from sensors.sensor_model import load_sensor
 from tests.cosim.discrepancy.conftest import NOISE
 from tests.cosim.discrepancy.small_drive import Yard, make_yard
@@ -19,13 +24,13 @@ from tests.cosim.discrepancy.small_drive import Yard, make_yard
 FRAMES = 16
 
 
-def _settled(yard: Yard) -> list[TracedFrame]:
+def _settled(yard: Yard) -> Settled:
     drive, sensor = opened(yard.drive), load_sensor(yard.sensor)
     tracer = FrameTracer(drive, sensor)
     names = tuple(drive.frames)
     effects = in_order(sensor.effects)
     trace = lambda bent, leaning: tracer.trace_all(names, bent, leaning)  # noqa: E731
-    return settle(tracer.trace_all(names, ()), trace, effects, (), seed=0).frames
+    return settle(tracer.trace_all(names, ()), trace, effects, (), seed=0)
 
 
 @pytest.fixture
@@ -35,8 +40,8 @@ def yard(tmp_path: Path) -> Yard:
 
 
 def test_exact_labels_are_taken_for_exact(yard: Yard) -> None:
-    for frame in _settled(yard):
-        assert frame.label_scatter_m == 0
+    for frame in _settled(yard).frames:
+        assert frame.scatter.labels_m == 0
         assert not frame.unsure_m.any()
 
 
@@ -47,14 +52,48 @@ def test_labels_off_by_a_decimetre_make_objects_unsure_and_nothing_else(yard: Ya
         for row in (0, 1):
             told["instances"][0]["pose"][row][3] += 0.1 * rng.standard_normal()
         path.write_text(json.dumps(told))
-    for frame in _settled(yard):
-        assert 0.04 < frame.label_scatter_m < 0.2
+    for frame in _settled(yard).frames:
+        assert 0.04 < frame.scatter.labels_m < 0.2
         of_object = frame.shot.hits.solid.instance >= 0
-        assert (frame.unsure_m[of_object] >= frame.label_scatter_m * 0.99).all()
+        assert (frame.unsure_m[of_object] >= frame.scatter.labels_m * 0.99).all()
         assert not frame.unsure_m[~of_object].any()
         assert frame.exact is not None
         assert (frame.edge >= frame.exact.edge).all()
         assert frame.edge.mean() < 1.5 * frame.exact.edge.mean()
+
+
+def _warp(yard: Yard, size_m: float) -> None:
+    """Lift the twin's static world up and down in waves of some tens of metres."""
+    path = yard.drive / "twin/static.glb"
+    mesh = read_glb(path)
+    x, y = mesh.vertices[:, 0], mesh.vertices[:, 1]
+    lifted = size_m * (np.sin(x / 4.1 + 1) + np.sin(y / 3.3) + np.sin((x + y) / 5.7 + 2)) / np.sqrt(1.5)
+    write_glb(path, replace(mesh, vertices=mesh.vertices + lifted[:, None] * [0, 0, 1]))
+
+
+def test_an_exact_map_is_taken_for_exact(yard: Yard) -> None:
+    found = _settled(yard)
+    assert map_scatter_m(found.frames, found.fitter, found.fitted) == 0
+
+
+def test_a_map_off_by_centimetres_shows_how_far_and_makes_flat_views_of_it_unsure(yard: Yard) -> None:
+    _warp(yard, 0.05)
+    found = _settled(yard)
+    off_m = map_scatter_m(found.frames, found.fitter, found.fitted)
+    assert 0.008 < off_m < 0.06
+    for frame in with_scatter(found.frames, Scatter(map_m=off_m)):
+        solid = frame.shot.hits.solid
+        ground = (solid.instance == STATIC) & (solid.normal[:, 2] > 0.9)
+        assert np.corrcoef(frame.unsure_m[ground], solid.range_m[ground])[0, 1] > 0.9
+        assert not frame.unsure_m[solid.instance >= 0].any()
+
+
+def test_a_map_that_is_off_is_no_missing_effect(yard: Yard) -> None:
+    _warp(yard, 0.05)
+    said: list[str] = []
+    found = diagnose(yard.drive, yard.sensor, on_progress=said.append)
+    assert any("the map is off" in line for line in said)
+    assert found.verdict == "none", str(found)
 
 
 def test_a_pose_error_traces_as_a_mount_that_is_off(yard: Yard) -> None:
