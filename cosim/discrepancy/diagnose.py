@@ -198,6 +198,7 @@ class Detective:
             errors=self._case.errors,
             split=self._case.split,
             unknown=self._shape(look),
+            map_off_m=self._case.frames[0].scatter.map_m,
         )
 
     def _shape(self, look: Look) -> Shape | None:

@@ -84,6 +84,8 @@ class Diagnosis:
         noise_floor: the error of a model that is right up to noise.
         sensor: the improved model.
         split: which frames were fitted and which judged.
+        map_off_m: how far spots of the twin's map stand off by errors of their own, a standard deviation [m]; 0 where
+            it is exact, or says itself how sure it is.
         labels: what labelled boxes say, where there are any; a missing label effect is in the improved model.
     """
 
@@ -97,6 +99,7 @@ class Diagnosis:
     noise_floor: float | None
     sensor: SensorModel
     split: Split
+    map_off_m: float = 0.0
     sensor_out: str | None = None
     labels: LabelFinding | None = None
 
@@ -110,6 +113,7 @@ class Diagnosis:
         errors: Sequence[HeldOut],
         split: Split,
         unknown: Shape | None,
+        map_off_m: float,
     ) -> Diagnosis:
         """From the parts."""
         ambiguous = any(finding.also_possible for finding in findings)
@@ -124,6 +128,7 @@ class Diagnosis:
             noise_floor=errors[-1].floor,
             sensor=sensor,
             split=split,
+            map_off_m=map_off_m,
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -138,6 +143,7 @@ class Diagnosis:
             "error_before": self.error_before,
             "error_after": self.error_after,
             "noise_floor": self.noise_floor,
+            "map_off_m": self.map_off_m,
             "sensor_out": self.sensor_out,
         }
 

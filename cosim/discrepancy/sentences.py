@@ -76,15 +76,21 @@ def headline(found: Diagnosis, words: Vocabulary) -> str:
     biased = found.labels is not None and found.labels.verdict == "missing"
     if biased:
         parts.append(str(found.labels))
+    off = f"; {map_words(found)}" if found.map_off_m > 0 else ""
     if not parts:
         smallest = smallest_words(found, words, most=3)
-        return "nothing missing that would show" + (f"; would have seen {smallest}" if smallest else "")
+        return "nothing missing that would show" + (f"; would have seen {smallest}" if smallest else "") + off
     if biased and len(parts) == 1:
         return parts[0]
     of = "held-out error" if found.split.is_held_out else "error on the fitted frames themselves"
     fall = f"{of} {found.error_before:.3f} → {found.error_after:.3f}"
     floor = "" if found.noise_floor is None else f", noise floor {found.noise_floor:.3f}"
-    return f"{'; '.join(parts)}; {fall}{floor}"
+    return f"{'; '.join(parts)}; {fall}{floor}{off}"
+
+
+def map_words(found: Diagnosis) -> str:
+    """How far the twin's map is off."""
+    return f"the twin's map itself is off by about {100 * found.map_off_m:.1f} cm"
 
 
 def unknown_words(unknown: Shape) -> str:

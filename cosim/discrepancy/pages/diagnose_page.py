@@ -15,7 +15,7 @@ from cosim.discrepancy.pages.style import STYLE
 from cosim.discrepancy.pages.unknown_section import unknown_section
 from cosim.discrepancy.pages.waterfall import waterfall
 from cosim.discrepancy.saying import listed, p_cell
-from cosim.discrepancy.sentences import Vocabulary, smallest_rows, smallest_words, unknown_words
+from cosim.discrepancy.sentences import Vocabulary, map_words, smallest_rows, smallest_words, unknown_words
 from cosim.html import document
 from cosim.stats.plot import Axis, Plot
 
@@ -73,6 +73,11 @@ def _verdict(found: Diagnosis, words: Vocabulary) -> str:
         said.append(f"{found.error_before:.3f}{floor}.")
         smallest = smallest_words(found, words, most=3)
         said.append(f"It would have shown {escape(smallest)}, and so on below." if smallest else "")
+    if found.map_off_m > 0:
+        said.append(
+            f"Beside that {escape(map_words(found))}, spot by spot: small effects on ranges hide behind it, and the "
+            "error keeps it."
+        )
     return f'<p class="verdict">{" ".join(said)}</p>'
 
 

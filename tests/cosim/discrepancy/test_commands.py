@@ -140,6 +140,7 @@ def test_diagnose_writes_its_json_page_and_sensor(
         "error_before",
         "error_after",
         "noise_floor",
+        "map_off_m",
         "sensor_out",
     }
     assert found["verdict"] in ("none", "missing", "ambiguous", "unknown")
