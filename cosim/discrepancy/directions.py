@@ -76,7 +76,7 @@ def _told(
     )
     if type(weak).density is not Effect.density or not amplitude:
         found = judge(sample, after, shift=fitter.shift(fitted.pose, after)).loglik
-        gain = sample.weight / sample.weight.mean() * (found - fitted.fit.loglik)
+        gain = sample.share * (found - fitted.fit.loglik)
         if np.any(gain):
             strays = float(sample.weight @ (sample.returned & (fitted.fit.matched < 0.5)))
             kept = float(sample.weight @ (fitted.prediction.seen - after.seen))

@@ -37,7 +37,7 @@ class Evidence:
 
         Points within `rounded_m` of their beam count as on it: coordinates are stored to so much.
         """
-        weight = sample.weight / sample.weight.mean()
+        weight = sample.share
         matched, returned = weight * fit.matched, weight * sample.returned
         rise_sigma = np.hypot(RISE_SIGMA_M, rise_blur)
         variance = fit.seen * (1 - fit.seen)

@@ -245,8 +245,7 @@ class Fitter:
         return np.clip(np.sqrt((pose**2 + uncertain).mean(0)), POSE_FLOOR, _POSE_MOST)
 
     def _penalised(self, fit: Fit, pose: np.ndarray, sigma: np.ndarray) -> float:
-        weight = self.sample.weight / self.sample.weight.mean()
-        return float(weight @ fit.loglik) - 0.5 * float(((pose / sigma) ** 2).sum())
+        return float(self.sample.share @ fit.loglik) - 0.5 * float(((pose / sigma) ** 2).sum())
 
     def _marginal(self, state: tuple[Prediction, Fit], pose: np.ndarray, sigma: np.ndarray) -> float:
         prediction, fit = state

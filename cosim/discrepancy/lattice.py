@@ -81,7 +81,7 @@ def find_lattices(
         (sample.reported_range(fitted.effects), expected.range_m, expected.range_sigma_m),
         (sample.intensity, expected.intensity, expected.intensity_sigma),
     )
-    weight, found = sample.weight / sample.weight.mean(), []
+    weight, found = sample.share, []
     for kind in kinds:
         if not issubclass(kind, RoundingEffect):
             continue

@@ -162,7 +162,7 @@ def _refitted(fitter: Fitter, fitted: Fitted, places: tuple[int, ...]) -> Fitted
 
 def gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
     """Of log-likelihood, by one fit over another."""
-    beams = fitter.sample.weight / fitter.sample.weight.mean() @ (after.fit.loglik - before.fit.loglik)
+    beams = fitter.sample.share @ (after.fit.loglik - before.fit.loglik)
     return float(beams) + pose_gain(fitter, before, after)
 
 
@@ -172,8 +172,7 @@ def pose_gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
     Errors that drift from scan to scan are fewer facts than scans: the middle of a drift is no mount that is off.
     What counts is how much those drift that the better model leaves.
     """
-    weight = fitter.sample.weight / fitter.sample.weight.mean()
-    found = after.loglik - before.loglik - float(weight @ (after.fit.loglik - before.fit.loglik))
+    found = after.loglik - before.loglik - float(fitter.sample.share @ (after.fit.loglik - before.fit.loglik))
     return found * independent_share(after.pose / after.pose_sigma) if found > 0 else found
 
 
@@ -189,7 +188,7 @@ def judged_anew(ranked: Sequence[Ranked], fitter: Fitter, fitted: Fitted, trace:
     tilting = [one for one in ranked if isinstance(one.fitted.effects[one.place], BeamEffect)][:_RETRACED]
     if strange < _STRANGE_SHARE * fitter.sample.weight.sum() or not tilting:
         return list(ranked)
-    weight, keep = fitter.sample.weight / fitter.sample.weight.mean(), ~fitter.sample.edge
+    weight, keep = fitter.sample.share, ~fitter.sample.edge
     rows = {one.effect: one.fitted.fit.loglik for one in ranked}
     for one in tilting:
         beams = bending(one.fitted.effects)

@@ -10,6 +10,7 @@ import numpy as np
 from cosim.discrepancy.candidates import amplitudes, unknowns
 from cosim.discrepancy.directions import directions
 from cosim.discrepancy.fitting import Fitted, Fitter
+from cosim.discrepancy.hard_limits import is_searched
 from cosim.discrepancy.intervals import standard_errors
 from cosim.discrepancy.kinds import confusable
 from cosim.discrepancy.ranking import Ranked, fit_candidate
@@ -17,6 +18,7 @@ from cosim.discrepancy.unknown import Shape, same_shape
 from sensors.effects.base import BeamEffect, Effect
 
 _STARTS = 2
+_WITHIN_INTERVAL = 2.1  # standard errors, of about twenty scans
 
 
 def simpler_rival(fitter: Fitter, fitted: Fitted, place: int, kinds: Sequence[type[Effect]]) -> Effect | None:
@@ -50,7 +52,7 @@ def simpler_rival(fitter: Fitter, fitted: Fitted, place: int, kinds: Sequence[ty
 
 
 def is_idle(fitter: Fitter, fitted: Fitted, place: int, clearly: float, said: Effect | None = None) -> bool:
-    """Whether an effect could as well do nothing, or what it was said to do, and the fit is as good so.
+    """Whether an effect could as well do nothing, or what it was said to do: by its interval, or as the fit is as good.
 
     Args:
         fitter: of the sample.
@@ -60,15 +62,18 @@ def is_idle(fitter: Fitter, fitted: Fitted, place: int, clearly: float, said: Ef
         said: the effect as the sensor had it; None if it did not.
     """
     kind, errors, at = type(fitted.effects[place]), standard_errors(fitter, fitted), 0
-    neutral, deviates = said.model_dump() if said is not None else kind.neutral or {}, []
-    for one in fitted.free:
+    neutral, deviates, is_sloping = said.model_dump() if said is not None else kind.neutral or {}, [], True
+    for one, column in zip(fitted.free, fitted.columns, strict=True):
         part = errors[at : at + one.unknown.rings]
         at += one.unknown.rings
         if one.effect == place and (said is not None or one.unknown.name in amplitudes(kind)):
             apart = np.subtract(getattr(fitted.effects[place], one.unknown.name), neutral[one.unknown.name])
             deviates.append(float(np.sqrt(np.mean((apart / np.maximum(part, 1e-12)) ** 2))))
+            is_sloping &= not is_searched(fitted.effects[place], one.unknown, column)
     if not deviates or max(deviates) > clearly:
         return False
+    if is_sloping and max(deviates) < _WITHIN_INTERVAL:
+        return True
     there = () if said is None else (said,)
     rest = (*fitted.effects[:place], *there, *fitted.effects[place + 1 :])
     without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)

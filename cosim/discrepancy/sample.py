@@ -118,6 +118,11 @@ class Sample:
         return len(self.frame)
 
     @cached_property
+    def share(self) -> np.ndarray:
+        """(n,) weights that are 1 on average."""
+        return self.weight / self.weight.mean()
+
+    @cached_property
     def returned(self) -> np.ndarray:
         """(n,) bool."""
         return ~np.isnan(self.along_m)

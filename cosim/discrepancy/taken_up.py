@@ -99,9 +99,10 @@ def _better(
     anew = Fitter(same_beams(fitter.sample, trace(bending(effects), pose)))
     found = anew.fit(effects, free, pose=pose, pose_sigma=sigma, steps=STEPS)
     keep = ~fitter.sample.edge & ~anew.sample.edge & (anew.sample.compared == fitter.sample.compared)
-    weight = fitter.sample.weight / fitter.sample.weight.mean()
-    gain = float((weight * (found.fit.loglik - fitted.fit.loglik))[keep].sum()) + pose_gain(fitter, fitted, found)
-    delta = 2 * gain - one.parameters * np.log(float(len(weight)))
+    gain = float((fitter.sample.share * (found.fit.loglik - fitted.fit.loglik))[keep].sum()) + pose_gain(
+        fitter, fitted, found
+    )
+    delta = 2 * gain - one.parameters * np.log(float(len(fitter.sample)))
     if delta <= one.delta_bic:
         return one
     there_again = fitter.fit(found.effects, free, pose=found.pose, pose_sigma=found.pose_sigma, steps=0)

@@ -61,7 +61,7 @@ def spread_of_gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
         fitter: of the sample, whose tracks (instances, cells of the map) are the places.
         before, after: fits to compare.
     """
-    gain = fitter.sample.weight / fitter.sample.weight.mean() * (after.fit.loglik - before.fit.loglik)
+    gain = fitter.sample.share * (after.fit.loglik - before.fit.loglik)
     _, place = np.unique(fitter.sample.track, return_inverse=True)
     own = np.bincount(place.ravel(), gain)
     return float(own.sum() / max(np.sqrt(np.sum(own**2)), 1e-12))
