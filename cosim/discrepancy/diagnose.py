@@ -92,44 +92,51 @@ def diagnose(
         CosimError: the drive lacks points or a twin, or the twin does not fit it.
         SensorError: the sensor file breaks the rules.
     """
-    case = Inquiry(opened(drive), sensor, extra, seed, on_progress or _LOG.debug)
-    return with_labels(Detective(case).run(), case.drive)
+    asked = opened(drive)
+    return with_labels(Detective(asked, sensor, extra, seed, on_progress or _LOG.debug).run(), asked)
 
 
-class Detective:
+class Detective(Inquiry):
     """One diagnosis; see `diagnose`."""
 
-    def __init__(self, case: Inquiry) -> None:
-        self._case = case
+    def __init__(
+        self,
+        drive: Drive,
+        sensor: SensorModel | str | Path,
+        extra: Sequence[type[Effect]],
+        seed: int,
+        say: Callable[[str], None],
+    ) -> None:
+        super().__init__(drive, sensor, extra, seed, say)
         self._ranking: list[Alternative] = []
         self._refused: set[str] = set()
         self._found_map_off = False
 
     def run(self) -> Diagnosis:
         """Everything in order."""
-        self._case.trace()
-        check_fit(self._case.frames[0], self._case.drive)
-        self._case.errors.append(self._case.held_out())
-        look = self._look(self._case.fitted_anew())
-        while len(self._case.errors) <= _MOST_EFFECTS and (added := self._added(look)) is not None:
+        self.trace()
+        check_fit(self.frames[0], self.drive)
+        self.errors.append(self.held_out())
+        look = self._look(self.fitted_anew())
+        while len(self.errors) <= _MOST_EFFECTS and (added := self._added(look)) is not None:
             look = self._look(added)
-        return self._concluded(tidied(self._case, revised(self._case, look)))
+        return self._concluded(tidied(self, revised(self, look)))
 
     def _look(self, settled: Settled) -> Look:
         """Run the gate over what a fit leaves."""
-        self._case.say(f"looking for effects beyond {len(self._case.findings)} found")
+        self.say(f"looking for effects beyond {len(self.findings)} found")
         fitter, fitted = settled.fitter, settled.fitted
-        lattices = find_lattices(fitter, fitted, self._case.kinds, np.random.default_rng([self._case.seed, 3]))
+        lattices = find_lattices(fitter, fitted, self.kinds, np.random.default_rng([self.seed, 3]))
         return Look(fitter, fitted, lattices, self._gate(fitter, fitted, lattices))
 
     def _added(self, look: Look) -> Settled | None:
         """The first choice that helps, with everything fitted anew; None if there is none."""
-        quick = Fitter(self._case.sample(_QUICK_ROWS))
+        quick = Fitter(self.sample(_QUICK_ROWS))
         null = quick.fit(look.fitted.effects, (), pose=look.fitted.pose, pose_sigma=look.fitted.pose_sigma)
         ranked = self._rank(look, quick, null) if look.verdict.p_value <= LEVEL else []
         worthy = [one for one in ranked if _is_worthy(one, look.verdict)]
         best = worthy[0] if worthy else None
-        strange = self._strange(look, quick, null, best) if self._case.unknown is None else None
+        strange = self._strange(look, quick, null, best) if self.unknown is None else None
         explained = max((one.delta_bic for one in (best, strange and strange.ranked) if one), default=None)
         unsure = None if explained is None else self._unsure(look, quick, null, explained)
         if unsure is not None:
@@ -142,13 +149,13 @@ class Detective:
         """The model fitted anew with a map that may be off, if that explains more than anything else; once."""
         if self._found_map_off:
             return None
-        scatter = unsure_map(self._case.frames, look.fitter, look.fitted, quick, null, explained)
+        scatter = unsure_map(self.frames, look.fitter, look.fitted, quick, null, explained)
         if scatter is None:
             return None
         self._found_map_off = True
-        self._case.say(f"the map is off, by about {100 * scatter.map_m:.1f} cm")
-        self._case.frames = with_scatter(self._case.frames, scatter)
-        return self._case.fitted_anew(look.fitted.pose)
+        self.say(f"the map is off, by about {100 * scatter.map_m:.1f} cm")
+        self.frames = with_scatter(self.frames, scatter)
+        return self.fitted_anew(look.fitted.pose)
 
     def _choices(self, look: Look, worthy: Sequence[Ranked], strange: _Choice | None) -> Iterator[_Choice]:
         """What to add, the most promising first."""
@@ -162,63 +169,59 @@ class Detective:
 
     def _adopt(self, choice: _Choice, look: Look) -> Settled | None:
         """Add a choice, if frames that took no part in the fit are told better with it."""
-        best, before = choice.ranked, (self._case.model, self._case.frames)
-        self._case.say(f"adding {best.effect}")
-        places = (
-            self._case.model.fitted if best.place in self._case.model.fitted else (*self._case.model.fitted, best.place)
-        )
-        is_new = best.place >= len(self._case.model.effects)
-        self._case.model = Model(best.fitted.effects, places)
+        best, before = choice.ranked, (self.model, self.frames)
+        self.say(f"adding {best.effect}")
+        places = self.model.fitted if best.place in self.model.fitted else (*self.model.fitted, best.place)
+        is_new = best.place >= len(self.model.effects)
+        self.model = Model(best.fitted.effects, places)
         if isinstance(best.fitted.effects[best.place], BeamEffect):
-            self._case.frames = self._case.traced(bending(self._case.model.effects), best.fitted.pose)
-        settled, after = self._case.fitted_anew(best.fitted.pose), self._case.held_out()
-        if not _helps(best, after, self._case.errors[-1], is_new):
-            self._case.say(f"{best.effect} does not help on frames that took no part: taken back")
-            self._case.model, self._case.frames = before
+            self.frames = self.traced(bending(self.model.effects), best.fitted.pose)
+        settled, after = self.fitted_anew(best.fitted.pose), self.held_out()
+        if not _helps(best, after, self.errors[-1], is_new):
+            self.say(f"{best.effect} does not help on frames that took no part: taken back")
+            self.model, self.frames = before
             self._refused.add(best.effect)
             return None
-        self._case.errors.append(after)
+        self.errors.append(after)
         if choice.shape is not None:
-            self._case.unknown = choice.shape
-            return parted(self._case, choice.shape) if choice.shape.has_apart else settled
+            self.unknown = choice.shape
+            return parted(self, choice.shape) if choice.shape.has_apart else settled
         alike = tuple(one.effect for one in choice.rivals if one.delta_bic > best.delta_bic - ALIKE_BIC)
         p_value, known = look.verdict.p_value, {one.effect.name: one.interval for one in look.lattices}
         interval = known.get(best.effect, {})
-        self._case.findings.append(
-            Finding(best.effect, {}, interval, p_value, self._case.errors[-2], after, alike, best.delta_bic)
-        )
+        self.findings.append(Finding(best.effect, {}, interval, p_value, self.errors[-2], after, alike, best.delta_bic))
         return settled
 
     def _concluded(self, look: Look) -> Diagnosis:
         return Diagnosis.of(
-            sensor=SensorModel(self._case.sensor.pattern, as_known(self._case.model.effects), self._case.sensor.origin),
+            sensor=SensorModel(self.sensor.pattern, as_known(self.model.effects), self.sensor.origin),
             findings=self._settled(look),
             ranking=self._ranking,
             verdict=look.verdict,
-            errors=self._case.errors,
-            split=self._case.split,
+            errors=self.errors,
+            split=self.split,
             unknown=self._shape(look),
-            map_off_m=self._case.frames[0].scatter.map_m,
+            map_off_m=self.frames[0].scatter.map_m,
         )
 
     def _shape(self, look: Look) -> Shape | None:
         """The unknown shape as it was fitted at last."""
-        place = self._case.unknown_place()
-        if self._case.unknown is None or place is None:
+        place = self.unknown_place()
+        if self.unknown is None or place is None:
             return None
-        told = intervals(look.fitter, look.fitted).get(effect_name(self._case.unknown), {})
-        return self._case.unknown.refitted(self._case.model.effects[place].model_dump(), told)
+        told = intervals(look.fitter, look.fitted).get(effect_name(self.unknown), {})
+        return self.unknown.refitted(self.model.effects[place].model_dump(), told)
 
     def _gate(self, fitter: Fitter, fitted: Fitted, lattices: Sequence[Lattice]) -> Verdict:
         found = [
-            *directions(fitter, fitted, self._case.kinds, self._case.model.fitted),
+            *directions(fitter, fitted, self.kinds, self.model.fitted),
             *(one.direction() for one in lattices),
         ]
         sample = fitter.sample
         views = (0.0, _COARSE_M)
         evidence = [fitter.evidence(fitted.prediction, fitted.pose, blur) for blur in views]
         raw = [fitter.evidence(fitted.prediction, None, blur) for blur in views]
-        rng = np.random.default_rng([self._case.seed, 1])
+        rng = np.random.default_rng([self.seed, 1])
         return run_gate(
             found,
             evidence,
@@ -227,23 +230,23 @@ class Detective:
             fitted.columns,
             fitter.slopes(fitted.pose, fitted.prediction),
             rng,
-            PosePatterns(fitter, fitted).of(found, np.random.default_rng([self._case.seed, 4])),
+            PosePatterns(fitter, fitted).of(found, np.random.default_rng([self.seed, 4])),
         )
 
     def _rank(self, look: Look, fitter: Fitter, null: Fitted) -> list[Ranked]:
         """Candidates by how much the BIC falls with them."""
-        found = directions(fitter, null, self._case.kinds, self._case.model.fitted)
+        found = directions(fitter, null, self.kinds, self.model.fitted)
         found = [one for one in found if _is_own(one, look.verdict)]
         promising = shortlist(fitter, null, found, look.verdict)
-        self._case.say(f"fitting {', '.join(promising)}")
-        ranked = [fit_candidate(fitter, null, starts, self._case.model.fitted) for starts in promising.values()]
-        alike = shortlist(fitter, null, look_alikes(ranked, found, self._case.kinds), look.verdict)
-        ranked += [fit_candidate(fitter, null, starts, self._case.model.fitted) for starts in alike.values()]
+        self.say(f"fitting {', '.join(promising)}")
+        ranked = [fit_candidate(fitter, null, starts, self.model.fitted) for starts in promising.values()]
+        alike = shortlist(fitter, null, look_alikes(ranked, found, self.kinds), look.verdict)
+        ranked += [fit_candidate(fitter, null, starts, self.model.fitted) for starts in alike.values()]
         promising |= alike
         of_effect = {name: [one for one in found if one.effect == name] for name in promising}
-        ranked = handed_over(ranked, fitter, null, of_effect, self._case.traced, self._case.model.fitted)
+        ranked = handed_over(ranked, fitter, null, of_effect, self.traced, self.model.fitted)
         ranked.sort(key=lambda one: -one.delta_bic)
-        ranked = simpler_first(judged_anew(ranked, fitter, null, self._case.traced), fitter, promising)
+        ranked = simpler_first(judged_anew(ranked, fitter, null, self.traced), fitter, promising)
         ranked += [one.ranked(look.fitter, look.fitted) for one in look.lattices]
         return sorted(ranked, key=lambda one: -one.delta_bic)
 
@@ -254,10 +257,10 @@ class Detective:
         if shape is None:
             return None
         if best is None:
-            rng = np.random.default_rng([self._case.seed, 2])
+            rng = np.random.default_rng([self.seed, 2])
             if shape_gate(look.fitter, fitted, fitted.columns, rng).p_value > _SHAPE_LEVEL:
                 return None
-        shape, found = rank_shape(quick, null, shape, self._case.model.fitted)
+        shape, found = rank_shape(quick, null, shape, self.model.fitted)
         known = best.delta_bic if best is not None else 0.0
         clear = found.delta_bic > _CLEARLY_MORE * known + ALIKE_BIC
         widely = spread_of_gain(quick, null, found.fitted) > _WIDELY
@@ -269,7 +272,7 @@ class Detective:
         found = intervals(look.fitter, fitted) if fitted.free else {}
         effects = {effect.name: effect for effect in fitted.effects}
         done = []
-        for finding in self._case.findings:
+        for finding in self.findings:
             params = effects[finding.effect].model_dump(mode="json")
             done.append(finding.settled(params, found.get(finding.effect, finding.ci95)))
         return done
