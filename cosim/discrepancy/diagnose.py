@@ -134,7 +134,7 @@ class Detective(Inquiry):
         quick = Fitter(self.sample(_QUICK_ROWS))
         null = quick.fit(look.fitted.effects, (), pose=look.fitted.pose, pose_sigma=look.fitted.pose_sigma)
         ranked = self._rank(look, quick, null) if look.verdict.p_value <= LEVEL else []
-        worthy = [one for one in ranked if _is_worthy(one, look.verdict)]
+        worthy = [one for one in ranked if _is_worthy(one, look)]
         best = worthy[0] if worthy else None
         strange = self._strange(look, quick, null, best) if self.unknown is None else None
         explained = max((one.delta_bic for one in (best, strange and strange.ranked) if one), default=None)
@@ -300,11 +300,16 @@ def _is_own(direction: Direction, verdict: Verdict) -> bool:
     return not of_noise or _p_value(verdict, direction.effect) <= LEVEL
 
 
-def _is_worthy(ranked: Ranked, verdict: Verdict) -> bool:
-    """Whether a candidate explains more than its numbers cost: of all beams, or of the few that it is plain in."""
+def _is_worthy(ranked: Ranked, look: Look) -> bool:
+    """Whether a candidate explains more than its numbers cost: of all beams, or of the few that it is plain in.
+
+    Likelihoods take beams for independent. With a map that is off they share what it has wrong, so that a candidate
+    must be significant by itself.
+    """
+    is_significant = _p_value(look.verdict, ranked.effect) <= LEVEL
     if ranked.delta_bic > _LEAST_BIC:
-        return True
-    return ranked.sampled_bic > _LEAST_BIC and _p_value(verdict, ranked.effect) <= LEVEL
+        return is_significant or not look.fitter.sample.map_is_off
+    return is_significant and ranked.sampled_bic > _LEAST_BIC
 
 
 def _p_value(verdict: Verdict, effect: str) -> float:
