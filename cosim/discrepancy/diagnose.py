@@ -161,8 +161,11 @@ class Detective(Inquiry):
         """What to add, the most promising first."""
         if strange is not None:
             yield strange
-        # What did not help before waits until all others have been tried.
-        waiting = sorted(worthy, key=lambda one: one.effect in self._refused)
+        # What did not help before waits until all others have been tried; where a twin is not sure of itself, so does
+        # what is not significant by itself.
+        unsure = look.fitter.sample.map_is_unsure
+        chance = {one.effect: unsure and _p_value(look.verdict, one.effect) > LEVEL for one in worthy}
+        waiting = sorted(worthy, key=lambda one: (one.effect in self._refused, chance[one.effect]))
         outstanding = [one for one in waiting[_TRIED:] if _p_value(look.verdict, one.effect) <= LEVEL]
         for one in (*waiting[:_TRIED], *outstanding):
             yield _Choice(one, tuple(other for other in worthy if other is not one))

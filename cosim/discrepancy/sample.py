@@ -133,6 +133,11 @@ class Sample:
         return bool(np.any(self.shared_m[self.instance == STATIC] > 0))
 
     @cached_property
+    def map_is_unsure(self) -> bool:
+        """Whether the twin is not sure of its map, or that is known to be off."""
+        return bool(np.any(self.unsure_m[self.instance == STATIC] > 0))
+
+    @cached_property
     def has_intensity(self) -> bool:
         """Whether the drive has intensities at all."""
         return bool(np.nanmax(np.append(self.intensity, 0.0)) > 0)
