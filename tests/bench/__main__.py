@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from rich.console import Console
 
 from tests.bench import effects, frames, growth, lidar, loop, memory
-from tests.bench.rows import one_table
+from tests.bench.rows import Row, one_table
 
 _SECTIONS = {
     "lidar": ("LiDAR stage: from the posed scene to points, both hits, normals, incidence", lidar.rows),
@@ -30,9 +31,17 @@ def main() -> None:
         parser.error(f"unknown section {unknown[0]!r}; give some of {', '.join(known)}")
     timed = [_SECTIONS[name] for name in chosen if name in _SECTIONS]
     if timed:
-        Console().print(one_table((title, rows()) for title, rows in timed))
+        Console().print(one_table(_measured(timed)))
     if "effects" in chosen:
         Console(width=170).print(effects.table())
+
+
+def _measured(timed: Sequence[tuple[str, Callable[[], Iterable[Row]]]]) -> Iterator[tuple[str, Iterable[Row]]]:
+    """Sections with their rows, each said before it starts: all take minutes."""
+    said = Console(stderr=True, style="dim")
+    for number, (title, rows) in enumerate(timed, start=1):
+        said.print(f"{number}/{len(timed)} {title}")
+        yield title, rows()
 
 
 if __name__ == "__main__":
