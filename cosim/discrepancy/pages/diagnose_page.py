@@ -90,7 +90,8 @@ def _fall(found: Diagnosis) -> str:
     if found.noise_floor is None or found.noise_floor <= 0:
         return said + "."
     ratio = found.error_after / found.noise_floor
-    where = "at the noise floor" if ratio <= 1.05 else f"{ratio - 1:.0%} above the noise floor"
+    above = f"{ratio - 1:.0%} above" if ratio < 2 else f"{ratio:.1f} times"
+    where = "at the noise floor" if ratio <= 1.05 else f"{above} the noise floor"
     return f"{said}, {where} ({found.noise_floor:.3f})."
 
 
