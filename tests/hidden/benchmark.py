@@ -47,7 +47,9 @@ def _row(case: Case, results: Path, chosen: argparse.Namespace) -> dict | None:
         return None
     row = run_case(case, chosen.folder, chosen.limit, chosen.keep, chosen.broken_gate)
     path.write_text(json.dumps(row, indent=1))
-    said = row["trouble"].splitlines()[-1] if row["trouble"] else f"{row.get('added')} {row.get('unknown') or ''}"
+    shape = row.get("unknown")
+    unknown = f" unknown: {shape['channel']} by {', '.join(shape['covariates'])}, {shape['form']}" if shape else ""
+    said = row["trouble"].splitlines()[-1] if row["trouble"] else f"{row.get('added')}{unknown}"
     print(f"{case.name:45s} {row['verdict']:10s} {said}", flush=True)
     return row
 
