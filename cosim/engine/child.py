@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import queue
-import resource
 import signal
 import sys
 import threading
@@ -12,6 +11,7 @@ import traceback
 from multiprocessing.connection import Connection
 
 from cosim.engine.jobs import Event, Job
+from cosim.engine.peak import peak_bytes
 from cosim.user_errors import USER_ERRORS
 
 
@@ -36,7 +36,7 @@ def _do_all(job: Job, threads: int, tasks: queue.SimpleQueue, tell: _Teller) -> 
         tell(Event("opened"))
         while (task := tasks.get()) is not None:
             do(task, tell)
-            tell(Event("task", peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024))
+            tell(Event("task", peak_bytes=peak_bytes()))
 
 
 def _listen(connection: Connection, tasks: queue.SimpleQueue) -> None:

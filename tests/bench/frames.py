@@ -81,22 +81,21 @@ def stage_rows() -> Iterator[Row]:
 def rate_rows() -> Iterator[Row]:
     """Frames a second by workers; memory, disk, and variants after."""
     with tempfile.TemporaryDirectory() as folder:
-        drive = Path(folder)
+        drive, peaks = Path(folder), []
         for town, (who, population) in _POPULATIONS.items():
             rates = {}
             for workers in (1, 2):
                 drive = Path(folder) / f"{town}_{workers}"
                 before = _children_s()
-                rates[workers] = _rate(drive, workers, town, population)
+                rates[workers], peak = _rate(drive, workers, town, population)
+                peaks.append(peak)
                 own = (_children_s() - before) / (_EACH * workers)
                 yield Row(
                     f"{town}, {who}, {workers} worker{'s' if workers > 1 else ''}",
                     f"{rates[workers]:.1f} frames/s, {rates[workers] / rates[1]:.2f} × one, {own:.2f} s of CPU a frame",
                     "10" if population.driving and workers == 2 else "",
                 )
-        # the largest of all processes so far; workers are much larger than what they start
-        peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-        yield Row("memory of a worker, at most", f"{peak:.0f} MiB")
+        yield Row("memory of a worker, at most", f"{max(peaks) / 2**20:.0f} MiB", "1024")
         sizes = _bytes_a_frame(drive)
         hits = sizes.pop("hits")
         yield Row("a frame on disk", f"{sum(sizes.values()) / 1e6:.2f} MB, hits {hits / 1e6:.2f} MB more")
@@ -120,21 +119,26 @@ def _counted(function: Callable[..., Any], stage: str, spent: Counter[str]) -> C
     return wrapper
 
 
-def _rate(drive: Path, workers: int, town: str, population: DemandConfig) -> float:
-    """Frames a second while all workers record: from the first frames, which wait for models, to the first end."""
+def _rate(drive: Path, workers: int, town: str, population: DemandConfig) -> tuple[float, int]:
+    """Frames a second while all workers record: from the first frames, which wait for models, to the first end.
+
+    And the most memory that one of them has held, in bytes.
+    """
     stamps: list[float] = []
     ended: list[int] = []
+    peaks: list[int] = []
 
     def on_event(event: Event) -> None:
         if event.kind == "frame":
             stamps.append(time.monotonic())
         elif event.kind == "task":
             ended.append(len(stamps))
+            peaks.append(event.peak_bytes)
 
     config = RunConfig(town=town, frames=_EACH * workers, frames_per_episode=_EACH, seed=_SEED, population=population)
     run(config, drive, engine=LocalEngine(workers), on_event=on_event)
     first, last = 2 * workers, ended[0] - 1
-    return (last - first) / (stamps[last] - stamps[first])
+    return (last - first) / (stamps[last] - stamps[first]), max(peaks)
 
 
 def _children_s() -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from cosim import compare, diagnose
 from cosim.config import RunConfig
+from cosim.engine.peak import peak_bytes
 from cosim.runner import run
 from tests.bench.rows import Row
 
@@ -31,7 +31,7 @@ def rows() -> Iterator[Row]:
             run(RunConfig(frames=count, seed=3, sensor=str(measured), images=(), store_hits=False), drive)
             compared.append(_own_s(lambda drive=drive: compare(drive, model)) / count)
             diagnosed.append(_own_s(lambda drive=drive: verdicts.append(diagnose(drive, model).verdict)))
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    peak = peak_bytes() / 2**20
     yield Row(f"cosim compare, drives of {counts} frames", f"{_slashed(compared, '.2f')} s a frame")
     yield Row(
         f"cosim diagnose, drives of {counts} frames: {', '.join(verdicts)}", f"{_slashed(diagnosed, '.0f')} s", "120"
