@@ -99,19 +99,6 @@ def diagnose(
 class Detective(Inquiry):
     """One diagnosis; see `diagnose`."""
 
-    def __init__(
-        self,
-        drive: Drive,
-        sensor: SensorModel | str | Path,
-        extra: Sequence[type[Effect]],
-        seed: int,
-        say: Callable[[str], None],
-    ) -> None:
-        super().__init__(drive, sensor, extra, seed, say)
-        self._ranking: list[Alternative] = []
-        self._refused: set[str] = set()
-        self._found_map_off = False
-
     def run(self) -> Diagnosis:
         """Everything in order."""
         self.trace()
@@ -141,18 +128,18 @@ class Detective(Inquiry):
         unsure = None if explained is None else self._unsure(look, quick, null, explained)
         if unsure is not None:
             return unsure
-        self._ranking = self._ranking or [_alternative(one, look.verdict) for one in ranked]
+        self.ranking = self.ranking or [_alternative(one, look.verdict) for one in ranked]
         found = (self._adopt(choice, look) for choice in self._choices(look, worthy, strange))
         return next((one for one in found if one is not None), None)
 
     def _unsure(self, look: Look, quick: Fitter, null: Fitted, explained: float) -> Settled | None:
         """The model fitted anew with a map that may be off, if that explains more than anything else; once."""
-        if self._found_map_off:
+        if self.found_map_off:
             return None
         scatter = unsure_map(self.frames, look.fitter, look.fitted, quick, null, explained)
         if scatter is None:
             return None
-        self._found_map_off = True
+        self.found_map_off = True
         self.say(f"the map is off, by about {100 * scatter.map_m:.1f} cm")
         self.frames = with_scatter(self.frames, scatter)
         return self.fitted_anew(look.fitted.pose)
@@ -165,7 +152,7 @@ class Detective(Inquiry):
         # what is not significant by itself.
         unsure = look.fitter.sample.map_is_unsure
         chance = {one.effect: unsure and _p_value(look.verdict, one.effect) > LEVEL for one in worthy}
-        waiting = sorted(worthy, key=lambda one: (one.effect in self._refused, chance[one.effect]))
+        waiting = sorted(worthy, key=lambda one: (one.effect in self.refused, chance[one.effect]))
         outstanding = [one for one in waiting[_TRIED:] if _p_value(look.verdict, one.effect) <= LEVEL]
         for one in (*waiting[:_TRIED], *outstanding):
             yield _Choice(one, tuple(other for other in worthy if other is not one))
@@ -183,7 +170,7 @@ class Detective(Inquiry):
         if not _helps(best, after, self.errors[-1], is_new):
             self.say(f"{best.effect} does not help on frames that took no part: taken back")
             self.model, self.frames = before
-            self._refused.add(best.effect)
+            self.refused.add(best.effect)
             return None
         self.errors.append(after)
         if choice.shape is not None:
@@ -199,7 +186,7 @@ class Detective(Inquiry):
         return Diagnosis.of(
             sensor=SensorModel(self.sensor.pattern, as_known(self.model.effects), self.sensor.origin),
             findings=self._settled(look),
-            ranking=self._ranking,
+            ranking=self.ranking,
             verdict=look.verdict,
             errors=self.errors,
             split=self.split,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.discrepancy.diagnosis import Finding
+from cosim.discrepancy.diagnosis import Alternative, Finding
 from cosim.discrepancy.fitting import Fitted, Fitter, Free, all_free
 from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.gate import Verdict
@@ -57,6 +57,9 @@ class Inquiry:
         model: as it stands.
         findings, unknown: what has been added.
         errors: on the judging frames, after each step.
+        ranking: candidates of the first round.
+        refused: names of those that did not help.
+        found_map_off: whether the map has been found to be off.
     """
 
     def __init__(
@@ -79,6 +82,9 @@ class Inquiry:
         self.findings: list[Finding] = []
         self.unknown: Shape | None = None
         self.errors: list[HeldOut] = []
+        self.ranking: list[Alternative] = []
+        self.refused: set[str] = set()
+        self.found_map_off = False
 
     def unknown_place(self) -> int | None:
         """Where the unknown shape stands among the effects."""
