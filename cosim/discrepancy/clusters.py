@@ -29,12 +29,6 @@ class Clusters:
     part: np.ndarray
     near: sparse.csr_matrix
 
-    @classmethod
-    def unrelated(cls, track: np.ndarray, scan: np.ndarray, part: np.ndarray) -> Clusters:
-        """Of tracks that share nothing."""
-        count = int(track.max(initial=-1)) + 1
-        return cls(track, scan, part, sparse.csr_matrix((count, count)))
-
 
 def nearness(cells: np.ndarray) -> sparse.csr_matrix:
     """How near map cells are, see `Clusters.near`.

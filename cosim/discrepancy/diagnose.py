@@ -216,7 +216,7 @@ class Detective(Inquiry):
             found,
             evidence,
             raw,
-            sample.clusters(),
+            sample.clusters,
             fitted.columns,
             fitter.slopes(fitted.pose, fitted.prediction),
             rng,

@@ -17,19 +17,19 @@ from cosim.discrepancy.twin_scatter import map_scatter_m, with_scatter
 def unsure_map(
     frames: Sequence[TracedFrame], fitter: Fitter, fitted: Fitted, quick: Fitter, null: Fitted, other: float
 ) -> Scatter | None:
-    """How far the twin is off with its map, if that explains more than anything else; None if not, or known already.
+    """How far the twin is off with its map, if that explains more than anything else; None if not.
 
     One number, how far spots of the map scatter, takes the place of an effect: where an effect is missing its own law
     explains more than that ranges are unsure.
 
     Args:
-        frames: as they are known.
+        frames: whose map is taken for exact.
         fitter, fitted: the model as it stands.
         quick, null: the same with fewer beams.
         other: fall of the BIC by the best of other explanations.
     """
     known = frames[0].scatter
-    off_m = map_scatter_m(frames, fitter, fitted) if known.map_m <= 0 else 0.0
+    off_m = map_scatter_m(frames, fitter, fitted)
     if off_m <= 0:
         return None
     scatter = replace(known, map_m=off_m)

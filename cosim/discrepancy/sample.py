@@ -154,6 +154,7 @@ class Sample:
         high = (1 + float(inside.max())) / 2 if len(inside) and (told >= 1).any() else 1.0
         return low, high
 
+    @cached_property
     def clusters(self) -> Clusters:
         """What its beams share errors with; parts are equal sectors of scans, as many as it takes to have enough."""
         sectors = -(-_FEWEST_PARTS // max(len(self.names), 1))

@@ -89,4 +89,4 @@ def shape_gate(fitter: Fitter, fitted: Fitted, present: tuple[Column, ...], rng:
             column = shape_column(fitted, channel, covariate.bin, bins)
             found.append(Direction(f"{channel} by {covariate.name}", "", "", column))
     poses = fitter.slopes(fitted.pose, fitted.prediction)
-    return run_gate(found, [evidence], [], sample.clusters(), present, poses, rng)
+    return run_gate(found, [evidence], [], sample.clusters, present, poses, rng)

@@ -26,7 +26,8 @@ def _p_value(effect: float, shared: float, seed: int, objects: int = 18) -> floa
     columns = [every, *rng.standard_normal((CANDIDATES - 1, len(track)))]
     found = [Direction(f"{number}", "", "a", Column({"intensity": one})) for number, one in enumerate(columns)]
     no_poses = sparse.csr_matrix((len(track), 6 * SCANS))
-    return run_gate(found, [evidence], [], Clusters.unrelated(track, scan, scan), (), no_poses, rng).p_value
+    clusters = Clusters(track, scan, scan, sparse.csr_matrix((objects, objects)))
+    return run_gate(found, [evidence], [], clusters, (), no_poses, rng).p_value
 
 
 def test_what_all_objects_agree_on_shows_though_few_of_them_have_most_of_the_beams():
