@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
 from cosim.discrepancy.evidence import ROUNDED_M, Evidence, Quantity, change
@@ -160,8 +161,14 @@ class Fitter:
         return self.pose_errors.shift(pose, prediction.range_m)
 
     def slopes(self, pose: np.ndarray, prediction: Prediction) -> SparseMatrix:
-        """(n, 6·scans) its derivatives."""
+        """(n, 6·scans) its derivatives; (n, 0) where poses have no errors."""
+        if self.sample.own_axes:
+            return sparse.csr_matrix((len(self.sample), 0))
         return self.pose_errors.slopes(pose, prediction.range_m)
+
+    def precision(self, sigma: np.ndarray) -> np.ndarray:
+        """Inverse variances of the pose errors that there are, (6·scans,) or (0,), for a spread (6,)."""
+        return np.tile(1 / sigma**2, 0 if self.sample.own_axes else self._scans)
 
     def _state(self, effects: tuple[Effect, ...], pose: np.ndarray, blur: float = 0.0) -> tuple[Prediction, Fit]:
         prediction = self.sample.predict(effects)
@@ -212,9 +219,9 @@ class Fitter:
             evidence = Evidence.of(self.sample, fit, blur).reweighted(fit)
             poses = self.slopes(pose, prediction)
             normal = Normal.of(self.columns(effects, free, prediction), evidence, poses)
-            precision = np.tile(1 / sigma**2, self._scans)
+            precision = self.precision(sigma)
             right = normal.right.copy()
-            right[normal.parameters :] -= precision * pose.ravel()
+            right[normal.parameters :] -= precision * pose.ravel()[: len(precision)]
             prior = np.append(np.zeros(normal.parameters), precision)
             system = normal.matrix + np.diag(prior + 1e-9 * np.diag(normal.matrix) + 1e-12)
             step = np.linalg.solve(system, right)
@@ -224,7 +231,7 @@ class Fitter:
             for halving in range(_HALVINGS):
                 part = step * 0.5**halving
                 trial = _moved(effects, free, part[: normal.parameters])
-                tilted = pose + part[normal.parameters :].reshape(pose.shape)
+                tilted = pose + part[normal.parameters :].reshape(pose.shape) if len(precision) else pose
                 state = self._state(trial, tilted, blur)
                 reached = self._penalised(state[1], tilted, sigma)
                 if reached > value:
@@ -240,7 +247,9 @@ class Fitter:
     def _spread(self, normal: Normal, pose: np.ndarray, sigma: np.ndarray) -> np.ndarray:
         """One step of expectation–maximisation for the spread of pose errors."""
         count = normal.parameters
-        block = normal.matrix[count:, count:] + np.diag(np.tile(1 / sigma**2, self._scans))
+        if self.sample.own_axes:
+            return sigma
+        block = normal.matrix[count:, count:] + np.diag(self.precision(sigma))
         uncertain = np.diag(np.linalg.inv(block)).reshape(-1, 6)
         return np.clip(np.sqrt((pose**2 + uncertain).mean(0)), POSE_FLOOR, _POSE_MOST)
 
@@ -250,7 +259,7 @@ class Fitter:
     def _marginal(self, state: tuple[Prediction, Fit], pose: np.ndarray, sigma: np.ndarray) -> float:
         prediction, fit = state
         normal = Normal.of((), Evidence.of(self.sample, fit), self.slopes(pose, prediction))
-        scale = np.tile(sigma, self._scans)
+        scale = 1 / np.sqrt(self.precision(sigma))
         matrix = np.eye(len(scale)) + scale[:, None] * normal.matrix * scale
         return self._penalised(fit, pose, sigma) - 0.5 * float(np.linalg.slogdet(matrix)[1])
 

@@ -55,6 +55,7 @@ class TracedFrame:
         border: (n,) bool: beams whose brightness is, because a touch aside the material is another.
         seam: (n,) bool: the same where the other is so much brighter or darker that the brightness tells which it was.
         leaning: (6,) error of the LiDAR's pose that was traced with: a shift [m], and a turn about its axes [rad].
+        own_axes: whether its twin was made from its own points, so that its pose cannot be wrong.
         ego, instances: at the pose time.
         scatter: how far the twin is off, as far as `unsure_m` and `edge` know of it.
         exact: the same frame where these do not; None if it is this one.
@@ -71,6 +72,7 @@ class TracedFrame:
     border: np.ndarray
     seam: np.ndarray
     leaning: np.ndarray
+    own_axes: bool
     ego: EgoMotion
     instances: Instances
     scatter: Scatter = Scatter()
@@ -121,6 +123,7 @@ class FrameTracer:
             border=border,
             seam=seam,
             leaning=leaning,
+            own_axes=frame.has("twin/trust"),
             ego=ego,
             instances=instances,
         )

@@ -26,6 +26,7 @@ LEVEL = 0.05
 _KEPT_SHARE = 0.02  # of a candidate's information that must outlive the fit of pose errors
 _Z80 = 0.8416
 _FEWEST_SCANS = 5
+_OF_WHERE: tuple[Quantity, ...] = ("range", "rise")  # both tell where a beam looks
 _MOST_LIKE = 0.8
 _PLAIN = 3.0
 _TILTS = 60
@@ -153,7 +154,7 @@ def run_gate(
         raw: the same with poses taken as they are said: for what cannot be told from a pose error in one scan.
         clusters: of beams.
         present: columns of parameters that have been fitted.
-        poses: (n, 6·scans) columns of pose errors.
+        poses: (n, 6·scans) columns of pose errors; (n, 0) where there are none.
         rng: for the signs.
         posed: what fitted pose errors say.
     """
@@ -169,7 +170,7 @@ def run_gate(
             if quantity != "range" or not raw:
                 sums += with_pose[0].sums(direction, quantity, 0.0)
                 continue
-            for projector in with_pose:
+            for projector in with_pose if poses.shape[1] else ():
                 sums += projector.sums(direction, quantity, _KEPT_SHARE)
             for projector in without:
                 sums += [_drifting(one) for one in projector.sums(direction, quantity, 0.0)]
@@ -232,20 +233,34 @@ class _Projector:
         return [_Sums(direction, quantity, by_track, by_scan, left, known[1].sum(1), spread)]
 
     def _basis(self, quantity: Quantity, rows: int) -> tuple[SparseMatrix, np.ndarray, list[np.ndarray]]:
+        """What is there already changes of a quantity; its inverse information, and its scores by cluster.
+
+        Where a laser looks is told by ranges and by rises. So scores and information are those of both: a column of
+        ranges alone must not be taken for a laser's elevation that its rises deny.
+        """
         if quantity not in self._cache:
-            parts = [column.matrix(quantity, rows) for column in self._present]
-            if self._poses is not None and quantity == "range":
-                parts.append(self._poses)
-            basis: SparseMatrix = sparse.hstack(parts, format="csr") if parts else sparse.csr_matrix((rows, 0))
-            keep = np.flatnonzero(np.asarray(abs(basis).sum(0)).ravel() > 0)
-            basis = basis[:, keep]
-            weights: SparseMatrix = sparse.diags(self._evidence.information[quantity])
-            matrix = (basis.T @ weights @ basis).toarray()
+            together: tuple[Quantity, ...] = _OF_WHERE if quantity in _OF_WHERE else (quantity,)
+            of_each: dict[Quantity, SparseMatrix] = {
+                one: self._columns(one, rows) for one in together if one in self._evidence.score
+            }
+            keep = np.flatnonzero(np.asarray(abs(of_each[quantity]).sum(0)).ravel() > 0)
+            matrix = np.zeros((len(keep), len(keep)))
+            scores = [np.zeros((hot.shape[0], len(keep))) for hot in self._clusters]
+            for one, columns in of_each.items():
+                kept = columns[:, keep]
+                matrix += (kept.T @ sparse.diags(self._evidence.information[one]) @ kept).toarray()
+                weighted: SparseMatrix = sparse.diags(self._evidence.score[one]) @ kept
+                scores = [found + (hot @ weighted).toarray() for found, hot in zip(scores, self._clusters, strict=True)]
             matrix += np.diag(1e-9 * np.diag(matrix) + 1e-12)
             inverse = np.linalg.inv(matrix) if len(matrix) else matrix
-            weighted: SparseMatrix = sparse.diags(self._evidence.score[quantity]) @ basis
-            self._cache[quantity] = (basis, inverse, [(one @ weighted).toarray() for one in self._clusters])
+            self._cache[quantity] = (of_each[quantity][:, keep], inverse, scores)
         return self._cache[quantity]
+
+    def _columns(self, quantity: Quantity, rows: int) -> SparseMatrix:
+        parts = [column.matrix(quantity, rows) for column in self._present]
+        if self._poses is not None:
+            parts.append(self._poses if quantity == "range" else sparse.csr_matrix(self._poses.shape))
+        return sparse.hstack(parts, format="csr") if parts else sparse.csr_matrix((rows, 0))
 
 
 def _signs(

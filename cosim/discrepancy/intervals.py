@@ -25,7 +25,7 @@ def standard_errors(fitter: Fitter, fitted: Fitted) -> np.ndarray:
     count = normal.parameters
     if not count:
         return np.zeros(0)
-    precision = np.append(np.zeros(count), np.tile(1 / fitted.pose_sigma**2, len(sample.names)))
+    precision = np.append(np.zeros(count), fitter.precision(fitted.pose_sigma))
     matrix = normal.matrix + np.diag(precision + 1e-9 * np.diag(normal.matrix) + 1e-12)
     inverse = np.linalg.inv(matrix)
     rows = len(sample)

@@ -75,7 +75,7 @@ class PosePatterns:
     def pattern(self, direction: Direction) -> np.ndarray | None:
         """Pose errors (scans, 6) that a unit of a direction makes; None where it does something else."""
         delta, weight = direction.moved, self._weight
-        if direction.column.rings > 1 or delta is None:
+        if direction.column.rings > 1 or delta is None or self._sample.own_axes:
             return None
         scans = self._fitted.pose.shape[0]
         pattern, explained, total = np.zeros((scans, 6)), 0.0, 0.0

@@ -19,7 +19,7 @@ from cosim.discrepancy.sample import same_beams
 from cosim.discrepancy.settling import Trace
 from sensors.effects.base import BeamEffect, Effect
 
-_SHORTLIST = 6
+_SHORTLIST, _NEARLY = 6, 0.7
 _OUTSTANDING = 3
 _LIKE_POSES = 0.2
 _RETRACED = 3
@@ -58,22 +58,32 @@ def shortlist(
 ) -> dict[str, list[Direction]]:
     """The effects worth fitting, with the directions to start from: the most promising and the most significant.
 
-    Promise is the gain of likelihood that the linearised model foresees. It does not see that scans' pose errors may
-    be all of one kind, so what would make such errors counts as well.
+    Promise is the gain of likelihood that the linearised model foresees. It knows nothing of how far a slope reaches,
+    so that losses that were thought impossible promise most of all: of what moves ranges, all that promise nearly
+    as much as the best of it are asked, and what is most significant in any quantity. Nor does it see that scans' pose
+    errors may be all of one kind, so what would make such errors counts as well.
     """
     foresee = Foresight(fitter, fitted)
     promise: dict[str, list[tuple[float, Direction]]] = {}
     for direction in found:
         promise.setdefault(direction.effect, []).append((foresee.gain(direction), direction))
     best = {name: sorted(rows, key=lambda row: -row[0]) for name, rows in promise.items()}
-    significant = list(dict.fromkeys(one.direction.effect for one in verdict.statistics if one.p_value <= LEVEL))
-    names = sorted(best, key=lambda name: -best[name][0][0])[:_SHORTLIST]
-    names = [name for name in names if best[name][0][0] > 0]
+    ordered = sorted((name for name in best if best[name][0][0] > 0), key=lambda name: -best[name][0][0])
+    moving = [name for name in ordered if "range" in best[name][0][1].column.delta]
+    nearly = [name for name in moving if best[name][0][0] > _NEARLY * best[moving[0]][0][0]]
     likeness = {name: max(foresee.pose_likeness(row[1]) for row in rows) for name, rows in best.items()}
     tilting = sorted((name for name in likeness if likeness[name] > _LIKE_POSES), key=lambda name: -likeness[name])
-    outstanding = [*significant[:_OUTSTANDING], *tilting[:_OUTSTANDING]]
-    names += [name for name in dict.fromkeys(outstanding) if name in best and name not in names]
+    names = [*ordered[:_SHORTLIST], *nearly, *_outstanding(verdict), *tilting[:_OUTSTANDING]]
+    names = [name for name in dict.fromkeys(names) if name in best]
     return {name: [direction for _, direction in best[name][: _starts(best[name][0][1])]] for name in names}
+
+
+def _outstanding(verdict: Verdict) -> list[str]:
+    """The most significant effects, of all and of each quantity."""
+    significant = [one for one in verdict.statistics if one.p_value <= LEVEL]
+    overall = list(dict.fromkeys(one.direction.effect for one in significant))[:_OUTSTANDING]
+    first = {one.quantity: one.direction.effect for one in reversed(significant)}
+    return [*overall, *first.values()]
 
 
 def look_alikes(ranked: Sequence[Ranked], found: Sequence[Direction], kinds: Sequence[type[Effect]]) -> list[Direction]:
@@ -216,6 +226,8 @@ def simpler_first(ranked: Sequence[Ranked], fitter: Fitter, starts: Mapping[str,
     if not ranked:
         return []
     best, found = max(ranked, key=lambda one: one.delta_bic), []
+    if all(free.unknown.rings == 1 for free in best.fitted.free_of(best.place)):
+        return list(ranked)
     for one in ranked:
         simpler = one.parameters < best.parameters and one.delta_bic > max(_MATTERS * best.delta_bic, 0.0)
         if simpler and entangled(fitter, best.fitted, starts[one.effect][0], [best.place]):
@@ -231,14 +243,15 @@ class Foresight:
 
     def __init__(self, fitter: Fitter, fitted: Fitted) -> None:
         self._fitted, self._rows = fitted, len(fitter.sample)
-        self._precision = np.tile(1 / fitted.pose_sigma**2, len(fitter.sample.names))
+        self._precision = fitter.precision(fitted.pose_sigma)
+        self._pose = fitted.pose.ravel()[: len(self._precision)]
         poses = fitter.slopes(fitted.pose, fitted.prediction)
         self._weighted = (poses.T @ sparse.diags(fitted.evidence.information["range"])).tocsr()
         known = np.asarray((self._weighted @ poses).todense())
         self._known = known + np.diag(1e-9 * np.diag(known) + 1e-12)
         self._block = np.linalg.inv(known + np.diag(self._precision))
         slope = poses.T @ fitted.evidence.score["range"]
-        self._slope = self._block @ (slope - self._precision * fitted.pose.ravel())
+        self._slope = self._block @ (slope - self._precision * self._pose)
 
     def pose_likeness(self, direction: Direction) -> float:
         """Share of the scans' fitted pose errors that one amplitude of a direction would make, 0–1."""
@@ -246,7 +259,7 @@ class Foresight:
         if column.rings > 1 or "range" not in column.delta:
             return 0.0
         pattern = np.asarray((self._weighted @ column.matrix("range", self._rows)).todense()).ravel()
-        pose = self._fitted.pose.ravel()
+        pose = self._pose
         made = float(pattern @ np.linalg.solve(self._known, pattern))
         shown = float(pose @ self._known @ pose)
         return float(pattern @ pose) ** 2 / (made * shown) if made > 0 and shown > 0 else 0.0

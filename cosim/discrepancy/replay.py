@@ -123,6 +123,7 @@ class FrameReplay:
         measured = np.nan_to_num(frame.observed.intensity[before])
         self.previous_intensity = np.where(follows, measured, np.float32(0))
         self._last: tuple[tuple[Effect, ...], Shot] | None = None
+        self._looks: tuple[tuple[Effect, ...], np.ndarray] | None = None
         self._found: dict[str, Any] = {}
 
     def expect(self, effects: Sequence[Effect]) -> tuple[Expectation, np.ndarray, np.ndarray]:
@@ -139,8 +140,7 @@ class FrameReplay:
         if self._calibrated:
             # Points stand where the unit's calibration has its lasers look, not along the pattern's beams; how far
             # above these follows from the measured range, whatever surface it was.
-            known = [effect for effect in effects if isinstance(effect, RingElevation)]
-            looks = self._left(tuple(known)).direction.astype(np.float64)
+            looks = self._calibrated_looks(tuple(effect for effect in effects if isinstance(effect, RingElevation)))
             ahead = np.einsum("ij,ij->i", looks, direction)
             above = above + (self._along_m - along) / ahead * np.einsum("ij,ij->i", looks, upwards(direction))
             reach = np.nan_to_num(found.range_m)  # a beam into the sky may return all the same: of a drop, at its range
@@ -170,6 +170,12 @@ class FrameReplay:
         if self._last is None or self._last[0] != bending:
             self._last = (bending, self._bent(bending))
         return self._last[1]
+
+    def _calibrated_looks(self, known: tuple[RingElevation, ...]) -> np.ndarray:
+        """Where the unit's own calibration has its lasers look, (n, 3) float64."""
+        if self._looks is None or self._looks[0] != known:
+            self._looks = (known, self._left(known).direction.astype(np.float64))
+        return self._looks[1]
 
     def _left(self, effects: tuple[Effect, ...]) -> Beams:
         """The sample's beams as beam effects let them leave."""

@@ -78,6 +78,7 @@ class Sample:
         ring, material, instance: (n,) int.
         reflectance, previous_intensity: (n,) of the surface; measured of the beam fired before in the ring, 0 for none.
         leaning: (scans, 6) pose errors that were traced with, see `TracedFrame`.
+        own_axes: whether scans stand where their twins were made, so that poses have no errors.
         scan_values: by name, (scans,) pose time, and the ego vehicle's speed, acceleration and yaw rate.
         azimuth, time_s, range_m, cos_incidence: (n,) of the beams as traced.
     """
@@ -112,6 +113,7 @@ class Sample:
     reflectance: np.ndarray
     previous_intensity: np.ndarray
     leaning: np.ndarray
+    own_axes: bool
     scan_values: dict[str, np.ndarray]
 
     def __len__(self) -> int:
@@ -249,6 +251,7 @@ def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, 
         track=track,
         cells=cells,
         leaning=np.array([one.leaning for one in frames]),
+        own_axes=all(one.own_axes for one in frames),
         scan_values={
             "time_s": np.array([one.time_s for one in frames]),
             "speed_mps": np.array([float(np.linalg.norm(one.ego.velocity_mps)) for one in frames]),

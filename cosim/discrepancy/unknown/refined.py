@@ -56,13 +56,14 @@ def _step(
     fitter: Fitter, fitted: Fitted, column: Column, channel: Quantity, evidence: Evidence, pose: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """A step of the shape, that of pose errors, the covariance of the first, and the gain that it foresees."""
-    poses = fitter.slopes(pose, fitted.prediction) if channel == "range" else None
+    has_poses = channel == "range" and not fitter.sample.own_axes
+    poses = fitter.slopes(pose, fitted.prediction) if has_poses else None
     normal = Normal.of([column], evidence, poses)
     size = normal.parameters
     matrix, right, tilt = normal.matrix[:size, :size], normal.right[:size], np.zeros_like(pose)
     rest = shared = np.zeros(0)
     if poses is not None:
-        precision = np.tile(1 / fitted.pose_sigma**2, len(fitter.sample.names))
+        precision = fitter.precision(fitted.pose_sigma)
         block = np.linalg.inv(normal.matrix[size:, size:] + np.diag(precision))
         shared = block @ normal.matrix[size:, :size]
         rest = block @ (normal.right[size:] - precision * pose.ravel())

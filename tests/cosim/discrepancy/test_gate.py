@@ -42,3 +42,18 @@ def test_errors_that_objects_have_of_their_own_hardly_ever_alarm():
 @pytest.mark.parametrize("objects", [2, 4])
 def test_a_handful_of_objects_proves_nothing(objects):
     assert _p_value(3.0, 0.0, 1, objects) > 0.05
+
+
+@pytest.mark.parametrize("rises_tell", [True, False])
+def test_a_constant_error_is_none_of_the_lasers_where_their_rises_say_so(rises_tell):
+    rng, rings, objects, beams = np.random.default_rng(0), 8, 30, 6000
+    track, scan, ring = (rng.integers(many, size=beams) for many in (objects, SCANS, rings))
+    every = np.ones(beams)
+    score = {"range": rng.standard_normal(beams) + 0.5, "rise": rng.standard_normal(beams)}
+    evidence = Evidence(score, {"range": every, "rise": every})  # pyright: ignore[reportArgumentType]
+    of_lasers = Column({"range": every, "rise": 20 * every} if rises_tell else {"range": every}, ring, rings)
+    clusters = Clusters(track, scan, scan, sparse.csr_matrix((objects, objects)))
+    found = [Direction("offset", "", "a", Column({"range": every}))]
+    no_poses = sparse.csr_matrix((beams, 0))
+    verdict = run_gate(found, [evidence], [evidence], clusters, (of_lasers,), no_poses, rng)
+    assert (verdict.p_value <= 0.05) == rises_tell
