@@ -26,6 +26,7 @@ _POSE_START = np.array([0.02] * 3 + [np.radians(0.05)] * 3)
 _POSE_MOST = np.array([0.5] * 3 + [np.radians(3.0)] * 3)
 _GAIN_M = 1e-3  # log-likelihood that a step must still bring
 _STEPS = 12
+_KEPT_STEPS = 3  # for which slopes of what is about right already are kept
 _HALVINGS = 6
 _FAR_M, _FINE_M = 3.0, 0.01
 _ROUGH, _ROUGH_SHARE = 8.0, 0.985
@@ -103,7 +104,7 @@ class Fitter:
             free: what may change.
             pose, pose_sigma: where to start with the scans' pose errors; else with those that were traced with.
             steps: most Gauss–Newton steps.
-            near: places of effects that are about right already, where a search need not go far.
+            near: places of effects that are about right already, where a search need not go far and slopes stay.
         """
         current, free = tuple(effects), tuple(free)
         pose = self.sample.leaning if pose is None else pose
@@ -111,7 +112,7 @@ class Fitter:
         state = self._state(current, pose)
         gradual = tuple(one for one in free if not current[one.effect].by_search)
         for blur in self._blurs(state[0], pose):
-            current, pose, sigma = self._descend(current, gradual, pose, sigma, blur, steps)
+            current, pose, sigma = self._descend(current, gradual, pose, sigma, blur, steps, near)
             state = self._state(current, pose)
         current = self._searched(current, free, pose, sigma, near)
         state = self._state(current, pose)
@@ -212,13 +213,16 @@ class Fitter:
         sigma: np.ndarray,
         blur: float,
         steps: int,
+        near: Collection[int],
     ) -> tuple[tuple[Effect, ...], np.ndarray, np.ndarray]:
         prediction, fit = self._state(effects, pose, blur)
-        value = self._penalised(fit, pose, sigma)
-        for _ in range(steps):
+        value, columns = self._penalised(fit, pose, sigma), dict[Free, Column]()
+        for number in range(steps):
             evidence = Evidence.of(self.sample, fit, blur).reweighted(fit)
             poses = self.slopes(pose, prediction)
-            normal = Normal.of(self.columns(effects, free, prediction), evidence, poses)
+            anew = [one for one in free if number % _KEPT_STEPS == 0 or one.effect not in near]
+            columns |= zip(anew, self.columns(effects, anew, prediction), strict=True)
+            normal = Normal.of([columns[one] for one in free], evidence, poses)
             precision = self.precision(sigma)
             right = normal.right.copy()
             right[normal.parameters :] -= precision * pose.ravel()[: len(precision)]
