@@ -9,6 +9,7 @@ import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.candidates import with_values
+from cosim.discrepancy.evidence import Evidence
 from cosim.discrepancy.fitting import Fitted, Fitter, all_free
 from cosim.discrepancy.frames import bending
 from cosim.discrepancy.gate import LEVEL, Direction, Verdict
@@ -60,22 +61,39 @@ def shortlist(
 
     Promise is the gain of likelihood that the linearised model foresees. It knows nothing of how far a slope reaches,
     so that losses that were thought impossible promise most of all: of what moves ranges, all that promise nearly
-    as much as the best of it are asked, and what is most significant in any quantity. Nor does it see that scans' pose
-    errors may be all of one kind, so what would make such errors counts as well.
+    as much as the best of it are asked, from afar, too, where ranges are far off, and what is most significant in any
+    quantity. Nor does it see that scans' pose errors may be all of one kind, so what would make such errors counts as
+    well.
     """
-    foresee = Foresight(fitter, fitted)
+    foresee = Foresight(fitter, fitted, fitted.evidence)
+    best = _by_promise(foresee, found)
+    names = [name for name in list(best)[:_SHORTLIST] if best[name][0][0] > 0] + _nearly(best)
+    wide = fitter.roughness(fitted.prediction, fitted.pose)
+    if wide > 0:
+        names += _nearly(
+            _by_promise(Foresight(fitter, fitted, fitter.evidence(fitted.prediction, fitted.pose, wide)), found)
+        )
+    likeness = {name: max(foresee.pose_likeness(row[1]) for row in rows) for name, rows in best.items()}
+    tilting = sorted((name for name in likeness if likeness[name] > _LIKE_POSES), key=lambda name: -likeness[name])
+    names = [*names, *_outstanding(verdict), *tilting[:_OUTSTANDING]]
+    names = [name for name in dict.fromkeys(names) if name in best]
+    return {name: [direction for _, direction in best[name][: _starts(best[name][0][1])]] for name in names}
+
+
+def _by_promise(foresee: Foresight, found: Sequence[Direction]) -> dict[str, list[tuple[float, Direction]]]:
+    """Effects with their directions and what these promise, the most promising first."""
     promise: dict[str, list[tuple[float, Direction]]] = {}
     for direction in found:
         promise.setdefault(direction.effect, []).append((foresee.gain(direction), direction))
     best = {name: sorted(rows, key=lambda row: -row[0]) for name, rows in promise.items()}
-    ordered = sorted((name for name in best if best[name][0][0] > 0), key=lambda name: -best[name][0][0])
-    moving = [name for name in ordered if "range" in best[name][0][1].column.delta]
-    nearly = [name for name in moving if best[name][0][0] > _NEARLY * best[moving[0]][0][0]]
-    likeness = {name: max(foresee.pose_likeness(row[1]) for row in rows) for name, rows in best.items()}
-    tilting = sorted((name for name in likeness if likeness[name] > _LIKE_POSES), key=lambda name: -likeness[name])
-    names = [*ordered[:_SHORTLIST], *nearly, *_outstanding(verdict), *tilting[:_OUTSTANDING]]
-    names = [name for name in dict.fromkeys(names) if name in best]
-    return {name: [direction for _, direction in best[name][: _starts(best[name][0][1])]] for name in names}
+    return dict(sorted(best.items(), key=lambda item: -item[1][0][0]))
+
+
+def _nearly(best: Mapping[str, Sequence[tuple[float, Direction]]]) -> list[str]:
+    """Effects that move ranges and promise nearly as much as the best of these."""
+    moving = {name: rows[0][0] for name, rows in best.items() if "range" in rows[0][1].column.delta}
+    most = max(moving.values(), default=0.0)
+    return [name for name, promised in moving.items() if promised > _NEARLY * most]
 
 
 def _outstanding(verdict: Verdict) -> list[str]:
@@ -241,16 +259,16 @@ def simpler_first(ranked: Sequence[Ranked], fitter: Fitter, starts: Mapping[str,
 class Foresight:
     """Gains that the linearised model foresees, pose errors in the background as likely as their spread says."""
 
-    def __init__(self, fitter: Fitter, fitted: Fitted) -> None:
-        self._fitted, self._rows = fitted, len(fitter.sample)
+    def __init__(self, fitter: Fitter, fitted: Fitted, evidence: Evidence) -> None:
+        self._evidence, self._rows = evidence, len(fitter.sample)
         self._precision = fitter.precision(fitted.pose_sigma)
         self._pose = fitted.pose.ravel()[: len(self._precision)]
         poses = fitter.slopes(fitted.pose, fitted.prediction)
-        self._weighted = (poses.T @ sparse.diags(fitted.evidence.information["range"])).tocsr()
+        self._weighted = (poses.T @ sparse.diags(evidence.information["range"])).tocsr()
         known = np.asarray((self._weighted @ poses).todense())
         self._known = known + np.diag(1e-9 * np.diag(known) + 1e-12)
         self._block = np.linalg.inv(known + np.diag(self._precision))
-        slope = poses.T @ fitted.evidence.score["range"]
+        slope = poses.T @ evidence.score["range"]
         self._slope = self._block @ (slope - self._precision * self._pose)
 
     def pose_likeness(self, direction: Direction) -> float:
@@ -268,7 +286,7 @@ class Foresight:
         """Of the log-likelihood, by the best step along a direction."""
         if direction.gain is not None:
             return float(direction.gain.sum())
-        column, evidence = direction.column, self._fitted.evidence
+        column, evidence = direction.column, self._evidence
         matrix, slope = np.zeros((column.rings, column.rings)), np.zeros(column.rings)
         for quantity in column.delta:
             if quantity not in evidence.score:

@@ -6,6 +6,7 @@ import multiprocessing
 import os
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import Self
 
 from cosim.behaviour import BehaviourConfig
@@ -17,7 +18,7 @@ from cosim.discrepancy.traffic.summary import Summary, summarise
 from cosim.traffic import TrafficError
 
 Job = tuple[BehaviourConfig, int]
-_MOST_WORKERS = 8
+_MOST_WORKERS, _MOST_DEATHS = 8, 3
 
 
 class Simulations:
@@ -33,12 +34,8 @@ class Simulations:
     """
 
     def __init__(self, replay: Replay, network: Network, step_s: float, workers: int | None = None) -> None:
-        self._pool = ProcessPoolExecutor(
-            max_workers=workers or min(os.cpu_count() or 1, _MOST_WORKERS),
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_begin,
-            initargs=(replay, network, step_s),
-        )
+        self._workers, self._given = workers or min(os.cpu_count() or 1, _MOST_WORKERS), (replay, network, step_s)
+        self._pool = self._begun()
         self._done: dict[tuple[str, int], Summary] = {}
 
     def __enter__(self) -> Self:
@@ -55,14 +52,29 @@ class Simulations:
     def run(self, jobs: Sequence[Job]) -> list[Summary]:
         """Summaries of the model with a behaviour and a seed each, in order.
 
+        SUMO may die of what an earlier simulation left in its process; the rest is then done by fresh ones.
+
         Raises:
-            TrafficError: SUMO refuses the scenario.
+            TrafficError: SUMO refuses the scenario, or dies of it.
         """
-        keys = [(behaviour.model_dump_json(), seed) for behaviour, seed in jobs]
-        new = {key: job for key, job in zip(keys, jobs, strict=True) if key not in self._done}
-        for key, summary in zip(new, self._pool.map(_summary, new.values()), strict=True):
-            self._done[key] = summary
+        keys, deaths = [(behaviour.model_dump_json(), seed) for behaviour, seed in jobs], 0
+        while new := {key: job for key, job in zip(keys, jobs, strict=True) if key not in self._done}:
+            before = len(self._done)
+            try:
+                for key, summary in zip(new, self._pool.map(_summary, new.values()), strict=True):
+                    self._done[key] = summary
+            except BrokenProcessPool:
+                deaths = 1 if len(self._done) > before else deaths + 1
+                self._pool.shutdown()
+                self._pool = self._begun()
+                if deaths > _MOST_DEATHS:
+                    raise TrafficError("SUMO dies of a simulation again and again; try another --seeds") from None
         return [self._done[key] for key in keys]
+
+    def _begun(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(
+            self._workers, multiprocessing.get_context("spawn"), initializer=_begin, initargs=self._given
+        )
 
 
 class _Worker:
