@@ -15,16 +15,18 @@ _LEVEL = 0.975
 
 
 def standard_errors(fitter: Fitter, fitted: Fitted) -> np.ndarray:
-    """Standard errors of all free parameters, (p,), by sandwich (White 1980) clustered by track and by scan.
+    """Standard errors of all free parameters, (p,): the widest of `covariances`."""
+    return np.sqrt(np.max([np.diag(one) for one in covariances(fitter, fitted)], axis=0))
 
-    Of the two clusterings, and none, the widest counts.
-    """
+
+def covariances(fitter: Fitter, fitted: Fitted) -> list[np.ndarray]:
+    """Covariances (p, p) of all free parameters by sandwich (White 1980): of no clusters, of tracks and of scans."""
     sample, columns = fitter.sample, fitted.columns
     poses = fitter.slopes(fitted.pose, fitted.prediction)
     normal = Normal.of(columns, fitted.evidence, poses)
     count = normal.parameters
     if not count:
-        return np.zeros(0)
+        return [np.zeros((0, 0))]
     precision = np.append(np.zeros(count), fitter.precision(fitted.pose_sigma))
     matrix = normal.matrix + np.diag(precision + 1e-9 * np.diag(normal.matrix) + 1e-12)
     inverse = np.linalg.inv(matrix)
@@ -34,13 +36,13 @@ def standard_errors(fitter: Fitter, fitted: Fitted) -> np.ndarray:
         parts = [column.matrix(quantity, rows) for column in columns]
         parts.append(poses if quantity == "range" else sparse.csr_matrix(poses.shape))
         influence += score[:, None] * (sparse.hstack(parts, format="csr") @ inverse[:, :count])
-    found = (influence**2).sum(0)
+    found = [influence.T @ influence]
     for cluster in (sample.track, sample.frame):
         size = int(cluster.max(initial=0)) + 1
         hot = sparse.csr_matrix((np.ones(rows), (cluster, np.arange(rows))), (size, rows))
         sums = hot @ influence
-        found = np.maximum(found, (sums**2).sum(0) * size / max(size - 1, 1))
-    return np.sqrt(found)
+        found.append(sums.T @ sums * size / max(size - 1, 1))
+    return found
 
 
 def half_widths(fitter: Fitter, fitted: Fitted) -> np.ndarray:

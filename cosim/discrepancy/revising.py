@@ -11,7 +11,7 @@ from cosim.discrepancy.candidates import amplitudes, unknowns
 from cosim.discrepancy.directions import directions
 from cosim.discrepancy.fitting import Fitted, Fitter
 from cosim.discrepancy.hard_limits import is_searched
-from cosim.discrepancy.intervals import standard_errors
+from cosim.discrepancy.intervals import covariances
 from cosim.discrepancy.kinds import confusable
 from cosim.discrepancy.ranking import Ranked, fit_candidate
 from cosim.discrepancy.unknown import Shape, same_shape
@@ -61,24 +61,35 @@ def is_idle(fitter: Fitter, fitted: Fitted, place: int, clearly: float, said: Ef
         clearly: standard errors beyond which an amplitude is there.
         said: the effect as the sensor had it; None if it did not.
     """
-    kind, errors, at = type(fitted.effects[place]), standard_errors(fitter, fitted), 0
-    neutral, deviates, is_sloping = said.model_dump() if said is not None else kind.neutral or {}, [], True
+    kind, at, rows, apart, is_sloping = type(fitted.effects[place]), 0, [], [], True
+    neutral = said.model_dump() if said is not None else kind.neutral or {}
     for one, column in zip(fitted.free, fitted.columns, strict=True):
-        part = errors[at : at + one.unknown.rings]
-        at += one.unknown.rings
         if one.effect == place and (said is not None or one.unknown.name in amplitudes(kind)):
-            apart = np.subtract(getattr(fitted.effects[place], one.unknown.name), neutral[one.unknown.name])
-            deviates.append(float(np.sqrt(np.mean((apart / np.maximum(part, 1e-12)) ** 2))))
+            rows += range(at, at + one.unknown.rings)
+            away = np.subtract(getattr(fitted.effects[place], one.unknown.name), neutral[one.unknown.name])
+            apart += np.atleast_1d(away).tolist()
             is_sloping &= not is_searched(fitted.effects[place], one.unknown, column)
-    if not deviates or max(deviates) > clearly:
+        at += one.unknown.rings
+    deviate = _joint_deviate(covariances(fitter, fitted), rows, np.array(apart)) if rows else np.inf
+    if deviate > clearly:
         return False
-    if is_sloping and max(deviates) < _WITHIN_INTERVAL:
+    if is_sloping and deviate < _WITHIN_INTERVAL:
         return True
     there = () if said is None else (said,)
     rest = (*fitted.effects[:place], *there, *fitted.effects[place + 1 :])
     without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
     count = sum(one.unknown.rings for one in fitted.free_of(place))
     return 2 * (fitted.loglik - without.loglik) < count * np.log(len(fitter.sample))
+
+
+def _joint_deviate(covariances: Sequence[np.ndarray], rows: Sequence[int], apart: np.ndarray) -> float:
+    """Size of numbers (k,) in their standard errors, as they go together: one may make up for another (Wald)."""
+    squares = []
+    for one in covariances:
+        mine = one[np.ix_(rows, rows)]
+        mine += np.diag(1e-6 * np.diag(mine) + 1e-24)
+        squares.append(float(apart @ np.linalg.solve(mine, apart)) / len(apart))
+    return float(np.sqrt(min(squares)))
 
 
 def redrawn(fitter: Fitter, fitted: Fitted, place: int, shape: Shape) -> Shape | None:

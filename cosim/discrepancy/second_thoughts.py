@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
+from cosim.discrepancy.fitting import all_free
 from cosim.discrepancy.inquiry import Inquiry, Look, Model
 from cosim.discrepancy.revising import is_idle, redrawn, simpler_rival
 from cosim.discrepancy.settling import Settled
@@ -59,21 +62,46 @@ def _exchanged(case: Inquiry, look: Look, place: int, effect: Effect) -> Look | 
 
 
 def tidied(case: Inquiry, look: Look) -> Look:
-    """Take out, or put back as it was said, what turned out to do nothing once the others were there."""
+    """Take out, or put back as it was said, what turned out to do nothing once the others were there.
+
+    One by one, the least needed first: of two that make up for one another each does nothing beside the other.
+    """
+    before = look
+    while idle := _idle(case, look):
+        least = idle[0] if len(idle) == 1 else max(idle, key=lambda place: _worth_without(case, look, place))
+        case.say(f"taking out {case.model.effects[least].name}")
+        case.findings = [one for one in case.findings if one.effect != case.model.effects[least].name]
+        case.model = _without(case, least)
+        settled = case.fitted_anew()
+        look = replace(look, fitter=settled.fitter, fitted=settled.fitted)
+    if look is not before:
+        case.errors.append(case.held_out())
+    return look
+
+
+def _idle(case: Inquiry, look: Look) -> list[int]:
+    """Places of effects that do nothing beside the others, or what they were said to do."""
     fitter, fitted = look.fitter, look.fitted
-    idle = [
-        place for place in case.model.fitted if is_idle(fitter, fitted, place, _CLEARLY_THERE, said=case.said(place))
-    ]
-    if not idle:
-        return look
-    case.say(f"taking out {', '.join(case.model.effects[place].name for place in idle)}")
-    gone = {case.model.effects[place].name for place in idle}
-    case.findings = [one for one in case.findings if one.effect not in gone]
-    effects = {place: effect for place, effect in enumerate(case.model.effects) if place not in idle}
-    effects |= {place: said for place in idle if (said := case.said(place)) is not None}
+    places = [place for place in case.model.fitted if case.model.effects[place] != case.said(place)]
+    return [place for place in places if is_idle(fitter, fitted, place, _CLEARLY_THERE, said=case.said(place))]
+
+
+def _without(case: Inquiry, place: int) -> Model:
+    """The model without an effect, or with it as it was said, which is fitted no more."""
+    effects, said = dict(enumerate(case.model.effects)), case.said(place)
+    if said is None:
+        del effects[place]
+    else:
+        effects[place] = said
     kept = sorted(effects)
-    places = tuple(kept.index(place) for place in case.model.fitted if place not in idle)
-    case.model = Model(tuple(effects[place] for place in kept), places)
-    settled = case.fitted_anew()
-    case.errors.append(case.held_out())
-    return replace(look, fitter=settled.fitter, fitted=settled.fitted)
+    places = tuple(kept.index(one) for one in case.model.fitted if one != place)
+    return Model(tuple(effects[one] for one in kept), places)
+
+
+def _worth_without(case: Inquiry, look: Look, place: int) -> float:
+    """Log-likelihood of the others fitted without an effect, and what its numbers cost."""
+    model, fitted = _without(case, place), look.fitted
+    free = all_free(model.effects, model.fitted, look.fitter.rings)
+    rest = look.fitter.fit(model.effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, near=model.fitted)
+    count = sum(one.unknown.rings for one in fitted.free_of(place))
+    return rest.loglik + count * float(np.log(len(look.fitter.sample))) / 2

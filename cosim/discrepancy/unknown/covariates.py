@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from cosim.discrepancy.sample import Sample
 
 BINS = 40
 _FEWEST_VALUES = 4
+_OF_SCANS = ("frame_time", "speed", "acceleration", "yaw_rate")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,7 @@ class Covariate:
         centres: (b,) mean of each bin.
         names: (b,) of categories; empty for numbers.
         period: of angles that come round; 0 for others.
+        of_scans: whether all beams of a scan have the same.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Covariate:
     centres: np.ndarray
     names: tuple[str, ...] = ()
     period: float = 0.0
+    of_scans: bool = False
 
 
 def covariates(sample: Sample, fitted: Fitted) -> Iterator[Covariate]:
@@ -57,7 +60,7 @@ def covariates(sample: Sample, fitted: Fitted) -> Iterator[Covariate]:
     for name, (unit, values, period) in numbers.items():
         found = _binned(name, unit, np.asarray(values, float), period)
         if found is not None:
-            yield found
+            yield replace(found, of_scans=name in _OF_SCANS)
     groups = {
         "ring": (sample.ring, tuple(str(ring) for ring in range(int(sample.ring.max(initial=0)) + 1))),
         "material": (np.where(sample.instance >= -1, sample.material, -1), MATERIAL_NAMES),

@@ -60,9 +60,8 @@ def best_formula(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float 
         sigma: (b,) its standard errors.
         period: of x, if it comes round: 2π, or 0.
     """
-    weight = 1 / np.maximum(sigma, 1e-9) ** 2
-    # A formula need not be better than a hundredth of the shape's size.
-    weight = 1 / (1 / weight + (0.02 * (y.max() - y.min())) ** 2 + 1e-24)
+    # A formula need not be better than a fiftieth of the shape's size.
+    weight = 1 / (np.maximum(sigma, 1e-9) ** 2 + (0.02 * (y.max() - y.min())) ** 2 + 1e-24)
     mean = np.average(y, weights=weight)
     total = float(weight @ (y - mean) ** 2)
     found = []

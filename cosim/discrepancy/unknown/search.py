@@ -109,8 +109,12 @@ class Shape:
 
 
 def find_shape(fitter: Fitter, fitted: Fitted) -> Shape | None:
-    """The dependence that explains most of what a fitted model leaves, or None if none is worth its bins."""
-    best: tuple[float, Quantity, Covariate, np.ndarray] | None = None
+    """The dependence that explains most of what a fitted model leaves, or None if none is worth its bins.
+
+    Bins of what all beams of a scan share are little more than scans: the time explains as much as the speed does. Of
+    these the one with the simplest formula is meant.
+    """
+    found: list[tuple[float, Quantity, Covariate, np.ndarray]] = []
     for covariate in covariates(fitter.sample, fitted):
         for channel in CHANNELS:
             kept = _kept(fitted, channel, covariate)
@@ -118,9 +122,20 @@ def find_shape(fitter: Fitter, fitted: Fitted) -> Shape | None:
                 continue
             *_, gain = solve_shape(fitter, fitted, channel, _rows(fitted, channel, covariate, kept), len(kept), 1)
             delta = 2 * gain - len(kept) * np.log(len(fitter.sample))
-            if delta > (best[0] if best else 0.0):
-                best = float(delta), channel, covariate, kept
-    return None if best is None else _followed(fitter, fitted, *best)
+            if delta > 0:
+                found.append((float(delta), channel, covariate, kept))
+    if not found:
+        return None
+    best = max(found, key=lambda one: one[0])
+    alike = [one for one in found if one[1] == best[1] and one[2].of_scans] if best[2].of_scans else [best]
+    return max((_followed(fitter, fitted, *one) for one in alike), key=lambda one: _as_told(fitter, one))
+
+
+def _as_told(fitter: Fitter, shape: Shape) -> float:
+    """By how much the BIC falls with a shape's formula, or with the shape itself where it has none."""
+    if shape.formula is None:
+        return shape.delta_bic
+    return shape.delta_bic + len(shape.x) * float(np.log(len(fitter.sample))) - shape.formula.bic
 
 
 def same_shape(fitter: Fitter, fitted: Fitted, shape: Shape) -> Shape | None:
