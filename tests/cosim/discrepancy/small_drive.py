@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,13 +11,17 @@ import yaml
 
 from assets.mesh import Mesh
 from assets.shapes import box, plate
+from cosim.discrepancy.checks import opened
+from cosim.discrepancy.fitting import all_free
+from cosim.discrepancy.frames import FrameTracer, in_order
+from cosim.discrepancy.settling import Settled, settle
 from cosim.kitti import PointRays, write_points, write_rays
 from cosim.twin import Ego, Instance, Lidar, TwinFrame, read_glb, write_frame, write_glb, write_materials
 from cosim.twin.scene import ego_motion, lidar_pose, scene_instances
 from sensors.effects.base import Effect
 from sensors.pattern import Pattern
 from sensors.scene import Scene
-from sensors.sensor_model import SensorModel
+from sensors.sensor_model import SensorModel, load_sensor
 
 PATTERN = Pattern(
     name="yard", sweep_s=0.1, firings=480, range_m=(0.9, 120.0), elevation_deg=tuple(np.linspace(2, -22, 24).tolist())
@@ -93,6 +97,16 @@ def make_yard(
     document = {"pattern": "./pattern.yaml", "effects": list(known)}
     (folder / "sensor.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
     return Yard(drive, folder / "sensor.yaml")
+
+
+def settled(yard: Yard, effects: Sequence[Effect] | None = None, free: Sequence[int] = ()) -> Settled:
+    """A yard's drive fitted with effects, by default its sensor's own, of which those at some places are free."""
+    drive, sensor = opened(yard.drive), load_sensor(yard.sensor)
+    effects = in_order(sensor.effects if effects is None else effects)
+    tracer, names = FrameTracer(drive, sensor), tuple(drive.frames)
+    trace = lambda bent, leaning: tracer.trace_all(names, bent, leaning)  # noqa: E731
+    unknown = all_free(effects, free, sensor.pattern.rings)
+    return settle(tracer.trace_all(names, ()), trace, effects, unknown, seed=0)
 
 
 def _world() -> Mesh:

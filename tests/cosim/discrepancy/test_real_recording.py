@@ -87,7 +87,7 @@ def test_where_lasers_stand_and_look_and_how_much_all_look_too_low(kitti_source:
 
 @pytest.mark.slow
 def test_a_diagnosis_finds_them_blind(kitti_source: Path, tmp_path: Path) -> None:
-    found = diagnose(recorded(kitti_source, tmp_path, 15), PLAIN)
+    found = diagnose(recorded(kitti_source, tmp_path, 60), PLAIN)
     effects = {effect.name: effect for effect in found.sensor.effects}
     assert {"dual_block", "ring_elevation", "ring_gain", "elevation_offset"} <= set(effects)
     blocks, rings, offset = (effects[name] for name in ("dual_block", "ring_elevation", "elevation_offset"))
@@ -95,5 +95,6 @@ def test_a_diagnosis_finds_them_blind(kitti_source: Path, tmp_path: Path) -> Non
     check_lasers(blocks, rings, table(kitti_source))
     assert 0.1 < offset.offset_deg < 0.3
     for one in found.effects:
-        rounds = one.effect == "intensity_quantization"  # of which no error tells
-        assert one.error_after.error < (1.001 if rounds else 1.0) * one.error_before.error
+        told = one.effect not in ("intensity_quantization", "dual_block")  # of rounding and of rises no error tells
+        assert one.error_after.error < (1.0 if told else 1.05) * one.error_before.error
+    assert found.error_after < 0.06 * found.error_before

@@ -6,27 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from cosim.discrepancy.checks import opened
-from cosim.discrepancy.fitting import all_free
-from cosim.discrepancy.frames import FrameTracer
 from cosim.discrepancy.revising import is_idle
-from cosim.discrepancy.settling import Settled, settle
+from cosim.discrepancy.settling import Settled
 from sensors.effects.range_bias import RangeBias
 from sensors.effects.range_noise import RangeNoise
-from sensors.sensor_model import load_sensor
 from tests.cosim.discrepancy.conftest import NOISE
-from tests.cosim.discrepancy.small_drive import Yard, make_yard
+from tests.cosim.discrepancy.small_drive import Yard, make_yard, settled
 
 NOISY = RangeNoise(sigma_m=0.01)
 
 
 def _with_a_bias(yard: Yard) -> Settled:
     """The yard with a bias of ranges fitted, whether it has one or not."""
-    drive, sensor = opened(yard.drive), load_sensor(yard.sensor)
-    tracer, effects = FrameTracer(drive, sensor), (RangeBias(offset_m=0.0), NOISY)
-    trace = lambda bent, leaning: tracer.trace_all(drive.frames, bent, leaning)  # noqa: E731
-    free = all_free(effects, [0], sensor.pattern.rings)
-    return settle(tracer.trace_all(drive.frames, ()), trace, effects, free, seed=0)
+    return settled(yard, (RangeBias(offset_m=0.0), NOISY), free=[0])
 
 
 def test_what_was_there_is_not_idle(biased_yard: Yard) -> None:

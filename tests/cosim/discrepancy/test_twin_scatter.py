@@ -11,26 +11,16 @@ import pytest
 
 from cosim.discrepancy import diagnose
 from cosim.discrepancy.checks import opened
-from cosim.discrepancy.frames import FrameTracer, Scatter, in_order
-from cosim.discrepancy.settling import Settled, settle
+from cosim.discrepancy.frames import FrameTracer, Scatter
 from cosim.discrepancy.twin_scatter import map_scatter_m, with_scatter
 from cosim.twin import read_glb, write_glb
 from sensors.effects.registry import find_effect
 from sensors.hits import STATIC
 from sensors.sensor_model import load_sensor
 from tests.cosim.discrepancy.conftest import NOISE
-from tests.cosim.discrepancy.small_drive import Yard, make_yard
+from tests.cosim.discrepancy.small_drive import Yard, make_yard, settled
 
 FRAMES = 16
-
-
-def _settled(yard: Yard) -> Settled:
-    drive, sensor = opened(yard.drive), load_sensor(yard.sensor)
-    tracer = FrameTracer(drive, sensor)
-    names = tuple(drive.frames)
-    effects = in_order(sensor.effects)
-    trace = lambda bent, leaning: tracer.trace_all(names, bent, leaning)  # noqa: E731
-    return settle(tracer.trace_all(names, ()), trace, effects, (), seed=0)
 
 
 @pytest.fixture
@@ -40,7 +30,7 @@ def yard(tmp_path: Path) -> Yard:
 
 
 def test_exact_labels_are_taken_for_exact(yard: Yard) -> None:
-    for frame in _settled(yard).frames:
+    for frame in settled(yard).frames:
         assert frame.scatter.labels_m == 0
         assert not frame.unsure_m.any()
 
@@ -52,7 +42,7 @@ def test_labels_off_by_a_decimetre_make_objects_unsure_and_nothing_else(yard: Ya
         for row in (0, 1):
             told["instances"][0]["pose"][row][3] += 0.1 * rng.standard_normal()
         path.write_text(json.dumps(told))
-    for frame in _settled(yard).frames:
+    for frame in settled(yard).frames:
         assert 0.04 < frame.scatter.labels_m < 0.2
         of_object = frame.shot.hits.solid.instance >= 0
         assert (frame.unsure_m[of_object] >= frame.scatter.labels_m * 0.99).all()
@@ -72,13 +62,13 @@ def _warp(yard: Yard, size_m: float) -> None:
 
 
 def test_an_exact_map_is_taken_for_exact(yard: Yard) -> None:
-    found = _settled(yard)
+    found = settled(yard)
     assert map_scatter_m(found.frames, found.fitter, found.fitted) == 0
 
 
 def test_a_map_off_by_centimetres_shows_how_far_and_makes_flat_views_of_it_unsure(yard: Yard) -> None:
     _warp(yard, 0.05)
-    found = _settled(yard)
+    found = settled(yard)
     off_m = map_scatter_m(found.frames, found.fitter, found.fitted)
     assert 0.008 < off_m < 0.06
     for frame in with_scatter(found.frames, Scatter(map_m=off_m)):

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
+import os
+import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -42,6 +46,22 @@ def test_a_hidden_place_in_the_lane_is_found_and_written(tmp_path: Path, capsys)
     better = yaml.safe_load((tmp_path / "page/config.yaml").read_text())["behaviour"]["lane_offset_m"]
     assert (better["min"] + better["max"]) / 2 == pytest.approx(0.2, abs=0.03)
     assert "<script" not in (tmp_path / "page/index.html").read_text()
+
+
+def test_simulations_whose_process_dies_are_done_again(tmp_path: Path) -> None:
+    from cosim.discrepancy.traffic.case import opened
+
+    csv, config = measured(tmp_path, {}, seed=5, seconds=20, drivers=12)
+    statistics, seeds = [], range(3)
+    for killed in (False, True):
+        with opened(csv, config, workers=1) as case, ThreadPoolExecutor(1) as beside:
+            case.simulations.run([(case.behaviour, 9)])  # its process has begun
+            running = beside.submit(case.simulations.run, [(case.behaviour, seed) for seed in seeds])
+            if killed:
+                (worker,) = multiprocessing.active_children()
+                os.kill(worker.pid or 0, signal.SIGKILL)
+            statistics.append([summary.statistics() for summary in running.result()])
+    assert repr(statistics[0]) == repr(statistics[1])
 
 
 @pytest.mark.slow
