@@ -313,7 +313,8 @@ def _gained(direction: Direction, gain: np.ndarray, clusters: Clusters) -> _Sums
     """
     both = (clusters.track, clusters.part)
     by_track, by_scan = (_compressed(np.bincount(cluster, gain))[:, None] for cluster in both)
-    spread = widened(by_track, np.bincount(clusters.track), clusters.near)
+    acts = (by_track[:, 0] != 0).astype(float)  # where an effect does nothing, nothing is expected of it
+    spread = widened(by_track, acts, clusters.near)
     return _Sums(direction, "likelihood", by_track, by_scan, float(gain @ gain), by_scan[:, 0], spread)
 
 
