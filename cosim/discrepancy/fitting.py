@@ -250,9 +250,9 @@ class Fitter:
 
     def _spread(self, normal: Normal, pose: np.ndarray, sigma: np.ndarray) -> np.ndarray:
         """One step of expectation–maximisation for the spread of pose errors."""
-        count = normal.parameters
         if self.sample.own_axes:
             return sigma
+        count = normal.parameters
         block = normal.matrix[count:, count:] + np.diag(self.precision(sigma))
         uncertain = np.diag(np.linalg.inv(block)).reshape(-1, 6)
         return np.clip(np.sqrt((pose**2 + uncertain).mean(0)), POSE_FLOOR, _POSE_MOST)
