@@ -143,6 +143,10 @@ class Fitter:
         """Negative log-likelihood of effects, pose errors as they are."""
         return lambda effects: -self._penalised(self._state(effects, pose)[1], pose, sigma)
 
+    def losses(self, effects: tuple[Effect, ...], pose: np.ndarray) -> np.ndarray:
+        """The part (n,) that every beam has in it."""
+        return -self.sample.share * self._state(effects, pose)[1].loglik
+
     def columns(self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction) -> tuple[Column, ...]:
         """How the prediction changes with each free parameter."""
         found = []

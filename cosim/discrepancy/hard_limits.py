@@ -18,13 +18,14 @@ from cosim.discrepancy.likelihood import Fit
 from cosim.discrepancy.sample import Sample
 from cosim.discrepancy.sector import AZIMUTH, WIDTH, crowded_sector
 from cosim.discrepancy.system import Column
-from sensors.effects.base import Effect, ScanEffect
+from sensors.effects.base import EchoEffect, Effect, ScanEffect
 
 _REACH, _REACH_STEPS = 0.6, 25.0  # to both sides: of the value, or of its natural step
 _GRID, _ZOOMS = 13, 8
 _NEAR = 2e-3  # of the reach of a search
 _NEARBY = 0.15  # of it, where a value is about right already
 _FEW, _ALTOGETHER = 0.01, 0.5
+_ELSEWHERE_M = 0.5
 _FALL, _SMOOTH_FALL = float(np.log(20)), 1.92
 _DOUBLINGS, _BISECTIONS = 24, 10
 _MOST_COUPLED = 0.995
@@ -35,12 +36,14 @@ Loss = Callable[[tuple[Effect, ...]], float]
 
 def is_searched(effect: Effect, unknown: Unknown, column: Column) -> bool:
     """Whether a parameter is found by search."""
-    return unknown.rings == 1 and (isinstance(effect, ScanEffect) or is_flat(unknown, column))
+    return unknown.rings == 1 and (isinstance(effect, ScanEffect) or is_flat(effect, unknown, column))
 
 
-def is_flat(unknown: Unknown, column: Column) -> bool:
-    """Whether at most a few beams notice a small change, or those that do get lost or found altogether."""
+def is_flat(effect: Effect, unknown: Unknown, column: Column) -> bool:
+    """Whether at most a few beams notice a small change, or some that do get lost, found or another surface."""
     if not column.delta or all(np.count_nonzero(values) < _FEW * len(values) for values in column.delta.values()):
+        return True
+    if isinstance(effect, EchoEffect) and np.any(np.abs(column.delta.get("range", 0.0)) * unknown.step > _ELSEWHERE_M):
         return True
     if "drop" not in column.delta:
         return False
@@ -76,11 +79,11 @@ def searched(
     settled = all(place in near and effects[place].by_search for place, _, _ in rest)
     for _ in range(2 if len(rest) > 1 and not settled else 1):
         for place, unknown, column in rest:
-            flat = is_flat(unknown, column) and not effects[place].by_search
+            flat = is_flat(effects[place], unknown, column) and not effects[place].by_search
             is_near = place in near and effects[place].by_search
             effects = _best(effects, place, unknown, lost, flat, _NEARBY if is_near else 1.0)
         passes.append(effects)
-    smooth = [(place, unknown) for place, unknown, column in rest if not is_flat(unknown, column)]
+    smooth = [(place, unknown) for place, unknown, column in rest if not is_flat(effects[place], unknown, column)]
     return _along_valley(passes[1], effects, smooth, lost) if len(smooth) > 1 and not settled else effects
 
 
@@ -116,7 +119,7 @@ def likely_interval(
         stray_weight: what a stray weighs in it. Each is one fact.
     """
     value, least = float(getattr(effects[place], unknown.name)), lost(effects)
-    fall = _FALL if is_flat(unknown, column) else _SMOOTH_FALL
+    fall = _FALL if is_flat(effects[place], unknown, column) else _SMOOTH_FALL
     if isinstance(effects[place], ScanEffect):
         fall *= stray_weight
 
@@ -139,16 +142,17 @@ def likely_interval(
     return ends[0], ends[1]
 
 
-def widened(
+def widening(
     effects: tuple[Effect, ...], place: int, pairs: dict[str, tuple[float, float]], lost: Loss
-) -> dict[str, tuple[float, float]]:
-    """Intervals of smooth parameters of one effect, each with the others free, from those with the others held.
+) -> dict[str, float]:
+    """By how much intervals of smooth parameters of one effect are wider with the others free than with them held.
 
-    Of a likelihood that is a paraboloid the first are wider by √(R⁻¹)ᵢᵢ, R its coupling in units of the second.
+    Of a likelihood that is a paraboloid by √(R⁻¹)ᵢᵢ, R its coupling in units of the intervals with the others held,
+    `pairs`.
     """
     names, effect = list(pairs), effects[place]
     if len(names) < 2:
-        return pairs
+        return dict.fromkeys(names, 1.0)
     value = {name: float(getattr(effect, name)) for name in names}
     half = {name: (pairs[name][1] - pairs[name][0]) / 2 for name in names}
     coupling, least = np.eye(len(names)), lost(effects)
@@ -161,10 +165,7 @@ def widened(
         )
         coupling[i, j] = coupling[j, i] = np.clip((alike - unlike) / max(fall, 1e-12), -_MOST_COUPLED, _MOST_COUPLED)
     wider = np.sqrt(np.maximum(np.diag(np.linalg.inv(coupling)), 1.0))
-    return {
-        name: (value[name] - (value[name] - low) * by, value[name] + (high - value[name]) * by)
-        for (name, (low, high)), by in zip(pairs.items(), wider, strict=True)
-    }
+    return dict(zip(names, wider.tolist(), strict=True))
 
 
 def _alternatives(

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 from scipy import sparse, stats
 
+from cosim.discrepancy.candidates import Unknown, with_values
 from cosim.discrepancy.fitting import Fitted, Fitter
-from cosim.discrepancy.hard_limits import is_flat, is_searched, likely_interval, widened
-from cosim.discrepancy.system import Normal
+from cosim.discrepancy.hard_limits import is_searched, likely_interval, widening
+from cosim.discrepancy.redrawn import Redrawn, redrawn_interval
+from cosim.discrepancy.system import Column, Normal
 
 _LEVEL = 0.975
 
@@ -54,24 +56,50 @@ def half_widths(fitter: Fitter, fitted: Fitted) -> np.ndarray:
 def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:
     """95 % intervals of everything that was fitted, by effect and parameter: pairs, or lists of pairs."""
     widths, found, at = half_widths(fitter, fitted), {}, 0
-    stray_weight = _stray_weight(fitter, fitted)
-    smooth: dict[int, dict[str, tuple[float, float]]] = {}
-    lost = fitter.loss(fitted.pose, fitted.pose_sigma)
+    searched: dict[int, dict[Unknown, Column]] = {}
     for one, column in zip(fitted.free, fitted.columns, strict=True):
         part = widths[at : at + one.unknown.rings]
         at += one.unknown.rings
         effect = fitted.effects[one.effect]
-        value = np.asarray(getattr(effect, one.unknown.name), float)
         if is_searched(effect, one.unknown, column):
-            pair = np.array(likely_interval(fitted.effects, one.effect, one.unknown, column, lost, stray_weight))
-            if not is_flat(one.unknown, column):
-                smooth.setdefault(one.effect, {})[one.unknown.name] = (float(pair[0]), float(pair[1]))
-        else:
-            pair = np.stack([value - part, value + part], -1) if value.ndim else value + np.array([-part[0], part[0]])
+            searched.setdefault(one.effect, {})[one.unknown] = column
+            continue
+        value = np.asarray(getattr(effect, one.unknown.name), float)
+        pair = np.stack([value - part, value + part], -1) if value.ndim else value + np.array([-part[0], part[0]])
         found.setdefault(effect.name, {})[one.unknown.name] = pair.tolist()
-    for place, pairs in smooth.items():
-        wide = widened(fitted.effects, place, pairs, lost)
-        found[fitted.effects[place].name].update({name: list(pair) for name, pair in wide.items()})
+    for place, columns in searched.items():
+        found.setdefault(fitted.effects[place].name, {}).update(_searched(fitter, fitted, place, columns))
+    return found
+
+
+def _searched(fitter: Fitter, fitted: Fitted, place: int, columns: dict[Unknown, Column]) -> dict[str, list[float]]:
+    """Of parameters of one effect that no slope tells of: as scans and tracks are drawn anew.
+
+    At jumps of the likelihood draws hardly scatter: there it must not have fallen too far, either.
+    """
+    effects, found = fitted.effects, {}
+    lost, clusters = fitter.loss(fitted.pose, fitted.pose_sigma), (fitter.sample.frame, fitter.sample.track)
+    stray_weight = _stray_weight(fitter, fitted)
+    held, drawn = dict[str, tuple[float, float]](), dict[str, Redrawn]()
+    for unknown, column in columns.items():
+        name, value = unknown.name, float(getattr(effects[place], unknown.name))
+        pair = likely_interval(effects, place, unknown, column, lost, stray_weight)
+
+        def losses(at: float, name: str = name) -> np.ndarray:
+            moved = with_values(effects[place], {name: at})
+            return fitter.losses((*effects[:place], moved, *effects[place + 1 :]), fitted.pose)
+
+        apart = max((pair[1] - pair[0]) / 2, 1e-9)
+        held[name] = pair
+        drawn[name] = redrawn_interval(losses, value, apart, clusters, (unknown.low, unknown.high))
+    wider = widening(effects, place, {name: pair for name, pair in held.items() if drawn[name].is_smooth}, lost)
+    for name, one in drawn.items():
+        value, by = float(getattr(effects[place], name)), wider.get(name, 1.0)
+        aside = effects[place].sampled_to.get(name, 0.0) * abs(value)
+        low, high = value - np.hypot((value - one.low) * by, aside), value + np.hypot((one.high - value) * by, aside)
+        if not one.is_smooth:
+            low, high = min(low, held[name][0]), max(high, held[name][1])
+        found[name] = [float(low), float(high)]
     return found
 
 

@@ -63,6 +63,8 @@ class Effect(BaseModel):
         shapes: settings of parameters that an amplitude alone does not show, each worth starting a fit from.
         is_candidate: whether a diagnosis asks for it unbidden.
         by_search: whether fits look for its numbers one after the other, because every slope costs new rays.
+        sampled_to: by parameter, the share of it by which other samplings of the same law are fitted apart: no data
+            make it surer.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -84,6 +86,7 @@ class Effect(BaseModel):
     shapes: ClassVar[tuple[dict[str, Any], ...]] = ()
     is_candidate: ClassVar[bool] = True
     by_search: ClassVar[bool] = False
+    sampled_to: ClassVar[dict[str, float]] = {}
     source: ClassVar[str] = ""  # where a user's effect was loaded from, as sensor files name it
 
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:

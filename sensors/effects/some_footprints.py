@@ -13,6 +13,7 @@ from sensors.hits import Hits, Surface
 from sensors.shot import Shot
 
 _AROUND = 2  # firings to each side
+_PROBED_RAD = (1e-3, 2e-3, 3e-3)
 
 
 def footprints_of_some(shot: Shot, radius_rad: float) -> Hits:
@@ -25,7 +26,8 @@ def footprints_of_some(shot: Shot, radius_rad: float) -> Hits:
     hits, traced = shot.hits, shot.traced
     if traced is None or shot.world is None:
         raise ValueError("the footprint is new rays; measure with trace_and_measure")
-    beam, known = shot.lasting("footprints", lambda: _asked(shot))
+    asked = shot.lasting("footprints", lambda: _Asked(shot))
+    beam, known = asked.beam, asked.known
     every = directions_aside(traced.direction, radius_rad)
     time_s = np.broadcast_to(traced.time_s, len(shot.rays))[beam]
     met = known.bent(radius_rad, traced.origin[beam], traced.direction[beam], time_s)
@@ -41,10 +43,39 @@ def footprints_of_some(shot: Shot, radius_rad: float) -> Hits:
     )
 
 
-def _asked(shot: Shot) -> tuple[np.ndarray, KnownFootprints]:
-    """Rows of the beams whose footprints are asked for, and what these meet."""
-    beam = np.flatnonzero(_changes(shot))
-    return beam, KnownFootprints(shot, beam)
+def ranges_between(shot: Shot, radius_rad: float) -> np.ndarray:
+    """Ranges (n, k) float64 of parts of footprints between the middle and the samples at a radius; infinite for none.
+
+    Something thin, such as a post, may stand between samples.
+    """
+    asked = shot.lasting("footprints", lambda: _Asked(shot))
+    inside = np.flatnonzero(np.array(_PROBED_RAD) < radius_rad)
+    found = np.full((len(shot.rays), SAMPLES * len(inside)), np.inf)
+    found[asked.beam] = asked.probed[:, : SAMPLES * len(inside)]
+    return found
+
+
+class _Asked:
+    """Beams whose footprints are asked for, what these meet, and what stands in them at the probed radii.
+
+    Attributes:
+        beam: (k,) rows.
+        known: what their footprints meet.
+        probed: (k, samples · radii) ranges.
+    """
+
+    def __init__(self, shot: Shot) -> None:
+        every = np.arange(len(shot.rays))
+        footprints, solid = KnownFootprints(shot, every), shot.hits.solid
+        met = [footprints.met(radius_rad) for radius_rad in _PROBED_RAD]
+        changes = _changes(shot)
+        for around in met:
+            # Something thin, such as a post, that no other beam meets.
+            changes |= (around.instance.reshape(-1, SAMPLES) != solid.instance[:, None]).any(1)
+            changes |= (around.material.reshape(-1, SAMPLES) != solid.material[:, None]).any(1)
+        self.beam = np.flatnonzero(changes)
+        self.known = KnownFootprints(shot, self.beam)
+        self.probed = np.hstack([one.range_m.reshape(-1, SAMPLES)[self.beam] for one in met]).astype(np.float64)
 
 
 def _on_plane(solid: Surface, middle: np.ndarray, aside: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy.gate import _compressed
-from cosim.discrepancy.hard_limits import widened
+from cosim.discrepancy.hard_limits import widening
 from cosim.discrepancy.sector import crowded_sector
 from sensors.effects.backscatter import Backscatter
 
@@ -53,6 +53,6 @@ def test_parameters_that_make_up_for_one_another_are_less_sure(coupling):
         return 0.5 * (x**2 + y**2 + 2 * coupling * x * y)
 
     held = {name: (getattr(start, name) - step, getattr(start, name) + step) for name, step in unit.items()}
-    free = widened((start,), 0, held, lost)
-    for name, step in unit.items():
-        assert (free[name][1] - free[name][0]) / (2 * step) == pytest.approx(1 / np.sqrt(1 - coupling**2), rel=1e-3)
+    wider = widening((start,), 0, held, lost)
+    for by in wider.values():
+        assert by == pytest.approx(1 / np.sqrt(1 - coupling**2), rel=1e-3)

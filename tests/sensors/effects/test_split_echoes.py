@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
+from assets.shapes import box
 from sensors.effects.split_echoes import CHANCE, elsewhere, is_split
+from sensors.scene import Scene
+from sensors.shot import Shot
+from tests.sensors.effects.scenes import effect, no_model, sensor, shoot
 
 _PULSE_M = 0.9
 
@@ -22,5 +26,19 @@ def test_other_parts_answer_with_the_stated_chance_in_all(ranges: list[float]) -
     assert density.sum() * 0.01 == pytest.approx(CHANCE, rel=1e-3)
 
 
-def test_whole_footprints_answer_from_nowhere_else() -> None:
-    assert elsewhere(np.full((1, 5), 20.0), np.array([20.0]), _PULSE_M) == 0
+def test_a_post_between_the_samples_may_answer() -> None:
+    wide = effect("beam_divergence", divergence_mrad=6.0, pulse_ns=6.0)
+    beside_rad, range_m = 1.6e-3, 20.0
+    empty = shoot(sensor(), Scene(box((1, 1, 1), (-300, 0, 0), "concrete"), no_model), pose=np.eye(4))[1]
+    azimuth = empty.rays.azimuth[np.argmin(np.abs(empty.rays.azimuth))] + beside_rad
+    x, y = range_m * np.cos(azimuth), range_m * np.sin(azimuth)
+    post = Scene(box((0.008, 0.008, 8.0), (x, y, 0.0), "steel_galvanised"), no_model)
+    whole = shoot(sensor(), post, pose=np.eye(4))[1]
+    assert not whole.hits.solid.exists.any(), "it stands between the middles of beams"
+    beside = np.abs(whole.rays.azimuth - (azimuth - beside_rad)) < 1e-6
+    rows = np.arange(len(whole.rays))
+    again = Shot(whole.pattern, whole.rays, traced=whole.traced, world=whole.world, whole=whole, rows=rows)
+    meets = beside & (np.abs(whole.rays.direction[:, 2]) < 0.05)
+    there = wide.density(rows, np.full(len(rows), range_m), again)
+    assert meets.sum() > 10 and there[meets].min() > 0.01
+    assert not there[np.abs(whole.rays.azimuth - azimuth) > 0.01].any()
