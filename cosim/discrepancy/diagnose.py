@@ -14,7 +14,7 @@ from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.directions import directions
 from cosim.discrepancy.fitting import Fitted, Fitter
 from cosim.discrepancy.frames import bending
-from cosim.discrepancy.gate import LEVEL, Direction, Verdict, run_gate
+from cosim.discrepancy.gate import Direction, Verdict, run_gate
 from cosim.discrepancy.inquiry import Inquiry, Look, Model
 from cosim.discrepancy.intervals import intervals
 from cosim.discrepancy.kinds import as_known
@@ -22,6 +22,7 @@ from cosim.discrepancy.labels import with_labels
 from cosim.discrepancy.lattice import Lattice, find_lattices
 from cosim.discrepancy.map_errors import unsure_map
 from cosim.discrepancy.pose_patterns import PosePatterns
+from cosim.discrepancy.random_signs import LEVEL
 from cosim.discrepancy.ranking import (
     ALIKE_BIC,
     Ranked,

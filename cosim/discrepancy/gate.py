@@ -18,18 +18,16 @@ from scipy import sparse
 
 from cosim.discrepancy.clusters import Clusters, widened
 from cosim.discrepancy.evidence import Evidence, Quantity
+from cosim.discrepancy.random_signs import DRAWS, family_wise
 from cosim.discrepancy.system import Column, SparseMatrix
 from sensors.effects.base import Effect
 
-DRAWS = 1999
-LEVEL = 0.05
 _KEPT_SHARE = 0.02  # of a candidate's information that must outlive the fit of pose errors
 _Z80 = 0.8416
 _FEWEST_SCANS = 5
 _OF_WHERE: tuple[Quantity, ...] = ("range", "rise")  # both tell where a beam looks
 _MOST_LIKE = 0.8
 _PLAIN = 3.0
-_TILTS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +174,7 @@ def run_gate(
                 sums += [_drifting(one) for one in projector.sums(direction, quantity, 0.0)]
     if not sums:
         return Verdict((), 1.0)
-    values, p_values, critical = _signs(sums, rng, posed)
+    values, p_values, critical = _tested(sums, rng, posed)
     found = []
     for one, value, p in zip(sums, values[: len(sums)], p_values[: len(sums)], strict=True):
         # Of a group of rings the same amplitude in all is meant.
@@ -263,7 +261,7 @@ class _Projector:
         return sparse.hstack(parts, format="csr") if parts else sparse.csr_matrix((rows, 0))
 
 
-def _signs(
+def _tested(
     sums: Sequence[_Sums], rng: np.random.Generator, posed: Sequence[Posed] = ()
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Equivalent normal deviates, family-wise p-values, and the deviate that p = 0.05 takes.
@@ -271,30 +269,16 @@ def _signs(
     Of sums first, then of pose errors, which are drawn as normal ones.
     """
     by_pose = _posed_deviates(posed, rng)
-    ends = np.cumsum([one.track.shape[1] for one in sums])
-    starts = np.append(0, ends[:-1])
     one_sided = np.array([one.quantity == "likelihood" or one.direction.one_sided for one in sums])
-    values, p_values = np.full(len(sums) + len(posed), np.inf), np.zeros(len(sums) + len(posed))
-    critical = 0.0
-    spread, drift = (
-        np.repeat(one, ends - starts) for one in zip(*((one.spread, one.drift) for one in sums), strict=True)
+    return family_wise(
+        (
+            ([one.track for one in sums], np.array([one.spread for one in sums])),
+            ([one.scan for one in sums], np.array([one.drift for one in sums])),
+        ),
+        one_sided,
+        by_pose,
+        rng,
     )
-    for clustered, wider in (([one.track for one in sums], spread), ([one.scan for one in sums], drift)):
-        z = _drawn(clustered, rng)
-        z[0] /= wider
-        for place, table in zip(starts, clustered, strict=True):
-            if table.shape[1] == 1:
-                z[:, place] = _deviates(z[:, place], table[:, 0])
-        drawn = np.hstack([np.where(one_sided, z[:, starts], _sizes(z, starts, ends)), by_pose])
-        # Each in terms of its own scatter, so that none has a head start.
-        drawn = (drawn - drawn[1:].mean(0)) / np.maximum(drawn[1:].std(0), 1e-12)
-        largest = np.sort(drawn[1:].max(1))
-        found = drawn[0]
-        p = 1 - np.searchsorted(largest, found, side="left") / DRAWS
-        p_values = np.maximum(p_values, np.maximum(p, 1 / (DRAWS + 1)))
-        values = np.minimum(values, found)
-        critical = max(critical, float(largest[int((1 - LEVEL) * DRAWS)]))
-    return values, p_values, critical
 
 
 def _posed_deviates(posed: Sequence[Posed], rng: np.random.Generator) -> np.ndarray:
@@ -350,50 +334,6 @@ def _drifting(sums: _Sums) -> _Sums:
         return sums
     likeness = float(np.clip((apart[1:] * apart[:-1]).sum() / square, 0.0, _MOST_LIKE))
     return replace(sums, drift=float(np.sqrt((1 + likeness) / (1 - likeness))))
-
-
-def _drawn(clustered: Sequence[np.ndarray], rng: np.random.Generator) -> np.ndarray:
-    """Studentised sums, (1 + draws, columns): the true ones, then with random signs of the clusters.
-
-    Tables of the same clusters share their signs.
-    """
-    parts: list[np.ndarray | None] = [None] * len(clustered)
-    for size in sorted({len(one) for one in clustered}):
-        mine = [place for place, one in enumerate(clustered) if len(one) == size]
-        table = np.hstack([clustered[place] for place in mine])
-        spread = np.sqrt((table**2).sum(0))
-        table = table / np.where(spread > 0, spread, 1)
-        used = np.flatnonzero(np.abs(table).sum(1))
-        signs = rng.choice((-1.0, 1.0), (DRAWS, len(used)))
-        z = np.vstack([table.sum(0)[None], signs @ table[used]])
-        ends = np.cumsum([clustered[place].shape[1] for place in mine])
-        for place, columns in zip(mine, np.split(z, ends[:-1], axis=1), strict=True):
-            parts[place] = columns
-    return np.hstack([part for part in parts if part is not None])
-
-
-def _deviates(z: np.ndarray, sums: np.ndarray) -> np.ndarray:
-    """How unlikely studentised sums (m,) are with random signs, as normal deviates.
-
-    Of few or unequal clusters even sums that all agree make no large z, though they hardly ever all agree by chance.
-    That is the large-deviation rate of the signs (Chernoff, Ann. Math. Stat. 1952): r = √(2(tz − Σ log cosh t·s)),
-    where t makes z = Σ s·tanh t·s; of many equal clusters r = z.
-    """
-    share = np.abs(sums[sums != 0])
-    if not len(share):
-        return z
-    share = share / np.sqrt((share**2).sum())
-    tilt = np.geomspace(0.05, 1e4, _TILTS)
-    tilted = tilt[:, None] * share
-    reached = np.tanh(tilted) @ share
-    cumulant = (tilted + np.log1p(np.exp(-2 * tilted)) - np.log(2)).sum(1)
-    rate = np.sqrt(np.maximum(2 * (tilt * reached - cumulant), 0))
-    return np.sign(z) * np.interp(np.abs(z), np.append(0, reached), np.append(0, rate))
-
-
-def _sizes(z: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Sizes of groups of columns: |z| of one, the root of the mean square of several."""
-    return np.sqrt(np.add.reduceat(z**2, starts, axis=1) / (ends - starts))
 
 
 def _one_hot(cluster: np.ndarray) -> SparseMatrix:

@@ -12,10 +12,11 @@ from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.evidence import Evidence
 from cosim.discrepancy.fitting import Fitted, Fitter, all_free
 from cosim.discrepancy.frames import bending
-from cosim.discrepancy.gate import LEVEL, Direction, Verdict
+from cosim.discrepancy.gate import Direction, Verdict
 from cosim.discrepancy.kinds import confusable
 from cosim.discrepancy.likelihood import judge
 from cosim.discrepancy.pose_errors import independent_share
+from cosim.discrepancy.random_signs import LEVEL
 from cosim.discrepancy.sample import same_beams
 from cosim.discrepancy.settling import Trace
 from sensors.effects.base import BeamEffect, Effect
