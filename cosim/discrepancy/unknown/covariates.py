@@ -14,6 +14,7 @@ from cosim.discrepancy.sample import Sample
 BINS = 40
 _FEWEST_VALUES = 4
 _OF_SCANS = ("frame_time", "speed", "acceleration", "yaw_rate")
+_RESOLVED = {"speed": 0.01, "acceleration": 0.01, "yaw_rate": 1e-3}  # who drives straight on turns by less
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,9 @@ def covariates(sample: Sample, fitted: Fitted) -> Iterator[Covariate]:
     if not sample.map_is_off:
         numbers |= {f"world_{axis}": ("m", sample.place[:, row], 0.0) for row, axis in enumerate("xy")}
     for name, (unit, values, period) in numbers.items():
-        found = _binned(name, unit, np.asarray(values, float), period)
+        step = _RESOLVED.get(name, 0.0)
+        told = np.round(np.asarray(values, float) / step) * step if step else np.asarray(values, float)
+        found = _binned(name, unit, told, period)
         if found is not None:
             yield replace(found, of_scans=name in _OF_SCANS)
     groups = {

@@ -159,7 +159,7 @@ def _law(shape: Shape) -> tuple[str, str, str, str, str]:
     fields = ""
     for name in values:
         of = unit if name in amplitudes else "" if name in _INVERSE else shape.unit
-        bound = ", ge=1e-6" if name in _ABOVE_ZERO and values[name] > 0 else ""
+        bound = f", ge={min(1e-6, values[name] / 100):.1g}" if name in _ABOVE_ZERO and values[name] > 0 else ""
         fields += f'    {name}: float = number("{_WORDS.get(name, "of the shape")}", unit="{of}"{bound})\n'
     code = shape.formula.code
     for name in sorted(values, key=len, reverse=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,12 @@ import pytest
 from cosim.discrepancy.kinds import as_known, for_rings, with_rings
 from cosim.discrepancy.unknown import Shape, class_name, effect_source
 from cosim.discrepancy.unknown.candidate import shape_effect
+from cosim.discrepancy.unknown.covariates import covariates
 from cosim.discrepancy.unknown.formulas import best_formula, evaluate
 from sensors.effects.base import EchoEffect, PointEffect
 from sensors.effects.phases import Phase
 from sensors.effects.registry import find_effect
+from tests.cosim.discrepancy.small_drive import make_yard, settled
 
 AZIMUTH = np.linspace(-np.pi, np.pi, 41)[:-1] + np.pi / 40
 
@@ -85,3 +88,18 @@ def test_one_number_a_laser_whatever_their_number(rings: int) -> None:
     assert len(effect.model_dump()["gains"]) == rings
     assert type(as_known([effect])[0]) is known
     assert with_rings(as_known([effect]), rings)[0].model_dump() == effect.model_dump()
+
+
+def test_a_shape_may_be_as_narrow_as_its_covariate() -> None:
+    x, y = AZIMUTH * 1e-6, np.exp(-((AZIMUTH / 0.4) ** 2))
+    sigma = np.full(len(x), 0.002)
+    made = shape_effect(Shape("drop", "range", "m", x, -y, sigma, best_formula(x, -y, sigma), 100.0, ()))
+    assert getattr(made, "width") == pytest.approx(0.4e-6, rel=0.1)  # noqa: B009  its type is made at run time
+
+
+def test_who_drives_straight_on_does_not_turn(tmp_path: Path) -> None:
+    found = settled(make_yard(tmp_path, frames=6))
+    for rates, there in ((np.linspace(0, 5e-5, 6), False), (np.linspace(0, 0.05, 6), True)):
+        sample = found.fitter.sample
+        sample = replace(sample, scan_values=sample.scan_values | {"yaw_rate_radps": rates})
+        assert ("yaw_rate" in {one.name for one in covariates(sample, found.fitted)}) is there
