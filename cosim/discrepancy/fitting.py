@@ -96,6 +96,7 @@ class Fitter:
         pose_sigma: np.ndarray | None = None,
         steps: int = _STEPS,
         near: Collection[int] = (),
+        roughly: bool = False,
     ) -> Fitted:
         """Fit some parameters, starting from those the effects have.
 
@@ -105,6 +106,7 @@ class Fitter:
             pose, pose_sigma: where to start with the scans' pose errors; else with those that were traced with.
             steps: most Gauss–Newton steps.
             near: places of effects that are about right already, where a search need not go far and slopes stay.
+            roughly: search no closer than it takes to tell candidates apart.
         """
         current, free = tuple(effects), tuple(free)
         pose = self.sample.leaning if pose is None else pose
@@ -114,7 +116,7 @@ class Fitter:
         for blur in self._blurs(state[0], pose):
             current, pose, sigma = self._descend(current, gradual, pose, sigma, blur, steps, near)
             state = self._state(current, pose)
-        current = self._searched(current, free, pose, sigma, near)
+        current = self._searched(current, free, pose, sigma, near, roughly)
         state = self._state(current, pose)
         columns = self.columns(current, free, state[0])
         evidence = Evidence.of(self.sample, state[1])
@@ -128,6 +130,7 @@ class Fitter:
         pose: np.ndarray,
         sigma: np.ndarray,
         near: Collection[int],
+        roughly: bool,
     ) -> tuple[Effect, ...]:
         """With numbers that no slope tells of, such as hard limits, where they are likeliest."""
         prediction, fit = self._state(effects, pose)
@@ -137,7 +140,9 @@ class Fitter:
             for one, column in zip(free, columns, strict=True)
             if effects[one.effect].by_search or is_searched(effects[one.effect], one.unknown, column)
         ]
-        return searched(effects, which, self.loss(pose, sigma), self.sample, fit, near) if which else effects
+        if not which:
+            return effects
+        return searched(effects, which, self.loss(pose, sigma), self.sample, fit, near, roughly=roughly)
 
     def loss(self, pose: np.ndarray, sigma: np.ndarray) -> Callable[[tuple[Effect, ...]], float]:
         """Negative log-likelihood of effects, pose errors as they are."""

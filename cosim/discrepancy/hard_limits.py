@@ -22,7 +22,7 @@ from sensors.effects.base import EchoEffect, Effect, ScanEffect
 
 _REACH, _REACH_STEPS = 0.6, 25.0  # to both sides: of the value, or of its natural step
 _GRID, _ZOOMS = 13, 8
-_NEAR = 2e-3  # of the reach of a search
+_NEAR, _ROUGHLY = 2e-3, 2e-2  # of the reach of a search
 _NEARBY = 0.15  # of it, where a value is about right already
 _FEW, _ALTOGETHER = 0.01, 0.5
 _ELSEWHERE_M = 0.5
@@ -59,6 +59,8 @@ def searched(
     sample: Sample,
     fit: Fit,
     near: Collection[int] = (),
+    *,
+    roughly: bool = False,
 ) -> tuple[Effect, ...]:
     """Effects with searched parameters where the likelihood is greatest.
 
@@ -68,6 +70,7 @@ def searched(
         lost: negative log-likelihood of effects.
         sample, fit: the measurements, and how the effects as they are fit them.
         near: places of effects to be searched by that are about right already.
+        roughly: look once, and not closely, where every look costs new rays.
     """
     names = {(place, unknown.name) for place, unknown, _ in which}
     sectors = {place for place, name in names if name == AZIMUTH and (place, WIDTH) in names}
@@ -77,11 +80,13 @@ def searched(
     rest = [one for one in which if not (one[0] in sectors and one[1].name in (AZIMUTH, WIDTH))]
     passes = [effects]
     settled = all(place in near and effects[place].by_search for place, _, _ in rest)
+    settled |= roughly and all(effects[place].by_search for place, _, _ in rest)
     for _ in range(2 if len(rest) > 1 and not settled else 1):
         for place, unknown, column in rest:
-            flat = is_flat(effects[place], unknown, column) and not effects[place].by_search
-            is_near = place in near and effects[place].by_search
-            effects = _best(effects, place, unknown, lost, flat, _NEARBY if is_near else 1.0)
+            dear = effects[place].by_search
+            flat = is_flat(effects[place], unknown, column) and not dear
+            share, close = _NEARBY if place in near and dear else 1.0, _ROUGHLY if roughly and dear else _NEAR
+            effects = _best(effects, place, unknown, lost, flat, share, close)
         passes.append(effects)
     smooth = [(place, unknown) for place, unknown, column in rest if not is_flat(effects[place], unknown, column)]
     return _along_valley(passes[1], effects, smooth, lost) if len(smooth) > 1 and not settled else effects
@@ -181,9 +186,9 @@ def _alternatives(
 
 
 def _best(
-    effects: tuple[Effect, ...], place: int, unknown: Unknown, lost: Loss, flat: bool, share: float = 1.0
+    effects: tuple[Effect, ...], place: int, unknown: Unknown, lost: Loss, flat: bool, share: float, close: float
 ) -> tuple[Effect, ...]:
-    """The effects with one parameter where it is likeliest, within a share of the reach of a search."""
+    """The effects with one parameter where it is likeliest, within a share of the reach, to as close a share of it."""
     value = float(getattr(effects[place], unknown.name))
     reach = share * max(_REACH * abs(value), _REACH_STEPS * unknown.step)
 
@@ -192,7 +197,7 @@ def _best(
 
     low, high = max(value - reach, unknown.low), min(value + reach, unknown.high)
     if not flat:
-        bounds = {"bounds": (low, high), "method": "bounded", "options": {"xatol": _NEAR * reach / share}}
+        bounds = {"bounds": (low, high), "method": "bounded", "options": {"xatol": close * reach / share}}
         found: Any = optimize.minimize_scalar(of, **bounds)
         return _with(effects, place, {unknown.name: float(found.x)}) if found.fun < of(value) else effects
     best, least = value, of(value)

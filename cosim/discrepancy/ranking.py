@@ -142,7 +142,8 @@ def fit_candidate(fitter: Fitter, fitted: Fitted, starts: Sequence[Direction], s
         effects, place = started(fitter, fitted, start)
         mine = all_free(effects, [place], fitter.rings)
         free = (*mine, *all_free(effects, [one for one in along if one != place], fitter.rings))
-        result = fitter.fit(effects, free, pose=fitted.pose, pose_sigma=fitted.pose_sigma, steps=STEPS, near=along)
+        poses = {"pose": fitted.pose, "pose_sigma": fitted.pose_sigma}
+        result = fitter.fit(effects, free, **poses, steps=STEPS, near=along, roughly=True)
         count = sum(one.unknown.rings for one in mine)
         price = count * np.log(rows)
         delta = 2 * gain(fitter, before, result) - price

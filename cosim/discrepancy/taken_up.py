@@ -8,7 +8,7 @@ candidates are fitted from its other end, too: from the amplitude that errors fo
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from cosim.discrepancy.sample import same_beams
 from cosim.discrepancy.settling import Trace, leans
 from sensors.effects.base import BeamEffect, Effect
 
-_WORTH = 0.1  # share of the pose errors that a candidate must make up for
+_WORTH, _NEARLY = 0.1, 0.5  # shares of pose errors: that a candidate must make up for, and of what the best does
 
 
 def handed_over(
@@ -44,18 +44,42 @@ def handed_over(
     """
     if not leans(fitted.pose, np.zeros_like(fitted.pose)):
         return list(ranked)
-    patterns, found = PosePatterns(fitter, fitted), []
+    patterns = PosePatterns(fitter, fitted)
+    begun = dict[str, _Begun]()
     for one in ranked:
         bends = isinstance(one.fitted.effects[one.place], BeamEffect) and one.place not in settled
-        begun = _begun(patterns, fitted, starts[one.effect]) if bends else None
-        found.append(_better(one, fitter, fitted, begun, starts[one.effect][0], trace, settled) if begun else one)
+        start = _begun(patterns, fitted, starts[one.effect]) if bends else None
+        if start is not None:
+            begun[one.effect] = start
+    least = max(_WORTH, _NEARLY * max((start.share for start in begun.values()), default=0.0))
+    found = []
+    for one in ranked:
+        start = begun.get(one.effect)
+        if start is None or start.share < least:
+            found.append(one)
+        else:
+            found.append(_better(one, fitter, fitted, start, starts[one.effect][0], trace, settled))
     return found
 
 
-def _begun(
-    patterns: PosePatterns, fitted: Fitted, directions: Sequence[Direction]
-) -> tuple[Effect, int | None, np.ndarray] | None:
-    """A candidate as strong as pose errors follow it, its place if it has one, and the errors (scans, 6) it leaves."""
+@dataclass(frozen=True, eq=False)
+class _Begun:
+    """A candidate as strong as pose errors follow it.
+
+    Attributes:
+        effect, place: the effect, and where it stands if it is there already.
+        pose: (scans, 6) the errors that it leaves.
+        share: of the errors that it makes up for.
+    """
+
+    effect: Effect
+    place: int | None
+    pose: np.ndarray
+    share: float
+
+
+def _begun(patterns: PosePatterns, fitted: Fitted, directions: Sequence[Direction]) -> _Begun | None:
+    """None of a candidate that pose errors do not follow at all."""
     of_amplitude: dict[str, tuple[Direction, np.ndarray]] = {}
     for direction in directions:
         pattern = patterns.pattern(direction) if direction.amplitude else None
@@ -67,8 +91,7 @@ def _begun(
     errors = (fitted.pose / fitted.pose_sigma).ravel()
     amplitudes = np.linalg.lstsq(columns, errors, rcond=1e-6)[0]
     left = errors - columns @ amplitudes
-    if float(left @ left) > (1 - _WORTH) * float(errors @ errors):
-        return None
+    share = 1 - float(left @ left) / float(errors @ errors)
     first = next(iter(of_amplitude.values()))[0]
     effect = first.start
     assert effect is not None  # others have been left out
@@ -77,21 +100,21 @@ def _begun(
         name: getattr(fitted.effects[first.place] if first.place is not None else off, name) + float(amplitude)
         for name, amplitude in zip(of_amplitude, amplitudes, strict=True)
     }
-    return with_values(effect, values), first.place, left.reshape(fitted.pose.shape) * fitted.pose_sigma
+    return _Begun(with_values(effect, values), first.place, left.reshape(fitted.pose.shape) * fitted.pose_sigma, share)
 
 
 def _better(
     one: Ranked,
     fitter: Fitter,
     fitted: Fitted,
-    begun: tuple[Effect, int | None, np.ndarray],
+    begun: _Begun,
     start: Direction,
     trace: Trace,
     settled: Collection[int],
 ) -> Ranked:
-    effect, there, pose = begun
-    place = len(fitted.effects) if there is None else there
-    effects = (*fitted.effects[:place], effect, *fitted.effects[place + 1 :])
+    pose = begun.pose
+    place = len(fitted.effects) if begun.place is None else begun.place
+    effects = (*fitted.effects[:place], begun.effect, *fitted.effects[place + 1 :])
     along = [other for other in entangled(fitter, fitted, start, settled) if other != place]
     free = all_free(effects, [place, *along], fitter.rings)
     sigma = np.maximum(np.sqrt((pose**2).mean(0)), POSE_FLOOR)
