@@ -46,7 +46,7 @@ from cosim.discrepancy.unknown import (
     spread_of_gain,
 )
 from cosim.kitti import Drive
-from sensors.effects.base import BeamEffect, Effect, RoundingEffect
+from sensors.effects.base import BeamEffect, Effect, NoiseEffect, RoundingEffect
 from sensors.sensor_model import SensorModel
 
 _LOG = logging.getLogger(__name__)
@@ -59,17 +59,19 @@ _SHAPE_LEVEL = 0.02
 _WIDELY = 3.0  # deviates by which an unknown shape must gain from place to place
 _RETUNED_SIGMAS, _RETUNED_SHARE = 2.0, 1e-3  # what other values of an effect must gain, of its scatter and of the error
 _HARM_SIGMAS = 2.0
+_CALIBRATED_SHARE = 0.01
 _VARIANCES = {"range_variance", "intensity_variance"}
 _TRIED = 3  # candidates a round, until one helps on held-out frames; then those that the gate lets through alone
 
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    """What could be added: a candidate, or a shape that no candidate has."""
+    """What could be added: a candidate, or a shape that no candidate has; last of all one that explains little more."""
 
     ranked: Ranked
     rivals: tuple[Ranked, ...] = ()
     shape: Shape | None = None
+    is_last: bool = False
 
 
 def diagnose(
@@ -147,7 +149,7 @@ class Detective(Inquiry):
 
     def _choices(self, look: Look, worthy: Sequence[Ranked], strange: _Choice | None) -> Iterator[_Choice]:
         """What to add, the most promising first."""
-        if strange is not None:
+        if strange is not None and not strange.is_last:
             yield strange
         # What did not help before waits until all others have been tried; where a twin is not sure of itself, so does
         # what is not significant by itself.
@@ -157,6 +159,8 @@ class Detective(Inquiry):
         outstanding = [one for one in waiting[_TRIED:] if _p_value(look.verdict, one.effect) <= LEVEL]
         for one in (*waiting[:_TRIED], *outstanding):
             yield _Choice(one, tuple(other for other in worthy if other is not one))
+        if strange is not None and strange.is_last and self._depends(look):
+            yield strange
 
     def _adopt(self, choice: _Choice, look: Look) -> Settled | None:
         """Add a choice, if frames that took no part in the fit are told better with it."""
@@ -242,20 +246,23 @@ class Detective(Inquiry):
         return sorted(ranked, key=lambda one: -one.delta_bic)
 
     def _strange(self, look: Look, quick: Fitter, null: Fitted, best: Ranked | None) -> _Choice | None:
-        """A dependence that explains clearly more than the best candidate, or that is there when none is."""
+        """A dependence that explains more than the best candidate, or that is there when none is."""
         fitted = look.fitted
         shape = find_shape(look.fitter, fitted)
         if shape is None:
             return None
-        if best is None:
-            rng = np.random.default_rng([self.seed, 2])
-            if shape_gate(look.fitter, fitted, fitted.columns, rng).p_value > _SHAPE_LEVEL:
-                return None
+        if best is None and not self._depends(look):
+            return None
         shape, found = rank_shape(quick, null, shape, self.model.fitted)
         known = best.delta_bic if best is not None else 0.0
-        clear = found.delta_bic > _CLEARLY_MORE * known + ALIKE_BIC
-        widely = spread_of_gain(quick, null, found.fitted) > _WIDELY
-        return _Choice(found, shape=shape) if clear and widely else None
+        if found.delta_bic < known + ALIKE_BIC or spread_of_gain(quick, null, found.fitted) < _WIDELY:
+            return None
+        return _Choice(found, shape=shape, is_last=found.delta_bic < _CLEARLY_MORE * known + ALIKE_BIC)
+
+    def _depends(self, look: Look) -> bool:
+        """Whether any residual depends on anything, by more than chance."""
+        rng = np.random.default_rng([self.seed, 2])
+        return shape_gate(look.fitter, look.fitted, look.fitted.columns, rng).p_value <= _SHAPE_LEVEL
 
     def _settled(self, look: Look) -> list[Finding]:
         """Findings with the parameters and intervals of the last joint fit."""
@@ -274,9 +281,14 @@ def _helps(best: Ranked, after: HeldOut, before: HeldOut, is_new: bool) -> bool:
 
     A lattice is a fact of the file, which needs only do no harm; so is where points stand beside their beams. Other
     values of an effect that was there take more than what is new: what they fit may be any misfit of that channel.
+    Those of noise are seen between neighbours.
     """
-    if isinstance(best.fitted.effects[best.place], RoundingEffect):
+    effect = best.fitted.effects[best.place]
+    if isinstance(effect, RoundingEffect):
         return not before.beats(after, share=_RETUNED_SHARE)
+    if isinstance(effect, NoiseEffect) and not is_new:
+        stated = after.scatters_as_stated(before, effect.channel.removesuffix("_variance"))
+        return stated and not before.beats(after, share=_CALIBRATED_SHARE)
     if after.aligns(before) and not before.beats(after, _HARM_SIGMAS):
         return True
     return after.beats(before) if is_new else after.beats(before, _RETUNED_SIGMAS, _RETUNED_SHARE)

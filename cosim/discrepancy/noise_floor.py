@@ -15,6 +15,8 @@ from cosim.discrepancy.expectation import Expectation
 from cosim.discrepancy.frames import TracedFrame
 from cosim.discrepancy.scoring import CLIP_M, SCALES, FrameScores
 
+_MOST_SQUARED = 100.0
+
 
 @dataclass(frozen=True, eq=False)
 class NoiseFloor:
@@ -53,11 +55,8 @@ def estimate_floor(frame: TracedFrame, scores: FrameScores, expected: Expectatio
         frame, scores: of the frame.
         expected: by the model, its own chance left out, which would add to the noise.
     """
-    solid, ring = frame.shot.hits.solid, frame.shot.rays.ring
-    pair = (ring[1:] == ring[:-1]) & (solid.instance[1:] == solid.instance[:-1])
-    pair &= (solid.material[1:] == solid.material[:-1]) & ~scores.ambiguous[1:] & ~scores.ambiguous[:-1]
-    both = pair & scores.matched[1:] & scores.matched[:-1]
-    both &= np.isfinite(expected.range_m[1:]) & np.isfinite(expected.range_m[:-1])
+    pair = _neighbours(frame, scores)
+    both = _matched(pair, scores, expected)
     residual = scores.measured_m - expected.range_m
     gap = np.minimum(np.abs(np.diff(residual))[both], CLIP_M)
     found = {"range": (float(gap.sum()) / 2, int(both.sum()))}
@@ -71,3 +70,35 @@ def estimate_floor(frame: TracedFrame, scores: FrameScores, expected: Expectatio
     apart = np.abs(np.diff(outcome)) - np.diff(expected.seen) ** 2
     found["drop"] = (max(float(apart[pair].sum()), 0.0) / 2, int(pair.sum()))
     return found
+
+
+def excess_scatter(frame: TracedFrame, scores: FrameScores, expected: Expectation) -> dict[str, float]:
+    """By what share neighbours differ more than is stated, in squares, by channel; none where no noise is stated.
+
+    Args:
+        frame, scores, expected: as in `estimate_floor`.
+    """
+    both = _matched(_neighbours(frame, scores), scores, expected)
+    lit = both & np.isfinite(scores.intensity_score[1:]) & np.isfinite(scores.intensity_score[:-1])
+    found = {}
+    for name, used, residual, sigma in (
+        ("range", both, scores.measured_m - expected.range_m, expected.range_sigma_m),
+        ("intensity", lit, scores.measured_intensity - expected.intensity, expected.intensity_sigma),
+    ):
+        variance = sigma.astype(np.float64) ** 2
+        stated = (variance[1:] + variance[:-1])[used]
+        if len(stated) and np.all(stated > 0):
+            found[name] = float(np.minimum(np.diff(residual)[used] ** 2 / stated, _MOST_SQUARED).mean() - 1)
+    return found
+
+
+def _neighbours(frame: TracedFrame, scores: FrameScores) -> np.ndarray:
+    """(n − 1,) bool: beams and the next of the same ring at the same surface."""
+    solid, ring = frame.shot.hits.solid, frame.shot.rays.ring
+    pair = (ring[1:] == ring[:-1]) & (solid.instance[1:] == solid.instance[:-1])
+    return pair & (solid.material[1:] == solid.material[:-1]) & ~scores.ambiguous[1:] & ~scores.ambiguous[:-1]
+
+
+def _matched(pair: np.ndarray, scores: FrameScores, expected: Expectation) -> np.ndarray:
+    both = pair & scores.matched[1:] & scores.matched[:-1]
+    return both & np.isfinite(expected.range_m[1:]) & np.isfinite(expected.range_m[:-1])

@@ -61,10 +61,13 @@ def is_idle(fitter: Fitter, fitted: Fitted, place: int, clearly: float, said: Ef
         clearly: standard errors beyond which an amplitude is there.
         said: the effect as the sensor had it; None if it did not.
     """
-    kind, at, rows, apart, is_sloping = type(fitted.effects[place]), 0, [], [], True
-    neutral = said.model_dump() if said is not None else kind.neutral or {}
+    count = sum(one.unknown.rings for one in fitted.free_of(place))
+    if said is None:
+        fitted = _with_shape_held(fitted, place)
+    at, rows, apart, is_sloping = 0, [], [], True
+    neutral = said.model_dump() if said is not None else type(fitted.effects[place]).neutral or {}
     for one, column in zip(fitted.free, fitted.columns, strict=True):
-        if one.effect == place and (said is not None or one.unknown.name in amplitudes(kind)):
+        if one.effect == place:
             rows += range(at, at + one.unknown.rings)
             away = np.subtract(getattr(fitted.effects[place], one.unknown.name), neutral[one.unknown.name])
             apart += np.atleast_1d(away).tolist()
@@ -78,8 +81,16 @@ def is_idle(fitter: Fitter, fitted: Fitted, place: int, clearly: float, said: Ef
     there = () if said is None else (said,)
     rest = (*fitted.effects[:place], *there, *fitted.effects[place + 1 :])
     without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
-    count = sum(one.unknown.rings for one in fitted.free_of(place))
     return 2 * (fitted.loglik - without.loglik) < count * np.log(len(fitter.sample))
+
+
+def _with_shape_held(fitted: Fitted, place: int) -> Fitted:
+    """A fit without those parameters of an effect that mean nothing where its amplitudes are none (Davies 1977)."""
+    switching = amplitudes(type(fitted.effects[place]))
+    kept = [row for row, one in enumerate(fitted.free) if one.effect != place or one.unknown.name in switching]
+    return replace(
+        fitted, free=tuple(fitted.free[row] for row in kept), columns=tuple(fitted.columns[row] for row in kept)
+    )
 
 
 def _joint_deviate(covariances: Sequence[np.ndarray], rows: Sequence[int], apart: np.ndarray) -> float:

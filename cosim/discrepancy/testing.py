@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,12 +10,13 @@ import numpy as np
 from cosim.discrepancy.compare import Totals
 from cosim.discrepancy.expectation import expect
 from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
-from cosim.discrepancy.noise_floor import NoiseFloor, estimate_floor
+from cosim.discrepancy.noise_floor import NoiseFloor, estimate_floor, excess_scatter
 from cosim.discrepancy.replay import FrameReplay
 from cosim.discrepancy.scoring import model_chance, score_frame
 from sensors.effects.base import Effect
 
 _CLOSER = 0.9
+_CALMER, _FAR_OFF = 0.5, 0.2
 _EVERY = 7  # returns; enough for a mean
 
 
@@ -29,6 +30,7 @@ class HeldOut:
         beams: (f,) how many of each could be compared: what it counts for.
         floor: the error that noise alone would make, estimated from neighbouring beams; None where nothing matched.
         rise_m: (f,) how far points stand above or below their beams on average; 0 where files tell each point's beam.
+        scatter: by frame and channel, by what share neighbours differ more than is stated, in squares.
     """
 
     error: float
@@ -36,6 +38,7 @@ class HeldOut:
     beams: np.ndarray
     floor: float | None
     rise_m: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    scatter: Sequence[Mapping[str, float]] = ()
 
     @property
     def standard_error(self) -> float:
@@ -56,16 +59,27 @@ class HeldOut:
         """
         return bool(len(self.rise_m) and (self.rise_m < _CLOSER * other.rise_m).all())
 
+    def scatters_as_stated(self, other: HeldOut, channel: str) -> bool:
+        """Whether the noise of a channel is as stated, in every frame, where that of the other is far from it.
+
+        The error tells no noise: of what is more often small than a Gaussian too little suits it as well, and where
+        the twin is off too much does.
+        """
+        mine, others = (np.abs([frame.get(channel, 0.0) for frame in one.scatter]) for one in (self, other))
+        return bool(len(mine) and ((mine < _CALMER * others) & (others > _FAR_OFF)).all())
+
 
 def held_out_errors(tracer: FrameTracer, names: Sequence[str], effects: Sequence[Effect], origin: str) -> HeldOut:
     """The errors of effects on some frames."""
     effects = in_order(effects)
-    each, noise, rise_m = [], [], []
+    each, noise, rise_m, scatter = [], [], [], []
     for number, name in enumerate(names):
         frame = tracer.trace(name, bending(effects))
         scores = score_frame(frame, effects, model_chance(0, number), origin)
         each.append(Totals.of(frame, scores))
-        noise.append(estimate_floor(frame, scores, expect(effects, frame.shot)))
+        expected = expect(effects, frame.shot)
+        noise.append(estimate_floor(frame, scores, expected))
+        scatter.append(excess_scatter(frame, scores, expected))
         rise_m.append(_mean_rise(frame, effects))
     floor = NoiseFloor.of(noise)
     return HeldOut(
@@ -74,6 +88,7 @@ def held_out_errors(tracer: FrameTracer, names: Sequence[str], effects: Sequence
         beams=np.array([one.beams for one in each]),
         floor=None if floor is None else floor.error,
         rise_m=np.array(rise_m),
+        scatter=tuple(scatter),
     )
 
 

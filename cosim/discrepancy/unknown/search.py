@@ -16,6 +16,7 @@ from cosim.discrepancy.unknown.refined import solve_shape
 
 CHANNELS: tuple[Quantity, ...] = ("range", "intensity", "drop")
 _FEWEST = 200  # beams in a bin
+_OF_SURFACES = {"albedo", "material"}
 _KNOWN = (("range", "ring"), ("intensity", "ring"))  # the catalogue has one number a laser for these
 
 
@@ -111,8 +112,8 @@ class Shape:
 def find_shape(fitter: Fitter, fitted: Fitted) -> Shape | None:
     """The dependence that explains most of what a fitted model leaves, or None if none is worth its bins.
 
-    Bins of what all beams of a scan share are little more than scans: the time explains as much as the speed does. Of
-    these the one with the simplest formula is meant.
+    Bins of what all beams of a scan share are little more than scans: the time explains as much as the speed does. So
+    does the albedo for a material. Of these the one that is told in the simplest way is meant.
     """
     found: list[tuple[float, Quantity, Covariate, np.ndarray]] = []
     for covariate in covariates(fitter.sample, fitted):
@@ -127,15 +128,24 @@ def find_shape(fitter: Fitter, fitted: Fitted) -> Shape | None:
     if not found:
         return None
     best = max(found, key=lambda one: one[0])
-    alike = [one for one in found if one[1] == best[1] and one[2].of_scans] if best[2].of_scans else [best]
+    alike = [one for one in found if one[1] == best[1] and _is_alike(one[2], best[2])]
     return max((_followed(fitter, fitted, *one) for one in alike), key=lambda one: _as_told(fitter, one))
 
 
+def _is_alike(one: Covariate, other: Covariate) -> bool:
+    """Whether two covariates sort beams alike."""
+    return one.name == other.name or (one.of_scans and other.of_scans) or {one.name, other.name} <= _OF_SURFACES
+
+
 def _as_told(fitter: Fitter, shape: Shape) -> float:
-    """By how much the BIC falls with a shape's formula, or with the shape itself where it has none."""
-    if shape.formula is None:
-        return shape.delta_bic
-    return shape.delta_bic + len(shape.x) * float(np.log(len(fitter.sample))) - shape.formula.bic
+    """By how much the BIC falls with a shape's formula, or with as few of its categories as tell it."""
+    if shape.formula is not None:
+        told = shape.formula.bic
+    else:
+        size = np.sort((shape.y / np.maximum(shape.sigma, 1e-12)) ** 2)[::-1]
+        left = np.append(size.sum(), size.sum() - np.cumsum(size))
+        told = float(np.min(left + 2 * np.arange(len(left)) * np.log(len(size))))
+    return shape.delta_bic + len(shape.x) * float(np.log(len(fitter.sample))) - told
 
 
 def same_shape(fitter: Fitter, fitted: Fitted, shape: Shape) -> Shape | None:

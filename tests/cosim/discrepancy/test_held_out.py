@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from cosim.discrepancy.checks import opened
+from cosim.discrepancy.frames import FrameTracer
 from cosim.discrepancy.held_out import split_frames
-from cosim.discrepancy.testing import HeldOut
+from cosim.discrepancy.testing import HeldOut, held_out_errors
+from sensors.effects.range_noise import RangeNoise
+from sensors.sensor_model import load_sensor
+from tests.cosim.discrepancy.small_drive import make_yard
 
 
 @pytest.mark.parametrize("count", [8, 15, 60])
@@ -32,3 +39,16 @@ def test_a_frame_of_few_beams_does_not_outvote_many() -> None:
     assert after.beats(before)
     assert not before.beats(after)
     assert after.standard_error < 0.1
+
+
+def test_neighbours_tell_whether_noise_is_as_stated(tmp_path: Path) -> None:
+    stated, true = RangeNoise(sigma_m=0.01), RangeNoise(sigma_m=0.013)
+    yard = make_yard(tmp_path, (true,), known=({"effect": "range_noise", "sigma_m": 0.01},), frames=4)
+    drive, sensor = opened(yard.drive), load_sensor(yard.sensor)
+    tracer, names = FrameTracer(drive, sensor), tuple(drive.frames)
+    said, right = (held_out_errors(tracer, names, (one,), sensor.origin) for one in (stated, true))
+    assert [frame["range"] for frame in said.scatter] == pytest.approx([0.69] * 4, abs=0.15)
+    assert [frame["range"] for frame in right.scatter] == pytest.approx([0.0] * 4, abs=0.1)
+    assert right.scatters_as_stated(said, "range") and not said.scatters_as_stated(right, "range")
+    assert not right.scatters_as_stated(right, "range"), "what is as stated needs no other values"
+    assert not right.scatters_as_stated(said, "intensity"), "where no noise is stated none is judged"

@@ -10,6 +10,7 @@ from cosim.discrepancy.revising import is_idle
 from cosim.discrepancy.settling import Settled
 from sensors.effects.range_bias import RangeBias
 from sensors.effects.range_noise import RangeNoise
+from sensors.effects.range_walk import RangeWalk
 from tests.cosim.discrepancy.conftest import NOISE
 from tests.cosim.discrepancy.small_drive import Yard, make_yard, settled
 
@@ -37,3 +38,9 @@ def test_so_is_what_was_said_before(biased_yard: Yard) -> None:
     found = _with_a_bias(biased_yard)
     assert is_idle(found.fitter, found.fitted, 0, clearly=5.0, said=found.fitted.effects[0])
     assert not is_idle(found.fitter, found.fitted, 0, clearly=5.0, said=RangeBias(offset_m=0.03))
+
+
+def test_what_only_has_a_place_it_does_not_mind_is_there(biased_yard: Yard) -> None:
+    """One delay suits a constant bias with any decay, if its amplitude follows: unsure of both, sure of the delay."""
+    yard = settled(biased_yard, (RangeWalk(amplitude_m=0.04, decay=0.5), NOISY), free=[0])
+    assert not is_idle(yard.fitter, yard.fitted, 0, clearly=5.0)

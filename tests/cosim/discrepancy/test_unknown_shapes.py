@@ -13,6 +13,7 @@ from cosim.discrepancy.unknown import Shape, class_name, effect_source
 from cosim.discrepancy.unknown.candidate import shape_effect
 from cosim.discrepancy.unknown.covariates import covariates
 from cosim.discrepancy.unknown.formulas import best_formula, evaluate
+from cosim.discrepancy.unknown.search import _as_told
 from sensors.effects.base import EchoEffect, PointEffect
 from sensors.effects.phases import Phase
 from sensors.effects.registry import find_effect
@@ -103,3 +104,19 @@ def test_who_drives_straight_on_does_not_turn(tmp_path: Path) -> None:
         sample = found.fitter.sample
         sample = replace(sample, scan_values=sample.scan_values | {"yaw_rate_radps": rates})
         assert ("yaw_rate" in {one.name for one in covariates(sample, found.fitted)}) is there
+
+
+def told(names: tuple[str, ...], x: np.ndarray, y: np.ndarray, covariate: str) -> Shape:
+    sigma = np.full(len(x), 5e-4)
+    formula = None if names else best_formula(x, y, sigma)
+    return Shape("range", covariate, "", x, y, sigma, formula, 500.0, names)
+
+
+def test_one_material_that_is_off_is_told_as_that_and_dark_ones_by_their_albedo(tmp_path: Path) -> None:
+    fitter = settled(make_yard(tmp_path)).fitter
+    albedo, noise = np.linspace(0.05, 0.7, 24), np.random.default_rng(1).normal(0, 5e-4, 24)
+    names = tuple(f"material {row}" for row in range(24))
+    for there, by in ((np.arange(24) == 11, "material"), (np.abs(albedo - 0.25) < 0.12, "albedo")):
+        y = 0.01 * there + noise
+        both = [told((), albedo, y, "albedo"), told(names, np.arange(24.0), y, "material")]
+        assert max(both, key=lambda one: _as_told(fitter, one)).covariate == by
