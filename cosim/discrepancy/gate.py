@@ -296,7 +296,7 @@ def _gained(direction: Direction, gain: np.ndarray, clusters: Clusters) -> _Sums
     An odd function of sums whose signs are random leaves their signs random.
     """
     both = (clusters.track, clusters.part)
-    by_track, by_scan = (_compressed(np.bincount(cluster, gain))[:, None] for cluster in both)
+    by_track, by_scan = (compressed(np.bincount(cluster, gain))[:, None] for cluster in both)
     acts = (by_track[:, 0] != 0).astype(float)  # where an effect does nothing, nothing is expected of it
     spread = widened(by_track, acts, clusters.near)
     return _Sums(direction, "likelihood", by_track, by_scan, float(gain @ gain), by_scan[:, 0], spread)
@@ -321,7 +321,8 @@ def _bounded(score: np.ndarray, information: np.ndarray) -> np.ndarray:
     return score / beyond * (1 + np.log(beyond))
 
 
-def _compressed(gain: np.ndarray) -> np.ndarray:
+def compressed(gain: np.ndarray) -> np.ndarray:
+    """Sizes of gains (n,) as logarithms, with their signs."""
     return np.sign(gain) * np.log1p(np.abs(gain))
 
 

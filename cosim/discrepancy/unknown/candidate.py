@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.discrepancy.fitting import Fitted, Fitter, all_free
-from cosim.discrepancy.gate import Direction, Verdict, run_gate
+from cosim.discrepancy.gate import Direction, Verdict, compressed, run_gate
 from cosim.discrepancy.ranking import ALIKE_BIC, Ranked
 from cosim.discrepancy.system import Column
 from cosim.discrepancy.unknown.covariates import covariates
@@ -54,6 +54,9 @@ def rank_shape(fitter: Fitter, fitted: Fitted, shape: Shape, along: Sequence[int
 def spread_of_gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
     """By how many deviates a fit gains from place to place: its gain over the root sum of squares of places' own.
 
+    Large gains count as their logarithms, so that the few places that show most do not outvote all others; but not
+    where every spot of the map has an error of its own to be gained by.
+
     A law of the sensor shows wherever its covariate does. A wrong label or a wrong spot of the map makes a shape, too,
     of whatever is peculiar to it, but gains there alone.
 
@@ -64,6 +67,7 @@ def spread_of_gain(fitter: Fitter, before: Fitted, after: Fitted) -> float:
     gain = fitter.sample.share * (after.fit.loglik - before.fit.loglik)
     _, place = np.unique(fitter.sample.track, return_inverse=True)
     own = np.bincount(place.ravel(), gain)
+    own = own if fitter.sample.map_is_off else compressed(own)
     return float(own.sum() / max(np.sqrt(np.sum(own**2)), 1e-12))
 
 

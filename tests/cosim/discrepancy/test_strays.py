@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from cosim.discrepancy.gate import _compressed
+from cosim.discrepancy.gate import compressed
 from cosim.discrepancy.hard_limits import widening
 from cosim.discrepancy.sector import crowded_sector
 from sensors.effects.backscatter import Backscatter
@@ -38,8 +38,8 @@ def test_one_large_gain_does_not_drown_many_small_ones():
         return float(sums.sum() / np.sqrt((sums**2).sum()))
 
     assert deviates(gain) < 1.2
-    assert deviates(_compressed(gain)) > 3
-    assert np.array_equal(_compressed(-gain), -_compressed(gain))
+    assert deviates(compressed(gain)) > 3
+    assert np.array_equal(compressed(-gain), -compressed(gain))
 
 
 @pytest.mark.parametrize("coupling", [0.0, -0.6, 0.9])
