@@ -22,7 +22,8 @@ from cosim.discrepancy.pose_errors import independent_share
 from cosim.discrepancy.random_signs import DRAWS
 
 _RIGID = 0.5  # share of a candidate's changes of ranges that pose errors could make
-_VARIED = 0.05  # share of its pattern that differs from scan to scan; what all have alike shows as poses are said
+_VARIED = 0.05  # share of its pattern that differs from scan to scan
+_STEADY = 0.1  # share of an amplitude by which scans may differ: a pattern that all have alike is else a drift's, too
 _FEWEST_SCANS = 4
 _MOST_DEVIATE = 12.0
 _REWEIGHTED, _WIDE = 8, 3.0
@@ -38,12 +39,14 @@ class Agreement:
         amplitude, error: of the pattern in the errors, and its standard error.
         deviate: equivalent standard normal deviate, of the amplitude's sign.
         p_value: share of signed permutations that agree as well.
+        is_steady: whether every scan has about the same amplitude, as no drift would.
     """
 
     amplitude: float
     error: float
     deviate: float
     p_value: float
+    is_steady: bool
 
 
 class PosePatterns:
@@ -64,10 +67,10 @@ class PosePatterns:
         found = []
         for direction in directions:
             pattern = self.pattern(direction)
-            if pattern is None or _is_constant(pattern / sigma):
+            if pattern is None:
                 continue
             told = agreement(pose / sigma, pattern / sigma, POSE_FLOOR / sigma, rng)
-            if told is not None:
+            if told is not None and (told.is_steady or not _is_constant(pattern / sigma)):
                 unit = (pattern / sigma).ravel()
                 unit = unit / np.linalg.norm(unit)
                 found.append(Posed(direction, told.deviate, told.p_value, told.error, unit))
@@ -139,7 +142,8 @@ def agreement(errors: np.ndarray, pattern: np.ndarray, floor: np.ndarray, rng: n
     signs = rng.choice((-1.0, 1.0), order.shape)
     drawn = np.einsum("dsk,sk,ds->d", errors[order], pattern, signs)
     beyond = np.count_nonzero(np.abs(drawn) >= abs(float((errors * pattern).sum())) * (1 - 1e-12))
-    return Agreement(amplitude, error, float(np.sign(amplitude)) * deviate, (1 + beyond) / (1 + DRAWS))
+    steady = bool(np.all(np.abs(left) < _STEADY * np.abs(amplitude) * weight))
+    return Agreement(amplitude, error, float(np.sign(amplitude)) * deviate, (1 + beyond) / (1 + DRAWS), steady)
 
 
 def _share(left: np.ndarray) -> float:

@@ -44,6 +44,15 @@ def test_errors_of_their_own_hardly_ever_follow_it(drifting):
     assert alarms <= 1
 
 
+def test_a_turn_that_all_scans_share_is_steady_and_a_drift_is_not():
+    rng, alike = np.random.default_rng(2), _pitches(np.ones(SCANS))
+    noise = 0.01 * rng.standard_normal((SCANS, 6))
+    drift = _pitches(1.0 + 0.2 * rng.standard_normal(SCANS).cumsum())
+    steady, wandering = (agreement(made + noise, alike, FLOOR, rng) for made in (alike, drift))
+    assert steady is not None and steady.is_steady and steady.deviate > CRITICAL and steady.p_value < 0.01
+    assert wandering is not None and not wandering.is_steady
+
+
 def test_a_single_scan_that_is_far_off_proves_nothing():
     made = np.zeros(SCANS)
     made[6] = 5.0
