@@ -93,13 +93,14 @@ def _searched(fitter: Fitter, fitted: Fitted, place: int, columns: dict[Unknown,
         held[name] = pair
         drawn[name] = redrawn_interval(losses, value, apart, clusters, (unknown.low, unknown.high))
     wider = widening(effects, place, {name: pair for name, pair in held.items() if drawn[name].is_smooth}, lost)
-    for name, one in drawn.items():
-        value, by = float(getattr(effects[place], name)), wider.get(name, 1.0)
+    for unknown in columns:
+        name, value = unknown.name, float(getattr(effects[place], unknown.name))
+        one, by = drawn[name], wider.get(name, 1.0)
         aside = effects[place].sampled_to.get(name, 0.0) * abs(value)
         low, high = value - np.hypot((value - one.low) * by, aside), value + np.hypot((one.high - value) * by, aside)
         if not one.is_smooth:
             low, high = min(low, held[name][0]), max(high, held[name][1])
-        found[name] = [float(low), float(high)]
+        found[name] = [float(max(low, unknown.low)), float(min(high, unknown.high))]
     return found
 
 
