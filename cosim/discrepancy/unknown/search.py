@@ -59,7 +59,7 @@ class Shape:
         """The formula, or the categories that stand out."""
         if self.formula is not None:
             return self.formula.text
-        order = np.argsort(-np.abs(self.y / np.maximum(self.sigma, 1e-12)))[:6]
+        order = np.argsort(-np.abs(self.y / np.maximum(self.sigma, 1e-12)))[: max(_standing_out(self)[0], 1)]
         return ", ".join(f"{self.names[i]}: {self.y[i]:+.3g}" for i in order)
 
     def is_like(self, other: Shape) -> bool:
@@ -142,10 +142,15 @@ def _as_told(fitter: Fitter, shape: Shape) -> float:
     if shape.formula is not None:
         told = shape.formula.bic
     else:
-        size = np.sort((shape.y / np.maximum(shape.sigma, 1e-12)) ** 2)[::-1]
-        left = np.append(size.sum(), size.sum() - np.cumsum(size))
-        told = float(np.min(left + 2 * np.arange(len(left)) * np.log(len(size))))
+        _, told = _standing_out(shape)
     return shape.delta_bic + len(shape.x) * float(np.log(len(fitter.sample))) - told
+
+
+def _standing_out(shape: Shape) -> tuple[int, float]:
+    """How many categories it takes to tell a shape, and the BIC of these, each a number and a choice."""
+    size = np.sort((shape.y / np.maximum(shape.sigma, 1e-12)) ** 2)[::-1]
+    bic = np.append(size.sum(), size.sum() - np.cumsum(size)) + 2 * np.arange(len(size) + 1) * np.log(len(size))
+    return int(np.argmin(bic)), float(bic.min())
 
 
 def same_shape(fitter: Fitter, fitted: Fitted, shape: Shape) -> Shape | None:
