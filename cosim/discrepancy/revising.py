@@ -86,6 +86,8 @@ def is_idle(fitter: Fitter, fitted: Fitted, place: int, clearly: float, said: Ef
 
 def _with_shape_held(fitted: Fitted, place: int) -> Fitted:
     """A fit without those parameters of an effect that mean nothing where its amplitudes are none (Davies 1977)."""
+    if not fitted.free_of(place):
+        return fitted  # a rounding, which is never none
     switching = amplitudes(type(fitted.effects[place]))
     kept = [row for row, one in enumerate(fitted.free) if one.effect != place or one.unknown.name in switching]
     return replace(

@@ -15,6 +15,7 @@ from cosim.discrepancy.unknown.formulas import Formula
 from sensors.effects.base import Effect
 from sensors.effects.range_bias import RangeBias
 from sensors.effects.range_noise import RangeNoise
+from sensors.effects.range_quantization import RangeQuantization
 from tests.cosim.discrepancy.conftest import NOISE
 from tests.cosim.discrepancy.small_drive import Yard, make_yard, settled
 
@@ -58,4 +59,10 @@ def test_what_is_not_sure_of_its_place_may_be_there_all_the_same(tmp_path: Path)
     yard = make_yard(tmp_path, (_bell_about(grass), NOISY), known=(NOISE,), frames=8)
     found = settled(yard, (_bell_about(grass + 0.01), NOISY), free=[0, 1])
     place = next(row for row, one in enumerate(found.fitted.effects) if one.name.startswith("unknown"))
+    assert not is_idle(found.fitter, found.fitted, place, clearly=5.0)
+
+
+def test_a_rounding_is_a_fact_of_the_file(biased_yard: Yard) -> None:
+    found = settled(biased_yard, (RangeQuantization(step_m=0.002), NOISY))
+    place = next(row for row, one in enumerate(found.fitted.effects) if one.name == "range_quantization")
     assert not is_idle(found.fitter, found.fitted, place, clearly=5.0)
