@@ -74,7 +74,7 @@ class BeamDivergence(EchoEffect):
         if not self._is_replayed(shot):
             return np.zeros(len(beam))
         ranges, split = self._parts(shot)
-        return split[beam] * elsewhere(ranges[beam], range_m, self._pulse_m)
+        return elsewhere(ranges[beam], split[beam], range_m, self._pulse_m)
 
     def _is_replayed(self, shot: Shot) -> bool:
         return self.divergence_mrad > 0 and shot.whole is not None and shot.rows is not None
@@ -87,8 +87,11 @@ class BeamDivergence(EchoEffect):
     def _parts(self, shot: Shot) -> tuple[np.ndarray, np.ndarray]:
         """Ranges (n, k) of parts of footprints, and which footprints (n,) bool are split.
 
-        Something thin may stand between samples that all meet the same.
+        Something thin may stand between samples that all meet the same. What is seen and what answers both ask for it.
         """
+        return shot.kept(f"parts {self.divergence_mrad} {self.pulse_ns}", lambda: self._parts_anew(shot))
+
+    def _parts_anew(self, shot: Shot) -> tuple[np.ndarray, np.ndarray]:
         sampled = sampled_ranges(shot.hits, self._aside(shot))
         between = ranges_between(shot, self.divergence_mrad / 2000)
         split = is_split(sampled, self._pulse_m)

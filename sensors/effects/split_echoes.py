@@ -22,10 +22,10 @@ def is_split(ranges: np.ndarray, pulse_m: float) -> np.ndarray:
     return np.any((gaps > pulse_m) & np.isfinite(ranges[:, 1:]), axis=1)
 
 
-def elsewhere(ranges: np.ndarray, range_m: np.ndarray, pulse_m: float) -> np.ndarray:
-    """Probability per metre (n,) of an answer at `range_m` (n,) from another part of footprints that are split.
+def elsewhere(ranges: np.ndarray, split: np.ndarray, range_m: np.ndarray, pulse_m: float) -> np.ndarray:
+    """Probability per metre (n,) of an answer at `range_m` (n,) from another part of footprints.
 
-    Their samples lie at `ranges` (n, samples). Parts between these answer, too: each sample stands for a stretch as
+    Their samples lie at `ranges` (n, samples); only those that are `split` (n,) have other parts to answer. Parts between these answer, too: each sample stands for a stretch as
     wide as the samples lie apart.
     """
     there = np.isfinite(ranges)
@@ -35,4 +35,4 @@ def elsewhere(ranges: np.ndarray, range_m: np.ndarray, pulse_m: float) -> np.nda
     spread = np.sqrt((np.where(there, known - mean[:, None], 0.0) ** 2).sum(1) / count)
     width = np.maximum(spread, pulse_m / 2)[:, None]
     each = np.exp(-0.5 * ((range_m[:, None] - known) / width) ** 2) / (np.sqrt(2 * np.pi) * width)
-    return CHANCE * (each * there).sum(1) / count
+    return CHANCE * split * (each * there).sum(1) / count

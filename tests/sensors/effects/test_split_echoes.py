@@ -22,8 +22,14 @@ def test_a_footprint_is_split_where_a_gap_is_longer_than_a_pulse() -> None:
 @pytest.mark.parametrize("ranges", [[20.0, 20.0, 35.0, 20.0, 20.0], [50.0, 47.0, 50.0, 54.0, np.inf]])
 def test_other_parts_answer_with_the_stated_chance_in_all(ranges: list[float]) -> None:
     anywhere = np.arange(0.0, 120.0, 0.01)
-    density = elsewhere(np.tile(ranges, (len(anywhere), 1)), anywhere, _PULSE_M)
+    every = np.tile(ranges, (len(anywhere), 1))
+    density = elsewhere(every, is_split(every, _PULSE_M), anywhere, _PULSE_M)
     assert density.sum() * 0.01 == pytest.approx(CHANCE, rel=1e-3)
+
+
+def test_whole_footprints_answer_from_nowhere_else() -> None:
+    whole = np.full((1, 5), 20.0)
+    assert elsewhere(whole, is_split(whole, _PULSE_M), np.array([20.0]), _PULSE_M) == 0
 
 
 def test_a_post_between_the_samples_may_answer() -> None:
