@@ -52,7 +52,7 @@ class Evidence:
         score: dict[Quantity, np.ndarray] = {
             "range": matched * pull(fit.range_z) / fit.range_sigma_m,
             "rise": returned * pull(fit.rise_z) / rise_sigma * (np.abs(fit.rise_z) * rise_sigma > rounded_m),
-            "range_variance": told * _spread_excess(range_gap),
+            "range_variance": told * spread_excess(range_gap),
             "drop": binary * (fit.matched - fit.seen),
         }
         information: dict[Quantity, np.ndarray] = {
@@ -67,7 +67,7 @@ class Evidence:
             lit = weight * plain * plain[pair] * (sample.partner >= 0)
             score["intensity"] = bright * fit.intensity_pull / fit.intensity_sigma
             information["intensity"] = bright * fit.intensity_known / fit.intensity_sigma**2
-            score["intensity_variance"] = lit * _spread_excess(intensity_gap)
+            score["intensity_variance"] = lit * spread_excess(intensity_gap)
             information["intensity_variance"] = lit * _SPREAD_INFORMATION
         return cls(score, information)
 
@@ -99,6 +99,6 @@ def change(before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:
     return {name: values for name, values in found.items() if np.any(np.abs(values) > 1e-12)}
 
 
-def _spread_excess(gap: np.ndarray) -> np.ndarray:
+def spread_excess(gap: np.ndarray) -> np.ndarray:
     """Above 0 where neighbours scatter more than stated, 0 on average for any law of the stated standard deviation."""
     return np.minimum(gap**2, _MOST_SQUARED) - 1

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.discrepancy.evidence import spread_excess
 from cosim.discrepancy.expectation import Expectation
 from cosim.discrepancy.frames import TracedFrame
 from cosim.discrepancy.scoring import CLIP_M, SCALES, FrameScores
-
-_MOST_SQUARED = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +87,7 @@ def excess_scatter(frame: TracedFrame, scores: FrameScores, expected: Expectatio
         variance = sigma.astype(np.float64) ** 2
         stated = (variance[1:] + variance[:-1])[used]
         if len(stated) and np.all(stated > 0):
-            found[name] = float(np.minimum(np.diff(residual)[used] ** 2 / stated, _MOST_SQUARED).mean() - 1)
+            found[name] = float(spread_excess(np.diff(residual)[used] / np.sqrt(stated)).mean())
     return found
 
 

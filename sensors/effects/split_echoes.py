@@ -25,8 +25,8 @@ def is_split(ranges: np.ndarray, pulse_m: float) -> np.ndarray:
 def elsewhere(ranges: np.ndarray, split: np.ndarray, range_m: np.ndarray, pulse_m: float) -> np.ndarray:
     """Probability per metre (n,) of an answer at `range_m` (n,) from another part of footprints.
 
-    Their samples lie at `ranges` (n, samples); only those that are `split` (n,) have other parts to answer. Parts between these answer, too: each sample stands for a stretch as
-    wide as the samples lie apart.
+    Their samples lie at `ranges` (n, samples); only those that are `split` (n,) have other parts to answer. Parts
+    between these answer, too: each sample stands for a stretch as wide as the samples lie apart.
     """
     there = np.isfinite(ranges)
     known = np.where(there, ranges, 0.0)

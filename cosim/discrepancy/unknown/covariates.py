@@ -60,8 +60,8 @@ def covariates(sample: Sample, fitted: Fitted) -> Iterator[Covariate]:
         numbers |= {f"world_{axis}": ("m", sample.place[:, row], 0.0) for row, axis in enumerate("xy")}
     for name, (unit, values, period) in numbers.items():
         step = _RESOLVED.get(name, 0.0)
-        told = np.round(np.asarray(values, float) / step) * step if step else np.asarray(values, float)
-        found = _binned(name, unit, told, period)
+        told = np.asarray(values, float)
+        found = _binned(name, unit, np.round(told / step) * step if step else told, period)
         if found is not None:
             yield replace(found, of_scans=name in _OF_SCANS)
     groups = {
