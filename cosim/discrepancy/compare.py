@@ -12,7 +12,7 @@ import numpy as np
 from cosim.discrepancy.checks import check_fit, opened
 from cosim.discrepancy.expectation import expect
 from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
-from cosim.discrepancy.noise_floor import NoiseFloor, estimate_floor
+from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
 from cosim.discrepancy.scoring import SCALES, FrameScores, model_chance, score_frame
 from cosim.discrepancy.slices import Slice, SliceTally
 from cosim.kitti import Drive
@@ -223,7 +223,8 @@ def compare(
         tally.add(traced, scores)
         if keep:
             kept[name] = scores
-        floor.append(estimate_floor(traced, scores, expect(effects, traced.shot)))
+        expected = expect(effects, traced.shot)
+        floor.append(estimate_floor(Neighbours.of(traced, scores, expected), scores, expected))
         if on_frame is not None:
             on_frame(traced, scores)
     total = sum(by_frame.values(), Totals())

@@ -47,57 +47,62 @@ class NoiseFloor:
         return cls(error, parts, "estimated from how much neighbouring beams on one surface differ")
 
 
-def estimate_floor(frame: TracedFrame, scores: FrameScores, expected: Expectation) -> dict[str, tuple[float, int]]:
+@dataclass(frozen=True, eq=False)
+class Neighbours:
+    """How neighbouring beams of a frame differ.
+
+    Attributes:
+        pair: (n − 1,) bool: beams and the next of the same ring at the same surface.
+        gaps: by channel, (k,) differences of their residuals, and the variances (k,) stated for these.
+    """
+
+    pair: np.ndarray
+    gaps: dict[str, tuple[np.ndarray, np.ndarray]]
+
+    @classmethod
+    def of(cls, frame: TracedFrame, scores: FrameScores, expected: Expectation) -> Neighbours:
+        """Those of a frame with its scores.
+
+        Args:
+            frame, scores: of the frame.
+            expected: by the model, its own chance left out, which would add to the noise.
+        """
+        solid, ring = frame.shot.hits.solid, frame.shot.rays.ring
+        pair = (ring[1:] == ring[:-1]) & (solid.instance[1:] == solid.instance[:-1])
+        pair &= (solid.material[1:] == solid.material[:-1]) & ~scores.ambiguous[1:] & ~scores.ambiguous[:-1]
+        both = pair & scores.matched[1:] & scores.matched[:-1]
+        both &= np.isfinite(expected.range_m[1:]) & np.isfinite(expected.range_m[:-1])
+        lit = both & np.isfinite(scores.intensity_score[1:]) & np.isfinite(scores.intensity_score[:-1])
+        gaps = {}
+        for name, used, residual, sigma in (
+            ("range", both, scores.measured_m - expected.range_m, expected.range_sigma_m),
+            ("intensity", lit, scores.measured_intensity - expected.intensity, expected.intensity_sigma),
+        ):
+            variance = sigma.astype(np.float64) ** 2
+            gaps[name] = np.diff(residual)[used], (variance[1:] + variance[:-1])[used]
+        return cls(pair, gaps)
+
+
+def estimate_floor(beside: Neighbours, scores: FrameScores, expected: Expectation) -> dict[str, tuple[float, int]]:
     """Sums and counts of a frame's scores by channel, as noise alone would make them.
 
     Args:
-        frame, scores: of the frame.
-        expected: by the model, its own chance left out, which would add to the noise.
+        beside: of the frame.
+        scores, expected: as they are of.
     """
-    pair = _neighbours(frame, scores)
-    both = _matched(pair, scores, expected)
-    residual = scores.measured_m - expected.range_m
-    gap = np.minimum(np.abs(np.diff(residual))[both], CLIP_M)
-    found = {"range": (float(gap.sum()) / 2, int(both.sum()))}
-    bright = scores.measured_intensity - expected.intensity
-    lit = both & np.isfinite(scores.intensity_score[1:]) & np.isfinite(scores.intensity_score[:-1])
-    if lit.any():
-        found["intensity"] = (float(np.abs(np.diff(bright))[lit].sum()) / 2, int(lit.sum()))
+    gap, bright = np.minimum(np.abs(beside.gaps["range"][0]), CLIP_M), beside.gaps["intensity"][0]
+    found = {"range": (float(gap.sum()) / 2, len(gap))}
+    if len(bright):
+        found["intensity"] = (float(np.abs(bright).sum()) / 2, len(bright))
     outcome = (~np.isnan(scores.measured_m)).astype(float)
     # Independent outcomes of one chance p differ with probability 2p(1 − p), twice the Brier score of saying p; those
     # of chances p and q do so by (p − q)² more.
     apart = np.abs(np.diff(outcome)) - np.diff(expected.seen) ** 2
-    found["drop"] = (max(float(apart[pair].sum()), 0.0) / 2, int(pair.sum()))
+    found["drop"] = (max(float(apart[beside.pair].sum()), 0.0) / 2, int(beside.pair.sum()))
     return found
 
 
-def excess_scatter(frame: TracedFrame, scores: FrameScores, expected: Expectation) -> dict[str, float]:
-    """By what share neighbours differ more than is stated, in squares, by channel; none where no noise is stated.
-
-    Args:
-        frame, scores, expected: as in `estimate_floor`.
-    """
-    both = _matched(_neighbours(frame, scores), scores, expected)
-    lit = both & np.isfinite(scores.intensity_score[1:]) & np.isfinite(scores.intensity_score[:-1])
-    found = {}
-    for name, used, residual, sigma in (
-        ("range", both, scores.measured_m - expected.range_m, expected.range_sigma_m),
-        ("intensity", lit, scores.measured_intensity - expected.intensity, expected.intensity_sigma),
-    ):
-        variance = sigma.astype(np.float64) ** 2
-        stated = (variance[1:] + variance[:-1])[used]
-        if len(stated) and np.all(stated > 0):
-            found[name] = float(spread_excess(np.diff(residual)[used] / np.sqrt(stated)).mean())
-    return found
-
-
-def _neighbours(frame: TracedFrame, scores: FrameScores) -> np.ndarray:
-    """(n − 1,) bool: beams and the next of the same ring at the same surface."""
-    solid, ring = frame.shot.hits.solid, frame.shot.rays.ring
-    pair = (ring[1:] == ring[:-1]) & (solid.instance[1:] == solid.instance[:-1])
-    return pair & (solid.material[1:] == solid.material[:-1]) & ~scores.ambiguous[1:] & ~scores.ambiguous[:-1]
-
-
-def _matched(pair: np.ndarray, scores: FrameScores, expected: Expectation) -> np.ndarray:
-    both = pair & scores.matched[1:] & scores.matched[:-1]
-    return both & np.isfinite(expected.range_m[1:]) & np.isfinite(expected.range_m[:-1])
+def excess_scatter(beside: Neighbours) -> dict[str, float]:
+    """By what share neighbours differ more than is stated, in squares, by channel; none where no noise is stated."""
+    stated = {name: one for name, one in beside.gaps.items() if len(one[1]) and np.all(one[1] > 0)}
+    return {name: float(spread_excess(gap / np.sqrt(variance)).mean()) for name, (gap, variance) in stated.items()}

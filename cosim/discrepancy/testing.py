@@ -10,7 +10,7 @@ import numpy as np
 from cosim.discrepancy.compare import Totals
 from cosim.discrepancy.expectation import expect
 from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
-from cosim.discrepancy.noise_floor import NoiseFloor, estimate_floor, excess_scatter
+from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor, excess_scatter
 from cosim.discrepancy.replay import FrameReplay
 from cosim.discrepancy.scoring import model_chance, score_frame
 from sensors.effects.base import Effect
@@ -78,8 +78,9 @@ def held_out_errors(tracer: FrameTracer, names: Sequence[str], effects: Sequence
         scores = score_frame(frame, effects, model_chance(0, number), origin)
         each.append(Totals.of(frame, scores))
         expected = expect(effects, frame.shot)
-        noise.append(estimate_floor(frame, scores, expected))
-        scatter.append(excess_scatter(frame, scores, expected))
+        beside = Neighbours.of(frame, scores, expected)
+        noise.append(estimate_floor(beside, scores, expected))
+        scatter.append(excess_scatter(beside))
         rise_m.append(_mean_rise(frame, effects))
     floor = NoiseFloor.of(noise)
     return HeldOut(
