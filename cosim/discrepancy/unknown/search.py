@@ -16,6 +16,7 @@ from cosim.discrepancy.unknown.refined import solve_shape
 
 CHANNELS: tuple[Quantity, ...] = ("range", "intensity", "drop")
 _FEWEST = 200  # beams in a bin
+_MOST_NAMED = 6
 _OF_SURFACES = {"albedo", "material"}
 _KNOWN = (("range", "ring"), ("intensity", "ring"))  # the catalogue has one number a laser for these
 
@@ -59,7 +60,8 @@ class Shape:
         """The formula, or the categories that stand out."""
         if self.formula is not None:
             return self.formula.text
-        order = np.argsort(-np.abs(self.y / np.maximum(self.sigma, 1e-12)))[: max(_standing_out(self)[0], 1)]
+        order = np.argsort(-np.abs(self.y / np.maximum(self.sigma, 1e-12)))
+        order = order[: int(np.clip(_standing_out(self)[0], 1, _MOST_NAMED))]
         return ", ".join(f"{self.names[i]}: {self.y[i]:+.3g}" for i in order)
 
     def is_like(self, other: Shape) -> bool:

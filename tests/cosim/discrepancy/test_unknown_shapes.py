@@ -120,4 +120,4 @@ def test_one_material_that_is_off_is_told_as_that_and_dark_ones_by_their_albedo(
         y = 0.01 * there + noise
         both = [told((), albedo, y, "albedo"), told(names, np.arange(24.0), y, "material")]
         assert max(both, key=lambda one: _as_told(fitter, one)).covariate == by
-        assert both[1].text.count("material") == there.sum(), "those that are not off are not named"
+        assert both[1].text.count("material") == min(there.sum(), 6), "of those that are off some are named"
