@@ -9,12 +9,14 @@ import numpy as np
 from cosim.discrepancy.candidates import unknowns, weak_forms, with_values
 from cosim.discrepancy.evidence import Quantity, change
 from cosim.discrepancy.fitting import Fitted, Fitter
-from cosim.discrepancy.gate import Direction
-from cosim.discrepancy.likelihood import judge
+from cosim.discrepancy.gate import Direction, Strays
+from cosim.discrepancy.likelihood import STRAY_SHARE, judge
+from cosim.discrepancy.sample import Prediction, Sample
 from cosim.discrepancy.system import Column
 from sensors.effects.base import Effect
 
 _LEVERAGE = 4.0
+_MOST_STRAYS = 1e-4  # of all beams: of few a form that tells of many would say that there are none
 
 
 def directions(
@@ -75,13 +77,16 @@ def _told(
         if isinstance(value, float) and name != amplitude
     )
     if type(weak).density is not Effect.density or not amplitude:
+        few = min(_MOST_STRAYS / max(_taken(sample, fitted, after).sum(), 1e-300), 1.0) if amplitude else 1.0
+        if few < 1 and place is None:
+            sparse = with_values(weak, {amplitude: getattr(weak, amplitude) - (1 - few) * step})
+            after, step = sample.predict((*fitted.effects, sparse)), few * step
         found = judge(sample, after, shift=fitter.shift(fitted.pose, after)).loglik
         gain = sample.share * (found - fitted.fit.loglik)
         if np.any(gain):
-            strays = float(sample.weight @ (sample.returned & (fitted.fit.matched < 0.5)))
-            kept = float(sample.weight @ (fitted.prediction.seen - after.seen))
-            added = max(kept, 0.0) / step
-            yield Direction(weak.name, label, amplitude, Column({}), weak, place, True, gain, added, strays)
+            yield Direction(
+                weak.name, label, amplitude, Column({}), weak, place, True, gain, _strays(sample, fitted, after, step)
+            )
         return
     whole: dict[Quantity, np.ndarray] = {
         name: values / step for name, values in change(fitted.prediction, after).items()
@@ -92,6 +97,21 @@ def _told(
         column = Column(delta, sample.ring if free.rings > 1 else None, free.rings)
         at_bound = place is None and free.rings == 1 and (weak.neutral or {})[amplitude] <= free.low
         yield Direction(weak.name, label, amplitude, column, weak, place, at_bound, moved=whole.get("range"))
+
+
+def _strays(sample: Sample, fitted: Fitted, after: Prediction, step: float) -> Strays | None:
+    """What a weak form adds."""
+    taken = _taken(sample, fitted, after)
+    if not np.any(taken):
+        return None
+    ratio = (fitted.prediction.seen - after.seen) / STRAY_SHARE
+    gain = float(taken @ np.log1p(np.maximum(ratio, 0)) / taken.sum())
+    return Strays(taken * len(sample), step, 1 / float(sample.weight.mean()), gain)
+
+
+def _taken(sample: Sample, fitted: Fitted, after: Prediction) -> np.ndarray:
+    """(n,) Share of all beams whose own returns give way to strays."""
+    return sample.share * np.maximum(fitted.prediction.seen - after.seen, 0.0) / len(sample)
 
 
 def _bounded(delta: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from cosim.discrepancy.likelihood import Fit, judge, range_spread_m
 from cosim.discrepancy.pose_errors import PoseErrors
 from cosim.discrepancy.sample import Prediction, Sample
 from cosim.discrepancy.system import Column, Normal, SparseMatrix
-from sensors.effects.base import Effect, RoundingEffect
+from sensors.effects.base import Effect, RoundingEffect, ScanEffect
 
 POSE_FLOOR = np.array([5e-4] * 3 + [np.radians(2e-3)] * 3)
 _POSE_START = np.array([0.02] * 3 + [np.radians(0.05)] * 3)
@@ -112,7 +112,8 @@ class Fitter:
         pose = self.sample.leaning if pose is None else pose
         sigma = _POSE_START if pose_sigma is None else pose_sigma
         state = self._state(current, pose)
-        gradual = tuple(one for one in free if not current[one.effect].by_search)
+        sought = [one.by_search or isinstance(one, ScanEffect) for one in current]
+        gradual = tuple(one for one in free if not sought[one.effect])
         for blur in self._blurs(state[0], pose):
             current, pose, sigma = self._descend(current, gradual, pose, sigma, blur, steps, near)
             state = self._state(current, pose)

@@ -9,6 +9,7 @@ it count as so much wider.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -18,7 +19,7 @@ from scipy import sparse
 
 from cosim.discrepancy.clusters import Clusters, widened
 from cosim.discrepancy.evidence import Evidence, Quantity
-from cosim.discrepancy.random_signs import DRAWS, family_wise
+from cosim.discrepancy.random_signs import DRAWS, deviates, family_wise
 from cosim.discrepancy.system import Column, SparseMatrix
 from sensors.effects.base import Effect
 
@@ -28,6 +29,24 @@ _FEWEST_SCANS = 5
 _OF_WHERE: tuple[Quantity, ...] = ("range", "rise")  # both tell where a beam looks
 _MOST_LIKE = 0.8
 _PLAIN = 3.0
+_TIMES = np.geomspace(0.01, 100, 93)
+
+
+@dataclass(frozen=True, eq=False)
+class Strays:
+    """Returns from nowhere that the weak form of an effect adds.
+
+    Attributes:
+        expected: (n,) how many take the place of a beam's own return, in beams of the sample.
+        step: amplitude of that form.
+        each: what one weighs, in beams of the sample.
+        gain: log-likelihood by which the form explains one better than none does.
+    """
+
+    expected: np.ndarray
+    step: float
+    each: float
+    gain: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +61,9 @@ class Direction:
         start: the effect, weakly on.
         place: where it stands among the sensor's effects, if it is there already.
         one_sided: whether only a positive amplitude makes sense.
-        added, strays: of forms with a gain: how many strays a unit of the amplitude adds, and how many there are.
         gain: (n,) what the weak form adds to every beam's log-likelihood: for effects that replace the answering
             surface, which no slope tells of.
+        strays: what it adds, if it adds strays.
         moved: (n,) the column's change of ranges with its longest tails.
     """
 
@@ -56,14 +75,8 @@ class Direction:
     place: int | None = None
     one_sided: bool = False
     gain: np.ndarray | None = None
-    added: float = 0.0
-    strays: float = 0.0
+    strays: Strays | None = None
     moved: np.ndarray | None = None
-
-    def countable(self, deviates: float) -> float:
-        """Amplitude whose strays stand out of a Poisson count by so many deviates; NaN where it adds none."""
-        needed = deviates * np.sqrt(self.strays) + deviates**2
-        return float(needed / self.added) if self.added > 0 else float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +134,7 @@ class _Sums:
     """Scores of one candidate in one channel summed by track and by scan, (clusters, columns).
 
     `spread` is how much wider sums over tracks scatter when errors of those nearby are alike, `drift` sums over scans
-    when errors of those that follow are.
+    when errors of those that follow are; `expected` how many strays a weak form adds to each track and scan.
     """
 
     direction: Direction
@@ -132,6 +145,7 @@ class _Sums:
     scan_information: np.ndarray
     spread: float = 1.0
     drift: float = 1.0
+    expected: tuple[np.ndarray, ...] = ()
 
 
 def run_gate(
@@ -297,18 +311,44 @@ def _gained(direction: Direction, gain: np.ndarray, clusters: Clusters) -> _Sums
     """
     both = (clusters.track, clusters.part)
     by_track, by_scan = (compressed(np.bincount(cluster, gain))[:, None] for cluster in both)
-    acts = (by_track[:, 0] != 0).astype(float)  # where an effect does nothing, nothing is expected of it
+    acts, expected = (by_track[:, 0] != 0).astype(float), ()  # where an effect does nothing, nothing is expected of it
+    if direction.strays is not None:
+        expected = tuple(np.bincount(cluster, direction.strays.expected) for cluster in both)
+        acts = expected[0]
     spread = widened(by_track, acts, clusters.near)
-    return _Sums(direction, "likelihood", by_track, by_scan, float(gain @ gain), by_scan[:, 0], spread)
+    size = float(gain @ gain)
+    return _Sums(direction, "likelihood", by_track, by_scan, size, by_scan[:, 0], spread, expected=expected)
 
 
-def _smallest(one: _Sums, deviates: float) -> float:
+def _smallest(one: _Sums, needed: float) -> float:
     """Amplitude at which the statistic would be expected at so many deviates."""
     if one.direction.gain is not None:
-        return one.direction.countable(deviates)
+        return _countable(one, needed)
     scatter = max(one.spread * np.linalg.norm(one.track), one.drift * np.linalg.norm(one.scan))
     error = scatter / max(one.information, 1e-300)
-    return max(float(deviates * error), one.direction.column.resolved(one.quantity))
+    return max(float(needed * error), one.direction.column.resolved(one.quantity))
+
+
+def _countable(one: _Sums, needed: float) -> float:
+    """The same of strays, Poisson counts by cluster beside what there is already; NaN where none are added."""
+    strays = one.direction.strays
+    if strays is None:
+        return float("nan")
+    clusterings = tuple(zip((one.track, one.scan), one.expected, (one.spread, one.drift), strict=True))
+    worth = strays.each * strays.gain
+
+    def reached(times: float) -> float:
+        found = []
+        for sums, expected, wider in clusterings:
+            count = times * expected / strays.each
+            mean, there = worth * count - expected, sums[:, 0] + expected
+            typical = compressed(np.sqrt(mean**2 + worth**2 * count + there**2))
+            z = float(compressed(mean).sum() / (wider * np.linalg.norm(typical)))
+            found.append(float(deviates(np.array([z]), typical)[0]))
+        return min(found)
+
+    row = bisect_left(_TIMES, needed, key=reached)
+    return float(_TIMES[row] * strays.step) if row < len(_TIMES) else float("nan")
 
 
 def _bounded(score: np.ndarray, information: np.ndarray) -> np.ndarray:

@@ -23,10 +23,12 @@ from sensors.effects.base import EchoEffect, Effect, ScanEffect
 _REACH, _REACH_STEPS = 0.6, 25.0  # to both sides: of the value, or of its natural step
 _GRID, _ZOOMS = 13, 8
 _NEAR, _ROUGHLY = 2e-3, 2e-2  # of the reach of a search
+_BLURRED, _ASIDE = 0.02, 6.0  # of a value, and how many times it a closer look goes aside
 _NEARBY = 0.15  # of it, where a value is about right already
 _FEW, _ALTOGETHER = 0.01, 0.5
 _ELSEWHERE_M = 0.5
 _FALL, _SMOOTH_FALL = float(np.log(20)), 1.92
+_PASSES, _ENOUGH = 6, 0.01
 _DOUBLINGS, _BISECTIONS = 24, 10
 _MOST_COUPLED = 0.995
 _FARTHEST = 12.0
@@ -78,18 +80,22 @@ def searched(
         trial = _with(effects, place, crowded_sector(sample, fit))
         effects = trial if lost(trial) < lost(effects) else effects
     rest = [one for one in which if not (one[0] in sectors and one[1].name in (AZIMUTH, WIDTH))]
-    passes = [effects]
     settled = all(place in near and effects[place].by_search for place, _, _ in rest)
     settled |= roughly and all(effects[place].by_search for place, _, _ in rest)
-    for _ in range(2 if len(rest) > 1 and not settled else 1):
+    most = _PASSES if any(isinstance(effects[place], ScanEffect) for place, _, _ in rest) else 2
+    for number in range(most if len(rest) > 1 and not settled else 1):
+        before = effects
         for place, unknown, column in rest:
             dear = effects[place].by_search
             flat = is_flat(effects[place], unknown, column) and not dear
             share, close = _NEARBY if place in near and dear else 1.0, _ROUGHLY if roughly and dear else _NEAR
             effects = _best(effects, place, unknown, lost, flat, share, close)
-        passes.append(effects)
-    smooth = [(place, unknown) for place, unknown, column in rest if not is_flat(effects[place], unknown, column)]
-    return _along_valley(passes[1], effects, smooth, lost) if len(smooth) > 1 and not settled else effects
+        smooth = [(place, unknown) for place, unknown, column in rest if not is_flat(effects[place], unknown, column)]
+        if number and len(smooth) > 1:
+            effects = _along_valley(before, effects, smooth, lost)
+        if lost(before) - lost(effects) < _ENOUGH:
+            break
+    return effects
 
 
 def _along_valley(
@@ -107,8 +113,7 @@ def _along_valley(
             effects = _with(effects, place, {unknown.name: start + steps * (end - start)})
         return effects
 
-    options = {"bounds": (1.0, _FARTHEST), "method": "bounded", "options": {"xatol": 0.05}}
-    found: Any = optimize.minimize_scalar(lambda steps: lost(at(steps)), **options)
+    found = _least(lambda steps: lost(at(steps)), 1.0, _FARTHEST, 0.05)
     return at(float(found.x)) if found.fun < lost(second) else second
 
 
@@ -197,8 +202,11 @@ def _best(
 
     low, high = max(value - reach, unknown.low), min(value + reach, unknown.high)
     if not flat:
-        bounds = {"bounds": (low, high), "method": "bounded", "options": {"xatol": close * reach / share}}
-        found: Any = optimize.minimize_scalar(of, **bounds)
+        within = close * reach / share
+        found = _least(of, low, high, within)
+        if within > _BLURRED * abs(found.x):  # a value much smaller than the reach of the search
+            aside = _ASIDE * within
+            found = _least(of, max(found.x - aside, low), min(found.x + aside, high), close * aside)
         return _with(effects, place, {unknown.name: float(found.x)}) if found.fun < of(value) else effects
     best, least = value, of(value)
     grid = np.linspace(low, high, _GRID)
@@ -210,6 +218,10 @@ def _best(
         apart = grid[1] - grid[0]
         grid = np.clip(best + apart * np.linspace(-0.75, 0.75, 7), unknown.low, unknown.high)
     return _with(effects, place, {unknown.name: best})
+
+
+def _least(of: Callable[[float], float], low: float, high: float, within: float) -> Any:
+    return optimize.minimize_scalar(of, bounds=(low, high), method="bounded", options={"xatol": within})
 
 
 def _with(effects: tuple[Effect, ...], place: int, values: dict[str, float]) -> tuple[Effect, ...]:

@@ -79,11 +79,10 @@ def _searched(fitter: Fitter, fitted: Fitted, place: int, columns: dict[Unknown,
     """
     effects, found = fitted.effects, {}
     lost, clusters = fitter.loss(fitted.pose, fitted.pose_sigma), (fitter.sample.frame, fitter.sample.track)
-    stray_weight = _stray_weight(fitter, fitted)
     held, drawn = dict[str, tuple[float, float]](), dict[str, Redrawn]()
     for unknown, column in columns.items():
         name, value = unknown.name, float(getattr(effects[place], unknown.name))
-        pair = likely_interval(effects, place, unknown, column, lost, stray_weight)
+        pair = likely_interval(effects, place, unknown, column, lost, stray_weight(fitter, fitted))
 
         def losses(at: float, name: str = name) -> np.ndarray:
             moved = with_values(effects[place], {name: at})
@@ -104,7 +103,7 @@ def _searched(fitter: Fitter, fitted: Fitted, place: int, columns: dict[Unknown,
     return found
 
 
-def _stray_weight(fitter: Fitter, fitted: Fitted) -> float:
+def stray_weight(fitter: Fitter, fitted: Fitted) -> float:
     """What a return from nowhere weighs on average in a sample whose beams weigh one."""
     sample = fitter.sample
     weight = sample.weight[sample.returned & sample.compared & (fitted.fit.matched < 0.5)]

@@ -21,7 +21,7 @@ from cosim.discrepancy.saturation import censored, student
 RANGE_FLOOR_M = 5e-4
 INTENSITY_FLOOR = 0.002
 RISE_SIGMA_M = 0.003
-_STRAY_SHARE = 1e-4
+STRAY_SHARE = 1e-5
 _REACH_M = 120.0
 _CLEAR_OF_LIMITS = 2.5
 _LOST_SHARE = 1e-3
@@ -73,8 +73,10 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.nda
     z = np.nan_to_num(z)
     seen = np.where(np.isfinite(mean), np.clip(expected.seen, _LOST_SHARE, 1 - _LOST_SHARE), 0.0)
     seen = np.where(sample.compared, seen, 0.0)
-    surface = seen * np.exp(student(z)) / sigma
-    elsewhere = _STRAY_SHARE / _REACH_M + expected.stray
+    # That a beam returned shows a loss however rare; of beams that did not, none is certain to.
+    certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, _LOST_SHARE), 0.0)
+    surface = certain * np.exp(student(z)) / sigma
+    elsewhere = STRAY_SHARE / _REACH_M + expected.stray
     density = surface + elsewhere
     loglik = np.where(returned, np.log(density), np.log(np.maximum(expected.silent, _LOST_SHARE)))
     loglik = np.where(sample.compared, loglik, 0.0)

@@ -11,11 +11,11 @@ from cosim.discrepancy.candidates import amplitudes, unknowns
 from cosim.discrepancy.directions import directions
 from cosim.discrepancy.fitting import Fitted, Fitter
 from cosim.discrepancy.hard_limits import is_searched
-from cosim.discrepancy.intervals import covariances
+from cosim.discrepancy.intervals import covariances, stray_weight
 from cosim.discrepancy.kinds import confusable
 from cosim.discrepancy.ranking import Ranked, fit_candidate
 from cosim.discrepancy.unknown import Shape, same_shape
-from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.base import BeamEffect, Effect, ScanEffect
 
 _STARTS = 2
 _WITHIN_INTERVAL = 2.1  # standard errors, of about twenty scans
@@ -81,7 +81,10 @@ def is_idle(fitter: Fitter, fitted: Fitted, place: int, clearly: float, said: Ef
     there = () if said is None else (said,)
     rest = (*fitted.effects[:place], *there, *fitted.effects[place + 1 :])
     without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
-    return 2 * (fitted.loglik - without.loglik) < count * np.log(len(fitter.sample))
+    cost = count * np.log(len(fitter.sample))
+    if isinstance(fitted.effects[place], ScanEffect):
+        cost *= stray_weight(fitter, fitted)  # each is one fact
+    return 2 * (fitted.loglik - without.loglik) < cost
 
 
 def _with_shape_held(fitted: Fitted, place: int) -> Fitted:

@@ -24,6 +24,7 @@ _STEEPEST, _STEEPEST_OF_MAP = 0.2, 0.02
 _SIGMAS = 2.5
 _WORTH = 0.25
 _MOST_FIRINGS = 60
+_ASIDE, _REACHES = 8, (0.4, 1.0)
 
 
 def measured_scatter(frames: Sequence[TracedFrame], fitter: Fitter, fitted: Fitted) -> Scatter:
@@ -92,9 +93,34 @@ def _unsure(frame: TracedFrame, scatter: Scatter) -> TracedFrame:
     steep = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
     along = np.where(solid.instance >= 0, scatter.labels_m / np.maximum(steep, _STEEPEST), 0.0)
     along += np.where(solid.instance == STATIC, scatter.map_m / np.maximum(steep, _STEEPEST_OF_MAP), 0.0)
-    edge = frame.edge | _beside_objects(frame, _SIGMAS * scatter.labels_m) if scatter.labels_m > 0 else frame.edge
+    edge = frame.edge
+    if scatter.labels_m > 0:
+        edge = edge | _beside_objects(frame, _SIGMAS * scatter.labels_m)
+    if scatter.map_m > 0:
+        edge = edge | _met_aside(frame, _SIGMAS * scatter.map_m)
     unsure = np.hypot(frame.unsure_m, along).astype(np.float32)
     return replace(frame, unsure_m=unsure, edge=edge, scatter=scatter, exact=frame)
+
+
+def _met_aside(frame: TracedFrame, reach_m: float) -> np.ndarray:
+    """(n,) bool: beams that returned not from their surface, but from where another stands within a reach [m] aside."""
+    traced, world, measured_m = frame.shot.traced, frame.shot.world, frame.observed.along_m
+    assert traced is not None and world is not None  # frames are traced
+    elsewhere = np.isfinite(measured_m) & ~(np.abs(measured_m - frame.shot.hits.solid.range_m) < _NEAR_M)
+    rows = np.flatnonzero(elsewhere)
+    origin, direction, measured_m = traced.origin[rows], traced.direction[rows], measured_m[rows]
+    time_s = np.broadcast_to(traced.time_s, len(elsewhere))[rows]
+    x, y, _ = direction.T
+    left = np.stack([-y, x, np.zeros_like(x)], 1) / np.maximum(np.hypot(x, y), 1e-6)[:, None]
+    up = np.cross(direction, left)
+    met = np.zeros(len(rows), bool)
+    for share in _REACHES:
+        for turn in np.arange(_ASIDE) * (2 * np.pi / _ASIDE):
+            shift = share * reach_m * (np.cos(turn) * left + np.sin(turn) * up)
+            surface = world.shoot(origin + shift, direction, time_s, frame.shot.pattern.range_m[1])
+            met |= np.abs(surface.range_m - measured_m) < _NEAR_M
+    elsewhere[rows] = met
+    return elsewhere
 
 
 def _beside_objects(frame: TracedFrame, reach_m: float) -> np.ndarray:

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy import sparse
 
-from cosim.discrepancy.gate import compressed
+from cosim.discrepancy import Diagnosis, diagnose
+from cosim.discrepancy.clusters import Clusters, nearness
+from cosim.discrepancy.gate import Direction, Strays, compressed, run_gate
 from cosim.discrepancy.hard_limits import widening
 from cosim.discrepancy.sector import crowded_sector
+from cosim.discrepancy.system import Column
 from sensors.effects.backscatter import Backscatter
+from sensors.effects.base import Effect
+from sensors.effects.false_alarms import FalseAlarms
+from sensors.effects.range_noise import RangeNoise
+from tests.cosim.discrepancy.conftest import NOISE
+from tests.cosim.discrepancy.small_drive import make_yard
 
 
 def _strays(middle_deg: float, width_deg: float, rng: np.random.Generator) -> tuple[Any, Any]:
@@ -56,3 +66,49 @@ def test_parameters_that_make_up_for_one_another_are_less_sure(coupling):
     wider = widening((start,), 0, held, lost)
     for by in wider.values():
         assert by == pytest.approx(1 / np.sqrt(1 - coupling**2), rel=1e-3)
+
+
+def _diagnosed(folder: Path, *hidden: Effect) -> Diagnosis:
+    yard = make_yard(folder, (RangeNoise(sigma_m=0.01, sigma_per_m=0.0), *hidden), known=(NOISE,), frames=16)
+    return diagnose(yard.drive, yard.sensor)
+
+
+def test_a_few_false_alarms_a_scan_are_found_and_fewer_are_not_claimed_to_show(tmp_path: Path):
+    least = _diagnosed(tmp_path / "none").smallest_detectable["false_alarms"]["rate_per_frame"]
+    assert 2 < least < 8
+    for times in (1.5, 4.0):
+        truth = FalseAlarms(rate_per_frame=times * least, azimuth_deg=60.0, width_deg=60.0)
+        found = _diagnosed(tmp_path / f"{times}", truth)
+        assert [one.effect for one in found.effects] == ["false_alarms"]
+        params, (low, high) = found.effects[0].params, found.effects[0].ci95["rate_per_frame"]
+        assert low < truth.rate_per_frame < high
+        assert params["azimuth_deg"] == pytest.approx(60, abs=8)
+        assert params["width_deg"] == pytest.approx(60, abs=16)
+
+
+def test_thin_fog_is_told_by_how_far_it_reaches(tmp_path: Path):
+    truth = Backscatter(density_per_m=4e-4, mean_range_m=6.0)
+    found = _diagnosed(tmp_path, truth)
+    assert [one.effect for one in found.effects] == ["backscatter"]
+    for name, value in truth.model_dump().items():
+        low, high = found.effects[0].ci95[name]
+        assert low < value < high
+        assert high - low < value
+
+
+@pytest.mark.parametrize("crowded", [False, True])
+def test_strays_count_where_many_beams_are_but_not_where_one_place_is_off(crowded: bool):
+    """In cells that have ever fewer beams the farther they lie, as a sensor sees the ground."""
+    rng, scans = np.random.default_rng(2), 16
+    cells = np.column_stack([np.zeros(300), rng.uniform(-40, 40, (300, 2))])
+    beams = np.rint(6000 / (1 + np.hypot(*cells[:, 1:].T))).astype(int)
+    track = np.repeat(np.arange(300), beams)
+    expected = np.full(len(track), 2e-3)
+    nearby = np.hypot(*(cells[track, 1:] - [12.0, 12.0]).T) < 6
+    strays = rng.poisson(nearby * 0.05 if crowded else expected)
+    gain = 2.0 * strays - expected
+    form = Direction("", "", "a", Column({}), one_sided=True, gain=gain, strays=Strays(expected, 1.0, 1.0, 2.0))
+    scan = rng.integers(scans, size=len(track))
+    none = sparse.csr_matrix((len(track), 0))
+    verdict = run_gate([form], [], [], Clusters(track, scan, scan, nearness(cells)), (), none, rng)
+    assert (verdict.p_value < 0.01) != crowded

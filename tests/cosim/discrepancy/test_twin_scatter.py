@@ -78,6 +78,21 @@ def test_a_map_off_by_centimetres_shows_how_far_and_makes_flat_views_of_it_unsur
         assert not frame.unsure_m[solid.instance >= 0].any()
 
 
+def test_what_stands_a_touch_aside_of_a_beam_is_no_stray_where_the_map_is_off(tmp_path: Path) -> None:
+    noise = find_effect("range_noise").model_validate({"sigma_m": 0.01})
+    alarms = find_effect("false_alarms").model_validate({"rate_per_frame": 30.0})
+    yard = make_yard(tmp_path, (noise, alarms), known=(NOISE,), frames=2)
+    _warp(yard, 0.05)
+    for frame in settled(yard).frames:
+        (unsure,) = with_scatter([frame], Scatter(map_m=0.05))
+        away_m = np.abs(frame.observed.along_m - frame.shot.hits.solid.range_m)
+        stray = np.isfinite(frame.observed.along_m) & ~(away_m < 2.0) & ~frame.edge
+        kept = stray & ~unsure.edge
+        assert 15 < kept.sum() < 45  # the alarms
+        assert (unsure.edge >= frame.edge).all()
+        assert not (unsure.edge & ~frame.edge & (away_m < 0.4)).any()
+
+
 def test_a_map_that_is_off_is_no_missing_effect(yard: Yard) -> None:
     _warp(yard, 0.05)
     said: list[str] = []
