@@ -114,6 +114,24 @@ def test_only_road_is_wet(bench: Bench) -> None:
     assert (scan.range_m[below] > bare.range_m[below]).all()
 
 
+def test_who_looks_out_of_a_thing_meets_it(bench: Bench) -> None:
+    """As beams do that a wet road mirrors from beneath a car."""
+    cars = 0
+    for row, thing in enumerate(bench.frame["instances"]):
+        pose, model = np.array(thing["pose"], float), bench.twin._model(thing["model"])
+        if not 2 < model.radius < 3.2:
+            continue  # no car: the body must be closed
+        cars += 1
+        ahead = pose[:3, 0] * np.array([[1.0], [-1.0]])
+        middle = pose[:3, :3] @ (model.centre * thing["scale"]) + pose[:3, 3]
+        below = -0.1 * model.radius * pose[:3, 2]  # the bonnet
+        near_the_end = middle + below + 0.73 * model.radius * thing["scale"][0] * ahead  # the middle lies behind
+        found = bench.twin.cast(bench.frame, near_the_end, ahead, 0.0, (0.0, 50.0))
+        mine = np.logical_or.reduce([(one.instance == row) & (one.distance < 1.5) for one in found])
+        assert mine.all(), thing["model"]
+    assert cars > 3
+
+
 def test_blooming_answers_at_the_range_of_the_reflector(bench: Bench) -> None:
     retro = int(np.flatnonzero(bench.twin.table.retro)[0])
     scan = bench.scan()

@@ -195,7 +195,8 @@ def _to_model(thing: dict, model: _Model, origin, direction, after, far):
             return np.empty(0, int), None, None, None
     else:
         along, square = np.einsum("ij,ij->i", direction, towards), np.einsum("ij,ij->i", towards, towards)
-    near = (square - along * np.abs(along) < radius**2) & (along < far + radius)
+    ahead = np.maximum(along, 0)  # who starts inside the sphere meets it looking away from its middle, too
+    near = (square - ahead**2 < radius**2) & (along < far + radius)
     rays = np.flatnonzero(near)
     start, heading = origin[rays] - pose[:3, 3], direction[rays].astype(float)
     turn = pose[:3, :3]
