@@ -84,9 +84,8 @@ def _told(
         found = judge(sample, after, shift=fitter.shift(fitted.pose, after)).loglik
         gain = sample.share * (found - fitted.fit.loglik)
         if np.any(gain):
-            yield Direction(
-                weak.name, label, amplitude, Column({}), weak, place, True, gain, _strays(sample, fitted, after, step)
-            )
+            strays = _strays(sample, fitted, after, step) if amplitude else None  # a whole setting is no unit
+            yield Direction(weak.name, label, amplitude, Column({}), weak, place, True, gain, strays)
         return
     whole: dict[Quantity, np.ndarray] = {
         name: values / step for name, values in change(fitted.prediction, after).items()
