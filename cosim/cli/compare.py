@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cosim.cli.options import add_common, beside, without_nan, write_json
+from cosim.cli.options import add_common, beside, say_notes, without_nan, write_json
 from cosim.drive_writer import explained
 
 if TYPE_CHECKING:
@@ -61,5 +61,6 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     page = write_page(folder, format_comparison(found, gathered.rows(), gathered.scans(), command))
     if not options.quiet:
         print(found)
+    say_notes(found.notes, console)
     console.print(f"{found.totals.frames} frames on {page}", soft_wrap=True, highlight=False)
     write_json(options.json, without_nan(found.to_json()))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from cosim.cli.options import add_common, beside, without_nan, write_json
+from cosim.cli.options import add_common, beside, say_notes, without_nan, write_json
 from cosim.drive_writer import explained
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     page = write_page(folder, format_diagnosis(found, words, str(options.drive), str(options.sensor)))
     if not options.quiet:
         print(headline(found, words))
+    say_notes(found.notes, console)
     console.print(f"{page}; the improved sensor: {found.sensor_out}", soft_wrap=True, highlight=False)
     write_json(options.json, without_nan(found.to_json()))
 

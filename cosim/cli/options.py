@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cosim.drive_writer import explained
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 def add_common(parser: argparse.ArgumentParser, *, computes: bool = False) -> None:
@@ -16,6 +20,12 @@ def add_common(parser: argparse.ArgumentParser, *, computes: bool = False) -> No
     parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
     if computes:
         parser.add_argument("--json", type=Path, metavar="FILE", help="also write the result as JSON")
+
+
+def say_notes(notes: Iterable[str], console: Console) -> None:
+    """What could not be known, a line each."""
+    for note in notes:
+        console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
 
 
 def write_json(path: Path | None, result: dict[str, Any]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from cosim.cli.options import add_common, write_json
+from cosim.cli.options import add_common, say_notes, write_json
 
 if TYPE_CHECKING:
     from cosim.kitti import Drive
@@ -44,8 +44,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             drive, names, options.out, options.pattern, on_frame=lambda name: bar.advance(task)
         )
     result = summary.as_json()
-    for note in summary.notes:
-        console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
+    say_notes(summary.notes, console)
     share, spread = result["points_trusted_share"], result["ground_sd_m"]
     console.print(
         f"{len(names)} frames in {options.out}: "

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from cosim.cli.options import add_common
+from cosim.cli.options import add_common, say_notes
 from cosim.errors import DriveError
 
 if TYPE_CHECKING:
@@ -67,8 +67,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     for_file = not (options.serve or options.rerun)
     most = _MOST_IN_A_FILE if for_file else None
     shown = show_drives(drives, options.frames, most, options.sensor, for_file=for_file)
-    for note in shown.notes:
-        console.print(f"note: {note}", soft_wrap=True, highlight=False)
+    say_notes(shown.notes, console)
     if options.serve:
         _serve(shown, options.port, console)
     elif options.rerun:

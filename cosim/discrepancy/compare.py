@@ -13,13 +13,13 @@ from cosim.discrepancy.checks import check_fit, opened
 from cosim.discrepancy.expectation import expect
 from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
+from cosim.discrepancy.notes import drive_notes
 from cosim.discrepancy.scoring import SCALES, FrameScores, model_chance, score_frame
 from cosim.discrepancy.slices import Slice, SliceTally
 from cosim.kitti import Drive
 from sensors.sensor_model import SensorModel, load_sensor
 
 _NEAR, _NEGLIGIBLE = 1.02, 0.001
-_NO_MATTER = ("image_", "depth_", "semantic_", "instance_", "label_2", "oxts", "hits")
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,21 +235,8 @@ def compare(
         by_frame=by_frame,
         floor=NoiseFloor.of(floor),
         slices=tally.worst(),
-        notes=_notes(drive, total),
+        notes=drive_notes(
+            drive, frames=total.frames, bad=total.bad, strays=total.strays, has_intensity=bool(total.lit)
+        ),
         scores=kept,
     )
-
-
-def _notes(drive: Drive, totals: Totals) -> tuple[str, ...]:
-    said = [note for note in drive.missing if not note.startswith(_NO_MATTER)]
-    if drive.materials_path is None:
-        said.append("twin/materials.yaml is absent: reflectances are taken from colours, so intensities mean little")
-    if totals.bad:
-        said.append(f"{totals.bad} points with NaN or infinity were left out")
-    if totals.strays:
-        said.append(f"{totals.strays} points fit no beam of the sensor's pattern and were left out")
-    if not totals.lit:
-        said.append("there are no intensities: that channel is left out")
-    if totals.frames == 1:
-        said.append("one frame only: what differs from frame to frame cannot be told from what is constant")
-    return tuple(said)

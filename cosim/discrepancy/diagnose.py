@@ -21,7 +21,8 @@ from cosim.discrepancy.kinds import as_known
 from cosim.discrepancy.labels import with_labels
 from cosim.discrepancy.lattice import Lattice, find_lattices
 from cosim.discrepancy.map_errors import unsure_map
-from cosim.discrepancy.pose_patterns import PosePatterns
+from cosim.discrepancy.notes import drive_notes, fit_notes
+from cosim.discrepancy.pose_patterns import FEWEST_SCANS, PosePatterns
 from cosim.discrepancy.random_signs import LEVEL
 from cosim.discrepancy.ranking import (
     ALIKE_BIC,
@@ -181,7 +182,7 @@ class Detective(Inquiry):
         if choice.shape is not None:
             self.unknown = choice.shape
             return parted(self, choice.shape) if choice.shape.has_apart else settled
-        alike = tuple(one.effect for one in choice.rivals if one.delta_bic > best.delta_bic - ALIKE_BIC)
+        alike = tuple(one.effect for one in choice.rivals if best.is_like(one))
         p_value, known = look.verdict.p_value, {one.effect.name: one.interval for one in look.lattices}
         interval = known.get(best.effect, {})
         self.findings.append(Finding(best.effect, {}, interval, p_value, self.errors[-2], after, alike, best.delta_bic))
@@ -197,7 +198,19 @@ class Detective(Inquiry):
             split=self.split,
             unknown=self._shape(look),
             map_off_m=self.frames[0].scatter.map_m,
+            notes=self._notes(look),
         )
+
+    def _notes(self, look: Look) -> tuple[str, ...]:
+        seen, fitted = [frame.observed for frame in self.frames], len(self.frames)
+        of_drive = drive_notes(
+            self.drive,
+            frames=fitted,
+            bad=sum(one.bad for one in seen),
+            strays=sum(one.strays for one in seen),
+            has_intensity=look.fitter.sample.has_intensity,
+        )
+        return (*of_drive, *fit_notes(fitted, self.split.is_held_out))
 
     def _shape(self, look: Look) -> Shape | None:
         """The unknown shape as it was fitted at last."""
@@ -217,7 +230,8 @@ class Detective(Inquiry):
         evidence = [fitter.evidence(fitted.prediction, fitted.pose, blur) for blur in views]
         raw = [fitter.evidence(fitted.prediction, None, blur) for blur in views]
         rng = np.random.default_rng([self.seed, 1])
-        return run_gate(
+        patterns = PosePatterns(fitter, fitted)
+        verdict = run_gate(
             found,
             evidence,
             raw,
@@ -225,8 +239,10 @@ class Detective(Inquiry):
             fitted.columns,
             fitter.slopes(fitted.pose, fitted.prediction),
             rng,
-            PosePatterns(fitter, fitted).of(found, np.random.default_rng([self.seed, 4])),
+            patterns.of(found, np.random.default_rng([self.seed, 4])),
         )
+        # Of few scans nobody knows whether they are off, or their poses.
+        return verdict if len(sample.names) >= FEWEST_SCANS else verdict.unclaimed(patterns.rigid(found))
 
     def _rank(self, look: Look, fitter: Fitter, null: Fitted) -> list[Ranked]:
         """Candidates by how much the BIC falls with them."""

@@ -87,6 +87,7 @@ class Diagnosis:
         map_off_m: how far spots of the twin's map stand off by errors of their own, a standard deviation [m]; 0 where
             it is exact, or says itself how sure it is.
         labels: what labelled boxes say, where there are any; a missing label effect is in the improved model.
+        notes: what the drive does not let one know, a sentence each.
     """
 
     verdict: Literal["none", "missing", "ambiguous", "unknown"]
@@ -102,6 +103,12 @@ class Diagnosis:
     map_off_m: float = 0.0
     sensor_out: str | None = None
     labels: LabelFinding | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def above_floor(self) -> float | None:
+        """By what share the error stands above the noise floor in the end; None where the floor is not known."""
+        return self.error_after / self.noise_floor - 1 if self.noise_floor else None
 
     @classmethod
     def of(
@@ -114,6 +121,7 @@ class Diagnosis:
         split: Split,
         unknown: Shape | None,
         map_off_m: float,
+        notes: tuple[str, ...],
     ) -> Diagnosis:
         """From the parts."""
         ambiguous = any(finding.also_possible for finding in findings)
@@ -129,6 +137,7 @@ class Diagnosis:
             sensor=sensor,
             split=split,
             map_off_m=map_off_m,
+            notes=notes,
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -144,6 +153,7 @@ class Diagnosis:
             "error_after": self.error_after,
             "noise_floor": self.noise_floor,
             "map_off_m": self.map_off_m,
+            "notes": list(self.notes),
             "sensor_out": self.sensor_out,
         }
 

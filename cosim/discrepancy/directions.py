@@ -77,8 +77,9 @@ def _told(
         if isinstance(value, float) and name != amplitude
     )
     if type(weak).density is not Effect.density or not amplitude:
-        few = min(_MOST_STRAYS / max(_taken(sample, fitted, after).sum(), 1e-300), 1.0) if amplitude else 1.0
-        if few < 1 and place is None:
+        is_new = amplitude and place is None
+        few = min(_MOST_STRAYS / max(_taken(sample, fitted, after).sum(), 1e-300), 1.0) if is_new else 1.0
+        if few < 1:
             sparse = with_values(weak, {amplitude: getattr(weak, amplitude) - (1 - few) * step})
             after, step = sample.predict((*fitted.effects, sparse)), few * step
         found = judge(sample, after, shift=fitter.shift(fitted.pose, after)).loglik
@@ -103,14 +104,18 @@ def _strays(sample: Sample, fitted: Fitted, after: Prediction, step: float) -> S
     taken = _taken(sample, fitted, after)
     if not np.any(taken):
         return None
-    ratio = (fitted.prediction.seen - after.seen) / STRAY_SHARE
-    gain = float(taken @ np.log1p(np.maximum(ratio, 0)) / taken.sum())
+    gain = float(taken @ np.log1p(_given_way(fitted, after) / STRAY_SHARE) / taken.sum())
     return Strays(taken * len(sample), step, 1 / float(sample.weight.mean()), gain)
 
 
 def _taken(sample: Sample, fitted: Fitted, after: Prediction) -> np.ndarray:
     """(n,) Share of all beams whose own returns give way to strays."""
-    return sample.share * np.maximum(fitted.prediction.seen - after.seen, 0.0) / len(sample)
+    return sample.share * _given_way(fitted, after) / len(sample)
+
+
+def _given_way(fitted: Fitted, after: Prediction) -> np.ndarray:
+    """(n,) How much less likely each beam's own return is."""
+    return np.maximum(fitted.prediction.seen - after.seen, 0.0)
 
 
 def _bounded(delta: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ it count as so much wider.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -29,6 +29,7 @@ _FEWEST_SCANS = 5
 _OF_WHERE: tuple[Quantity, ...] = ("range", "rise")  # both tell where a beam looks
 _MOST_LIKE = 0.8
 _PLAIN = 3.0
+_MEAN_SIZE, _SIZE_SPREAD = np.sqrt(2 / np.pi), np.sqrt(1 - 2 / np.pi)  # of a standard normal deviate's size
 _TIMES = np.geomspace(0.01, 100, 93)
 
 
@@ -109,6 +110,11 @@ class Verdict:
         """The strongest statistic of an effect."""
         return next((one for one in self.statistics if one.direction.effect == effect), None)
 
+    def unclaimed(self, effects: Collection[str]) -> Verdict:
+        """The same, but nothing said of what would have been found of some effects."""
+        told = (replace(one, smallest=np.nan) if one.direction.effect in effects else one for one in self.statistics)
+        return replace(self, statistics=tuple(told))
+
 
 @dataclass(frozen=True, eq=False)
 class Posed:
@@ -142,6 +148,7 @@ class _Sums:
     track: np.ndarray
     scan: np.ndarray
     information: float
+    track_information: np.ndarray
     scan_information: np.ndarray
     spread: float = 1.0
     drift: float = 1.0
@@ -241,8 +248,9 @@ class _Projector:
         square = column.multiply(weighted).tocsr()
         known = [(one @ square).toarray() for one in self._clusters]
         by_track, by_scan = (_bounded(*pair) for pair in zip(by_cluster, known, strict=True))
-        spread = widened(by_track, known[0].sum(1), self._near)
-        return [_Sums(direction, quantity, by_track, by_scan, left, known[1].sum(1), spread)]
+        of_track, of_scan = (one.sum(1) for one in known)
+        spread = widened(by_track, of_track, self._near)
+        return [_Sums(direction, quantity, by_track, by_scan, left, of_track, of_scan, spread)]
 
     def _basis(self, quantity: Quantity, rows: int) -> tuple[SparseMatrix, np.ndarray, list[np.ndarray]]:
         """What is there already changes of a quantity; its inverse information, and its scores by cluster.
@@ -317,16 +325,32 @@ def _gained(direction: Direction, gain: np.ndarray, clusters: Clusters) -> _Sums
         acts = expected[0]
     spread = widened(by_track, acts, clusters.near)
     size = float(gain @ gain)
-    return _Sums(direction, "likelihood", by_track, by_scan, size, by_scan[:, 0], spread, expected=expected)
+    both = by_track[:, 0], by_scan[:, 0]
+    return _Sums(direction, "likelihood", by_track, by_scan, size, *both, spread, expected=expected)
 
 
 def _smallest(one: _Sums, needed: float) -> float:
     """Amplitude at which the statistic would be expected at so many deviates."""
     if one.direction.gain is not None:
         return _countable(one, needed)
+    if _reach(one) < needed:
+        return float("nan")
     scatter = max(one.spread * np.linalg.norm(one.track), one.drift * np.linalg.norm(one.scan))
     error = scatter / max(one.information, 1e-300)
     return max(float(needed * error), one.direction.column.resolved(one.quantity))
+
+
+def _reach(one: _Sums) -> float:
+    """How high the statistic is at most, which is when all tracks and scans agree: few do so by chance, too."""
+    columns, found = one.scan.shape[1], []
+    for share in (one.track_information, one.scan_information):
+        agreed = float(share.sum() / max(np.linalg.norm(share), 1e-300))
+        if columns > 1:
+            found.append((agreed - 1) * float(np.sqrt(2 * columns)))
+            continue
+        size = float(deviates(np.array([agreed]), share)[0])
+        found.append(size if one.direction.one_sided else float((size - _MEAN_SIZE) / _SIZE_SPREAD))
+    return min(found)
 
 
 def _countable(one: _Sums, needed: float) -> float:

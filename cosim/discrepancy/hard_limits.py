@@ -83,7 +83,9 @@ def searched(
     settled = all(place in near and effects[place].by_search for place, _, _ in rest)
     settled |= roughly and all(effects[place].by_search for place, _, _ in rest)
     most = _PASSES if any(isinstance(effects[place], ScanEffect) for place, _, _ in rest) else 2
-    for number in range(most if len(rest) > 1 and not settled else 1):
+    passes = most if len(rest) > 1 and not settled else 1
+    reached = lost(effects) if passes > 1 else 0.0
+    for number in range(passes):
         before = effects
         for place, unknown, column in rest:
             dear = effects[place].by_search
@@ -93,7 +95,10 @@ def searched(
         smooth = [(place, unknown) for place, unknown, column in rest if not is_flat(effects[place], unknown, column)]
         if number and len(smooth) > 1:
             effects = _along_valley(before, effects, smooth, lost)
-        if lost(before) - lost(effects) < _ENOUGH:
+        if number + 1 == passes:
+            break
+        fallen, reached = reached, lost(effects)
+        if fallen - reached < _ENOUGH:
             break
     return effects
 

@@ -24,7 +24,7 @@ from cosim.discrepancy.random_signs import DRAWS
 _RIGID = 0.5  # share of a candidate's changes of ranges that pose errors could make
 _VARIED = 0.05  # share of its pattern that differs from scan to scan
 _STEADY = 0.1  # share of an amplitude by which scans may differ: a pattern that all have alike is else a drift's, too
-_FEWEST_SCANS = 4
+FEWEST_SCANS = 4  # that pose errors are compared from
 _MOST_DEVIATE = 12.0
 _REWEIGHTED, _WIDE = 8, 3.0
 _MATTERS = 2.0  # times the least spread must be what errors follow
@@ -76,6 +76,10 @@ class PosePatterns:
                 found.append(Posed(direction, told.deviate, told.p_value, told.error, unit))
         return found
 
+    def rigid(self, directions: Sequence[Direction]) -> set[str]:
+        """Names of effects that move whole scans, as errors of their poses do."""
+        return {direction.effect for direction in directions if self.pattern(direction) is not None}
+
     def pattern(self, direction: Direction) -> np.ndarray | None:
         """Pose errors (scans, 6) that a unit of a direction makes; None where it does something else."""
         delta, weight = direction.moved, self._weight
@@ -126,7 +130,7 @@ def agreement(errors: np.ndarray, pattern: np.ndarray, floor: np.ndarray, rng: n
     """
     size = np.linalg.norm(pattern, axis=1)
     acts = size > 1e-6 * size.max(initial=0.0)
-    if np.count_nonzero(acts) < _FEWEST_SCANS:
+    if np.count_nonzero(acts) < FEWEST_SCANS:
         return None
     weight, along = size[acts], (errors * pattern).sum(1)[acts] / size[acts]
     total = float(weight @ weight)

@@ -13,13 +13,14 @@ from cosim.discrepancy.evidence import Evidence
 from cosim.discrepancy.fitting import Fitted, Fitter, all_free
 from cosim.discrepancy.frames import bending
 from cosim.discrepancy.gate import Direction, Verdict
+from cosim.discrepancy.intervals import stray_weight
 from cosim.discrepancy.kinds import confusable
 from cosim.discrepancy.likelihood import judge
 from cosim.discrepancy.pose_errors import independent_share
 from cosim.discrepancy.random_signs import LEVEL
 from cosim.discrepancy.sample import same_beams
 from cosim.discrepancy.settling import Trace
-from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.base import BeamEffect, Effect, ScanEffect
 
 _SHORTLIST, _NEARLY = 6, 0.7
 _OUTSTANDING = 3
@@ -45,6 +46,7 @@ class Ranked:
         parameters: how many numbers were fitted.
         sampled_bic: the same of the sample's beams as they are, not as what they stand for: beams of rare things are
             taken whole, and tell more than their share in a drive.
+        fact_weight: what one fact weighs in `delta_bic`; each return from nowhere is one.
     """
 
     effect: str
@@ -53,6 +55,11 @@ class Ranked:
     delta_bic: float
     parameters: int
     sampled_bic: float = -np.inf
+    fact_weight: float = 1.0
+
+    def is_like(self, other: Ranked) -> bool:
+        """Whether another candidate cannot be told from this one, which explains more."""
+        return other.delta_bic > self.delta_bic - ALIKE_BIC * self.fact_weight
 
 
 def shortlist(
@@ -149,7 +156,9 @@ def fit_candidate(fitter: Fitter, fitted: Fitted, starts: Sequence[Direction], s
         delta = 2 * gain(fitter, before, result) - price
         if best is None or delta > best.delta_bic:
             sampled = 2 * float((result.fit.loglik - before.fit.loglik).sum()) - price
-            best = Ranked(start.effect, result, place, float(delta), count, sampled)
+            strays = isinstance(effects[place], ScanEffect)
+            weight = min(stray_weight(fitter, fitted), 1.0) if strays else 1.0
+            best = Ranked(start.effect, result, place, float(delta), count, sampled, weight)
     assert best is not None  # there is a start
     return best
 

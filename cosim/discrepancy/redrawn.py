@@ -36,7 +36,6 @@ def redrawn_interval(
     apart: float,
     clusters: Sequence[np.ndarray],
     bounds: tuple[float, float],
-    seed: int = 0,
 ) -> Redrawn:
     """Where the best value of a parameter comes to lie as clusters are drawn with replacement.
 
@@ -46,9 +45,8 @@ def redrawn_interval(
         apart: how far from it to look first; twice as far as long as draws end at the ends.
         clusters: of each kind, (n,) int which cluster every beam belongs to; the widest interval counts.
         bounds: of the parameter.
-        seed: of the draws.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     drawn = [rng.multinomial(size, np.full(size, 1 / size), _DRAWS) for size in map(_size, clusters)]
     known: dict[float, list[np.ndarray]] = {}
 

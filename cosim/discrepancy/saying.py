@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 
 def p_words(p_value: float) -> str:
     """A p-value as papers write it."""
@@ -16,3 +18,9 @@ def p_cell(p_value: float) -> str:
 def listed(names: list[str], word: str = "and") -> str:
     """Names as a sentence lists them."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}"
+
+
+def as_sure(value: float, half: float) -> tuple[str, str]:
+    """A value and half its interval, both to the second digit of the latter."""
+    digits = min(max(0, 1 - int(np.floor(np.log10(half)))), 8) if half > 0 and np.isfinite(half) else 3
+    return f"{value:.{digits}f}", f"{half:.{digits}f}"

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
-from cosim.discrepancy.saying import p_words
+from cosim.discrepancy.saying import as_sure, p_words
 from cosim.discrepancy.unknown import Shape
 from sensors.effects.base import Effect, Parameter
 from sensors.effects.registry import effect_classes
 
 _SMALL_M = 1.0
+_AT_FLOOR = 0.05  # by how much above it is still at it
 _PLAIN = ("range_bias", "elevation_offset", "range_walk", "incidence_falloff", "random_dropout")
 
 
@@ -54,9 +55,8 @@ class Vocabulary:
             return f"{len(size)} values, {factor * size.min():.3g} to {factor * size.max():.3g}{tail}"
         if interval is None:
             return f"{factor * value:.3g}{tail}"
-        half = factor * (interval[1] - interval[0]) / 2
-        digits = min(max(0, 1 - int(np.floor(np.log10(half)))), 8) if half > 0 and np.isfinite(half) else 3
-        return f"{factor * value:.{digits}f}{tail} ± {half:.{digits}f}"
+        said, half = as_sure(factor * value, factor * (interval[1] - interval[0]) / 2)
+        return f"{said}{tail} ± {half}"
 
     def parameters(self, effect: str, params: Mapping[str, Any], ci95: Mapping[str, Any]) -> str:
         """All parameters that were fitted, in a line; all there are if none was."""
@@ -79,13 +79,34 @@ def headline(found: Diagnosis, words: Vocabulary) -> str:
     off = f"; {map_words(found)}" if found.map_off_m > 0 else ""
     if not parts:
         smallest = smallest_words(found, words, most=3)
-        return "nothing missing that would show" + (f"; would have seen {smallest}" if smallest else "") + off
+        seen, above = f"; would have seen {smallest}" if smallest else "", unexplained_words(found)
+        return f"nothing missing that would show{seen}{above and f'; {above}'}{off}"
     if biased and len(parts) == 1:
         return parts[0]
-    of = "held-out error" if found.split.is_held_out else "error on the fitted frames themselves"
-    fall = f"{of} {found.error_before:.3f} → {found.error_after:.3f}"
+    fall = f"{error_words(found)} {found.error_before:.3f} → {found.error_after:.3f}"
     floor = "" if found.noise_floor is None else f", noise floor {found.noise_floor:.3f}"
     return f"{'; '.join(parts)}; {fall}{floor}{off}"
+
+
+def floor_words(found: Diagnosis) -> str:
+    """Where the error ends beside its noise floor; empty where that is not known."""
+    above = found.above_floor
+    if above is None:
+        return ""
+    size = f"{above:.0%} above" if above < 1 else f"{1 + above:.1f} times"
+    return f"{'at' if above <= _AT_FLOOR else size} the noise floor ({found.noise_floor:.3f})"
+
+
+def unexplained_words(found: Diagnosis) -> str:
+    """That the error stands above its floor though nothing was found; empty where it does not."""
+    if found.above_floor is None or found.above_floor <= _AT_FLOOR:
+        return ""
+    return f"yet the {error_words(found)}, {found.error_after:.3f}, is {floor_words(found)}"
+
+
+def error_words(found: Diagnosis) -> str:
+    """Which error it is that a diagnosis tells."""
+    return "held-out error" if found.split.is_held_out else "error on the fitted frames themselves"
 
 
 def map_words(found: Diagnosis) -> str:

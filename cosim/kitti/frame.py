@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TypeVar
 
@@ -175,12 +175,14 @@ class Frame:
     def _scan(self) -> tuple[np.ndarray, np.ndarray]:
         points, finite = self._read("velodyne", lambda path: read_points_lenient(path, self.columns))
         if not finite.all():
-            _LOG.warning("%s: left out %d of %d points with NaN or infinity", self.path("velodyne"), *self._bad(finite))
+            _warn_of_bad(self.path("velodyne"), int((~finite).sum()), len(finite))
         return points, finite
-
-    @staticmethod
-    def _bad(finite: np.ndarray) -> tuple[int, int]:
-        return int((~finite).sum()), len(finite)
 
     def _read(self, part: str, reader: Callable[[Path], _T]) -> _T:
         return reader(self.path(part))
+
+
+@cache
+def _warn_of_bad(path: Path, bad: int, count: int) -> None:
+    """Once a file, however often it is read."""
+    _LOG.warning("%s: left out %d of %d points with NaN or infinity", path, bad, count)

@@ -8,6 +8,7 @@ from html import escape
 from cosim.discrepancy.compare import Comparison
 from cosim.discrepancy.pages.cloud import clouds
 from cosim.discrepancy.pages.gathered import Rows, Scan
+from cosim.discrepancy.pages.notes_section import notes_section
 from cosim.discrepancy.pages.residual_charts import CHANNELS, WORDS, ChannelOf, ResidualChart, residual_charts
 from cosim.discrepancy.pages.residual_image import legend, limit_of, residual_svg
 from cosim.discrepancy.pages.style import STYLE
@@ -213,5 +214,4 @@ def _notes(found: Comparison) -> str:
     said = [*found.notes]
     if found.floor is not None:
         said.append(f"the noise floor is {found.floor.how}")
-    items = "".join(f"<li>{escape(note)}</li>" for note in said)
-    return f'<section><h2>What could not be known</h2><ul class="notes">{items}</ul></section>' if items else ""
+    return notes_section(said)

@@ -10,12 +10,22 @@ from scipy import stats
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
 from cosim.discrepancy.pages.confusions import separations
+from cosim.discrepancy.pages.notes_section import notes_section
 from cosim.discrepancy.pages.ranking_table import ranking_section
 from cosim.discrepancy.pages.style import STYLE
 from cosim.discrepancy.pages.unknown_section import unknown_section
 from cosim.discrepancy.pages.waterfall import waterfall
 from cosim.discrepancy.saying import listed, p_cell
-from cosim.discrepancy.sentences import Vocabulary, map_words, smallest_rows, smallest_words, unknown_words
+from cosim.discrepancy.sentences import (
+    Vocabulary,
+    error_words,
+    floor_words,
+    map_words,
+    smallest_rows,
+    smallest_words,
+    unexplained_words,
+    unknown_words,
+)
 from cosim.html import document
 from cosim.stats.plot import Axis, Plot
 
@@ -68,9 +78,8 @@ def _verdict(found: Diagnosis, words: Vocabulary) -> str:
         law = escape(str(found.labels).removeprefix("labels: "))
         said.append(f'<span class="bad">Labels are biased</span>: {law}.')
     if not said:
-        floor = "" if found.noise_floor is None else f" and the noise floor {found.noise_floor:.3f}"
-        said.append('<span class="good">Nothing is missing that would show.</span> The held-out error is ')
-        said.append(f"{found.error_before:.3f}{floor}.")
+        said.append('<span class="good">Nothing is missing that would show.</span>')
+        said.append(_left(found))
         smallest = smallest_words(found, words, most=3)
         said.append(f"It would have shown {escape(smallest)}, and so on below." if smallest else "")
     if found.map_off_m > 0:
@@ -84,15 +93,19 @@ def _verdict(found: Diagnosis, words: Vocabulary) -> str:
 def _fall(found: Diagnosis) -> str:
     count = len(found.effects) + (found.unknown is not None)
     said = f"With {['it', 'it', 'both'][count] if count < 3 else 'all of them'} the "
-    said += "held-out error " if found.split.is_held_out else "error on the fitted frames themselves "
-    said += "falls" if found.error_after < found.error_before else "does not fall"
+    said += f"{error_words(found)} {'falls' if found.error_after < found.error_before else 'does not fall'}"
     said += f" from {found.error_before:.3f} to {found.error_after:.3f}"
-    if found.noise_floor is None or found.noise_floor <= 0:
-        return said + "."
-    ratio = found.error_after / found.noise_floor
-    above = f"{ratio - 1:.0%} above" if ratio < 2 else f"{ratio:.1f} times"
-    where = "at the noise floor" if ratio <= 1.05 else f"{above} the noise floor"
-    return f"{said}, {where} ({found.noise_floor:.3f})."
+    where = floor_words(found)
+    return f"{said}, {where}." if where else f"{said}."
+
+
+def _left(found: Diagnosis) -> str:
+    """The error where nothing was found."""
+    if above := unexplained_words(found):
+        why = "the twin may be off, or more frames may tell what it is"
+        return f'<span class="warn">{escape(above[0].upper() + above[1:])}</span>: {why}.'
+    where = floor_words(found)
+    return f"The {error_words(found)} is {found.error_after:.3f}{where and f', {where}'}."
 
 
 def _next(found: Diagnosis, drive: str, sensor: str) -> str:
@@ -228,7 +241,8 @@ def _remedy(one: str, other: str, words: Vocabulary) -> str:
 
 
 def _ranking(found: Diagnosis) -> str:
-    return ranking_section([(one.effect, one.delta_bic, one.p_value) for one in found.ranking])
+    note = "Beams count as what they stand for, so a few returns from nowhere weigh little: p tells of these."
+    return ranking_section([(one.effect, one.delta_bic, one.p_value) for one in found.ranking], note=note)
 
 
 def _smallest(found: Diagnosis, words: Vocabulary) -> str:
@@ -255,9 +269,7 @@ def _amplitude(effect: str, name: str, value: float, words: Vocabulary) -> str:
 def _how(found: Diagnosis) -> str:
     fitted, judged = len(found.split.fit), len(found.split.test)
     labels = f"<p>L{escape(str(found.labels)[1:])}.</p>" if found.labels is not None else ""
-    said = f"{fitted} frames were fitted, {judged} judged"
-    said += (
-        "." if found.split.is_held_out else "; they are the same, for want of more: errors after a fit are flattering."
-    )
+    said = f"{fitted} {'frame was' if fitted == 1 else 'frames were'} fitted, {judged} judged"
+    said += "." if found.split.is_held_out else "; they are the same, for want of more."
     said += " Statistics are explained in docs/discrepancy.md."
-    return f"<section><h2>How it was found</h2><p>{said}</p>{labels}</section>"
+    return f"<section><h2>How it was found</h2><p>{said}</p>{labels}</section>{notes_section(found.notes)}"

@@ -10,12 +10,13 @@ from cosim.discrepancy.saying import p_cell
 _MOST = 12
 
 
-def ranking_section(rows: Sequence[tuple[str, float, float]], remarks: Sequence[str] = ()) -> str:
+def ranking_section(rows: Sequence[tuple[str, float, float]], remarks: Sequence[str] = (), note: str = "") -> str:
     """HTML; empty without rows.
 
     Args:
         rows: name, fall of the BIC and p-value of each, the likeliest first.
         remarks: a word on each; none at all by default.
+        note: what else to know of the numbers.
     """
     if not rows:
         return ""
@@ -30,6 +31,6 @@ def ranking_section(rows: Sequence[tuple[str, float, float]], remarks: Sequence[
         )
     return (
         "<section><h2>Candidates of the first round</h2><p>How much each would lower the BIC by itself: differences "
-        "above 10 decide.</p><table><thead><tr><th></th><th>ΔBIC</th><th></th><th>p</th>"
+        f"above 10 decide.{note and f' {escape(note)}'}</p><table><thead><tr><th></th><th>ΔBIC</th><th></th><th>p</th>"
         f"{'<th></th>' if remarks else ''}</tr></thead><tbody>{''.join(cells)}</tbody></table></section>"
     )

@@ -14,7 +14,13 @@ from cosim.discrepancy.traffic.behaviours import BEHAVIOURS
 from cosim.discrepancy.traffic.comparison import UNIT_OF, Row, TrafficComparison
 from cosim.discrepancy.traffic.diagnosis import TrafficDiagnosis, TrafficFinding
 from cosim.discrepancy.traffic.distance import SCALES, UNITS
-from cosim.discrepancy.traffic.sentences import parameter_words, quantity, smallest_words, unexplained_words
+from cosim.discrepancy.traffic.sentences import (
+    fitted_words,
+    parameter_words,
+    quantity,
+    smallest_words,
+    unexplained_words,
+)
 from cosim.discrepancy.traffic.summary import HEADWAY_BINS, LATERAL_BINS, SPEED_BINS, Summary
 from cosim.html import document
 from cosim.stats.plot import Axis, Plot
@@ -181,7 +187,7 @@ def _findings(found: TrafficDiagnosis) -> str:
 def _finding(one: TrafficFinding) -> str:
     cells, span = [], f'rowspan="{len(one.params)}"'
     behaviour = BEHAVIOURS[one.behaviour]
-    for row, (name, value) in enumerate(one.params.items()):
+    for row, name in enumerate(one.params):
         head = f"<th {span}>{escape(one.behaviour)}</th>" if row == 0 else ""
         tail = ""
         if row == 0:
@@ -194,7 +200,7 @@ def _finding(one: TrafficFinding) -> str:
         ends = one.ci95.get(name)
         between = f"{ends[0]:.3g} to {quantity(one.behaviour, name, ends[1])}" if ends else ""
         was = quantity(one.behaviour, name, one.before[name])
-        shown = quantity(one.behaviour, name, value)
+        shown, _ = fitted_words(one, name)
         cells.append(f"<tr>{head}<td>{escape(name)}</td><td>{was}</td><td>{shown}</td><td>{between}</td>{tail}</tr>")
     return "".join(cells)
 

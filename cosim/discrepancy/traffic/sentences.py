@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cosim.discrepancy.saying import p_words
+from cosim.discrepancy.saying import as_sure, p_words
 from cosim.discrepancy.traffic.behaviours import BEHAVIOURS
 from cosim.discrepancy.traffic.diagnosis import TrafficDiagnosis, TrafficFinding
 
@@ -32,17 +32,32 @@ def finding_words(one: TrafficFinding) -> str:
 
 def parameter_words(one: TrafficFinding) -> str:
     """All parameters with half their intervals."""
-    return ", ".join(
-        f"{name} {quantity(one.behaviour, name, value)}"
-        + (f" ± {(one.ci95[name][1] - one.ci95[name][0]) / 2:.2g}" if name in one.ci95 else "")
-        for name, value in one.params.items()
-    )
+    said = []
+    for name in one.params:
+        value, half = fitted_words(one, name)
+        said.append(f"{name} {value}{half and f' ± {half}'}")
+    return ", ".join(said)
+
+
+def fitted_words(one: TrafficFinding, name: str) -> tuple[str, str]:
+    """A fitted value with its unit, to as many digits as its interval bears, and half of that; empty without one."""
+    value = one.params[name]
+    if name not in one.ci95:
+        return quantity(one.behaviour, name, value), ""
+    low, high = one.ci95[name]
+    said, half = as_sure(value, (high - low) / 2)
+    return f"{said}{_unit(one.behaviour, name)}", half
 
 
 def quantity(behaviour: str, name: str, value: float) -> str:
     """A value with its unit."""
+    return f"{value:.3g}{_unit(behaviour, name)}"
+
+
+def _unit(behaviour: str, name: str) -> str:
+    """A parameter's, set off by a space where it has one."""
     unit = next(knob.unit for knob in BEHAVIOURS[behaviour].knobs if knob.name == name)
-    return f"{value:.3g}{f' {unit}' if unit else ''}"
+    return f" {unit}" if unit else ""
 
 
 def smallest_words(found: TrafficDiagnosis, names: tuple[str, ...] = _NEEDED) -> str:

@@ -11,7 +11,7 @@ import pytest
 
 from cosim.cli import main
 from sensors.sensor_model import load_sensor
-from tests.cosim.discrepancy.small_drive import Yard
+from tests.cosim.discrepancy.small_drive import Yard, make_yard
 
 _OWN_EFFECT = '''
 from __future__ import annotations
@@ -141,6 +141,7 @@ def test_diagnose_writes_its_json_page_and_sensor(
         "error_after",
         "noise_floor",
         "map_off_m",
+        "notes",
         "sensor_out",
     }
     assert found["verdict"] in ("none", "missing", "ambiguous", "unknown")
@@ -151,6 +152,21 @@ def test_diagnose_writes_its_json_page_and_sensor(
     assert found["sensor_out"] == "d/sensor.yaml"
     load_sensor(found["sensor_out"])
     assert (tmp_path / "d/index.html").is_file()
+
+
+def test_of_one_frame_it_is_said_what_cannot_be_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    yard = make_yard(tmp_path, frames=1, columns=3)
+    assert run("diagnose", yard.drive, "--sensor", yard.sensor, "--out", "d", "--json", "d.json") == 0
+    said = capsys.readouterr().err
+    page, found = (tmp_path / "d/index.html").read_text(), read(tmp_path / "d.json")
+    for words in ("one frame only", "mount_rotation, mount_translation", "no frame was left", "no intensities"):
+        assert words in said
+        assert words in page
+        assert any(words in note for note in found["notes"])
+    assert not {"mount_rotation", "mount_translation", "suspension_pitch"} & set(found["smallest_detectable"])
 
 
 @pytest.mark.parametrize(

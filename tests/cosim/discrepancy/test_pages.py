@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -118,13 +119,24 @@ def test_when_nothing_is_missing_the_page_says_what_would_have_shown() -> None:
     assert "Nothing is missing that would show" in text
     assert "range_bias from 4 mm" in text or "range_bias from 0.4 cm" in text
     assert "encoder_eccentricity from 0.02°" in text
+    assert "Yet the held-out error, 1.830, is 79% above the noise floor (1.020)" in text
+
+
+def test_nothing_missing_at_the_floor_is_no_reason_to_doubt() -> None:
+    found = replace(diagnosis(), error_before=1.03, error_after=1.03, notes=("rays/ is <absent>",))
+    text = format_diagnosis(found, Vocabulary(), "drive", "my.yaml")
+    assert "The held-out error is 1.030, at the noise floor (1.020)." in text
+    assert "rays/ is &lt;absent&gt;" in text
+    assert "noise floor" not in headline(found, Vocabulary())
 
 
 def test_the_line_of_a_diagnosis() -> None:
     line = headline(diagnosis(finding(also=())), Vocabulary())
     assert "range_walk (amplitude 3.10 cm ± 0.20, decay 4.00 ± 0.50), p < 0.001" in line
     assert "1.830 → 1.040" in line
-    assert headline(diagnosis(), Vocabulary()).startswith("nothing missing")
+    nothing = headline(diagnosis(), Vocabulary())
+    assert nothing.startswith("nothing missing")
+    assert nothing.endswith("yet the held-out error, 1.830, is 79% above the noise floor (1.020)")
 
 
 def test_confusions_name_effects_that_exist() -> None:
