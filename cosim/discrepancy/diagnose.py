@@ -33,6 +33,7 @@ from cosim.discrepancy.ranking import (
     shortlist,
     simpler_first,
 )
+from cosim.discrepancy.revising import with_its_curve
 from cosim.discrepancy.second_thoughts import parted, revised, tidied
 from cosim.discrepancy.settling import Settled
 from cosim.discrepancy.taken_up import handed_over
@@ -218,7 +219,8 @@ class Detective(Inquiry):
         if self.unknown is None or place is None:
             return None
         told = intervals(look.fitter, look.fitted).get(effect_name(self.unknown), {})
-        return self.unknown.refitted(self.model.effects[place].model_dump(), told)
+        drawn = with_its_curve(look.fitter, look.fitted, place, self.unknown)
+        return drawn.refitted(self.model.effects[place].model_dump(), told)
 
     def _gate(self, fitter: Fitter, fitted: Fitted, lattices: Sequence[Lattice]) -> Verdict:
         found = [

@@ -117,10 +117,24 @@ def redrawn(fitter: Fitter, fitted: Fitted, place: int, shape: Shape) -> Shape |
         place: of the shape's effect.
         shape: as it was found.
     """
-    rest = (*fitted.effects[:place], *fitted.effects[place + 1 :])
-    without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
-    found = same_shape(fitter, without, shape)
+    found = _beside_the_rest(fitter, fitted, place, shape)
     if found is None or found.is_like(shape):
         # Its numbers have been fitted along with all others.
         return None if found is None else replace(found, formula=shape.formula)
     return found.without_level() if found.has_apart else found
+
+
+def with_its_curve(fitter: Fitter, fitted: Fitted, place: int, shape: Shape) -> Shape:
+    """An unknown shape with the curve that it has beside the model as it stands; categories as they were drawn.
+
+    What stood beside it when it was drawn may be gone, and with it a constant that its formula has taken over.
+    """
+    found = _beside_the_rest(fitter, fitted, place, shape) if shape.formula is not None else None
+    return shape if found is None else replace(shape, x=found.x, y=found.y, sigma=found.sigma)
+
+
+def _beside_the_rest(fitter: Fitter, fitted: Fitted, place: int, shape: Shape) -> Shape | None:
+    """The same shape drawn beside all effects but its own; None where it cannot be."""
+    rest = (*fitted.effects[:place], *fitted.effects[place + 1 :])
+    without = fitter.fit(rest, (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
+    return same_shape(fitter, without, shape)

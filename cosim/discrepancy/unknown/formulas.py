@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,11 +60,7 @@ def best_formula(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float 
         sigma: (b,) its standard errors.
         period: of x, if it comes round: 2π, or 0.
     """
-    # A formula need not be better than a fiftieth of the shape's size.
-    weight = 1 / (np.maximum(sigma, 1e-9) ** 2 + (0.02 * (y.max() - y.min())) ** 2 + 1e-24)
-    mean = np.average(y, weights=weight)
-    total = float(weight @ (y - mean) ** 2)
-    found = []
+    weight, found = _weights(y, sigma), []
     root = np.sqrt(weight)
     for family, count, shape, text, code, extra in _families(x, period):
         for levels in (0, 1):
@@ -80,7 +76,7 @@ def best_formula(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float 
                     text,
                     f"level + amplitude * {code}" if levels else f"amplitude * {code}",
                     parameters,
-                    1 - rest / total if total > 0 else 0.0,
+                    _explained(y, y - basis @ solution, weight),
                     rest + (count + 1 + levels) * np.log(len(x)),
                 )
             )
@@ -143,6 +139,24 @@ def _families(x: np.ndarray, period: float) -> Iterator[_Family]:
                 text = "(frac((x − {start:.2f})/{period:.3g}) − ½)"
                 code = "(np.mod((x - start) / period, 1.0) - 0.5)"
                 yield "sawtooth", 2, shape, text, code, {"start": float(start), "period": period / turns}
+
+
+def _weights(y: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """Of a shape's values; a formula need not be better than a fiftieth of its size."""
+    return 1 / (np.maximum(sigma, 1e-9) ** 2 + (0.02 * (y.max() - y.min())) ** 2 + 1e-24)
+
+
+def _explained(y: np.ndarray, left: np.ndarray, weight: np.ndarray) -> float:
+    total = float(weight @ (y - np.average(y, weights=weight)) ** 2)
+    return 1 - float(weight @ left**2) / total if total > 0 else 0.0
+
+
+def with_parameters(
+    formula: Formula, values: Mapping[str, float], x: np.ndarray, y: np.ndarray, sigma: np.ndarray
+) -> Formula:
+    """A formula with other values of its parameters, and what it then explains of a shape, see `best_formula`."""
+    told = replace(formula, parameters={name: float(values.get(name, old)) for name, old in formula.parameters.items()})
+    return replace(told, r2=_explained(y, y - evaluate(told, x), _weights(y, sigma)))
 
 
 def evaluate(formula: Formula, x: np.ndarray) -> np.ndarray:

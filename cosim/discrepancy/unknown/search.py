@@ -11,7 +11,7 @@ import numpy as np
 from cosim.discrepancy.evidence import Quantity
 from cosim.discrepancy.fitting import Fitted, Fitter
 from cosim.discrepancy.unknown.covariates import Covariate, covariates
-from cosim.discrepancy.unknown.formulas import Formula, best_formula, evaluate
+from cosim.discrepancy.unknown.formulas import Formula, best_formula, with_parameters
 from cosim.discrepancy.unknown.refined import solve_shape
 
 CHANNELS: tuple[Quantity, ...] = ("range", "intensity", "drop")
@@ -86,12 +86,7 @@ class Shape:
         told = replace(self, params=dict(params), ci95=dict(ci95))
         if self.formula is None:
             return told
-        values = {name: float(params.get(name, value)) for name, value in self.formula.parameters.items()}
-        formula = replace(self.formula, parameters=values)
-        weight = 1 / np.maximum(self.sigma, 1e-9) ** 2
-        total = float(weight @ (self.y - np.average(self.y, weights=weight)) ** 2)
-        rest = float(weight @ (self.y - evaluate(formula, self.x)) ** 2)
-        return replace(told, formula=replace(formula, r2=1 - rest / total if total > 0 else 0.0))
+        return replace(told, formula=with_parameters(self.formula, params, self.x, self.y, self.sigma))
 
     def to_json(self) -> dict[str, Any]:
         """What `diagnose --json` writes under `unknown`."""

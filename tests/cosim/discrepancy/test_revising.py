@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from assets.materials import MATERIALS
-from cosim.discrepancy.revising import is_idle
+from cosim.discrepancy.revising import is_idle, with_its_curve
 from cosim.discrepancy.settling import Settled
 from cosim.discrepancy.unknown import Shape, shape_effect
 from cosim.discrepancy.unknown.formulas import Formula
@@ -66,3 +66,18 @@ def test_a_rounding_is_a_fact_of_the_file(biased_yard: Yard) -> None:
     found = settled(biased_yard, (RangeQuantization(step_m=0.002), NOISY))
     place = next(row for row, one in enumerate(found.fitted.effects) if one.name == "range_quantization")
     assert not is_idle(found.fitter, found.fitted, place, clearly=5.0)
+
+
+def test_a_curve_is_that_beside_the_model_as_it_stands(tmp_path: Path) -> None:
+    """One that was drawn beside a bias that is gone stands aside by it, and its formula would explain nothing."""
+    x = np.linspace(-np.pi, np.pi, 41)[:-1] + np.pi / 40
+    step = Formula("step", "[x > {edge:.3g}]", "amplitude * (x > edge)", {"amplitude": 0.05, "edge": 0.6}, 1.0, 0.0)
+    stale = Shape("range", "azimuth", "rad", x, 0.05 * (x > 0.6) - 0.04, 0 * x + 0.001, step, 100.0, ())
+    yard = make_yard(tmp_path, (shape_effect(stale), NOISY), known=(NOISE,), frames=8)
+    found = settled(yard, (shape_effect(stale), NOISY))
+    place = next(row for row, one in enumerate(found.fitted.effects) if one.name.startswith("unknown"))
+    values = found.fitted.effects[place].model_dump()
+    drawn = with_its_curve(found.fitter, found.fitted, place, stale)
+    assert np.median(np.abs(drawn.y - 0.05 * (drawn.x > 0.6))) < 0.005
+    assert stale.refitted(values, {}).r2 < 0
+    assert drawn.refitted(values, {}).r2 > 0.9
