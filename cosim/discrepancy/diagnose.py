@@ -183,7 +183,8 @@ class Detective(Inquiry):
         if choice.shape is not None:
             self.unknown = choice.shape
             return parted(self, choice.shape) if choice.shape.has_apart else settled
-        alike = tuple(one.effect for one in choice.rivals if best.is_like(one))
+        rivals = (one for one in choice.rivals if one.effect not in self.refused)
+        alike = tuple(one.effect for one in rivals if best.is_like(one))
         p_value, known = look.verdict.p_value, {one.effect.name: one.interval for one in look.lattices}
         interval = known.get(best.effect, {})
         self.findings.append(Finding(best.effect, {}, interval, p_value, self.errors[-2], after, alike, best.delta_bic))

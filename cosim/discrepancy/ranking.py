@@ -58,7 +58,9 @@ class Ranked:
     fact_weight: float = 1.0
 
     def is_like(self, other: Ranked) -> bool:
-        """Whether another candidate cannot be told from this one, which explains more."""
+        """Whether another candidate cannot be told from this one, by what few beams say if it stands by these."""
+        if self.delta_bic <= 0:
+            return other.sampled_bic > self.sampled_bic - ALIKE_BIC
         return other.delta_bic > self.delta_bic - ALIKE_BIC * self.fact_weight
 
 

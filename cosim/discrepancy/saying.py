@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+_TINY = 1e-7
+
 
 def p_words(p_value: float) -> str:
     """A p-value as papers write it."""
@@ -22,5 +24,7 @@ def listed(names: list[str], word: str = "and") -> str:
 
 def as_sure(value: float, half: float) -> tuple[str, str]:
     """A value and half its interval, both to the second digit of the latter."""
-    digits = min(max(0, 1 - int(np.floor(np.log10(half)))), 8) if half > 0 and np.isfinite(half) else 3
+    if 0 < half < _TINY:
+        return f"{value:.6g}", f"{half:.1g}"
+    digits = max(0, 1 - int(np.floor(np.log10(half)))) if half > 0 and np.isfinite(half) else 3
     return f"{value:.{digits}f}", f"{half:.{digits}f}"

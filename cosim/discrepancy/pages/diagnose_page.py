@@ -209,6 +209,7 @@ def _laser_charts(one: Finding, words: Vocabulary) -> str:
 
 def _alternatives(found: Diagnosis, words: Vocabulary) -> str:
     rows, bic = [], {one.effect: one.delta_bic for one in found.ranking}
+    there = {one.effect for one in found.effects}
     for one in found.effects:
         kind = words.kind(one.effect)
         declared = kind.confusable_with if kind else ()
@@ -216,6 +217,8 @@ def _alternatives(found: Diagnosis, words: Vocabulary) -> str:
             open_case = other in one.also_possible
             if open_case:
                 verdict = '<span class="warn">not separable with these data</span>'
+            elif other in there:
+                verdict = '<span class="good">both are missing</span>: each explains what the other does not'
             elif other in bic and one.effect in bic:
                 verdict = f'<span class="good">told apart</span>: ΔBIC {bic[one.effect] - bic[other]:,.0f}'
             else:

@@ -17,6 +17,7 @@ from cosim.discrepancy.held_out import Split
 from cosim.discrepancy.pages import Gathered, format_comparison, format_diagnosis, write_page
 from cosim.discrepancy.pages.binned import binned, in_quantiles
 from cosim.discrepancy.pages.confusions import CONFUSIONS, separations
+from cosim.discrepancy.pages.waterfall import waterfall
 from cosim.discrepancy.sentences import Vocabulary, headline
 from cosim.discrepancy.testing import HeldOut
 from sensors.effects.registry import effect_classes, find_effect
@@ -112,6 +113,25 @@ def test_the_page_of_a_diagnosis_names_effect_interval_rivals_and_the_drive_that
     ):
         assert words in text, words
     opened_in_chromium(write_page(tmp_path / "page", text))
+
+
+def test_of_two_that_look_alike_and_are_both_there_none_is_in_doubt() -> None:
+    both = finding("range_walk", ()), finding("incidence_bias", ())
+    text = format_diagnosis(diagnosis(*both), Vocabulary(), "drive", "my.yaml")
+    row = text[text.index("range_walk or incidence_bias?") :]
+    assert row.index("both are missing") < row.index("</tr>")
+
+
+@pytest.mark.parametrize(("before", "decades"), [(1.83, False), (134.0, True)])
+def test_an_error_that_falls_far_is_drawn_in_decades(before: float, decades: bool) -> None:
+    found = replace(finding(), error_before=HeldOut(before, np.array([0.9, 1.1]) * before, np.ones(2), 1.02))
+    svg = waterfall(replace(diagnosis(found), error_before=before))
+    assert (">10<" in svg and ">100<" in svg) == decades
+    assert "noise floor" in svg
+
+
+def test_a_step_that_is_exact_to_a_billionth_has_no_row_of_zeros() -> None:
+    assert Vocabulary().quantity("intensity_quantization", "step", 0.01, [0.01 - 2e-10, 0.01 + 2e-10]) == "0.01 ± 2e-10"
 
 
 def test_when_nothing_is_missing_the_page_says_what_would_have_shown() -> None:
