@@ -67,3 +67,8 @@ def widened(sums: np.ndarray, information: np.ndarray, near: sparse.csr_matrix) 
         return 1.0
     shared = float((apart * (near @ apart)).sum())
     return float(np.sqrt(max(1 + shared / square, 1.0)))
+
+
+def compressed(gain: np.ndarray) -> np.ndarray:
+    """Sizes of gains (n,) as logarithms, with their signs."""
+    return np.sign(gain) * np.log1p(np.abs(gain))

@@ -9,7 +9,6 @@ it count as so much wider.
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -17,20 +16,18 @@ from typing import Literal
 import numpy as np
 from scipy import sparse
 
-from cosim.discrepancy.clusters import Clusters, widened
+from cosim.discrepancy.clusters import Clusters, compressed, widened
+from cosim.discrepancy.detectable import Z80, smallest_amplitude
 from cosim.discrepancy.evidence import Evidence, Quantity
-from cosim.discrepancy.random_signs import DRAWS, deviates, family_wise
+from cosim.discrepancy.random_signs import DRAWS, family_wise
 from cosim.discrepancy.system import Column, SparseMatrix
 from sensors.effects.base import Effect
 
 _KEPT_SHARE = 0.02  # of a candidate's information that must outlive the fit of pose errors
-_Z80 = 0.8416
 _FEWEST_SCANS = 5
 _OF_WHERE: tuple[Quantity, ...] = ("range", "rise")  # both tell where a beam looks
 _MOST_LIKE = 0.8
 _PLAIN = 3.0
-_MEAN_SIZE, _SIZE_SPREAD = np.sqrt(2 / np.pi), np.sqrt(1 - 2 / np.pi)  # of a standard normal deviate's size
-_TIMES = np.geomspace(0.01, 100, 93)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +133,7 @@ class Posed:
 
 
 @dataclass(frozen=True, eq=False)
-class _Sums:
+class Sums:
     """Scores of one candidate in one channel summed by track and by scan, (clusters, columns).
 
     `spread` is how much wider sums over tracks scatter when errors of those nearby are alike, `drift` sums over scans
@@ -177,7 +174,7 @@ def run_gate(
         rng: for the signs.
         posed: what fitted pose errors say.
     """
-    sums: list[_Sums] = []
+    sums: list[Sums] = []
     with_pose = [_Projector(present, one, poses, clusters, clusters.part) for one in evidence]
     without = [_Projector(present, one, None, clusters, clusters.scan) for one in raw]
     for direction in directions:
@@ -199,10 +196,10 @@ def run_gate(
     found = []
     for one, value, p in zip(sums, values[: len(sums)], p_values[: len(sums)], strict=True):
         # Of a group of rings the same amplitude in all is meant.
-        smallest = _smallest(one, critical + _Z80) if one.direction.amplitude else np.nan
+        smallest = smallest_amplitude(one, critical + Z80) if one.direction.amplitude else np.nan
         found.append(Statistic(one.direction, one.quantity, float(value), float(p), float(smallest)))
     for one, value, p in zip(posed, values[len(sums) :], p_values[len(sums) :], strict=True):
-        smallest = (critical + _Z80) * one.error
+        smallest = (critical + Z80) * one.error
         found.append(Statistic(one.direction, "poses", float(value), max(float(p), one.p_value), smallest))
     found.sort(key=lambda one: -one.value)
     return Verdict(tuple(found), min(one.p_value for one in found))
@@ -225,7 +222,7 @@ class _Projector:
         self._clusters, self._near = [_one_hot(clusters.track), _one_hot(scan)], clusters.near
         self._cache: dict[Quantity, tuple[SparseMatrix, np.ndarray, list[np.ndarray]]] = {}
 
-    def sums(self, direction: Direction, quantity: Quantity, kept_share: float) -> list[_Sums]:
+    def sums(self, direction: Direction, quantity: Quantity, kept_share: float) -> list[Sums]:
         """At most one: none where too little of the column is left."""
         rows = len(self._evidence.score[quantity])
         column = direction.column.matrix(quantity, rows)
@@ -250,7 +247,7 @@ class _Projector:
         by_track, by_scan = (_bounded(*pair) for pair in zip(by_cluster, known, strict=True))
         of_track, of_scan = (one.sum(1) for one in known)
         spread = widened(by_track, of_track, self._near)
-        return [_Sums(direction, quantity, by_track, by_scan, left, of_track, of_scan, spread)]
+        return [Sums(direction, quantity, by_track, by_scan, left, of_track, of_scan, spread)]
 
     def _basis(self, quantity: Quantity, rows: int) -> tuple[SparseMatrix, np.ndarray, list[np.ndarray]]:
         """What is there already changes of a quantity; its inverse information, and its scores by cluster.
@@ -284,7 +281,7 @@ class _Projector:
 
 
 def _tested(
-    sums: Sequence[_Sums], rng: np.random.Generator, posed: Sequence[Posed] = ()
+    sums: Sequence[Sums], rng: np.random.Generator, posed: Sequence[Posed] = ()
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Equivalent normal deviates, family-wise p-values, and the deviate that p = 0.05 takes.
 
@@ -312,7 +309,7 @@ def _posed_deviates(posed: Sequence[Posed], rng: np.random.Generator) -> np.ndar
     return np.where([one.direction.one_sided for one in posed], z, np.abs(z))
 
 
-def _gained(direction: Direction, gain: np.ndarray, clusters: Clusters) -> _Sums:
+def _gained(direction: Direction, gain: np.ndarray, clusters: Clusters) -> Sums:
     """Gains by cluster, large ones as their logarithms: a single ghost of many beams must not drown all others.
 
     An odd function of sums whose signs are random leaves their signs random.
@@ -326,53 +323,7 @@ def _gained(direction: Direction, gain: np.ndarray, clusters: Clusters) -> _Sums
     spread = widened(by_track, acts, clusters.near)
     size = float(gain @ gain)
     both = by_track[:, 0], by_scan[:, 0]
-    return _Sums(direction, "likelihood", by_track, by_scan, size, *both, spread, expected=expected)
-
-
-def _smallest(one: _Sums, needed: float) -> float:
-    """Amplitude at which the statistic would be expected at so many deviates."""
-    if one.direction.gain is not None:
-        return _countable(one, needed)
-    if _reach(one) < needed:
-        return float("nan")
-    scatter = max(one.spread * np.linalg.norm(one.track), one.drift * np.linalg.norm(one.scan))
-    error = scatter / max(one.information, 1e-300)
-    return max(float(needed * error), one.direction.column.resolved(one.quantity))
-
-
-def _reach(one: _Sums) -> float:
-    """How high the statistic is at most, which is when all tracks and scans agree: few do so by chance, too."""
-    columns, found = one.scan.shape[1], []
-    for share in (one.track_information, one.scan_information):
-        agreed = float(share.sum() / max(np.linalg.norm(share), 1e-300))
-        if columns > 1:
-            found.append((agreed - 1) * float(np.sqrt(2 * columns)))
-            continue
-        size = float(deviates(np.array([agreed]), share)[0])
-        found.append(size if one.direction.one_sided else float((size - _MEAN_SIZE) / _SIZE_SPREAD))
-    return min(found)
-
-
-def _countable(one: _Sums, needed: float) -> float:
-    """The same of strays, Poisson counts by cluster beside what there is already; NaN where none are added."""
-    strays = one.direction.strays
-    if strays is None:
-        return float("nan")
-    clusterings = tuple(zip((one.track, one.scan), one.expected, (one.spread, one.drift), strict=True))
-    worth = strays.each * strays.gain
-
-    def reached(times: float) -> float:
-        found = []
-        for sums, expected, wider in clusterings:
-            count = times * expected / strays.each
-            mean, there = worth * count - expected, sums[:, 0] + expected
-            typical = compressed(np.sqrt(mean**2 + worth**2 * count + there**2))
-            z = float(compressed(mean).sum() / (wider * np.linalg.norm(typical)))
-            found.append(float(deviates(np.array([z]), typical)[0]))
-        return min(found)
-
-    row = bisect_left(_TIMES, needed, key=reached)
-    return float(_TIMES[row] * strays.step) if row < len(_TIMES) else float("nan")
+    return Sums(direction, "likelihood", by_track, by_scan, size, *both, spread, expected=expected)
 
 
 def _bounded(score: np.ndarray, information: np.ndarray) -> np.ndarray:
@@ -385,12 +336,7 @@ def _bounded(score: np.ndarray, information: np.ndarray) -> np.ndarray:
     return score / beyond * (1 + np.log(beyond))
 
 
-def compressed(gain: np.ndarray) -> np.ndarray:
-    """Sizes of gains (n,) as logarithms, with their signs."""
-    return np.sign(gain) * np.log1p(np.abs(gain))
-
-
-def _drifting(sums: _Sums) -> _Sums:
+def _drifting(sums: Sums) -> Sums:
     """With the drift that the sums themselves show (first-order autoregression)."""
     # What a constant amplitude leaves unexplained in every scan.
     apart = sums.scan - np.outer(sums.scan_information / sums.scan_information.sum(), sums.scan.sum(0))

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.discrepancy.clusters import compressed
 from cosim.discrepancy.fitting import Fitted, Fitter, all_free
-from cosim.discrepancy.gate import Direction, Verdict, compressed, run_gate
+from cosim.discrepancy.gate import Direction, Verdict, run_gate
 from cosim.discrepancy.ranking import ALIKE_BIC, Ranked
 from cosim.discrepancy.system import Column
 from cosim.discrepancy.unknown.covariates import covariates
