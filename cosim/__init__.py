@@ -9,12 +9,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cosim.config import RunConfig, load_config
+    from cosim.capture.config import RunConfig, load_config
+    from cosim.capture.runner import RunResult, run
     from cosim.discrepancy import Added, Comparison, Diagnosis, add, compare, diagnose
+    from cosim.drives.kitti import Drive, Frame
     from cosim.engine import LocalEngine
     from cosim.errors import CosimError
-    from cosim.kitti import Drive, Frame
-    from cosim.runner import RunResult, run
     from cosim.variants import make_variants
 
 __all__ = [

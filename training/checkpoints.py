@@ -12,7 +12,7 @@ import torch
 from pydantic import ValidationError
 from torch import Tensor
 
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 from sensors.pattern import first_problem
 from training.errors import TrainingError
 from training.models.build import build_detector

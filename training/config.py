@@ -8,7 +8,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from assets.documents import DocumentError, parse_yaml
-from cosim.files import read_text
+from cosim.drives.files import read_text
 from sensors.pattern import first_problem
 from training.data.augment import Augment
 from training.data.source import Source

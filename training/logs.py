@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 
 
 class TrainingLog:

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.drive_writer import explained
-from cosim.kitti import Drive, Frame, Labels, points_in_boxes
+from cosim.drives.kitti import Drive, Frame, Labels, points_in_boxes
+from cosim.drives.writer import explained
 from training.data.frame import image_size, in_view
 from training.data.object_bank import as_boxes
 from training.errors import TrainingError

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from cosim.drive_writer import explained
-from cosim.kitti import Boxes, Drive, Frame, Labels, box_areas, clip_boxes, project_corners, write_labels
+from cosim.drives.kitti import Boxes, Drive, Frame, Labels, box_areas, clip_boxes, project_corners, write_labels
+from cosim.drives.writer import explained
 from training.data.batch import collate
 from training.data.frame import image_size, read_sample
 from training.models.detector import Detector

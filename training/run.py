@@ -10,7 +10,7 @@ from typing import Any
 import torch
 import yaml
 
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 from training.config import TrainConfig
 from training.data.source import Source, read_samples
 from training.devices import find_place

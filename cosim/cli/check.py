@@ -28,7 +28,7 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Verify, tell, and repair unless that is not wanted."""
     from cosim.cli.progress import FrameBar
-    from cosim.drive_check import CheckError, check_drive, repair_drive
+    from cosim.drives.check import CheckError, check_drive, repair_drive
     from cosim.engine import LocalEngine
 
     engine = LocalEngine(options.workers)

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cosim.cli.options import add_common, beside, say_notes, without_nan, write_json
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
     from cosim.discrepancy.frames import TracedFrame

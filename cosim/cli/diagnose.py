@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from cosim.cli.options import add_common, beside, say_notes, without_nan, write_json
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
     from sensors.effects.base import Effect

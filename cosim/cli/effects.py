@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Console
 
 from cosim.cli.options import add_common, write_json
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 
 
 def add_command(commands: Any) -> None:

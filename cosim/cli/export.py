@@ -27,7 +27,7 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Write the layout."""
     from cosim.cli.options import beside
-    from cosim.kitti import Drive
+    from cosim.drives.kitti import Drive
     from training.openpcdet import export_openpcdet
 
     drive, folder = Drive(options.drive), options.out or beside(options.drive, "openpcdet")

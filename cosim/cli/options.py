@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
     from rich.console import Console

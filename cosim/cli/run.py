@@ -9,8 +9,8 @@ from typing import Any
 
 from rich.console import Console
 
+from cosim.capture.config import load_config
 from cosim.cli.options import add_common, write_json
-from cosim.config import load_config
 from cosim.engine import Engine, LocalEngine, WorkError
 from cosim.engine.local import PATIENCE_S
 
@@ -44,8 +44,8 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Record the drive, with a progress bar."""
+    from cosim.capture.runner import run
     from cosim.cli.progress import FrameBar
-    from cosim.runner import run
 
     config = load_config(
         options.config, town=_towns(options.town), frames=options.frames, seed=options.seed, sensor=options.sensor

@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Console
 
 from cosim.cli.options import add_common, beside, without_nan, write_json
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 
 
 def add_command(commands: Any) -> None:
@@ -39,7 +39,7 @@ def at_least(name: str, value: int | None, least: int) -> None:
     Raises:
         TrackError: the number is.
     """
-    from cosim.discrepancy.traffic.tracks import TrackError
+    from cosim.driver_discrepancy.tracks import TrackError
 
     if value is not None and value < least:
         raise TrackError(f"--{name} is {value}; give at least {least}")
@@ -48,8 +48,8 @@ def at_least(name: str, value: int | None, least: int) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Simulate, compare, then write the page."""
     from cosim.discrepancy.pages import write_page
-    from cosim.discrepancy.traffic import traffic_compare
-    from cosim.discrepancy.traffic.page import format_comparison
+    from cosim.driver_discrepancy import traffic_compare
+    from cosim.driver_discrepancy.page import format_comparison
 
     at_least("seeds", options.seeds, 2)
     at_least("workers", options.workers, 1)

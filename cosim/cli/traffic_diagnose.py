@@ -12,7 +12,7 @@ from rich.console import Console
 
 from cosim.cli.options import add_common, beside, without_nan, write_json
 from cosim.cli.traffic_compare import add_input, at_least
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 
 
 def add_command(commands: Any) -> None:
@@ -35,10 +35,10 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Diagnose, then write the improved configuration and the page."""
     from cosim.discrepancy.pages import write_page
-    from cosim.discrepancy.traffic import traffic_diagnose
-    from cosim.discrepancy.traffic.config_out import write_config
-    from cosim.discrepancy.traffic.page import format_diagnosis
-    from cosim.discrepancy.traffic.sentences import headline
+    from cosim.driver_discrepancy import traffic_diagnose
+    from cosim.driver_discrepancy.config_out import write_config
+    from cosim.driver_discrepancy.page import format_diagnosis
+    from cosim.driver_discrepancy.sentences import headline
 
     at_least("seeds", options.seeds, 4)
     at_least("workers", options.workers, 1)

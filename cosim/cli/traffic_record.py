@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 
 from cosim.cli.options import add_common
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 
 
 def add_command(commands: Any) -> None:
@@ -30,10 +30,10 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     """Simulate and write; nobody walks, as those on foot are not recorded."""
     import numpy as np
 
-    from cosim.config import load_config
-    from cosim.discrepancy.traffic.simulate import record
-    from cosim.discrepancy.traffic.tracks import TrackError, write_tracks
-    from cosim.episode import populated
+    from cosim.capture.config import load_config
+    from cosim.capture.episode import populated
+    from cosim.driver_discrepancy.simulate import record
+    from cosim.driver_discrepancy.tracks import TrackError, write_tracks
     from sumo_nets import read_town
 
     if not 1 <= options.seconds <= 3600:

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from cosim.cli.options import add_common, say_notes, write_json
 
 if TYPE_CHECKING:
-    from cosim.kitti import Drive
+    from cosim.drives.kitti import Drive
 
 
 def add_command(commands: Any) -> None:
@@ -33,7 +33,7 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Make the twin frame by frame."""
     from cosim.discrepancy.labelled_twin import write_labelled_twin
-    from cosim.kitti import Drive
+    from cosim.drives.kitti import Drive
 
     drive = Drive(options.drive)
     names = _chosen(drive, options.frames)
@@ -59,8 +59,8 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
 
 def _chosen(drive: Drive, frames: str | None) -> tuple[str, ...]:
+    from cosim.drives.kitti.layout import read_split
     from cosim.errors import DriveError
-    from cosim.kitti.layout import read_split
 
     if frames is None:
         return drive.frames

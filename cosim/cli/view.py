@@ -15,7 +15,7 @@ from cosim.cli.options import add_common, say_notes
 from cosim.errors import DriveError
 
 if TYPE_CHECKING:
-    from cosim.kitti import Drive
+    from cosim.drives.kitti import Drive
     from cosim.view.interactive import ShownDrives
 
 _MOST_IN_A_FILE = 12
@@ -58,7 +58,7 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Choose the frames and show them as asked."""
-    from cosim.kitti import Drive
+    from cosim.drives.kitti import Drive
     from cosim.view.interactive import show_drives
 
     if options.serve and (options.rerun or options.out):

@@ -23,8 +23,8 @@ from cosim.discrepancy.ranking import fit_candidate
 from cosim.discrepancy.sample import draw_sample
 from cosim.discrepancy.settling import ROWS, settle
 from cosim.discrepancy.testing import HeldOut, held_out_errors
+from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
-from cosim.kitti import Drive
 from sensors.effects.base import Effect, LabelEffect, RoundingEffect
 from sensors.effects.registry import find_effect
 from sensors.errors import SensorError

@@ -8,8 +8,8 @@ import numpy as np
 
 from cosim.discrepancy.frames import TracedFrame
 from cosim.discrepancy.observed import Observed
+from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
-from cosim.kitti import Drive
 
 _AGREES_M, _AGREES_UNSAID_M = 0.5, 3.0
 _FEWEST_SHARE = 0.35

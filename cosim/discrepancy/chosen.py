@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
-from cosim.kitti import Drive
 
 
 def chosen_frames(drive: Drive, wanted: str) -> tuple[str, ...]:

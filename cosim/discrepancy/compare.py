@@ -16,7 +16,7 @@ from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
 from cosim.discrepancy.notes import drive_notes
 from cosim.discrepancy.scoring import SCALES, FrameScores, model_chance, score_frame
 from cosim.discrepancy.slices import Slice, SliceTally
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
 from sensors.sensor_model import SensorModel, load_sensor
 
 _NEAR, _NEGLIGIBLE = 1.02, 0.001

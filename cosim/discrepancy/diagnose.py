@@ -47,7 +47,7 @@ from cosim.discrepancy.unknown import (
     shape_gate,
     spread_of_gain,
 )
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
 from sensors.effects.base import BeamEffect, Effect, NoiseEffect, RoundingEffect
 from sensors.sensor_model import SensorModel
 

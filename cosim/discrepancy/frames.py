@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from cosim.discrepancy.edges import Neighbours
 from cosim.discrepancy.labelled_twin.trust import read_trust
 from cosim.discrepancy.observed import Observed, observe, upwards
-from cosim.kitti import Drive, Frame
-from cosim.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
+from cosim.drives.kitti import Drive, Frame
+from cosim.drives.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
 from sensors.effects.base import BeamEffect, Effect

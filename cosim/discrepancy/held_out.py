@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from cosim.discrepancy.labelled_twin.trust import read_trust
-from cosim.kitti import Drive, Frame
+from cosim.drives.kitti import Drive, Frame
 
 _SEGMENT = 3
 

@@ -20,7 +20,7 @@ from cosim.discrepancy.settling import Settled, settle
 from cosim.discrepancy.testing import HeldOut, held_out_errors
 from cosim.discrepancy.twin_scatter import with_scatter
 from cosim.discrepancy.unknown import Shape, effect_name
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
 from sensors.effects.base import Effect
 from sensors.sensor_model import SensorModel, load_sensor
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cosim.discrepancy.pose_patterns import FEWEST_SCANS
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
 
 _NO_MATTER = ("image_", "depth_", "semantic_", "instance_", "label_2", "oxts", "hits")
 

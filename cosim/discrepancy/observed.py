@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.kitti import Frame, PointRays
+from cosim.drives.kitti import Frame, PointRays
 from sensors.pattern import Pattern
 from sensors.rays import Rays
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import yaml
 
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 from sensors.errors import SensorError
 from sensors.pattern import Pattern, load_pattern, pattern_names
 from sensors.sensor_model import SensorModel

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from cosim.drives.files import is_safe_name
+from cosim.drives.kitti import Drive, Frame
 from cosim.errors import DriveError
-from cosim.files import is_safe_name
-from cosim.kitti import Drive, Frame
 
 _BELOW = ("", "training", "testing")
 

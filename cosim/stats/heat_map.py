@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from cosim.kitti import encode_rgb
+from cosim.drives.kitti import encode_rgb
 from cosim.stats.objects import ObjectTable
 from cosim.stats.plot import Axis, Plot
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from cosim.kitti import Calibration, Labels, wrap_angle
+from cosim.drives.kitti import Calibration, Labels, wrap_angle
 
 DIFFICULTIES = ("easy", "moderate", "hard")
 # KITTI object development kit, evaluate_object.cpp: least box height [px], most occlusion, most truncation

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from html import escape
 from math import isfinite
 
-from cosim.html import document
+from cosim.report.html import document
 from cosim.stats.charts import STYLES, Chart, label_charts, point_charts, position_charts, scan_charts
 from cosim.stats.compare import DIRECTIONS, Distance
 from cosim.stats.summary import describe, histogram_mean, zero_share

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cosim.drives.kitti import Calibration, Frame, Labels, points_in_boxes
+from cosim.drives.kitti.labels import DONT_CARE
 from cosim.errors import FormatError
-from cosim.kitti import Calibration, Frame, Labels, points_in_boxes
-from cosim.kitti.labels import DONT_CARE
 from cosim.stats.frame_set import FrameSet
 from cosim.stats.objects import ObjectTable
 from sensors.cameras.kitti_rig import KITTI_CALIBRATION

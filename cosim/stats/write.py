@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 from cosim.stats.compare import Distance, points_ratio
 from cosim.stats.page import format_page
 from cosim.stats.summary import DISTANCE_EDGES_M, summarise

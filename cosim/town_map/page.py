@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from cosim.html import document
+from cosim.report.html import document
 from cosim.town_map.drawing import COLOURS, town_svg
 from cosim.town_map.facts import TownFacts, town_facts
 from sumo_nets import Town

@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from cosim.kitti.labels import DONT_CARE, format_labels
-from cosim.kitti.points import encode_points
-from cosim.kitti.rays import PointRays, encode_rays
-from cosim.label_effects import EXACT, difficulties, relabelled
+from cosim.drives.kitti.labels import DONT_CARE, format_labels
+from cosim.drives.kitti.points import encode_points
+from cosim.drives.kitti.rays import PointRays, encode_rays
+from cosim.labels.effects import EXACT, difficulties, relabelled
 from cosim.variants.request import Variant
 from cosim.variants.source import Source, SourceFrame
 from sensors.effects.base import Effect, LabelEffect

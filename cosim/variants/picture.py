@@ -8,9 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from cosim.drive_writer import explained
-from cosim.kitti import Drive
-from cosim.kitti.frame import Frame
+from cosim.drives.kitti import Drive
+from cosim.drives.kitti.frame import Frame
+from cosim.drives.writer import explained
 from cosim.view.birds_eye import GroundPlan, draw_outlines
 from cosim.view.colours import BACKGROUND, MUTED, TEXT, Scale
 from cosim.view.drawing import draw_colour_bar, draw_text

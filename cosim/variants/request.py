@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from cosim.drives.files import is_safe_name
 from cosim.errors import CosimError
-from cosim.files import is_safe_name
 from sensors.sensor_file import model_names
 from sensors.sensor_model import SensorModel, load_sensor
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import yaml
 
-from cosim.drive_lock import shared
-from cosim.drive_writer import OutputError
+from cosim.drives.lock import shared
+from cosim.drives.writer import OutputError
 from cosim.engine import Do, Engine, Event, LocalEngine, Tell
 from cosim.variants.maker import Maker
 from cosim.variants.request import Variant, VariantError, read_variants

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from assets.documents import parse_json
-from cosim.camera_views import view_of_frame
-from cosim.drive_writer import DriveWriter
-from cosim.files import read_text
-from cosim.kitti.drive import Drive
-from cosim.kitti.frame import Frame
-from cosim.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
+from cosim.capture.camera_views import view_of_frame
+from cosim.drives.files import read_text
+from cosim.drives.kitti.drive import Drive
+from cosim.drives.kitti.frame import Frame
+from cosim.drives.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
+from cosim.drives.writer import DriveWriter
 from cosim.variants.request import VariantError
 from sensors.camera_view import CameraView
 from sensors.hits import Hits

@@ -11,7 +11,7 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from cosim.drive_writer import MANIFEST, DriveWriter, explained, partial_of, sha256_of
+from cosim.drives.writer import MANIFEST, DriveWriter, explained, partial_of, sha256_of
 from cosim.variants.maker import VariantFrame
 
 _NOT_LINKABLE = (errno.EXDEV, errno.EPERM, errno.EMLINK, errno.ENOTSUP)

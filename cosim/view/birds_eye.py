@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from cosim.kitti import Boxes
+from cosim.drives.kitti import Boxes
 from cosim.view.colours import BACKGROUND, GRID, MUTED, TEXT, class_colour, dimmed
 from cosim.view.drawing import LabelPlacer, draw_path, draw_text, fill_polygon, text_size
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from cosim.kitti import Boxes, Labels
+from cosim.drives.kitti import Boxes, Labels
 from cosim.view.colours import BACKGROUND, MUTED, Scale, class_colour, dimmed
 from cosim.view.drawing import LabelPlacer, above, draw_colour_bar, draw_path, draw_segments
 from cosim.view.projection import View

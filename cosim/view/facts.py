@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.kitti import Drive, Frame
-from cosim.kitti.points import POINT_BYTES
+from cosim.drives.kitti import Drive, Frame
+from cosim.drives.kitti.points import POINT_BYTES
 from cosim.view.objects import Objects, PointInstances
 
 Facts = list[tuple[str, str]]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.drives.kitti import Boxes, Drive, Frame, PointRays
 from cosim.errors import FormatError
-from cosim.kitti import Boxes, Drive, Frame, PointRays
 from cosim.view import captions
 from cosim.view.birds_eye import GroundPlan, draw_from_above, draw_outlines, name_boxes
 from cosim.view.camera import ENLARGED, draw_depth, draw_labels, draw_points, enlarge

@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
+from cosim.drives.kitti import Boxes, Drive, Frame, points_in_boxes
+from cosim.drives.twin import TwinFrame
 from cosim.errors import FormatError
-from cosim.kitti import Boxes, Drive, Frame, points_in_boxes
-from cosim.twin import TwinFrame
 from sensors.hits import NOTHING, Hits
 from sensors.hits_file import load_hits
 from sensors.pattern import Pattern, load_pattern

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from urllib.parse import quote
 
-from cosim.html import document
+from cosim.report.html import document
 from cosim.view.captions import Caption
 
 GENERATOR = "cosim view"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from cosim.kitti import Boxes
+from cosim.drives.kitti import Boxes
 from cosim.view.colours import BACKGROUND, GRID, class_colour
 from cosim.view.drawing import LabelPlacer, above, draw_segments
 from cosim.view.projection import View

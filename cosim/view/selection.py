@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from cosim.drives.kitti import Drive, box_areas
 from cosim.errors import DriveError
-from cosim.kitti import Drive, box_areas
 
 _MOST_FRAMES = 200
 _CANDIDATES = 12

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
 
 
 def drive_title(drive: Drive) -> str:

@@ -10,8 +10,8 @@ from urllib.parse import unquote
 import cv2
 import numpy as np
 
-from cosim.drive_writer import explained
-from cosim.kitti import Drive, encode_rgb
+from cosim.drives.kitti import Drive, encode_rgb
+from cosim.drives.writer import explained
 from cosim.view.birds_eye import GroundPlan, draw_from_above
 from cosim.view.captions import Caption
 from cosim.view.colours import Scale

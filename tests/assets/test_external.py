@@ -16,7 +16,7 @@ from assets import CATALOGUE, MATERIALS, Mesh, build_model
 from assets.errors import AssetError
 from assets.external import load_external, sort_material
 from assets.external.standing import axes_matrix
-from cosim.twin import encode_glb
+from cosim.drives.twin import encode_glb
 
 LENGTH, WIDTH, HEIGHT = 4.0, 1.8, 1.5
 AXES = ["+x", "-x", "+y", "-y", "+z", "-z"]

@@ -15,9 +15,9 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
-from cosim.behaviour import BehaviourConfig, Event
-from cosim.living import LivingTraffic
-from cosim.traffic import Traffic
+from cosim.traffic.behaviour import BehaviourConfig, Event
+from cosim.traffic.driven_traffic import DrivenTraffic
+from cosim.traffic.simulation import Traffic
 from sumo_nets import TOWNS, read_town
 from tests.cosim.inspector import Inspector, Touch
 
@@ -64,7 +64,7 @@ def stay(town: str, config: BehaviourConfig, seconds: float, seed: int, toleranc
     """Simulate and watch a town; one SUMO simulation runs in this process meanwhile."""
     inspector, teleports, counts = Inspector(tolerance_m=tolerance_m), 0, []
     with Traffic(read_town(town).sumocfg, seed=seed) as traffic:
-        living = LivingTraffic(traffic, config, seed=seed)
+        living = DrivenTraffic(traffic, config, seed=seed)
         steps, ego, rng = round(seconds / traffic.step_s), "", np.random.default_rng(seed)
         for number in range(steps):
             actors = living.step()

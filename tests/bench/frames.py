@@ -13,17 +13,17 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from cosim import recorder as recording
-from cosim.bridge import Bridge
-from cosim.config import RunConfig
-from cosim.drive_writer import DriveWriter
+from cosim.capture import recorder as recording
+from cosim.capture.config import RunConfig
+from cosim.capture.episode import run_episode
+from cosim.capture.plan import plan_episodes
+from cosim.capture.recorder import Recorder
+from cosim.capture.runner import run
+from cosim.drives.writer import DriveWriter
 from cosim.engine import Event, LocalEngine
-from cosim.episode import run_episode
-from cosim.labelling import Labeller
-from cosim.living import LivingTraffic
-from cosim.plan import plan_episodes
-from cosim.recorder import Recorder
-from cosim.runner import run
+from cosim.labels.labelling import Labeller
+from cosim.scene.bridge import Bridge
+from cosim.traffic.driven_traffic import DrivenTraffic
 from cosim.variants import PAPER, make_variants
 from sensors.cameras import CameraRenderer
 from sensors.sensor_model import SensorModel, load_sensor
@@ -38,7 +38,7 @@ _POPULATIONS = {
     "town01": ("as many as is usual there", DemandConfig()),
 }
 _STAGES: dict[str, tuple[Any, str]] = {
-    "traffic and motion": (LivingTraffic, "advance"),
+    "traffic and motion": (DrivenTraffic, "advance"),
     "bridge": (Bridge, "place"),
     "LiDAR trace": (Tracer, "trace"),
     "LiDAR points": (SensorModel, "measure"),

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from cosim import compare, diagnose
-from cosim.config import RunConfig
+from cosim.capture.config import RunConfig
+from cosim.capture.runner import run
 from cosim.engine.peak import peak_bytes
-from cosim.runner import run
 from tests.bench.rows import Row
 
 _FRAMES = (10, 20, 40)

@@ -7,9 +7,9 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from cosim.config import RunConfig
+from cosim.capture.config import RunConfig
+from cosim.capture.runner import run
 from cosim.engine import Event, LocalEngine
-from cosim.runner import run
 from tests.bench.rows import Row
 
 _FRAMES, _EPISODE = 1000, 25

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cosim.kitti import Calibration, Frame, points_in_boxes
+from cosim.drives.kitti import Calibration, Frame, points_in_boxes
 from cosim.stats import FrameSet, ObjectTable
 from sensors.cameras.kitti_rig import KITTI_CALIBRATION
 

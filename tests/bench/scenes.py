@@ -11,9 +11,9 @@ from embreex.rtcore_scene import EmbreeScene
 
 from assets import Mesh, build_model
 from assets.world import build_world
-from cosim.bridge import Bridge
-from cosim.ground import Ground
-from cosim.traffic import Traffic
+from cosim.scene.bridge import Bridge
+from cosim.scene.ground import Ground
+from cosim.traffic.simulation import Traffic
 from sensors.cameras.kitti_rig import lidar_pose_ego
 from sensors.motion import EgoMotion
 from sensors.scene import Instances, Scene

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.drives.kitti import write_points
+from cosim.drives.kitti.boxes import Boxes
 from cosim.errors import CosimError
-from cosim.kitti import write_points
-from cosim.kitti.boxes import Boxes
 from cosim.stats import FrameSet
 from tests.bench.realism import Gap, Row, rows
 from tests.bench.scan_signature import measure

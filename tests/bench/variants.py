@@ -9,8 +9,8 @@ from pathlib import Path
 
 from rich.table import Table
 
-from cosim.config import RunConfig
-from cosim.runner import run
+from cosim.capture.config import RunConfig
+from cosim.capture.runner import run
 from cosim.variants import PAPER
 from cosim.variants.maker import Maker
 from cosim.variants.request import read_variants

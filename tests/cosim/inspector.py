@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cosim.actors import Actors
-from cosim.motion import overlaps
+from cosim.traffic.actors import Actors
+from cosim.traffic.motion import overlaps
 
 MOVES_MPS = 0.5  # below, relative errors of speed mean nothing
 _FORGETS_S = 1.0

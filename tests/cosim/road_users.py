@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cosim.actors import Actors
+from cosim.traffic.actors import Actors
 
 
 def road_users(

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from cosim.behaviour import BehaviourConfig
+from cosim.capture.config import RunConfig
 from cosim.cli.main import make_parser
-from cosim.config import RunConfig
+from cosim.traffic.behaviour import BehaviourConfig
 from sensors.effects.catalogue import BUILT_IN
 from tests.docs.blocks import ROOT
 from tests.docs.folder import environment

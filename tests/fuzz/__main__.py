@@ -8,8 +8,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from cosim.config import load_config
-from cosim.runner import run
+from cosim.capture.config import load_config
+from cosim.capture.runner import run
 from tests.fuzz.material import make_material
 from tests.fuzz.readers import READERS
 from tests.fuzz.trying import try_reader

@@ -9,8 +9,8 @@ from pathlib import Path
 import trimesh
 
 from assets import build_model
-from cosim.kitti.labels import read_labels
-from cosim.twin import encode_glb
+from cosim.drives.kitti.labels import read_labels
+from cosim.drives.twin import encode_glb
 from sumo_nets.tools import run_tool
 
 SENSOR = """pattern: hdl64e

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from assets.external import load_external
-from cosim.config import load_config
-from cosim.discrepancy.traffic.tracks import read_tracks
-from cosim.drive_check import check_drive
-from cosim.kitti import Drive
-from cosim.kitti.calibration import read_calibration
-from cosim.kitti.images import read_depth, read_image
-from cosim.kitti.labels import read_labels
-from cosim.kitti.oxts import read_oxts
-from cosim.kitti.points import read_points, read_points_lenient
-from cosim.kitti.rays import read_rays
-from cosim.twin import read_frame, read_glb, read_materials
+from cosim.capture.config import load_config
+from cosim.driver_discrepancy.tracks import read_tracks
+from cosim.drives.check import check_drive
+from cosim.drives.kitti import Drive
+from cosim.drives.kitti.calibration import read_calibration
+from cosim.drives.kitti.images import read_depth, read_image
+from cosim.drives.kitti.labels import read_labels
+from cosim.drives.kitti.oxts import read_oxts
+from cosim.drives.kitti.points import read_points, read_points_lenient
+from cosim.drives.kitti.rays import read_rays
+from cosim.drives.twin import read_frame, read_glb, read_materials
 from sensors.hits_file import load_hits
 from sensors.pattern import load_pattern
 from sensors.sensor_model import load_sensor

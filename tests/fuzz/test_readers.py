@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from assets.errors import AssetError
 from assets.external import load_external
+from cosim.drives.kitti.calibration import parse_calibration
+from cosim.drives.kitti.labels import parse_labels
+from cosim.drives.kitti.oxts import parse_oxts
+from cosim.drives.kitti.rays import decode_rays
+from cosim.drives.twin import read_glb
+from cosim.drives.twin.frame import TwinFrame
 from cosim.errors import CosimError, FormatError
-from cosim.kitti.calibration import parse_calibration
-from cosim.kitti.labels import parse_labels
-from cosim.kitti.oxts import parse_oxts
-from cosim.kitti.rays import decode_rays
-from cosim.twin import read_glb
-from cosim.twin.frame import TwinFrame
 from sensors.errors import SensorError
 from sensors.npz import NpzError, npz_arrays
 from sensors.pattern import parse_pattern

@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 
 from cosim.cli import main
-from cosim.kitti import Drive, points_in_boxes
+from cosim.drives.kitti import Drive, points_in_boxes
 from training.data.object_bank import as_boxes
 
 

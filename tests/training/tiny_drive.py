@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.kitti import (
+from cosim.drives.kitti import (
     Boxes,
     Calibration,
     Labels,

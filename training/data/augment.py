@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from cosim.kitti import wrap_angle
+from cosim.drives.kitti import wrap_angle
 from training.data.frame import Sample
 from training.data.object_bank import ObjectBank
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.kitti import Frame, points_in_boxes
+from cosim.drives.kitti import Frame, points_in_boxes
 from training.evaluation.rules import NEIGHBOURS
 
 #: Class index of objects that are neither to be found nor background.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.kitti import Boxes, points_in_boxes
+from cosim.drives.kitti import Boxes, points_in_boxes
 from training.data.frame import Sample
 from training.evaluation.rotated_overlap import paired_intersections
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from cosim.kitti import Drive
-from cosim.kitti.layout import read_split
+from cosim.drives.kitti import Drive
+from cosim.drives.kitti.layout import read_split
 from training.data.frame import Sample, read_sample
 from training.errors import TrainingError
 

@@ -7,7 +7,7 @@ import base64
 import cv2
 import numpy as np
 
-from cosim.kitti import Calibration, Drive
+from cosim.drives.kitti import Calibration, Drive
 from cosim.view.birds_eye import GroundPlan, draw_from_above
 from cosim.view.colours import Rgb
 from cosim.view.drawing import draw_path, draw_text

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.kitti import Labels, read_labels
-from cosim.kitti.layout import read_split
+from cosim.drives.kitti import Labels, read_labels
+from cosim.drives.kitti.layout import read_split
 from training.errors import EvaluationError
 
 

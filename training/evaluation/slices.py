@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.kitti import Drive, points_in_boxes
+from cosim.drives.kitti import Drive, points_in_boxes
 from training.evaluation.average_precision import continuous_average
 from training.evaluation.evaluate import Result
 from training.evaluation.matching import count, found

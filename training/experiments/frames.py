@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
 from training.config import TrainConfig, parse_train_config
 from training.data.source import Source
 from training.errors import TrainingError

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from cosim.discrepancy.pages.style import STYLE
-from cosim.drive_writer import explained
-from cosim.html import document
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
+from cosim.drives.writer import explained
+from cosim.report.html import document
 from training.evaluation import evaluate, read_results
 from training.evaluation.page import pr_plot
 from training.evaluation.pictures import CAPTION, detection_pictures

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 from training.checkpoints import load_detector
 from training.config import TrainConfig
 from training.data.source import Source

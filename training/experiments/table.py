@@ -9,7 +9,7 @@ from typing import Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from cosim.files import read_text
+from cosim.drives.files import read_text
 from sensors.pattern import first_problem
 from training.errors import TrainingError
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.discrepancy.labelled_twin.trust import Trust, in_box
-from cosim.twin import Instance
+from cosim.drives.twin import Instance
 
 _FEWEST = 30  # points that tell a paint
 _UNSEEN = 0.2  # spread of intensities of bodies with fewer

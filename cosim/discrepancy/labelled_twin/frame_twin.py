@@ -14,9 +14,9 @@ from cosim.discrepancy.labelled_twin.road_cells import find_road_cells
 from cosim.discrepancy.labelled_twin.scatter import body_scatter
 from cosim.discrepancy.labelled_twin.trust import MARGIN_M, Trust
 from cosim.discrepancy.labelled_twin.trusted_ground import ground_mesh, trust_ground
+from cosim.drives.kitti import Calibration, Frame, Labels, points_in_boxes
+from cosim.drives.twin import Camera, Ego, Lidar, TwinFrame
 from cosim.errors import FormatError
-from cosim.kitti import Calibration, Frame, Labels, points_in_boxes
-from cosim.twin import Camera, Ego, Lidar, TwinFrame
 from sensors.cameras.kitti_rig import HEIGHT_PX, WIDTH_PX, lidar_pose_ego
 from sensors.pattern import Pattern
 

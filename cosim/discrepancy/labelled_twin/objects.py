@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from assets import MATERIALS
-from cosim.bridge import models_of_size
-from cosim.kitti import Calibration, Labels
-from cosim.twin import Instance
+from cosim.drives.kitti import Calibration, Labels
+from cosim.drives.twin import Instance
+from cosim.scene.bridge import models_of_size
 
 KINDS = {"car": "car", "van": "van", "truck": "truck", "pedestrian": "pedestrian", "cyclist": "cyclist"}
 _PAINT = MATERIALS["car_paint"].reflectance

@@ -12,7 +12,7 @@ from assets import build_model
 from cosim.discrepancy.labelled_twin.ground_surface import GroundSurface
 from cosim.discrepancy.labelled_twin.road_cells import RoadCells
 from cosim.discrepancy.labelled_twin.trust import in_box
-from cosim.twin import Instance
+from cosim.drives.twin import Instance
 
 _NEIGHBOURS = 30
 _LEAST_M = 0.005

@@ -24,9 +24,9 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.drives.files import read_bytes
+from cosim.drives.twin import Instance
 from cosim.errors import FormatError
-from cosim.files import read_bytes
-from cosim.twin import Instance
 from sensors.npz import NpzError, npz_arrays, npz_bytes
 
 CELL_M = 0.5

@@ -17,9 +17,9 @@ from assets import MATERIALS, build_model
 from cosim.discrepancy.labelled_twin.frame_twin import FrameTwin, check_labelled, make_frame_twin
 from cosim.discrepancy.labelled_twin.trust import encode_trust
 from cosim.discrepancy.labelled_twin.trusted_ground import GROUND_MATERIAL
-from cosim.drive_writer import DriveWriter, OutputError, explained
-from cosim.kitti import Drive, Frame
-from cosim.twin import encode_glb, format_materials
+from cosim.drives.kitti import Drive, Frame
+from cosim.drives.twin import encode_glb, format_materials
+from cosim.drives.writer import DriveWriter, OutputError, explained
 from sensors.pattern import Pattern, load_pattern
 
 KITTI_PATTERN = "hdl64e_kitti"

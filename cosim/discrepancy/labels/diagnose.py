@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from cosim.discrepancy.labels.gathered import LabelRows, gather
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
 from sensors.effects.box_shrink import BoxShrink
 from sensors.sensor_model import SensorModel
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.kitti import Drive
-from cosim.kitti.frame import Frame
-from cosim.twin.frame import Instance, TwinFrame
+from cosim.drives.kitti import Drive
+from cosim.drives.kitti.frame import Frame
+from cosim.drives.twin.frame import Instance, TwinFrame
 from sensors.label_boxes import LabelBoxes
 
 LIFT_M = 0.04

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from cosim.discrepancy.labels.diagnose import diagnose_labels
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
 from sensors.effects.box_shrink import BoxShrink
 from sensors.sensor_model import SensorModel
 

@@ -14,7 +14,7 @@ from cosim.discrepancy.pages.residual_image import legend, limit_of, residual_sv
 from cosim.discrepancy.pages.style import STYLE
 from cosim.discrepancy.scoring import SCALES
 from cosim.discrepancy.slices import Slice
-from cosim.html import document
+from cosim.report.html import document
 
 _CHANNEL_WORDS = {"range": "ranges", "intensity": "intensities", "drop": "returns", "spurious": "spurious points"}
 _WORTH_A_WORD = 0.05  # share of the excess

@@ -26,7 +26,7 @@ from cosim.discrepancy.sentences import (
     unexplained_words,
     unknown_words,
 )
-from cosim.html import document
+from cosim.report.html import document
 from cosim.stats.plot import Axis, Plot
 
 

@@ -7,7 +7,7 @@ import base64
 import numpy as np
 
 from cosim.discrepancy.pages.gathered import AMBIGUOUS, DROPPED, MATCHED, SILENT, SPURIOUS, UNFORESEEN, Scan
-from cosim.kitti import encode_rgb
+from cosim.drives.kitti import encode_rgb
 
 LEVELS = 241
 _ROUND_M = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 
 
 def write_page(folder: Path, text: str) -> Path:

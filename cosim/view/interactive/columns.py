@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.drives.kitti import Drive, Frame
 from cosim.errors import FormatError
-from cosim.kitti import Drive, Frame
 from cosim.view.interactive.packing import Column, quantised
 from cosim.view.interactive.residual import PointResiduals
 from cosim.view.objects import Objects, PointInstances, find_instances

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
-from cosim.kitti import Drive
 from cosim.view.colours import CLASS_COLOURS, OTHER_CLASS
 from cosim.view.frame_pictures import intensity_scale
 from cosim.view.interactive.record import CAMERAS, FrameRecords

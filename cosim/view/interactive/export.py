@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from cosim.drive_writer import explained
+from cosim.drives.writer import explained
 from cosim.view.interactive.drives import ShownDrives
 from cosim.view.interactive.page import frame_element, page_parts
 

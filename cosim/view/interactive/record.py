@@ -9,8 +9,8 @@ from typing import Any
 import cv2
 import numpy as np
 
+from cosim.drives.kitti import Boxes, Drive, Frame
 from cosim.errors import CosimError
-from cosim.kitti import Boxes, Drive, Frame
 from cosim.view.facts import Facts
 from cosim.view.interactive.columns import point_columns, residual_column
 from cosim.view.interactive.packing import Column, pack

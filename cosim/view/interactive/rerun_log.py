@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim.drive_writer import explained
+from cosim.drives.kitti import Boxes, Drive, Frame
+from cosim.drives.writer import explained
 from cosim.errors import CosimError
-from cosim.kitti import Boxes, Drive, Frame
 from cosim.view.colours import Scale, class_colour
 from cosim.view.frame_pictures import intensity_scale
 from cosim.view.interactive.drives import ShownDrives

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
 from cosim.view.objects import NO_MATERIAL, ON_SURFACE_M
 from sensors.effects.base import Effect
 from sensors.sensor_model import SensorModel

@@ -15,9 +15,9 @@ from cosim.discrepancy.checks import opened
 from cosim.discrepancy.fitting import all_free
 from cosim.discrepancy.frames import FrameTracer, in_order
 from cosim.discrepancy.settling import Settled, settle
-from cosim.kitti import PointRays, write_points, write_rays
-from cosim.twin import Ego, Instance, Lidar, TwinFrame, read_glb, write_frame, write_glb, write_materials
-from cosim.twin.scene import ego_motion, lidar_pose, scene_instances
+from cosim.drives.kitti import PointRays, write_points, write_rays
+from cosim.drives.twin import Ego, Instance, Lidar, TwinFrame, read_glb, write_frame, write_glb, write_materials
+from cosim.drives.twin.scene import ego_motion, lidar_pose, scene_instances
 from sensors.effects.base import Effect
 from sensors.pattern import Pattern
 from sensors.scene import Scene

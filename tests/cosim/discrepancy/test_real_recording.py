@@ -15,7 +15,7 @@ from cosim.discrepancy.fitting import all_free
 from cosim.discrepancy.frames import FrameTracer
 from cosim.discrepancy.labelled_twin import write_labelled_twin
 from cosim.discrepancy.settling import Settled, settle
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
 from sensors.effects.base import Effect
 from sensors.effects.dual_block import DualBlock
 from sensors.effects.elevation_offset import ElevationOffset

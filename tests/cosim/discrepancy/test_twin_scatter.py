@@ -13,7 +13,7 @@ from cosim.discrepancy import diagnose
 from cosim.discrepancy.checks import opened
 from cosim.discrepancy.frames import FrameTracer, Scatter
 from cosim.discrepancy.twin_scatter import map_scatter_m, with_scatter
-from cosim.twin import read_glb, write_glb
+from cosim.drives.twin import read_glb, write_glb
 from sensors.effects.registry import find_effect
 from sensors.hits import STATIC
 from sensors.sensor_model import load_sensor

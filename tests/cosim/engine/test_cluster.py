@@ -12,9 +12,9 @@ import pytest
 
 from cosim.engine import Event, WorkError
 from cosim.engine.cluster import DaskEngine
+from tests.cosim.capture.test_run import checksums, wait_for_frames
 from tests.cosim.conftest import cosim
 from tests.cosim.engine.mishaps import Mishaps, Task
-from tests.cosim.test_run import checksums, wait_for_frames
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.xdist_group("drive")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.kitti import Boxes, Calibration, Labels, write_calibration, write_labels, write_points
+from cosim.drives.kitti import Boxes, Calibration, Labels, write_calibration, write_labels, write_points
 from cosim.stats import Collected, ObjectTable
 from cosim.stats.tally import Scans
 

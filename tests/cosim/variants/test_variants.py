@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import yaml
 
+from cosim.drives.kitti import Drive, points_in_boxes
 from cosim.engine import LocalEngine
-from cosim.kitti import Drive, points_in_boxes
 from cosim.variants import PAPER, make_variants
 from tests.cosim.conftest import cosim
 

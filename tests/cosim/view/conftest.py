@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.kitti import Boxes, Calibration, Labels, encode_rgb, write_calibration, write_labels, write_points
+from cosim.drives.kitti import Boxes, Calibration, Labels, encode_rgb, write_calibration, write_labels, write_points
 
 CAR = Boxes(np.array([[12.0, 2.0, -0.9]]), np.array([[4.2, 1.8, 1.5]]), np.array([0.2]))
 

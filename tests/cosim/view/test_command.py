@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from cosim.cli import main
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
 from cosim.view.interactive import show_drives
 
 

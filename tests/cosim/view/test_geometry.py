@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.kitti import Boxes, Calibration, points_in_boxes
+from cosim.drives.kitti import Boxes, Calibration, points_in_boxes
 from cosim.view.birds_eye import GroundPlan, draw_from_above
 from cosim.view.projection import View
 from cosim.view.range_image import RangeGrid, nearest_points

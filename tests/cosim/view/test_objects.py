@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.drives.kitti import Drive, PointRays, encode_points, encode_rays
+from cosim.drives.twin import Ego, Instance, Lidar, TwinFrame
 from cosim.errors import FormatError
-from cosim.kitti import Drive, PointRays, encode_points, encode_rays
-from cosim.twin import Ego, Instance, Lidar, TwinFrame
 from cosim.view.colours import Scale, colour_by_instance, instance_colours
 from cosim.view.objects import STATIC, find_instances, find_objects
 from sensors.hits import NOTHING, Hits, Surface

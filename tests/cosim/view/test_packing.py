@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
 from cosim.view.interactive import show_drives
 from cosim.view.interactive.packing import UNSET, Column, pack, quantised
 from tests.cosim.discrepancy.small_drive import make_yard

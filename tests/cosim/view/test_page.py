@@ -10,9 +10,9 @@ from urllib.parse import unquote
 import numpy as np
 import pytest
 
-from cosim.drive_writer import OutputError
+from cosim.drives.kitti import Drive, read_image
+from cosim.drives.writer import OutputError
 from cosim.errors import DriveError
-from cosim.kitti import Drive, read_image
 from cosim.view import choose_frames, write_view
 from cosim.view.captions import Caption
 from cosim.view.page import FrameSection, Missing, Page, Shown, Thumbnail, format_page

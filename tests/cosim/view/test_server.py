@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.kitti import Drive
+from cosim.drives.kitti import Drive
 from cosim.view.interactive import ViewServer, show_drives
 from cosim.view.interactive.server import LOOPBACK, ServeError
 from tests.cosim.view.unpacking import unpacked

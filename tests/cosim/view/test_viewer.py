@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.kitti import Drive, encode_rgb
+from cosim.drives.kitti import Drive, encode_rgb
 from cosim.view.interactive import ViewServer, show_drives, write_interactive
 from sensors.effects.registry import find_effect
 from tests.cosim.discrepancy.small_drive import Yard, make_yard

@@ -51,8 +51,8 @@ def main() -> None:
 def _result(folder: Path, hidden: dict, seed: int) -> dict[str, Any]:
     path = folder / "found.json"
     if not path.exists():
-        from cosim.config import RunConfig
-        from cosim.discrepancy.traffic import traffic_diagnose
+        from cosim.capture.config import RunConfig
+        from cosim.driver_discrepancy import traffic_diagnose
 
         folder.mkdir(parents=True, exist_ok=True)
         town, begun = build_town(folder / "town", crossings=3), time.monotonic()

@@ -49,7 +49,7 @@ def test_a_hidden_place_in_the_lane_is_found_and_written(tmp_path: Path, capsys)
 
 
 def test_simulations_whose_process_dies_are_done_again(tmp_path: Path) -> None:
-    from cosim.discrepancy.traffic.case import opened
+    from cosim.driver_discrepancy.case import opened
 
     csv, config = measured(tmp_path, {}, seed=5, seconds=20, drivers=12)
     statistics, seeds = [], range(3)
@@ -79,7 +79,7 @@ def test_simulations_whose_process_dies_are_done_again(tmp_path: Path) -> None:
     ],
 )
 def test_hidden_habits_are_named(tmp_path: Path, hidden: dict, effect: str | None) -> None:
-    from cosim.discrepancy.traffic import traffic_diagnose
+    from cosim.driver_discrepancy import traffic_diagnose
 
     csv, config = measured(tmp_path, hidden, seed=6, seconds=90, drivers=40)
     found = traffic_diagnose(csv, config, workers=2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.kitti import Drive, points_in_boxes
+from cosim.drives.kitti import Drive, points_in_boxes
 from tests.training.tiny_drive import car_points
 from training.data import IGNORED, Augment, ObjectBank, Sample, Source, augment, read_sample, read_samples
 from training.data.object_bank import as_boxes

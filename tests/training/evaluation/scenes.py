@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.kitti import Labels
+from cosim.drives.kitti import Labels
 
 EVERYTHING = ("Car", "Car", "Car", "Van", "Pedestrian", "Person_sitting", "Cyclist", "DontCare", "Truck")
 

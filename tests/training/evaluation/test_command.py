@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cosim.cli import main
-from cosim.kitti import write_labels
+from cosim.drives.kitti import write_labels
 from tests.training.evaluation.scenes import as_detections, objects, perfect
 from training.evaluation import evaluate, pair_frames
 from training.evaluation.bootstrap import interval, resample

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.kitti import Drive, Labels
+from cosim.drives.kitti import Drive, Labels
 from training.evaluation import pair_frames
 from training.evaluation.pictures import detection_pictures, draw
 

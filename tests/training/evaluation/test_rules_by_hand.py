@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.kitti import Labels
+from cosim.drives.kitti import Labels
 from tests.training.evaluation.scenes import perfect
 from training.evaluation import evaluate, pair_frames
 from training.evaluation.as_json import as_json

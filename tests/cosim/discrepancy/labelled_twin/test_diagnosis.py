@@ -12,7 +12,7 @@ from cosim.discrepancy.fitting import all_free
 from cosim.discrepancy.frames import FrameTracer
 from cosim.discrepancy.labelled_twin import write_labelled_twin
 from cosim.discrepancy.settling import settle
-from cosim.kitti import Calibration, Drive, Labels, write_calibration, write_labels, write_points
+from cosim.drives.kitti import Calibration, Drive, Labels, write_calibration, write_labels, write_points
 from sensors.effects.elevation_offset import ElevationOffset
 from sensors.effects.range_noise import RangeNoise
 from sensors.pattern import Pattern

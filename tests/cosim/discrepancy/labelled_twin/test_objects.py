@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from assets import CATALOGUE
 from cosim.discrepancy.labelled_twin.objects import label_instances
 from cosim.discrepancy.labelled_twin.trust import in_box
-from cosim.kitti import Calibration, Labels
+from cosim.drives.kitti import Calibration, Labels
 
 _TILT = 0.02
 

@@ -10,7 +10,7 @@ from cosim.discrepancy.labelled_twin.ground_surface import fit_ground
 from cosim.discrepancy.labelled_twin.road_cells import find_road_cells
 from cosim.discrepancy.labelled_twin.scatter import body_scatter, ground_scatter
 from cosim.discrepancy.labelled_twin.trust import Trust
-from cosim.twin import Instance
+from cosim.drives.twin import Instance
 
 from .scans import HEIGHT_M, scan
 

@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cosim.discrepancy.labelled_twin import Trust, encode_trust, read_trust
+from cosim.drives.twin import Instance
 from cosim.errors import FormatError
-from cosim.twin import Instance
 
 
 def _trust() -> Trust:

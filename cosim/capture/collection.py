@@ -1,0 +1,76 @@
+"""Which instants are worth a frame, and when an episode has nothing more to give."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from cosim.traffic.actors import Actors
+
+_AHEAD_RAD = np.radians(40.0)  # to each side: what KITTI's cameras see
+
+
+class Collection(BaseModel):
+    """When frames are recorded."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    every_s: float = Field(default=1.0, gt=0, le=600, description="least simulated time between frames [s]")
+    min_travel_m: float = Field(
+        default=1.0, ge=0, le=1000, description="least way of the ego vehicle between frames [m]"
+    )
+    company_m: float = Field(
+        default=45.0, ge=0, le=1000, description="someone ahead must be this near, else it is empty; 0: never [m]"
+    )
+    patience_s: float = Field(
+        default=90.0, gt=0, le=36000, description="an episode ends after so long without a frame [s]"
+    )
+    attempts: int = Field(default=4, ge=1, le=100, description="simulations started to fill one episode's frames")
+
+
+class Watch:
+    """Follows the ego vehicle through one simulation.
+
+    Args:
+        rules: when to record.
+        actors: at the start.
+        ego: id of the ego vehicle.
+    """
+
+    def __init__(self, rules: Collection, actors: Actors, ego: str) -> None:
+        self._rules = rules
+        self._ego = ego
+        self._last_time_s = actors.time_s
+        self._place = self._where(actors)
+
+    def wants(self, actors: Actors) -> bool:
+        """Whether this instant is worth a frame; what it says yes to counts as recorded."""
+        here = self._where(actors)
+        travelled = np.linalg.norm(here - self._place)
+        if travelled < self._rules.min_travel_m or not self._has_company(actors, here):
+            return False
+        self._place, self._last_time_s = here, actors.time_s
+        return True
+
+    def end_reason(self, actors: Actors) -> str | None:
+        """Why the episode cannot go on, if so."""
+        if self._ego not in actors.ids:
+            return "the ego vehicle left the road"
+        waited = actors.time_s - self._last_time_s
+        if waited <= self._rules.patience_s:
+            return None
+        standing = np.linalg.norm(self._where(actors) - self._place) < self._rules.min_travel_m
+        return f"{'jam' if standing else 'empty roads'}: no frame for {waited:.0f} s"
+
+    def _where(self, actors: Actors) -> np.ndarray:
+        return actors.front[actors.ids.index(self._ego), :2]
+
+    def _has_company(self, actors: Actors, here: np.ndarray) -> bool:
+        if self._rules.company_m == 0:
+            return True
+        heading = actors.heading_rad[actors.ids.index(self._ego)]
+        way = actors.front[:, :2] - here
+        along = way @ np.array([np.cos(heading), np.sin(heading)])
+        distance = np.linalg.norm(way, axis=1)
+        ahead = (distance > 0) & (along >= np.cos(_AHEAD_RAD) * distance)
+        return bool((ahead & (distance < self._rules.company_m)).any())

@@ -1,0 +1,108 @@
+"""What a run is asked to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from assets.documents import DocumentError, parse_yaml
+from assets.world import EnvironmentConfig
+from cosim.capture.collection import Collection
+from cosim.capture.products import check_products
+from cosim.capture.rig import RigJitter
+from cosim.errors import CosimError
+from cosim.labels.annotators import Annotators
+from cosim.traffic.behaviour.config import BehaviourConfig
+from sensors.pattern import first_problem
+from sumo_nets import TOWNS, DemandConfig
+
+
+class ConfigError(CosimError):
+    """A configuration breaks its rules."""
+
+
+class RunConfig(BaseModel):
+    """Everything that decides the content of a drive. The same configuration gives the same bytes."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    town: str | tuple[str, ...] = Field(
+        default="town01", description="built-in towns (`town01`, a list, or `all`), or the path of a .sumocfg file"
+    )
+    frames: int = Field(default=100, ge=1, le=1_000_000, description="frames to record")
+    seed: int = Field(default=0, ge=0, lt=2**31, description="seed of traffic, world, models and paints")
+    sensor: str = Field(default="hdl64e", description="a sensor file's path, or the name of a beam pattern used bare")
+    frames_per_episode: int = Field(default=25, ge=1, le=10_000, description="frames recorded in one SUMO simulation")
+    warm_up_s: float = Field(default=60.0, ge=0, le=3600, description="simulated time before the first frame [s]")
+    step_s: float = Field(default=0.1, gt=0, le=1, description="SUMO's step length [s]")
+    collection: Collection = Field(default=Collection(), description="which instants become frames")
+    population: DemandConfig = Field(default=DemandConfig(), description="who is about in built-in towns")
+    environment: EnvironmentConfig = Field(
+        default=EnvironmentConfig(), description="how built-in and own towns are furnished"
+    )
+    episodes_per_world: int | None = Field(
+        default=None,
+        ge=1,
+        le=10_000,
+        description="episodes in one random world of a town; none: one, but all of a drive of up to four in one town",
+    )
+    rig_jitter: RigJitter = Field(default=RigJitter(), description="random rotation of the sensor rig, frame by frame")
+    label_range_m: float = Field(default=80.0, gt=0, le=500, description="beyond this, objects become DontCare [m]")
+    min_label_pixels: int = Field(default=20, ge=1, description="fewer visible pixels than this give no label")
+    min_label_points: int = Field(
+        default=6, ge=0, description="objects that return fewer beams than this become DontCare"
+    )
+    annotators: Annotators = Field(default=Annotators(), description="whom annotators leave to DontCare regions")
+    external_vehicles: Path | None = Field(
+        default=None, description="folder of vehicle meshes with a vehicles.yaml, drawn beside the built-in models"
+    )
+    behaviour: BehaviourConfig = Field(default=BehaviourConfig(), description="how drivers behave; or a preset's name")
+    store_hits: bool = Field(default=True, description="keep hits/, from which sensor variants can be made again")
+    images: tuple[str, ...] = Field(
+        default=("image_0", "image_2", "depth_0"),
+        description="folders of images to write: image_, depth_, semantic_ or instance_ with a camera's number, 0 to 3",
+    )
+    backend: Literal["osmesa", "egl"] = Field(default="osmesa", description="how images are rendered")
+
+    @field_validator("images")
+    @classmethod
+    def _known_images(cls, images: tuple[str, ...]) -> tuple[str, ...]:
+        check_products(images)
+        return images
+
+    @property
+    def towns(self) -> tuple[str, ...]:
+        """The towns that take turns."""
+        if self.town == "all":
+            return TOWNS
+        return (self.town,) if isinstance(self.town, str) else self.town
+
+
+def load_config(path: Path | None, **overrides: object) -> RunConfig:
+    """A configuration from a YAML file, with values of the command line on top (None: not given).
+
+    Raises:
+        ConfigError: unreadable, not YAML, an unknown key or a value out of bounds.
+    """
+    values: dict[str, object] = {}
+    if path is not None:
+        try:
+            loaded = parse_yaml(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise ConfigError(f"cannot read {path}: {error.strerror}; give the path of a YAML file") from error
+        except (DocumentError, UnicodeDecodeError) as error:
+            raise ConfigError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+        if loaded is not None and not isinstance(loaded, dict):
+            raise ConfigError(f"{path} holds {type(loaded).__name__}, not keys and values; write `town: town01`")
+        values.update(loaded or {})
+    values.update({key: value for key, value in overrides.items() if value is not None})
+    try:
+        return RunConfig.model_validate(values)
+    except ValidationError as error:
+        known = ", ".join(RunConfig.model_fields)
+        where = f"{path}: " if path else ""
+        unknown = error.errors()[0]["type"] == "extra_forbidden"
+        hint = f"; known keys are {known}" if unknown else ""
+        raise ConfigError(f"{where}{first_problem(error)}{hint}") from error

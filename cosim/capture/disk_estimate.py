@@ -1,0 +1,69 @@
+"""How much disk a run will take, told before it begins."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+from cosim.capture.config import RunConfig
+from cosim.capture.plan import plan_episodes, world_count
+from cosim.capture.products import content_of
+from cosim.errors import CosimError
+from sensors.cameras import KITTI_CALIBRATION, kitti_cameras
+from sensors.sensor_model import SensorModel
+
+# Measured on drives of all towns: bytes a beam, a pixel, a frame, a world.
+_POINT = 16 * 0.95  # of beams that return
+_RAY = 0.6
+_HIT = 1.0
+_PIXEL = {"gray": 0.15, "colour": 0.36, "depth": 0.5, "semantic": 0.02, "instance": 0.03}
+_TEXT = 250_000  # poses, labels, calibration
+_WORLD = 11_000_000
+_MODELS = 6_000_000
+
+
+class DiskError(CosimError):
+    """A run needs more disk than there is."""
+
+
+def estimate_bytes(config: RunConfig, sensor: SensorModel) -> int:
+    """Disk that a run takes, to within about a third [bytes]."""
+    beams = len(sensor.pattern.elevation_deg) * sensor.pattern.firings
+    camera = kitti_cameras(KITTI_CALIBRATION)["image_2"]
+    pixels = camera.width * camera.height
+    frame = beams * (_POINT + _RAY + (_HIT if config.store_hits else 0)) + _TEXT
+    frame += sum(pixels * _PIXEL[content_of(product)] for product in config.images)
+    worlds = world_count(plan_episodes(config))
+    return round(config.frames * frame + worlds * _WORLD + _MODELS)
+
+
+def demand_space(needed: int, folder: Path) -> None:
+    """Refuse to begin what the disk cannot hold.
+
+    Raises:
+        DiskError: less is free than `needed`.
+    """
+    disk = shutil.disk_usage(_existing(folder))
+    if disk.total and needed > disk.free:  # file systems without a size say 0
+        raise DiskError(
+            f"the run needs about {in_words(needed)}, {folder} has {in_words(disk.free)} free; ask for fewer frames, "
+            "leave out images or set store_hits: false, or choose another --out"
+        )
+
+
+def in_words(count: float) -> str:
+    """A number of bytes as people say it."""
+    for unit in ("bytes", "kB", "MB", "GB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} TB"
+
+
+def _existing(folder: Path) -> Path:
+    """The nearest folder above that exists."""
+    folder = folder.absolute()
+    while not os.path.lexists(folder):
+        folder = folder.parent
+    return folder

@@ -1,0 +1,112 @@
+"""One episode: simulations of a town's traffic from which its frames are recorded."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from cosim.capture.collection import Watch
+from cosim.capture.config import RunConfig
+from cosim.capture.plan import EpisodePlan
+from cosim.traffic.actors import Actors
+from cosim.traffic.driven_traffic import DrivenTraffic
+from cosim.traffic.simulation import Traffic
+from sumo_nets import RECIPES, Town, built_in_folder, write_demand
+
+_SIGHT_M = 120.0  # as far as a LiDAR sees
+
+
+class FrameRecorder(Protocol):
+    """What takes a frame."""
+
+    def record(self, name: str, plan: EpisodePlan, actors: Actors, ego: str) -> None:
+        """Measure the world at one step and write the frame."""
+
+    def note(self, entry: dict[str, object]) -> None:
+        """Write a remark about the episode."""
+
+
+def run_episode(
+    plan: EpisodePlan,
+    config: RunConfig,
+    town: Town,
+    recorder: FrameRecorder,
+    *,
+    done: Collection[str],
+    on_frame: Callable[[str], None],
+) -> None:
+    """Simulate an episode and record those of its frames that are not done.
+
+    All that happens follows from the run's seed and the episode's number alone, so an episode that is taken up
+    again after an interruption passes through the same states. A simulation that jams ends early, and another,
+    differently seeded, gives the frames that are left.
+
+    Raises:
+        TrafficError: SUMO refuses the scenario.
+        TownError: the town cannot be populated.
+    """
+    left = list(plan.frames)
+    for attempt in range(config.collection.attempts):
+        left = _simulate(plan, attempt, left, config, town, recorder, done, on_frame)
+        if not left:
+            return
+
+
+def _simulate(
+    plan: EpisodePlan,
+    attempt: int,
+    frames: list[str],
+    config: RunConfig,
+    town: Town,
+    recorder: FrameRecorder,
+    done: Collection[str],
+    on_frame: Callable[[str], None],
+) -> list[str]:
+    """One simulation; gives the names of the frames it did not come to."""
+    rng = np.random.default_rng([config.seed, plan.number, attempt])
+    rules, left = config.collection, list(frames)
+    with tempfile.TemporaryDirectory(prefix="cosim-") as folder:
+        sumocfg = populated(town, config, rng, Path(folder))
+        with Traffic(sumocfg, seed=int(rng.integers(2**31)), step_s=config.step_s) as traffic:
+            living = DrivenTraffic(
+                traffic, config.behaviour, int(rng.integers(2**31)), sight_m=max(_SIGHT_M, config.label_range_m)
+            )
+            actors = living.advance(max(2, round(config.warm_up_s / config.step_s)))
+            ego = traffic.draw_ego(actors, rng)
+            living.protect(ego)
+            watch, reason = Watch(rules, actors, ego), None
+            while left and reason is None:
+                traffic.prolong_route(ego, rng)
+                actors = living.advance(max(1, round(rules.every_s / config.step_s)))
+                reason = watch.end_reason(actors)
+                if reason is None and watch.wants(actors):
+                    name = left.pop(0)
+                    if name not in done:
+                        recorder.record(name, plan, actors, ego)
+                        on_frame(name)
+            recorder.note(
+                {
+                    "episode": plan.number,
+                    "attempt": attempt,
+                    "town": town.name,
+                    "world": plan.world,
+                    "frames": len(frames) - len(left),
+                    "ended": reason or "complete",
+                    "time_s": round(actors.time_s, 6),
+                    "events": dict(sorted(Counter(event.kind for event in living.events).items())),
+                }
+            )
+    return left
+
+
+def populated(town: Town, config: RunConfig, rng: np.random.Generator, folder: Path) -> Path:
+    """The scenario to simulate: a population of its own for a built-in town, a user's town as it is."""
+    if town.folder != built_in_folder(town.name):
+        return town.sumocfg
+    demand = config.population.draw(RECIPES[town.name].demand, rng)
+    return write_demand(town, demand, int(rng.integers(2**31)), folder)

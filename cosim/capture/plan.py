@@ -1,0 +1,50 @@
+"""A run cut into episodes: which frames each gives, and where it takes place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cosim.capture.config import RunConfig
+
+_SHORT_DRIVE = 4  # episodes of one town that share a world, so that the twin holds a single one
+
+
+@dataclass(frozen=True)
+class EpisodePlan:
+    """One episode.
+
+    Attributes:
+        number: from 0.
+        town: name or path of its town.
+        world: which of the town's random worlds.
+        frames: names of its frames, in order of time.
+    """
+
+    number: int
+    town: str
+    world: int
+    frames: tuple[str, ...]
+
+
+def plan_episodes(config: RunConfig) -> list[EpisodePlan]:
+    """Episodes of a run, towns taking turns; frame names count through them."""
+    names = [f"{number:06d}" for number in range(config.frames)]
+    towns = config.towns
+    size = min(config.frames_per_episode, -(-config.frames // len(towns)))
+    starts = range(0, config.frames, size)
+    short = len(towns) == 1 and len(starts) <= _SHORT_DRIVE
+    shared = config.episodes_per_world or (_SHORT_DRIVE if short else 1)
+    return [
+        EpisodePlan(
+            number=number,
+            town=towns[number % len(towns)],
+            world=number // len(towns) // shared,
+            frames=tuple(names[start : start + size]),
+        )
+        for number, start in enumerate(starts)
+    ]
+
+
+def world_count(plans: list[EpisodePlan]) -> int:
+    """How many different static worlds the episodes take place in."""
+    return len({(plan.town, plan.world) for plan in plans})

@@ -1,0 +1,168 @@
+"""The main job: plan episodes, share them among worker processes, finish the drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import yaml
+
+from assets.external import load_external
+from cosim.capture.config import RunConfig
+from cosim.capture.disk_estimate import demand_space, estimate_bytes
+from cosim.capture.plan import EpisodePlan, plan_episodes
+from cosim.capture.worker import Recording, RecordJob
+from cosim.drives.writer import DriveWriter
+from cosim.engine import Engine, Event, LocalEngine, Skipped
+from cosim.errors import CosimError
+from sensors.sensor_model import SensorModel, load_sensor
+from sumo_nets import read_town
+
+_REPORTED_PACKAGES = ("cosim", "eclipse-sumo", "embreex", "numpy", "trimesh", "pyrender2")
+
+
+class RunError(CosimError):
+    """A run could not go on."""
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run left.
+
+    Attributes:
+        folder: the drive.
+        frames: frames in it.
+        points: points in them.
+        recorded: frames this call recorded; the rest were there.
+    """
+
+    folder: Path
+    frames: int
+    points: int
+    recorded: int
+
+
+def run(
+    config: RunConfig,
+    folder: Path,
+    *,
+    engine: Engine | None = None,
+    on_start: Callable[[int, int], None] = lambda done, total: None,
+    on_event: Callable[[Event], None] = lambda event: None,
+) -> RunResult:
+    """Record a drive, or go on with an interrupted one; the bytes depend on `config` alone.
+
+    Args:
+        config: what to record.
+        folder: where; made if need be.
+        engine: whose processes share the episodes; by default one process of this machine.
+        on_start: told how many frames are there already, and of how many.
+        on_event: told of every event of the workers.
+
+    Raises:
+        CosimError: the folder, the town, the sensor or the disk refuses, another run writes the folder, or every
+            episode fails; frames already written stay.
+        AssetError, TownError, SensorError, CameraError: likewise.
+    """
+    sensor = load_sensor(config.sensor)
+    for town in config.towns:
+        read_town(town)
+    load_external(config.external_vehicles)
+    writer = DriveWriter(folder)
+    left = 1 - len(writer.manifest()) / config.frames
+    demand_space(round(estimate_bytes(config, sensor) * left), folder)
+    with writer.alone():
+        if not writer.open(_settings(config)):
+            done = frozenset(writer.manifest())
+            on_start(len(done), config.frames)
+            _record(writer, config, engine or LocalEngine(), on_event)
+            _finish(writer, config, sensor)
+            recorded = len(writer.manifest()) - len(done)
+        else:
+            on_start(config.frames, config.frames)
+            recorded = 0
+    entries = writer.manifest().values()
+    return RunResult(folder, len(entries), sum(entry["counts"]["points"] for entry in entries), recorded)
+
+
+def _record(writer: DriveWriter, config: RunConfig, engine: Engine, on_event: Callable[[Event], None]) -> None:
+    """Record the episodes that have not come to their end."""
+
+    def task(plan: EpisodePlan) -> Recording:
+        return Recording(plan, frozenset(writer.manifest()).intersection(plan.frames))
+
+    plans = _pending(plan_episodes(config), writer.notes(), config.collection.attempts)
+    skipped = engine.share_out(
+        RecordJob(config, writer.folder.absolute()),
+        [task(plan) for plan in plans],
+        on_event,
+        renewed=lambda recording: task(recording.plan),
+    )
+    if plans and len(skipped) == len(plans):
+        raise RunError(f"every episode failed, the last because {skipped[-1].reason}; run again to try once more")
+    for skip in skipped:
+        writer.write_note(_skip_note(skip, config))
+
+
+def _skip_note(skip: Skipped, config: RunConfig) -> dict[str, object]:
+    """An episode that is given up, as one whose last simulation ended."""
+    plan: EpisodePlan = skip.task.plan
+    return {
+        "episode": plan.number,
+        "attempt": config.collection.attempts - 1,
+        "town": plan.town,
+        "world": plan.world,
+        "frames": 0,
+        "ended": f"given up after failing twice: {skip.reason}",
+        "time_s": 0.0,
+        "events": {},
+    }
+
+
+def _pending(plans: list[EpisodePlan], notes: Mapping[tuple[int, int], dict], attempts: int) -> list[EpisodePlan]:
+    """Episodes that have not come to their end, those of one place together."""
+    ended = {
+        number for (number, attempt), note in notes.items() if note["ended"] == "complete" or attempt == attempts - 1
+    }
+    left = [plan for plan in plans if plan.number not in ended]
+    return sorted(left, key=lambda plan: (plan.town, plan.world, plan.number))
+
+
+def _settings(config: RunConfig) -> str:
+    """What the bytes of a drive depend on: the effective configuration and the versions that made it."""
+    document = {
+        "kind": "simulated",
+        "config": config.model_dump(mode="json"),
+        "versions": {name: version(name) for name in _REPORTED_PACKAGES},
+    }
+    return yaml.safe_dump(document, sort_keys=False)
+
+
+def _finish(writer: DriveWriter, config: RunConfig, sensor: SensorModel) -> None:
+    entries = writer.manifest()
+    names = sorted(entries)
+    middle = (len(names) + 1) // 2
+    files = {
+        "ImageSets/train.txt": _lines(names[:middle]),
+        "ImageSets/val.txt": _lines(names[middle:]),
+        "ImageSets/trainval.txt": _lines(names),
+        "pattern.yaml": sensor.pattern.to_yaml().encode(),
+        "sensor.yaml": sensor.to_yaml().encode(),
+    }
+    summary = {
+        "pattern": sensor.pattern.name,
+        "sweep_s": sensor.pattern.sweep_s,
+        "seed": config.seed,
+        "sensor": yaml.safe_load(sensor.to_yaml()),
+        "counts": {
+            key: sum(entry["counts"][key] for entry in entries.values()) for key in ("points", "labels", "instances")
+        }
+        | {"frames": len(names), "episodes": len({entry["episode"] for entry in entries.values()})},
+    }
+    writer.finish(files, _settings(config) + yaml.safe_dump(summary, sort_keys=False))
+
+
+def _lines(names: list[str]) -> bytes:
+    return "".join(f"{name}\n" for name in names).encode()

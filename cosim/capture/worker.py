@@ -1,0 +1,57 @@
+"""Recording as work for processes: the town is built once, then episodes come one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from cosim.capture.config import RunConfig
+from cosim.capture.episode import run_episode
+from cosim.capture.plan import EpisodePlan
+from cosim.drives.lock import shared
+from cosim.drives.writer import DriveWriter
+from cosim.engine import Do, Event, Tell
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A task: an episode, and those of its frames that are there already."""
+
+    plan: EpisodePlan
+    done: frozenset[str]
+
+
+@dataclass(frozen=True)
+class RecordJob:
+    """What processes record, and where."""
+
+    config: RunConfig
+    folder: Path
+
+    @contextmanager
+    def open(self, threads: int) -> Iterator[Do]:
+        """A rig that records `Recording`s."""
+        from cosim.capture.recorder import Recorder
+        from sensors.sensor_model import load_sensor
+
+        with shared(self.folder):
+            recorder = Recorder(self.config, load_sensor(self.config.sensor), DriveWriter(self.folder), threads=threads)
+
+            def record(task: Recording, tell: Tell) -> None:
+                town = recorder.move_to(task.plan)
+                tell(Event("ready"))
+                run_episode(
+                    task.plan,
+                    self.config,
+                    town,
+                    recorder,
+                    done=task.done,
+                    on_frame=lambda name: tell(Event("frame", name)),
+                )
+
+            try:
+                yield record
+            finally:
+                recorder.close()

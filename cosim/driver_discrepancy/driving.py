@@ -1,0 +1,194 @@
+"""SUMO's own drivers with the habits of a configuration, as cheap as traffic can be simulated.
+
+What `cosim run` adds — bodies that follow smoothly, drivers who brake for bends — costs four times as much and hardly
+shows in how people follow, hurry or keep their lane; so fits do without it.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.traffic.actors import Actors
+from cosim.traffic.behaviour import BehaviourConfig
+from cosim.traffic.behaviour.free_driving import MOTORISED
+from cosim.traffic.behaviour.habits import Habits, draw_habits
+from cosim.traffic.behaviour.roads import Lane, Roads
+from cosim.traffic.simulation import Traffic
+
+_MOST_PER_MIN = 60.0
+_ONWARD_EVERY_S = 5.0
+_CLEAR_OF_ENDS_M, _HOLDS_S = 25.0, 6.0
+_BRAKES_MPS2, _WAITS_S = 1.8, 20.0
+_ROOM_M = (14.0, 8.0)  # behind and before a place on the other side
+_TRIES = 10
+_STANDS_MPS = 0.1
+
+
+@dataclass(eq=False)
+class _Driver:
+    habits: Habits
+    rng: np.random.Generator
+    edge: str = ""
+    wish: tuple[str, float, int] | None = None  # lane, position along it, lane index wanted
+
+
+@dataclass(frozen=True)
+class _Turn:
+    lane: Lane
+    back: Lane
+    until_s: float
+
+
+class Driving:
+    """Lets drivers act step by step. Equal seeds give each of them the same luck, whatever the configuration.
+
+    Args:
+        traffic: the simulation, not yet stepped.
+        config: how drivers behave; collisions and pull-ins are left out.
+        seed: of all draws.
+        seconds: how long the simulation lasts.
+    """
+
+    def __init__(self, traffic: Traffic, config: BehaviourConfig, seed: int, seconds: float) -> None:
+        self._traffic, self._config, self._seed = traffic, config, seed
+        self._roads = Roads(traffic.api)
+        self._drivers: dict[str, _Driver] = {}
+        self._turns: dict[str, _Turn] = {}
+        self._ways = np.random.default_rng([seed, 1])
+        begin = traffic.time_s
+        self._u_turns = _schedule(config.u_turns_per_min, begin, seconds, np.random.default_rng([seed, 2]))
+        self._pull_outs = _schedule(config.pull_outs_per_min, begin, seconds, np.random.default_rng([seed, 3]))
+        self._onward_s = begin
+
+    def step(self, actors: Actors) -> None:
+        """Act after a step."""
+        for row, (name, lane) in enumerate(zip(actors.ids, actors.lanes, strict=True)):
+            if actors.kinds[row] in MOTORISED and lane and not actors.parked[row]:
+                self._drive(actors, row, name, lane)
+        if actors.time_s >= self._onward_s:
+            self._onward_s += _ONWARD_EVERY_S
+            for name, lane in zip(actors.ids, actors.lanes, strict=True):
+                if name in self._drivers and lane and name not in self._turns:
+                    self._traffic.prolong_route(name, self._ways)
+        if self._pull_outs and actors.time_s >= self._pull_outs[0][0]:
+            self._pull_out(actors, self._pull_outs.pop(0)[1])
+        if self._u_turns and actors.time_s >= self._u_turns[0][0]:
+            self._begin_turn(actors, self._u_turns.pop(0)[1])
+        for name in list(self._turns):
+            self._turn(actors, name)
+
+    def _drive(self, actors: Actors, row: int, name: str, lane: str) -> None:
+        driver = self._drivers.get(name)
+        if driver is None:
+            driver = self._drivers[name] = self._begin(name)
+        here = self._roads.lanes.get(lane)
+        if here is None or lane[0] == ":":
+            return
+        if here.edge != driver.edge:
+            driver.edge = here.edge
+            self._traffic.api.vehicle.setSpeedFactor(name, max(driver.habits.speed_factor(here.limit_mps), 0.1))
+            driver.wish = self._wish(driver, here)
+        if driver.wish is not None and name not in self._turns:
+            wanted, place, index = driver.wish
+            if lane != wanted:
+                driver.wish = None
+            elif actors.lane_position_m[row] > place and actors.speed_mps[row] > 2:
+                driver.wish = None
+                self._traffic.api.vehicle.changeLane(name, index, _HOLDS_S)
+
+    def _begin(self, name: str) -> _Driver:
+        habits, api = draw_habits(self._config, self._seed, name), self._traffic.api.vehicle
+        api.setMinGap(name, habits.gap_m)
+        api.setTau(name, habits.headway_s)
+        if habits.lane_offset_m:
+            api.setLateralAlignment(name, f"{habits.lane_offset_m:.3f}")
+        if habits.imperfection is not None:
+            api.setImperfection(name, habits.imperfection)
+        if habits.reaction_s is not None:
+            steps = max(1, round(habits.reaction_s / self._traffic.step_s))
+            api.setActionStepLength(name, steps * self._traffic.step_s)
+        return _Driver(habits, np.random.default_rng([self._seed, 4, zlib.crc32(name.encode())]))
+
+    def _wish(self, driver: _Driver, here: Lane) -> tuple[str, float, int] | None:
+        left, right, at, which = driver.rng.random(4).tolist()
+        beside = {lane.index for lane in self._roads.of_edge[here.edge]}
+        chances = ((1, driver.habits.changes_left, left), (-1, driver.habits.changes_right, right))
+        wishes = [here.index + side for side, chance, luck in chances if here.index + side in beside and luck < chance]
+        if not wishes or here.length_m < 2 * _CLEAR_OF_ENDS_M:
+            return None
+        place = 0.1 * here.length_m + at * (0.9 * here.length_m - _CLEAR_OF_ENDS_M)
+        return here.id, place, wishes[int(which * len(wishes))]
+
+    def _pull_out(self, actors: Actors, luck: float) -> None:
+        """Let one of those who are parked go."""
+        parked = [actors.ids[row] for row in np.flatnonzero(actors.parked) if actors.kinds[row] in MOTORISED]
+        if parked:
+            name = parked[int(luck * len(parked))]
+            if self._send(name, self._traffic.api.vehicle.getRoute(name)[0]):
+                self._traffic.api.vehicle.resume(name)
+
+    def _send(self, name: str, edge: str) -> bool:
+        """A way from an edge to somewhere; whether there is one."""
+        api = self._traffic.api
+        vtype, edges = api.vehicle.getTypeID(name).partition("@")[0], sorted(self._roads.of_edge)
+        edges = [one for one in edges if one[0] != ":"]
+        for _ in range(_TRIES):
+            target = edges[int(self._ways.integers(len(edges)))]
+            way = api.simulation.findRoute(edge, target, vtype).edges
+            if len(way) > 2:
+                api.vehicle.setRoute(name, way)
+                return True
+        return False
+
+    def _begin_turn(self, actors: Actors, luck: float) -> None:
+        """Let one who drives on the innermost lane brake to turn round."""
+        found = []
+        for row, (name, lane) in enumerate(zip(actors.ids, actors.lanes, strict=True)):
+            here = self._roads.lanes.get(lane)
+            if here is None or lane[0] == ":" or name in self._turns or name not in self._drivers:
+                continue
+            stop = actors.lane_position_m[row] + actors.speed_mps[row] ** 2 / (2 * _BRAKES_MPS2)
+            inner = here is self._roads.of_edge[here.edge][-1] and here.edge in self._roads.back
+            if inner and _CLEAR_OF_ENDS_M < stop < here.length_m - _CLEAR_OF_ENDS_M and actors.speed_mps[row] > 1:
+                found.append((row, here))
+        if found:
+            row, here = found[int(luck * len(found))]
+            back = self._roads.of_edge[self._roads.back[here.edge]][-1]
+            name, seconds = actors.ids[row], max(float(actors.speed_mps[row]) / _BRAKES_MPS2, 1.0)
+            self._traffic.api.vehicle.slowDown(name, 0.0, seconds)
+            self._turns[name] = _Turn(here, back, actors.time_s + _WAITS_S)
+
+    def _turn(self, actors: Actors, name: str) -> None:
+        turn, api = self._turns[name], self._traffic.api.vehicle
+        row = actors.ids.index(name) if name in actors.ids else -1
+        lane = actors.lanes[row] if row >= 0 else ""
+        if lane == turn.back.id and turn.lane.id != turn.back.id:
+            self._send(name, turn.back.edge)
+        if lane != turn.lane.id or actors.time_s > turn.until_s:
+            del self._turns[name]
+            if row >= 0:
+                api.setSpeed(name, -1)
+        elif actors.speed_mps[row] <= _STANDS_MPS:
+            self._move_over(actors, name, row, turn)
+
+    def _move_over(self, actors: Actors, name: str, row: int, turn: _Turn) -> None:
+        """Put who stands on the other side, if there is room; he goes on once he is there."""
+        api = self._traffic.api.vehicle
+        api.setSpeed(name, 0.0)
+        at, _ = turn.back.project(actors.front[row, :2])
+        there = [i for i, lane in enumerate(actors.lanes) if lane == turn.back.id and not actors.parked[i]]
+        if all(not -_ROOM_M[0] < actors.lane_position_m[i] - at < _ROOM_M[1] for i in there):
+            spot, heading = turn.back.point(at)
+            angle = float(90 - np.degrees(heading)) % 360
+            api.moveToXY(name, turn.back.edge, turn.back.index, float(spot[0]), float(spot[1]), angle, 0)
+
+
+def _schedule(per_min: float, begin_s: float, seconds: float, rng: np.random.Generator) -> list[tuple[float, float]]:
+    """Times and luck of incidents: a thinned Poisson process, so that a greater rate keeps those of a smaller one."""
+    count = rng.poisson(_MOST_PER_MIN * seconds / 60)
+    times, keep, luck = rng.uniform(begin_s, begin_s + seconds, count), rng.random(count), rng.random(count)
+    chosen = np.flatnonzero(keep < per_min / _MOST_PER_MIN)
+    return sorted(zip(times[chosen].tolist(), luck[chosen].tolist(), strict=True))

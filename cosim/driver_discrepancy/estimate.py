@@ -1,0 +1,235 @@
+"""Fits behaviours by simulation: Gauss–Newton with common random numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from cosim.driver_discrepancy.behaviours import BEHAVIOURS, TOGETHER, Background, Behaviour, Knob
+from cosim.driver_discrepancy.gate import Evidence
+from cosim.driver_discrepancy.pool import Simulations
+from cosim.driver_discrepancy.summary import STATISTICS, Summary
+from cosim.traffic.behaviour import BehaviourConfig
+
+_ROUNDS = 5
+_SMALL = 0.1  # fall of chi² that is not worth a simulation
+_WEAK = 5.0  # times a parameter's own step: how far it may be expected to be off where nothing tells
+_GOOD = 0.25  # a squared difference that luck makes more often than not
+
+Values = dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Behaviours fitted.
+
+    Attributes:
+        config: with them.
+        values: behaviour → parameter → value.
+        chi2_before, chi2: sum of squared standardised differences before, and what is left.
+        slopes: (parameters) of all of `STATISTICS`; zero for those that told nothing.
+        covariance: (parameters, parameters).
+    """
+
+    config: BehaviourConfig
+    values: Values
+    chi2_before: float
+    chi2: float
+    slopes: np.ndarray
+    covariance: np.ndarray
+
+
+class Estimator:
+    """Fits against the statistics of some vehicles.
+
+    Args:
+        simulations: of the model.
+        ids: vehicles that are fitted.
+        background: what configurations leave to the town.
+        seeds: of the simulations of a fit.
+    """
+
+    def __init__(
+        self, simulations: Simulations, ids: frozenset[str], background: Background, seeds: Sequence[int]
+    ) -> None:
+        self._simulations = simulations
+        self._ids = ids
+        self._background = background
+        self._seeds = tuple(seeds)
+
+    def slopes(
+        self, config: BehaviourConfig, behaviours: Sequence[Behaviour], names: Sequence[str]
+    ) -> dict[str, np.ndarray]:
+        """Change of statistics (k, parameters) with each behaviour's parameters, from the configuration on."""
+        jobs, steps = [], []
+        for behaviour in behaviours:
+            values = behaviour.read(config, self._background)
+            for knob in behaviour.knobs:
+                changed = _changed(behaviour, knob.name, values)
+                steps.append(changed[knob.name] - values[knob.name])
+                jobs.append(behaviour.write(config, changed))
+        found = self._many([config, *jobs], names)
+        columns = [(row - found[0]) / step for row, step in zip(found[1:], steps, strict=True)]
+        sloped, at = {}, 0
+        for behaviour in behaviours:
+            sloped[behaviour.name] = np.nan_to_num(np.stack(columns[at : at + len(behaviour.knobs)], 1))
+            at += len(behaviour.knobs)
+        return sloped
+
+    def own_slopes(self, config: BehaviourConfig, names: Sequence[str]) -> dict[str, np.ndarray]:
+        """Change of the statistics that show each behaviour with its parameters; several are changed at a time."""
+        jobs, steps = [config], {}
+        for group in TOGETHER:
+            changed = config
+            for name, knob in group:
+                behaviour = BEHAVIOURS[name]
+                values = behaviour.read(changed, self._background)
+                new = _changed(behaviour, knob, values)
+                steps[name, knob] = (len(jobs), new[knob] - values[knob])
+                changed = behaviour.write(changed, new)
+            jobs.append(changed)
+        found = self._many(jobs, names)
+        sloped = {}
+        for name, behaviour in BEHAVIOURS.items():
+            rows = np.array([one in behaviour.statistics for one in names])
+            columns = [
+                (found[job] - found[0]) / step for job, step in (steps[name, one.name] for one in behaviour.knobs)
+            ]
+            sloped[name] = np.nan_to_num(np.stack(columns, 1)) * rows[:, None]
+        return sloped
+
+    def promise(self, evidence: Evidence, behaviour: Behaviour, slopes: np.ndarray, config: BehaviourConfig) -> float:
+        """How much chi² would fall if statistics went on as straight as they begin."""
+        values = behaviour.read(config, self._background)
+        jacobian = slopes / evidence.sigma[:, None]
+        step = _solve(jacobian, evidence.z, behaviour.knobs)
+        now = np.array([values[knob.name] for knob in behaviour.knobs])
+        low = np.array([knob.low for knob in behaviour.knobs]) - now
+        high = np.array([knob.high for knob in behaviour.knobs]) - now
+        left = evidence.z - jacobian @ np.clip(step, low, high)
+        return float(evidence.z @ evidence.z - left @ left)
+
+    def fit(
+        self,
+        config: BehaviourConfig,
+        behaviours: Sequence[Behaviour],
+        evidence: Evidence,
+        slopes: Mapping[str, np.ndarray],
+    ) -> Fit:
+        """All parameters of some behaviours together, by the statistics that show them.
+
+        The slopes are corrected by what each simulation shows (Broyden, Math. Comp. 1965), so that a step costs one.
+        """
+        knobs = [(behaviour, knob) for behaviour in behaviours for knob in behaviour.knobs]
+        start = {one.name: one.read(config, self._background) for one in behaviours}
+        at = np.array([start[behaviour.name][knob.name] for behaviour, knob in knobs])
+        plain = [knob for _, knob in knobs]
+        low, high = (np.array([getattr(knob, end) for knob in plain]) for end in ("low", "high"))
+        rows = [STATISTICS.index(name) for name in evidence.names]
+        jacobian = np.concatenate([slopes[one.name] for one in behaviours], 1) / evidence.sigma[:, None]
+        own = np.array([any(name in one.statistics for one in behaviours) for name in evidence.names])
+        jacobian *= own[:, None]
+        at = np.clip(at, low, high)
+        before = rest = self._rest(config, behaviours, at, evidence)
+        for _ in range(_ROUNDS):
+            step = np.clip(at + _solve(jacobian, rest, plain), low, high) - at
+            foreseen = rest - jacobian @ step
+            if own @ rest**2 - own @ foreseen**2 < _SMALL:
+                break
+            new = self._rest(config, behaviours, at + step, evidence)
+            secant = np.outer(rest - new - jacobian @ step, step) / max(float(step @ step), 1e-12)
+            jacobian += secant * own[:, None]
+            if own @ new**2 < own @ rest**2:
+                at, rest = at + step, new
+            if own @ rest**2 < _GOOD * own.sum():
+                break
+        values = _by_name(behaviours, at)
+        full = np.zeros((len(STATISTICS), len(knobs)))
+        full[rows] = jacobian * evidence.sigma[:, None]
+        return Fit(
+            config=_written(config, behaviours, values),
+            values=values,
+            chi2_before=float(before @ before),
+            chi2=float(rest @ rest),
+            slopes=full,
+            covariance=_covariance(jacobian, plain),
+        )
+
+    def polished(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: Evidence) -> Fit:
+        """One more step with what more seeds say, if it is a small one."""
+        knobs = [knob for behaviour in behaviours for knob in behaviour.knobs]
+        at = np.array([fit.values[one.name][knob.name] for one in behaviours for knob in one.knobs])
+        jacobian = fit.slopes / evidence.sigma[:, None]
+        low, high = (np.array([getattr(knob, end) for knob in knobs]) for end in ("low", "high"))
+        covariance = _covariance(jacobian, knobs)
+        step = np.clip(at + _solve(jacobian, evidence.z, knobs), low, high) - at
+        step = np.clip(step, -np.sqrt(np.diag(covariance)), np.sqrt(np.diag(covariance)))
+        values = _by_name(behaviours, at + step)
+        config = _written(fit.config, behaviours, values)
+        return Fit(config, values, fit.chi2_before, fit.chi2, fit.slopes, covariance)
+
+    def _rest(
+        self, config: BehaviourConfig, behaviours: Sequence[Behaviour], at: np.ndarray, evidence: Evidence
+    ) -> np.ndarray:
+        written = _written(config, behaviours, _by_name(behaviours, at))
+        found = self._many([written], evidence.names)[0]
+        return np.nan_to_num((evidence.measured - found) / evidence.sigma)
+
+    def _many(self, configs: Sequence[BehaviourConfig], names: Sequence[str]) -> np.ndarray:
+        """Statistics (configurations, k), each the mean over the seeds."""
+        runs = self._simulations.run([(config, seed) for config in configs for seed in self._seeds])
+        rows = [self._row(run, names) for run in runs]
+        return np.array(rows).reshape(len(configs), len(self._seeds), len(names)).mean(1)
+
+    def _row(self, run: Summary, names: Sequence[str]) -> list[float]:
+        found = run.of(self._ids).statistics()
+        return [found[name] for name in names]
+
+
+def intervals(fit: Fit, behaviours: Sequence[Behaviour], freedom: float) -> dict[str, dict[str, list[float]]]:
+    """95 % intervals of all parameters, within their bounds."""
+    half = float(stats.t.ppf(0.975, freedom)) * np.sqrt(np.diag(fit.covariance))
+    found: dict[str, dict[str, list[float]]] = {}
+    knobs = [(behaviour, knob) for behaviour in behaviours for knob in behaviour.knobs]
+    for (behaviour, knob), side in zip(knobs, half.tolist(), strict=True):
+        value = fit.values[behaviour.name][knob.name]
+        ends = [max(value - side, knob.low), min(value + side, knob.high)]
+        found.setdefault(behaviour.name, {})[knob.name] = ends
+    return found
+
+
+def _changed(behaviour: Behaviour, name: str, values: Mapping[str, float]) -> dict[str, float]:
+    """Values with one changed by its step, or the other way where a bound is near."""
+    knob = next(one for one in behaviour.knobs if one.name == name)
+    changed = behaviour.clipped({**values, name: values[name] + knob.step})
+    if abs(changed[name] - values[name]) < abs(knob.step) / 3:
+        changed = behaviour.clipped({**values, name: values[name] - knob.step})
+    return changed
+
+
+def _covariance(jacobian: np.ndarray, knobs: Sequence[Knob]) -> np.ndarray:
+    """Covariance of parameters; what the data do not tell is held by weak priors."""
+    weak = np.array([1 / (_WEAK * knob.step) ** 2 for knob in knobs])
+    return np.linalg.inv(jacobian.T @ jacobian + np.diag(weak))
+
+
+def _solve(jacobian: np.ndarray, rest: np.ndarray, knobs: Sequence[Knob]) -> np.ndarray:
+    return _covariance(jacobian, knobs) @ (jacobian.T @ rest)
+
+
+def _by_name(behaviours: Sequence[Behaviour], at: np.ndarray) -> Values:
+    values, row = {}, 0
+    for behaviour in behaviours:
+        mine = {knob.name: float(at[row + i]) for i, knob in enumerate(behaviour.knobs)}
+        values[behaviour.name] = behaviour.clipped(mine)
+        row += len(behaviour.knobs)
+    return values
+
+
+def _written(config: BehaviourConfig, behaviours: Sequence[Behaviour], values: Values) -> BehaviourConfig:
+    for behaviour in behaviours:
+        config = behaviour.write(config, values[behaviour.name])
+    return config

@@ -1,0 +1,102 @@
+"""Simulations of the model side by side, each in a process of its own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import Self
+
+from cosim.driver_discrepancy.network import Network
+from cosim.driver_discrepancy.placed import place
+from cosim.driver_discrepancy.replay import Replay
+from cosim.driver_discrepancy.simulate import simulate
+from cosim.driver_discrepancy.summary import Summary, summarise
+from cosim.traffic.behaviour import BehaviourConfig
+from cosim.traffic.simulation import TrafficError
+
+Job = tuple[BehaviourConfig, int]
+_MOST_WORKERS, _MOST_DEATHS = 8, 3
+
+
+class Simulations:
+    """Runs the model and remembers what came out; a context manager.
+
+    libsumo knows one simulation a process, so workers are spawned.
+
+    Args:
+        replay: the demand.
+        network: of the town.
+        step_s: of the simulation.
+        workers: processes; by default one a core.
+    """
+
+    def __init__(self, replay: Replay, network: Network, step_s: float, workers: int | None = None) -> None:
+        self._workers, self._given = workers or min(os.cpu_count() or 1, _MOST_WORKERS), (replay, network, step_s)
+        self._pool = self._begun()
+        self._done: dict[tuple[str, int], Summary] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    @property
+    def count(self) -> int:
+        """How many simulations there were."""
+        return len(self._done)
+
+    def run(self, jobs: Sequence[Job]) -> list[Summary]:
+        """Summaries of the model with a behaviour and a seed each, in order.
+
+        SUMO may die of what an earlier simulation left in its process; the rest is then done by fresh ones.
+
+        Raises:
+            TrafficError: SUMO refuses the scenario, or dies of it.
+        """
+        keys, deaths = [(behaviour.model_dump_json(), seed) for behaviour, seed in jobs], 0
+        while new := {key: job for key, job in zip(keys, jobs, strict=True) if key not in self._done}:
+            before = len(self._done)
+            try:
+                for key, summary in zip(new, self._pool.map(_summary, new.values()), strict=True):
+                    self._done[key] = summary
+            except BrokenProcessPool:
+                deaths = 1 if len(self._done) > before else deaths + 1
+                self._pool.shutdown()
+                self._pool = self._begun()
+                if deaths > _MOST_DEATHS:
+                    raise TrafficError("SUMO dies of a simulation again and again; try another --seeds") from None
+        return [self._done[key] for key in keys]
+
+    def _begun(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(
+            self._workers, multiprocessing.get_context("spawn"), initializer=_begin, initargs=self._given
+        )
+
+
+class _Worker:
+    """What a process was given when it began."""
+
+    given: tuple[Replay, Network, float]
+
+
+def _begin(replay: Replay, network: Network, step_s: float) -> None:
+    _Worker.given = (replay, network, step_s)
+
+
+def _summary(job: Job) -> Summary:
+    """One simulation; SUMO's own errors cannot pass from process to process, so their words do.
+
+    Raises:
+        TrafficError: SUMO refuses.
+    """
+    import libsumo
+
+    replay, network, step_s = _Worker.given
+    try:
+        return summarise(place(simulate(replay, *job, step_s), network))
+    except libsumo.TraCIException as error:
+        raise TrafficError(f"SUMO refuses what drivers do: {error}") from None

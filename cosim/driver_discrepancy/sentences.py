@@ -1,0 +1,76 @@
+"""Findings about drivers in words."""
+
+from __future__ import annotations
+
+from cosim.discrepancy.saying import as_sure, p_words
+from cosim.driver_discrepancy.behaviours import BEHAVIOURS
+from cosim.driver_discrepancy.diagnosis import TrafficDiagnosis, TrafficFinding
+
+_NEEDED = ("speeding", "short_gap", "lane_offset")
+
+
+def headline(found: TrafficDiagnosis) -> str:
+    """The line that `cosim traffic-diagnose` says."""
+    if not found.effects:
+        smallest = smallest_words(found)
+        left = unexplained_words(found)
+        if left:
+            return f"unknown: {left}, which no behaviour explains"
+        return "nothing missing that would show" + (f"; would have seen {smallest}" if smallest else "")
+    parts = [finding_words(one) for one in found.effects]
+    parts[0] = f"{found.verdict}: {parts[0]}"
+    fall = f"held-out error {found.error_before:.3f} → {found.error_after:.3f}, noise floor {found.noise_floor:.3f}"
+    left = unexplained_words(found)
+    return "; ".join([*parts, *([f"left unexplained: {left}"] if left else []), fall])
+
+
+def finding_words(one: TrafficFinding) -> str:
+    """A finding with its parameters."""
+    alike = f"; not separable from {', '.join(one.also_possible)}" if one.also_possible else ""
+    return f"{one.behaviour} ({parameter_words(one)}), {p_words(one.p_value)}{alike}"
+
+
+def parameter_words(one: TrafficFinding) -> str:
+    """All parameters with half their intervals."""
+    said = []
+    for name in one.params:
+        value, half = fitted_words(one, name)
+        said.append(f"{name} {value}{half and f' ± {half}'}")
+    return ", ".join(said)
+
+
+def fitted_words(one: TrafficFinding, name: str) -> tuple[str, str]:
+    """A fitted value with its unit, to as many digits as its interval bears, and half of that; empty without one."""
+    value = one.params[name]
+    if name not in one.ci95:
+        return quantity(one.behaviour, name, value), ""
+    low, high = one.ci95[name]
+    said, half = as_sure(value, (high - low) / 2)
+    return f"{said}{_unit(one.behaviour, name)}", half
+
+
+def quantity(behaviour: str, name: str, value: float) -> str:
+    """A value with its unit."""
+    return f"{value:.3g}{_unit(behaviour, name)}"
+
+
+def _unit(behaviour: str, name: str) -> str:
+    """A parameter's, set off by a space where it has one."""
+    unit = next(knob.unit for knob in BEHAVIOURS[behaviour].knobs if knob.name == name)
+    return f" {unit}" if unit else ""
+
+
+def smallest_words(found: TrafficDiagnosis, names: tuple[str, ...] = _NEEDED) -> str:
+    """Changes that would have been seen, of the first parameter of some behaviours."""
+    said = []
+    for name in names:
+        values = found.smallest_detectable.get(name, {})
+        first = next(iter(values), None)
+        if first is not None:
+            said.append(f"{name} from {first} ± {quantity(name, first, values[first])}")
+    return ", ".join(said)
+
+
+def unexplained_words(found: TrafficDiagnosis) -> str:
+    """Statistics that differ still."""
+    return ", ".join(name.replace("_", " ") for name in found.unexplained)

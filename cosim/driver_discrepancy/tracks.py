@@ -1,0 +1,211 @@
+"""Trajectories of vehicles, as a CSV file holds them."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cosim.drives.writer import explained
+from cosim.errors import CosimError
+
+COLUMNS = ("time_s", "id", "x_m", "y_m", "speed_mps", "heading_deg", "lane", "type")
+_NUMBERS = ("time_s", "x_m", "y_m", "speed_mps", "heading_deg")
+
+
+class TrackError(CosimError):
+    """Trajectories that cannot be used."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """Trajectories, sorted by vehicle and time.
+
+    Attributes:
+        ids: of the v vehicles, sorted.
+        types: of each: a vType of the town, or a kind (`car`, `van`, …).
+        vehicle: (n,) int row of `ids` of each sample.
+        time_s: (n,) float64.
+        place: (n, 2) middle of the front bumper, world metres.
+        speed_mps: (n,).
+        heading_rad: (n,) counter-clockwise from east.
+        lane: n SUMO lane ids; empty where unknown.
+    """
+
+    ids: tuple[str, ...]
+    types: tuple[str, ...]
+    vehicle: np.ndarray
+    time_s: np.ndarray
+    place: np.ndarray
+    speed_mps: np.ndarray
+    heading_rad: np.ndarray
+    lane: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def start_s(self) -> float:
+        """When the recording begins."""
+        return float(self.time_s.min())
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasts."""
+        return float(np.ptp(self.time_s))
+
+    @property
+    def step_s(self) -> float:
+        """Usual time between two samples of a vehicle, the shortest that is common."""
+        gaps = np.diff(self.time_s)[np.diff(self.vehicle) == 0]
+        return float(np.quantile(gaps, 0.2)) if len(gaps) else 0.0
+
+
+def gathered(
+    ids: Sequence[str],
+    types: Sequence[str],
+    lane: Sequence[str],
+    time_s: np.ndarray,
+    place: np.ndarray,
+    speed_mps: np.ndarray,
+    heading_rad: np.ndarray,
+) -> Tracks:
+    """Trajectories from samples in any order of vehicles; of each vehicle they must be in order of time."""
+    names, first, vehicle = np.unique(np.array(ids, dtype=str), return_index=True, return_inverse=True)
+    order = np.argsort(vehicle, kind="stable")
+    return Tracks(
+        ids=tuple(names.tolist()),
+        types=tuple(types[int(i)] for i in first),
+        vehicle=vehicle[order],
+        time_s=time_s[order],
+        place=place[order],
+        speed_mps=speed_mps[order],
+        heading_rad=heading_rad[order],
+        lane=np.array(lane, dtype=object)[order],
+    )
+
+
+def read_tracks(path: Path) -> Tracks:
+    """Trajectories from a CSV file with the columns `COLUMNS`; headings may be counted as SUMO does, or from east.
+
+    Raises:
+        TrackError: the file lacks columns, holds what is no finite number, time runs backwards, or there are fewer
+            than two vehicles.
+    """
+    header, rows = _rows(path)
+    missing = [name for name in COLUMNS if name not in header]
+    if missing:
+        raise TrackError(f"{path}: lacks the columns {', '.join(missing)}; the header must be {','.join(COLUMNS)}")
+    if not rows:
+        raise TrackError(f"{path}: holds no samples; give at least a minute of two vehicles or more")
+    at = {name: header.index(name) for name in COLUMNS}
+    short = next((number for number, row in enumerate(rows) if len(row) < len(header)), None)
+    if short is not None:
+        raise TrackError(f"{path}: line {short + 2} has {len(rows[short])} values, the header {len(header)}")
+    values = {name: _numbers(path, name, [row[at[name]] for row in rows]) for name in _NUMBERS}
+    if values["speed_mps"].min() < 0:
+        row = int(values["speed_mps"].argmin())
+        raise TrackError(
+            f"{path}: speed_mps is {values['speed_mps'][row]:g} in line {row + 2}; speeds are not negative"
+        )
+    found = gathered(
+        [row[at["id"]].strip() for row in rows],
+        [row[at["type"]].strip() for row in rows],
+        [row[at["lane"]].strip() for row in rows],
+        values["time_s"],
+        np.column_stack([values["x_m"], values["y_m"]]),
+        values["speed_mps"],
+        _from_east(values),
+    )
+    _check(path, found)
+    return found
+
+
+def write_tracks(path: Path, tracks: Tracks) -> None:
+    """Write a CSV file, in order of time; headings in degrees counter-clockwise from east."""
+    order = np.lexsort((tracks.vehicle, np.round(tracks.time_s, 6)))
+    with explained(path), path.open("w", encoding="utf-8", newline="") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(COLUMNS)
+        for row in order.tolist():
+            who = int(tracks.vehicle[row])
+            x, y = tracks.place[row]
+            heading = np.degrees(tracks.heading_rad[row]) % 360
+            out.writerow(
+                [
+                    f"{tracks.time_s[row]:.3f}",
+                    tracks.ids[who],
+                    *(f"{value:.4f}" for value in (x, y, tracks.speed_mps[row])),
+                    f"{heading:.3f}",
+                    tracks.lane[row],
+                    tracks.types[who],
+                ]
+            )
+
+
+def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            lines = [row for row in csv.reader(file) if row]
+    except OSError as error:
+        raise TrackError(f"cannot read {path}: {error.strerror}; give the path of a CSV file") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise TrackError(f"{path} is not CSV: {error}; write {','.join(COLUMNS)}") from error
+    if not lines:
+        raise TrackError(f"{path} is empty; the header must be {','.join(COLUMNS)}")
+    return [name.strip() for name in lines[0]], lines[1:]
+
+
+def _numbers(path: Path, name: str, texts: list[str]) -> np.ndarray:
+    try:
+        values = np.array(texts, dtype=float)
+    except ValueError:
+        line, text = next((i, text) for i, text in enumerate(texts) if not _is_number(text))
+        raise TrackError(f"{path}: {name} is {text!r} in line {line + 2}; write a number") from None
+    bad = np.flatnonzero(~np.isfinite(values))
+    if len(bad):
+        raise TrackError(
+            f"{path}: {name} is {values[bad[0]]} in line {bad[0] + 2} ({len(bad)} such values); leave such samples out"
+        )
+    return values
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _from_east(values: dict[str, np.ndarray]) -> np.ndarray:
+    """Headings counter-clockwise from east, whichever way they are counted; ways driven tell which."""
+    given = np.radians(values["heading_deg"])
+    return np.angle(np.exp(1j * given))
+
+
+def with_true_headings(tracks: Tracks) -> Tracks:
+    """The same with headings taken for SUMO's (clockwise from north) where ways driven say so."""
+    move = np.diff(tracks.place, axis=0)
+    apart = np.hypot(move[:, 0], move[:, 1])
+    moved = (np.diff(tracks.vehicle) == 0) & (apart > 0.1) & (apart < 50)
+    course, heading = np.arctan2(move[:, 1], move[:, 0])[moved], tracks.heading_rad[:-1][moved]
+    other = np.pi / 2 - tracks.heading_rad
+    if np.cos(course - other[:-1][moved]).sum() <= np.cos(course - heading).sum():
+        return tracks
+    return Tracks(**{**vars(tracks), "heading_rad": np.angle(np.exp(1j * other))})
+
+
+def _check(path: Path, tracks: Tracks) -> None:
+    same = np.diff(tracks.vehicle) == 0
+    back = np.flatnonzero(same & (np.diff(tracks.time_s) <= 0))
+    if len(back):
+        who = tracks.ids[tracks.vehicle[back[0]]]
+        now, then = tracks.time_s[back[0]], tracks.time_s[back[0] + 1]
+        raise TrackError(f"{path}: time of {who!r} goes from {now:g} to {then:g} s; it must increase for each vehicle")
+    if len(tracks.ids) < 2:
+        only = next(iter(tracks.ids))
+        raise TrackError(f"{path}: holds one vehicle only ({only!r}); give two or more, whose distance can show")

@@ -1,0 +1,1 @@
+"""A drive's files: written, locked, checked and read; KITTI's formats and the twin."""

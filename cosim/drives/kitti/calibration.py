@@ -1,0 +1,172 @@
+"""Camera and LiDAR calibration in KITTI's object format: `calib/NAME.txt`.
+
+A point p in LiDAR axes (x forward, y left, z up) lies at R0_rect · Tr_velo_to_cam · p in rectified camera
+axes (x right, y down, z forward, origin in camera 0), and at P_i · that in the pixels of camera i.
+Geiger et al., "Vision meets Robotics: The KITTI Dataset", IJRR 2013, section IV.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from cosim.drives.files import numbers, read_text
+from cosim.errors import FormatError
+
+_SHAPES = {
+    "P0": (3, 4),
+    "P1": (3, 4),
+    "P2": (3, 4),
+    "P3": (3, 4),
+    "R0_rect": (3, 3),
+    "Tr_velo_to_cam": (3, 4),
+    "Tr_imu_to_velo": (3, 4),
+}
+_SPELLINGS = {"R_rect": "R0_rect", "Tr_velo_cam": "Tr_velo_to_cam", "Tr_imu_velo": "Tr_imu_to_velo"}
+_MANDATORY = ("P2", "R0_rect", "Tr_velo_to_cam")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Calibration:
+    """The matrices of one frame, float64. All but three may be absent (None).
+
+    Attributes:
+        P0, P1, P2, P3: (3, 4) projections from rectified camera axes to pixels. Column 4 is −f·b, b the
+            camera's place along x of camera 0 [m].
+        R0_rect: (3, 3) rotation from camera 0 to rectified axes.
+        Tr_velo_to_cam: (3, 4) LiDAR to camera 0.
+        Tr_imu_to_velo: (3, 4) IMU to LiDAR.
+    """
+
+    P2: np.ndarray
+    R0_rect: np.ndarray
+    Tr_velo_to_cam: np.ndarray
+    P0: np.ndarray | None = None
+    P1: np.ndarray | None = None
+    P3: np.ndarray | None = None
+    Tr_imu_to_velo: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        for name, shape in _SHAPES.items():
+            value = getattr(self, name)
+            if value is None and name not in _MANDATORY:
+                continue
+            matrix = np.array(value, np.float64)
+            if matrix.shape != shape or not np.isfinite(matrix).all():
+                raise FormatError(f"calibration: {name} has shape {matrix.shape}; give {shape}, all finite")
+            matrix.setflags(write=False)
+            object.__setattr__(self, name, matrix)
+        if abs(np.linalg.det(self.velo_to_rect_matrix)) < 1e-6:
+            raise FormatError("calibration: R0_rect · Tr_velo_to_cam is singular; both hold a rotation")
+
+    @cached_property
+    def velo_to_rect_matrix(self) -> np.ndarray:
+        """LiDAR axes to rectified camera axes, (4, 4) float64."""
+        matrix = np.eye(4)
+        matrix[:3] = self.R0_rect @ self.Tr_velo_to_cam
+        return matrix
+
+    @cached_property
+    def rect_to_velo_matrix(self) -> np.ndarray:
+        """Rectified camera axes to LiDAR axes, (4, 4) float64."""
+        return np.linalg.inv(self.velo_to_rect_matrix)
+
+    def velo_to_rect(self, points: np.ndarray) -> np.ndarray:
+        """Points (n, ≥ 3) in LiDAR axes as (n, 3) float64 in rectified camera axes."""
+        return _carry(self.velo_to_rect_matrix, points)
+
+    def rect_to_velo(self, points: np.ndarray) -> np.ndarray:
+        """Points (n, ≥ 3) in rectified camera axes as (n, 3) float64 in LiDAR axes."""
+        return _carry(self.rect_to_velo_matrix, points)
+
+    def projection(self, camera: int = 2) -> np.ndarray:
+        """The (3, 4) projection of a camera.
+
+        Raises:
+            FormatError: the calibration has none for that camera.
+        """
+        matrix = getattr(self, f"P{camera}", None)
+        if matrix is None:
+            raise FormatError(f"calibration has no P{camera}; cameras with a matrix: {self.cameras}")
+        return matrix
+
+    @property
+    def cameras(self) -> tuple[int, ...]:
+        """Numbers of the cameras that have a projection."""
+        return tuple(camera for camera in range(4) if getattr(self, f"P{camera}") is not None)
+
+    def project_rect(self, points_rect: np.ndarray, camera: int = 2) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels and depth of points (n, ≥ 3) in rectified camera axes; see `project`."""
+        homogeneous = _carry(self.projection(camera), points_rect)
+        depth = homogeneous[:, 2]
+        uv = np.full((len(depth), 2), np.nan)
+        np.divide(homogeneous[:, :2], depth[:, None], out=uv, where=depth[:, None] > 0)
+        return uv, depth
+
+    def project(self, points_velo: np.ndarray, camera: int = 2) -> tuple[np.ndarray, np.ndarray]:
+        """Where points appear in an image.
+
+        Args:
+            points_velo: (n, ≥ 3) in LiDAR axes [m].
+            camera: 0–3.
+
+        Returns:
+            uv (n, 2) float64 pixels, (0, 0) at the centre of the top left pixel, NaN at and behind the
+            camera; depth (n,) float64 along that camera's optical axis [m].
+        """
+        return self.project_rect(self.velo_to_rect(points_velo), camera)
+
+
+def parse_calibration(text: str, source: str | Path = "calibration") -> Calibration:
+    """The calibration in the text of a file; also in the spelling of KITTI's tracking set.
+
+    Raises:
+        FormatError: a matrix is missing, twice there, of the wrong size, not numeric or not finite.
+    """
+    matrices: dict[str, np.ndarray] = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        key, _, rest = line.strip().replace(":", " ", 1).partition(" ")
+        name = _SPELLINGS.get(key, key)
+        if name not in _SHAPES:
+            continue
+        where, shape, words = f"{source}:{number}: {key}", _SHAPES[name], rest.split()
+        if len(words) != shape[0] * shape[1]:
+            raise FormatError(f"{where} has {len(words)} numbers; expected {shape[0]} × {shape[1]}")
+        if name in matrices:
+            raise FormatError(f"{where} is there twice; keep one")
+        matrices[name] = np.reshape(numbers(words, where), shape)
+    missing = [name for name in _MANDATORY if name not in matrices]
+    if missing:
+        raise FormatError(f"{source}: lacks {', '.join(missing)}; a calibration needs {', '.join(_MANDATORY)}")
+    try:
+        return Calibration(**matrices)
+    except FormatError as error:
+        raise FormatError(f"{source}: {error}") from None
+
+
+def format_calibration(calibration: Calibration) -> str:
+    """The text of a calibration file, byte for byte as KITTI writes it; absent matrices are left out."""
+    lines = []
+    for name in _SHAPES:
+        matrix = getattr(calibration, name)
+        if matrix is not None:
+            lines.append(f"{name}: " + " ".join(f"{value:.12e}" for value in matrix.ravel()) + "\n")
+    return "".join(lines) + "\n"
+
+
+def read_calibration(path: str | Path) -> Calibration:
+    """Read a calibration file; see `parse_calibration`."""
+    return parse_calibration(read_text(path), path)
+
+
+def write_calibration(path: str | Path, calibration: Calibration) -> None:
+    """Write a calibration file; see `format_calibration`."""
+    Path(path).write_text(format_calibration(calibration), encoding="utf-8", newline="\n")
+
+
+def _carry(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    xyz = np.asarray(points, np.float64).reshape(-1, np.shape(points)[-1])[:, :3]
+    return np.einsum("nj,ij->ni", xyz, matrix[:3, :3]) + matrix[:3, 3]  # no BLAS threads for 3 × 3

@@ -1,0 +1,236 @@
+"""`Drive`: a folder of frames, simulated or measured."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from cosim.drives.files import is_safe_name, read_mapping
+from cosim.drives.kitti.frame import Frame
+from cosim.drives.kitti.layout import find_layout, list_scans, read_manifest, read_split
+from cosim.drives.kitti.points import POINT_COLUMNS
+from cosim.drives.kitti.scan_notes import scan_notes
+from cosim.errors import DriveError
+
+_LOG = logging.getLogger(__name__)
+_SWEEP_S = 0.1  # HDL-64E at 10 Hz, as in KITTI
+_CONSEQUENCES = {
+    "rays": "rings and firing times are recovered from the order of the points",
+    "image_0": "no grayscale images",
+    "image_2": "no colour images",
+    "depth_0": "no depth images",
+    "label_2": "no labelled objects",
+    "oxts": "no GPS/IMU records",
+    "twin/frames": "no poses: beams cannot be traced again",
+}
+
+
+class Drive:
+    """The frames of a folder, in our layout or KITTI's.
+
+    Usage: `drive = Drive("out"); drive["000000"].points`, or `for frame in drive: …`.
+
+    Attributes:
+        root: the folder that holds `velodyne/` and `calib/`.
+        frames: names of all frames, sorted. Where there is a `manifest.jsonl`, those it lists as finished.
+        info: what `drive.yaml` says; empty without one.
+        kind: `simulated` or `measured`.
+        sweep_s: duration of a turn of the head.
+        missing: what is absent, a sentence each.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        """Open the drive at `path`.
+
+        Raises:
+            DriveError: no folder, no `velodyne/` or `calib/`, no frame, or a value of `drive.yaml` out of bounds.
+            FormatError: `drive.yaml`, the pattern or the manifest cannot be read.
+        """
+        layout = find_layout(Path(path))
+        self.root = layout.root
+        self._image_sets = layout.image_sets
+        scans = list_scans(self.root)
+        manifest = self.root / "manifest.jsonl"
+        finished = set(read_manifest(manifest)) if manifest.is_file() else set(scans)
+        self.frames: tuple[str, ...] = tuple(name for name in scans if name in finished)
+        if not self.frames:
+            state = "manifest.jsonl lists no finished scan of it" if scans else "it holds no .bin file"
+            raise DriveError(f"{self.root / 'velodyne'}: {state}; a drive needs at least one frame")
+        self._lost = len(finished - set(scans))
+        self._known = frozenset(self.frames)
+        self.info: Mapping[str, Any] = self._content(self.root / "drive.yaml")
+        self.kind: Literal["simulated", "measured"] = self._find_kind()
+        self.sweep_s = self._find_sweep()
+        self._columns = self._find_columns()
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[name] for name in self.frames)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._known
+
+    def __getitem__(self, name: str) -> Frame:
+        """The frame of a name; its parts are read when used.
+
+        Raises:
+            DriveError: no such frame.
+        """
+        if name not in self._known:
+            raise DriveError(
+                f"{self.root}: no frame {name!r}; it has {len(self)}, {self.frames[0]} to {self.frames[-1]}"
+            )
+        return Frame(name, self.root, self.sweep_s, self._elevations_rad, self._columns)
+
+    @property
+    def splits(self) -> tuple[str, ...]:
+        """Names of the lists in `ImageSets/`, such as `train` and `val`."""
+        if self._image_sets is None:
+            return ()
+        return tuple(sorted(file.stem for file in self._image_sets.glob("*.txt")))
+
+    def split(self, name: str) -> tuple[str, ...]:
+        """Names of the frames of a list in `ImageSets/`, in its order; those that are not here left out.
+
+        Raises:
+            DriveError: no such list, a line is not a plain name, or none of its frames is here.
+        """
+        if self._image_sets is None or not is_safe_name(name) or name not in self.splits:
+            lists = ", ".join(self.splits) or "none"
+            raise DriveError(f"{self.root}: no ImageSets/{name}.txt; lists there: {lists}")
+        listed = read_split(self._image_sets / f"{name}.txt")
+        here = tuple(frame for frame in listed if frame in self)
+        if not here:
+            raise DriveError(f"{self._image_sets / name}.txt: none of its {len(listed)} frames is in {self.root}")
+        if len(here) < len(listed):
+            _LOG.warning("%s: %d of %d frames are not here", name, len(listed) - len(here), len(listed))
+        return here
+
+    @property
+    def pattern(self) -> str | None:
+        """The beam pattern: path of `pattern.yaml`, else the name or path in `drive.yaml`; None if unsaid."""
+        own = self.root / "pattern.yaml"
+        if own.is_file():
+            return str(own)
+        named = self.info.get("pattern")
+        if named is None:
+            return None
+        local = self.root / str(named)
+        return str(local) if local.is_file() else str(named)
+
+    @property
+    def sensor_path(self) -> Path | None:
+        """`sensor.yaml`, if there is one."""
+        return self._file("sensor.yaml")
+
+    @property
+    def materials_path(self) -> Path | None:
+        """`twin/materials.yaml`, if there is one."""
+        return self._file("twin/materials.yaml")
+
+    @property
+    def model_names(self) -> tuple[str, ...]:
+        """Names of the models in `twin/models/`."""
+        return tuple(sorted(file.stem for file in (self.root / "twin/models").glob("*.glb")))
+
+    def model_path(self, name: str) -> Path:
+        """The glTF file of a model.
+
+        Raises:
+            DriveError: there is none of that name.
+        """
+        file = self.root / "twin/models" / f"{name}.glb"
+        if not is_safe_name(name) or not file.is_file():
+            raise DriveError(f"{self.root}: no twin/models/{name}.glb; add the model, or change the frames that use it")
+        return file
+
+    @cached_property
+    def missing(self) -> tuple[str, ...]:
+        """What is absent and what follows from it, a sentence each; empty for a complete drive."""
+        said = [self._absence(part, then) for part, then in _CONSEQUENCES.items()]
+        if not any((self.root / "twin" / place).exists() for place in ("static.glb", "static", "worlds")):
+            said.append("twin/static.glb is absent: no static world")
+        if self.pattern is None:
+            said.append("the beam pattern is not given: name one, or it is taken to be KITTI's")
+        if "sweep_s" not in self.info and self._pattern_content.get("sweep_s") is None:
+            said.append(f"sweep_s is not given: taken to be {_SWEEP_S} s")
+        if self.kind == "simulated":
+            said.append(self._absence("hits", "variants must trace again"))
+            said.append("" if self.sensor_path else "sensor.yaml is absent: the sensor is not known")
+            said.append("" if self.info else "drive.yaml is absent: the run is unfinished")
+        if self._lost:
+            said.append(f"{self._lost} frames that manifest.jsonl lists have no scan: left out")
+        return tuple(filter(None, said))
+
+    def notes(self, names: Iterable[str] | None = None) -> tuple[str, ...]:
+        """What is missing, and what the scans of some frames lack, a sentence each, for commands to print.
+
+        Reads the scans.
+
+        Args:
+            names: of the frames; all by default.
+
+        Raises:
+            DriveError: none of them holds a point, or there is no such frame.
+            FormatError: a scan cannot be read.
+        """
+        return (*self.missing, *scan_notes([self[name] for name in (self.frames if names is None else names)]))
+
+    def _absence(self, part: str, consequence: str) -> str:
+        absent = sum(not frame.has(part) for frame in self)
+        if not absent:
+            return ""
+        where = "is absent" if absent == len(self) else f"is absent for {absent} of {len(self)} frames"
+        return f"{part}/ {where}: {consequence}"
+
+    def _find_kind(self) -> Literal["simulated", "measured"]:
+        kind = self.info.get("kind")
+        if kind is None:
+            unfinished = (self.root / "manifest.jsonl").is_file() or (self.root / "hits").is_dir()
+            return "simulated" if unfinished else "measured"
+        if kind not in ("simulated", "measured"):
+            raise DriveError(f"{self.root / 'drive.yaml'}: kind is {kind!r}; write simulated or measured")
+        return kind
+
+    def _find_sweep(self) -> float:
+        sweep = self.info.get("sweep_s", self._pattern_content.get("sweep_s", _SWEEP_S))
+        if isinstance(sweep, bool) or not isinstance(sweep, int | float) or not 0 < sweep < 100:
+            raise DriveError(f"{self.root}: sweep_s is {sweep!r}; give seconds a turn, as 0.1 (drive or pattern.yaml)")
+        return float(sweep)
+
+    def _find_columns(self) -> int:
+        columns = self.info.get("columns", POINT_COLUMNS)
+        if isinstance(columns, bool) or columns not in (POINT_COLUMNS - 1, POINT_COLUMNS):
+            raise DriveError(
+                f"{self.root / 'drive.yaml'}: columns is {columns!r}; a point has 4 (x y z intensity) or 3 (x y z)"
+            )
+        return columns
+
+    @cached_property
+    def _pattern_content(self) -> Mapping[str, Any]:
+        pattern = self.pattern
+        return self._content(Path(pattern)) if pattern is not None else {}
+
+    @cached_property
+    def _elevations_rad(self) -> np.ndarray | None:
+        degrees = self._pattern_content.get("elevation_deg")
+        if degrees is None:
+            return None
+        try:
+            return np.radians(np.array(degrees, np.float64).reshape(-1))
+        except (TypeError, ValueError):
+            raise DriveError(f"{self.pattern}: elevation_deg is not a list of numbers, one a laser") from None
+
+    @staticmethod
+    def _content(file: Path) -> Mapping[str, Any]:
+        return read_mapping(file) if file.is_file() else {}
+
+    def _file(self, name: str) -> Path | None:
+        return self.root / name if (self.root / name).is_file() else None

@@ -1,0 +1,188 @@
+"""One frame of a drive: its parts, read when asked for."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from cosim.drives.kitti.calibration import Calibration, read_calibration
+from cosim.drives.kitti.images import read_depth, read_image, read_instances
+from cosim.drives.kitti.labels import Labels, read_labels
+from cosim.drives.kitti.oxts import Oxts, read_oxts
+from cosim.drives.kitti.points import POINT_COLUMNS, read_points_lenient
+from cosim.drives.kitti.rays import PointRays, read_rays
+from cosim.drives.kitti.rings import recover_rays
+from cosim.drives.twin.frame import TwinFrame, read_frame
+from cosim.errors import DriveError
+
+_LOG = logging.getLogger(__name__)
+_T = TypeVar("_T")
+
+#: Folder of a part → suffixes its files may have, the one we write first.
+PARTS = {
+    "velodyne": (".bin",),
+    "calib": (".txt",),
+    "rays": (".npz",),
+    "hits": (".npz",),
+    **{f"image_{camera}": (".png", ".jpg") for camera in range(4)},
+    **{f"{kind}_{camera}": (".png",) for kind in ("depth", "semantic", "instance") for camera in range(4)},
+    "label_2": (".txt",),
+    "label_2_exact": (".txt",),
+    "oxts": (".txt",),
+    "twin/frames": (".json",),
+    "twin/trust": (".npz",),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The parts of one frame, each read once, at its first use. All raise `CosimError` on broken files.
+
+    Attributes:
+        name: as in `velodyne/NAME.bin`.
+        root: the folder that holds `velodyne/`.
+        sweep_s: duration of a turn, to make up firing times with.
+        elevations_rad: (k,) of the pattern's rings, if the drive tells; helps to recover rings.
+        columns: floats a point in the file: 4, or 3 where intensity was not recorded.
+    """
+
+    name: str
+    root: Path
+    sweep_s: float = 0.1
+    elevations_rad: np.ndarray | None = None
+    columns: int = 4
+
+    def find(self, part: str) -> Path | None:
+        """The file of a part (a folder such as `label_2`), or None if it is absent."""
+        candidates = [self.root / part / (self.name + suffix) for suffix in PARTS[part]]
+        return next((path for path in candidates if path.is_file()), None)
+
+    def has(self, part: str) -> bool:
+        """Whether a part is there."""
+        return self.find(part) is not None
+
+    def path(self, part: str) -> Path:
+        """The file of a part.
+
+        Raises:
+            DriveError: it is absent.
+        """
+        found = self.find(part)
+        if found is None:
+            file = f"{part}/{self.name}{PARTS[part][0]}"
+            raise DriveError(f"{self.root}: no {file}; add it, or leave out what needs {part}/")
+        return found
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """(n, 4) float32 x, y, z [m] in LiDAR axes and intensity; rows with NaN or infinity left out."""
+        return self._scan[0]
+
+    @cached_property
+    def has_intensity(self) -> bool:
+        """Whether intensities were recorded: not all of the finite points' are zero."""
+        return self.columns > POINT_COLUMNS - 1 and bool(self.points[:, 3].any())
+
+    @property
+    def bad_points(self) -> int:
+        """How many rows of the file were left out because they hold NaN or infinity."""
+        return int((~self._scan[1]).sum())
+
+    @cached_property
+    def rays(self) -> PointRays:
+        """The beam of every point; `rays.recovered` says whether it was made up from their order."""
+        points, finite = self._scan
+        file = self.find("rays")
+        if file is not None:
+            return read_rays(file, points=len(finite))[finite]
+        return recover_rays(points, self.sweep_s, self.elevations_rad, str(self.path("velodyne")))
+
+    @property
+    def bad_rays(self) -> PointRays | None:
+        """The beams of the rows that were left out; None where the drive does not tell beams."""
+        file, finite = self.find("rays"), self._scan[1]
+        return None if file is None else read_rays(file, points=len(finite))[~finite]
+
+    @cached_property
+    def calibration(self) -> Calibration:
+        """The calibration."""
+        return self._read("calib", read_calibration)
+
+    @cached_property
+    def labels(self) -> Labels:
+        """The labelled objects, `DontCare` regions included."""
+        return self._read("label_2", read_labels)
+
+    @cached_property
+    def exact_labels(self) -> Labels:
+        """The labels before label effects, those of `label_2` where a drive keeps no others."""
+        return self._read("label_2_exact", read_labels) if self.has("label_2_exact") else self.labels
+
+    @cached_property
+    def oxts(self) -> Oxts:
+        """The GPS/IMU record."""
+        return self._read("oxts", read_oxts)
+
+    @cached_property
+    def twin(self) -> TwinFrame:
+        """Poses and motion of everything at the pose time."""
+        return self._read("twin/frames", read_frame)
+
+    @cached_property
+    def depth(self) -> np.ndarray:
+        """Depth of camera 0, (h, w) float32 metres, 0 where there is nothing."""
+        return self._read("depth_0", read_depth)
+
+    def image(self, part: str = "image_2") -> np.ndarray:
+        """An image: (h, w) uint8 if gray or `semantic_2`, (h, w, 3) uint8 RGB if coloured. Not kept."""
+        return self._read(part, read_image)
+
+    def instances(self, part: str = "instance_2") -> np.ndarray:
+        """What stands in each pixel, (h, w) uint16: row of the twin's instances + 1, 0 for all else. Not kept."""
+        return self._read(part, read_instances)
+
+    @property
+    def hits_path(self) -> Path:
+        """The stored hits of a simulated frame."""
+        return self.path("hits")
+
+    @property
+    def static_paths(self) -> tuple[Path, ...]:
+        """The glTF files of this frame's static world.
+
+        Raises:
+            DriveError: there are none.
+        """
+        twin = self.root / "twin"
+        named = self.twin.static if self.has("twin/frames") else None
+        wanted = [twin / named] if named else [twin / "static.glb", twin / "static"]
+        for place in wanted:
+            files = [place] if place.is_file() else sorted(place.glob("*.glb"))
+            if files:
+                return tuple(files)
+        raise DriveError(
+            f"{self.root}: no static world at {' or '.join(str(p.relative_to(self.root)) for p in wanted)}; "
+            "write one, or make a twin from labels with `cosim twin`"
+        )
+
+    @cached_property
+    def _scan(self) -> tuple[np.ndarray, np.ndarray]:
+        points, finite = self._read("velodyne", lambda path: read_points_lenient(path, self.columns))
+        if not finite.all():
+            _warn_of_bad(self.path("velodyne"), int((~finite).sum()), len(finite))
+        return points, finite
+
+    def _read(self, part: str, reader: Callable[[Path], _T]) -> _T:
+        return reader(self.path(part))
+
+
+@cache
+def _warn_of_bad(path: Path, bad: int, count: int) -> None:
+    """Once a file, however often it is read."""
+    _LOG.warning("%s: left out %d of %d points with NaN or infinity", path, bad, count)

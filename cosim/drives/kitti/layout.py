@@ -1,0 +1,89 @@
+"""Where the parts of a drive are: our own layout and that of KITTI's downloads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from assets.documents import parse_json
+from cosim.drives.files import is_safe_name, read_text
+from cosim.errors import DriveError
+
+_BELOW = ("", "training", "testing")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The folders of a drive.
+
+    Attributes:
+        root: holds `velodyne/` and `calib/`.
+        image_sets: holds the lists of frames, beside the root or above it; None if there are none.
+    """
+
+    root: Path
+    image_sets: Path | None
+
+
+def find_layout(path: Path) -> Layout:
+    """The layout of the drive at `path`: its root, or KITTI's folder above `training/` or `testing/`.
+
+    Raises:
+        DriveError: no such folder, or no `velodyne/` or `calib/` in it.
+    """
+    if not path.is_dir():
+        raise DriveError(f"{path}: {'not a folder' if path.exists() else 'no such folder'}; give that of a drive")
+    root = next((path / below for below in _BELOW if (path / below / "velodyne").is_dir()), None)
+    if root is None:
+        raise DriveError(
+            f"{path}: no velodyne/ here or in training/; a drive holds velodyne/NAME.bin and calib/NAME.txt: "
+            "give the folder above them"
+        )
+    if not (root / "calib").is_dir():
+        raise DriveError(f"{root}: no calib/; every scan needs calib/NAME.txt: add them in KITTI's format")
+    above = [path, root.parent] if root.name in _BELOW[1:] else [path]
+    image_sets = next((folder / "ImageSets" for folder in above if (folder / "ImageSets").is_dir()), None)
+    return Layout(root, image_sets)
+
+
+def list_scans(root: Path) -> list[str]:
+    """Names of the scans in `velodyne/`, sorted; files whose names could not be a frame's are passed over."""
+    return sorted(file.stem for file in (root / "velodyne").glob("*.bin") if is_safe_name(file.stem))
+
+
+def read_manifest(file: Path) -> list[str]:
+    """Names of the finished frames in `manifest.jsonl`; a last line without its end is still being written.
+
+    Raises:
+        DriveError: a line is not an object with a plain `name`.
+    """
+    text = read_text(file)
+    names = []
+    for number, line in enumerate(text.splitlines(keepends=True), 1):
+        if not line.endswith("\n") or not line.strip():
+            continue
+        try:
+            entry = parse_json(line)
+            if "name" not in entry and "episode" in entry:
+                continue  # a remark about an episode
+            name = entry["name"]
+        except (ValueError, KeyError, TypeError):
+            raise DriveError(f"{file}:{number}: not an object with a name; remove the line") from None
+        names.append(_checked(name, f"{file}:{number}"))
+    return names
+
+
+def read_split(file: Path) -> list[str]:
+    """Names of the frames in a list of `ImageSets/`, one a line.
+
+    Raises:
+        DriveError: a line is not a plain name.
+    """
+    lines = [(number, line.strip()) for number, line in enumerate(read_text(file).splitlines(), 1)]
+    return [_checked(line, f"{file}:{number}") for number, line in lines if line]
+
+
+def _checked(name: object, where: str) -> str:
+    if not isinstance(name, str) or not is_safe_name(name):
+        raise DriveError(f"{where}: {name!r} cannot be the name of a frame; use letters, digits and _ . + -")
+    return name

@@ -1,0 +1,251 @@
+"""One frame of a twin: where everything was at the pose time, and how it moved (`twin/frames/NAME.json`).
+
+Poses are world poses (x east, y north, z up), 4 × 4, right-handed. Within a sweep p(t) = p0 + v·t and
+R(t) = Rz(ω·t)·R0, t from the pose time. Files hold lengths to 1 µm and rotations to 1e-9; who wants to
+trace exactly what a reader will trace, traces `TwinFrame.from_json(frame.to_json())`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from assets.documents import parse_json
+from cosim.drives.files import read_text
+from cosim.drives.twin.json_values import Reader, arrays, matrix_json, number_json, poses, positives, vector_json
+from cosim.errors import FormatError
+
+
+@dataclass(frozen=True, eq=False)
+class Ego:
+    """The vehicle that carries the sensors.
+
+    Attributes:
+        pose: (4, 4) world pose of its ground-level centre.
+        velocity_mps: (3,) in world axes.
+        yaw_rate_radps: about world z.
+        acceleration_mps2: (3,) in world axes.
+    """
+
+    pose: np.ndarray
+    velocity_mps: np.ndarray
+    yaw_rate_radps: float
+    acceleration_mps2: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Lidar:
+    """The LiDAR: pose_ego (4, 4) carries its axes into the ego's; pattern is the name of the beam pattern."""
+
+    pose_ego: np.ndarray
+    pattern: str
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera, x right, y down, z forward.
+
+    Attributes:
+        pose_ego: (4, 4) carries its axes into the ego's.
+        P: (3, 4) projection of rectified camera axes to pixels.
+        width, height: image size [px].
+    """
+
+    pose_ego: np.ndarray
+    P: np.ndarray
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """One thing that can move, parked ones too; not the ego vehicle.
+
+    Attributes:
+        id: SUMO's id.
+        kind: car, van, truck, pedestrian, …
+        model: NAME of `twin/models/NAME.glb`.
+        pose: (4, 4) world pose of the ground-level centre of its box.
+        velocity_mps: (3,) in world axes.
+        yaw_rate_radps: about world z.
+        length_m, width_m, height_m: its box.
+        scale: (3,) applied to the model before the pose.
+        paint: reflectance of its paint materials at 905 nm, 0–1.
+    """
+
+    id: str
+    kind: str
+    model: str
+    pose: np.ndarray
+    velocity_mps: np.ndarray
+    yaw_rate_radps: float
+    length_m: float
+    width_m: float
+    height_m: float
+    scale: np.ndarray
+    paint: float
+
+
+@dataclass(frozen=True, eq=False)
+class TwinFrame:
+    """Everything at the pose time of one frame.
+
+    Attributes:
+        frame: its name, as in `velodyne/NAME.bin`.
+        time_s: pose time in the simulation.
+        sweep_s: duration of a turn of the head.
+        ego, lidar: see there.
+        cameras: by image folder, as `image_0`.
+        instances: see there.
+        static: the static world of this frame relative to `twin/`, where a drive has several; else None.
+    """
+
+    frame: str
+    time_s: float
+    sweep_s: float
+    ego: Ego
+    lidar: Lidar
+    cameras: Mapping[str, Camera]
+    instances: tuple[Instance, ...]
+    static: str | None = None
+
+    def to_json(self) -> str:
+        """The text of the file; equal frames give equal text.
+
+        Raises:
+            FormatError: a value is NaN or infinite.
+        """
+        document: dict[str, Any] = {
+            "frame": self.frame,
+            "time_s": number_json(self.time_s),
+            "sweep_s": number_json(self.sweep_s),
+        }
+        if self.static is not None:
+            document["static"] = self.static
+        document["ego"] = {
+            "pose": matrix_json(self.ego.pose),
+            "velocity_mps": vector_json(self.ego.velocity_mps),
+            "yaw_rate_radps": number_json(self.ego.yaw_rate_radps),
+            "acceleration_mps2": vector_json(self.ego.acceleration_mps2),
+        }
+        document["lidar"] = {"pose_ego": matrix_json(self.lidar.pose_ego), "pattern": self.lidar.pattern}
+        document["cameras"] = {name: _camera_json(camera) for name, camera in self.cameras.items()}
+        document["instances"] = _instances_json(self.instances)
+        try:
+            return json.dumps(document, separators=(",", ":"), allow_nan=False, ensure_ascii=False) + "\n"
+        except ValueError:
+            raise FormatError(f"twin frame {self.frame}: a value is NaN or infinite; poses must be finite") from None
+
+    @classmethod
+    def from_json(cls, text: str, source: str | Path = "twin frame") -> TwinFrame:
+        """The frame in the text of a file; unknown keys are passed over.
+
+        Raises:
+            FormatError: not JSON, a key missing, or a value of the wrong kind, shape or range.
+        """
+        try:
+            document = parse_json(text)
+        except ValueError as error:
+            raise FormatError(f"{source}: not readable as JSON ({error}); write it again") from None
+        root = Reader(document, str(source))
+        ego, lidar, cameras = root.child("ego"), root.child("lidar"), root.child("cameras")
+        return cls(
+            frame=root.text("frame"),
+            time_s=root.number("time_s"),
+            sweep_s=root.number("sweep_s", above=0),
+            ego=Ego(
+                pose=ego.pose("pose"),
+                velocity_mps=ego.array("velocity_mps", (3,)),
+                yaw_rate_radps=ego.number("yaw_rate_radps"),
+                acceleration_mps2=ego.array("acceleration_mps2", (3,)),
+            ),
+            lidar=Lidar(pose_ego=lidar.pose("pose_ego"), pattern=lidar.text("pattern")),
+            cameras={name: _camera(cameras.child(name)) for name in cameras.keys},
+            instances=_instances(root.children("instances")),
+            static=root.path("static") if "static" in root.keys else None,
+        )
+
+
+def read_frame(path: str | Path) -> TwinFrame:
+    """Read a frame; see `TwinFrame.from_json`."""
+    return TwinFrame.from_json(read_text(path), path)
+
+
+def write_frame(path: str | Path, frame: TwinFrame) -> None:
+    """Write a frame; see `TwinFrame.to_json`."""
+    Path(path).write_text(frame.to_json(), encoding="utf-8", newline="\n")
+
+
+def _camera_json(camera: Camera) -> dict[str, Any]:
+    return {
+        "pose_ego": matrix_json(camera.pose_ego),
+        "P": matrix_json(camera.P),
+        "width": int(camera.width),
+        "height": int(camera.height),
+    }
+
+
+def _instances_json(instances: tuple[Instance, ...]) -> list[dict[str, Any]]:
+    """All at once: one by one, hundreds of parked cars take longer than a scan."""
+    if not instances:
+        return []
+    pose = matrix_json(np.stack([instance.pose for instance in instances]))
+    velocity, scale = (
+        vector_json(np.stack([getattr(instance, name) for instance in instances])) for name in ("velocity_mps", "scale")
+    )
+    yaw_rate, length, width, height, paint = (
+        vector_json(np.array([getattr(instance, name) for instance in instances], np.float64))
+        for name in ("yaw_rate_radps", "length_m", "width_m", "height_m", "paint")
+    )
+    return [
+        {
+            "id": instance.id,
+            "kind": instance.kind,
+            "model": instance.model,
+            "pose": pose[row],
+            "velocity_mps": velocity[row],
+            "yaw_rate_radps": yaw_rate[row],
+            "length_m": length[row],
+            "width_m": width[row],
+            "height_m": height[row],
+            "scale": scale[row],
+            "paint": paint[row],
+        }
+        for row, instance in enumerate(instances)
+    ]
+
+
+def _camera(entry: Reader) -> Camera:
+    width, height = entry.number("width", above=0), entry.number("height", above=0)
+    return Camera(entry.pose("pose_ego"), entry.array("P", (3, 4)), int(width), int(height))
+
+
+def _instances(entries: list[Reader]) -> tuple[Instance, ...]:
+    pose, velocity, scale = (
+        poses(entries, "pose"),
+        arrays(entries, "velocity_mps", (3,)),
+        arrays(entries, "scale", (3,)),
+    )
+    yaw_rate, paint = arrays(entries, "yaw_rate_radps", ()).tolist(), arrays(entries, "paint", ()).tolist()
+    length, width, height = (positives(entries, key) for key in ("length_m", "width_m", "height_m"))
+    return tuple(
+        Instance(
+            id=entry.text("id"),
+            kind=entry.text("kind"),
+            model=entry.name("model"),
+            pose=pose[row],
+            velocity_mps=velocity[row],
+            yaw_rate_radps=yaw_rate[row],
+            length_m=length[row],
+            width_m=width[row],
+            height_m=height[row],
+            scale=scale[row],
+            paint=paint[row],
+        )
+        for row, entry in enumerate(entries)
+    )

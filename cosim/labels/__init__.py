@@ -1,0 +1,1 @@
+"""KITTI labels of what stands in a frame."""

@@ -1,0 +1,1 @@
+"""Where a run takes place, and with which meshes."""

@@ -1,0 +1,109 @@
+"""A town with one of its random worlds, ready to be driven through, scanned and drawn."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from assets import Mesh
+from assets.world import build_world
+from cosim.capture.config import RunConfig
+from cosim.scene.ground import Ground
+from sensors.cameras import Camera, CameraRenderer, Light, PackedModel, bake_sun_shadows
+from sensors.scene import Scene, TracedModel
+from sumo_nets import Town
+
+_WORLD_STREAM, _LIGHT_STREAM = 0, 1  # keep the random numbers of world and light apart
+
+
+@dataclass(frozen=True, eq=False)
+class Models:
+    """Models as places need them, each made ready once for all of them.
+
+    Attributes:
+        load: gives the mesh of a name.
+        traced: by name, for rays.
+        packed: by name and level of detail, for images.
+    """
+
+    load: Callable[[str], Mesh]
+    traced: dict[str, TracedModel] = field(default_factory=dict)
+    packed: dict[tuple[str, int], PackedModel] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """Where episodes happen.
+
+    Attributes:
+        town: its streets and traffic.
+        world: number of the random world.
+        mesh: the static world.
+        ground: what wheels stand on.
+        scene: the world as rays meet it.
+        renderer: draws it.
+    """
+
+    town: Town
+    world: int
+    mesh: Mesh
+    ground: Ground
+    scene: Scene
+    renderer: CameraRenderer
+
+    @classmethod
+    def build(
+        cls,
+        config: RunConfig,
+        town: Town,
+        world: int,
+        light: Light,
+        *,
+        camera: Camera,
+        models: Models,
+        threads: int,
+    ) -> Site:
+        """Build the world that the run's seed, the town and the world's number determine, in a given light."""
+        seeds = [config.seed, zlib.crc32(town.name.encode()), world]
+        environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
+        static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment)
+        scene = Scene(static.mesh, models.load, threads, models=models.traced)
+        renderer = _renderer(static.mesh, scene, light, camera, config.backend, models)
+        return cls(town, world, static.mesh, Ground(static.ground), scene, renderer)
+
+    def lit(self, light: Light, config: RunConfig, camera: Camera, models: Models) -> Site:
+        """The same place in another light; the renderer it had is closed."""
+        self.renderer.close()
+        return replace(self, renderer=_renderer(self.mesh, self.scene, light, camera, config.backend, models))
+
+
+def light_of(config: RunConfig, episode: int) -> Light:
+    """The light of an episode, which the run's seed and the episode's number determine."""
+    return draw_light(np.random.default_rng([config.seed, episode, _LIGHT_STREAM]))
+
+
+def draw_light(rng: np.random.Generator) -> Light:
+    """Sun and sky of a random hour and weather."""
+    clear = float(rng.uniform(0.35, 1.0))
+    return Light(
+        sun_elevation_deg=float(rng.uniform(22, 60)),
+        sun_azimuth_deg=float(rng.uniform(-180, 180)),
+        sun_rgb=(0.80 * clear, 0.76 * clear, 0.68 * clear),
+        exposure=float(rng.uniform(0.9, 1.0)) / (0.45 + 0.55 * clear),
+    )
+
+
+def _renderer(mesh: Mesh, scene: Scene, light: Light, camera: Camera, backend: str, models: Models) -> CameraRenderer:
+    return CameraRenderer(
+        mesh,
+        models.load,
+        light,
+        width=camera.width,
+        height=camera.height,
+        backend=backend,
+        static_shade=bake_sun_shadows(mesh, light, scene.static),
+        packed=models.packed,
+    )

@@ -1,0 +1,92 @@
+"""All drivers of an episode."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+from cosim.traffic.actors import Actors
+from cosim.traffic.behaviour.collisions import Collisions
+from cosim.traffic.behaviour.config import BehaviourConfig
+from cosim.traffic.behaviour.contacts import Contacts
+from cosim.traffic.behaviour.events import Event
+from cosim.traffic.behaviour.free_driving import FreeDriving
+from cosim.traffic.behaviour.gridlock import Gridlock
+from cosim.traffic.behaviour.lane_changes import LaneChanges
+from cosim.traffic.behaviour.onward import Onward
+from cosim.traffic.behaviour.patience import Patience
+from cosim.traffic.behaviour.pull_in import PullIn
+from cosim.traffic.behaviour.pull_out import PullOut
+from cosim.traffic.behaviour.roads import Roads
+from cosim.traffic.behaviour.stage import Stage
+from cosim.traffic.behaviour.turnarounds import Turnarounds
+from cosim.traffic.behaviour.u_turns import UTurns
+from cosim.traffic.motion import Motion
+from cosim.traffic.simulation import Traffic
+
+
+class Drivers:
+    """Makes vehicles behave as a configuration says.
+
+    Args:
+        config: how.
+        seed: of all draws; those of habits follow from it and a vehicle's id alone.
+        roads: the network.
+        exempt: vehicles (the ego) that neither park nor collide, now or from a later step on.
+        sight_m: nobody vanishes this near to an exempt vehicle.
+    """
+
+    def __init__(self, config: BehaviourConfig, seed: int, roads: Roads, exempt: set[str], sight_m: float) -> None:
+        def rng(name: str) -> np.random.Generator:
+            return np.random.default_rng([seed, zlib.crc32(name.encode())])
+
+        driving = FreeDriving(seed)
+        self._config = config
+        self._roads = roads
+        self._sight_m = sight_m
+        self._behaviours = (
+            driving,
+            LaneChanges(rng("lane changes"), driving),
+            PullOut(rng("pull-outs")),
+            PullIn(rng("pull-ins")),
+            UTurns(rng("U-turns")),
+            Collisions(rng("collisions")),
+            Turnarounds(),
+            Onward(rng("onward")),
+            Gridlock(),
+            Patience(),
+            Contacts(rng("contacts")),
+        )
+        self._stage: Stage | None = None
+        self._exempt = exempt
+
+    @property
+    def events(self) -> list[Event]:
+        """What has happened so far, in order of time."""
+        return [] if self._stage is None else self._stage.events
+
+    def apply(self, traffic: Traffic, motion: Motion, actors: Actors) -> None:
+        """Act after a step.
+
+        Args:
+            traffic: the running simulation.
+            motion: that smooths it.
+            actors: smoothed, after the step.
+        """
+        if self._stage is None:
+            rows = {name: row for row, name in enumerate(actors.ids)}
+            self._stage = Stage(
+                self._config,
+                traffic,
+                motion,
+                self._roads,
+                actors,
+                rows,
+                traffic.step_s,
+                exempt=self._exempt,
+                sight_m=self._sight_m,
+            )
+        self._stage.see(actors)
+        for behaviour in self._behaviours:
+            behaviour.step(self._stage)

@@ -1,0 +1,106 @@
+"""What the behaviours of one step share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import ModuleType
+
+import numpy as np
+
+from cosim.traffic.actors import Actors
+from cosim.traffic.behaviour.config import BehaviourConfig
+from cosim.traffic.behaviour.events import Event, EventKind
+from cosim.traffic.behaviour.roads import Roads
+from cosim.traffic.motion import Motion
+from cosim.traffic.simulation import Traffic
+
+NEAR_M = 30.0
+
+
+@dataclass(eq=False)
+class Stage:
+    """The simulation as drivers meet it.
+
+    Attributes:
+        config: how they behave.
+        traffic, motion, roads: where.
+        actors: smoothed, after the last step.
+        rows: vehicle → row of `actors`.
+        step_s: SUMO's step length.
+        busy: vehicles in a manoeuvre, which no other may begin with.
+        exempt: vehicles that neither park nor collide nor are taken away (the ego).
+        sight_m: nobody may vanish this near to one of them.
+        steered: vehicles whose speed in SUMO a manoeuvre sets.
+        pace: speed that others are sent on with [m/s]; who is missing goes as SUMO likes.
+        collided: pairs, in alphabetical order, that have collided as drawn.
+        events: what has happened.
+    """
+
+    config: BehaviourConfig
+    traffic: Traffic
+    motion: Motion
+    roads: Roads
+    actors: Actors
+    rows: dict[str, int]
+    step_s: float
+    busy: set[str] = field(default_factory=set)
+    exempt: set[str] = field(default_factory=set)
+    sight_m: float = 120.0
+    steered: set[str] = field(default_factory=set)
+    pace: dict[str, float] = field(default_factory=dict)
+    collided: set[tuple[str, str]] = field(default_factory=set)
+    events: list[Event] = field(default_factory=list)
+
+    @property
+    def api(self) -> ModuleType:
+        """The running libsumo."""
+        return self.traffic.api
+
+    def see(self, actors: Actors) -> None:
+        """Go on to the next step."""
+        if actors.ids != self.actors.ids:
+            self.rows = {name: row for row, name in enumerate(actors.ids)}
+        self.actors = actors
+
+    def record(self, kind: EventKind, *vehicles: str) -> None:
+        """Note an event."""
+        self.events.append(Event(kind, self.actors.time_s, vehicles))
+
+    def take_away(self, vehicle: str) -> bool:
+        """Let a vehicle leave the simulation, unless it is exempt or in sight of one that is; whether it does."""
+        if vehicle in self.exempt or self._in_sight(vehicle):
+            return False
+        self.record("taken_away", vehicle)
+        self.api.vehicle.unsubscribe(vehicle)
+        self.api.vehicle.remove(vehicle)
+        self.busy.add(vehicle)
+        return True
+
+    def _in_sight(self, vehicle: str) -> bool:
+        places = self.actors.front[:, :2]
+        watchers = [self.rows[name] for name in self.exempt if name in self.rows]
+        away = places[watchers] - places[self.rows[vehicle]]
+        return bool((np.hypot(away[:, 0], away[:, 1]) < self.sight_m).any())
+
+    def due(self, per_min: float, rng: np.random.Generator) -> bool:
+        """Whether an incident of a rate falls into this step."""
+        return per_min > 0 and bool(rng.random() < per_min / 60 * self.step_s)
+
+    def boxes_near(self, place: np.ndarray, but: str) -> np.ndarray:
+        """Boxes (k, 5) of vehicles near a place (2,): x, y, heading, length, width; without one vehicle."""
+        actors = self.actors
+        forward = np.column_stack([np.cos(actors.heading_rad), np.sin(actors.heading_rad)])
+        centre = actors.front[:, :2] - forward * actors.size[:, :1] / 2
+        near = np.hypot(*(centre - place).T) < NEAR_M
+        near &= np.array([kind != "pedestrian" for kind in actors.kinds], bool)
+        if but in self.rows:
+            near[self.rows[but]] = False
+        return np.column_stack([centre, actors.heading_rad, actors.size[:, :2]])[near]
+
+
+def in_axes(boxes: np.ndarray, origin: np.ndarray, heading_rad: float) -> np.ndarray:
+    """Boxes (k, 5) in axes at `origin` (2,), x along `heading_rad`."""
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    away = boxes[:, :2] - origin
+    turned = np.column_stack([away[:, 0] * cos + away[:, 1] * sin, away[:, 1] * cos - away[:, 0] * sin])
+    return np.column_stack([turned, boxes[:, 2] - heading_rad, boxes[:, 3:]])

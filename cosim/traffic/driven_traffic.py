@@ -1,0 +1,62 @@
+"""SUMO, the drivers' behaviour and the motion of their vehicles as one."""
+
+from __future__ import annotations
+
+from cosim.traffic.actors import Actors
+from cosim.traffic.admission import Admission
+from cosim.traffic.behaviour import BehaviourConfig, Drivers, Event
+from cosim.traffic.behaviour.kerbside import Kerbside
+from cosim.traffic.behaviour.roads import Roads
+from cosim.traffic.motion import Motion
+from cosim.traffic.simulation import Traffic
+
+
+class DrivenTraffic:
+    """A running simulation whose vehicles behave and move as real ones.
+
+    Args:
+        traffic: the simulation, not yet stepped.
+        config: how drivers behave.
+        seed: of their behaviour.
+        sight_m: nobody appears or vanishes this near to a protected vehicle.
+    """
+
+    def __init__(self, traffic: Traffic, config: BehaviourConfig, seed: int, sight_m: float = 120.0) -> None:
+        self._traffic = traffic
+        self._motion = Motion(traffic.step_s)
+        self._kerbside = Kerbside(config, seed)
+        self._roads = Roads(traffic.api)
+        self._protected: set[str] = set()
+        self._entrances = Admission(traffic, self._motion, self._protected, sight_m)
+        self._drivers = Drivers(config, seed, self._roads, self._protected, sight_m)
+
+    @property
+    def events(self) -> list[Event]:
+        """What drivers did so far."""
+        return self._drivers.events
+
+    def protect(self, vehicle: str) -> None:
+        """Let a vehicle (the ego) neither park nor collide, and nobody appear or vanish in its sight."""
+        self._protected.add(vehicle)
+
+    def advance(self, steps: int) -> Actors:
+        """Go on by some steps (at least one).
+
+        Raises:
+            TrafficError: SUMO gave up.
+        """
+        actors = self.step()
+        for _ in range(steps - 1):
+            actors = self.step()
+        return actors
+
+    def step(self) -> Actors:
+        """Go on by one step.
+
+        Raises:
+            TrafficError: SUMO gave up.
+        """
+        actors = self._kerbside.arrange(self._traffic, self._roads, self._traffic.step())
+        actors = self._motion.update(self._entrances.admit(actors))
+        self._drivers.apply(self._traffic, self._motion, actors)
+        return actors

@@ -1,0 +1,103 @@
+"""What SUMO reports of everyone, as columns that are kept from step to step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+_Values = Mapping[int, Any]
+
+
+class Subscriptions:
+    """Columns of subscribed values, a row for every road user: vehicles by name, then persons by name.
+
+    Most road users are parked and say nothing new: their rows are read once, and the order of rows is found anew only
+    when somebody comes, goes or parks.
+
+    Args:
+        constants: libsumo's constants.
+
+    Attributes:
+        ids: n names.
+        types: n names of vTypes, as SUMO has them.
+        lanes: n names of lanes, empty off the road.
+        front: (n, 3) world position of the front bumper's centre [m].
+        angle_deg: (n,) clockwise from north.
+        numbers: name of a column → (n,) float64 `speed_mps`, `acceleration_mps2`, `lane_position_m`, `signals`.
+        parked: (n,) bool.
+    """
+
+    def __init__(self, constants: ModuleType) -> None:
+        self._place, self._angle = constants.VAR_POSITION3D, constants.VAR_ANGLE
+        self._lane, self._type = constants.VAR_LANE_ID, constants.VAR_TYPE
+        self._number = {
+            "speed_mps": constants.VAR_SPEED,
+            "acceleration_mps2": constants.VAR_ACCELERATION,
+            "lane_position_m": constants.VAR_LANEPOSITION,
+            "signals": constants.VAR_SIGNALS,
+        }
+        self._stale = True
+        self._lively: tuple[list[str], list[str]] = ([], [])
+        self._rows = np.zeros(0, int)
+        self.ids: tuple[str, ...] = ()
+        self.types: tuple[str, ...] = ()
+        self.lanes: list[str] = []
+        self.front, self.angle_deg = np.zeros((0, 3)), np.zeros(0)
+        self.numbers: dict[str, np.ndarray] = {name: np.zeros(0) for name in self._number}
+        self.parked = np.zeros(0, bool)
+
+    def forget_parked(self) -> None:
+        """Read the parked anew at the next step: some of them are others."""
+        self._stale = True
+
+    def read(
+        self, vehicles: Mapping[str, _Values], persons: Mapping[str, _Values], parked: Mapping[str, _Values]
+    ) -> bool:
+        """Take a step's values; whether the rows are others than before.
+
+        Args:
+            vehicles, persons: name → values of those who have some.
+            parked: the same of those who stand parked, as they were read last; they take precedence.
+        """
+        known_vehicles, known_persons = self._lively
+        if self._stale or len(vehicles) != len(known_vehicles) or len(persons) != len(known_persons):
+            return self._read_all(vehicles, persons, parked)
+        try:
+            values = [vehicles[name] for name in known_vehicles] + [persons[name] for name in known_persons]
+        except KeyError:
+            return self._read_all(vehicles, persons, parked)
+        self._fill(self._rows, values)
+        for row, one in zip(self._rows.tolist(), values, strict=True):
+            self.lanes[row] = one[self._lane]
+        return False
+
+    def _read_all(
+        self, vehicles: Mapping[str, _Values], persons: Mapping[str, _Values], parked: Mapping[str, _Values]
+    ) -> bool:
+        driven = sorted(vehicles.keys() | parked.keys())
+        walking = sorted(persons)
+        values = [parked.get(name) or vehicles[name] for name in driven] + [persons[name] for name in walking]
+        before, self.ids = self.ids, (*driven, *walking)
+        self.types = tuple(one[self._type] for one in values)
+        self.lanes = [one[self._lane] for one in values]
+        n = len(values)
+        self.front, self.angle_deg = np.zeros((n, 3)), np.zeros(n)
+        self.numbers = {name: np.zeros(n) for name in self._number}
+        self._fill(np.arange(n), values)
+        self.parked = np.array([name in parked for name in self.ids], bool)
+        # Names that are both subscribed and parked make the lists of names differ in length, so they are read anew.
+        self._lively = [name for name in driven if name not in parked], walking
+        self._rows = np.flatnonzero(~self.parked)
+        self._stale = False
+        return self.ids != before
+
+    def _fill(self, rows: np.ndarray, values: Sequence[_Values]) -> None:
+        if not len(rows):
+            return
+        self.front[rows] = [one[self._place] for one in values]
+        self.angle_deg[rows] = [one[self._angle] for one in values]
+        for name, variable in self._number.items():
+            self.numbers[name][rows] = [one.get(variable, 0.0) for one in values]
