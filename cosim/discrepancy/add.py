@@ -19,7 +19,7 @@ from cosim.discrepancy.groups.effects import directions
 from cosim.discrepancy.groups.quantization import find_lattices
 from cosim.discrepancy.inference.fit import Fitter, all_free
 from cosim.discrepancy.inference.intervals import intervals
-from cosim.discrepancy.kinds import as_known, for_rings, with_rings
+from cosim.discrepancy.candidates import as_known, for_rings, with_rings
 from cosim.discrepancy.ranking import fit_candidate
 from cosim.discrepancy.settling import ROWS, settle
 from cosim.discrepancy.validation import HeldOut, held_out_errors

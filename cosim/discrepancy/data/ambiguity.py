@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from sensors.hits import Hits
+from sensors.pattern import Pattern
 from sensors.rays import Rays
 
 _JUMP_M = 0.1
 _JUMP_SHARE = 0.01
+_CREASE_M, _CREASE_SHARE = 0.015, 0.002
 _GRAZING = 0.02
+_WIDEST, _TALLEST = 24, 4  # firings and rings that an edge may be away
 _APART = 0.3  # of the brighter: three times a noise of 10 %
 
 
@@ -44,10 +47,14 @@ class Neighbours:
             rows.append(row)
         self.rows = np.stack(rows)
 
-    def at_edge(self, hits: Hits) -> np.ndarray:
-        """(n,) bool: beams beside which the world does not go on as the plane they meet.
+    def at_edge(self, hits: Hits) -> tuple[np.ndarray, np.ndarray]:
+        """Beams beside which the world does not go on as the plane they meet, and how near what is there stands.
 
         Where beams grazing a surface are concerned the plane's range is no use, so they count as edges too.
+
+        Returns:
+            (n,) bool; and (n,) range of the nearest surface by whose shift such an edge moves, also of a crease, whose
+            two sides are apart by less than what makes an edge; infinite away from both.
         """
         solid = hits.solid
         rotation = hits.pose[:3, :3].astype(np.float32)
@@ -57,6 +64,8 @@ class Neighbours:
         offset = np.einsum("ij,ij->i", normal, origin + direction * np.where(solid.exists, solid.range_m, 0)[:, None])
         cos = np.abs(np.einsum("ij,ij->i", normal, direction))
         edge = solid.exists & (cos < _GRAZING)
+        reach = np.where(solid.exists, solid.range_m, np.float32(np.inf))
+        nearest = np.where(edge, reach, np.float32(np.inf))
         for row in self.rows:
             there = row >= 0
             other = np.where(there, row, 0)
@@ -65,10 +74,14 @@ class Neighbours:
             with np.errstate(divide="ignore", invalid="ignore"):
                 ahead = foot / slope
             found = solid.range_m[other]
-            jump = ~(np.abs(found - ahead) < _JUMP_M + _JUMP_SHARE * found)
+            away = np.abs(found - ahead)
+            jump = ~(away < _JUMP_M + _JUMP_SHARE * found)
             differs = (solid.exists != solid.exists[other]) | (solid.exists & (jump | _changes(solid.instance, other)))
-            edge |= there & differs
-        return edge
+            differs &= there
+            edge |= differs
+            differs |= there & solid.exists & ~(away < _CREASE_M + _CREASE_SHARE * found)
+            nearest = np.where(differs, np.minimum(nearest, np.minimum(reach, reach[other])), nearest)
+        return edge, nearest
 
     def at_border(self, hits: Hits) -> tuple[np.ndarray, np.ndarray]:
         """Beams beside which the surface is of another material, so that brightness may be either's, (n,) bool twice.
@@ -85,6 +98,33 @@ class Neighbours:
             alike |= differs & ~clear
             apart |= differs & clear
         return alike, apart & ~alike
+
+
+def widened(edge: np.ndarray, nearest_m: np.ndarray, pattern: Pattern, shift_m: float, turn_rad: float) -> np.ndarray:
+    """(n,) bool: edges, and beams that would stand at one if what makes it were shifted and the sensor turned.
+
+    Args:
+        edge, nearest_m: (n,) of ring-major beams, see `Neighbours.at_edge`.
+        pattern: of the beams.
+        shift_m, turn_rad: how far.
+    """
+    rings, firings = pattern.rings, pattern.firings
+    beside = np.isfinite(nearest_m)
+    wide = (edge | beside).reshape(rings, firings)
+    with np.errstate(divide="ignore"):
+        angle = np.where(beside, shift_m / np.maximum(nearest_m, 0.5) + turn_rad, 0.0).reshape(rings, firings)
+    aside = np.ceil(angle * firings / (2 * np.pi)).astype(int)
+    for step in range(1, min(int(aside.max(initial=0)), _WIDEST) + 1):
+        far = aside >= step
+        wide |= np.roll(far, step, 1) | np.roll(far, -step, 1)
+    elevation = np.radians(np.array(pattern.elevation_deg))
+    for step in range(1, min(rings, _TALLEST + 1)):
+        gap = np.abs(elevation[step:] - elevation[:-step])[:, None]
+        far = angle[:-step] > gap
+        wide[step:] |= far
+        far = angle[step:] > gap
+        wide[:-step] |= far
+    return wide.ravel()
 
 
 def _changes(instance: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -26,19 +26,6 @@ from sensors.world import TracerCache, World
 _GRAZING = 0.02
 
 
-@dataclass(frozen=True)
-class Scatter:
-    """How far a twin is off across its surfaces, standard deviations [m].
-
-    Attributes:
-        labels_m: of objects, each scan anew.
-        map_m: of spots of the static world.
-    """
-
-    labels_m: float = 0.0
-    map_m: float = 0.0
-
-
 @dataclass(frozen=True, eq=False)
 class TracedFrame:
     """One frame, measured and traced.
@@ -52,13 +39,12 @@ class TracedFrame:
         unsure_m, unsure_intensity: (n,) how far the twin itself may be off where the beam meets it: along the beam and
             in brightness, standard deviations; 0 where it is surveyed.
         edge: (n,) bool: beams whose outcome is ambiguous, because a touch aside the world is another.
+        nearest_m: (n,) range of the nearest surface at that edge; infinite away from edges.
         border: (n,) bool: beams whose brightness is, because a touch aside the material is another.
         seam: (n,) bool: the same where the other is so much brighter or darker that the brightness tells which it was.
         leaning: (6,) error of the LiDAR's pose that was traced with: a shift [m], and a turn about its axes [rad].
         own_axes: whether its twin was made from its own points, so that its pose cannot be wrong.
         ego, instances: at the pose time.
-        scatter: how far the twin is off, as far as `unsure_m` and `edge` know of it.
-        exact: the same frame where these do not; None if it is this one.
     """
 
     name: str
@@ -69,14 +55,13 @@ class TracedFrame:
     unsure_m: np.ndarray
     unsure_intensity: np.ndarray
     edge: np.ndarray
+    nearest_m: np.ndarray
     border: np.ndarray
     seam: np.ndarray
     leaning: np.ndarray
     own_axes: bool
     ego: EgoMotion
     instances: Instances
-    scatter: Scatter = Scatter()
-    exact: TracedFrame | None = None
 
 
 class FrameTracer:
@@ -111,6 +96,7 @@ class FrameTracer:
         shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
         trusted, unsure_m, unsure_intensity = _known(frame, shot, observed)
         border, seam = self._neighbours.at_border(traced.hits)
+        edge, nearest_m = self._neighbours.at_edge(traced.hits)
         return TracedFrame(
             name=name,
             place=twin.static or "",
@@ -119,7 +105,8 @@ class FrameTracer:
             shot=shot,
             unsure_m=unsure_m,
             unsure_intensity=unsure_intensity,
-            edge=self._neighbours.at_edge(traced.hits),
+            edge=edge,
+            nearest_m=nearest_m,
             border=border,
             seam=seam,
             leaning=leaning,

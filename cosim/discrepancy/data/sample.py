@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -11,17 +11,18 @@ import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.forward.replay import FrameReplay
-from cosim.discrepancy.inference.clusters import Clusters, nearness
 from sensors.effects.base import Effect
 from sensors.hits import NOTHING, STATIC
 
-CELL_M, _OFF_CELL_M = 5.0, 20.0  # of maps that are exact, and of those whose errors reach far
+CELL_M = 5.0  # of the static world
 _MATCHED_M = 1.0
-_FEWEST_PARTS = 120
 _SKY_RAD = 0.1
 _ODD_SHARE = 0.3  # of the sample at most, for beams that return from where nothing is
 _RARE_SHARE = 0.2  # of the sample
 _LONE_SHARE = 0.25  # of the sample, for returns that tell of the sensor alone
+_GRAZING = 0.02
+_ASIDE = {"previous": (0, -1), "above": (-1, 0), "below": (1, 0)}  # rings down, and firings along
+BESIDE = tuple(f"{name}_{what}" for name in _ASIDE for what in ("range", "intensity", "lost"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,6 @@ class Prediction:
         silent: probability that nothing is.
         stray: (n,) density [1/m] of returns from elsewhere at the measured range; 0 where nothing was measured.
         unsure_m, unsure_intensity: how far the twin itself may be off, standard deviations beside those of the sensor.
-        shared_m: the part of `unsure_m` that beams beside each other share.
     """
 
     range_m: np.ndarray
@@ -49,7 +49,6 @@ class Prediction:
     stray: np.ndarray
     unsure_m: np.ndarray
     unsure_intensity: np.ndarray
-    shared_m: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +66,12 @@ class Sample:
         cells: (tracks, 3) number of the world and middle [m] of each cell of a map; NaN of other tracks.
         pose_derivative: (n, 6) change of range per metre and radian of the LiDAR's pose, in its own axes.
         unsure_m, unsure_intensity: (n,) how far the twin itself may be off, see `TracedFrame`.
-        shared_m: (n,) the part of `unsure_m` that comes of its scatter, which beams beside each other share.
+        object_derivative: (n, 4) change of range by a shift of the object that is met, in world axes [m/m], and by its
+            turn about the vertical through its origin [m/rad]; 0 elsewhere.
+        object_scan: (n,) int number of the object in this scan; −1 elsewhere.
+        surface: (n,) int number of the cell of the static world: a square of the ground plan and a direction of its
+            normal; −1 elsewhere.
+        surface_derivative: (n,) change of range by a shift of that cell along its normal [m/m]; 0 elsewhere.
         edge: (n,) bool ambiguous beams.
         border: (n,) bool beams of ambiguous brightness.
         seam: (n,) bool the same, where the brightness itself tells whose it is.
@@ -75,8 +79,13 @@ class Sample:
             returns stand above them.
         partner: (n,) int row of the beam fired just before or after at the same surface, −1 where there is none:
             their difference knows nothing of errors that both share.
-        ring, material, instance: (n,) int.
+        ring, firing, block, material, instance: (n,) int.
+        elevation_deg: (n,) nominal.
+        kind, model: (n,) int rows of `kinds` and `models`, what is met; 0 for the static world and nothing.
+        kinds, models: names.
         reflectance, previous_intensity: (n,) of the surface; measured of the beam fired before in the ring, 0 for none.
+        beside: by name, (n,) what beams beside each measured: `previous` of its ring, `above` and `below` it; ranges [m] and intensities are 0
+            where nothing returned, `lost` is 1 where a surface should have been seen.
         leaning: (scans, 6) pose errors that were traced with, see `TracedFrame`.
         own_axes: whether scans stand where their twins were made, so that poses have no errors.
         scan_values: by name, (scans,) pose time, and the ego vehicle's speed, acceleration and yaw rate.
@@ -96,13 +105,23 @@ class Sample:
     pose_derivative: np.ndarray
     unsure_m: np.ndarray
     unsure_intensity: np.ndarray
-    shared_m: np.ndarray
+    object_derivative: np.ndarray
+    object_scan: np.ndarray
+    surface: np.ndarray
+    surface_derivative: np.ndarray
     edge: np.ndarray
     border: np.ndarray
     seam: np.ndarray
     compared: np.ndarray
     partner: np.ndarray
     ring: np.ndarray
+    firing: np.ndarray
+    block: np.ndarray
+    elevation_deg: np.ndarray
+    kind: np.ndarray
+    model: np.ndarray
+    kinds: tuple[str, ...]
+    models: tuple[str, ...]
     azimuth: np.ndarray
     time_s: np.ndarray
     range_m: np.ndarray
@@ -112,6 +131,7 @@ class Sample:
     place: np.ndarray
     reflectance: np.ndarray
     previous_intensity: np.ndarray
+    beside: dict[str, np.ndarray]
     leaning: np.ndarray
     own_axes: bool
     scan_values: dict[str, np.ndarray]
@@ -130,13 +150,8 @@ class Sample:
         return ~np.isnan(self.along_m)
 
     @cached_property
-    def map_is_off(self) -> bool:
-        """Whether spots of the map are known to stand off, each by its own error."""
-        return bool(np.any(self.shared_m[self.instance == STATIC] > 0))
-
-    @cached_property
     def map_is_unsure(self) -> bool:
-        """Whether the twin is not sure of its map, or that is known to be off."""
+        """Whether the twin says itself that it is not sure of its map."""
         return bool(np.any(self.unsure_m[self.instance == STATIC] > 0))
 
     @cached_property
@@ -156,13 +171,6 @@ class Sample:
         high = (1 + float(inside.max())) / 2 if len(inside) and (told >= 1).any() else 1.0
         return low, high
 
-    @cached_property
-    def clusters(self) -> Clusters:
-        """What its beams share errors with; parts are equal sectors of scans, as many as it takes to have enough."""
-        sectors = -(-_FEWEST_PARTS // max(len(self.names), 1))
-        part = self.frame * sectors + ((self.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
-        return Clusters(self.track, self.frame, part, nearness(self.cells))
-
     def reported_range(self, effects: Sequence[Effect]) -> np.ndarray:
         """(n,) measured ranges from where effects have the optical centre stand [m]; NaN where nothing returned."""
         found = [replay.ranges(effects, self.along_m[rows], self.above_m[rows]) for replay, rows in self._frames()]
@@ -178,7 +186,16 @@ class Sample:
         effects = tuple(sorted(effects, key=lambda effect: effect.phase))
         parts = [_predict(replay, effects, self.along_m[rows]) for replay, rows in self._frames()]
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-        return Prediction(*[*columns, self.unsure_m, self.unsure_intensity, self.shared_m])
+        return Prediction(*[*columns, self.unsure_m, self.unsure_intensity])
+
+    def clear_of(self, ambiguous: Sequence[np.ndarray]) -> Sample:
+        """The same without beams that are ambiguous: (n,) bool of every frame's beams."""
+        off = np.zeros(len(self), bool)
+        for number, mask in enumerate(ambiguous):
+            mine = self.frame == number
+            off[mine] = mask[self.beam[mine]]
+        partner = np.where(off | off[np.maximum(self.partner, 0)], -1, self.partner)
+        return replace(self, compared=self.compared & ~off, edge=self.edge | off, partner=partner)
 
     def _frames(self) -> Iterator[tuple[FrameReplay, np.ndarray]]:
         for number, replay in enumerate(self.replays):
@@ -244,7 +261,19 @@ def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, 
         rows += len(beams)
     joined = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
     track, cells = _tracks(frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"])
+    kinds, kind = _named(frames, joined["frame"], joined["instance"], "kinds")
+    models, model = _named(frames, joined["frame"], joined["instance"], "models")
+    thing = np.where(joined["instance"] >= 0, track * len(frames) + joined["frame"], -1)
+    beside = {name: joined.pop(name) for name in BESIDE}
+    cell = joined.pop("normal_code") + 6 * track
     return Sample(
+        object_scan=_numbered(thing),
+        surface=_numbered(np.where(joined["instance"] == STATIC, cell, -1)),
+        kind=kind,
+        kinds=kinds,
+        model=model,
+        models=models,
+        beside=beside,
         replays=tuple(replays),
         names=tuple(one.name for one in frames),
         previous_intensity=np.concatenate([replay.previous_intensity for replay in replays]).astype(np.float64),
@@ -331,20 +360,26 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
     spun = -np.cross(ray, turned) * np.nan_to_num(reach)[:, None]  # n·(w × d)/(n·d) = w·(d × n)/(n·d)
     pose = np.where(np.isfinite(reach)[:, None], np.hstack([moved, spun]), 0.0)
     place = shot.traced.origin[beams] + direction * np.nan_to_num(reach)[:, None]
-    rays = shot.rays
+    rays, toward = shot.rays, normal * _steepness(slope)[:, None]
     return {
+        **_beside(frame, beams),
         "along_m": observed.along_m[beams].astype(np.float64),
         "above_m": observed.above_m[beams].astype(np.float64),
         "intensity": observed.intensity[beams].astype(np.float64),
         "pose_derivative": np.nan_to_num(pose, posinf=0, neginf=0),
         "unsure_m": frame.unsure_m[beams].astype(np.float64),
         "unsure_intensity": frame.unsure_intensity[beams].astype(np.float64),
-        "shared_m": _shared(frame)[beams],
         "edge": frame.edge[beams],
         "border": frame.border[beams],
         "seam": frame.seam[beams],
         "compared": observed.trusted[beams],
+        "object_derivative": _of_object(frame, solid.instance, toward, place),
+        "surface_derivative": np.where(solid.instance == STATIC, _steepness(slope), 0.0),
+        "normal_code": _facing(normal),
         "ring": rays.ring[beams].astype(int),
+        "firing": beams % frame.shot.pattern.firings,
+        "block": shot.block[beams].astype(int),
+        "elevation_deg": np.degrees(np.arcsin(np.clip(ray[:, 2], -1, 1))),
         "azimuth": rays.azimuth[beams].astype(np.float64),
         "time_s": rays.time_s[beams].astype(np.float64),
         "range_m": reach,
@@ -356,9 +391,64 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def _shared(frame: TracedFrame) -> np.ndarray:
-    own = (frame.exact or frame).unsure_m.astype(np.float64)
-    return np.sqrt(np.maximum(frame.unsure_m.astype(np.float64) ** 2 - own**2, 0.0))
+def _steepness(slope: np.ndarray) -> np.ndarray:
+    """Change of range (n,) by a shift of a surface along its normal, for the cosine (n,) between both."""
+    return np.sign(slope) / np.maximum(np.abs(slope), _GRAZING)
+
+
+def _facing(normal: np.ndarray) -> np.ndarray:
+    """Which of six directions a normal (n, 3) is nearest to, (n,) int."""
+    axis = np.argmax(np.abs(normal), axis=1)
+    return 2 * axis + (normal[np.arange(len(normal)), axis] < 0)
+
+
+def _of_object(frame: TracedFrame, instance: np.ndarray, toward: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Change of range (n, 4) by a shift of the object that is met and by its turn, see `Sample.object_derivative`."""
+    found = np.zeros((len(instance), 4))
+    rows = np.flatnonzero(instance >= 0)
+    if len(rows):
+        arm = place[rows] - frame.instances.poses[instance[rows], :3, 3]
+        found[rows, :3] = toward[rows]
+        found[rows, 3] = toward[rows, 1] * arm[:, 0] - toward[rows, 0] * arm[:, 1]
+    return found
+
+
+def _beside(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
+    """What beams beside each measured, by name: (n,) range [m] and intensity, 0 for none; and 1 where it was lost."""
+    pattern, observed, solid = frame.shot.pattern, frame.observed, frame.shot.hits.solid
+    grid = (pattern.rings, pattern.firings)
+    reach = np.nan_to_num(observed.along_m).reshape(grid)
+    light = np.nan_to_num(observed.intensity).reshape(grid)
+    lost = (solid.exists & ~observed.returned & observed.trusted).reshape(grid).astype(float)
+    ring, firing = beams // pattern.firings, beams % pattern.firings
+    found = {}
+    for name, (down, along) in _ASIDE.items():
+        other = np.clip(ring + down, 0, pattern.rings - 1), (firing + along) % pattern.firings
+        there = (ring + down == other[0]) & (firing + along >= 0)
+        for what, values in (("range", reach), ("intensity", light), ("lost", lost)):
+            found[f"{name}_{what}"] = np.where(there, values[other], 0.0).astype(float)
+    return found
+
+
+def _named(
+    frames: Sequence[TracedFrame], frame: np.ndarray, instance: np.ndarray, what: str
+) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names of what instances are, and the row (n,) of each beam's; row 0 is for what is no instance."""
+    names = sorted({name for one in frames for name in getattr(one.instances, what)})
+    row, found = {name: place + 1 for place, name in enumerate(names)}, np.zeros(len(frame), int)
+    for number, one in enumerate(frames):
+        mine = np.flatnonzero((frame == number) & (instance >= 0))
+        of_instance = np.array([row[name] for name in getattr(one.instances, what)], int)
+        if len(mine):
+            found[mine] = of_instance[instance[mine]]
+    return ("", *names), found
+
+
+def _numbered(codes: np.ndarray) -> np.ndarray:
+    """Codes (n,) numbered from 0 on; those below 0 are −1."""
+    found, used = np.full(len(codes), -1), codes >= 0
+    found[used] = np.unique(codes[used], return_inverse=True)[1]
+    return found
 
 
 def _tracks(
@@ -370,8 +460,7 @@ def _tracks(
         rows = np.flatnonzero((frame == number) & (instance >= 0))
         keys[rows] = [f"#{one.instances.ids[i]}" for i in instance[rows]]
     rest = np.flatnonzero(instance == STATIC)
-    size_m = _OFF_CELL_M if any(one.scatter.map_m > 0 for one in frames) else CELL_M
-    cells = np.floor(place[rest, :2] / size_m).astype(int).tolist()
+    cells = np.floor(place[rest, :2] / CELL_M).astype(int).tolist()
     keys[rest] = [f"{frames[row].place} {x},{y}" for row, (x, y) in zip(frame[rest].tolist(), cells, strict=True)]
     sky = np.flatnonzero(instance == NOTHING)
     keys[sky] = [f"sky {sector}" for sector in np.floor(azimuth[sky] / _SKY_RAD).astype(int)]
@@ -379,5 +468,5 @@ def _tracks(
     worlds = np.unique([one.place for one in frames], return_inverse=True)[1]
     middles = np.full((len(names), 3), np.nan)
     middles[track[rest], 0] = worlds[frame[rest]]
-    middles[track[rest], 1:] = (np.array(cells).reshape(-1, 2) + 0.5) * size_m
+    middles[track[rest], 1:] = (np.array(cells).reshape(-1, 2) + 0.5) * CELL_M
     return track, middles

@@ -1,4 +1,4 @@
-"""Every candidate as directions in which a fitted model could change."""
+"""Every candidate of the catalogue as directions in which a fitted model could change."""
 
 from __future__ import annotations
 
@@ -8,20 +8,19 @@ import numpy as np
 
 from cosim.discrepancy.candidates import unknowns, weak_forms, with_values
 from cosim.discrepancy.data.sample import Prediction, Sample
-from cosim.discrepancy.gate import Direction, Strays
+from cosim.discrepancy.groups.group import Group, Strays
 from cosim.discrepancy.inference.columns import Column
 from cosim.discrepancy.inference.fit import Fitted, Fitter
 from cosim.discrepancy.inference.likelihood import STRAY_SHARE, judge
 from cosim.discrepancy.inference.score import Quantity, change
 from sensors.effects.base import Effect
 
-_LEVERAGE = 4.0
 _MOST_STRAYS = 1e-4  # of all beams: of few a form that tells of many would say that there are none
 
 
-def directions(
+def effect_groups(
     fitter: Fitter, fitted: Fitted, kinds: Sequence[type[Effect]], settled: Collection[int]
-) -> list[Direction]:
+) -> list[Group]:
     """Where to look for each kind of effect.
 
     Args:
@@ -30,18 +29,19 @@ def directions(
         kinds: the candidates.
         settled: places of effects whose parameters have been fitted: nothing more is to be found of them.
     """
-    found: list[Direction] = []
+    found: list[Group] = []
     for place, effect in enumerate(fitted.effects):
         if place not in settled and effect.neutral is not None:
             found += _retuned(fitter, fitted, place)
     there = {effect.name for effect in fitted.effects}
     for kind in kinds:
         if kind.name not in there and kind.neutral is not None:
-            found += _new(fitter, fitted, kind)
+            for weak, amplitude, step in weak_forms(kind):
+                found += _told(fitter, fitted, (*fitted.effects, weak), weak, amplitude, step, None)
     return found
 
 
-def _retuned(fitter: Fitter, fitted: Fitted, place: int) -> Iterator[Direction]:
+def _retuned(fitter: Fitter, fitted: Fitted, place: int) -> Iterator[Group]:
     """Other values of an effect that the sensor has."""
     effect = fitted.effects[place]
     for unknown in unknowns(type(effect)):
@@ -54,11 +54,6 @@ def _retuned(fitter: Fitter, fitted: Fitted, place: int) -> Iterator[Direction]:
         yield from _told(fitter, fitted, effects, moved, unknown.name, step, place)
 
 
-def _new(fitter: Fitter, fitted: Fitted, kind: type[Effect]) -> Iterator[Direction]:
-    for weak, amplitude, step in weak_forms(kind):
-        yield from _told(fitter, fitted, (*fitted.effects, weak), weak, amplitude, step, None)
-
-
 def _told(
     fitter: Fitter,
     fitted: Fitted,
@@ -67,8 +62,8 @@ def _told(
     amplitude: str,
     step: float,
     place: int | None,
-) -> Iterator[Direction]:
-    """The direction of a weak form, if it changes anything."""
+) -> Iterator[Group]:
+    """The group of a weak form, if it changes anything."""
     sample = fitter.sample
     after = sample.predict(effects)
     label = ", ".join(
@@ -82,21 +77,28 @@ def _told(
         if few < 1:
             sparse = with_values(weak, {amplitude: getattr(weak, amplitude) - (1 - few) * step})
             after, step = sample.predict((*fitted.effects, sparse)), few * step
-        found = judge(sample, after, shift=fitter.shift(fitted.pose, after)).loglik
+        found = judge(sample, fitter.random.adjusted(after, fitted.estimate)).loglik
         gain = sample.share * (found - fitted.fit.loglik)
         if np.any(gain):
             strays = _strays(sample, fitted, after, step) if amplitude else None  # a whole setting is no unit
-            yield Direction(weak.name, label, amplitude, Column({}), weak, place, True, gain, strays)
+            yield Group(
+                weak.name, weak.channel, {}, 1, one_sided=True, start=weak, amplitude=amplitude, label=label,
+                place=place, gain=gain, strays=strays,
+            )  # fmt: skip
         return
-    whole: dict[Quantity, np.ndarray] = {
-        name: values / step for name, values in change(fitted.prediction, after).items()
+    moved = change(fitted.prediction, after).items()
+    delta: dict[Quantity, np.ndarray] = {
+        name: values / step for name, values in moved if name in fitted.evidence.score
     }
-    delta: dict[Quantity, np.ndarray] = {name: _bounded(values) for name, values in whole.items()}
     if delta:
         free = next(unknown for unknown in unknowns(type(weak)) if unknown.name == amplitude)
         column = Column(delta, sample.ring if free.rings > 1 else None, free.rings)
         at_bound = place is None and free.rings == 1 and (weak.neutral or {})[amplitude] <= free.low
-        yield Direction(weak.name, label, amplitude, column, weak, place, at_bound, moved=whole.get("range"))
+        columns = {name: column.matrix(name, len(sample)) for name in delta}
+        yield Group(
+            weak.name, weak.channel, columns, free.rings, one_sided=at_bound, start=weak, amplitude=amplitude,
+            label=label, place=place,
+        )  # fmt: skip
 
 
 def _strays(sample: Sample, fitted: Fitted, after: Prediction, step: float) -> Strays | None:
@@ -117,9 +119,3 @@ def _given_way(fitted: Fitted, after: Prediction) -> np.ndarray:
     """(n,) How much less likely each beam's own return is."""
     return np.maximum(fitted.prediction.seen - after.seen, 0.0)
 
-
-def _bounded(delta: np.ndarray) -> np.ndarray:
-    """Changes with their longest tails cut: beams that graze a surface would outvote all others, and leave it first."""
-    size = np.abs(delta)
-    most = _LEVERAGE * float(np.median(size[size > 1e-3 * size.max()]))
-    return np.clip(delta, -most, most)

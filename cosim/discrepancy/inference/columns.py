@@ -1,15 +1,15 @@
-"""Linearised model of a sample: columns of parameters, pose errors of every scan, and the normal equations."""
+"""Columns of parameters: how a prediction changes with each."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
-from cosim.discrepancy.inference.score import QUANTITIES, ROUNDED_M, Evidence, Quantity
+from cosim.discrepancy.inference.score import QUANTITIES, ROUNDED_M, Quantity
 
 SparseMatrix = Any  # scipy's sparse matrices; their types do not tell what products give
 
@@ -45,33 +45,10 @@ class Column:
         return sparse.csr_matrix((values[used], (used, place)), (rows, self.rings))
 
 
-@dataclass(frozen=True, eq=False)
-class Normal:
-    """Normal equations A·step = b over parameters, then pose errors."""
-
-    matrix: np.ndarray
-    right: np.ndarray
-    parameters: int
-
-    @classmethod
-    def of(cls, columns: Sequence[Column], evidence: Evidence, poses: SparseMatrix | None) -> Normal:
-        """Built from columns and evidence; without `poses` scans have no pose errors."""
-        count = sum(column.rings for column in columns)
-        extra = 0 if poses is None else poses.shape[1]
-        matrix, right = np.zeros((count + extra, count + extra)), np.zeros(count + extra)
-        for quantity in QUANTITIES:
-            if quantity not in evidence.score:
-                continue
-            rows = len(evidence.score[quantity])
-            parts = [column.matrix(quantity, rows) for column in columns]
-            if poses is not None:
-                parts.append(poses if quantity == "range" else sparse.csr_matrix((rows, extra)))
-            if not parts:
-                continue
-            joined = sparse.hstack(parts, format="csr")
-            if not joined.nnz:
-                continue
-            weighted = sparse.diags(evidence.information[quantity]) @ joined
-            matrix += (joined.T @ weighted).toarray()
-            right += joined.T @ evidence.score[quantity]
-        return cls(matrix, right, count)
+def stacked(columns: Sequence[Column], quantities: Collection[Quantity], rows: int) -> dict[Quantity, SparseMatrix]:
+    """Matrices (n, p) of the quantities among `quantities` that any column changes."""
+    found: dict[Quantity, SparseMatrix] = {}
+    for quantity in QUANTITIES:
+        if quantity in quantities and any(quantity in column.delta for column in columns):
+            found[quantity] = sparse.hstack([column.matrix(quantity, rows) for column in columns], format="csr")
+    return found

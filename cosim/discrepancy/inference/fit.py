@@ -1,35 +1,34 @@
-"""Fits parameters of effects to a sample, together with the pose errors of every scan.
+"""Fits parameters of effects to a sample, together with everything that is merely not known of the drive.
 
-Gauss–Newton on the likelihood of `likelihood.py`. Pose errors are random effects whose spread is estimated along
-(expectation–maximisation), so that a mount that is off is told from scans that are each off by their own error.
+Gauss–Newton on the likelihood of `likelihood.py`; random effects (`random_effects.py`) are eliminated block by block,
+so that a step of the parameters knows what they may take up, and their variances are estimated along.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
 from cosim.discrepancy.data.sample import Prediction, Sample
-from cosim.discrepancy.inference.columns import Column, Normal, SparseMatrix
+from cosim.discrepancy.inference.columns import Column, SparseMatrix, stacked
 from cosim.discrepancy.inference.likelihood import Fit, judge, range_spread_m
-from cosim.discrepancy.inference.pose_errors import PoseErrors
-from cosim.discrepancy.inference.score import ROUNDED_M, Evidence, Quantity, change
+from cosim.discrepancy.inference.random_effects import Estimate, Factored, RandomEffects
+from cosim.discrepancy.inference.score import Evidence, Quantity, change
 from cosim.discrepancy.inference.search import is_searched, searched
+from cosim.discrepancy.settings import DEFAULT, Settings
 from sensors.effects.base import Effect, RoundingEffect, ScanEffect
 
-POSE_FLOOR = np.array([5e-4] * 3 + [np.radians(2e-3)] * 3)
-_POSE_START = np.array([0.02] * 3 + [np.radians(0.05)] * 3)
-_POSE_MOST = np.array([0.5] * 3 + [np.radians(3.0)] * 3)
-_GAIN_M = 1e-3  # log-likelihood that a step must still bring
+_GAIN = 0.05  # log-likelihood that a step must still bring
 _STEPS = 12
-_KEPT_STEPS = 3  # for which slopes of what is about right already are kept
-_HALVINGS = 6
+_HALVINGS = 5
 _FAR_M, _FINE_M = 3.0, 0.01
 _ROUGH, _ROUGH_SHARE = 8.0, 0.985
+_RIDGE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -47,17 +46,16 @@ class Fitted:
     Attributes:
         effects: with fitted parameters.
         free: what was fitted.
-        pose: (scans, 6) estimated pose errors.
-        pose_sigma: (6,) their spread.
-        loglik: of the sample, pose errors integrated out (Laplace).
-        prediction, fit, evidence: at the end.
+        estimate: random effects and their variances.
+        loglik: of the sample, random effects integrated out (Laplace).
+        prediction: of the effects alone.
+        fit, evidence: at the end, with random effects.
         columns: linearisation there, one for each of `free`.
     """
 
     effects: tuple[Effect, ...]
     free: tuple[Free, ...]
-    pose: np.ndarray
-    pose_sigma: np.ndarray
+    estimate: Estimate
     loglik: float
     prediction: Prediction
     fit: Fit
@@ -69,33 +67,40 @@ class Fitted:
         return [free for free in self.free if free.effect == effect]
 
 
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Where a fit stands."""
+
+    effects: tuple[Effect, ...]
+    estimate: Estimate
+    prediction: Prediction
+    fit: Fit
+
+
 class Fitter:
     """Fits effects to a sample.
 
     Args:
         sample: the measurements.
+        settings: numbers that decide.
 
     Attributes:
         rings: how many there are.
-        again: fits, and the same with effects at some places fitted anew, by these.
+        random: the sample's random effects.
     """
 
-    def __init__(self, sample: Sample) -> None:
-        self.sample = sample
-        self.pose_errors = PoseErrors(sample.pose_derivative, sample.frame, sample.range_m, sample.leaning)
-        self.again: dict[tuple[int, ...], tuple[Fitted, Fitted]] = {}
+    def __init__(self, sample: Sample, settings: Settings = DEFAULT) -> None:
+        self.sample, self.settings = sample, settings
+        self.random = RandomEffects(sample, (settings.pose_shift_m, settings.pose_turn_rad))
         self.rings = int(sample.ring.max(initial=0)) + 1
-        self._scans = len(sample.names)
 
     def fit(
         self,
         effects: Sequence[Effect],
         free: Sequence[Free],
+        start: Estimate | None = None,
         *,
-        pose: np.ndarray | None = None,
-        pose_sigma: np.ndarray | None = None,
         steps: int = _STEPS,
-        near: Collection[int] = (),
         roughly: bool = False,
     ) -> Fitted:
         """Fit some parameters, starting from those the effects have.
@@ -103,55 +108,32 @@ class Fitter:
         Args:
             effects: all effects of the sensor.
             free: what may change.
-            pose, pose_sigma: where to start with the scans' pose errors; else with those that were traced with.
+            start: random effects to start with; by default none but pose errors of the usual spread.
             steps: most Gauss–Newton steps.
-            near: places of effects that are about right already, where a search need not go far and slopes stay.
             roughly: search no closer than it takes to tell candidates apart.
         """
-        current, free = tuple(effects), tuple(free)
-        pose = self.sample.leaning if pose is None else pose
-        sigma = _POSE_START if pose_sigma is None else pose_sigma
-        state = self._state(current, pose)
-        sought = [one.by_search or isinstance(one, ScanEffect) for one in current]
+        free = tuple(free)
+        state = self._state(tuple(effects), self.random.start() if start is None else start)
+        sought = [one.by_search or isinstance(one, ScanEffect) for one in state.effects]
         gradual = tuple(one for one in free if not sought[one.effect])
-        for blur in self._blurs(state[0], pose):
-            current, pose, sigma = self._descend(current, gradual, pose, sigma, blur, steps, near)
-            state = self._state(current, pose)
-        current = self._searched(current, free, pose, sigma, near, roughly)
-        state = self._state(current, pose)
-        columns = self.columns(current, free, state[0])
-        evidence = Evidence.of(self.sample, state[1])
-        loglik = self._marginal(state, pose, sigma)
-        return Fitted(current, free, pose, sigma, loglik, state[0], state[1], evidence, columns)
+        for blur in self._blurs(state):
+            state = self._descended(state, gradual, blur, steps)
+        found = self._searched(state, free, roughly)
+        if found != state.effects:
+            state = self._descended(self._state(found, state.estimate), (), 0.0, 3)
+        return self._ended(state, free)
 
-    def _searched(
-        self,
-        effects: tuple[Effect, ...],
-        free: tuple[Free, ...],
-        pose: np.ndarray,
-        sigma: np.ndarray,
-        near: Collection[int],
-        roughly: bool,
-    ) -> tuple[Effect, ...]:
-        """With numbers that no slope tells of, such as hard limits, where they are likeliest."""
-        prediction, fit = self._state(effects, pose)
-        columns = self.columns(effects, free, prediction)
-        which = [
-            (one.effect, one.unknown, column)
-            for one, column in zip(free, columns, strict=True)
-            if effects[one.effect].by_search or is_searched(effects[one.effect], one.unknown, column)
-        ]
-        if not which:
-            return effects
-        return searched(effects, which, self.loss(pose, sigma), self.sample, fit, near, roughly=roughly)
+    def at(self, effects: Sequence[Effect], estimate: Estimate) -> Fitted:
+        """Effects and random effects as they are, nothing fitted."""
+        return self._ended(self._state(tuple(effects), estimate), ())
 
-    def loss(self, pose: np.ndarray, sigma: np.ndarray) -> Callable[[tuple[Effect, ...]], float]:
-        """Negative log-likelihood of effects, pose errors as they are."""
-        return lambda effects: -self._penalised(self._state(effects, pose)[1], pose, sigma)
+    def loss(self, estimate: Estimate) -> Callable[[tuple[Effect, ...]], float]:
+        """Negative log-likelihood of effects, random effects as they are."""
+        return lambda effects: -self._penalised(self._state(effects, estimate))
 
-    def losses(self, effects: tuple[Effect, ...], pose: np.ndarray) -> np.ndarray:
+    def losses(self, effects: tuple[Effect, ...], estimate: Estimate) -> np.ndarray:
         """The part (n,) that every beam has in it."""
-        return -self.sample.share * self._state(effects, pose)[1].loglik
+        return -self.sample.share * self._state(effects, estimate).fit.loglik
 
     def columns(self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction) -> tuple[Column, ...]:
         """How the prediction changes with each free parameter."""
@@ -167,37 +149,13 @@ class Fitter:
             found.append(Column(delta, ring, unknown.rings))
         return tuple(found)
 
-    def shift(self, pose: np.ndarray, prediction: Prediction) -> np.ndarray:
-        """Change of predicted ranges (n,) [m] by pose errors (scans, 6)."""
-        return self.pose_errors.shift(pose, prediction.range_m)
+    def system(self, fitted: Fitted) -> LinearModel:
+        """The linear mixed model at a fit."""
+        return LinearModel.of(self, fitted.columns, fitted.evidence, fitted.prediction, fitted.estimate)
 
-    def slopes(self, pose: np.ndarray, prediction: Prediction) -> SparseMatrix:
-        """(n, 6·scans) its derivatives; (n, 0) where poses have no errors."""
-        if self.sample.own_axes:
-            return sparse.csr_matrix((len(self.sample), 0))
-        return self.pose_errors.slopes(pose, prediction.range_m)
-
-    def precision(self, sigma: np.ndarray) -> np.ndarray:
-        """Inverse variances of the pose errors that there are, (6·scans,) or (0,), for a spread (6,)."""
-        return np.tile(1 / sigma**2, 0 if self.sample.own_axes else self._scans)
-
-    def _state(self, effects: tuple[Effect, ...], pose: np.ndarray, blur: float = 0.0) -> tuple[Prediction, Fit]:
-        prediction = self.sample.predict(effects)
-        return prediction, judge(self.sample, prediction, blur, self.shift(pose, prediction))
-
-    def _blurs(self, prediction: Prediction, pose: np.ndarray) -> list[float]:
-        """Widths of ranges to fit with one after the other, down to none."""
-        wide = self.roughness(prediction, pose)
-        blurs = []
-        while wide > 0:
-            blurs.append(wide)
-            wide = wide / 4 if wide / 4 > _FINE_M else 0.0
-        return [*blurs, 0.0]
-
-    def roughness(self, prediction: Prediction, pose: np.ndarray) -> float:
+    def roughness(self, prediction: Prediction) -> float:
         """How far off ranges are where they are far off [m]; 0 where all are within a few standard deviations."""
-        mean = prediction.range_m + self.shift(pose, prediction)
-        gap = np.where(self.sample.compared, np.abs(self.sample.along_m - mean), np.nan)
+        gap = np.where(self.sample.compared, np.abs(self.sample.along_m - prediction.range_m), np.nan)
         near = np.isfinite(gap) & (gap < _FAR_M)
         if not near.any():
             return 0.0
@@ -207,75 +165,207 @@ class Fitter:
         stated = float(np.median(range_spread_m(prediction)[near]))
         return wide if wide > _ROUGH * max(stated, _FINE_M) else 0.0
 
-    def evidence(self, prediction: Prediction, pose: np.ndarray | None = None, blur: float = 0.0) -> Evidence:
-        """The evidence at a prediction, for tests: with a standard deviation of `blur` [m] added to every range.
+    def _state(self, effects: tuple[Effect, ...], estimate: Estimate, blur: float = 0.0) -> _State:
+        prediction = self.sample.predict(effects)
+        return _State(effects, estimate, prediction, self._judged(prediction, estimate, blur))
 
-        Without pose errors poses are as they are said.
-        """
-        shift = self.shift(np.zeros((self._scans, 6)) if pose is None else pose, prediction)
-        return Evidence.of(self.sample, judge(self.sample, prediction, blur, shift), blur, ROUNDED_M)
+    def _judged(self, prediction: Prediction, estimate: Estimate, blur: float = 0.0) -> Fit:
+        return judge(self.sample, self.random.adjusted(prediction, estimate), blur)
 
-    def _descend(
-        self,
-        effects: tuple[Effect, ...],
-        free: tuple[Free, ...],
-        pose: np.ndarray,
-        sigma: np.ndarray,
-        blur: float,
-        steps: int,
-        near: Collection[int],
-    ) -> tuple[tuple[Effect, ...], np.ndarray, np.ndarray]:
-        prediction, fit = self._state(effects, pose, blur)
-        value, columns = self._penalised(fit, pose, sigma), dict[Free, Column]()
+    def _ended(self, state: _State, free: tuple[Free, ...]) -> Fitted:
+        columns = self.columns(state.effects, free, state.prediction)
+        evidence = Evidence.of(self.sample, state.fit)
+        loglik = self._marginal(state, evidence)
+        return Fitted(state.effects, free, state.estimate, loglik, state.prediction, state.fit, evidence, columns)
+
+    def _searched(self, state: _State, free: tuple[Free, ...], roughly: bool) -> tuple[Effect, ...]:
+        """With numbers that no slope tells of, such as hard limits, where they are likeliest."""
+        columns = self.columns(state.effects, free, state.prediction)
+        which = [
+            (one.effect, one.unknown, column)
+            for one, column in zip(free, columns, strict=True)
+            if state.effects[one.effect].by_search or is_searched(state.effects[one.effect], one.unknown, column)
+        ]
+        if not which:
+            return state.effects
+        return searched(state.effects, which, self.loss(state.estimate), self.sample, state.fit, roughly=roughly)
+
+    def _blurs(self, state: _State) -> list[float]:
+        """Widths of ranges to fit with one after the other, down to none."""
+        wide = self.roughness(self.random.adjusted(state.prediction, state.estimate))
+        blurs = []
+        while wide > 0:
+            blurs.append(wide)
+            wide = wide / 4 if wide / 4 > _FINE_M else 0.0
+        return [*blurs, 0.0]
+
+    def _descended(self, state: _State, free: tuple[Free, ...], blur: float, steps: int) -> _State:
+        """Gauss–Newton steps at one blur, variances updated along."""
+        state = replace(state, fit=self._judged(state.prediction, state.estimate, blur))
         for number in range(steps):
-            evidence = Evidence.of(self.sample, fit, blur).reweighted(fit)
-            poses = self.slopes(pose, prediction)
-            anew = [one for one in free if number % _KEPT_STEPS == 0 or one.effect not in near]
-            columns |= zip(anew, self.columns(effects, anew, prediction), strict=True)
-            normal = Normal.of([columns[one] for one in free], evidence, poses)
-            precision = self.precision(sigma)
-            right = normal.right.copy()
-            right[normal.parameters :] -= precision * pose.ravel()[: len(precision)]
-            prior = np.append(np.zeros(normal.parameters), precision)
-            system = normal.matrix + np.diag(prior + 1e-9 * np.diag(normal.matrix) + 1e-12)
-            step = np.linalg.solve(system, right)
-            if not np.isfinite(step).all():
+            value = self._penalised(state)
+            evidence = Evidence.of(self.sample, state.fit, blur).reweighted(state.fit)
+            if blur == 0.0 and number in (1, 2, 4):
+                begun = self.random.begun(state.estimate, state.prediction, evidence, self.settings.variance_sigmas)
+                state = replace(state, estimate=begun)
+            columns = self.columns(state.effects, free, state.prediction)
+            model = LinearModel.of(self, columns, evidence, state.prediction, state.estimate)
+            step, change_u = model.step(state.estimate)
+            if not (np.isfinite(step).all() and np.isfinite(change_u).all()):
                 break
             gained = -np.inf
             for halving in range(_HALVINGS):
-                part = step * 0.5**halving
-                trial = _moved(effects, free, part[: normal.parameters])
-                tilted = pose + part[normal.parameters :].reshape(pose.shape) if len(precision) else pose
-                state = self._state(trial, tilted, blur)
-                reached = self._penalised(state[1], tilted, sigma)
+                part = 0.5**halving
+                moved = replace(state.estimate, u=state.estimate.u + part * change_u)
+                trial = self._state(_moved(state.effects, free, part * step), moved, blur)
+                reached = self._penalised(trial)
                 if reached > value:
-                    gained = reached - value
-                    effects, pose, (prediction, fit), value = trial, tilted, state, reached
+                    gained, state = reached - value, trial
                     break
-            sigma = self._spread(normal, pose, sigma)
-            value = self._penalised(fit, pose, sigma)
-            if gained < max(_GAIN_M, 1e-7 * abs(value)):
+            after = self.random.updated(state.estimate, model.known)
+            settled = bool(np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12))
+            state = replace(state, estimate=after)
+            if gained < max(_GAIN, 1e-7 * abs(value)) and (settled or number + 1 >= steps) and number >= 2:
                 break
-        return effects, pose, sigma
+        return state
 
-    def _spread(self, normal: Normal, pose: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-        """One step of expectation–maximisation for the spread of pose errors."""
-        if self.sample.own_axes:
-            return sigma
-        count = normal.parameters
-        block = normal.matrix[count:, count:] + np.diag(self.precision(sigma))
-        uncertain = np.diag(np.linalg.inv(block)).reshape(-1, 6)
-        return np.clip(np.sqrt((pose**2 + uncertain).mean(0)), POSE_FLOOR, _POSE_MOST)
+    def _penalised(self, state: _State) -> float:
+        law = state.estimate.u**2 @ np.where(
+            self.random.active(state.estimate), self.random.precision(state.estimate), 0
+        )
+        return float(self.sample.share @ state.fit.loglik) - 0.5 * float(law)
 
-    def _penalised(self, fit: Fit, pose: np.ndarray, sigma: np.ndarray) -> float:
-        return float(self.sample.share @ fit.loglik) - 0.5 * float(((pose / sigma) ** 2).sum())
+    def _marginal(self, state: _State, evidence: Evidence) -> float:
+        model = LinearModel.of(self, (), evidence, state.prediction, state.estimate)
+        return self._penalised(state) - 0.5 * model.shrinkage()
 
-    def _marginal(self, state: tuple[Prediction, Fit], pose: np.ndarray, sigma: np.ndarray) -> float:
-        prediction, fit = state
-        normal = Normal.of((), Evidence.of(self.sample, fit), self.slopes(pose, prediction))
-        scale = 1 / np.sqrt(self.precision(sigma))
-        matrix = np.eye(len(scale)) + scale[:, None] * normal.matrix * scale
-        return self._penalised(fit, pose, sigma) - 0.5 * float(np.linalg.slogdet(matrix)[1])
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """A mixed model, linear about a fit: `score ≈ X β + Z u`, u of known precision.
+
+    Attributes:
+        x: (n, p) columns of the fitted parameters by quantity.
+        z: (n, a) columns of the active random effects by quantity.
+        used: (a,) which random effects these are.
+        precision: (a,) of their laws.
+        known: (a, a) information of z.
+        solver: of `known` and the precision.
+        evidence: scores and informations.
+    """
+
+    x: dict[Quantity, SparseMatrix]
+    z: dict[Quantity, SparseMatrix]
+    used: np.ndarray
+    precision: np.ndarray
+    known: SparseMatrix
+    solver: Factored | None
+    evidence: Evidence
+
+    @classmethod
+    def of(
+        cls,
+        fitter: Fitter,
+        columns: Sequence[Column],
+        evidence: Evidence,
+        prediction: Prediction,
+        estimate: Estimate,
+    ) -> LinearModel:
+        """About a prediction and random effects."""
+        random = fitter.random
+        used = np.flatnonzero(random.active(estimate))
+        designs = random.designs(prediction, estimate)
+        z = {name: one.tocsc()[:, used].tocsr() for name, one in designs.items() if name in evidence.score}
+        known = sparse.csr_matrix((len(used), len(used)))
+        for name, one in z.items():
+            if one.nnz:
+                known = known + one.T @ sparse.diags(evidence.information[name]) @ one
+        precision = random.precision(estimate)[used]
+        solver = Factored(known + sparse.diags(precision), random.apart[used]) if len(used) else None
+        x = stacked(columns, evidence.score, len(fitter.sample))
+        return cls(x, z, used, precision, known, solver, evidence)
+
+    def projected(self, columns: dict[Quantity, SparseMatrix]) -> tuple[np.ndarray, np.ndarray]:
+        """How much of each random effect and parameter a unit of columns (n, k) is worth, (a, k) and (p, k)."""
+        shared = self._shared(columns, self.z, len(self.used))
+        of_x = self._shared(columns, self.x, self.parameters)
+        random = self._solve(shared)
+        if not self.parameters:
+            return random, np.zeros((0, shared.shape[1]))
+        fixed = np.linalg.solve(self.fixed_information, of_x - self._across.T @ random)
+        return random - self._across_solved @ fixed, fixed
+
+    @cached_property
+    def parameters(self) -> int:
+        """p."""
+        return next(iter(self.x.values())).shape[1] if self.x else 0
+
+    @cached_property
+    def fixed_information(self) -> np.ndarray:
+        """(p, p) information of the parameters, random effects eliminated."""
+        matrix = self._shared(self.x, self.x, self.parameters) - self._across.T @ self._across_solved
+        return matrix + np.diag(_RIDGE * np.diag(matrix) + 1e-12)
+
+    def beside(self, columns: dict[Quantity, SparseMatrix]) -> LinearModel:
+        """The same with further parameters, (n, k) columns by quantity."""
+        rows = len(next(iter(self.evidence.score.values())))
+        width = next(iter(columns.values())).shape[1]
+        x = {}
+        for name in {*self.x, *columns}:
+            own = self.x.get(name, sparse.csr_matrix((rows, self.parameters)))
+            more = columns.get(name, sparse.csr_matrix((rows, width)))
+            x[name] = sparse.hstack([own, more], format="csr")
+        return replace(self, x=x)
+
+    def shared_with(self, columns: dict[Quantity, SparseMatrix]) -> np.ndarray:
+        """(a + p, k) information that columns share with random effects and parameters."""
+        parts = self._shared(columns, self.z, len(self.used)), self._shared(columns, self.x, self.parameters)
+        return np.vstack(parts)
+
+    def step(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
+        """A Gauss–Newton step of parameters (p,) and of all random effects (m,)."""
+        right = self._scored(self.z, len(self.used)) - self.precision * estimate.u[self.used]
+        step = np.zeros(self.parameters)
+        if self.parameters:
+            slope = self._scored(self.x, self.parameters) - self._across.T @ self._solve(right)
+            step = np.linalg.solve(self.fixed_information, slope)
+        change = np.zeros(len(estimate.u))
+        change[self.used] = self._solve(right - self._across @ step)
+        return step, change
+
+    def shrinkage(self) -> float:
+        """log |I + D^½ ZᵀWZ D^½|: what the freedom of the random effects costs."""
+        if self.solver is None:
+            return 0.0
+        return self.solver.log_determinant() - float(np.log(self.precision).sum())
+
+    @cached_property
+    def _across(self) -> np.ndarray:
+        """(a, p) information shared by random effects and parameters."""
+        return self._shared(self.x, self.z, len(self.used))
+
+    @cached_property
+    def _across_solved(self) -> np.ndarray:
+        return self._solve(self._across)
+
+    def _solve(self, right: np.ndarray) -> np.ndarray:
+        return right if self.solver is None or not right.size else self.solver.solve(right)
+
+    def _shared(
+        self, columns: dict[Quantity, SparseMatrix], own: dict[Quantity, SparseMatrix], size: int
+    ) -> np.ndarray:
+        width = next(iter(columns.values())).shape[1] if columns else 0
+        found = np.zeros((size, width))
+        for name, one in columns.items():
+            if name in own and own[name].nnz and one.nnz and name in self.evidence.information:
+                found += (own[name].T @ sparse.diags(self.evidence.information[name]) @ one).toarray()
+        return found
+
+    def _scored(self, own: dict[Quantity, SparseMatrix], size: int) -> np.ndarray:
+        found = np.zeros(size)
+        for name, one in own.items():
+            found += one.T @ self.evidence.score[name]
+        return found
 
 
 def all_free(effects: Sequence[Effect], which: Sequence[int], rings: int) -> tuple[Free, ...]:
@@ -283,7 +373,7 @@ def all_free(effects: Sequence[Effect], which: Sequence[int], rings: int) -> tup
     found = []
     for place in which:
         if isinstance(effects[place], RoundingEffect):
-            continue  # no residual tells of a step; see `lattice.py`
+            continue  # no residual tells of a step; see `quantization.py`
         for unknown in unknowns(type(effects[place])):
             length = np.size(getattr(effects[place], unknown.name))
             if unknown.rings == 1 or length == rings:

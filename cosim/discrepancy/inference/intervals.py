@@ -1,73 +1,62 @@
-"""How sure fitted parameters are: intervals that know that returns share errors."""
+"""How sure fitted parameters are: intervals that know that returns share errors, and that poses and objects are off."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from scipy import sparse, stats
+from scipy import stats
 
 from cosim.discrepancy.candidates import Unknown, with_values
 from cosim.discrepancy.inference.cluster_bootstrap import Redrawn, redrawn_interval
-from cosim.discrepancy.inference.columns import Column, Normal
-from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.columns import Column, stacked
+from cosim.discrepancy.inference.fit import Fitted, Fitter, LinearModel
+from cosim.discrepancy.inference.score_test import Projector
 from cosim.discrepancy.inference.search import is_searched, likely_interval, widening
 
 _LEVEL = 0.975
 
 
-def standard_errors(fitter: Fitter, fitted: Fitted) -> np.ndarray:
-    """Standard errors of all free parameters, (p,): the widest of `covariances`."""
-    return np.sqrt(np.max([np.diag(one) for one in covariances(fitter, fitted)], axis=0))
-
-
 def covariances(fitter: Fitter, fitted: Fitted) -> list[np.ndarray]:
-    """Covariances (p, p) of all free parameters by sandwich (White 1980): of no clusters, of tracks and of scans."""
-    sample, columns = fitter.sample, fitted.columns
-    poses = fitter.slopes(fitted.pose, fitted.prediction)
-    normal = Normal.of(columns, fitted.evidence, poses)
-    count = normal.parameters
-    if not count:
+    """Covariances (p, p) of all free parameters, random effects eliminated.
+
+    Of the model, and by sandwich (White 1980) of tracks and of scans.
+    """
+    if not fitted.columns:
         return [np.zeros((0, 0))]
-    precision = np.append(np.zeros(count), fitter.precision(fitted.pose_sigma))
-    matrix = normal.matrix + np.diag(precision + 1e-9 * np.diag(normal.matrix) + 1e-12)
-    inverse = np.linalg.inv(matrix)
-    rows = len(sample)
-    influence = np.zeros((rows, count))
-    for quantity, score in fitted.evidence.score.items():
-        parts = [column.matrix(quantity, rows) for column in columns]
-        parts.append(poses if quantity == "range" else sparse.csr_matrix(poses.shape))
-        influence += score[:, None] * (sparse.hstack(parts, format="csr") @ inverse[:, :count])
-    found = [influence.T @ influence]
-    for cluster in (sample.track, sample.frame):
-        size = int(cluster.max(initial=0)) + 1
-        hot = sparse.csr_matrix((np.ones(rows), (cluster, np.arange(rows))), (size, rows))
-        sums = hot @ influence
-        found.append(sums.T @ sums * size / max(size - 1, 1))
+    alone = LinearModel.of(fitter, (), fitted.evidence, fitted.prediction, fitted.estimate)
+    columns = stacked(fitted.columns, fitted.evidence.score, len(fitter.sample))
+    tables, information = Projector(alone, fitted.estimate, fitter.random.clusters).of(columns)
+    inverse = np.linalg.pinv(information + np.diag(1e-9 * np.diag(information) + 1e-12), hermitian=True)
+    found = [inverse]
+    for table in tables:
+        count = max(np.count_nonzero(np.abs(table).sum(1)), 2)
+        found.append(inverse @ (table.T @ table) @ inverse * count / (count - 1))
     return found
 
 
 def half_widths(fitter: Fitter, fitted: Fitted) -> np.ndarray:
     """Half widths of 95 % intervals, (p,): Student-t with as many degrees of freedom as scans."""
     freedom = max(len(fitter.sample.names) - 1, 1)
-    return standard_errors(fitter, fitted) * stats.t.ppf(_LEVEL, freedom)
+    widest = np.max([np.diag(one) for one in covariances(fitter, fitted)], axis=0)
+    return np.sqrt(np.maximum(widest, 0)) * stats.t.ppf(_LEVEL, freedom)
 
 
 def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:
     """95 % intervals of everything that was fitted, by effect and parameter: pairs, or lists of pairs."""
     widths, found, at = half_widths(fitter, fitted), {}, 0
-    searched: dict[int, dict[Unknown, Column]] = {}
+    sought: dict[int, dict[Unknown, Column]] = {}
     for one, column in zip(fitted.free, fitted.columns, strict=True):
         part = widths[at : at + one.unknown.rings]
         at += one.unknown.rings
         effect = fitted.effects[one.effect]
         if is_searched(effect, one.unknown, column):
-            searched.setdefault(one.effect, {})[one.unknown] = column
+            sought.setdefault(one.effect, {})[one.unknown] = column
             continue
         value = np.asarray(getattr(effect, one.unknown.name), float)
         pair = np.stack([value - part, value + part], -1) if value.ndim else value + np.array([-part[0], part[0]])
         found.setdefault(effect.name, {})[one.unknown.name] = pair.tolist()
-    for place, columns in searched.items():
+    for place, columns in sought.items():
         found.setdefault(fitted.effects[place].name, {}).update(_searched(fitter, fitted, place, columns))
     return found
 
@@ -78,7 +67,7 @@ def _searched(fitter: Fitter, fitted: Fitted, place: int, columns: dict[Unknown,
     At jumps of the likelihood draws hardly scatter: there it must not have fallen too far, either.
     """
     effects, found = fitted.effects, {}
-    lost, clusters = fitter.loss(fitted.pose, fitted.pose_sigma), (fitter.sample.frame, fitter.sample.track)
+    lost, clusters = fitter.loss(fitted.estimate), (fitter.sample.frame, fitter.sample.track)
     held, drawn = dict[str, tuple[float, float]](), dict[str, Redrawn]()
     for unknown, column in columns.items():
         name, value = unknown.name, float(getattr(effects[place], unknown.name))
@@ -86,7 +75,7 @@ def _searched(fitter: Fitter, fitted: Fitted, place: int, columns: dict[Unknown,
 
         def losses(at: float, name: str = name) -> np.ndarray:
             moved = with_values(effects[place], {name: at})
-            return fitter.losses((*effects[:place], moved, *effects[place + 1 :]), fitted.pose)
+            return fitter.losses((*effects[:place], moved, *effects[place + 1 :]), fitted.estimate)
 
         apart = max((pair[1] - pair[0]) / 2, 1e-9)
         held[name] = pair

@@ -40,6 +40,7 @@ class Fit:
         bright: probability that its brightness is, too; 0 where that is not to be told.
         whole: (n,) bool: intensities that the limits hardly ever cut off.
         seen: probability of a return of the surface, away from 0 and 1.
+        expected_seen: the same as it is expected: of a beam that is certain to return no return tells anything.
         loglik: (n,) log-likelihood.
     """
 
@@ -54,6 +55,7 @@ class Fit:
     bright: np.ndarray
     whole: np.ndarray
     seen: np.ndarray
+    expected_seen: np.ndarray
     loglik: np.ndarray
 
 
@@ -73,6 +75,7 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.nda
     z = np.nan_to_num(z)
     seen = np.where(np.isfinite(mean), np.clip(expected.seen, _LOST_SHARE, 1 - _LOST_SHARE), 0.0)
     seen = np.where(sample.compared, seen, 0.0)
+    whole = np.where(seen > 0, expected.seen, 0.0)
     # That a beam returned shows a loss however rare; of beams that did not, none is certain to.
     certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, _LOST_SHARE), 0.0)
     surface = certain * np.exp(student(z)) / sigma
@@ -92,7 +95,7 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.nda
         light = _light(sample, expected, spread)
         loglik += matched * light.loglik
     bright = matched * light.own
-    return Fit(z, light.z, rise_z, sigma, spread, light.pull, light.known, matched, bright, light.whole, seen, loglik)
+    return Fit(z, light.z, rise_z, sigma, spread, light.pull, light.known, matched, bright, light.whole, seen, whole, loglik)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,11 +127,6 @@ def _light(sample: Sample, expected: Prediction, spread: np.ndarray) -> _Light:
 def range_spread_m(expected: Prediction) -> np.ndarray:
     """Standard deviation (n,) [m] of ranges: by the sensor's noise and by how far the twin may be off."""
     return np.sqrt(expected.range_sigma_m**2 + expected.unsure_m**2 + RANGE_FLOOR_M**2)
-
-
-def own_range_spread_m(expected: Prediction) -> np.ndarray:
-    """The part of it that beams beside each other do not share."""
-    return np.sqrt(np.maximum(range_spread_m(expected) ** 2 - expected.shared_m**2, RANGE_FLOOR_M**2))
 
 
 def intensity_spread(expected: Prediction) -> np.ndarray:

@@ -14,11 +14,10 @@ import numpy as np
 from cosim.discrepancy.data.sample import Prediction, Sample
 from cosim.discrepancy.inference.censored import MEAN_INFORMATION, pull
 from cosim.discrepancy.inference.likelihood import (
-    RANGE_FLOOR_M,
     RISE_SIGMA_M,
     Fit,
     intensity_spread,
-    own_range_spread_m,
+    range_spread_m,
 )
 
 Quantity = Literal["range", "rise", "intensity", "range_variance", "intensity_variance", "drop"]
@@ -26,7 +25,6 @@ QUANTITIES: tuple[Quantity, ...] = ("range", "rise", "intensity", "range_varianc
 ROUNDED_M = 6e-4  # to which coordinates may be stored
 _SPREAD_INFORMATION = 2.0  # of a Gaussian: of d log σ, E[(z² − 1)²]; and E[z² − 1] grows by 2 a unit of it
 _MOST_SQUARED = 100.0
-_MOST_SHARED = 1.0  # times the noise
 _FAR_OFF = 3.0  # standard deviations
 
 
@@ -50,21 +48,19 @@ class Evidence:
         possible = variance > 0
         pair = np.maximum(sample.partner, 0)
         paired = weight * fit.matched * fit.matched[pair] * (sample.partner >= 0)
-        own_sigma_m = np.sqrt(np.maximum(fit.range_sigma_m**2 - sample.shared_m**2, RANGE_FLOOR_M**2))
-        told = paired * (sample.shared_m < _MOST_SHARED * own_sigma_m)  # a surface that is off leans, too
-        range_gap = (fit.range_z - fit.range_z[pair]) / np.sqrt(2) * fit.range_sigma_m / own_sigma_m
+        range_gap = (fit.range_z - fit.range_z[pair]) / np.sqrt(2)
         intensity_gap = (fit.intensity_z - fit.intensity_z[pair]) / np.sqrt(2)
         binary = np.where(possible, weight / np.where(possible, variance, 1), 0.0)
         score: dict[Quantity, np.ndarray] = {
             "range": matched * pull(fit.range_z) / fit.range_sigma_m,
             "rise": returned * pull(fit.rise_z) / rise_sigma * (np.abs(fit.rise_z) * rise_sigma > rounded_m),
-            "range_variance": told * spread_excess(range_gap),
-            "drop": binary * (fit.matched - fit.seen),
+            "range_variance": paired * spread_excess(range_gap),
+            "drop": binary * (fit.matched - fit.expected_seen),
         }
         information: dict[Quantity, np.ndarray] = {
             "range": matched * MEAN_INFORMATION / fit.range_sigma_m**2,
             "rise": returned * MEAN_INFORMATION / rise_sigma**2,
-            "range_variance": told * _SPREAD_INFORMATION,
+            "range_variance": paired * _SPREAD_INFORMATION,
             "drop": binary,
         }
         if sample.has_intensity:
@@ -98,7 +94,7 @@ def change(before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:
         "range": np.where(both, after.range_m - before.range_m, 0.0),
         "rise": np.nan_to_num(after.rise_m - before.rise_m),
         "intensity": after.intensity - before.intensity,
-        "range_variance": np.log(own_range_spread_m(after) / own_range_spread_m(before)),
+        "range_variance": np.log(range_spread_m(after) / range_spread_m(before)),
         "intensity_variance": np.log(intensity_spread(after) / intensity_spread(before)),
         "drop": after.seen - before.seen,
     }

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy.groups.covariates import covariates
-from cosim.discrepancy.kinds import as_known, for_rings, with_rings
+from cosim.discrepancy.candidates import as_known, for_rings, with_rings
 from cosim.discrepancy.unknown import Shape, class_name, effect_source
 from cosim.discrepancy.unknown.candidate import shape_effect
 from cosim.discrepancy.unknown.formulas import best_formula, evaluate

@@ -1,0 +1,337 @@
+"""What is merely not known of a drive: errors of poses, of objects, of the map and of reflectances.
+
+Each is a random effect of mean zero whose variance is estimated from the data. A mixed model with them asks of a
+missing effect what they cannot explain: the common part of all pose errors of a drive is as sure as their spread and
+the number of scans let it be, the offset that all cars share as sure as the number of cars does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg, sparse
+
+from cosim.discrepancy.data.sample import Prediction, Sample
+from cosim.discrepancy.inference.clusters import Clusters
+from cosim.discrepancy.inference.columns import SparseMatrix
+from cosim.discrepancy.inference.pose_errors import PoseErrors
+from cosim.discrepancy.inference.score import Evidence, Quantity
+
+_PROBES = 12
+_MOST_STEP = 30.0  # times that a variance may change in one update
+_AXES = 6
+_FEWEST_PARTS = 12
+_POSE_LEAST = (3e-4,) * 3 + (2e-5,) * 3
+_LEAST = {  # standard deviations below which there is none: [m], [rad], or a share
+    "poses": _POSE_LEAST,
+    "objects": (1e-3, 1e-3, 3e-4),
+    "objects_by_scan": (1e-3, 1e-3, 3e-4),
+    "map": (1e-3,),
+    "albedo": (3e-3,),
+    "albedo_of_map": (3e-3,),
+}
+
+
+class Factored:
+    """A symmetric positive definite matrix, many of whose rows share nothing with each other, factored.
+
+    Args:
+        matrix: (a, a).
+        apart: (a,) bool: rows of which no two share anything; they are eliminated first.
+    """
+
+    def __init__(self, matrix: SparseMatrix, apart: np.ndarray) -> None:
+        matrix = matrix.tocsr()
+        self._apart, self._rest = np.flatnonzero(apart), np.flatnonzero(~apart)
+        self._diagonal = matrix.diagonal()[self._apart]
+        self._across = matrix[self._rest][:, self._apart]
+        rest = matrix[self._rest][:, self._rest]
+        if len(self._apart):
+            rest = rest - self._across @ sparse.diags(1 / self._diagonal) @ self._across.T
+        self._factor = linalg.cho_factor(np.asarray(rest.todense()), lower=True) if len(self._rest) else None
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """The solution (a, …) of a right-hand side."""
+        found, of_apart = np.zeros_like(right), right[self._apart]
+        diagonal = self._diagonal.reshape((-1,) + (1,) * (right.ndim - 1))
+        if self._factor is not None:
+            left = right[self._rest] - self._across @ (of_apart / diagonal)
+            found[self._rest] = linalg.cho_solve(self._factor, left, check_finite=False)
+            of_apart = of_apart - self._across.T @ found[self._rest]
+        found[self._apart] = of_apart / diagonal
+        return found
+
+    def log_determinant(self) -> float:
+        """Of the matrix."""
+        rest = 0.0 if self._factor is None else 2 * float(np.log(np.diag(self._factor[0])).sum())
+        return rest + float(np.log(self._diagonal).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Random effects of one kind.
+
+    Attributes:
+        name: poses, objects, objects_by_scan, map, albedo or albedo_of_map.
+        part: the part of the budget that it belongs to.
+        quantity: that it changes.
+        size: how many.
+        group: (size,) int which of its variances each has.
+        start: initial standard deviation by variance.
+    """
+
+    name: str
+    part: str
+    quantity: Quantity
+    size: int
+    group: np.ndarray
+    start: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Values of the random effects and the variances of their laws.
+
+    Attributes:
+        u: (m,) best linear unbiased predictions.
+        variance: (v,) of each law; 0 where there is none of it.
+    """
+
+    u: np.ndarray
+    variance: np.ndarray
+
+
+class RandomEffects:
+    """The random effects of a sample.
+
+    Args:
+        sample: the measurements.
+        pose_start: standard deviations [m, rad] that pose errors start from; None where poses have no errors.
+    """
+
+    def __init__(self, sample: Sample, pose_start: tuple[float, float] | None = (0.02, 9e-4)) -> None:
+        self.sample = sample
+        self._pose_errors = PoseErrors(sample.pose_derivative, sample.frame, sample.range_m, sample.leaning)
+        scans, things = len(sample.names), sample.instance >= 0
+        self._track = np.where(things, np.unique(np.where(things, sample.track, -1), return_inverse=True)[1], -1)
+        if not things.all():
+            self._track[things] -= 1
+        tracks, seen = int(self._track.max(initial=-1)) + 1, int(sample.object_scan.max(initial=-1)) + 1
+        cells = int(sample.surface.max(initial=-1)) + 1
+        axes = np.array([0, 0, 1, 2])
+        blocks = []
+        if pose_start is not None and not sample.own_axes:
+            start = (pose_start[0],) * 3 + (pose_start[1],) * 3
+            blocks.append(Block("poses", "poses", "range", 6 * scans, np.tile(np.arange(6), scans), start))
+        blocks += [
+            Block("objects", "objects", "range", 4 * tracks, np.tile(axes, tracks), (0.0, 0.0, 0.0)),
+            Block("objects_by_scan", "objects", "range", 4 * seen, np.tile(axes, seen), (0.0, 0.0, 0.0)),
+            Block("map", "map", "range", cells, np.zeros(cells, int), (0.0,)),
+        ]
+        if sample.has_intensity:
+            blocks.append(Block("albedo", "objects", "intensity", tracks, np.zeros(tracks, int), (0.0,)))
+            blocks.append(Block("albedo_of_map", "map", "intensity", cells, np.zeros(cells, int), (0.0,)))
+        self.blocks: tuple[Block, ...] = tuple(one for one in blocks if one.size)
+        sizes = [one.size for one in self.blocks]
+        self._ends = np.cumsum([0, *sizes])
+        laws = np.cumsum([0, *(len(one.start) for one in self.blocks)])
+        self._law = np.concatenate(
+            [one.group + first for one, first in zip(self.blocks, laws, strict=False)] or [np.zeros(0, int)]
+        )
+        self.laws = tuple((one.name, row) for one in self.blocks for row in range(len(one.start)))
+        self._least = np.array([_LEAST[name][row] ** 2 for name, row in self.laws])
+        self._fixed = {
+            one.name: self._matrix(one) for one in self.blocks if one.name != "poses" and one.quantity == "range"
+        }
+
+    @property
+    def size(self) -> int:
+        """How many random effects there are."""
+        return int(self._ends[-1])
+
+    @property
+    def pose_errors(self) -> PoseErrors:
+        """How pose errors move what beams meet."""
+        return self._pose_errors
+
+    @cached_property
+    def apart(self) -> np.ndarray:
+        """(m,) bool: those of which a beam knows one at most, so that no two share anything."""
+        found = np.zeros(self.size, bool)
+        for name in ("map", "albedo", "albedo_of_map"):
+            found[self.rows(name)] = True
+        return found
+
+    @cached_property
+    def clusters(self) -> Clusters:
+        """What beams and random effects share errors with."""
+        sample = self.sample
+        sectors = -(-_FEWEST_PARTS // max(len(sample.names), 1))
+        sector = ((sample.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
+        track, scan = np.full(self.size, -1), np.full(self.size, -1)
+        poses = self.rows("poses")
+        scan[poses] = np.arange(poses.stop - poses.start) // _AXES
+        for name, number, each in (
+            ("objects", self._track, 4), ("objects_by_scan", sample.object_scan, 4), ("map", sample.surface, 1),
+            ("albedo", self._track, 1), ("albedo_of_map", sample.surface, 1),
+        ):  # fmt: skip
+            rows, used = self.rows(name), number >= 0
+            if rows.stop > rows.start:
+                of_unit = np.zeros((rows.stop - rows.start) // each, int)
+                of_unit[number[used]] = sample.track[used]
+                track[rows] = np.repeat(of_unit, each)
+        return Clusters(sample.track, sample.frame, sample.frame * sectors + sector, track, scan)
+
+    def start(self) -> Estimate:
+        """None of anything, but pose errors of the spread that fits start from."""
+        variance = np.array([value**2 for one in self.blocks for value in one.start])
+        u = np.zeros(self.size)
+        poses = self.rows("poses")
+        u[poses] = self.sample.leaning.ravel()[: poses.stop - poses.start]
+        return Estimate(u, variance)
+
+    def rows(self, name: str) -> slice:
+        """Where the random effects of one kind stand; empty where there are none."""
+        for place, one in enumerate(self.blocks):
+            if one.name == name:
+                return slice(int(self._ends[place]), int(self._ends[place + 1]))
+        return slice(0, 0)
+
+    def of_part(self, parts: Sequence[str]) -> np.ndarray:
+        """(m,) bool: which belong to some parts of the budget."""
+        found = np.zeros(self.size, bool)
+        for place, one in enumerate(self.blocks):
+            found[self._ends[place] : self._ends[place + 1]] = one.part in parts
+        return found
+
+    def poses(self, estimate: Estimate) -> np.ndarray:
+        """(scans, 6) pose errors; those that were traced with where poses have no errors."""
+        rows = self.rows("poses")
+        if rows.stop == rows.start:
+            return self.sample.leaning
+        return estimate.u[rows].reshape(-1, _AXES)
+
+    def spread(self, estimate: Estimate, name: str) -> np.ndarray:
+        """Standard deviations of one kind, by law; empty where there are none."""
+        return np.sqrt([v for (of, _), v in zip(self.laws, estimate.variance, strict=True) if of == name])
+
+    def precision(self, estimate: Estimate) -> np.ndarray:
+        """(m,) inverse variances; those of laws without variance are as good as infinite."""
+        return 1 / np.maximum(estimate.variance, 1e-30)[self._law]
+
+    def active(self, estimate: Estimate) -> np.ndarray:
+        """(m,) bool: those that may be other than 0."""
+        return (estimate.variance > 0)[self._law]
+
+    def adjusted(self, expected: Prediction, estimate: Estimate) -> Prediction:
+        """A prediction as the random effects change it."""
+        u = estimate.u
+        moved = self._pose_errors.shift(self.poses(estimate), expected.range_m)
+        bright = np.zeros(len(self.sample))
+        for place, one in enumerate(self.blocks):
+            part = u[self._ends[place] : self._ends[place + 1]]
+            if one.name == "poses" or not part.any():
+                continue
+            if one.quantity == "range":
+                moved = moved + self._fixed[one.name] @ part
+            else:
+                bright = bright + self._hot(one) @ part
+        share = np.maximum(1 + bright, 0.1)
+        return replace(expected, range_m=expected.range_m + moved, intensity=expected.intensity * share)
+
+    def designs(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, SparseMatrix]:
+        """Derivatives (n, m) of each quantity that they change; of active ones alone, other columns are empty."""
+        rows, active = len(self.sample), self.active(estimate)
+        parts: dict[Quantity, list[SparseMatrix]] = {"range": [], "intensity": []}
+        for place, one in enumerate(self.blocks):
+            mine = active[self._ends[place] : self._ends[place + 1]]
+            empty = sparse.csr_matrix((rows, one.size))
+            if not mine.any():
+                found = empty
+            elif one.name == "poses":
+                found = self._pose_errors.slopes(self.poses(estimate), expected.range_m)
+            elif one.quantity == "range":
+                found = self._fixed[one.name]
+            else:
+                found = self._light(one, expected)
+            for quantity, columns in parts.items():
+                columns.append(found if quantity == one.quantity else empty)
+        return {name: sparse.hstack(columns, format="csr") for name, columns in parts.items() if columns}
+
+    def updated(self, estimate: Estimate, known: SparseMatrix) -> Estimate:
+        """Variances after one update: MacKay's fixed point (Neural Comput. 1992), traces by random probes.
+
+        Args:
+            estimate: with predictions at the present variances.
+            known: (a, a) information of the active random effects, their laws left out.
+        """
+        used, variance = np.flatnonzero(self.active(estimate)), estimate.variance.copy()
+        if not len(used):
+            return estimate
+        precision, law = self.precision(estimate)[used], self._law[used]
+        signs = np.random.default_rng(0).choice((-1.0, 1.0), (len(used), _PROBES))
+        unsure = (signs * Factored(known + sparse.diags(precision), self.apart[used]).solve(signs)).mean(1)
+        told = np.bincount(law, 1 - precision * unsure, len(variance))
+        size = np.bincount(law, estimate.u[used] ** 2, len(variance))
+        mine = np.unique(law)
+        new = size[mine] / np.maximum(told[mine], 0.5)
+        variance[mine] = np.clip(new, variance[mine] / _MOST_STEP, variance[mine] * _MOST_STEP)
+        poses = np.array([name == "poses" for name, _ in self.laws])
+        variance = np.where(poses, np.maximum(variance, self._least), variance)
+        gone = (variance < self._least) & ~poses
+        return Estimate(np.where(gone[self._law], 0.0, estimate.u), np.where(gone, 0.0, variance))
+
+    def begun(self, estimate: Estimate, expected: Prediction, evidence: Evidence, sigmas: float) -> Estimate:
+        """With the variances of laws that are at 0 and should not be, by the method of moments.
+
+        What beams of one unit share shows as the square of their summed scores beyond the sum of their squares.
+
+        Args:
+            estimate, expected, evidence: of the fit.
+            sigmas: standard errors above 0 from which a law is begun.
+        """
+        variance = estimate.variance.copy()
+        begun = dict[str, bool]()
+        for place, one in enumerate(self.blocks):
+            idle = [k for k, (name, _) in enumerate(self.laws) if name == one.name and variance[k] <= 0]
+            if not idle or one.quantity not in evidence.score or begun.get(one.name.split("_by")[0]):
+                continue
+            matrix = self._fixed[one.name] if one.quantity == "range" else self._light(one, expected)
+            shared = matrix.T @ evidence.score[one.quantity]
+            square = matrix.multiply(matrix)
+            own = square.T @ evidence.score[one.quantity] ** 2
+            known = square.T @ evidence.information[one.quantity]
+            law = self._law[self._ends[place] : self._ends[place + 1]]
+            for k in idle:
+                mine = law == k
+                excess, total = float((shared[mine] ** 2 - own[mine]).sum()), float((known[mine] ** 2).sum())
+                if excess > sigmas * np.sqrt(2 * float((own[mine] ** 2).sum())) and total > 0:
+                    variance[k] = max(excess / total, 4 * self._least[k])
+                    begun[one.name] = True  # what changes from scan to scan is asked once what stays is known
+        return replace(estimate, variance=variance)
+
+    def _light(self, block: Block, expected: Prediction) -> SparseMatrix:
+        return sparse.diags(expected.intensity) @ self._hot(block)
+
+    def _matrix(self, block: Block) -> SparseMatrix:
+        sample, rows = self.sample, np.arange(len(self.sample))
+        if block.name == "map":
+            used = np.flatnonzero(sample.surface >= 0)
+            values, column = sample.surface_derivative[used], sample.surface[used]
+            return sparse.csr_matrix((values, (used, column)), (len(rows), block.size))
+        number = self._track if block.name == "objects" else sample.object_scan
+        used = np.flatnonzero(number >= 0)
+        columns = 4 * number[used][:, None] + np.arange(4)
+        places = np.repeat(used, 4), columns.ravel()
+        return sparse.csr_matrix((sample.object_derivative[used].ravel(), places), (len(rows), block.size))
+
+    def _hot(self, block: Block) -> SparseMatrix:
+        if block.name not in self._fixed:
+            number = self._track if block.name == "albedo" else self.sample.surface
+            used = np.flatnonzero(number >= 0)
+            ones = np.ones(len(used))
+            self._fixed[block.name] = sparse.csr_matrix((ones, (used, number[used])), (len(number), block.size))
+        return self._fixed[block.name]
