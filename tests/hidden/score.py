@@ -30,8 +30,7 @@ def score(case: Case, result: Mapping[str, Any]) -> dict[str, Any]:
     row |= _endings(diagnosis) | _errors(diagnosis, result)
     if case.told:
         row |= _unknowns(case.told, diagnosis, row)
-        measured = result.get("shape_r2")
-        row["shape_r2"] = row["claimed_r2"] if measured is None else measured
+        row["shape_r2"] = _shape_r2(case, result, row)
     return row
 
 
@@ -111,6 +110,14 @@ def _unknowns(truths: list[Told], diagnosis: Mapping[str, Any], row: Mapping[str
         "told_or_listed": all(either),
         "claimed_r2": min((r2 for r2 in claimed if r2 is not None), default=None),
     }
+
+
+def _shape_r2(case: Case, result: Mapping[str, Any], row: Mapping[str, Any]) -> float | None:
+    """Measured where it can be, else claimed, 0 where nothing is told; None for noise, which has no such shape."""
+    if set(case.hidden.unnamed) == {"noise_shape"}:
+        return None
+    measured = result.get("shape_r2")
+    return measured if measured is not None else row["claimed_r2"] or 0.0
 
 
 def _covariates(finding: Mapping[str, Any]) -> list[str]:

@@ -11,6 +11,7 @@ from tests.hidden.amplitudes import STRENGTHS, parameters
 from tests.hidden.cases import GROUPS, NULLS, Case, all_cases, spread
 from tests.hidden.drive import Hidden
 from tests.hidden.score import relative_error, score
+from tests.hidden.shape import r_squared
 from tests.hidden.table import print_failures, print_table
 
 _WALK = {"amplitude_m": 0.05, "decay": 4.0}
@@ -121,11 +122,25 @@ def test_a_table_takes_versions_with_and_without_the_new_lists(capsys: pytest.Ca
     old = meta | score(case, _answer([]))
     new = meta | score(case, _answer([], unknowns=[_found("intensity", "azimuth")], unexplained=[]))
     print_table({"old": [old], "new": [new]})
-    row = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("unnamed, strong: told or"))
+    row = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("in no catalogue: told or"))
     assert row.split()[-4:] == ["0.000", "1", "1.000", "1"]
     failed = meta | score(case, {"trouble": "took longer than 1 s", "wall_s": 1.0, "cpu_s": 1.0, "rss_gib": 1.0})
     print_failures([failed])
     assert "took longer" in capsys.readouterr().out
+
+
+def test_a_measured_shape_counts_before_a_claimed_one() -> None:
+    case = _case("unnamed", unnamed={"dirty_window": {"a": 0.5}})
+    answer = _answer([], _found("intensity", "azimuth"))
+    assert score(case, answer)["shape_r2"] == 0.95
+    assert score(case, answer | {"shape_r2": 0.4})["shape_r2"] == 0.4
+    assert score(case, _answer([]))["shape_r2"] == 0.0
+
+
+def test_a_shape_found_whole_leaves_nothing() -> None:
+    true = np.array([0.0, 1.0, 2.0])
+    assert r_squared(true, true) == 1.0
+    assert r_squared(true, np.ones(3)) == 0.0
 
 
 def test_phases_are_compared_on_the_circle() -> None:
