@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,26 +50,31 @@ class Version:
         gate = "broken" if self.broken_gate else "whole"
         command = [self._python, "-P", str(_JUDGE), str(self.code), gate, *map(str, arguments)]
         one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        environment = {**os.environ, **one_thread, "PYTHONPATH": str(self.code)}
-        said, begun = work / "said.txt", time.monotonic()
-        with said.open("w") as out:
-            process = subprocess.Popen(
-                command, cwd=work, env=environment, stdout=out, stderr=subprocess.STDOUT, start_new_session=True
-            )
-            resource.prlimit(process.pid, resource.RLIMIT_CPU, (round(limit_s), round(limit_s) + 1))
-            stopped, status, usage = _waited(process.pid, begun + _MOST_WALL * limit_s)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        stopped = stopped or process.returncode in (-signal.SIGXCPU, -signal.SIGKILL)
-        trouble = f"took longer than {limit_s:.0f} CPU seconds" if stopped else ""
-        if not stopped and process.returncode:
-            trouble = said.read_text().strip()[-1500:] or f"ended with {process.returncode}"
-        cpu_s = usage.ru_utime + usage.ru_stime
-        return Ended(trouble, time.monotonic() - begun, cpu_s, usage.ru_maxrss / 2**20)
+        return run_limited(command, work, {**os.environ, **one_thread, "PYTHONPATH": str(self.code)}, limit_s)
 
     @property
     def _python(self) -> str:
         own = self.code / ".venv" / "bin" / "python"
         return str(own) if own.exists() else sys.executable
+
+
+def run_limited(command: list[str], work: Path, environment: Mapping[str, str], limit_s: float) -> Ended:
+    """Run a command in a folder, and stop it after so many CPU seconds of one of its processes."""
+    said, begun = work / "said.txt", time.monotonic()
+    with said.open("w") as out:
+        process = subprocess.Popen(
+            command, cwd=work, env=environment, stdout=out, stderr=subprocess.STDOUT, start_new_session=True
+        )
+        resource.prlimit(process.pid, resource.RLIMIT_CPU, (round(limit_s), round(limit_s) + 1))
+        late, status, usage = _waited(process.pid, begun + _MOST_WALL * limit_s)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    trouble = ""
+    if late or process.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+        trouble = f"took longer than {limit_s:.0f} CPU seconds"
+    elif process.returncode:
+        trouble = said.read_text().strip()[-1500:] or f"ended with {process.returncode}"
+    cpu_s = usage.ru_utime + usage.ru_stime
+    return Ended(trouble, time.monotonic() - begun, cpu_s, usage.ru_maxrss / 2**20)
 
 
 def _waited(pid: int, until: float):
