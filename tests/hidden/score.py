@@ -22,7 +22,8 @@ def score(case: Case, result: Mapping[str, Any]) -> dict[str, Any]:
         result: what `run_case` gathered: cost, the diagnosis, floors and errors of the held-out drive.
     """
     cost = {key: result.get(key) for key in ("trouble", "wall_s", "cpu_s", "rss_gib", "floor")}
-    row: dict[str, Any] = {"exact": case.is_exact, "parts": len(case.hidden.effects) + len(case.told), **cost}
+    hidden = {**case.hidden.effects, **case.hidden.unnamed}
+    row: dict[str, Any] = {"exact": case.is_exact, "hidden": hidden, **cost}
     diagnosis = result.get("diagnosis")
     if diagnosis is None:
         return row | {"verdict": "failed"}
@@ -108,6 +109,7 @@ def _unknowns(truths: list[Told], diagnosis: Mapping[str, Any], row: Mapping[str
         "told": all(told),
         "listed": all(listed),
         "told_or_listed": all(either),
+        "false_unknowns": sum(not any(truth.accepts(found) for truth in truths) for found in unknowns),
         "claimed_r2": min((r2 for r2 in claimed if r2 is not None), default=None),
     }
 

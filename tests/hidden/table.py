@@ -122,7 +122,11 @@ def _unknowns() -> list[_Line]:
         for item, target, values in _kind_columns(UNKNOWNS, level):
             lines.append(_Line(f"{word}: {item}", target, values))
     explained = _of(tuple(kind for kind in UNKNOWNS if kind != TWO), "explained")
-    return [*lines, _Line("in no catalogue: excess error explained, median", "", explained, np.median)]
+    return [
+        *lines,
+        _Line("in no catalogue: unknowns told that are none, a case", "", _of(UNKNOWNS, "false_unknowns")),
+        _Line("in no catalogue: excess error explained, median", "", explained, np.median),
+    ]
 
 
 def _kind_columns(groups: tuple[str, ...], level: str) -> list[tuple[str, str, Values]]:
@@ -213,6 +217,8 @@ def print_failures(rows: Sequence[Row]) -> None:
         if _failed(row):
             print(f"  {row['case']:44s} {(row['trouble'].splitlines() or [''])[-1][:110]}")
             continue
+        if row["group"] in UNKNOWNS:
+            print(f"  {row['case']:44s} hidden: {_truth(row['hidden'])}")
         unknowns = "; ".join(_brief(one) for one in row["unknowns"]) or "–"
         print(f"  {row['case']:44s} {row['verdict']}: {', '.join(row['added']) or 'nothing'}; unknown: {unknowns}")
         for one in row["unexplained"] or []:
@@ -230,6 +236,10 @@ def _is_wrong(row: Row) -> bool:
     if row["group"] in UNKNOWNS:
         return not row["told_or_listed"] or not row["no_false_effect"]
     return not row["exact_set"]
+
+
+def _truth(hidden: Mapping[str, Mapping]) -> str:
+    return "; ".join(f"{name} ({', '.join(f'{k} {v}' for k, v in p.items())})" for name, p in hidden.items())
 
 
 def _brief(unknown: Mapping) -> str:

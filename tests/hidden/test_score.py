@@ -71,6 +71,7 @@ def test_an_effect_without_a_name_wants_channel_and_covariate() -> None:
     assert right["told"] and right["told_or_listed"] and right["right_channel"] and right["shape_r2"] == 0.95
     wrong = score(case, _answer([], _found("intensity", "range")))
     assert wrong["flagged"] and wrong["right_channel"] and not wrong["told_or_listed"]
+    assert (right["false_unknowns"], wrong["false_unknowns"]) == (0, 1)
     listed = score(case, _answer([], unexplained=[_found("intensity", "azimuth")]))
     assert not listed["told"] and listed["listed"] and listed["told_or_listed"]
 
