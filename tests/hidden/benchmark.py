@@ -53,7 +53,7 @@ def main() -> None:
 def _chosen(chosen: argparse.Namespace) -> list[Case]:
     seeds = chosen.seed_list if chosen.seed_list is not None else range(chosen.seeds)
     cases = [case for case in all_cases(seeds, chosen.frames) if case.is_quick or not chosen.quick]
-    cases = [case for case in cases if case.group in chosen.group and re.search(chosen.cases, case.name)]
+    cases = [case for case in cases if case.group in chosen.group and chosen.cases.search(case.name)]
     if chosen.sample:
         cases = spread(cases, chosen.sample)
     shard, shards = chosen.shard
@@ -107,10 +107,17 @@ def _shard(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
+def _pattern(text: str) -> re.Pattern[str]:
+    try:
+        return re.compile(text)
+    except re.error as error:
+        raise argparse.ArgumentTypeError(f"{text}: no regular expression ({error})") from None
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a few cases of every kind, of seed 0")
-    parser.add_argument("--cases", default="", help="regular expression of case names")
+    parser.add_argument("--cases", type=_pattern, default=re.compile(""), help="regular expression of case names")
     parser.add_argument("--group", nargs="*", default=GROUPS, choices=GROUPS)
     parser.add_argument("--seeds", type=int, default=1, help="seeds 0 … N − 1")
     parser.add_argument("--seed-list", type=int, nargs="+", metavar="SEED", help="these seeds instead")
