@@ -15,7 +15,7 @@ from tests.hidden.drive import Made, make_drive
 from tests.hidden.floor import noise_floor
 from tests.hidden.process import Version
 from tests.hidden.score import score
-from tests.hidden.shape import shape_r2
+from tests.hidden.shape import shape_found
 
 _HELD_OUT_FRAMES = 5
 _FLOOR_FRAMES = 4  # of the diagnosed drive, evenly spread
@@ -41,7 +41,7 @@ def run_case(case: Case, folder: Path, limit_s: float, version: Version, keep: b
         result = _diagnosed(work, made, limit_s, version)
         if "diagnosis" in result:
             result |= _floors(case, base, made) | _held_out(case, work, folder, version)
-            result["shape_r2"] = shape_r2(case, base, work / "diagnosis" / "sensor.yaml", work, version)
+            result |= shape_found(case, base, work / "diagnosis" / "sensor.yaml", work, version)
         return {"case": case.name, "group": case.group, "level": case.level, **score(case, result), "result": result}
     finally:
         if not keep:

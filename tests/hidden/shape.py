@@ -22,8 +22,8 @@ _FRAMES = 4
 _LIMIT_S = 200.0
 
 
-def shape_r2(case: Case, base: Path, improved: Path, work: Path, version: Version) -> float | None:
-    """Share of the variance of the true shape that the improved sensor takes away; None where that is not a shape.
+def shape_found(case: Case, base: Path, improved: Path, work: Path, version: Version) -> dict[str, Any]:
+    """`shape_r2`, the share of the variance of the true shape that the improved sensor takes away; nothing without one.
 
     Args:
         case: what was hidden.
@@ -32,22 +32,23 @@ def shape_r2(case: Case, base: Path, improved: Path, work: Path, version: Versio
         work: folder for the replayed drive.
         version: the code that diagnosed.
 
-    With several unknown effects the least counts. Losses, noise and random depths have no shape to subtract.
+    Where the replay fails, `shape_trouble` says why. With several unknown effects the least counts. Losses, noise and
+    random depths have no shape to subtract.
     """
     shapes = {name: p for name, p in case.hidden.unnamed.items() if _is_shape(name, p)}
     document = yaml.safe_load(improved.read_text())
     known = {*case.hidden.believed, *NOISE}
     added = [entry for entry in document["effects"] if entry["effect"] not in known]
     if not shapes or not added:
-        return None
+        return {}
     (improved.parent / "shape.yaml").write_text(yaml.safe_dump({**document, "effects": added}))
     out = work / "shape"
     ended = version.run(
-        work, _LIMIT_S, "variants", base, "--variant", improved.parent / "shape.yaml", "--out", out, "--quiet"
+        work, _LIMIT_S, "variants", base.resolve(), "--variant", improved.parent / "shape.yaml", "--out", out, "--quiet"
     )
     if ended.trouble:
-        return None
-    return min(_explained(name, parameters, base, out / "shape") for name, parameters in shapes.items())
+        return {"shape_trouble": ended.trouble}
+    return {"shape_r2": min(_explained(name, values, base, out / "shape") for name, values in shapes.items())}
 
 
 def _is_shape(name: str, parameters: Mapping[str, Any]) -> bool:
