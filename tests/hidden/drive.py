@@ -20,10 +20,12 @@ import yaml
 from tests.hidden.glb_edit import rename_materials
 from tests.hidden.head import nominal_beams
 from tests.hidden.nuisances import warp_map, written_frames
-from tests.hidden.physics import CATALOGUE, Truth, measure
+from tests.hidden.physics import CATALOGUE, Truth, measure, told
+from tests.hidden.tall_things import move_tall_things
 from tests.hidden.traces import Traces
 from tests.hidden.twin_files import MaterialTable, read_frames, read_pattern
 from tests.hidden.twin_tracing import Twin
+from tests.hidden.unknowns import KINDS
 from tests.hidden.unnamed import UNNAMED
 
 BASE_NOISE: dict[str, dict] = {"range_noise": {"sigma_m": 0.02}, "intensity_noise": {"sigma_rel": 0.1}}
@@ -50,7 +52,7 @@ class Hidden:
 
     Attributes:
         effects: hidden catalogue effects and parameters; one the user knows, too, is the true one.
-        unnamed: hidden effects of `unnamed.py`.
+        unnamed: hidden effects of `unnamed.py`, or kinds of `unknowns.py`.
         known: effects that are true and that the user's file has.
         nuisances: of `nuisances.NUISANCES`, and `outliers`, `heavy_tails`.
         noise: false for a drive without any noise.
@@ -68,8 +70,8 @@ class Hidden:
     known: Mapping[str, Mapping] = field(default_factory=dict)
     nuisances: tuple[str, ...] = ()
     noise: bool = True
-    range_law: str = "laplace"
-    intensity_law: str = "logistic"
+    range_law: str = "gaussian"
+    intensity_law: str = "gaussian"
     frames: int | None = None
     firings: int | None = None
     every_ring: int = 1
@@ -158,10 +160,16 @@ def _write_twin(base: Path, out: Path, frames: list[dict], hidden: Hidden) -> No
         elif hidden.foreign and path.name == "materials.yaml":
             table = yaml.safe_load(path.read_text())
             target.write_text(yaml.safe_dump({names[name]: entry for name, entry in table.items()}))
-        elif "map_error" in hidden.nuisances and path.suffix == ".glb" and path.parent.name != "models":
+        elif "map_error" in hidden.nuisances and _is_map(path):
             warp_map(path, target, rng)
+        elif "harder" in hidden.nuisances and _is_map(path):
+            move_tall_things(path, target, rng)
         else:
             _link(path, target)
+
+
+def _is_map(path: Path) -> bool:
+    return path.suffix == ".glb" and path.parent.name != "models"
 
 
 def _write_papers(made: Made, base: Path, pattern: dict, frames: list[dict], hidden: Hidden) -> None:
@@ -175,7 +183,8 @@ def _write_papers(made: Made, base: Path, pattern: dict, frames: list[dict], hid
         named = f"./{made.drive.name}/pattern.yaml"
     effects = [{"effect": name, **dict(parameters)} for name, parameters in hidden.believed.items()]
     made.sensor.write_text(yaml.safe_dump({"pattern": named, "effects": effects}, sort_keys=False))
-    secret = {"base": str(base), "frames": len(frames), **asdict(hidden)}
+    unnamed = [told(name, parameters).to_json() for name, parameters in hidden.unnamed.items()]
+    secret = {"base": str(base), "frames": len(frames), **asdict(hidden), "told": unnamed}
     made.truth.write_text(json.dumps(secret, indent=1, default=list))
 
 
@@ -201,14 +210,14 @@ def main() -> None:
     given = {key: value for text in chosen.effect for key, value in yaml.safe_load(text).items()}
     hidden = Hidden(
         effects={name: value for name, value in given.items() if name in CATALOGUE},
-        unnamed={name: value for name, value in given.items() if name in UNNAMED},
+        unnamed={name: value for name, value in given.items() if name in UNNAMED or name in KINDS},
         known={key: value for text in chosen.known for key, value in yaml.safe_load(text).items()},
         nuisances=tuple(chosen.nuisance),
         frames=chosen.frames,
         firings=chosen.firings,
         seed=chosen.seed,
     )
-    if strange := set(given) - set(CATALOGUE) - set(UNNAMED):
+    if strange := set(given) - set(CATALOGUE) - set(UNNAMED) - set(KINDS):
         parser.error(f"no maker for {', '.join(sorted(strange))}")
     made = make_drive(chosen.base, chosen.out, hidden)
     print(made.drive, made.sensor, made.truth, sep="\n")

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.hidden.head import Beams, nominal_beams
-from tests.hidden.physics import CLUTTER, Truth, measure
+from tests.hidden.physics import CLUTTER, Truth, measure, told
 from tests.hidden.scan import Scan
 from tests.hidden.twin_files import read_frames, read_pattern
 from tests.hidden.twin_tracing import Twin
@@ -49,17 +49,21 @@ class _Told:
         return cls(scan.found.copy(), scan.range_m.copy(), scan.intensity.copy())
 
 
-def noise_floor(truth: Truth, drive: Path, frames: Iterable[int], members: int = 12, seed: int = 0) -> Floor:
-    """Score the true sensor on some frames of a drive, in the twin that was written with it.
+def noise_floor(
+    truth: Truth, drive: Path, frames: Iterable[int], members: int = 12, seed: int = 0, world: Path | None = None
+) -> Floor:
+    """Score the true sensor on some frames of a drive.
 
     Args:
         truth: the true sensor.
         drive: a made drive, with `rays/`.
+        world: the drive whose twin is true where nuisances spoilt the made one's; None for its own.
         frames: rows of its frames.
         members: of the ensemble.
         seed: of the ensemble; its noise is not the data's.
     """
-    twin, beams, everything = Twin(drive / "twin"), nominal_beams(read_pattern(drive)), read_frames(drive)
+    beams, world = nominal_beams(read_pattern(drive)), world or drive
+    twin, everything = Twin(world / "twin"), read_frames(world)
     sums: dict[str, list[float]] = {"range": [], "intensity": [], "drop": []}
     predicted, found, beams_in_all = 0.0, 0.0, 0
     for row in frames:
@@ -117,7 +121,7 @@ def edges(scan: Scan) -> np.ndarray:
 def _still(truth: Truth) -> Truth:
     """The sensor without noise, loss or clutter: the surfaces alone."""
     noisy = ("range_noise", "intensity_noise", "random_dropout", "detection_threshold", *CLUTTER)
-    unnamed = {name: p for name, p in truth.unnamed.items() if not name.endswith("loss")}
+    unnamed = {name: p for name, p in truth.unnamed.items() if "drop" not in told(name, p).channels}
     effects = {name: p for name, p in truth.effects.items() if name not in noisy}
     return replace(truth, effects=effects, unnamed=unnamed, outliers=0.0)
 

@@ -9,19 +9,34 @@ from pathlib import Path
 
 import numpy as np
 
+_TYPES = {5121: "<u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+
 
 def move_vertices(source: Path, target: Path, shift: Callable[[np.ndarray], np.ndarray]) -> None:
     """Copy a file with `shift(points)` (n, 3) added to its vertices, in the file's axes."""
     document, binary = _chunks(source)
     rows = {part["attributes"]["POSITION"] for mesh in document["meshes"] for part in mesh["primitives"]}
     for row in rows:
-        accessor = document["accessors"][row]
-        start = document["bufferViews"][accessor["bufferView"]].get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        points = np.frombuffer(binary, "<f4", 3 * accessor["count"], start).reshape(-1, 3)
+        accessor, start = document["accessors"][row], _start(document, row)
+        points = _column(document, binary, row).reshape(-1, 3)
         moved = (points + shift(points)).astype("<f4")
         accessor["min"], accessor["max"] = moved.min(0).tolist(), moved.max(0).tolist()
         binary[start : start + moved.nbytes] = moved.tobytes()
     _write(target, document, binary)
+
+
+def read_triangles(source: Path) -> tuple[np.ndarray, np.ndarray]:
+    """All vertices (n, 3) in the file's axes, and triangles (m, 3) of them; nodes must not turn or move meshes."""
+    document, binary = _chunks(source)
+    start: dict[int, int] = {}
+    points, triangles = [], []
+    for part in (part for mesh in document["meshes"] for part in mesh["primitives"]):
+        row = part["attributes"]["POSITION"]
+        if row not in start:
+            start[row] = sum(map(len, points))
+            points.append(_column(document, binary, row).reshape(-1, 3))
+        triangles.append(start[row] + _column(document, binary, part["indices"]).astype(np.int64).reshape(-1, 3))
+    return np.concatenate(points), np.concatenate(triangles)
 
 
 def rename_materials(source: Path, target: Path, names: Mapping[str, str]) -> None:
@@ -30,6 +45,17 @@ def rename_materials(source: Path, target: Path, names: Mapping[str, str]) -> No
     for material in document.get("materials", []):
         material["name"] = names[material["name"]]
     _write(target, document, binary)
+
+
+def _start(document: dict, row: int) -> int:
+    accessor = document["accessors"][row]
+    return document["bufferViews"][accessor["bufferView"]].get("byteOffset", 0) + accessor.get("byteOffset", 0)
+
+
+def _column(document: dict, binary: bytearray, row: int) -> np.ndarray:
+    accessor = document["accessors"][row]
+    numbers = accessor["count"] * {"SCALAR": 1, "VEC3": 3}[accessor["type"]]
+    return np.frombuffer(binary, _TYPES[accessor["componentType"]], numbers, _start(document, row))
 
 
 def _chunks(path: Path) -> tuple[dict, bytearray]:

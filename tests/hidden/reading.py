@@ -44,6 +44,11 @@ def range_quantization(scan: Scan, rng, step_m: float) -> None:
     scan.range_m = np.round(scan.range_m / step_m) * step_m
 
 
+def gaussian(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Standard deviation 1: the law that sensor models believe in."""
+    return rng.normal(size=n)
+
+
 def laplace(rng: np.random.Generator, n: int) -> np.ndarray:
     """Standard deviation 1."""
     return rng.laplace(scale=2**-0.5, size=n)
@@ -64,4 +69,4 @@ def student3(rng: np.random.Generator, n: int) -> np.ndarray:
     return rng.standard_t(3, n) * (1 / 3) ** 0.5
 
 
-LAWS = {"laplace": laplace, "logistic": logistic, "student5": student5, "student3": student3}
+LAWS = {"gaussian": gaussian, "laplace": laplace, "logistic": logistic, "student5": student5, "student3": student3}

@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tests.hidden.columns import made_of, measured_intensity, neighbour
 from tests.hidden.scan import Scan
+from tests.hidden.truth import Told
 
 Shape = Callable[..., np.ndarray]
 
@@ -36,6 +38,11 @@ class Unnamed:
         """As `diagnose` names it."""
         return "intensity" if self.kind == "signal" else self.kind
 
+    @property
+    def told(self) -> Told:
+        """What a diagnosis should say."""
+        return Told((self.channel,), (self.accepted or (self.covariate,),))
+
     def act(self, scan: Scan, rng: np.random.Generator, **parameters) -> None:
         """Change the scan."""
         value = self.shape(COVARIATES[self.covariate](scan), **parameters)
@@ -47,23 +54,11 @@ class Unnamed:
             scan.found &= rng.random(len(scan.found)) >= value
 
 
-def _previous_intensity(scan: Scan) -> np.ndarray:
-    """What the same laser returned one firing before; 0 for nothing."""
-    grid = np.where(scan.found, scan.intensity, 0).reshape(scan.beams.rings, scan.beams.firings)
-    return np.concatenate([np.zeros((len(grid), 1)), grid[:, :-1]], 1).ravel()
-
-
-def _is_material(scan: Scan) -> np.ndarray:
-    """1 on pavements, which stand for one odd surface."""
-    names = np.array(scan.table.names)
-    return (names[scan.material] == "paving").astype(float) * (scan.material >= 0)
-
-
 COVARIATES: dict[str, Callable[[Scan], np.ndarray]] = {
     "azimuth": lambda scan: scan.beams.azimuth,
     "frame_time": lambda scan: np.full(len(scan.found), scan.elapsed_s),
-    "previous_intensity": _previous_intensity,
-    "material": _is_material,
+    "previous_intensity": lambda scan: neighbour(scan, measured_intensity(scan), "previous", 0.0),
+    "material": lambda scan: made_of(scan, ("paving",)).astype(float),  # stands for one odd surface
     "albedo": lambda scan: scan.table.albedo[scan.material],
     "range": lambda scan: scan.range_m,
     "incidence": lambda scan: np.arccos(np.clip(scan.cos, 0, 1)),
@@ -124,8 +119,3 @@ UNNAMED: dict[str, Unnamed] = {
         "drop", "speed", lambda x, p_per_mps: np.clip(p_per_mps * x, 0, 1), {"p_per_mps": 0.003}, {"p_per_mps": 0.015}
     ),
 }  # fmt: skip
-
-
-def accepted(name: str) -> tuple[str, ...]:
-    """Covariates that count as right."""
-    return UNNAMED[name].accepted or (UNNAMED[name].covariate,)
