@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -32,7 +32,7 @@ class Shot:
         world: shoots new rays; None where only stored hits are at hand.
         camera: what the grayscale camera saw at the pose time; None where no image is at hand.
         frame_time_s: pose time of the frame.
-        before: (n,) intensity of the return of the beam fired before each in its ring, where that was measured.
+        measured: by name, (n,) what beams beside each returned, where that was measured; see `beside`.
         whole, rows: the whole revolution where these beams are only some of it, and which (n,).
         found: what effects have worked out of these beams, however they are bent; shots of the same beams share it.
     """
@@ -47,7 +47,7 @@ class Shot:
         world: World | None = None,
         camera: CameraView | None = None,
         frame_time_s: float = 0.0,
-        before: np.ndarray | None = None,
+        measured: Mapping[str, np.ndarray] | None = None,
         whole: Shot | None = None,
         rows: np.ndarray | None = None,
         found: dict[str, Any] | None = None,
@@ -59,7 +59,7 @@ class Shot:
         self.world = world
         self.camera = camera
         self.frame_time_s = frame_time_s
-        self.before = before
+        self.measured = measured
         self.whole = whole
         self.rows = rows
         self._kept: dict[str, Any] = {}
@@ -117,14 +117,42 @@ class Shot:
         """Instants at which the returns' beams saw the world, (m,) float32 from the pose time."""
         return np.broadcast_to(self._traced.time_s, len(self.rays))[returns.beam]
 
-    def previous_intensity(self, returns: Returns) -> np.ndarray:
-        """Intensity (m,) that the beam before in the ring returned with; 0 where it did not return."""
-        if self.before is not None:
-            return self.before[returns.beam]
-        shown = np.zeros(len(self.rays) + 1, np.float32)
-        shown[returns.beam] = returns.intensity
-        follows = self.rays.ring[returns.beam] == self.rays.ring[returns.beam - 1]
-        return np.where(follows, shown[returns.beam - 1], np.float32(0))
+    def beside(self, name: str, returns: Returns) -> np.ndarray:
+        """What a beam beside each (m,) returned with.
+
+        Args:
+            name: `previous_…` of the beam fired before in the ring, `above_…` or `below_…` of the one fired with it in
+                the next ring; `…_range` [m] and `…_intensity`, 0 where it did not return, or `…_lost`, 1 where it met a
+                surface and did not return.
+            returns: of the beams asked for; they tell of their neighbours where nothing was measured.
+        """
+        if self.measured is not None:
+            return self.measured[name][returns.beam]
+        whose, what = name.split("_")
+        firings, beams = self.pattern.firings, len(self.rays)
+        shown = np.zeros(beams, np.float32)
+        if what == "lost":
+            shown[self.hits.solid.exists] = 1
+            shown[returns.beam] = 0
+        else:
+            shown[returns.beam] = returns.range_m if what == "range" else returns.intensity
+        other = returns.beam + {"previous": -1, "above": -firings, "below": firings}[whose]
+        there = (other >= 0) & (other < beams)
+        if whose == "previous":
+            there &= returns.beam % firings > 0
+        return np.where(there, shown[np.clip(other, 0, beams - 1)], np.float32(0))
+
+    def firing(self, returns: Returns) -> np.ndarray:
+        """Number (m,) of each return's firing within the revolution, from 0 on."""
+        ring = self.rays.ring[returns.beam]
+        fan = np.radians(np.array(self.pattern.azimuth_offset_deg))[ring]
+        turned = np.pi - (self.rays.azimuth[returns.beam] - fan)
+        return np.rint(turned * self.pattern.firings / (2 * np.pi) - 0.5).astype(int) % self.pattern.firings
+
+    def named(self, what: str, returns: Returns) -> np.ndarray:
+        """(m,) str: `kinds` or `models` of what returns come from; empty for the static world, and without a world."""
+        names = ("",) if self.world is None else (*getattr(self.world.instances, what), "")
+        return np.array(names)[np.where(returns.instance >= 0, returns.instance, -1)]
 
     def per_return(self, returns: Returns, draw: np.ndarray) -> np.ndarray:
         """Values (m,) out of a draw (2, n): its row is the return's number, so a beam's fate is its own."""

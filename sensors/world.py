@@ -111,7 +111,7 @@ class World:
     ) -> None:
         self._scene = scene
         self.pose = pose
-        self._instances = instances
+        self.instances = instances
         self.ego = ego
         self._range_m = range_m
         self._tracers = tracers
@@ -127,14 +127,14 @@ class World:
         rays = Rays(beams.origin, beams.direction, beams.rays.ring, beams.rays.azimuth, beams.rays.time_s)
         if beams.firing_s is None:
             pose = self._lidar_pose(beams)
-            instances = instances_at(self._instances, beams.delay_s)
+            instances = instances_at(self.instances, beams.delay_s)
             hits = self._tracers.fixed(slot, rays).trace(self._scene, pose, instances, panes=panes)
             return Traced(hits, delay_s=beams.delay_s)
         tracer = self._tracers.moving(slot, rays)
         lidar_in_ego = beams.body @ np.linalg.solve(self.ego.pose, self.pose) @ beams.mount
         time_s = beams.firing_s + np.float32(beams.delay_s)
         hits, origin, direction = tracer.trace(
-            self._scene, self.ego, lidar_in_ego, time_s, self._instances, panes=panes
+            self._scene, self.ego, lidar_in_ego, time_s, self.instances, panes=panes
         )
         return Traced(hits, (origin, direction, time_s))
 
@@ -153,7 +153,7 @@ class World:
 
     def shoot(self, origin: np.ndarray, direction: np.ndarray, time_s: np.ndarray, limit_m: float) -> Surface:
         """First solid surface along single rays (k, 3) in world axes, each at its own instant (k,)."""
-        return shoot(self._scene, self._instances, origin, direction, time_s, limit_m)
+        return shoot(self._scene, self.instances, origin, direction, time_s, limit_m)
 
     def _lidar_pose(self, beams: Beams) -> np.ndarray:
         if beams.delay_s == 0 and np.array_equal(beams.body, np.eye(4)):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from cosim.discrepancy.candidates import with_values
+from cosim.discrepancy.candidates import as_known, for_rings, with_rings, with_values
 from cosim.discrepancy.data.checks import check_fit, opened
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.data.sample import draw_sample
@@ -19,7 +19,6 @@ from cosim.discrepancy.groups.effects import directions
 from cosim.discrepancy.groups.quantization import find_lattices
 from cosim.discrepancy.inference.fit import Fitter, all_free
 from cosim.discrepancy.inference.intervals import intervals
-from cosim.discrepancy.candidates import as_known, for_rings, with_rings
 from cosim.discrepancy.ranking import fit_candidate
 from cosim.discrepancy.settling import ROWS, settle
 from cosim.discrepancy.validation import HeldOut, held_out_errors

@@ -61,17 +61,53 @@ class FrameScores:
     foreseen: float
 
 
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """What several runs of a model say of one frame.
+
+    Attributes:
+        range_m, intensity: (m, n) of the members; NaN for no return.
+    """
+
+    range_m: np.ndarray
+    intensity: np.ndarray
+
+    @classmethod
+    def of(cls, frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Generator, origin: str) -> Ensemble:
+        """Of effects in the order in which they act; `origin` names the sensor in errors."""
+        return cls(*_ensemble(frame, effects, rng, origin))
+
+
 def score_frame(frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Generator, origin: str) -> FrameScores:
     """Scores of a traced frame under effects in the order in which they act; `origin` names the sensor in errors."""
-    ranges, intensities = _ensemble(frame, effects, rng, origin)
+    return scored(frame, Ensemble.of(frame, effects, rng, origin))
+
+
+def scored(
+    frame: TracedFrame,
+    ensemble: Ensemble,
+    shift_m: np.ndarray | float = 0.0,
+    gain: np.ndarray | float = 1.0,
+    wide: np.ndarray | None = None,
+) -> FrameScores:
+    """Scores of an ensemble.
+
+    Args:
+        frame: traced.
+        ensemble: of a model.
+        shift_m, gain: (n,) what the ranges of surfaces are shifted by, and their intensities multiplied with, where
+            they are known to be off.
+        wide: (n,) bool beams that are ambiguous beside those at edges.
+    """
+    ranges, intensities = ensemble.range_m + shift_m, np.clip(ensemble.intensity * gain, 0, 1)
     members = len(ranges)
     measured = frame.observed.range_from(frame.shot.rays.origin)
     returned = frame.observed.returned
     # What is spurious is told alike of model and measurement: far from every surface the beam can meet.
-    surfaces = _surfaces(frame)
+    surfaces = _surfaces(frame) + shift_m
     strays = ~np.isnan(ranges) & ~_near(ranges, surfaces)
     spurious = returned & ~_near(measured[None], surfaces)[0]
-    ambiguous = frame.edge | ~frame.observed.trusted
+    ambiguous = (frame.edge if wide is None else wide) | ~frame.observed.trusted
     real = np.where(strays, np.nan, ranges)
     there = ~np.isnan(real)
     share = there.mean(0)

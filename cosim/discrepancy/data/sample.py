@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
@@ -63,12 +62,14 @@ class Sample:
         weight: (n,) how many beams each stands for.
         along_m, above_m, intensity: (n,) measured, as in `Observed`; NaN where nothing returned.
         track: (n,) int what beams share errors with over time: an instance, or a cell of the map.
+        track_names: (tracks,) str of each: an object's id, a cell of the plan, a sector of the sky.
         cells: (tracks, 3) number of the world and middle [m] of each cell of a map; NaN of other tracks.
         pose_derivative: (n, 6) change of range per metre and radian of the LiDAR's pose, in its own axes.
         unsure_m, unsure_intensity: (n,) how far the twin itself may be off, see `TracedFrame`.
         object_derivative: (n, 4) change of range by a shift of the object that is met, in world axes [m/m], and by its
             turn about the vertical through its origin [m/rad]; 0 elsewhere.
         object_scan: (n,) int number of the object in this scan; −1 elsewhere.
+        facing: (n,) int which of six directions the surface's normal is nearest to.
         surface: (n,) int number of the cell of the static world: a square of the ground plan and a direction of its
             normal; −1 elsewhere.
         surface_derivative: (n,) change of range by a shift of that cell along its normal [m/m]; 0 elsewhere.
@@ -83,7 +84,7 @@ class Sample:
         elevation_deg: (n,) nominal.
         kind, model: (n,) int rows of `kinds` and `models`, what is met; 0 for the static world and nothing.
         kinds, models: names.
-        reflectance, previous_intensity: (n,) of the surface; measured of the beam fired before in the ring, 0 for none.
+        reflectance: (n,) of the surface.
         beside: by name, (n,) what beams beside each measured: `previous` of its ring, `above` and `below` it; ranges [m] and intensities are 0
             where nothing returned, `lost` is 1 where a surface should have been seen.
         leaning: (scans, 6) pose errors that were traced with, see `TracedFrame`.
@@ -101,6 +102,8 @@ class Sample:
     above_m: np.ndarray
     intensity: np.ndarray
     track: np.ndarray
+    track_names: np.ndarray
+    facing: np.ndarray
     cells: np.ndarray
     pose_derivative: np.ndarray
     unsure_m: np.ndarray
@@ -130,7 +133,6 @@ class Sample:
     instance: np.ndarray
     place: np.ndarray
     reflectance: np.ndarray
-    previous_intensity: np.ndarray
     beside: dict[str, np.ndarray]
     leaning: np.ndarray
     own_axes: bool
@@ -238,34 +240,31 @@ def draw_sample(frames: Sequence[TracedFrame], count: int, rng: np.random.Genera
     return _gathered(frames, [_choose(frame, share, rng, edges) for frame in frames])
 
 
-def same_beams(sample: Sample, frames: Sequence[TracedFrame]) -> Sample:
-    """The beams of a sample in frames that have been traced anew."""
-    ends = np.searchsorted(sample.frame, np.arange(len(frames) + 1))
-    chosen = []
-    for start, end in pairwise(ends.tolist()):
-        partner = sample.partner[start:end]
-        mine = np.where(partner >= 0, partner - start, -1)
-        chosen.append((sample.beam[start:end], sample.weight[start:end], mine))
-    return _gathered(frames, chosen)
+def whole_sample(frame: TracedFrame) -> Sample:
+    """All beams of one frame."""
+    count = len(frame.observed.rays)
+    return _gathered([frame], [(np.arange(count), np.ones(count), np.full(count, -1))])
 
 
 def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Sample:
     replays, columns, rows = [], [], 0
     for number, (frame, (beams, weight, partner)) in enumerate(zip(frames, chosen, strict=True)):
-        replays.append(FrameReplay(frame, beams))
+        beside = _beside(frame, beams)
+        replays.append(FrameReplay(frame, beams, beside))
         partner = np.where(partner >= 0, partner + rows, -1)
         columns.append(
             {"frame": np.full(len(beams), number), "beam": beams, "weight": weight, "partner": partner}
             | _columns(frame, beams)
+            | beside
         )
         rows += len(beams)
     joined = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
-    track, cells = _tracks(frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"])
+    track, names, cells = _tracks(frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"])
     kinds, kind = _named(frames, joined["frame"], joined["instance"], "kinds")
     models, model = _named(frames, joined["frame"], joined["instance"], "models")
     thing = np.where(joined["instance"] >= 0, track * len(frames) + joined["frame"], -1)
     beside = {name: joined.pop(name) for name in BESIDE}
-    cell = joined.pop("normal_code") + 6 * track
+    cell = joined["facing"] + 6 * track
     return Sample(
         object_scan=_numbered(thing),
         surface=_numbered(np.where(joined["instance"] == STATIC, cell, -1)),
@@ -276,8 +275,8 @@ def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, 
         beside=beside,
         replays=tuple(replays),
         names=tuple(one.name for one in frames),
-        previous_intensity=np.concatenate([replay.previous_intensity for replay in replays]).astype(np.float64),
         track=track,
+        track_names=names,
         cells=cells,
         leaning=np.array([one.leaning for one in frames]),
         own_axes=all(one.own_axes for one in frames),
@@ -362,7 +361,6 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
     place = shot.traced.origin[beams] + direction * np.nan_to_num(reach)[:, None]
     rays, toward = shot.rays, normal * _steepness(slope)[:, None]
     return {
-        **_beside(frame, beams),
         "along_m": observed.along_m[beams].astype(np.float64),
         "above_m": observed.above_m[beams].astype(np.float64),
         "intensity": observed.intensity[beams].astype(np.float64),
@@ -375,7 +373,7 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
         "compared": observed.trusted[beams],
         "object_derivative": _of_object(frame, solid.instance, toward, place),
         "surface_derivative": np.where(solid.instance == STATIC, _steepness(slope), 0.0),
-        "normal_code": _facing(normal),
+        "facing": _facing(normal),
         "ring": rays.ring[beams].astype(int),
         "firing": beams % frame.shot.pattern.firings,
         "block": shot.block[beams].astype(int),
@@ -453,8 +451,8 @@ def _numbered(codes: np.ndarray) -> np.ndarray:
 
 def _tracks(
     frames: Sequence[TracedFrame], frame: np.ndarray, instance: np.ndarray, place: np.ndarray, azimuth: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of instances by id, and of map cells for the static world; and these cells, see `Sample.cells`."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Numbers of instances by id, and of map cells for the static world; their names, and the cells' places."""
     keys = np.empty(len(frame), object)
     for number, one in enumerate(frames):
         rows = np.flatnonzero((frame == number) & (instance >= 0))
@@ -469,4 +467,4 @@ def _tracks(
     middles = np.full((len(names), 3), np.nan)
     middles[track[rest], 0] = worlds[frame[rest]]
     middles[track[rest], 1:] = (np.array(cells).reshape(-1, 2) + 0.5) * CELL_M
-    return track, middles
+    return track, names, middles

@@ -6,7 +6,7 @@ exact, so that any effect can be tried in milliseconds; what moves is carried al
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -101,9 +101,10 @@ class FrameReplay:
     Args:
         frame: the frame.
         beams: (n,) rows of its beams, sorted.
+        measured: what beams beside them returned, see `Shot.beside`.
     """
 
-    def __init__(self, frame: TracedFrame, beams: np.ndarray) -> None:
+    def __init__(self, frame: TracedFrame, beams: np.ndarray, measured: Mapping[str, np.ndarray] | None = None) -> None:
         self._shot, self._ego, self._rows = frame.shot, frame.ego, beams
         self._nominal = _rows(frame.observed.rays, beams)
         self._calibrated = frame.observed.recovered
@@ -117,11 +118,7 @@ class FrameReplay:
         self._pane_beam = np.searchsorted(beams, hits.pane_beam[behind]).astype(np.int32)
         self._paned = Planes.of(frame, hits.pane_beam[behind], self._pane)
         self._paint, self._table = hits.paint, hits.table
-        before = np.maximum(beams - 1, 0)
-        rings = frame.observed.rays.ring
-        follows = (rings[before] == rings[beams]) & (beams > 0)
-        measured = np.nan_to_num(frame.observed.intensity[before])
-        self.previous_intensity = np.where(follows, measured, np.float32(0))
+        self._measured = measured
         self._last: tuple[tuple[Effect, ...], Shot] | None = None
         self._looks: tuple[tuple[Effect, ...], np.ndarray] | None = None
         self._found: dict[str, Any] = {}
@@ -206,7 +203,7 @@ class FrameReplay:
             traced=Traced(hits, moving),
             world=world,
             frame_time_s=time_s,
-            before=self.previous_intensity,
+            measured=self._measured,
             whole=self._shot,
             rows=self._rows,
             found=self._found,

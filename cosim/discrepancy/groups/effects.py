@@ -87,9 +87,7 @@ def _told(
             )  # fmt: skip
         return
     moved = change(fitted.prediction, after).items()
-    delta: dict[Quantity, np.ndarray] = {
-        name: values / step for name, values in moved if name in fitted.evidence.score
-    }
+    delta: dict[Quantity, np.ndarray] = {name: values / step for name, values in moved if name in fitted.evidence.score}
     if delta:
         free = next(unknown for unknown in unknowns(type(weak)) if unknown.name == amplitude)
         column = Column(delta, sample.ring if free.rings > 1 else None, free.rings)
@@ -118,4 +116,3 @@ def _taken(sample: Sample, fitted: Fitted, after: Prediction) -> np.ndarray:
 def _given_way(fitted: Fitted, after: Prediction) -> np.ndarray:
     """(n,) How much less likely each beam's own return is."""
     return np.maximum(fitted.prediction.seen - after.seen, 0.0)
-

@@ -12,10 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.gate import Direction
-from cosim.discrepancy.inference.columns import Column
 from cosim.discrepancy.inference.fit import Fitted, Fitter
-from cosim.discrepancy.ranking import Ranked
 from sensors.effects.base import Effect, RoundingEffect
 
 _CLEAR = 0.9  # mean cosine of values that count as multiples of a step
@@ -52,17 +49,6 @@ class Lattice:
         """95 % interval by parameter."""
         reach = _NORMAL_95 * self.standard_error
         return {name: [self.step - reach, self.step + reach] for name in type(self.effect).model_fields}
-
-    def direction(self) -> Direction:
-        """For the gate."""
-        return Direction(self.effect.name, "", "", Column({}), self.effect, None, True, self.apart)
-
-    def ranked(self, fitter: Fitter, fitted: Fitted) -> Ranked:
-        """As a candidate; the rest of the model stays, for rounding has no say in how likely it is."""
-        kept = tuple(one for one in fitted.effects if one.name != self.effect.name)
-        with_it = fitter.fit((*kept, self.effect), (), pose=fitted.pose, pose_sigma=fitted.pose_sigma)
-        delta = 2 * float(self.gain.sum()) - np.log(len(self.gain))
-        return Ranked(self.effect.name, with_it, len(kept), float(delta), 1)
 
 
 def find_lattices(

@@ -95,7 +95,9 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.nda
         light = _light(sample, expected, spread)
         loglik += matched * light.loglik
     bright = matched * light.own
-    return Fit(z, light.z, rise_z, sigma, spread, light.pull, light.known, matched, bright, light.whole, seen, whole, loglik)
+    return Fit(
+        z, light.z, rise_z, sigma, spread, light.pull, light.known, matched, bright, light.whole, seen, whole, loglik
+    )
 
 
 @dataclass(frozen=True, eq=False)

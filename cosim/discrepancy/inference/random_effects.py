@@ -193,6 +193,46 @@ class RandomEffects:
         u[poses] = self.sample.leaning.ravel()[: poses.stop - poses.start]
         return Estimate(u, variance)
 
+    def transferred(self, other: RandomEffects, estimate: Estimate, scan: int) -> Estimate:
+        """The random effects of a sample of one scan, as they were estimated from another sample with that scan.
+
+        Args:
+            other, estimate: of the other sample.
+            scan: its row there.
+        """
+        u = self.start().u
+        for block in self.blocks:
+            rows, theirs = self.rows(block.name), other.rows(block.name)
+            if theirs.stop == theirs.start:
+                continue
+            values = estimate.u[theirs]
+            if block.name == "poses":
+                u[rows] = values[scan * _AXES : (scan + 1) * _AXES]
+                continue
+            each = 4 if block.name.startswith("objects") else 1
+            known = {key: place for place, key in enumerate(other.keys(block.name))}
+            for place, key in enumerate(self.keys(block.name)):
+                row = known.get(key if block.name != "objects_by_scan" else (key[0], scan))
+                if row is not None:
+                    start = rows.start + place * each
+                    u[start : start + each] = values[row * each : (row + 1) * each]
+        return Estimate(u, np.where(estimate.variance[: len(self.laws)] > 0, 1.0, 0.0))
+
+    def keys(self, name: str) -> list[tuple]:
+        """What each unit of one kind is: name of the track, and scan or direction of the normal."""
+        sample = self.sample
+        number, more = {
+            "objects": (self._track, np.zeros(len(sample), int)),
+            "albedo": (self._track, np.zeros(len(sample), int)),
+            "objects_by_scan": (sample.object_scan, sample.frame),
+            "map": (sample.surface, sample.facing),
+            "albedo_of_map": (sample.surface, sample.facing),
+        }[name]
+        used = np.flatnonzero(number >= 0)
+        _, first = np.unique(number[used], return_index=True)
+        rows = used[first]
+        return list(zip(sample.track_names[sample.track[rows]].tolist(), more[rows].tolist(), strict=True))
+
     def rows(self, name: str) -> slice:
         """Where the random effects of one kind stand; empty where there are none."""
         for place, one in enumerate(self.blocks):

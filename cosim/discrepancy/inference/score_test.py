@@ -41,8 +41,7 @@ class Tested:
         group: what was asked.
         value: statistic as a standard normal deviate.
         p_value: family-wise, of this group.
-        gain: log-likelihood that the linear model foresees, divided by how much wider clusters scatter than the model
-            says.
+        gain: log-likelihood that the linear model foresees.
         step: (k,) amplitudes at which it would be reached.
         smallest: amplitude that would be found with 80 % power; NaN where there is none.
         error: standard error of a single amplitude; NaN of several.
@@ -146,9 +145,7 @@ class Projector:
             whole += np.asarray((one.T @ sparse.diags(information[name]) @ one).todense())
         return tables, whole - self._model.shared_with(columns).T @ np.vstack([random, fixed])
 
-    def _summed(
-        self, columns: dict[Quantity, SparseMatrix], random: np.ndarray, known: np.ndarray
-    ) -> list[np.ndarray]:
+    def _summed(self, columns: dict[Quantity, SparseMatrix], random: np.ndarray, known: np.ndarray) -> list[np.ndarray]:
         """Scores by cluster, a table (clusters, k) for each clustering."""
         tables = []
         for hot, of_known, rows in zip(self._hot, self._of_known, self._rows, strict=True):
@@ -221,7 +218,7 @@ def _told(one: _Sums, value: float, p_value: float, needed: float) -> Tested:
     if group.one_sided and step[0] < 0:
         step = np.zeros(1)
     wider = max(_dispersion(table, one) for table in (one.track, one.scan))
-    gain = 0.5 * float(one.slope @ step) / wider
+    gain = 0.5 * float(one.slope @ step)
     error = float(np.sqrt(wider / information[0, 0])) if group.size == 1 else float("nan")
     smallest = needed * float(np.sqrt(wider / information.sum())) if group.amplitude else float("nan")
     return Tested(group, value, p_value, gain, step, smallest, error)

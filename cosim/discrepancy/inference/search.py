@@ -6,7 +6,7 @@ there is no normal approximation, and 95 % of the likelihood lie within a fall o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -24,7 +24,6 @@ _REACH, _REACH_STEPS = 0.6, 25.0  # to both sides: of the value, or of its natur
 _GRID, _ZOOMS = 13, 8
 _NEAR, _ROUGHLY = 2e-3, 2e-2  # of the reach of a search
 _BLURRED, _ASIDE = 0.02, 6.0  # of a value, and how many times it a closer look goes aside
-_NEARBY = 0.15  # of it, where a value is about right already
 _FEW, _ALTOGETHER = 0.01, 0.5
 _ELSEWHERE_M = 0.5
 _FALL, _SMOOTH_FALL = float(np.log(20)), 1.92
@@ -60,7 +59,6 @@ def searched(
     lost: Loss,
     sample: Sample,
     fit: Fit,
-    near: Collection[int] = (),
     *,
     roughly: bool = False,
 ) -> tuple[Effect, ...]:
@@ -71,7 +69,6 @@ def searched(
         which: place, parameter and column of each.
         lost: negative log-likelihood of effects.
         sample, fit: the measurements, and how the effects as they are fit them.
-        near: places of effects to be searched by that are about right already.
         roughly: look once, and not closely, where every look costs new rays.
     """
     names = {(place, unknown.name) for place, unknown, _ in which}
@@ -80,8 +77,7 @@ def searched(
         trial = _with(effects, place, crowded_sector(sample, fit))
         effects = trial if lost(trial) < lost(effects) else effects
     rest = [one for one in which if not (one[0] in sectors and one[1].name in (AZIMUTH, WIDTH))]
-    settled = all(place in near and effects[place].by_search for place, _, _ in rest)
-    settled |= roughly and all(effects[place].by_search for place, _, _ in rest)
+    settled = roughly and all(effects[place].by_search for place, _, _ in rest)
     most = _PASSES if any(isinstance(effects[place], ScanEffect) for place, _, _ in rest) else 2
     passes = most if len(rest) > 1 and not settled else 1
     reached = lost(effects) if passes > 1 else 0.0
@@ -90,7 +86,7 @@ def searched(
         for place, unknown, column in rest:
             dear = effects[place].by_search
             flat = is_flat(effects[place], unknown, column) and not dear
-            share, close = _NEARBY if place in near and dear else 1.0, _ROUGHLY if roughly and dear else _NEAR
+            share, close = 1.0, _ROUGHLY if roughly and dear else _NEAR
             effects = _best(effects, place, unknown, lost, flat, share, close)
         smooth = [(place, unknown) for place, unknown, column in rest if not is_flat(effects[place], unknown, column)]
         if number and len(smooth) > 1:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
 from cosim.discrepancy.report.phrases import as_sure, p_words
-from cosim.discrepancy.unknown import Shape
+from cosim.discrepancy.unknown.shape import Shape
 from sensors.effects.base import Effect, Parameter
 from sensors.effects.registry import effect_classes
 

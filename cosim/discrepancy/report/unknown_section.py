@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis
-from cosim.discrepancy.unknown import Shape
+from cosim.discrepancy.unknown.shape import Shape
 from cosim.discrepancy.unknown.formulas import evaluate
 from cosim.discrepancy.unknown.write import effect_name
 from cosim.stats.plot import Axis, Plot

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+
+from cosim.discrepancy.data.sample import BESIDE
 from cosim.discrepancy.unknown.shape import Shape
 
 _BASES = {
@@ -12,18 +15,25 @@ _BASES = {
 _COVARIATES = {
     "range": "returns.range_m",
     "incidence": "np.degrees(np.arccos(shot.cos_incidence(returns)))",
+    "elevation": "np.degrees(np.arcsin(shot.rays.direction[returns.beam, 2]))",
     "ring": "shot.rays.ring[returns.beam]",
+    "block": "shot.block[returns.beam]",
     "azimuth": "shot.rays.azimuth[returns.beam]",
+    "firing_time": "shot.rays.time_s[returns.beam]",
+    "phase": "shot.firing(returns)",
     "material": "returns.material",
+    "kind": 'shot.named("kinds", returns)',
+    "model": 'shot.named("models", returns)',
     "albedo": "returns.reflectance",
     "intensity": "returns.intensity",
-    "previous_intensity": "shot.previous_intensity(returns)",
     "frame_time": "shot.frame_time_s",
+    "scan": "shot.frame_time_s",
     "speed": "np.linalg.norm(shot.world.ego.velocity_mps)",
     "acceleration": "shot.world.ego.forward_acceleration_mps2",
     "yaw_rate": "shot.world.ego.yaw_rate_radps",
     "world_x": "shot.points_in_world(returns)[:, 0]",
     "world_y": "shot.points_in_world(returns)[:, 1]",
+    **{name: f'shot.beside("{name}", returns)' for name in BESIDE},
 }
 _APPLY = {
     "range": (
@@ -62,26 +72,21 @@ _INVERSE = ("wave", "power", "shift")
 _ABOVE_ZERO = ("width", "length", "period")
 
 
-def effect_name(shape: Shape) -> str:
-    """Name of the effect in sensor files."""
-    return f"unknown_{shape.channel}_by_{shape.covariate}"
-
-
 def class_name(shape: Shape) -> str:
     """Name of its class."""
-    return "".join(word.capitalize() for word in effect_name(shape).split("_"))
+    return "".join(word.capitalize() for word in shape.name.split("_"))
 
 
 def effect_source(shape: Shape) -> str:
     """Python source of a plug-in file with one effect, named by `class_name`."""
     signature, says, body = _APPLY[shape.channel]
     parameters, example, neutral, fields, law = _law(shape)
-    base = "EchoEffect" if _is_light(shape) else _BASES[shape.channel]
+    base = _BASES[shape.channel]
     imports = "from dataclasses import replace\n" if "replace(" in body else ""
-    return f'''"""An effect that measurements show and no known one explains: {shape.channel} by {shape.covariate}.
+    return f'''"""An effect that measurements show and no known one explains: {shape.channel} by {" and ".join(shape.covariates)}.
 
 Shape found: {shape.text} (x: {shape.covariate}{f" [{shape.unit}]" if shape.unit else ""}), R² {shape.r2:.2f}.
-{_acts(shape)}Give it a name and a cause when you know them; parameters can be fitted anew with `cosim add`.
+Give it a name and a cause when you know them; parameters can be fitted anew with `cosim add`.
 """
 
 from __future__ import annotations
@@ -96,9 +101,9 @@ from sensors.shot import Shot
 
 
 class {class_name(shape)}({base}):
-    """{shape.text}, x the {shape.covariate.replace("_", " ")}."""
+    """{shape.text}, x the {" and y the ".join(shape.covariates).replace("_", " ")}."""
 
-    name: ClassVar = "{effect_name(shape)}"
+    name: ClassVar = "{shape.name}"
     channel: ClassVar = "{shape.channel}"
     equation: ClassVar = "{shape.text}"
     reference: ClassVar = "found in measurements"
@@ -118,40 +123,12 @@ class {class_name(shape)}({base}):
 '''
 
 
-def _is_light(shape: Shape) -> bool:
-    """Whether the echo is another before anything is read of it."""
-    return shape.channel == "intensity" and shape.acts == "light"
-
-
-def _acts(shape: Shape) -> str:
-    """Where it acts, for the file's heading."""
-    if shape.channel != "intensity":
-        return ""
-    if _is_light(shape):
-        return "It acts on the light: what hangs on an echo's strength, its range or its chance to be seen, follows.\n"
-    return "It acts on what is read: ranges and chances to be seen stay as they are.\n"
-
-
 def _law(shape: Shape) -> tuple[str, str, str, str, str]:
     """Shape parameters, example, neutral, field lines and the body of `error`."""
     unit = {"range": "m"}.get(shape.channel, "")
     if shape.formula is None:
-        table = {name: round(float(value), 6) for name, value in zip(shape.names, shape.y, strict=True)}
-        keys = ", ".join(f"{key if shape.covariate == 'ring' else repr(key)}: {value}" for key, value in table.items())
-        lookup = (
-            "        table = np.zeros(256)\n"
-            f"        for key, value in {{{keys}}}.items():\n"
-            + (
-                "            table[key] = value\n"
-                if shape.covariate == "ring"
-                else "            table[material_index(key)] = value\n"
-            )
-            + "        return self.amplitude * table[x]"
-        )
-        if shape.covariate == "material":
-            lookup = "        from assets.materials import material_index\n\n" + lookup
         field = f'    amplitude: float = number("how much of it there is", unit="{unit}")\n'
-        return "{}", '{"amplitude": 1.0}', '{"amplitude": 0.0}', field, lookup
+        return "{}", '{"amplitude": 1.0}', '{"amplitude": 0.0}', field, _table(shape)
     values = {name: float(f"{value:.6g}") for name, value in shape.formula.parameters.items()}
     amplitudes = ("amplitude", "level")
     neutral = {name: 0.0 if name in amplitudes else value for name, value in values.items()}
@@ -164,7 +141,40 @@ def _law(shape: Shape) -> tuple[str, str, str, str, str]:
     code = shape.formula.code
     for name in sorted(values, key=len, reverse=True):
         code = _replaced(code, name)
-    return _plain(shapes), _plain(values), _plain(neutral), fields, f"        return {code}"
+    law = f"        return {code}"
+    if shape.factor is not None:
+        second = shape.factor.formula.code
+        for name, value in sorted(shape.factor.formula.parameters.items(), key=lambda one: -len(one[0])):
+            second = re.sub(rf"(?<![\w.]){name}(?!\w)", f"({value:.6g})", second)
+        second = re.sub(r"(?<![\w.])x(?!\w)", "y", second)
+        of_second = _COVARIATES[shape.factor.covariate]
+        law = f"        y = np.broadcast_to({of_second}, len(returns))\n        return ({code}) * ({second})"
+    return _plain(shapes), _plain(values), _plain(neutral), fields, law
+
+
+def _table(shape: Shape) -> str:
+    """The body of `error` for categories and for levels of scans."""
+    values = [round(float(value), 6) for value in shape.y]
+    if shape.covariate == "scan":
+        times = [round(float(value), 6) for value in shape.x]
+        return (
+            f"        times, levels = np.array({times}), np.array({values})\n"
+            "        nearest = np.abs(x[:, None] - times).argmin(1)\n"
+            "        known = np.abs(x - times[nearest]) < 0.01  # another scan has another level, nobody knows which\n"
+            "        return self.amplitude * np.where(known, levels[nearest], 0.0)"
+        )
+    if shape.covariate in ("kind", "model"):
+        table = dict(zip(shape.names, values, strict=True))
+        return f"        table = {table}\n        return self.amplitude * np.array([table.get(key, 0.0) for key in x.tolist()])"
+    codes = {
+        "ring": lambda name: name,
+        "block": lambda name: str(("upper", "lower").index(name)),
+        "material": lambda name: f"material_index({name!r})",
+    }
+    code = codes.get(shape.covariate, lambda name: str(("seen", "lost").index(name)))
+    lines = "".join(f"        table[{code(name)}] = {value}\n" for name, value in zip(shape.names, values, strict=True))
+    imported = "        from assets.materials import material_index\n\n" if shape.covariate == "material" else ""
+    return f"{imported}        table = np.zeros(256)\n{lines}        return self.amplitude * table[x.astype(int)]"
 
 
 def _plain(values: dict[str, float]) -> str:
@@ -173,6 +183,4 @@ def _plain(values: dict[str, float]) -> str:
 
 def _replaced(code: str, name: str) -> str:
     """`name` as an attribute of self, where it stands as a word of its own."""
-    import re
-
     return re.sub(rf"(?<![\w.]){name}(?!\w)", f"self.{name}", code)

@@ -1,0 +1,188 @@
+"""Where the error comes from: noise, poses, objects, the map, what is missing, and what nobody knows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.discrepancy.compare import Totals
+from cosim.discrepancy.data.ambiguity import widened
+from cosim.discrepancy.data.frames import bending, in_order
+from cosim.discrepancy.data.sample import Sample, whole_sample
+from cosim.discrepancy.forward.expectation import Expectation, expect
+from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
+from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
+from cosim.discrepancy.scores import Ensemble, FrameScores, model_chance, scored
+from cosim.discrepancy.state import Case, State, View, seen_by, spreads
+from cosim.discrepancy.validation import HeldOut
+from sensors.effects.base import Effect
+
+_PARTS = ("poses", "objects", "map")
+
+
+@dataclass(frozen=True, eq=False)
+class Budget:
+    """An error and what it is made of, on frames that took no part in fitting effects.
+
+    Attributes:
+        error: of the model as it was given, at the poses as given.
+        error_aligned: of the model as it ends, poses, objects and surfaces where the fit has them.
+        given_aligned: the same of the model as it was given.
+        floor: the error of a model that is right up to noise, on the beams of `error_aligned`; None if not known.
+        parts: noise, poses, objects, map, missing and unexplained; they add up to `error`.
+        steps: errors at the poses as given, of the model with none of what was found, one, two and so on.
+    """
+
+    error: float
+    error_aligned: float
+    given_aligned: float
+    floor: float | None
+    parts: dict[str, float]
+    steps: tuple[HeldOut, ...]
+
+
+def budget_of(case: Case, state: State, models: Sequence[tuple[Effect, ...]]) -> Budget:
+    """The budget of a diagnosis.
+
+    Args:
+        case: of the diagnosis.
+        state: where it ended.
+        models: the effects as given, and after every finding.
+    """
+    last = _Aligned(case, state.judges, models[-1], state.judges.fitted.estimate)
+    first = last if len(models) == 1 else _Aligned(case, state.judges, models[0], state.judges.fitted.estimate)
+    steps = [first.held_out()]
+    steps += [_Aligned(case, state.judges, one, state.judges.fitted.estimate).held_out() for one in models[1:-1]]
+    if len(models) > 1:
+        steps.append(last.held_out())
+    ladder = [_PARTS[:count] for count in range(len(_PARTS) + 1)]
+    of_first, of_last = ([one.error(parts) for parts in ladder] for one in (first, last))
+    floor = last.floor()
+    aligned = of_last[-1]
+    noise = aligned if floor is None else min(floor, aligned)
+    parts = {"noise": noise}
+    for place, name in enumerate(_PARTS):
+        falls = (levels[place] - levels[place + 1] for levels in (of_first, of_last))
+        parts[name] = float(np.mean(list(falls)))
+    parts["missing"] = 0.5 * (of_first[0] - of_last[0] + of_first[-1] - of_last[-1])
+    parts["unexplained"] = aligned - noise
+    return Budget(of_first[0], aligned, of_first[-1], floor, parts, tuple(steps))
+
+
+def budget_of_view(case: Case, view: View, effects: Sequence[Effect]) -> Budget:
+    """The budget of a model that nothing was added to."""
+    one = _Aligned(case, view, tuple(effects), view.fitted.estimate)
+    levels = [one.error(_PARTS[:count]) for count in range(len(_PARTS) + 1)]
+    floor, aligned = one.floor(), levels[-1]
+    noise = aligned if floor is None else min(floor, aligned)
+    parts = {"noise": noise} | {name: levels[k] - levels[k + 1] for k, name in enumerate(_PARTS)}
+    parts |= {"missing": 0.0, "unexplained": aligned - noise}
+    return Budget(levels[0], aligned, aligned, floor, parts, (one.held_out(),))
+
+
+class _Aligned:
+    """Frames scored with random effects taken out of the residuals, kind by kind.
+
+    Args:
+        case: of the diagnosis.
+        view: frames and the random effects that were fitted to them.
+        effects: of the model.
+        estimate: the random effects.
+    """
+
+    def __init__(self, case: Case, view: View, effects: tuple[Effect, ...], estimate: Estimate) -> None:
+        self._effects = in_order(effects)
+        bent = bending(self._effects)
+        same = bent == bending(view.fitted.effects)
+        frames = list(view.frames) if same else case.tracer.trace_all(view.names, bent)
+        self._frames = frames
+        self._random = view.fitter.random
+        self._estimate = estimate if same else seen_by(view, effects).estimate
+        shift_m, turn_rad = spreads(self._random, self._estimate, case.settings.edge_sigmas)
+        pattern = case.sensor.pattern
+        clear = shift_m < 2e-3 and turn_rad < 1e-4
+        self._wide = [None if clear else widened(one.edge, one.nearest_m, pattern, shift_m, turn_rad) for one in frames]
+        origin = case.sensor.origin
+        self._members = [
+            Ensemble.of(one, self._effects, model_chance(0, number), origin) for number, one in enumerate(frames)
+        ]
+        self._moved = {(): [(0.0, 1.0)] * len(frames)}
+        self._expected: list[Expectation] | None = None
+
+    def error(self, parts: tuple[str, ...]) -> float:
+        """The one error with the random effects of some parts of the budget taken out."""
+        each = [Totals.of(frame, scores) for frame, scores in zip(self._frames, self._scores(parts), strict=True)]
+        return sum(each, Totals()).error
+
+    def floor(self) -> float | None:
+        """The error of a model that is right up to noise."""
+        found = []
+        moved = self._of(_PARTS)
+        for frame, scores, expected, (shift, gain) in zip(
+            self._frames, self._scores(_PARTS), self._expectations(), moved, strict=True
+        ):
+            aligned = Expectation(
+                expected.range_m + shift, expected.range_sigma_m, expected.intensity * gain, expected.intensity_sigma,
+                expected.seen, expected.silent,
+            )  # fmt: skip
+            found.append(estimate_floor(Neighbours.of(frame, scores, aligned), scores, aligned))
+        floor = NoiseFloor.of(found)
+        return None if floor is None else floor.error
+
+    def held_out(self) -> HeldOut:
+        """Errors at the poses as given, frame by frame."""
+        each = [Totals.of(frame, scores) for frame, scores in zip(self._frames, self._scores(()), strict=True)]
+        return HeldOut(
+            error=sum(each, Totals()).error,
+            by_frame=np.array([one.error for one in each]),
+            beams=np.array([one.beams for one in each]),
+            floor=None,
+        )
+
+    def _scores(self, parts: tuple[str, ...]) -> list[FrameScores]:
+        return [
+            scored(frame, members, shift, gain, wide if parts else None)
+            for frame, members, (shift, gain), wide in zip(
+                self._frames, self._members, self._of(parts), self._wide, strict=True
+            )
+        ]
+
+    def _of(self, parts: tuple[str, ...]) -> list[tuple[np.ndarray | float, np.ndarray | float]]:
+        """By frame, (n,) shift of predicted ranges [m] and factor of intensities."""
+        if parts not in self._moved:
+            found = []
+            for number, frame in enumerate(self._frames):
+                sample = whole_sample(frame)
+                found.append(_shifts(self._random, self._estimate, number, sample, self._effects, parts))
+            self._moved[parts] = found
+        return self._moved[parts]
+
+    def _expectations(self) -> list[Expectation]:
+        if self._expected is None:
+            self._expected = [expect(self._effects, frame.shot) for frame in self._frames]
+        return self._expected
+
+
+def _shifts(
+    random: RandomEffects,
+    estimate: Estimate,
+    scan: int,
+    sample: Sample,
+    effects: Sequence[Effect],
+    parts: tuple[str, ...],
+) -> tuple[np.ndarray, np.ndarray]:
+    """What random effects of some parts do to every beam of one frame."""
+    own = RandomEffects(sample, (0.0, 0.0) if random.rows("poses").stop > random.rows("poses").start else None)
+    told = own.transferred(random, estimate, scan)
+    u = np.where(own.of_part(parts), told.u, _at_rest(own))
+    expected = sample.predict(effects)
+    moved = own.adjusted(expected, Estimate(u, told.variance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain = np.where(expected.intensity > 0, moved.intensity / expected.intensity, 1.0)
+    return np.nan_to_num(moved.range_m - expected.range_m), gain
+
+
+def _at_rest(random: RandomEffects) -> np.ndarray:
+    return random.start().u

@@ -1,0 +1,279 @@
+"""Which physical effects a sensor model lacks: fit, screen, pick, accept, again; eliminate, confirm, end."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cosim.discrepancy.budget import budget_of
+from cosim.discrepancy.candidates import as_known, candidate_kinds, with_rings
+from cosim.discrepancy.data.checks import check_fit, opened
+from cosim.discrepancy.data.frames import FrameTracer, in_order
+from cosim.discrepancy.data.notes import drive_notes, fit_notes
+from cosim.discrepancy.data.split import split_drive, split_frames
+from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
+from cosim.discrepancy.inference.comparison import gain
+from cosim.discrepancy.inference.intervals import intervals
+from cosim.discrepancy.inference.score_test import Tested
+from cosim.discrepancy.labels import with_labels
+from cosim.discrepancy.select import Candidate, as_found, candidates, chosen, roundings, screened
+from cosim.discrepancy.settings import DEFAULT, Settings
+from cosim.discrepancy.state import Case, Model, State, View, seen_by, viewed
+from cosim.discrepancy.unexplained import unexplained
+from cosim.drives.kitti import Drive
+from sensors.effects.base import Effect
+from sensors.sensor_model import SensorModel, load_sensor
+
+_LOG = logging.getLogger(__name__)
+_TRIED = 4  # candidates a round, until one helps
+_NEGLIGIBLE = 0.02  # share of an effect's own gain that is left where something else has taken its place
+
+
+def diagnose(
+    drive: Drive | str | Path,
+    sensor: SensorModel | str | Path,
+    *,
+    frames: Sequence[str] | None = None,
+    extra: Sequence[type[Effect]] = (),
+    seed: int = 0,
+    settings: Settings = DEFAULT,
+    on_progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Find the effects that a sensor model lacks against a drive.
+
+    Args:
+        drive: measured, with a twin, or its folder.
+        sensor: the model, or its file.
+        frames: those to use; all by default.
+        extra: effects of the user's own to ask for beside the catalogue and the installed ones.
+        seed: of samples and signs.
+        settings: numbers that decide.
+        on_progress: is told what is being done.
+
+    Raises:
+        CosimError: the drive lacks points or a twin, or the twin does not fit it.
+        SensorError: the sensor file breaks the rules.
+    """
+    asked = opened(drive)
+    case = _case(asked, sensor, frames, extra, seed, settings, on_progress or _LOG.debug)
+    state = begun(case)
+    while len(state.found) < settings.most_findings:
+        after = added(case, state)
+        if after is None:
+            break
+        state = after
+    return with_labels(concluded(case, eliminated(case, state)), asked)
+
+
+def _case(
+    drive: Drive,
+    sensor: SensorModel | str | Path,
+    frames: Sequence[str] | None,
+    extra: Sequence[type[Effect]],
+    seed: int,
+    settings: Settings,
+    say: Callable[[str], None],
+) -> Case:
+    model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
+    split = split_drive(drive) if frames is None else split_frames(tuple(frames))
+    kinds = candidate_kinds(extra, model.pattern.rings)
+    return Case(model, FrameTracer(drive, model), split, kinds, settings, seed, say)
+
+
+def begun(case: Case) -> State:
+    """Everything traced, and what is merely not known fitted."""
+    case.say("tracing the twin")
+    model = Model(given(case))
+    first = case.tracer.trace(case.split.fit[0], ())
+    check_fit(first, case.tracer.drive)
+    view = viewed(case, case.split.fit, model, case.settings.rows)
+    judges = view
+    if case.split.is_held_out:
+        judges = viewed(case, case.split.test, model, case.settings.rows // 2)
+    return State(model, view, judges)
+
+
+def given(case: Case) -> tuple[Effect, ...]:
+    """The sensor's own effects, in the order in which they act."""
+    return with_rings(in_order(case.sensor.effects), case.sensor.pattern.rings)
+
+
+def added(case: Case, state: State) -> State | None:
+    """With the first candidate that helps on frames that took no part; None if there is none."""
+    case.say(f"looking for effects beyond {len(state.found)} found")
+    for one in roundings(case, state):
+        if one.name not in state.refused and not _known_rounding(state, one):
+            return accepted(case, state, one, ())
+    tested = screened(case, state, pairs=False)
+    found = candidates(case, state, tested)
+    if not any(one.p_value <= case.settings.level for one in tested):
+        tested = screened(case, state, pairs=True)
+        found = candidates(case, state, [one for one in tested if len(one.group.covariates) == 2])
+    state = replace(state, screened=tuple(tested), ranking=state.ranking or _ranking(found, tested))
+    for one in chosen(case, state, found)[:_TRIED]:
+        case.say(f"adding {one.name}")
+        after = accepted(case, state, one, found)
+        if after is not None:
+            return after
+        state = replace(state, refused=state.refused | {one.name})
+        case.say(f"{one.name} does not help on frames that took no part")
+    return None
+
+
+def accepted(case: Case, state: State, one: Candidate, found: Sequence[Candidate]) -> State | None:
+    """With a candidate, everything fitted anew; None where frames that took no part deny it."""
+    view = viewed(case, case.split.fit, one.model, case.settings.rows, replace(state.view, fitted=one.fitted))
+    model = replace(one.model, effects=view.fitted.effects)
+    judges = judged(case, state.judges, model)
+    if one.lattice is None and case.split.is_held_out:
+        before = (
+            seen_by(judges, state.model.effects, state.judges.fitted.estimate)
+            if judges.fitter is not state.judges.fitter
+            else state.judges.fitted
+        )
+        told = gain(judges.fitter, before, judges.fitted, of_noise=one.of_noise)
+        if told.p_value > case.settings.level:
+            return None
+    after = replace(state, model=model, view=view, judges=judges)
+    return after.with_found(as_found(case, state, one, found))
+
+
+def judged(case: Case, before: View, model: Model) -> View:
+    """The judging frames as a model tells them: traced anew where it bends beams, random effects alone fitted."""
+    frozen = Model(model.effects)
+    return viewed(case, before.names, frozen, case.settings.rows // 2, before)
+
+
+def eliminated(case: Case, state: State) -> State:
+    """Without findings that others have made superfluous: removed one by one, the rest fitted anew."""
+    for one in reversed(state.found[:-1]):
+        place = _place(state, one.effect)
+        if place is None or one.interval is not None:
+            continue
+        case.say(f"asking whether {one.effect} is still needed")
+        less = state.model.without(place, given(case))
+        view = viewed(case, case.split.fit, less, case.settings.rows, state.view)
+        told = gain(state.view.fitter, view.fitted, state.view.fitted) if view.fitter is state.view.fitter else None
+        value = state.view.fitted.loglik - view.fitted.loglik if told else np.inf
+        if told is not None and (told.p_value > case.settings.level or value < np.log(len(state.view.fitter.sample))):
+            kept = tuple(other for other in state.found if other is not one)
+            model = replace(less, effects=view.fitted.effects)
+            state = replace(state, model=model, view=view, judges=judged(case, state.judges, model), found=kept)
+    return state
+
+
+def concluded(case: Case, state: State) -> Diagnosis:
+    """The whole screen once more, errors and their budget, and everything in its last values."""
+    case.say("looking at what is left")
+    tested = screened(case, state, pairs=True)
+    state = replace(state, screened=tuple(tested))
+    case.say("measuring errors on frames that took no part")
+    told = intervals(state.view.fitter, state.view.fitted) if state.view.fitted.free else {}
+    budget = budget_of(case, state, _steps(case, state))
+    findings, unknowns = [], []
+    for number, one in enumerate(state.found):
+        place = _place(state, one.effect)
+        if place is None:
+            continue
+        params = state.model.effects[place].model_dump(mode="json")
+        ci95 = told.get(one.effect, one.interval or {})
+        if one.shape is not None:
+            unknowns.append(replace(one.shape, p_value=one.p_value).refitted(params, ci95))
+            continue
+        before, after = budget.steps[number], budget.steps[number + 1]
+        findings.append(Finding(one.effect, params, ci95, one.p_value, before, after, one.also_possible))
+    return Diagnosis(
+        effects=tuple(findings),
+        ranking=tuple(Alternative(*row) for row in state.ranking),
+        unknowns=tuple(unknowns),
+        unexplained=unexplained(tested, state.view.fitter, case.settings),
+        smallest_detectable=_smallest(tested, case),
+        budget=budget,
+        sensor=SensorModel(case.sensor.pattern, as_known(state.model.effects), case.sensor.origin),
+        split=case.split,
+        spreads=_spreads(state),
+        notes=_notes(case, state),
+    )
+
+
+def _steps(case: Case, state: State) -> list[tuple[Effect, ...]]:
+    """The model after each finding, as it would be with the last values of those found so far."""
+    own, effects = given(case), state.model.effects
+    models = [own]
+    there: set[str] = set()
+    for one in state.found:
+        there.add(one.effect)
+        known = [
+            effect if place >= len(own) or effect.name in there else own[place] for place, effect in enumerate(effects)
+        ]
+        models.append(tuple(e for place, e in enumerate(known) if place < len(own) or e.name in there))
+    return models
+
+
+def _place(state: State, name: str) -> int | None:
+    return next((place for place, one in enumerate(state.model.effects) if one.name == name), None)
+
+
+def _known_rounding(state: State, one: Candidate) -> bool:
+    return any(found.effect == one.name for found in state.found)
+
+
+def _ranking(found: Sequence[Candidate], tested: Sequence[Tested]) -> tuple[tuple[str, float, float], ...]:
+    """Candidates of the first round: name, twice the gain less its price (ΔBIC), and p."""
+    rows = [
+        (one.name, 2 * one.gain.value - one.numbers * np.log(len(one.fitted.fit.loglik)), one.p_value) for one in found
+    ]
+    there = {name for name, *_ in rows}
+    for one in tested:
+        if one.group.is_effect and one.group.name not in there:
+            there.add(one.group.name)
+            rows.append(
+                (
+                    one.group.name,
+                    2 * one.gain - one.group.size * np.log(len(found[0].fitted.fit.loglik)) if found else 0.0,
+                    one.p_value,
+                )
+            )
+    return tuple((name, float(value), float(p)) for name, value, p in sorted(rows, key=lambda row: -row[1]))
+
+
+def _smallest(tested: Sequence[Tested], case: Case) -> dict[str, dict[str, float]]:
+    """Amplitude of each effect that would have been found with 80 % power."""
+    found: dict[str, dict[str, float]] = {}
+    for one in tested:
+        if one.group.is_effect and one.group.amplitude and np.isfinite(one.smallest):
+            mine = found.setdefault(one.group.name, {})
+            mine[one.group.amplitude] = min(one.smallest, mine.get(one.group.amplitude, np.inf))
+    return found
+
+
+def _spreads(state: State) -> dict[str, float]:
+    """Standard deviations of what is merely not known, by name with its unit."""
+    random, estimate = state.view.fitter.random, state.view.fitted.estimate
+    poses = random.spread(estimate, "poses")
+    objects = [random.spread(estimate, name) for name in ("objects", "objects_by_scan")]
+    found = {
+        "pose_shift_m": float(np.sqrt(np.mean(poses[:3] ** 2))) if len(poses) else 0.0,
+        "pose_turn_deg": float(np.degrees(np.sqrt(np.mean(poses[3:] ** 2)))) if len(poses) else 0.0,
+        "object_shift_m": float(np.sqrt(sum(one[0] ** 2 for one in objects if len(one)))),
+        "map_m": float(np.max(random.spread(estimate, "map"), initial=0.0)),
+        "object_albedo": float(np.max(random.spread(estimate, "albedo"), initial=0.0)),
+        "map_albedo": float(np.max(random.spread(estimate, "albedo_of_map"), initial=0.0)),
+    }
+    return {name: value for name, value in found.items() if value > 0}
+
+
+def _notes(case: Case, state: State) -> tuple[str, ...]:
+    seen = [frame.observed for frame in state.view.frames]
+    of_drive = drive_notes(
+        case.tracer.drive,
+        frames=len(seen),
+        bad=sum(one.bad for one in seen),
+        strays=sum(one.strays for one in seen),
+        has_intensity=state.view.fitter.sample.has_intensity,
+    )
+    return (*of_drive, *fit_notes(len(seen), case.split.is_held_out))

@@ -1,0 +1,50 @@
+"""Dependences that repeat along the firings of a revolution, with any period."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import sparse
+
+from cosim.discrepancy.groups.dependences import MEANS, scale
+from cosim.discrepancy.groups.group import Group
+from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.settings import Settings
+
+_SLOWEST = 8  # waves a revolution below which it is a dependence on azimuth
+_DRAWS = 499
+
+
+def of_phases(fitter: Fitter, fitted: Fitted, settings: Settings, rng: np.random.Generator) -> Iterator[Group]:
+    """The strongest wave of each channel, if it stands out of all others: the largest line of the periodogram.
+
+    Its null law is that of the largest line when scans have random signs.
+    """
+    sample = fitter.sample
+    scans, firings = len(sample.names), int(sample.firing.max(initial=0)) + 1
+    if firings < 4 * _SLOWEST or scans < 4:
+        return
+    signs = rng.choice((-1.0, 1.0), (_DRAWS, scans))
+    for channel in MEANS:
+        if channel not in fitted.evidence.score:
+            continue
+        size = scale(fitted, channel)
+        place = sample.frame * firings + sample.firing
+        table = np.bincount(place, fitted.evidence.score[channel] * size, scans * firings).reshape(scans, firings)
+        lines = np.fft.rfft(table, axis=1)[:, _SLOWEST:]
+        own = (np.abs(lines) ** 2).sum(0)
+        smooth = np.maximum(own, np.median(own))
+        power = np.abs(lines.sum(0)) ** 2 / smooth
+        drawn = (np.abs(signs @ lines) ** 2 / smooth).max(1)
+        best = int(np.argmax(power))
+        chance = (1 + np.count_nonzero(drawn >= power[best])) / (_DRAWS + 1)
+        if chance > settings.level / len(MEANS):
+            continue
+        waves = best + _SLOWEST
+        turn = 2 * np.pi * waves / firings * sample.firing
+        table = np.stack([np.cos(turn), np.sin(turn)], 1) * size[:, None]
+        columns = sparse.csr_matrix(table)
+        yield Group(
+            f"{channel} by phase", channel, {channel: columns}, 2, ("phase",), label=f"{firings / waves:.6g}",
+        )  # fmt: skip

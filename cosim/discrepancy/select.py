@@ -1,0 +1,276 @@
+"""What to add next: the screen's best candidates are fitted as they are, and compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cosim.discrepancy.candidates import confusable, with_values
+from cosim.discrepancy.groups.dependences import depends_on_scans, main_effects, of_covariates, of_noise, of_pairs
+from cosim.discrepancy.groups.dependences import of_scans as of_levels
+from cosim.discrepancy.groups.effects import effect_groups
+from cosim.discrepancy.groups.group import Group
+from cosim.discrepancy.groups.phases import of_phases
+from cosim.discrepancy.groups.quantization import Lattice, find_lattices
+from cosim.discrepancy.inference.comparison import Gain, gain
+from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
+from cosim.discrepancy.inference.likelihood import judge
+from cosim.discrepancy.inference.score_test import Tested, screen
+from cosim.discrepancy.state import Case, Found, Model, State
+from cosim.discrepancy.unknown.plug_in import shape_effect
+from cosim.discrepancy.unknown.shape import Shape
+from cosim.discrepancy.unknown.solve import shape_of
+from sensors.effects.base import Effect, NoiseEffect, RoundingEffect
+
+_SHAPES = 2  # dependences that are solved a round
+_STEPS = 10
+_STRENGTHS = (1.0, 5.0, 25.0, -1.0, -5.0, -25.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """Something that could be added, fitted on top of the model as it stands.
+
+    Attributes:
+        name: of the effect.
+        model: with it.
+        place: where it stands among the effects.
+        fitted: to the frames that are fitted.
+        gain: over the model as it stands.
+        numbers: how many it has.
+        p_value: of its group.
+        shape: of an unknown one.
+        lattice: of a rounding.
+    """
+
+    name: str
+    model: Model
+    place: int
+    fitted: Fitted
+    gain: Gain
+    numbers: int
+    p_value: float
+    shape: Shape | None = None
+    lattice: Lattice | None = None
+
+    def worth(self, beams: int) -> float:
+        """Gain less what its numbers, and the choice of a shape, cost (half the BIC's penalty)."""
+        chosen = 2 if self.shape is not None else 0
+        return self.gain.value - 0.5 * (self.numbers + chosen) * float(np.log(beams))
+
+    @property
+    def of_noise(self) -> bool:
+        """Whether it is about spread alone."""
+        return isinstance(self.fitted.effects[self.place], NoiseEffect)
+
+
+def screened(case: Case, state: State, *, pairs: bool) -> list[Tested]:
+    """Every group, tested at once; pairs beside the smooth parts of each covariate alone."""
+    fitter, fitted = state.view.fitter, state.view.fitted
+    rng = np.random.default_rng([case.seed, 1])
+    groups: list[Group] = [
+        *effect_groups(fitter, fitted, case.kinds, state.model.fitted),
+        *of_covariates(fitter, fitted, case.settings),
+        *of_levels(fitter, fitted),
+        *of_phases(fitter, fitted, case.settings, rng),
+        *of_noise(fitter, fitted),
+    ]
+    model, clusters = fitter.system(fitted), fitter.random.clusters
+    found = screen(model, fitted.estimate, groups, clusters, case.settings, rng)
+    if not pairs:
+        return found
+    beside = main_effects(fitter, fitted, case.settings)
+    more = screen(
+        model, fitted.estimate, list(of_pairs(fitter, fitted, case.settings)), clusters, case.settings, rng, beside
+    )
+    return sorted([*found, *more], key=lambda one: (one.p_value, -one.value))
+
+
+def roundings(case: Case, state: State) -> list[Candidate]:
+    """Steps that measured values stand on and the model's do not: facts of the file."""
+    fitter, fitted = state.view.fitter, state.view.fitted
+    rng, found = np.random.default_rng([case.seed, 3]), []
+    for one in find_lattices(fitter, fitted, case.kinds, rng):
+        kept = [place for place, effect in enumerate(fitted.effects) if effect.name != one.effect.name]
+        place = next((p for p, effect in enumerate(fitted.effects) if effect.name == one.effect.name), len(kept))
+        effects = (*fitted.effects[:place], one.effect, *fitted.effects[place + 1 :])
+        model = state.model.replaced(effects, place)
+        after = fitter.fit(effects, (), fitted.estimate, steps=3)
+        size = float(one.gain.sum())
+        clusters = int(np.unique(fitter.sample.track[one.gain != 0]).size)
+        told = Gain(size, float(np.sqrt(np.sum(np.bincount(fitter.sample.track, one.gain) ** 2))), clusters)
+        found.append(Candidate(one.effect.name, model, place, after, told, 1, 1 / case.settings.draws, lattice=one))
+    return found
+
+
+def candidates(case: Case, state: State, tested: Sequence[Tested]) -> list[Candidate]:
+    """Effects and shapes among what is significant, fitted, the best first."""
+    level = case.settings.level
+    sure = [one for one in tested if one.p_value <= level and one.group.name not in state.refused]
+    found = [*_effects(case, state, sure), *_shapes(case, state, sure)]
+    beams = len(state.view.fitter.sample)
+    return sorted(found, key=lambda one: -one.worth(beams))
+
+
+def chosen(case: Case, state: State, found: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates in the order in which they are tried: channels do not compete, but for one thing a round.
+
+    An unknown shape goes first only where it explains clearly more than the best effect, and than that with the best
+    further one.
+    """
+    beams = len(state.view.fitter.sample)
+    found = [one for one in found if one.worth(beams) > 0]
+    named = [one for one in found if one.shape is None]
+    shapes = [one for one in found if one.shape is not None]
+    if not named or not shapes:
+        return [*named, *shapes]
+    margin = case.settings.unknown_margin
+    if shapes[0].worth(beams) <= margin * named[0].worth(beams) or not _same_channel(named[0], shapes[0]):
+        return [*named, *shapes]
+    case.say(f"asking whether {named[0].name} and one more explain as much as a shape over {shapes[0].shape.covariate}")  # type: ignore[union-attr]
+    with_first = replace(state, model=named[0].model, view=replace(state.view, fitted=named[0].fitted))
+    further = _effects(
+        case,
+        with_first,
+        [one for one in screened(case, with_first, pairs=False) if one.p_value <= case.settings.level],
+        most=1,
+    )
+    both = named[0].worth(beams) + max((one.worth(beams) for one in further), default=0.0)
+    return [*named, *shapes] if both * margin >= shapes[0].worth(beams) else [shapes[0], *named, *shapes[1:]]
+
+
+def also_possible(case: Case, state: State, best: Candidate, found: Sequence[Candidate]) -> tuple[str, ...]:
+    """Effects that explain the data as well as the best candidate: the difference of gains is within its error."""
+    alike = []
+    for one in found:
+        if one.name == best.name or one.shape is not None or best.shape is not None or one.lattice or best.lattice:
+            continue
+        apart = gain(state.view.fitter, one.fitted, best.fitted)
+        price = 0.5 * (best.numbers - one.numbers) * float(np.log(len(state.view.fitter.sample)))
+        if (
+            apart.value - price < case.settings.alike_sigmas * max(apart.error, 1.0)
+            and one.gain.value > 0.5 * best.gain.value
+        ):
+            alike.append(one.name)
+    return tuple(dict.fromkeys(alike))
+
+
+def _same_channel(one: Candidate, other: Candidate) -> bool:
+    shape = other.shape
+    assert shape is not None  # a shape
+    kind = type(one.fitted.effects[one.place])
+    channels = {kind.channel, *kind.also}
+    return shape.channel in channels or (shape.channel == "range" and "pose" in channels)
+
+
+def _effects(case: Case, state: State, sure: Sequence[Tested], most: int | None = None) -> list[Candidate]:
+    """Those catalogue effects that promise most, fitted from their best starts."""
+    best: dict[str, list[Tested]] = {}
+    for one in sorted((one for one in sure if one.group.is_effect), key=lambda one: -one.gain):
+        best.setdefault(one.group.name, []).append(one)
+    if not best:
+        return []
+    most = case.settings.fitted_candidates if most is None else most
+    gains = {name: rows[0].gain for name, rows in best.items()}
+    top = max(gains.values())
+    names = [name for place, name in enumerate(best) if place < most or gains[name] > case.settings.nearly * top]
+    names = names[: 2 * most]
+    if most > 1:
+        names += list({one.group.name: 0 for one in sure if one.group.is_effect})[:2]
+    kinds = {one.name: one for one in case.kinds}
+    for name in list(names[:1] if most > 1 else ()):
+        names += [other for other in best if name in kinds and other in kinds and confusable(kinds[name], kinds[other])]
+    found = []
+    names = list(dict.fromkeys(names))
+    case.say(f"fitting {', '.join(names)}")
+    for name in names:
+        tried = [_fitted(case, state, one) for one in best[name][: 2 if best[name][0].group.gain is None else 1]]
+        beams = len(state.view.fitter.sample)
+        found.append(max(tried, key=lambda one: one.worth(beams)))
+    return found
+
+
+def _fitted(case: Case, state: State, tested: Tested) -> Candidate:
+    """An effect fitted on top of the model, what was fitted before along with it."""
+    fitter, fitted, group = state.view.fitter, state.view.fitted, tested.group
+    effects, place = _started(fitter, fitted, group)
+    mine = all_free(effects, [place], fitter.rings)
+    along = all_free(effects, [one for one in state.model.fitted if one != place], fitter.rings)
+    after = fitter.fit(effects, (*mine, *along), fitted.estimate, steps=_STEPS, roughly=True)
+    of_noise = isinstance(after.effects[place], NoiseEffect)
+    told = gain(fitter, fitted, after, of_noise=of_noise)
+    told = told if of_noise else replace(told, value=after.loglik - fitted.loglik)
+    numbers = sum(one.unknown.rings for one in mine)
+    model = state.model.replaced(after.effects, place)
+    return Candidate(group.name, model, place, after, told, numbers, tested.p_value)
+
+
+def _shapes(case: Case, state: State, sure: Sequence[Tested]) -> list[Candidate]:
+    """Shapes of the dependences that promise most, in each channel, as plug-ins fitted like any effect."""
+    fitter, fitted = state.view.fitter, state.view.fitted
+    found: list[Candidate] = []
+    for channel in ("range", "intensity", "drop"):
+        rows = [one for one in sure if not one.group.is_effect and one.group.channel == channel and one.group.columns]
+        if any("scan" in one.group.covariates for one in rows):
+            best_other = max(
+                (one.gain - 2 * one.group.size for one in rows if not depends_on_scans(one.group.covariates)),
+                default=0.0,
+            )
+            of_scan = next(one for one in rows if "scan" in one.group.covariates)
+            rows = [one for one in rows if not depends_on_scans(one.group.covariates)]
+            if of_scan.gain - 2 * of_scan.group.size > best_other:
+                rows = [of_scan, *rows]
+        rows = sorted(rows, key=lambda one: -(one.gain - 2.0 * one.group.size))
+        for one in rows[:_SHAPES]:
+            shape = shape_of(fitter, fitted, one.group, one.p_value)
+            candidate = None if shape is None else _with_shape(state, fitter, fitted, shape, one)
+            if candidate is not None:
+                found.append(candidate)
+    return found
+
+
+def _with_shape(state: State, fitter: Fitter, fitted: Fitted, shape: Shape, tested: Tested) -> Candidate | None:
+    effect = shape_effect(shape)
+    if any(one.name == effect.name for one in fitted.effects):
+        return None
+    effects, place = (*fitted.effects, effect), len(fitted.effects)
+    mine = all_free(effects, [place], fitter.rings)
+    along = all_free(effects, state.model.fitted, fitter.rings)
+    after = fitter.fit(effects, (*mine, *along), fitted.estimate, steps=_STEPS)
+    told = gain(fitter, fitted, after)
+    told = replace(told, value=after.loglik - fitted.loglik)
+    numbers = len(mine) if shape.formula is not None else len(shape.y)
+    if shape.factor is not None:
+        numbers += len(shape.factor.formula.parameters)
+    model = state.model.replaced(after.effects, place)
+    return Candidate(effect.name, model, place, after, told, numbers, tested.p_value, shape)
+
+
+def _started(fitter: Fitter, fitted: Fitted, group: Group) -> tuple[tuple[Effect, ...], int]:
+    """Effects with the candidate among them, as strongly as is likeliest of a few strengths."""
+    effect = group.start
+    assert effect is not None  # of a candidate
+    if group.place is not None:
+        return fitted.effects, group.place
+    if not group.amplitude or isinstance(effect, RoundingEffect):
+        return (*fitted.effects, effect), len(fitted.effects)
+    off = (type(effect).neutral or {})[group.amplitude]
+    weak = np.subtract(getattr(effect, group.amplitude), off)
+    best, reached = effect, -np.inf
+    for factor in _STRENGTHS:
+        trial = with_values(effect, {group.amplitude: off + weak * factor})
+        prediction = fitter.sample.predict((*fitted.effects, trial))
+        value = float(
+            fitter.sample.share @ judge(fitter.sample, fitter.random.adjusted(prediction, fitted.estimate)).loglik
+        )
+        if value > reached:
+            best, reached = trial, value
+    return (*fitted.effects, best), len(fitted.effects)
+
+
+def as_found(case: Case, state: State, one: Candidate, found: Sequence[Candidate]) -> Found:
+    """A candidate that was accepted."""
+    interval = one.lattice.interval if one.lattice is not None else None
+    return Found(one.name, one.place, one.p_value, also_possible(case, state, one, found), one.shape, interval)

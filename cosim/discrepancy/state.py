@@ -1,0 +1,189 @@
+"""What a diagnosis knows, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cosim.discrepancy.data.ambiguity import widened
+from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending
+from cosim.discrepancy.data.sample import Sample, draw_sample
+from cosim.discrepancy.data.split import Split
+from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
+from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
+from cosim.discrepancy.inference.score_test import Tested
+from cosim.discrepancy.settings import Settings
+from cosim.discrepancy.unknown.shape import Shape
+from sensors.effects.base import Effect
+from sensors.sensor_model import SensorModel
+
+_WIDEST_M, _WIDEST_RAD = 0.15, 2e-3
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """What stays the same throughout a diagnosis.
+
+    Attributes:
+        sensor: as it was given.
+        tracer: of the drive.
+        split: which frames are fitted, and which judge.
+        kinds: the candidates.
+        settings: numbers that decide.
+        seed: of samples and signs.
+        say: is told what is being done.
+    """
+
+    sensor: SensorModel
+    tracer: FrameTracer
+    split: Split
+    kinds: tuple[type[Effect], ...]
+    settings: Settings
+    seed: int
+    say: Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """An effect or an unknown shape that was added.
+
+    Attributes:
+        effect: its name.
+        place: where it stands among the effects.
+        p_value: its own, family-wise.
+        also_possible: what explains the data as well.
+        shape: of an unknown one.
+        interval: known beforehand, of what is no parameter of a fit.
+    """
+
+    effect: str
+    place: int
+    p_value: float
+    also_possible: tuple[str, ...] = ()
+    shape: Shape | None = None
+    interval: dict[str, list[float]] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Effects, and which of them were fitted here."""
+
+    effects: tuple[Effect, ...]
+    fitted: tuple[int, ...] = ()
+
+    def replaced(self, effects: Sequence[Effect], place: int) -> Model:
+        """With other effects, one of which is fitted from now on."""
+        places = self.fitted if place in self.fitted else (*self.fitted, place)
+        return Model(tuple(effects), places)
+
+    def without(self, place: int, given: Sequence[Effect]) -> Model:
+        """With an effect as it was given, or gone where it was not."""
+        if place < len(given):
+            effects = (*self.effects[:place], given[place], *self.effects[place + 1 :])
+            return Model(effects, tuple(one for one in self.fitted if one != place))
+        effects = (*self.effects[:place], *self.effects[place + 1 :])
+        return Model(effects, tuple(one - (one > place) for one in self.fitted if one != place))
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Some frames, traced and fitted.
+
+    Attributes:
+        names: of the frames.
+        frames: traced as effects bent their beams.
+        fitter: of a sample of their beams; ambiguous ones are left out.
+        fitted: the model fitted to it.
+    """
+
+    names: tuple[str, ...]
+    frames: tuple[TracedFrame, ...]
+    fitter: Fitter
+    fitted: Fitted
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where a diagnosis stands.
+
+    Attributes:
+        model: the sensor as it stands.
+        view: the frames that are fitted.
+        judges: the frames that judge, the model as it stands with nothing but random effects fitted.
+        found: what was added, in order.
+        ranking: candidates of the first round with their gains.
+        screened: what the last screen said.
+        refused: names of what did not help on judging frames.
+    """
+
+    model: Model
+    view: View
+    judges: View
+    found: tuple[Found, ...] = ()
+    ranking: tuple[tuple[str, float, float], ...] = ()
+    screened: tuple[Tested, ...] = ()
+    refused: frozenset[str] = frozenset()
+
+    def with_found(self, one: Found) -> State:
+        """With a finding more, or with another one of the same name."""
+        rest = tuple(other for other in self.found if other.effect != one.effect)
+        return replace(self, found=(*rest, one))
+
+
+def viewed(case: Case, names: Sequence[str], model: Model, rows: int, before: View | None = None) -> View:
+    """Frames traced as a model bends their beams, and the model fitted, until both agree.
+
+    Args:
+        case: of the diagnosis.
+        names: of the frames.
+        model: its fitted effects are free.
+        rows: about how many beams of a sample.
+        before: frames that may be traced well enough already, and random effects to start from.
+    """
+    frames = before.frames if before is not None else tuple(case.tracer.trace_all(names, bending(model.effects)))
+    effects, start, estimate = model.effects, None if before is None else before.fitted.estimate, None
+    fitter: Fitter | None = None if before is None else before.fitter
+    for _ in range(_ROUNDS):
+        if fitter is None:
+            plain = Fitter(draw_sample(frames, rows, np.random.default_rng([case.seed, rows])), case.settings)
+            estimate = plain.fit(effects, (), start).estimate
+            fitter = Fitter(clear_sample(case, frames, plain.sample, plain.random, estimate), case.settings)
+            start = estimate if fitter.random.size == plain.random.size else None
+        free = all_free(effects, model.fitted, fitter.rings)
+        fitted = fitter.fit(effects, free, start)
+        effects, start = fitted.effects, fitted.estimate
+        turned, shifted = fitter.sample.moved(effects)
+        if turned <= case.settings.turned_rad and shifted <= case.settings.shifted_m:
+            break
+        frames, fitter, start = tuple(case.tracer.trace_all(names, bending(effects))), None, None
+    if fitter is None:
+        return viewed(case, names, Model(effects, model.fitted), rows)
+    return View(tuple(names), frames, fitter, fitted)
+
+
+def seen_by(view: View, effects: Sequence[Effect], estimate: Estimate | None = None) -> Fitted:
+    """A model on frames that take no part in fitting it: random effects alone are fitted."""
+    return view.fitter.fit(effects, (), view.fitted.estimate if estimate is None else estimate)
+
+
+def clear_sample(
+    case: Case, frames: Sequence[TracedFrame], sample: Sample, random: RandomEffects, estimate: Estimate
+) -> Sample:
+    """The sample without beams that errors of poses and objects may have moved across an edge."""
+    shift_m, turn_rad = spreads(random, estimate, case.settings.edge_sigmas)
+    if shift_m < 2e-3 and turn_rad < 1e-4:
+        return sample
+    pattern = case.sensor.pattern
+    return sample.clear_of([widened(one.edge, one.nearest_m, pattern, shift_m, turn_rad) for one in frames])
+
+
+def spreads(random: RandomEffects, estimate: Estimate, sigmas: float) -> tuple[float, float]:
+    """How far edges may stand off: shift [m] and turn [rad], so many standard deviations of poses and objects."""
+    poses = random.spread(estimate, "poses")
+    shifts = [poses[:3], *(random.spread(estimate, name)[:2] for name in ("objects", "objects_by_scan"))]
+    shift_m = sigmas * float(np.sqrt(sum(np.max(one, initial=0.0) ** 2 for one in shifts)))
+    turn_rad = sigmas * float(np.max(poses[3:], initial=0.0))
+    return min(shift_m, _WIDEST_M), min(turn_rad, _WIDEST_RAD)

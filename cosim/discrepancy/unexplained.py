@@ -1,0 +1,81 @@
+"""What is still significant after the last fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cosim.discrepancy.inference.fit import Fitter
+from cosim.discrepancy.inference.score_test import Tested
+from cosim.discrepancy.settings import Settings
+
+_UNITS = {"range": "m", "intensity": "", "drop": "", "spurious": "", "range_variance": "", "intensity_variance": ""}
+_MOST = 12
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """A dependence of residuals that nothing found explains.
+
+    Attributes:
+        channel, covariates: of what on what.
+        size: root mean square of it over the beams that it is told of.
+        unit: of the size; empty for shares.
+        p_value: family-wise, of it alone.
+        looks_like: the effect whose trace it is like; empty for dependences.
+    """
+
+    channel: str
+    covariates: tuple[str, ...]
+    size: float
+    unit: str
+    p_value: float
+    looks_like: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {
+            "channel": self.channel,
+            "covariates": list(self.covariates),
+            "size": self.size,
+            "unit": self.unit,
+            "p_value": self.p_value,
+            "looks_like": self.looks_like,
+        }
+
+
+def unexplained(tested: Sequence[Tested], fitter: Fitter, settings: Settings) -> tuple[Unexplained, ...]:
+    """Everything that is significant, the surest first; of an effect its channel."""
+    found: list[Unexplained] = []
+    seen = set[tuple[str, ...]]()
+    for one in tested:
+        key = (one.group.name,)
+        if one.p_value > settings.level or key in seen:
+            continue
+        seen.add(key)
+        name = one.group.name if one.group.is_effect else ""
+        found.append(
+            Unexplained(
+                one.group.channel,
+                one.group.covariates,
+                _size(one),
+                _UNITS.get(one.group.channel, ""),
+                one.p_value,
+                name,
+            )
+        )
+    found.sort(key=lambda one: (one.p_value, bool(one.looks_like)))
+    return tuple(found[:_MOST])
+
+
+def _size(one: Tested) -> float:
+    """Root mean square of the change that the linear model foresees."""
+    columns = next(iter(one.group.columns.values()), None)
+    if columns is None:
+        return float("nan")
+    change = np.asarray(columns @ one.step)
+    used = change != 0
+    return float(np.sqrt(np.mean(change[used] ** 2))) if used.any() else 0.0
