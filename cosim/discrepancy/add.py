@@ -10,18 +10,16 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from cosim.discrepancy.candidates import as_known, for_rings, with_rings, with_values
-from cosim.discrepancy.data.checks import check_fit, opened
-from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending, in_order
-from cosim.discrepancy.data.sample import draw_sample
-from cosim.discrepancy.data.split import split_drive
-from cosim.discrepancy.groups.effects import directions
+from cosim.discrepancy.budget import held_out
+from cosim.discrepancy.candidates import as_known, for_rings, with_values
+from cosim.discrepancy.data.checks import opened
+from cosim.discrepancy.diagnose import begun, case_of, given, judged
+from cosim.discrepancy.groups.effects import effect_groups
 from cosim.discrepancy.groups.quantization import find_lattices
-from cosim.discrepancy.inference.fit import Fitter, all_free
 from cosim.discrepancy.inference.intervals import intervals
-from cosim.discrepancy.ranking import fit_candidate
-from cosim.discrepancy.settling import ROWS, settle
-from cosim.discrepancy.validation import HeldOut, held_out_errors
+from cosim.discrepancy.select import best_fit
+from cosim.discrepancy.state import Case, Model, State, viewed
+from cosim.discrepancy.validation import HeldOut
 from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
 from sensors.effects.base import Effect, LabelEffect, RoundingEffect
@@ -103,35 +101,26 @@ def add(
     drive = opened(drive)
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
     fixed, kind = known_parameters(kind, fixed or {}), for_rings(kind, model.pattern.rings)
-    split = split_drive(drive)
-    tracer = FrameTracer(drive, model)
-    effects = with_rings(in_order(model.effects), model.pattern.rings)
-    before = held_out_errors(tracer, split.test, effects, model.origin)
-    place = next((i for i, effect in enumerate(effects) if effect.name == kind.name), None)
+    case = case_of(drive, model, seed=seed, extra=())
+    effects = given(case)
+    place = next((i for i, one in enumerate(effects) if one.name == kind.name), None)
     if place is not None and fixed:
         effects = tuple(with_values(one, fixed) if i == place else one for i, one in enumerate(effects))
-    frames = tracer.trace_all(split.fit, bending(effects))
-    check_fit(frames[0], drive)
+    state = begun(case)
     known: dict[str, Any] = {}
     if place is None or issubclass(kind, RoundingEffect):
-        fitter = Fitter(draw_sample(frames, ROWS, np.random.default_rng([seed, ROWS])))
-        effects, place, known = _begun(fitter, kind, effects, fixed, drive)
-    free = [one for one in all_free(effects, [place], model.pattern.rings) if one.unknown.name not in fixed]
-
-    def trace(bent: tuple[Effect, ...], leaning: np.ndarray) -> list[TracedFrame]:
-        return tracer.trace_all(split.fit, bent, leaning)
-
-    settled = settle(frames, trace, effects, free, seed)
-    result = settled.fitted
-    effects = result.effects
-    sensor_after = SensorModel(model.pattern, as_known(effects), model.origin)
+        effects, place, known = _begun(case, state, kind, effects, fixed)
+    view = viewed(case, case.split.fit, Model(effects, (place,)), case.settings.rows, state.view, tuple(fixed))
+    effects = view.fitted.effects
+    judges = judged(case, state.judges, Model(effects))
+    found = intervals(view.fitter, view.fitted)[kind.name] if view.fitted.free else known
     return Added(
         effect=kind.name,
         params=effects[place].model_dump(mode="json"),
-        ci95=intervals(settled.fitter, result)[kind.name] if result.free else known,
-        sensor=sensor_after,
-        error_before=before,
-        error_after=held_out_errors(tracer, split.test, effects, model.origin),
+        ci95=found,
+        sensor=SensorModel(model.pattern, as_known(effects), model.origin),
+        error_before=held_out(case, state.judges, given(case)),
+        error_after=held_out(case, judges, effects),
     )
 
 
@@ -155,21 +144,21 @@ def known_parameters(kind: type[Effect], given: Mapping[str, Any]) -> dict[str, 
 
 
 def _begun(
-    fitter: Fitter, kind: type[Effect], effects: Sequence[Effect], fixed: Mapping[str, Any], drive: Drive
+    case: Case, state: State, kind: type[Effect], effects: Sequence[Effect], fixed: Mapping[str, Any]
 ) -> tuple[tuple[Effect, ...], int, dict[str, Any]]:
     """The effects with the new one, roughly as strong as it is, its place, and intervals that are known already."""
     effects = tuple(one for one in effects if one.name != kind.name)
+    fitter, root = state.view.fitter, case.tracer.drive.root
     if issubclass(kind, RoundingEffect) and not fixed:
-        found = find_lattices(fitter, fitter.fit(effects, ()), [kind], np.random.default_rng(0))
+        found = find_lattices(fitter, fitter.at(effects, state.view.fitted.estimate), [kind], np.random.default_rng(0))
         if not found:
-            raise DriveError(f"{drive.root}: its values stand on no lattice that {kind.name} would make; give its step")
+            raise DriveError(f"{root}: its values stand on no lattice that {kind.name} would make; give its step")
         return (*effects, found[0].effect), len(effects), found[0].interval
     if kind.neutral is None or all(name in fixed for name in kind.model_fields):
         return (*effects, kind.model_validate({**kind.example, **fixed})), len(effects), {}
-    null = fitter.fit(effects, ())
-    found = [one for one in directions(fitter, null, [kind], range(len(effects))) if one.effect == kind.name]
-    if not found:
-        raise DriveError(f"{drive.root}: nothing in it depends on {kind.name}; give a drive that shows it")
-    best = fit_candidate(fitter, null, found)
-    effect = with_values(best.fitted.effects[best.place], fixed) if fixed else best.fitted.effects[best.place]
+    groups = effect_groups(fitter, state.view.fitted, [kind], range(len(effects)))
+    best = best_fit(case, state, [one for one in groups if one.name == kind.name])
+    if best is None:
+        raise DriveError(f"{root}: nothing in it depends on {kind.name}; give a drive that shows it")
+    effect = with_values(best, fixed) if fixed else best
     return (*effects, effect), len(effects), {}

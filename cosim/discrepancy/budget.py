@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from cosim.discrepancy.compare import Totals
 from cosim.discrepancy.data.ambiguity import widened
-from cosim.discrepancy.data.frames import bending, in_order
-from cosim.discrepancy.data.sample import Sample, whole_sample
+from cosim.discrepancy.data.frames import TracedFrame, bending, in_order
+from cosim.discrepancy.data.sample import Prediction, whole_sample
 from cosim.discrepancy.forward.expectation import Expectation, expect
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
-from cosim.discrepancy.scores import Ensemble, FrameScores, model_chance, scored
+from cosim.discrepancy.scores import Ensemble, FrameScores, Totals, model_chance, scored
 from cosim.discrepancy.state import Case, State, View, seen_by, spreads
 from cosim.discrepancy.validation import HeldOut
 from sensors.effects.base import Effect
@@ -80,6 +80,12 @@ def budget_of_view(case: Case, view: View, effects: Sequence[Effect]) -> Budget:
     parts = {"noise": noise} | {name: levels[k] - levels[k + 1] for k, name in enumerate(_PARTS)}
     parts |= {"missing": 0.0, "unexplained": aligned - noise}
     return Budget(levels[0], aligned, aligned, floor, parts, (one.held_out(),))
+
+
+def held_out(case: Case, view: View, effects: Sequence[Effect]) -> HeldOut:
+    """Errors of effects on frames at the poses as given, and the floor with everything aligned."""
+    one = _Aligned(case, view, tuple(effects), view.fitted.estimate)
+    return replace(one.held_out(), floor=one.floor())
 
 
 class _Aligned:
@@ -152,12 +158,16 @@ class _Aligned:
     def _of(self, parts: tuple[str, ...]) -> list[tuple[np.ndarray | float, np.ndarray | float]]:
         """By frame, (n,) shift of predicted ranges [m] and factor of intensities."""
         if parts not in self._moved:
-            found = []
-            for number, frame in enumerate(self._frames):
-                sample = whole_sample(frame)
-                found.append(_shifts(self._random, self._estimate, number, sample, self._effects, parts))
-            self._moved[parts] = found
+            self._moved[parts] = [one.shifts(parts) for one in self._whole]
         return self._moved[parts]
+
+    @cached_property
+    def _whole(self) -> list[_Whole]:
+        """Every beam of each frame, with its random effects."""
+        return [
+            _Whole.of(self._random, self._estimate, number, frame, self._effects)
+            for number, frame in enumerate(self._frames)
+        ]
 
     def _expectations(self) -> list[Expectation]:
         if self._expected is None:
@@ -165,24 +175,28 @@ class _Aligned:
         return self._expected
 
 
-def _shifts(
-    random: RandomEffects,
-    estimate: Estimate,
-    scan: int,
-    sample: Sample,
-    effects: Sequence[Effect],
-    parts: tuple[str, ...],
-) -> tuple[np.ndarray, np.ndarray]:
-    """What random effects of some parts do to every beam of one frame."""
-    own = RandomEffects(sample, (0.0, 0.0) if random.rows("poses").stop > random.rows("poses").start else None)
-    told = own.transferred(random, estimate, scan)
-    u = np.where(own.of_part(parts), told.u, _at_rest(own))
-    expected = sample.predict(effects)
-    moved = own.adjusted(expected, Estimate(u, told.variance))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        gain = np.where(expected.intensity > 0, moved.intensity / expected.intensity, 1.0)
-    return np.nan_to_num(moved.range_m - expected.range_m), gain
+@dataclass(frozen=True, eq=False)
+class _Whole:
+    """All beams of one frame, what is expected of them, and their random effects."""
 
+    random: RandomEffects
+    told: Estimate
+    expected: Prediction
 
-def _at_rest(random: RandomEffects) -> np.ndarray:
-    return random.start().u
+    @classmethod
+    def of(
+        cls, random: RandomEffects, estimate: Estimate, scan: int, frame: TracedFrame, effects: Sequence[Effect]
+    ) -> _Whole:
+        """Random effects of a frame as they were estimated from a sample in which it is scan number `scan`."""
+        has_poses = random.rows("poses").stop > random.rows("poses").start
+        sample = whole_sample(frame)
+        own = RandomEffects(sample, (0.0, 0.0) if has_poses else None)
+        return cls(own, own.transferred(random, estimate, scan), sample.predict(effects))
+
+    def shifts(self, parts: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """What those of some parts do: (n,) shift of ranges [m] and factor of intensities."""
+        u = np.where(self.random.of_part(parts), self.told.u, self.random.start().u)
+        moved = self.random.adjusted(self.expected, Estimate(u, self.told.variance))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = np.where(self.expected.intensity > 0, moved.intensity / self.expected.intensity, 1.0)
+        return np.nan_to_num(moved.range_m - self.expected.range_m), gain

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,97 +10,25 @@ from typing import Any
 
 import numpy as np
 
+from cosim.discrepancy.budget import Budget, budget_of_view
+from cosim.discrepancy.candidates import with_rings
 from cosim.discrepancy.data.checks import check_fit, opened
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.data.notes import drive_notes
+from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.forward.expectation import expect
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
-from cosim.discrepancy.scores import SCALES, FrameScores, model_chance, score_frame
+from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, score_frame
+from cosim.discrepancy.settings import DEFAULT
 from cosim.discrepancy.slices import Slice, SliceTally
+from cosim.discrepancy.state import Case, Model, viewed
 from cosim.drives.kitti import Drive
+from sensors.effects.base import Effect
 from sensors.sensor_model import SensorModel, load_sensor
 
+_LOG = logging.getLogger(__name__)
 _NEAR, _NEGLIGIBLE = 1.02, 0.001
-
-
-@dataclass(frozen=True, eq=False)
-class Totals:
-    """Sums over frames from which all figures follow."""
-
-    frames: int = 0
-    points: int = 0
-    beams: int = 0
-    matched: int = 0
-    squared: float = 0.0
-    absolute: float = 0.0
-    signed: float = 0.0
-    range_score: float = 0.0
-    lit: int = 0
-    intensity_squared: float = 0.0
-    intensity_signed: float = 0.0
-    intensity_score: float = 0.0
-    brier: float = 0.0
-    dropped: int = 0
-    foreseen_drops: float = 0.0
-    hit_drops: float = 0.0
-    spurious: int = 0
-    foreseen: float = 0.0
-    strays: int = 0
-    bad: int = 0
-
-    def __add__(self, other: Totals) -> Totals:
-        return Totals(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
-
-    @classmethod
-    def of(cls, frame: TracedFrame, scores: FrameScores) -> Totals:
-        """Those of one frame."""
-        matched = scores.matched
-        residual = (scores.measured_m - scores.range_m)[matched].astype(np.float64)
-        lit = matched & np.isfinite(scores.intensity_score)
-        bright = (scores.measured_intensity - scores.intensity)[lit].astype(np.float64)
-        clear = ~scores.ambiguous
-        could = clear & (scores.expected > 0)
-        missing = could & np.isnan(scores.measured_m)
-        return cls(
-            frames=1,
-            points=frame.observed.points,
-            beams=int(clear.sum()),
-            matched=int(matched.sum()),
-            squared=float(residual @ residual),
-            absolute=float(np.abs(residual).sum()),
-            signed=float(residual.sum()),
-            range_score=float(scores.range_score[matched].sum()),
-            lit=int(lit.sum()),
-            intensity_squared=float(bright @ bright),
-            intensity_signed=float(bright.sum()),
-            intensity_score=float(scores.intensity_score[lit].sum()),
-            brier=float(np.nansum(scores.brier)),
-            dropped=int(missing.sum()),
-            foreseen_drops=float((1 - scores.expected[could]).sum()),
-            hit_drops=float((1 - scores.expected[missing]).sum()),
-            spurious=int(scores.spurious.sum()),
-            foreseen=scores.foreseen,
-            strays=frame.observed.strays,
-            bad=frame.observed.bad,
-        )
-
-    def parts(self) -> dict[str, float]:
-        """Mean score of each channel that is present, in its own unit."""
-        parts = {}
-        if self.matched:
-            parts["range"] = self.range_score / self.matched
-        if self.lit:
-            parts["intensity"] = self.intensity_score / self.lit
-        if self.beams:
-            parts["drop"] = self.brier / self.beams
-            parts["spurious"] = abs(self.foreseen - self.spurious) / self.beams * 1000
-        return parts
-
-    @property
-    def error(self) -> float:
-        """The one number."""
-        parts = self.parts()
-        return float(np.mean([parts[name] / SCALES[name] for name in parts])) if parts else float("nan")
+_MOST_ALIGNED = 12  # frames of which it is asked where the error comes from
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +42,7 @@ class Comparison:
         floor: the error of a model that is right up to noise, and how it is known; None where it is not.
         slices: where residuals are worst.
         notes: what could not be known, a sentence each.
+        budget: where the error comes from; None where it was not asked for.
         scores: of each frame, beam by beam, if they were to be kept.
     """
 
@@ -123,6 +53,7 @@ class Comparison:
     floor: NoiseFloor | None
     slices: tuple[Slice, ...]
     notes: tuple[str, ...]
+    budget: Budget | None = None
     scores: Mapping[str, FrameScores] = field(default_factory=dict)
 
     @property
@@ -132,8 +63,26 @@ class Comparison:
 
     @property
     def at_floor(self) -> bool:
-        """Whether the error is what noise alone makes, within 2 % and a thousandth of a scale."""
+        """Whether the aligned error is what noise alone makes, within 2 % and a thousandth of a scale.
+
+        Of the aligned error within 5 %: poses and objects are never fitted exactly.
+        """
+        if self.budget is not None and self.budget.floor is not None and self.error > 2 * self.budget.error_aligned:
+            return self.budget.error_aligned <= (1 + DEFAULT.at_floor) * self.budget.floor
         return self.floor is not None and self.error <= _NEAR * self.floor.error + _NEGLIGIBLE
+
+    @property
+    def parts(self) -> dict[str, float]:
+        """Where the error comes from; they add up to it. Empty where that was not asked for."""
+        if self.budget is None:
+            return {}
+        scale = self.error / self.budget.error if self.budget.error > 0 else 1.0  # frames were sampled for it
+        return {name: scale * value for name, value in self.budget.parts.items()}
+
+    @property
+    def error_aligned(self) -> float | None:
+        """The error with poses, objects and surfaces where a fit has them."""
+        return None if self.budget is None else self.budget.error_aligned
 
     @property
     def excess(self) -> dict[str, float]:
@@ -168,6 +117,8 @@ class Comparison:
             "points": t.points,
             "channels": channels,
             "error": self.error,
+            "error_aligned": self.error_aligned,
+            "budget": self.parts or None,
             "noise_floor": self.floor.error if self.floor else None,
             "slices": [one.to_json() for one in self.slices],
             "notes": list(self.notes),
@@ -190,6 +141,7 @@ def compare(
     frames: Sequence[str] | None = None,
     seed: int = 0,
     keep: bool = False,
+    budget: bool = True,
     on_frame: Callable[[TracedFrame, FrameScores], None] | None = None,
 ) -> Comparison:
     """Hold a sensor model against a drive, beam by beam.
@@ -199,6 +151,7 @@ def compare(
         sensor: the model, or its file.
         frames: those to use; all by default.
         seed: of the model's chance.
+        budget: whether to ask where the error comes from; takes seconds.
         keep: whether the result holds what is known of every beam, about 6 MB a frame of 130 000.
         on_frame: is told each frame and its scores as they are done.
 
@@ -213,6 +166,8 @@ def compare(
     names = tuple(frames) if frames is not None else drive.frames
     by_frame: dict[str, Totals] = {}
     kept: dict[str, FrameScores] = {}
+    chosen = set(names[:: -(-len(names) // _MOST_ALIGNED)]) if budget and names else set()
+    aligned: list[TracedFrame] = []
     tally, floor = SliceTally(), []
     for number, name in enumerate(names):
         traced = tracer.trace(name, bending(effects))
@@ -223,6 +178,8 @@ def compare(
         tally.add(traced, scores)
         if keep:
             kept[name] = scores
+        if name in chosen:
+            aligned.append(traced)
         expected = expect(effects, traced.shot)
         floor.append(estimate_floor(Neighbours.of(traced, scores, expected), scores, expected))
         if on_frame is not None:
@@ -238,5 +195,19 @@ def compare(
         notes=drive_notes(
             drive, frames=total.frames, bad=total.bad, strays=total.strays, has_intensity=bool(total.lit)
         ),
+        budget=_budget(tracer, model, effects, aligned, seed),
         scores=kept,
     )
+
+
+def _budget(
+    tracer: FrameTracer, model: SensorModel, effects: Sequence[Effect], frames: Sequence[TracedFrame], seed: int
+) -> Budget | None:
+    """Where the error of some frames comes from; None where nothing can be compared."""
+    if not frames or not any((one.observed.returned & one.observed.trusted).any() for one in frames):
+        return None
+    names = tuple(one.name for one in frames)
+    case = Case(model, tracer, Split(names, names), (), DEFAULT, seed, _LOG.debug)
+    own = with_rings(effects, model.pattern.rings)
+    view = viewed(case, names, Model(own), DEFAULT.rows, traced=tuple(frames))
+    return budget_of_view(case, view, own)

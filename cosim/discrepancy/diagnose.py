@@ -20,7 +20,7 @@ from cosim.discrepancy.inference.comparison import gain
 from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.inference.score_test import Tested
 from cosim.discrepancy.labels import with_labels
-from cosim.discrepancy.select import Candidate, as_found, candidates, chosen, roundings, screened
+from cosim.discrepancy.select import Candidate, as_found, candidates, chosen, roundings, screened, screened_pairs
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.state import Case, Model, State, View, seen_by, viewed
 from cosim.discrepancy.unexplained import unexplained
@@ -59,25 +59,27 @@ def diagnose(
         SensorError: the sensor file breaks the rules.
     """
     asked = opened(drive)
-    case = _case(asked, sensor, frames, extra, seed, settings, on_progress or _LOG.debug)
+    case = case_of(
+        asked, sensor, frames=frames, extra=extra, seed=seed, settings=settings, say=on_progress or _LOG.debug
+    )
     state = begun(case)
-    while len(state.found) < settings.most_findings:
-        after = added(case, state)
-        if after is None:
-            break
-        state = after
+    before = None
+    while state is not before and len(state.found) < settings.most_findings:
+        before, state = state, added(case, state)
     return with_labels(concluded(case, eliminated(case, state)), asked)
 
 
-def _case(
+def case_of(
     drive: Drive,
     sensor: SensorModel | str | Path,
-    frames: Sequence[str] | None,
-    extra: Sequence[type[Effect]],
-    seed: int,
-    settings: Settings,
-    say: Callable[[str], None],
+    *,
+    frames: Sequence[str] | None = None,
+    extra: Sequence[type[Effect]] = (),
+    seed: int = 0,
+    settings: Settings = DEFAULT,
+    say: Callable[[str], None] = _LOG.debug,
 ) -> Case:
+    """What stays the same throughout a diagnosis; see `diagnose`."""
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
     split = split_drive(drive) if frames is None else split_frames(tuple(frames))
     kinds = candidate_kinds(extra, model.pattern.rings)
@@ -102,26 +104,31 @@ def given(case: Case) -> tuple[Effect, ...]:
     return with_rings(in_order(case.sensor.effects), case.sensor.pattern.rings)
 
 
-def added(case: Case, state: State) -> State | None:
-    """With the first candidate that helps on frames that took no part; None if there is none."""
+def added(case: Case, state: State) -> State:
+    """With the first candidate that helps on frames that took no part; the same state, screened, if there is none."""
     case.say(f"looking for effects beyond {len(state.found)} found")
     for one in roundings(case, state):
-        if one.name not in state.refused and not _known_rounding(state, one):
-            return accepted(case, state, one, ())
-    tested = screened(case, state, pairs=False)
+        if one.name not in state.refused and not any(found.effect == one.name for found in state.found):
+            after = accepted(case, state, one, ())
+            if after is not None:
+                return after
+    tested = screened(case, state)
     found = candidates(case, state, tested)
-    if not any(one.p_value <= case.settings.level for one in tested):
-        tested = screened(case, state, pairs=True)
-        found = candidates(case, state, [one for one in tested if len(one.group.covariates) == 2])
-    state = replace(state, screened=tuple(tested), ranking=state.ranking or _ranking(found, tested))
+    if not found:
+        pairs = screened_pairs(case, state)
+        found = candidates(case, state, pairs)
+        tested = sorted([*tested, *pairs], key=lambda one: (one.p_value, -one.value))
+    state.screened[:] = tested
+    state.ranking[:] = state.ranking or _ranking(found, tested)
+    refused = state.refused
     for one in chosen(case, state, found)[:_TRIED]:
         case.say(f"adding {one.name}")
         after = accepted(case, state, one, found)
         if after is not None:
-            return after
-        state = replace(state, refused=state.refused | {one.name})
+            return replace(after, refused=refused)
+        refused = refused | {one.name}
         case.say(f"{one.name} does not help on frames that took no part")
-    return None
+    return state
 
 
 def accepted(case: Case, state: State, one: Candidate, found: Sequence[Candidate]) -> State | None:
@@ -138,7 +145,7 @@ def accepted(case: Case, state: State, one: Candidate, found: Sequence[Candidate
         told = gain(judges.fitter, before, judges.fitted, of_noise=one.of_noise)
         if told.p_value > case.settings.level:
             return None
-    after = replace(state, model=model, view=view, judges=judges)
+    after = replace(state, model=model, view=view, judges=judges, screened=[])
     return after.with_found(as_found(case, state, one, found))
 
 
@@ -162,15 +169,18 @@ def eliminated(case: Case, state: State) -> State:
         if told is not None and (told.p_value > case.settings.level or value < np.log(len(state.view.fitter.sample))):
             kept = tuple(other for other in state.found if other is not one)
             model = replace(less, effects=view.fitted.effects)
-            state = replace(state, model=model, view=view, judges=judged(case, state.judges, model), found=kept)
+            state = replace(
+                state, model=model, view=view, judges=judged(case, state.judges, model), found=kept, screened=[]
+            )
     return state
 
 
 def concluded(case: Case, state: State) -> Diagnosis:
     """The whole screen once more, errors and their budget, and everything in its last values."""
-    case.say("looking at what is left")
-    tested = screened(case, state, pairs=True)
-    state = replace(state, screened=tuple(tested))
+    tested = state.screened
+    if not tested:
+        case.say("looking at what is left")
+        tested = [*screened(case, state), *screened_pairs(case, state)]
     case.say("measuring errors on frames that took no part")
     told = intervals(state.view.fitter, state.view.fitted) if state.view.fitted.free else {}
     budget = budget_of(case, state, _steps(case, state))
@@ -218,11 +228,7 @@ def _place(state: State, name: str) -> int | None:
     return next((place for place, one in enumerate(state.model.effects) if one.name == name), None)
 
 
-def _known_rounding(state: State, one: Candidate) -> bool:
-    return any(found.effect == one.name for found in state.found)
-
-
-def _ranking(found: Sequence[Candidate], tested: Sequence[Tested]) -> tuple[tuple[str, float, float], ...]:
+def _ranking(found: Sequence[Candidate], tested: Sequence[Tested]) -> list[tuple[str, float, float]]:
     """Candidates of the first round: name, twice the gain less its price (ΔBIC), and p."""
     rows = [
         (one.name, 2 * one.gain.value - one.numbers * np.log(len(one.fitted.fit.loglik)), one.p_value) for one in found
@@ -238,7 +244,7 @@ def _ranking(found: Sequence[Candidate], tested: Sequence[Tested]) -> tuple[tupl
                     one.p_value,
                 )
             )
-    return tuple((name, float(value), float(p)) for name, value, p in sorted(rows, key=lambda row: -row[1]))
+    return [(name, float(value), float(p)) for name, value, p in sorted(rows, key=lambda row: -row[1])]
 
 
 def _smallest(tested: Sequence[Tested], case: Case) -> dict[str, dict[str, float]]:

@@ -62,6 +62,86 @@ class FrameScores:
 
 
 @dataclass(frozen=True, eq=False)
+class Totals:
+    """Sums over frames from which all figures follow."""
+
+    frames: int = 0
+    points: int = 0
+    beams: int = 0
+    matched: int = 0
+    squared: float = 0.0
+    absolute: float = 0.0
+    signed: float = 0.0
+    range_score: float = 0.0
+    lit: int = 0
+    intensity_squared: float = 0.0
+    intensity_signed: float = 0.0
+    intensity_score: float = 0.0
+    brier: float = 0.0
+    dropped: int = 0
+    foreseen_drops: float = 0.0
+    hit_drops: float = 0.0
+    spurious: int = 0
+    foreseen: float = 0.0
+    strays: int = 0
+    bad: int = 0
+
+    def __add__(self, other: Totals) -> Totals:
+        return Totals(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+
+    @classmethod
+    def of(cls, frame: TracedFrame, scores: FrameScores) -> Totals:
+        """Those of one frame."""
+        matched = scores.matched
+        residual = (scores.measured_m - scores.range_m)[matched].astype(np.float64)
+        lit = matched & np.isfinite(scores.intensity_score)
+        bright = (scores.measured_intensity - scores.intensity)[lit].astype(np.float64)
+        clear = ~scores.ambiguous
+        could = clear & (scores.expected > 0)
+        missing = could & np.isnan(scores.measured_m)
+        return cls(
+            frames=1,
+            points=frame.observed.points,
+            beams=int(clear.sum()),
+            matched=int(matched.sum()),
+            squared=float(residual @ residual),
+            absolute=float(np.abs(residual).sum()),
+            signed=float(residual.sum()),
+            range_score=float(scores.range_score[matched].sum()),
+            lit=int(lit.sum()),
+            intensity_squared=float(bright @ bright),
+            intensity_signed=float(bright.sum()),
+            intensity_score=float(scores.intensity_score[lit].sum()),
+            brier=float(np.nansum(scores.brier)),
+            dropped=int(missing.sum()),
+            foreseen_drops=float((1 - scores.expected[could]).sum()),
+            hit_drops=float((1 - scores.expected[missing]).sum()),
+            spurious=int(scores.spurious.sum()),
+            foreseen=scores.foreseen,
+            strays=frame.observed.strays,
+            bad=frame.observed.bad,
+        )
+
+    def parts(self) -> dict[str, float]:
+        """Mean score of each channel that is present, in its own unit."""
+        parts = {}
+        if self.matched:
+            parts["range"] = self.range_score / self.matched
+        if self.lit:
+            parts["intensity"] = self.intensity_score / self.lit
+        if self.beams:
+            parts["drop"] = self.brier / self.beams
+            parts["spurious"] = abs(self.foreseen - self.spurious) / self.beams * 1000
+        return parts
+
+    @property
+    def error(self) -> float:
+        """The one number."""
+        parts = self.parts()
+        return float(np.mean([parts[name] / SCALES[name] for name in parts])) if parts else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
 class Ensemble:
     """What several runs of a model say of one frame.
 

@@ -66,8 +66,8 @@ class Candidate:
         return isinstance(self.fitted.effects[self.place], NoiseEffect)
 
 
-def screened(case: Case, state: State, *, pairs: bool) -> list[Tested]:
-    """Every group, tested at once; pairs beside the smooth parts of each covariate alone."""
+def screened(case: Case, state: State) -> list[Tested]:
+    """Every group but pairs, tested at once."""
     fitter, fitted = state.view.fitter, state.view.fitted
     rng = np.random.default_rng([case.seed, 1])
     groups: list[Group] = [
@@ -77,15 +77,15 @@ def screened(case: Case, state: State, *, pairs: bool) -> list[Tested]:
         *of_phases(fitter, fitted, case.settings, rng),
         *of_noise(fitter, fitted),
     ]
-    model, clusters = fitter.system(fitted), fitter.random.clusters
-    found = screen(model, fitted.estimate, groups, clusters, case.settings, rng)
-    if not pairs:
-        return found
-    beside = main_effects(fitter, fitted, case.settings)
-    more = screen(
-        model, fitted.estimate, list(of_pairs(fitter, fitted, case.settings)), clusters, case.settings, rng, beside
-    )
-    return sorted([*found, *more], key=lambda one: (one.p_value, -one.value))
+    return screen(fitter.system(fitted), fitted.estimate, groups, fitter.random.clusters, case.settings, rng)
+
+
+def screened_pairs(case: Case, state: State) -> list[Tested]:
+    """Pairs of covariates, beside the smooth parts of each alone."""
+    fitter, fitted = state.view.fitter, state.view.fitted
+    rng = np.random.default_rng([case.seed, 2])
+    beside, groups = main_effects(fitter, fitted, case.settings), list(of_pairs(fitter, fitted, case.settings))
+    return screen(fitter.system(fitted), fitted.estimate, groups, fitter.random.clusters, case.settings, rng, beside)
 
 
 def roundings(case: Case, state: State) -> list[Candidate]:
@@ -134,7 +134,7 @@ def chosen(case: Case, state: State, found: Sequence[Candidate]) -> list[Candida
     further = _effects(
         case,
         with_first,
-        [one for one in screened(case, with_first, pairs=False) if one.p_value <= case.settings.level],
+        [one for one in screened(case, with_first) if one.p_value <= case.settings.level],
         most=1,
     )
     both = named[0].worth(beams) + max((one.worth(beams) for one in further), default=0.0)
@@ -205,6 +205,14 @@ def _fitted(case: Case, state: State, tested: Tested) -> Candidate:
     numbers = sum(one.unknown.rings for one in mine)
     model = state.model.replaced(after.effects, place)
     return Candidate(group.name, model, place, after, told, numbers, tested.p_value)
+
+
+def best_fit(case: Case, state: State, groups: Sequence[Group]) -> Effect | None:
+    """The likeliest fit of one effect from several groups of it; None where there are none."""
+    starts = [Tested(one, 0.0, 1.0, 0.0, np.zeros(one.size), np.nan, np.nan) for one in groups]
+    found = [_fitted(case, state, one) for one in starts]
+    best = max(found, key=lambda one: one.fitted.loglik, default=None)
+    return None if best is None else best.fitted.effects[best.place]
 
 
 def _shapes(case: Case, state: State, sure: Sequence[Tested]) -> list[Candidate]:

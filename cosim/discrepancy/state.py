@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -123,8 +123,8 @@ class State:
     view: View
     judges: View
     found: tuple[Found, ...] = ()
-    ranking: tuple[tuple[str, float, float], ...] = ()
-    screened: tuple[Tested, ...] = ()
+    ranking: list[tuple[str, float, float]] = field(default_factory=list)
+    screened: list[Tested] = field(default_factory=list)
     refused: frozenset[str] = frozenset()
 
     def with_found(self, one: Found) -> State:
@@ -133,7 +133,15 @@ class State:
         return replace(self, found=(*rest, one))
 
 
-def viewed(case: Case, names: Sequence[str], model: Model, rows: int, before: View | None = None) -> View:
+def viewed(
+    case: Case,
+    names: Sequence[str],
+    model: Model,
+    rows: int,
+    before: View | None = None,
+    held: Collection[str] = (),
+    traced: Sequence[TracedFrame] | None = None,
+) -> View:
     """Frames traced as a model bends their beams, and the model fitted, until both agree.
 
     Args:
@@ -142,8 +150,13 @@ def viewed(case: Case, names: Sequence[str], model: Model, rows: int, before: Vi
         model: its fitted effects are free.
         rows: about how many beams of a sample.
         before: frames that may be traced well enough already, and random effects to start from.
+        held: names of parameters that stay as they are.
+        traced: the frames, if they have been traced as the model bends their beams.
     """
-    frames = before.frames if before is not None else tuple(case.tracer.trace_all(names, bending(model.effects)))
+    if before is not None:
+        frames = before.frames
+    else:
+        frames = tuple(case.tracer.trace_all(names, bending(model.effects)) if traced is None else traced)
     effects, start, estimate = model.effects, None if before is None else before.fitted.estimate, None
     fitter: Fitter | None = None if before is None else before.fitter
     for _ in range(_ROUNDS):
@@ -152,7 +165,7 @@ def viewed(case: Case, names: Sequence[str], model: Model, rows: int, before: Vi
             estimate = plain.fit(effects, (), start).estimate
             fitter = Fitter(clear_sample(case, frames, plain.sample, plain.random, estimate), case.settings)
             start = estimate if fitter.random.size == plain.random.size else None
-        free = all_free(effects, model.fitted, fitter.rings)
+        free = [one for one in all_free(effects, model.fitted, fitter.rings) if one.unknown.name not in held]
         fitted = fitter.fit(effects, free, start)
         effects, start = fitted.effects, fitted.estimate
         turned, shifted = fitter.sample.moved(effects)
@@ -160,7 +173,7 @@ def viewed(case: Case, names: Sequence[str], model: Model, rows: int, before: Vi
             break
         frames, fitter, start = tuple(case.tracer.trace_all(names, bending(effects))), None, None
     if fitter is None:
-        return viewed(case, names, Model(effects, model.fitted), rows)
+        return viewed(case, names, Model(effects, model.fitted), rows, None, held)
     return View(tuple(names), frames, fitter, fitted)
 
 

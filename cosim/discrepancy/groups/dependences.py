@@ -17,11 +17,7 @@ from cosim.discrepancy.settings import Settings
 
 MEANS: tuple[Quantity, ...] = ("range", "intensity", "drop")
 SPREADS: tuple[Quantity, ...] = ("range_variance", "intensity_variance")
-_PAIRED = (
-    "range", "incidence", "elevation", "azimuth", "albedo", "intensity", "previous_intensity", "world_x", "world_y",
-    "firing_time",
-)  # fmt: skip
-_SAME = ({"azimuth", "firing_time"}, {"elevation", "ring"}, {"albedo", "intensity"}, {"world_x", "world_y"})
+_PAIRED = ("range", "incidence", "elevation", "azimuth", "albedo", "previous_intensity")
 _OF_SPREADS = ("range", "incidence", "elevation", "block", "azimuth", "intensity", "material", "frame_time")
 _KNOWN = (("range", "ring"), ("intensity", "ring"), ("range", "block"))  # the catalogue has a number a laser for these
 _DEGREE = 2
@@ -68,8 +64,6 @@ def of_pairs(fitter: Fitter, fitted: Fitted, settings: Settings) -> Iterator[Gro
     found = {one.name: one for one in covariates(fitter.sample, fitted.prediction, settings.bins)}
     basis = {name: found[name].basis(_DEGREE) for name in _PAIRED if name in found}
     for one, other in combinations(basis, 2):
-        if {one, other} in _SAME:
-            continue
         both = basis[one][:, :, None] * basis[other][:, None, :]
         table = both.reshape(len(both), -1)
         for channel in MEANS:

@@ -52,3 +52,11 @@ def stacked(columns: Sequence[Column], quantities: Collection[Quantity], rows: i
         if quantity in quantities and any(quantity in column.delta for column in columns):
             found[quantity] = sparse.hstack([column.matrix(quantity, rows) for column in columns], format="csr")
     return found
+
+
+def scaled(matrix: SparseMatrix, weight: np.ndarray) -> SparseMatrix:
+    """A compressed sparse matrix (n, k) with its rows multiplied by weights (n,)."""
+    found = matrix.copy()
+    rows = matrix.indices if matrix.format == "csc" else np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+    found.data = found.data * weight[rows]
+    return found

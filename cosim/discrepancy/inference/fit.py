@@ -15,7 +15,7 @@ from scipy import sparse
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
 from cosim.discrepancy.data.sample import Prediction, Sample
-from cosim.discrepancy.inference.columns import Column, SparseMatrix, stacked
+from cosim.discrepancy.inference.columns import Column, SparseMatrix, scaled, stacked
 from cosim.discrepancy.inference.likelihood import Fit, judge, range_spread_m
 from cosim.discrepancy.inference.random_effects import Estimate, Factored, RandomEffects
 from cosim.discrepancy.inference.score import Evidence, Quantity, change
@@ -279,7 +279,7 @@ class LinearModel:
         known = sparse.csr_matrix((len(used), len(used)))
         for name, one in z.items():
             if one.nnz:
-                known = known + one.T @ sparse.diags(evidence.information[name]) @ one
+                known = known + one.T @ scaled(one, evidence.information[name])
         precision = random.precision(estimate)[used]
         solver = Factored(known + sparse.diags(precision), random.apart[used]) if len(used) else None
         x = stacked(columns, evidence.score, len(fitter.sample))
@@ -358,7 +358,7 @@ class LinearModel:
         found = np.zeros((size, width))
         for name, one in columns.items():
             if name in own and own[name].nnz and one.nnz and name in self.evidence.information:
-                found += (own[name].T @ sparse.diags(self.evidence.information[name]) @ one).toarray()
+                found += (own[name].T @ scaled(one, self.evidence.information[name])).toarray()
         return found
 
     def _scored(self, own: dict[Quantity, SparseMatrix], size: int) -> np.ndarray:

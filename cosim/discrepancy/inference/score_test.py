@@ -20,7 +20,7 @@ from scipy import sparse
 
 from cosim.discrepancy.groups.group import Group
 from cosim.discrepancy.inference.clusters import Clusters
-from cosim.discrepancy.inference.columns import SparseMatrix
+from cosim.discrepancy.inference.columns import SparseMatrix, scaled
 from cosim.discrepancy.inference.fit import LinearModel
 from cosim.discrepancy.inference.random_effects import Estimate
 from cosim.discrepancy.inference.score import Quantity
@@ -142,7 +142,7 @@ class Projector:
         width = tables[0].shape[1]
         whole = np.zeros((width, width))
         for name, one in columns.items():
-            whole += np.asarray((one.T @ sparse.diags(information[name]) @ one).todense())
+            whole += np.asarray((one.T @ scaled(one, information[name])).todense())
         return tables, whole - self._model.shared_with(columns).T @ np.vstack([random, fixed])
 
     def _summed(self, columns: dict[Quantity, SparseMatrix], random: np.ndarray, known: np.ndarray) -> list[np.ndarray]:
@@ -151,7 +151,7 @@ class Projector:
         for hot, of_known, rows in zip(self._hot, self._of_known, self._rows, strict=True):
             found = np.asarray(rows @ random)
             for name, one in columns.items():
-                found[: hot.shape[0]] += np.asarray((hot @ (sparse.diags(self._scores[name]) @ one)).todense())
+                found[: hot.shape[0]] += np.asarray((hot @ scaled(one, self._scores[name])).todense())
             found[: hot.shape[0]] -= of_known @ known
             tables.append(found)
         return tables
@@ -163,9 +163,9 @@ class Projector:
         random, fixed = self._model.projected(columns)
         known = np.vstack([random, fixed])
         by_cluster = self._summed(columns, random, known)
-        weighted = {name: sparse.diags(self._model.evidence.information[name]) @ one for name, one in columns.items()}
+        weighted = {name: scaled(one, self._model.evidence.information[name]) for name, one in columns.items()}
         shared = self._model.shared_with(columns)
-        squares = {name: columns[name].multiply(weighted[name]).tocsr() for name in columns}
+        squares = {name: _product(columns[name], weighted[name]) for name in columns}
         share = [_padded(hot, squares, rows.shape[0]) for hot, rows in zip(self._hot, self._rows, strict=True)]
         found = []
         for one, end in zip(groups, ends, strict=True):
@@ -193,7 +193,7 @@ class Projector:
             found = np.zeros((hot.shape[0], size))
             for name, one in own.items():
                 if one.nnz:
-                    found += np.asarray((hot @ (sparse.diags(self._scores[name]) @ one)).todense())
+                    found += np.asarray((hot @ scaled(one, self._scores[name])).todense())
             parts.append(found)
         return np.hstack(parts)
 
@@ -296,6 +296,13 @@ def _joined(groups: Sequence[Group], rows: int) -> dict[Quantity, SparseMatrix]:
         )
         for name in names
     }
+
+
+def _product(one: SparseMatrix, other: SparseMatrix) -> SparseMatrix:
+    """Of the elements of two matrices with the same places."""
+    found = one.copy()
+    found.data = one.data * other.data
+    return found
 
 
 def _chunks(groups: Sequence[Group]) -> list[list[Group]]:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.compare import Totals
 from cosim.discrepancy.data.frames import TracedFrame, in_order
 from cosim.discrepancy.forward.expectation import Expectation, expect
-from cosim.discrepancy.scores import CLIP_M, FrameScores
+from cosim.discrepancy.scores import CLIP_M, FrameScores, Totals
 from sensors.effects.base import Effect
 
 MATCHED, AMBIGUOUS, DROPPED, SPURIOUS, UNFORESEEN, SILENT = range(6)

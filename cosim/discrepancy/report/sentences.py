@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
-from cosim.discrepancy.report.phrases import as_sure, p_words
+from cosim.discrepancy.report.phrases import as_sure, listed, p_words
+from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.shape import Shape
 from sensors.effects.base import Effect, Parameter
 from sensors.effects.registry import effect_classes
@@ -71,37 +72,59 @@ def headline(found: Diagnosis, words: Vocabulary) -> str:
     if parts:
         ambiguous = any(one.also_possible for one in found.effects)
         parts[0] = f"{'ambiguous' if ambiguous else 'missing'}: {parts[0]}"
-    if found.unknown is not None:
-        parts.append(f"unknown: {unknown_words(found.unknown)}")
-    biased = found.labels is not None and found.labels.verdict == "missing"
-    if biased:
+    parts += [f"unknown: {unknown_words(one)}" for one in found.unknowns]
+    if found.labels is not None and found.labels.verdict == "missing":
         parts.append(str(found.labels))
-    off = f"; {map_words(found)}" if found.map_off_m > 0 else ""
+    if found.unexplained:
+        parts.append(f"unexplained: {listed([unexplained_words(one) for one in found.unexplained[:_FEW]])}")
     if not parts:
         smallest = smallest_words(found, words, most=3)
-        seen, above = f"; would have seen {smallest}" if smallest else "", unexplained_words(found)
-        return f"nothing missing that would show{seen}{above and f'; {above}'}{off}"
-    if biased and len(parts) == 1:
-        return parts[0]
-    fall = f"{error_words(found)} {found.error_before:.3f} → {found.error_after:.3f}"
-    floor = "" if found.noise_floor is None else f", noise floor {found.noise_floor:.3f}"
-    return f"{'; '.join(parts)}; {fall}{floor}{off}"
+        parts.append(f"nothing missing that would show{f'; would have seen {smallest}' if smallest else ''}")
+    return f"{'; '.join(parts)}; {budget_words(found)}"
+
+
+def budget_words(found: Diagnosis) -> str:
+    """Where the error comes from: `error 1.32 is 4.3 × the floor: 0.9 of it poses, 0.1 objects`."""
+    budget = found.budget
+    fall = f"{error_words(found)} {found.error_before:.3f}"
+    if found.error_after != found.error_before:
+        fall += f" → {found.error_after:.3f}"
+    if budget.floor is None:
+        return f"{fall}; what noise alone would make is not known"
+    least = _WORTH_A_WORD * max(budget.error, 1e-12)
+    sources = [
+        f"{value:.2f} {_SOURCES[name]}" for name, value in budget.parts.items() if name != "noise" and value > least
+    ]
+    made = f": {', '.join(sources)} and {budget.parts['noise']:.2f} noise" if sources else ""
+    aligned = f"{budget.error_aligned:.3f} with poses, objects and surfaces aligned"
+    return f"{fall}, {budget.error / budget.floor:.1f} × the noise floor ({budget.floor:.3f}){made}; {aligned}, {floor_words(found)}"
+
+
+_SOURCES = {
+    "poses": "poses",
+    "objects": "objects",
+    "map": "the map",
+    "missing": "missing",
+    "unexplained": "unexplained",
+}
+_WORTH_A_WORD, _FEW = 0.02, 3
 
 
 def floor_words(found: Diagnosis) -> str:
-    """Where the error ends beside its noise floor; empty where that is not known."""
+    """Where the aligned error ends beside its noise floor; empty where that is not known."""
     above = found.above_floor
     if above is None:
         return ""
     size = f"{above:.0%} above" if above < 1 else f"{1 + above:.1f} times"
-    return f"{'at' if above <= _AT_FLOOR else size} the noise floor ({found.noise_floor:.3f})"
+    return "at the floor" if above <= _AT_FLOOR else f"{size} the floor"
 
 
-def unexplained_words(found: Diagnosis) -> str:
-    """That the error stands above its floor though nothing was found; empty where it does not."""
-    if found.above_floor is None or found.above_floor <= _AT_FLOOR:
-        return ""
-    return f"yet the {error_words(found)}, {found.error_after:.3f}, is {floor_words(found)}"
+def unexplained_words(one: Unexplained) -> str:
+    """What is left, in short."""
+    channel = one.channel.replace("_", " ").replace("variance", "spread")
+    if one.looks_like:
+        return f"{channel}, as {one.looks_like} would make it"
+    return f"{channel} by {' and '.join(one.covariates).replace('_', ' ')}"
 
 
 def error_words(found: Diagnosis) -> str:
@@ -109,16 +132,12 @@ def error_words(found: Diagnosis) -> str:
     return "held-out error" if found.split.is_held_out else "error on the fitted frames themselves"
 
 
-def map_words(found: Diagnosis) -> str:
-    """How far the twin's map is off."""
-    return f"the twin's map itself is off by about {100 * found.map_off_m:.1f} cm"
-
-
 def unknown_words(unknown: Shape) -> str:
     """What an unknown effect does, in short."""
     channel = unknown.channel.replace("_", " ").replace("variance", "spread")
     of = "" if unknown.names or not unknown.unit else f", x in {unknown.unit}"
-    return f"{channel} depends on {unknown.covariate.replace('_', ' ')} as {unknown.text}{of}"
+    on = " and ".join(unknown.covariates).replace("_", " ")
+    return f"{channel} depends on {on} as {unknown.text}{of}"
 
 
 def smallest_words(found: Diagnosis, words: Vocabulary, most: int) -> str:

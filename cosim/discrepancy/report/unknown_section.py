@@ -7,9 +7,8 @@ from html import escape
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis
-from cosim.discrepancy.unknown.shape import Shape
 from cosim.discrepancy.unknown.formulas import evaluate
-from cosim.discrepancy.unknown.write import effect_name
+from cosim.discrepancy.unknown.shape import Shape
 from cosim.stats.plot import Axis, Plot
 
 _MOST_NAMES = 9
@@ -17,18 +16,21 @@ _UNITS = {"range": " (m)", "intensity": " (relative)", "drop": " (probability)"}
 
 
 def unknown_section(found: Diagnosis) -> str:
-    """HTML: its formula, as fitted, the plug-in, and the curve; empty where nothing is unknown."""
-    if found.unknown is None:
+    """HTML: formulas, as fitted, plug-ins, and curves; empty where nothing is unknown."""
+    if not found.unknowns:
         return ""
-    unknown = found.unknown
+    body = "".join(_one(unknown) for unknown in found.unknowns)
+    return f"<section><h2>What no effect of the catalogue explains</h2>{body}</section>"
+
+
+def _one(unknown: Shape) -> str:
     fit = f"<p>The formula explains {unknown.r2:.1%} of the shape.</p>" if unknown.formula else ""
     fitted = ", ".join(_plain(name, value, unknown.ci95.get(name)) for name, value in unknown.params.items())
-    fitted = f"<p>Fitted together with everything else: {escape(fitted)}.{_acts(unknown)}</p>" if fitted else ""
-    file = f"<code>{escape(effect_name(unknown))}.py</code>"
+    fitted = f"<p>Fitted together with everything else: {escape(fitted)}.</p>" if fitted else ""
     return (
-        f"<section><h2>What no effect of the catalogue explains</h2><p>{escape(_depends(unknown))}</p>"
-        f'<p class="formula">{escape(unknown.text)}</p>{fit}{fitted}<p>The improved sensor has it as '
-        f"{file} beside it: a plug-in to be renamed and edited once its cause is known.</p>{_curve(unknown)}</section>"
+        f'<p>{escape(_depends(unknown))}</p><p class="formula">{escape(unknown.text)}</p>{fit}{fitted}'
+        f"<p>The improved sensor has it as <code>{escape(unknown.name)}.py</code> beside it: a plug-in to be renamed "
+        f"and edited once its cause is known.</p>{_curve(unknown)}"
     )
 
 
@@ -40,15 +42,7 @@ def _plain(name: str, value: float, interval: list[float] | None) -> str:
 def _depends(unknown: Shape) -> str:
     unit = f" [{unknown.unit}]" if unknown.unit else ""
     of = "" if unknown.names else f", x{unit}"
-    return f"{unknown.channel.capitalize()} depends on {unknown.covariate.replace('_', ' ')}{of}:"
-
-
-def _acts(unknown: Shape) -> str:
-    if unknown.channel != "intensity":
-        return ""
-    if unknown.acts == "light":
-        return " It acts on the light: ranges and losses that hang on an echo’s strength follow."
-    return " It acts on what is read only: ranges and losses do not follow."
+    return f"{unknown.channel.capitalize()} depends on {' and '.join(unknown.covariates).replace('_', ' ')}{of}:"
 
 
 def _curve(unknown: Shape) -> str:

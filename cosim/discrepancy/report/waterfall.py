@@ -60,21 +60,6 @@ def _padded(low: float, high: float) -> tuple[float, float]:
 
 
 def _steps(found: Diagnosis) -> list[tuple[str, float, float]]:
-    """Name, error and its standard error, from the sensor as given to the improved one.
-
-    Where an effect begins at another error than the one before it ended at, something without a finding came between:
-    an unknown effect, or the last joint fit.
-    """
-    first = found.effects[0].error_before.standard_error if found.effects else float("nan")
-    steps = [("as given", found.error_before, first)]
-    between = ["+ unknown"] if found.unknown is not None else []
-
-    def pass_over(level: float, error: float) -> None:
-        if abs(level - steps[-1][1]) > 1e-9:
-            steps.append((between.pop() if between else "refitted", level, error))
-
-    for one in found.effects:
-        pass_over(one.error_before.error, one.error_before.standard_error)
-        steps.append((f"+ {one.effect}", one.error_after.error, one.error_after.standard_error))
-    pass_over(found.error_after, float("nan"))
-    return steps
+    """Name, error and its standard error, from the sensor as given to the improved one."""
+    names = ["as given", *(f"+ {one.effect}" for one in found.effects), *("+ unknown" for _ in found.unknowns)]
+    return [(name, one.error, one.standard_error) for name, one in zip(names, found.budget.steps, strict=False)]
