@@ -137,11 +137,8 @@ def accepted(case: Case, state: State, one: Candidate, found: Sequence[Candidate
     model = replace(one.model, effects=view.fitted.effects)
     judges = judged(case, state.judges, model)
     if one.lattice is None and case.split.is_held_out:
-        before = (
-            seen_by(judges, state.model.effects, state.judges.fitted.estimate)
-            if judges.fitter is not state.judges.fitter
-            else state.judges.fitted
-        )
+        same = judges.fitter is state.judges.fitter
+        before = state.judges.fitted if same else seen_by(judges, state.model.effects)
         told = gain(judges.fitter, before, judges.fitted, of_noise=one.of_noise)
         if told.p_value > case.settings.level:
             return None
