@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from cosim.discrepancy.data.ambiguity import widened
 from cosim.discrepancy.data.frames import TracedFrame, bending, in_order
 from cosim.discrepancy.data.sample import Prediction, whole_sample
 from cosim.discrepancy.forward.expectation import Expectation, expect
@@ -107,9 +106,8 @@ class _Aligned:
         self._random = view.fitter.random
         self._estimate = estimate if same else seen_by(view, effects).estimate
         shift_m, turn_rad = spreads(self._random, self._estimate, case.settings.edge_sigmas)
-        pattern = case.sensor.pattern
         clear = shift_m < 2e-3 and turn_rad < 1e-4
-        self._wide = [None if clear else widened(one.edge, one.nearest_m, pattern, shift_m, turn_rad) for one in frames]
+        self._wide = [None if clear else one.unsure(shift_m, turn_rad) for one in frames]
         origin = case.sensor.origin
         self._members = [
             Ensemble.of(one, self._effects, model_chance(0, number), origin) for number, one in enumerate(frames)
