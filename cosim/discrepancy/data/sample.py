@@ -179,8 +179,9 @@ class Sample:
         return np.concatenate(found)
 
     def moved(self, effects: Sequence[Effect]) -> tuple[float, float]:
-        """How far effects turn [rad] and shift [m] beams from where they were traced, at most."""
-        found = [replay.moved(effects) for replay in self.replays]
+        """How far effects turn [rad] and shift [m] beams from where they were traced: nearly all that returned."""
+        used = self.compared & self.returned
+        found = [replay.moved(effects, used[rows]) for replay, rows in self._frames()]
         return max(turn for turn, _ in found), max(shift for _, shift in found)
 
     def predict(self, effects: Sequence[Effect]) -> Prediction:
