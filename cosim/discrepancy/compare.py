@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.discrepancy.aligned import Judged
 from cosim.discrepancy.budget import Budget, budget_of_view
 from cosim.discrepancy.candidates import with_rings
 from cosim.discrepancy.data.checks import check_fit, opened
@@ -44,6 +45,7 @@ class Comparison:
         notes: what could not be known, a sentence each.
         budget: where the error comes from; None where it was not asked for.
         scores: of each frame, beam by beam, if they were to be kept.
+        judged: the frames of the budget at the poses as given and aligned, for pages.
     """
 
     drive: str
@@ -55,6 +57,7 @@ class Comparison:
     notes: tuple[str, ...]
     budget: Budget | None = None
     scores: Mapping[str, FrameScores] = field(default_factory=dict)
+    judged: Judged | None = None
 
     @property
     def error(self) -> float:
@@ -185,6 +188,7 @@ def compare(
         if on_frame is not None:
             on_frame(traced, scores)
     total = sum(by_frame.values(), Totals())
+    made_of, judged = _budget(tracer, model, effects, aligned, seed)
     return Comparison(
         drive=str(drive.root),
         sensor=model.origin,
@@ -195,19 +199,21 @@ def compare(
         notes=drive_notes(
             drive, frames=total.frames, bad=total.bad, strays=total.strays, has_intensity=bool(total.lit)
         ),
-        budget=_budget(tracer, model, effects, aligned, seed),
+        budget=made_of,
         scores=kept,
+        judged=judged,
     )
 
 
 def _budget(
     tracer: FrameTracer, model: SensorModel, effects: Sequence[Effect], frames: Sequence[TracedFrame], seed: int
-) -> Budget | None:
-    """Where the error of some frames comes from; None where nothing can be compared."""
+) -> tuple[Budget | None, Judged | None]:
+    """Where the error of some frames comes from, and these frames; None where nothing can be compared."""
     if not frames or not any((one.observed.returned & one.observed.trusted).any() for one in frames):
-        return None
+        return None, None
     names = tuple(one.name for one in frames)
     case = Case(model, tracer, Split(names, names), (), DEFAULT, seed, _LOG.debug)
     own = with_rings(effects, model.pattern.rings)
     view = viewed(case, names, Model(own), DEFAULT.rows, traced=tuple(frames))
-    return budget_of_view(case, view, own)
+    budget, one = budget_of_view(case, view, own)
+    return budget, Judged(one, one, before_parts=())

@@ -11,7 +11,7 @@ from cosim.discrepancy.report.gathered import Rows, Scan
 from cosim.discrepancy.report.notes_section import notes_section
 from cosim.discrepancy.report.residual_charts import CHANNELS, WORDS, ChannelOf, ResidualChart, residual_charts
 from cosim.discrepancy.report.residual_image import legend, limit_of, residual_svg
-from cosim.discrepancy.report.style import STYLE
+from cosim.report.style import STYLE
 from cosim.discrepancy.scores import SCALES
 from cosim.discrepancy.slices import Slice
 from cosim.report.html import document

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
-from cosim.discrepancy.report.phrases import as_sure, listed, p_words
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.shape import Shape
+from cosim.report.phrases import as_sure, listed, p_words
 from sensors.effects.base import Effect, Parameter
 from sensors.effects.registry import effect_classes
 
@@ -84,28 +84,55 @@ def headline(found: Diagnosis, words: Vocabulary) -> str:
 
 
 def budget_words(found: Diagnosis) -> str:
-    """Where the error comes from: `error 1.32 is 4.3 × the floor: 0.9 of it poses, 0.1 objects`."""
-    budget = found.budget
+    """Where the error comes from: `error 1.32, 4.3 × the noise floor: 3.1 of it poses, 0.2 objects, nothing missing`."""
     fall = f"{error_words(found)} {found.error_before:.3f}"
-    if found.error_after != found.error_before:
+    if round(found.error_after, 3) != round(found.error_before, 3):
         fall += f" → {found.error_after:.3f}"
-    if budget.floor is None:
+    budget = found.budget
+    if not budget.floor:
         return f"{fall}; what noise alone would make is not known"
-    least = _WORTH_A_WORD * max(budget.error, 1e-12)
-    sources = [
-        f"{value:.2f} {_SOURCES[name]}" for name, value in budget.parts.items() if name != "noise" and value > least
-    ]
-    made = f": {', '.join(sources)} and {budget.parts['noise']:.2f} noise" if sources else ""
-    aligned = f"{budget.error_aligned:.3f} with poses, objects and surfaces aligned"
-    return f"{fall}, {budget.error / budget.floor:.1f} × the noise floor ({budget.floor:.3f}){made}; {aligned}, {floor_words(found)}"
+    made = source_words(budget.parts, budget.floor, is_complete=found.verdict == "none")
+    return f"{fall}, {_times(budget.error / budget.floor)} the noise floor{made and f': {made}'}; aligned {floor_words(found)}"
 
 
-_SOURCES = {
-    "poses": "poses",
-    "objects": "objects",
-    "map": "the map",
-    "missing": "missing",
-    "unexplained": "unexplained",
+def source_words(parts: Mapping[str, float], floor: float, *, is_complete: bool) -> str:
+    """What an error is made of beside noise, in floors: `3.1 of it poses, 0.2 objects, nothing missing`.
+
+    Args:
+        parts: of a budget, in the unit of the error.
+        floor: the error that noise alone makes.
+        is_complete: whether nothing is missing, which is said then.
+    """
+    shares = {name: value / floor for name, value in parts.items() if name in SOURCES and value > _WORTH_A_WORD * floor}
+    if is_complete:
+        shares.pop("missing", None)
+    said = [f"{value:.1f} {SOURCES[name]}" if value >= 0.1 else f"{value:.2f} {SOURCES[name]}" for name, value in shares.items()]
+    if said:
+        said[0] = said[0].replace(" ", " of it ", 1)
+    return ", ".join([*said, *(["nothing missing"] if is_complete else [])])
+
+
+def spread_words(spreads: Mapping[str, float]) -> str:
+    """How far what is merely not known scatters, in a sentence; empty where nothing does."""
+    told = {name: f"{factor * spreads[name]:.2g} {unit}".replace(" °", "°") for name, (factor, unit) in _SPREADS.items() if name in spreads}
+    poses = [told[name] for name in ("pose_shift_m", "pose_turn_deg") if name in told]
+    said = [f"poses of scans by {listed(poses)}"] if poses else []
+    said += [f"{what} by {told[name]}" for name, what in _OTHER_SPREADS.items() if name in told]
+    return f"Standard deviations of what is merely not known: {listed(said)}." if said else ""
+
+
+SOURCES = {
+    "poses": "poses", "objects": "objects", "map": "the map", "missing": "missing effects", "unexplained": "unexplained",
+}  # fmt: skip
+_SPREADS = {
+    "pose_shift_m": (100.0, "cm"), "pose_turn_deg": (1.0, "°"), "object_shift_m": (100.0, "cm"), "map_m": (100.0, "cm"),
+    "object_albedo": (100.0, "%"), "map_albedo": (100.0, "%"),
+}  # fmt: skip
+_OTHER_SPREADS = {
+    "object_shift_m": "places of objects",
+    "map_m": "surfaces of the map",
+    "object_albedo": "brightness of objects",
+    "map_albedo": "brightness of the map",
 }
 _WORTH_A_WORD, _FEW = 0.02, 3
 
@@ -115,16 +142,30 @@ def floor_words(found: Diagnosis) -> str:
     above = found.above_floor
     if above is None:
         return ""
-    size = f"{above:.0%} above" if above < 1 else f"{1 + above:.1f} times"
-    return "at the floor" if above <= _AT_FLOOR else f"{size} the floor"
+    return "at the floor" if above <= _AT_FLOOR else f"{_times(1 + above)} the floor"
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.1f} ×" if ratio >= 1.95 else f"{ratio:.2f} ×"
 
 
 def unexplained_words(one: Unexplained) -> str:
     """What is left, in short."""
-    channel = one.channel.replace("_", " ").replace("variance", "spread")
+    channel = channel_words(one.channel)
     if one.looks_like:
         return f"{channel}, as {one.looks_like} would make it"
     return f"{channel} by {' and '.join(one.covariates).replace('_', ' ')}"
+
+
+def channel_words(channel: str) -> str:
+    """A channel of `diagnose --json` in words."""
+    return _CHANNELS.get(channel, channel.replace("_", " "))
+
+
+_CHANNELS = {
+    "drop": "returns", "spurious": "strays", "range_variance": "spread of ranges",
+    "intensity_variance": "spread of intensities",
+}  # fmt: skip
 
 
 def error_words(found: Diagnosis) -> str:
@@ -134,7 +175,7 @@ def error_words(found: Diagnosis) -> str:
 
 def unknown_words(unknown: Shape) -> str:
     """What an unknown effect does, in short."""
-    channel = unknown.channel.replace("_", " ").replace("variance", "spread")
+    channel = channel_words(unknown.channel)
     of = "" if unknown.names or not unknown.unit else f", x in {unknown.unit}"
     on = " and ".join(unknown.covariates).replace("_", " ")
     return f"{channel} depends on {on} as {unknown.text}{of}"

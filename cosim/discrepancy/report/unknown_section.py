@@ -9,6 +9,7 @@ import numpy as np
 from cosim.discrepancy.diagnosis import Diagnosis
 from cosim.discrepancy.unknown.formulas import evaluate
 from cosim.discrepancy.unknown.shape import Shape
+from cosim.report import figure, section
 from cosim.stats.plot import Axis, Plot
 
 _MOST_NAMES = 9
@@ -19,8 +20,7 @@ def unknown_section(found: Diagnosis) -> str:
     """HTML: formulas, as fitted, plug-ins, and curves; empty where nothing is unknown."""
     if not found.unknowns:
         return ""
-    body = "".join(_one(unknown) for unknown in found.unknowns)
-    return f"<section><h2>What no effect of the catalogue explains</h2>{body}</section>"
+    return section("What no effect of the catalogue explains", *(_one(unknown) for unknown in found.unknowns))
 
 
 def _one(unknown: Shape) -> str:
@@ -77,6 +77,4 @@ def _curve(unknown: Shape) -> str:
             fine = np.linspace(axis.low, axis.high, 300)
             plot.line(fine, evaluate(unknown.formula, fine), "b")
     text = "What was left over when it was found. Dots: bins with two standard errors. Blue: the formula."
-    return (
-        f'<figure style="max-width:900px;margin-top:12px"><figcaption><p>{text}</p></figcaption>{plot.svg()}</figure>'
-    )
+    return figure("", text, plot.svg(), kind="full", width_px=900)

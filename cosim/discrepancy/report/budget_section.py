@@ -1,0 +1,43 @@
+"""Where an error comes from, as one bar."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from cosim.report import Piece, section, stacked_bar
+
+_COLOURS = {
+    "noise": "#6b7688", "poses": "#5aa9ff", "objects": "#56c8c0", "map": "#a58bf0", "missing": "#ffb23e",
+    "unexplained": "#f0606a",
+}  # fmt: skip
+_NAMES = {"map": "the map", "missing": "missing effects"}
+_REMEDIES = {
+    "noise": "nothing to mend: a model that is right has it, too",
+    "poses": "mend the calibration and the poses of scans",
+    "objects": "mend the places of labelled objects",
+    "map": "mend the map",
+    "missing": "mend the sensor model: the improved one has them",
+    "unexplained": "not known",
+}
+
+
+def budget_section(parts: Mapping[str, float], floor: float | None, *, text: str, why: Mapping[str, str] = {}) -> str:
+    """HTML; empty without parts.
+
+    Args:
+        parts: noise, poses, objects, map, missing and unexplained; they add up to the error.
+        floor: the error that noise alone makes, if that is known.
+        text: what the error is of (HTML).
+        why: other words on some parts.
+    """
+    if not parts:
+        return ""
+    told = {**_REMEDIES, **why}
+    pieces = [
+        Piece(_NAMES.get(name, name), value, _COLOURS[name], told[name])
+        for name, value in parts.items()
+        if value or name in ("noise", "unexplained")
+    ]
+    bar = stacked_bar(pieces, "where the error comes from")
+    how = f"{text} The noise floor is {floor:.3f}." if floor else f"{text} What noise alone would make is not known."
+    return section("Where the error comes from", bar, text=how, anchor="budget")
