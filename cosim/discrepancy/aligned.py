@@ -18,6 +18,7 @@ from cosim.discrepancy.scores import Ensemble, FrameScores, Totals, model_chance
 from cosim.discrepancy.state import Case, View, seen_by, spreads
 from cosim.discrepancy.validation import HeldOut
 from sensors.effects.base import Effect
+from sensors.pattern import Pattern
 
 PARTS = ("poses", "objects", "map")
 
@@ -32,6 +33,7 @@ class AlignedFrame:
         expected: the same, the model's own chance left out.
         sample: all beams, with what residuals may depend on.
         prediction: of them, at the poses as given.
+        mixed: (n,) bool beams that may have met another material than the model says, so that brightness tells little.
     """
 
     frame: TracedFrame
@@ -39,6 +41,7 @@ class AlignedFrame:
     expected: Expectation
     sample: Sample
     prediction: Prediction
+    mixed: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +51,9 @@ class Judged:
     before: Aligned
     after: Aligned
     before_parts: tuple[str, ...] = PARTS
+
+    def __len__(self) -> int:
+        return len(self.after)
 
     def pairs(self) -> Iterator[tuple[AlignedFrame, AlignedFrame]]:
         """Each frame before and after; what was merely not known is taken out of both, unless `before_parts` is less."""
@@ -75,11 +81,15 @@ class Aligned:
         pattern = case.sensor.pattern
         clear = shift_m < 2e-3 and turn_rad < 1e-4
         self._wide = [None if clear else widened(one.edge, one.nearest_m, pattern, shift_m, turn_rad) for one in frames]
+        self._mixed = [_mixed(one, pattern, shift_m, turn_rad) for one in frames]
         origin = case.sensor.origin
         self._members = [
             Ensemble.of(one, self._effects, model_chance(0, number), origin) for number, one in enumerate(frames)
         ]
         self._moved = {(): [(0.0, 1.0)] * len(frames)}
+
+    def __len__(self) -> int:
+        return len(self._frames)
 
     def error(self, parts: tuple[str, ...]) -> float:
         """The one error with the random effects of some parts of the budget taken out."""
@@ -102,11 +112,11 @@ class Aligned:
         for number, (frame, scores) in enumerate(zip(self._frames, self._scores(parts), strict=True)):
             whole = self._whole[number]
             expected = self._expected(number, parts)
-            yield AlignedFrame(frame, scores, expected, whole.random.sample, whole.expected)
+            yield AlignedFrame(frame, scores, expected, whole.random.sample, whole.expected, self._mixed[number])
 
-    def held_out(self) -> HeldOut:
-        """Errors at the poses as given, frame by frame."""
-        each = [Totals.of(frame, scores) for frame, scores in zip(self._frames, self._scores(()), strict=True)]
+    def held_out(self, parts: tuple[str, ...] = ()) -> HeldOut:
+        """Errors frame by frame, with the random effects of some parts of the budget taken out."""
+        each = [Totals.of(frame, scores) for frame, scores in zip(self._frames, self._scores(parts), strict=True)]
         return HeldOut(
             error=sum(each, Totals()).error,
             by_frame=np.array([one.error for one in each]),
@@ -144,6 +154,12 @@ class Aligned:
         """What is expected of a frame's beams, random effects of some parts in it."""
         told, (shift, gain) = self._expectations[number], self._of(parts)[number]
         return replace(told, range_m=told.range_m + shift, intensity=told.intensity * gain)
+
+
+def _mixed(frame: TracedFrame, pattern: Pattern, shift_m: float, turn_rad: float) -> np.ndarray:
+    """(n,) bool: beams at the border of a material, and those that it may reach if it were shifted and the sensor turned."""
+    border, reach = frame.border | frame.seam, frame.shot.hits.solid.range_m
+    return widened(border, np.where(border, reach, np.inf), pattern, shift_m, turn_rad)
 
 
 @dataclass(frozen=True, eq=False)

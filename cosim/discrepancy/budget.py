@@ -24,6 +24,7 @@ class Budget:
         floor: the error of a model that is right up to noise, on the beams of `error_aligned`; None if not known.
         parts: noise, poses, objects, map, missing and unexplained; they add up to `error`.
         steps: errors at the poses as given, of the model with none of what was found, one, two and so on.
+        aligned_steps: the same, poses, objects and surfaces where the fit has them.
     """
 
     error: float
@@ -32,6 +33,7 @@ class Budget:
     floor: float | None
     parts: dict[str, float]
     steps: tuple[HeldOut, ...]
+    aligned_steps: tuple[HeldOut, ...] = ()
 
 
 def budget_of(case: Case, state: State, models: Sequence[tuple[Effect, ...]]) -> tuple[Budget, Judged]:
@@ -44,10 +46,9 @@ def budget_of(case: Case, state: State, models: Sequence[tuple[Effect, ...]]) ->
     """
     last = Aligned(case, state.judges, models[-1])
     first = last if len(models) == 1 else Aligned(case, state.judges, models[0])
-    steps = [first.held_out()]
-    steps += [Aligned(case, state.judges, one).held_out() for one in models[1:-1]]
-    if len(models) > 1:
-        steps.append(last.held_out())
+    between = [Aligned(case, state.judges, one) for one in models[1:-1]]
+    each = [first, *between, last][: len(models)]
+    steps, of_aligned = (tuple(one.held_out(parts) for one in each) for parts in ((), PARTS))
     ladder = [PARTS[:count] for count in range(len(PARTS) + 1)]
     of_first, of_last = ([one.error(parts) for parts in ladder] for one in (first, last))
     floor = last.floor()
@@ -59,7 +60,7 @@ def budget_of(case: Case, state: State, models: Sequence[tuple[Effect, ...]]) ->
         parts[name] = float(np.mean(list(falls)))
     parts["missing"] = 0.5 * (of_first[0] - of_last[0] + of_first[-1] - of_last[-1])
     parts["unexplained"] = aligned - noise
-    return Budget(of_first[0], aligned, of_first[-1], floor, parts, tuple(steps)), Judged(first, last)
+    return Budget(of_first[0], aligned, of_first[-1], floor, parts, steps, of_aligned), Judged(first, last)
 
 
 def budget_of_view(case: Case, view: View, effects: Sequence[Effect]) -> tuple[Budget, Aligned]:

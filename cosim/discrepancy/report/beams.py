@@ -15,6 +15,7 @@ MATCHED, AMBIGUOUS, DROPPED, SPURIOUS, UNFORESEEN, SILENT = range(6)
 _ROWS_A_FRAME = 30_000
 _SECTORS = 12  # of azimuth: what beams of a frame still share once its pose is fitted ends there, as objects do
 _LARGEST_SQUARE = 25.0
+_CUT_OFF = 3.0  # standard deviations
 _OF_SCANS = {
     "frame_time": ("time_s", "s"),
     "speed": ("speed_mps", "m/s"),
@@ -47,7 +48,8 @@ class Rows:
         cluster: (n,) number of the frame's sector: what shares errors.
         frame: (n,) number of the frame.
         before, after: by channel, (n,) measured − expected; NaN where it is not compared. Ranges [m] are clipped at 1 m;
-            `drop` is returned (1 or 0) − its probability; `spurious` is 1 for a return from nowhere − its expected
+            `drop` is returned (1 or 0) − its probability; intensities
+            are left out where another material may have been met or the sensor cuts them off; `spurious` is 1 for a return from nowhere − its expected
             rate; `range_variance` and `intensity_variance` are squares over stated variances − 1.
     """
 
@@ -140,7 +142,9 @@ def residuals_of(one: AlignedFrame) -> dict[str, np.ndarray]:
     """(n,) of every channel, see `Rows`."""
     scores, expected, hits = one.scores, one.expected, one.frame.shot.hits
     clear = ~scores.ambiguous
-    lit = scores.matched & np.isfinite(scores.intensity_score)
+    reach = _CUT_OFF * expected.intensity_sigma  # what is cut off at 0 or 1 is darker or brighter than it would be
+    inside = (expected.intensity - reach >= 0) & (expected.intensity + reach <= 1)
+    lit = scores.matched & np.isfinite(scores.intensity_score) & ~one.mixed & (inside | (reach <= 0))
     range_m = np.clip(scores.measured_m - expected.range_m, -CLIP_M, CLIP_M)
     bright = scores.measured_intensity - expected.intensity
     returned = (~np.isnan(scores.measured_m)).astype(np.float32)
@@ -168,7 +172,7 @@ def columns_of(one: AlignedFrame, number: int = 0) -> dict[str, Column]:
     found: dict[str, Column] = {}
     for covariate in covariates(one.sample, one.prediction, 2):
         values = covariate.values.astype(np.float32)
-        if covariate.names:
+        if covariate.names and covariate.name != "ring":
             values = np.where(covariate.bin >= 0, values, np.nan).astype(np.float32)
             names = dict(zip(covariate.centres.astype(int).tolist(), covariate.names, strict=True))
             words = tuple(names.get(code, "") for code in range(max(names) + 1))

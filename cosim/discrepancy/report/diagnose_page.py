@@ -90,7 +90,7 @@ def _verdict(found: Diagnosis, words: Vocabulary, explored: Explored | None) -> 
         said.append(f"It would have shown {escape(smallest)}, and so on below." if smallest else "")
     elif not said:
         said.append('<span class="warn">No effect was added, yet not all is explained.</span>')
-    budget = budget_words(found)
+    budget = budget_words(found, is_complete=found.verdict == "none" and not left)
     where = f'<p class="sources">{escape(budget[0].upper() + budget[1:])}.</p>'
     return f'<p class="verdict">{" ".join([*said, *left])}</p>{where}'
 
@@ -126,16 +126,20 @@ def _left(found: Diagnosis, explored: Explored | None) -> list[str]:
         more = len(found.unexplained) - len(names)
         names += [f"{more} more"] if more else []
         return [f'<span class="warn">Not explained</span>: <a href="#unexplained">{listed(names)}</a>.']
-    charts = explored.left if explored else ()
-    if not charts:
+    names = left_words(explored)
+    if not names:
         return []
-    names = [
+    said = '<span class="warn">Judging frames show more than the screen does</span>: '
+    return [f'{said}<a href="#residuals">{escape(listed(names[:_FEW]))}</a>.']
+
+
+def left_words(explored: Explored | None) -> list[str]:
+    """Dependences that charts of judging frames show in the end, the surest first."""
+    return [
         f"{channel_words(one.channel.name)} by {shown(one.bins.name).words.split(',')[0]} "
         f"(±{one.channel.said(one.after.size)})"
-        for one in charts[:_FEW]
+        for one in (explored.left if explored else ())
     ]
-    said = '<span class="warn">Judging frames show more than the screen does</span>: '
-    return [f'{said}<a href="#residuals">{escape(listed(names))}</a>.']
 
 
 def _next(found: Diagnosis, drive: str, sensor: str) -> str:
@@ -157,7 +161,7 @@ def _budget(found: Diagnosis) -> str:
     if where:
         text += f" With poses, objects and surfaces aligned it ends at {found.budget.error_aligned:.3f}: {where}."
     spreads = spread_words(found.spreads)
-    why = {"unexplained": "left once all is aligned; in part that poses and objects are never known exactly"}
+    why = {"unexplained": "left once all is aligned; poses and objects are never known exactly"}
     if found.unexplained:
         why = {"unexplained": "left once all is aligned; listed below"}
     return budget_section(found.budget.parts, found.budget.floor, text=f"{text} {escape(spreads)}".strip(), why=why)
@@ -168,7 +172,7 @@ def _waterfall(found: Diagnosis) -> str:
         return ""
     held = "frames that took no part in any fit" if found.split.is_held_out else "the fitted frames: there are too few"
     text = (
-        f"On {held}, at the poses as given; whiskers are 95 % intervals of the level, from frame to frame. A fall is surer "
+        f"On {held}, with poses, objects and surfaces aligned; whiskers are 95 % intervals of the level, from frame to frame. A fall is surer "
         "than they show, as some frames are harder for every model: the table above has it."
     )
     wide = min(1100, 400 + 220 * (len(found.effects) + len(found.unknowns)))
@@ -178,21 +182,21 @@ def _waterfall(found: Diagnosis) -> str:
 def _effects(found: Diagnosis, words: Vocabulary) -> str:
     if not found.effects:
         return ""
-    rows = "".join(_rows(one, words) for one in found.effects)
+    rows = "".join(_rows(one, words, _change(found, one)) for one in found.effects)
     charts = "".join(_laser_charts(one, words) for one in found.effects)
     heads = (
-        "<thead><tr><th></th><th>parameter</th><th>value</th><th>95 % interval</th><th>p</th><th>error</th>"
+        "<thead><tr><th></th><th>parameter</th><th>value</th><th>95 % interval</th><th>p</th><th>aligned error</th>"
         "<th class=words>law</th></tr></thead>"
     )
     text = (
         "p is family-wise: the chance that any candidate would look this missing if nothing were. Intervals allow "
         "for errors that the points of an object or of a scan share. An effect that was there already has its total. "
-        "Errors are those at the poses as given."
+        "Errors are those with poses, objects and surfaces aligned."
     )
     return section("What was missing", f"<table>{heads}<tbody>{rows}</tbody></table>", charts, text=text)
 
 
-def _rows(one: Finding, words: Vocabulary) -> str:
+def _rows(one: Finding, words: Vocabulary, change: str) -> str:
     kind = words.kind(one.effect)
     cells = []
     for row, (name, value) in enumerate(one.params.items()):
@@ -204,7 +208,7 @@ def _rows(one: Finding, words: Vocabulary) -> str:
             span = f'rowspan="{len(one.params)}"'
             tail = (
                 f"<td {span}>{escape(p_cell(one.p_value))}</td>"
-                f"<td {span}>{_change(one)}</td>"
+                f"<td {span}>{change}</td>"
                 f'<td {span} class="words">{escape(kind.equation if kind else "")}</td>'
             )
         shown = escape(words.quantity(one.effect, name, value))
@@ -213,10 +217,15 @@ def _rows(one: Finding, words: Vocabulary) -> str:
     return "".join(cells)
 
 
-def _change(one: Finding) -> str:
-    """The errors and their difference, whose interval is that of differences frame by frame."""
-    said = f"{one.error_before.error:.3f} → {one.error_after.error:.3f}"
-    falls = one.error_after.by_frame - one.error_before.by_frame
+def _change(found: Diagnosis, one: Finding) -> str:
+    """The aligned errors and their difference, whose interval is that of differences frame by frame."""
+    steps = {id(before): row for row, before in enumerate(found.budget.steps)}
+    row = steps.get(id(one.error_before), -1)
+    before, after = one.error_before, one.error_after
+    if 0 <= row < len(found.budget.aligned_steps) - 1:
+        before, after = found.budget.aligned_steps[row : row + 2]
+    said = f"{before.error:.3f} → {after.error:.3f}"
+    falls = after.by_frame - before.by_frame
     if len(falls) < 2:
         return said
     half = stats.t.ppf(0.975, len(falls) - 1) * np.std(falls, ddof=1) / np.sqrt(len(falls))
@@ -277,6 +286,8 @@ def _remedy(one: str, other: str, words: Vocabulary) -> str:
 
 
 def _ranking(found: Diagnosis) -> str:
+    if not any(one.delta_bic > 0 for one in found.ranking):
+        return ""
     note = "Beams count as what they stand for, so a few returns from nowhere weigh little: p tells of these."
     return ranking_section([(one.effect, one.delta_bic, one.p_value) for one in found.ranking], note=note)
 

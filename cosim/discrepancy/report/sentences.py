@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -66,8 +66,8 @@ class Vocabulary:
         return ", ".join(said)
 
 
-def headline(found: Diagnosis, words: Vocabulary) -> str:
-    """The line that `cosim diagnose` says."""
+def headline(found: Diagnosis, words: Vocabulary, left: Sequence[str] = ()) -> str:
+    """The line that `cosim diagnose` says; `left` names dependences that judging frames show although nothing was found."""
     parts = [_found(one, words) for one in found.effects]
     if parts:
         ambiguous = any(one.also_possible for one in found.effects)
@@ -77,22 +77,34 @@ def headline(found: Diagnosis, words: Vocabulary) -> str:
         parts.append(str(found.labels))
     if found.unexplained:
         parts.append(f"unexplained: {listed([unexplained_words(one) for one in found.unexplained[:_FEW]])}")
+    elif left:
+        parts.append(f"judging frames still show {listed(list(left[:_FEW]))}")
     if not parts:
         smallest = smallest_words(found, words, most=3)
         parts.append(f"nothing missing that would show{f'; would have seen {smallest}' if smallest else ''}")
-    return f"{'; '.join(parts)}; {budget_words(found)}"
+    return f"{'; '.join(parts)}; {budget_words(found, is_complete=found.verdict == 'none' and not left)}"
 
 
-def budget_words(found: Diagnosis) -> str:
-    """Where the error comes from: `error 1.32, 4.3 × the noise floor: 3.1 of it poses, 0.2 objects, nothing missing`."""
-    fall = f"{error_words(found)} {found.error_before:.3f}"
-    if round(found.error_after, 3) != round(found.error_before, 3):
-        fall += f" → {found.error_after:.3f}"
-    budget = found.budget
+def budget_words(found: Diagnosis, *, is_complete: bool) -> str:
+    """Where the error comes from: `error 1.32, 4.3 × the noise floor: 3.1 of it poses, 0.2 objects, nothing missing`.
+
+    Args:
+        found: the diagnosis.
+        is_complete: whether nothing is missing, which is said then.
+    """
+    budget, fall = found.budget, f"{error_words(found)} {_fall(found.error_before, found.error_after)}"
     if not budget.floor:
         return f"{fall}; what noise alone would make is not known"
-    made = source_words(budget.parts, budget.floor, is_complete=found.verdict == "none")
-    return f"{fall}, {_times(budget.error / budget.floor)} the noise floor{made and f': {made}'}; aligned {floor_words(found)}"
+    made = source_words(budget.parts, budget.floor, is_complete=is_complete)
+    aligned = _fall(budget.given_aligned, budget.error_aligned)
+    said = f"{fall}, {times(budget.error / budget.floor)} the noise floor{made and f': {made}'}"
+    return f"{said}; aligned {aligned}, {floor_words(found)}"
+
+
+def _fall(before: float, after: float) -> str:
+    """An error, and what it becomes."""
+    same = round(before, 3) == round(after, 3)
+    return f"{before:.3f}" if same else f"{before:.3f} → {after:.3f}"
 
 
 def source_words(parts: Mapping[str, float], floor: float, *, is_complete: bool) -> str:
@@ -106,7 +118,8 @@ def source_words(parts: Mapping[str, float], floor: float, *, is_complete: bool)
     shares = {name: value / floor for name, value in parts.items() if name in SOURCES and value > _WORTH_A_WORD * floor}
     if is_complete:
         shares.pop("missing", None)
-    said = [f"{value:.1f} {SOURCES[name]}" if value >= 0.1 else f"{value:.2f} {SOURCES[name]}" for name, value in shares.items()]
+    names = {**SOURCES, "unexplained": "left over"} if is_complete else SOURCES
+    said = [f"{value:.1f} {names[name]}" if value >= 0.1 else f"{value:.2f} {names[name]}" for name, value in shares.items()]
     if said:
         said[0] = said[0].replace(" ", " of it ", 1)
     return ", ".join([*said, *(["nothing missing"] if is_complete else [])])
@@ -142,10 +155,11 @@ def floor_words(found: Diagnosis) -> str:
     above = found.above_floor
     if above is None:
         return ""
-    return "at the floor" if above <= _AT_FLOOR else f"{_times(1 + above)} the floor"
+    return "at the floor" if above <= _AT_FLOOR else f"{times(1 + above)} the floor"
 
 
-def _times(ratio: float) -> str:
+def times(ratio: float) -> str:
+    """A ratio: `4.3 ×`, or `1.12 ×` near 1."""
     return f"{ratio:.1f} ×" if ratio >= 1.95 else f"{ratio:.2f} ×"
 
 
