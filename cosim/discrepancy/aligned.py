@@ -21,6 +21,7 @@ from sensors.effects.base import Effect
 from sensors.pattern import Pattern
 
 PARTS = ("poses", "objects", "map")
+_Moved = tuple[np.ndarray | float, np.ndarray | float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,7 @@ class Judged:
         return len(self.after)
 
     def pairs(self) -> Iterator[tuple[AlignedFrame, AlignedFrame]]:
-        """Each frame before and after; what was merely not known is taken out of both, unless `before_parts` is less."""
+        """Each frame before and after; what is merely not known is out of both, unless `before_parts` is less."""
         yield from zip(self.before.each(self.before_parts), self.after.each(), strict=True)
 
 
@@ -86,7 +87,7 @@ class Aligned:
         self._members = [
             Ensemble.of(one, self._effects, model_chance(0, number), origin) for number, one in enumerate(frames)
         ]
-        self._moved = {(): [(0.0, 1.0)] * len(frames)}
+        self._moved: dict[tuple[str, ...], list[_Moved]] = {(): [(0.0, 1.0)] * len(frames)}
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -132,7 +133,7 @@ class Aligned:
             )
         ]
 
-    def _of(self, parts: tuple[str, ...]) -> list[tuple[np.ndarray | float, np.ndarray | float]]:
+    def _of(self, parts: tuple[str, ...]) -> list[_Moved]:
         """By frame, (n,) shift of predicted ranges [m] and factor of intensities."""
         if parts not in self._moved:
             self._moved[parts] = [one.shifts(parts) for one in self._whole]
@@ -157,7 +158,7 @@ class Aligned:
 
 
 def _mixed(frame: TracedFrame, pattern: Pattern, shift_m: float, turn_rad: float) -> np.ndarray:
-    """(n,) bool: beams at the border of a material, and those that it may reach if it were shifted and the sensor turned."""
+    """(n,) bool: beams at the border of a material, and those that it reaches where poses and objects are off."""
     border, reach = frame.border | frame.seam, frame.shot.hits.solid.range_m
     return widened(border, np.where(border, reach, np.inf), pattern, shift_m, turn_rad)
 

@@ -130,11 +130,21 @@ class Comparison:
     def __str__(self) -> str:
         if self.at_floor and self.floor:
             return f"error {self.error:.3f}: at the floor ({self.floor.error:.3f})"
-        floor = f", noise floor {self.floor.error:.3f}" if self.floor else ""
         worst = f"; worst: {self.slices[0]}" if self.slices else ""
         if next(iter(self.excess), "") == "spurious":
             worst = f"; worst: {self.totals.spurious / self.totals.frames:,.0f} spurious points a frame"
-        return f"error {self.error:.3f}{floor}{worst}"
+        return f"error {self.error:.3f}{self._sources()}{worst}"
+
+    def _sources(self) -> str:
+        """How far the error stands above the floor, and what it is made of."""
+        from cosim.discrepancy.report.sentences import source_words, times
+
+        if self.budget is not None and self.budget.floor:
+            floor, aligned = self.budget.floor, self.budget.error_aligned / self.budget.floor
+            made = source_words(self.parts, floor, is_complete=False)
+            said = f", {times(self.error / floor)} the noise floor ({floor:.3f}){made and f': {made}'}"
+            return f"{said}; aligned {times(aligned)}"
+        return f", noise floor {self.floor.error:.3f}" if self.floor else ""
 
 
 def compare(

@@ -108,7 +108,9 @@ class Diagnosis:
             return "ambiguous"
         if self.effects:
             return "missing"
-        return "unknown" if self.unexplained else "none"
+        if self.unexplained:
+            return "unknown"
+        return "missing" if self.labels is not None and self.labels.verdict == "missing" else "none"
 
     @property
     def unknown(self) -> Shape | None:

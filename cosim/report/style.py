@@ -59,7 +59,8 @@ details { margin-top: 14px; } summary { color: var(--muted); cursor: pointer; }
   font-variant-numeric: tabular-nums; overflow: hidden; white-space: nowrap; min-width: 2px; }
 .stacked { list-style: none; display: flex; flex-wrap: wrap; gap: 8px 30px; padding: 0; margin: 12px 0 0;
   font-variant-numeric: tabular-nums; max-width: 1500px; }
-.stacked i { display: inline-block; width: 13px; height: 13px; border-radius: 3px; margin-right: 8px; vertical-align: -1px; }
+.stacked i { display: inline-block; width: 13px; height: 13px; border-radius: 3px; margin-right: 8px;
+  vertical-align: -1px; }
 .stacked small { color: var(--muted); font-size: 12.5px; } .stacked small + small { display: block; margin-left: 21px; }
 a { color: var(--b); } button:focus-visible, [tabindex]:focus-visible, summary:focus-visible {
   outline: 2px solid var(--accent); outline-offset: 2px; }

@@ -45,16 +45,18 @@ class Rows:
 
     Attributes:
         covariates: by name, (n,) each.
-        cluster: (n,) number of the frame's sector: what shares errors.
+        cluster: (n,) number of the frame's sector: what shares errors once poses are taken out.
+        before_cluster: (n,) the same before; that of the frame where poses are in the residuals.
         frame: (n,) number of the frame.
-        before, after: by channel, (n,) measured − expected; NaN where it is not compared. Ranges [m] are clipped at 1 m;
-            `drop` is returned (1 or 0) − its probability; intensities
-            are left out where another material may have been met or the sensor cuts them off; `spurious` is 1 for a return from nowhere − its expected
-            rate; `range_variance` and `intensity_variance` are squares over stated variances − 1.
+        before, after: by channel, (n,) measured − expected; NaN where it is not compared. Ranges [m] are clipped at
+            1 m; intensities are left out where another material may have been met or the sensor cuts them off; `drop`
+            is returned (1 or 0) − its probability; `spurious` is 1 for a return from nowhere − its expected rate;
+            `range_variance` and `intensity_variance` are squares over stated variances − 1.
     """
 
     covariates: dict[str, Column]
     cluster: np.ndarray
+    before_cluster: np.ndarray
     frame: np.ndarray
     before: dict[str, np.ndarray]
     after: dict[str, np.ndarray]
@@ -116,15 +118,14 @@ class Beams:
     @classmethod
     def of(cls, judged: Judged, shown: int, seed: int = 0) -> Beams:
         """Those of judged frames, of which `shown` are kept whole; `seed` is that of the choice of rows."""
+        has_poses = "poses" not in judged.before_parts
         parts: list[Rows] = []
         errors: list[float] = []
         for number, (before, after) in enumerate(judged.pairs()):
-            parts.append(_rows(before, after, number, np.random.default_rng([seed, number])))
+            parts.append(_rows(before, after, number, np.random.default_rng([seed, number]), has_poses))
             errors.append(Totals.of(before.frame, before.scores).error)
         kept = _shown(errors, shown)
-        scans = [
-            _scan(before, after) for number, (before, after) in enumerate(judged.pairs()) if number in kept
-        ]
+        scans = [_scan(before, after) for number, (before, after) in enumerate(judged.pairs()) if number in kept]
         scans.sort(key=lambda scan: -scan.before.error)
         same = judged.before is judged.after and judged.before_parts == PARTS
         return cls(_joined(parts), tuple(scans), same)
@@ -185,7 +186,7 @@ def columns_of(one: AlignedFrame, number: int = 0) -> dict[str, Column]:
     return found
 
 
-def _rows(before: AlignedFrame, after: AlignedFrame, number: int, rng: np.random.Generator) -> Rows:
+def _rows(before: AlignedFrame, after: AlignedFrame, number: int, rng: np.random.Generator, has_poses: bool) -> Rows:
     count = len(after.sample)
     used = np.sort(rng.choice(count, min(count, _ROWS_A_FRAME), replace=False))
     sector = np.floor((after.sample.azimuth[used] + np.pi) / (2 * np.pi) * _SECTORS).astype(int) % _SECTORS
@@ -193,6 +194,7 @@ def _rows(before: AlignedFrame, after: AlignedFrame, number: int, rng: np.random
     return Rows(
         covariates={name: Column(one.unit, one.values[used], one.names) for name, one in told.items()},
         cluster=number * _SECTORS + sector,
+        before_cluster=np.full(len(used), number) if has_poses else number * _SECTORS + sector,
         frame=np.full(len(used), number),
         before={name: values[used] for name, values in residuals_of(before).items()},
         after={name: values[used] for name, values in residuals_of(after).items()},
@@ -204,6 +206,7 @@ def _joined(parts: Sequence[Rows]) -> Rows:
     return Rows(
         covariates={name: _one_column([rows.covariates.get(name) for rows in parts], parts) for name in names},
         cluster=np.concatenate([rows.cluster for rows in parts]),
+        before_cluster=np.concatenate([rows.before_cluster for rows in parts]),
         frame=np.concatenate([rows.frame for rows in parts]),
         before={name: np.concatenate([rows.before[name] for rows in parts]) for name in parts[0].before},
         after={name: np.concatenate([rows.after[name] for rows in parts]) for name in parts[0].after},

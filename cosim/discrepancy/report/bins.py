@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -136,7 +137,7 @@ class Bins:
             return tuple(f"{self.shown.words.split(',')[0]} {code}" for code in self.codes)
         ends = self.shown.factor * np.concatenate([[self.ends[0]], self.edges, [self.ends[1]]])
         unit = f" {self.shown.unit}" if self.shown.unit not in ("", "°") else self.shown.unit
-        return tuple(f"{_short(low)} to {_short(high)}{unit}" for low, high in zip(ends[:-1], ends[1:], strict=True))
+        return tuple(f"{_short(low)} to {_short(high)}{unit}" for low, high in pairwise(ends))
 
     @property
     def label(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 from cosim.report import Piece, section, stacked_bar
 
@@ -21,12 +22,11 @@ _REMEDIES = {
 }
 
 
-def budget_section(parts: Mapping[str, float], floor: float | None, *, text: str, why: Mapping[str, str] = {}) -> str:
+def budget_section(parts: Mapping[str, float], *, text: str, why: Mapping[str, str] = MappingProxyType({})) -> str:
     """HTML; empty without parts.
 
     Args:
         parts: noise, poses, objects, map, missing and unexplained; they add up to the error.
-        floor: the error that noise alone makes, if that is known.
         text: what the error is of (HTML).
         why: other words on some parts.
     """
@@ -39,5 +39,4 @@ def budget_section(parts: Mapping[str, float], floor: float | None, *, text: str
         if value or name in ("noise", "unexplained")
     ]
     bar = stacked_bar(pieces, "where the error comes from")
-    how = f"{text} The noise floor is {floor:.3f}." if floor else f"{text} What noise alone would make is not known."
-    return section("Where the error comes from", bar, text=how, anchor="budget")
+    return section("Where the error comes from", bar, text=text, anchor="budget")

@@ -1,4 +1,4 @@
-"""The page of `cosim compare`: how far, where it comes from, where it is worst, what it depends on, what could not be known."""
+"""The page of `cosim compare`: how far, where that comes from, where it is worst, and what it depends on."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SCANS = 3
 _SIDES = ("at the poses as given", "poses, objects and the map aligned")
 _CHANNEL_WORDS = {"range": "ranges", "intensity": "intensities", "drop": "returns", "spurious": "stray points"}
 _WORTH_A_WORD = 0.05  # share of the excess
-_WHY = {"unexplained": "left once all is aligned: the sensor model lacks it, or poses and objects are not known well enough"}
+_WHY = {"unexplained": "left once all is aligned: the sensor model’s, or of poses and objects not known well enough"}
 
 
 def format_comparison(found: Comparison, command: str, explored: Explored | None = None) -> str:
@@ -32,9 +32,9 @@ def format_comparison(found: Comparison, command: str, explored: Explored | None
     explored = explored or Explored.of(found.judged, _SCANS)
     title = f"{found.sensor} against {found.drive}"
     text = (
-        "Before: at the poses as given. After: with errors of poses, objects and the map taken out as far as a fit knows "
-        "them; what is left then is the sensor’s. Bands are 95 % intervals of means of equally filled bins; what the beams "
-        "of a sector of a frame share is in them. <b>Click a bin to see its beams.</b>"
+        "Before: at the poses as given. After: with errors of poses, objects and the map taken out as far as a fit "
+        "knows them; what is left then is the sensor’s. Bands are 95 % intervals of means of equally filled bins; what "
+        "beams of a frame, or of a sector of it, share is in them. <b>Click a bin to see its beams.</b>"
     )
     sections = [
         f"<header><h1>{escape(title)}</h1>{_verdict(found, explored, command)}{_figures(found)}</header>",
@@ -51,7 +51,7 @@ def _verdict(found: Comparison, explored: Explored | None, command: str) -> str:
     if found.floor is None:
         return f'<p class="verdict">Error {found.error:.3g}; what noise alone would make is not known.</p>{run}'
     aligned = found.budget is not None and found.error > 2 * found.budget.error_aligned
-    floor = found.budget.floor if aligned and found.budget and found.budget.floor else found.floor.error
+    floor = found.budget.floor if found.budget and found.budget.floor else found.floor.error
     sources = source_words(found.parts, floor, is_complete=False) if found.parts else ""
     made = f": {sources}" if sources else ""
     if found.at_floor:
@@ -116,10 +116,14 @@ def _dependences(explored: Explored | None) -> str:
 def _budget(found: Comparison) -> str:
     if found.budget is None or found.judged is None:
         return ""
-    frames = f"{len(found.judged)} of {found.totals.frames} frames" if len(found.judged) < found.totals.frames else "all frames"
-    text = f"The error, and what it is made of, as {frames} tell."
+    frames = (
+        f"{len(found.judged)} of {found.totals.frames} frames"
+        if len(found.judged) < found.totals.frames
+        else "all frames"
+    )
+    text = f"The error, and what it is made of in the shares that {frames} tell."
     parts = {name: value for name, value in found.parts.items() if name != "missing"}
-    return budget_section(parts, found.budget.floor, text=text, why=_WHY)
+    return budget_section(parts, text=text, why=_WHY)
 
 
 def _figures(found: Comparison) -> str:

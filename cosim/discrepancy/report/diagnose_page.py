@@ -1,4 +1,4 @@
-"""The page of `cosim diagnose`: the verdict, where the error comes from, what was found, what else it could be, what is left."""
+"""The page of `cosim diagnose`: the verdict, where the error comes from, what was found, and what is left."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ def format_diagnosis(
         explored: beams of the judging frames; gathered from the diagnosis by default.
     """
     title = f"What {sensor} lacks against {drive}"
-    explored = explored or Explored.of(found.judged, _SCANS, _covariates(found))
+    explored = explored or explored_of(found)
     text = (
         "On frames that judge, not on those that were fitted. " if found.split.is_held_out else "On the fitted frames. "
     ) + (
         "Errors of poses, objects and the map are taken out of residuals, before and after, as far as they are known. "
-        "Bands are 95 % intervals of means of equally filled bins; what the beams of a sector of a frame share is in them. "
+        "Bands are 95 % intervals of means of equally filled bins; what beams of a sector of a frame share is in them. "
         "<b>Click a bin to see its beams.</b>"
     )
     sections = [
@@ -73,7 +73,12 @@ def format_diagnosis(
     return document(title, sections, style=EXPLORER_STYLE, generator="cosim diagnose")
 
 
-def _covariates(found: Diagnosis) -> list[str]:
+def explored_of(found: Diagnosis) -> Explored | None:
+    """The beams of the judging frames, and charts of them; None where a diagnosis has none."""
+    return Explored.of(found.judged, _SCANS, charted(found))
+
+
+def charted(found: Diagnosis) -> list[str]:
     """What findings and leftovers depend on: charted beside the usual covariates."""
     return [name for one in (*found.unexplained, *found.unknowns) for name in one.covariates]
 
@@ -99,9 +104,7 @@ def _missing(found: Diagnosis, words: Vocabulary) -> list[str]:
     """The effects that were added, each with what explains the data as well."""
     if not found.effects:
         return []
-    names = [
-        f"{_either(one)} ({escape(words.parameters(one.effect, one.params, one.ci95))})" for one in found.effects
-    ]
+    names = [f"{_either(one)} ({escape(words.parameters(one.effect, one.params, one.ci95))})" for one in found.effects]
     return [f'<span class="bad">Missing</span> {"is" if len(names) == 1 else "are"} {listed(names)}.']
 
 
@@ -160,11 +163,13 @@ def _budget(found: Diagnosis) -> str:
     where = floor_words(found)
     if where:
         text += f" With poses, objects and surfaces aligned it ends at {found.budget.error_aligned:.3f}: {where}."
+    floor = found.noise_floor
+    text += f" The noise floor is {floor:.3f}." if floor else " What noise alone would make is not known."
     spreads = spread_words(found.spreads)
     why = {"unexplained": "left once all is aligned; poses and objects are never known exactly"}
     if found.unexplained:
         why = {"unexplained": "left once all is aligned; listed below"}
-    return budget_section(found.budget.parts, found.budget.floor, text=f"{text} {escape(spreads)}".strip(), why=why)
+    return budget_section(found.budget.parts, text=f"{text} {escape(spreads)}".strip(), why=why)
 
 
 def _waterfall(found: Diagnosis) -> str:
@@ -172,8 +177,8 @@ def _waterfall(found: Diagnosis) -> str:
         return ""
     held = "frames that took no part in any fit" if found.split.is_held_out else "the fitted frames: there are too few"
     text = (
-        f"On {held}, with poses, objects and surfaces aligned; whiskers are 95 % intervals of the level, from frame to frame. A fall is surer "
-        "than they show, as some frames are harder for every model: the table above has it."
+        f"On {held}, with poses, objects and surfaces aligned; whiskers are 95 % intervals of the level, from frame to "
+        "frame. A fall is surer than they show, as some frames are harder for every model: the table above has it."
     )
     wide = min(1100, 400 + 220 * (len(found.effects) + len(found.unknowns)))
     return section("How the error falls", figure("", "", waterfall(found), "full", wide), text=text)
@@ -271,9 +276,7 @@ def _alternatives(found: Diagnosis, words: Vocabulary) -> str:
                 verdict = '<span class="good">told apart</span>: it explains these data worse'
             else:
                 verdict = "not among the candidates that came near"
-            rows.append(
-                [f"{escape(one.effect)} or {escape(other)}?", verdict, _remedy(one.effect, other, words)]
-            )
+            rows.append([f"{escape(one.effect)} or {escape(other)}?", verdict, _remedy(one.effect, other, words)])
     return section("What else it could be", table(["", "here", "the drive that would tell"], rows, words=(1, 2)))
 
 

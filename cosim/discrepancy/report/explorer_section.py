@@ -63,12 +63,11 @@ def explorer_section(found: Explored | None, sides: Sequence[str], *, text: str)
         return ""
     told = sides[-1:] if found.beams.is_one else sides
     first = next(iter(found.charts))
-    tabs = "".join(
-        button(charts[0].channel.title, name == first, tab=name) for name, charts in found.charts.items()
-    )
+    tabs = "".join(button(charts[0].channel.title, name == first, tab=name) for name, charts in found.charts.items())
     panels = "".join(_panel(charts, found.count, name == first) for name, charts in found.charts.items())
     colours = legend([(f"var(--{style})", escape(word)) for style, word in zip("ba"[-len(told) :], told, strict=True)])
-    left = f'<div class="residuals"><div class="picks" role="group" aria-label="channel">{tabs}</div>{colours}{panels}</div>'
+    picks = f'<div class="picks" role="group" aria-label="channel">{tabs}</div>'
+    left = f'<div class="residuals">{picks}{colours}{panels}</div>'
     right = scan_view(found.beams.scans, found.bins, told)
     body = f'<div class="explore">{left}{right}</div>'
     return section("Residuals, and the beams that they are of", body, text=text, anchor="residuals")
@@ -91,13 +90,16 @@ EXPLORER_STYLE = """
 .explore .legend { padding: 8px 0 2px; } .picks { display: flex; flex-wrap: wrap; gap: 8px; margin-bottom: 8px; }
 .scan { position: sticky; top: 10px; border: 1px solid var(--line); border-radius: 8px; background: var(--panel);
   padding: 12px 14px; }
-.scan canvas { width: 100%; border-radius: 4px; } #image { height: 190px; image-rendering: pixelated; cursor: crosshair; }
+.scan canvas { width: 100%; border-radius: 4px; }
+#image { height: 190px; image-rendering: pixelated; cursor: crosshair; }
 #cloud { height: min(46vh, 520px); margin-top: 10px; }
 .ends { display: flex; justify-content: space-between; color: var(--muted); font-size: 12px; }
-.slice { min-height: 3.1em; color: var(--text); margin: 4px 0 6px; } .slice button { padding: 1px 9px; font-size: 12.5px; }
+.slice { min-height: 3.1em; color: var(--text); margin: 4px 0 6px; }
+.slice button { padding: 1px 9px; font-size: 12.5px; }
 .beam { font-size: 13px; margin-top: 8px; min-height: 2.9em; }
 .target { fill: transparent; cursor: pointer; } .target:hover { fill: #ffffff14; } .target.picked { fill: #ffffff2b; }
 .target:focus-visible { outline: none; fill: #ffffff1c; stroke: var(--accent); stroke-width: 2; }
 .under { padding: 0 14px 10px; font-size: 13px; }
-@media (max-width: 1100px) { .explore { grid-template-columns: minmax(0, 1fr); } .scan { position: static; order: -1; } }
+@media (max-width: 1100px) { .explore { grid-template-columns: minmax(0, 1fr); }
+  .scan { position: static; order: -1; } }
 """

@@ -49,12 +49,30 @@ class Channel:
 CHANNELS = {
     one.name: one
     for one in (
-        Channel("range", "Ranges", 100.0, "cm", "measured − model (cm)", "Above zero: measured farther than the model.", 0.1),
-        Channel("intensity", "Intensities", 1.0, "", "measured − model", "Above zero: measured brighter than the model.", 0.003),
-        Channel("drop", "Returns", 100.0, "%", "returned − expected (%)", "Below zero: returns are lost that the model has.", 0.3),
-        Channel("spurious", "Strays", 1000.0, "‰", "strays − expected (‰ of beams)", "Above zero: returns from where nothing is that the model lacks.", 0.3),
-        Channel("range_variance", "Spread of ranges", 100.0, "%", "variance beyond the model’s (%)", "Above zero: ranges scatter more than the model says.", 5.0),
-        Channel("intensity_variance", "Spread of intensities", 100.0, "%", "variance beyond the model’s (%)", "Above zero: intensities scatter more than the model says.", 5.0),
+        Channel(
+            "range", "Ranges", 100.0, "cm", "measured − model (cm)",
+            "Above zero: measured farther than the model.", 0.1,
+        ),
+        Channel(
+            "intensity", "Intensities", 1.0, "", "measured − model",
+            "Above zero: measured brighter than the model.", 0.003,
+        ),
+        Channel(
+            "drop", "Returns", 100.0, "%", "returned − expected (%)",
+            "Below zero: returns are lost that the model has.", 0.3,
+        ),
+        Channel(
+            "spurious", "Strays", 1000.0, "‰", "strays − expected (‰ of beams)",
+            "Above zero: returns from where nothing is that the model lacks.", 0.3,
+        ),
+        Channel(
+            "range_variance", "Spread of ranges", 100.0, "%", "variance beyond the model’s (%)",
+            "Above zero: ranges scatter more than the model says.", 5.0,
+        ),
+        Channel(
+            "intensity_variance", "Spread of intensities", 100.0, "%", "variance beyond the model’s (%)",
+            "Above zero: intensities scatter more than the model says.", 5.0,
+        ),
     )
 }  # fmt: skip
 USUAL_CHANNELS = ("range", "intensity", "drop", "spurious")
@@ -105,14 +123,14 @@ def chart(rows: Rows, channel: str, bins: Bins, is_one: bool) -> Chart | None:
     values = rows.covariates[bins.name].values
     place = np.where(bins.of_rows == NO_BIN, 0, bins.of_rows).astype(int)
 
-    def means(residual: np.ndarray) -> Binned:
+    def means(residual: np.ndarray, cluster: np.ndarray) -> Binned:
         told = np.where(bins.of_rows == NO_BIN, np.nan, kind.factor * residual.astype(float))
-        return binned(np.nan_to_num(values), place, told, rows.cluster)
+        return binned(np.nan_to_num(values), place, told, cluster)
 
-    after = means(rows.after[channel])
+    after = means(rows.after[channel], rows.cluster)
     if len(after.bin) < 2:
         return None
-    before = None if is_one else means(rows.before[channel])
+    before = None if is_one else means(rows.before[channel], rows.before_cluster)
     return Chart(kind, bins, before if before is not None and len(before.bin) > 1 else None, after)
 
 
@@ -144,7 +162,11 @@ def _caption(one: Chart, charts: int) -> str:
 def _said(one: Chart, side: Binned, charts: int) -> str:
     if one.shows(side, charts):
         return f'off by <span class="warn">±{one.channel.said(side.size)}</span>'
-    return "nothing beyond chance" if side.p_value * charts >= _LEVEL else f"less than {one.channel.said(one.channel.clear)}"
+    return (
+        "nothing beyond chance"
+        if side.p_value * charts >= _LEVEL
+        else f"less than {one.channel.said(one.channel.clear)}"
+    )
 
 
 def _svg(one: Chart, top: float) -> str:
@@ -221,7 +243,7 @@ def _brief(word: str, many: int) -> str:
 
 
 def pair_chart(rows: Rows, channel: str, one: Bins, other: Bins) -> str:
-    """SVG: means of what is left by two covariates at once, blue below 0 and red above; empty where too few are there."""
+    """HTML: what is left by two covariates at once, blue below 0 and red above; empty where few beams are."""
     kind, residual = CHANNELS[channel], CHANNELS[channel].factor * rows.after[channel].astype(float)
     used = np.isfinite(residual) & (one.of_rows != NO_BIN) & (other.of_rows != NO_BIN)
     if not used.any():
@@ -248,8 +270,8 @@ def pair_chart(rows: Rows, channel: str, one: Bins, other: Bins) -> str:
     for (row, column), value in np.ndenumerate(table):
         if np.isfinite(value):
             plot.tile((row, row + 1), (column, column + 1), _colour(value / top), f"{value:+.3g} {kind.unit}".strip())
-    reach = f"±{kind.said(top)}"
-    return f"{plot.svg()}<p class=\"under\">Blue: below, red: above zero, to {escape(reach)}; what each does alone taken off.</p>"
+    said = f"Blue: below, red: above zero, to ±{kind.said(top)}; what each does alone taken off."
+    return f'{plot.svg()}<p class="under">{escape(said)}</p>'
 
 
 _FEWEST_IN_CELL, _SWEEPS = 30, 4

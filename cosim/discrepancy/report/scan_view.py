@@ -55,8 +55,8 @@ def scan_view(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: Sequence[s
         f'<div class="scan" id="scan"><div class="picks">{frames}</div>'
         + (f'<div class="picks" role="group" aria-label="model">{toggle}</div>' if len(sides) > 1 else "")
         + '<p class="slice" id="slice" aria-live="polite"></p>'
-        '<canvas id="image" tabindex="0" aria-label="the scan as its sensor took it: a row a ring, a column an azimuth">'
-        '</canvas><div class="ends"><span>left, +180°</span><span>+90°</span><span>ahead</span><span>−90°</span>'
+        '<canvas id="image" aria-label="the scan as its sensor took it: a row a ring, a column an azimuth"></canvas>'
+        '<div class="ends"><span>left, +180°</span><span>+90°</span><span>ahead</span><span>−90°</span>'
         "<span>−180°, right</span></div>"
         '<canvas id="cloud" tabindex="0" aria-label="points in three dimensions"></canvas>'
         '<p class="beam" id="beam">Point at the scan for a single beam. Drag the points to turn them, with shift to '
@@ -71,7 +71,12 @@ def packed_scans(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: int = 2
     """What the script draws, as plain values; arrays of a scan are gzipped one after another, in base64."""
     return {
         "channels": {
-            name: {"limit": _limit(scans, name), "step": _STEP[name], "factor": _UNITS[name][0], "unit": _UNITS[name][1]}
+            name: {
+                "limit": _limit(scans, name),
+                "step": _STEP[name],
+                "factor": _UNITS[name][0],
+                "unit": _UNITS[name][1],
+            }
             for name in SHOWN_CHANNELS
         },
         "stops": _STOPS,
@@ -86,7 +91,9 @@ def packed_scans(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: int = 2
 def _packed(scan: Scan, bins: Mapping[str, Bins], sides: int) -> dict[str, Any]:
     every = max(1, -(-scan.rings * scan.firings // _MOST_BEAMS))
     columns = -(-scan.firings // every)
-    arrays: list[tuple[str, np.ndarray]] = [("range", _thinned(_steps(scan.measured_m, _STEP_M, 0, "<u2"), scan, every))]
+    arrays: list[tuple[str, np.ndarray]] = [
+        ("range", _thinned(_steps(scan.measured_m, _STEP_M, 0, "<u2"), scan, every))
+    ]
     for number, side in enumerate((scan.before, scan.after)[-sides:]):
         arrays += [(f"{number}:{name}", _thinned(values, scan, every)) for name, values in _of_side(side)]
     arrays += [(f"bin:{name}", _thinned(one.of_scan(scan), scan, every)) for name, one in bins.items()]
@@ -134,4 +141,4 @@ def _limit(scans: Sequence[Scan], name: str) -> float:
 
 
 def _script() -> str:
-    return (files(__package__) / "explorer.js").read_text(encoding="utf-8")
+    return (files("cosim.discrepancy.report") / "explorer.js").read_text(encoding="utf-8")

@@ -67,7 +67,7 @@ class Vocabulary:
 
 
 def headline(found: Diagnosis, words: Vocabulary, left: Sequence[str] = ()) -> str:
-    """The line that `cosim diagnose` says; `left` names dependences that judging frames show although nothing was found."""
+    """The line that `cosim diagnose` says; `left` names what judging frames show although nothing was found."""
     parts = [_found(one, words) for one in found.effects]
     if parts:
         ambiguous = any(one.also_possible for one in found.effects)
@@ -119,7 +119,9 @@ def source_words(parts: Mapping[str, float], floor: float, *, is_complete: bool)
     if is_complete:
         shares.pop("missing", None)
     names = {**SOURCES, "unexplained": "left over"} if is_complete else SOURCES
-    said = [f"{value:.1f} {names[name]}" if value >= 0.1 else f"{value:.2f} {names[name]}" for name, value in shares.items()]
+    said = [
+        f"{value:.1f} {names[name]}" if value >= 0.1 else f"{value:.2f} {names[name]}" for name, value in shares.items()
+    ]
     if said:
         said[0] = said[0].replace(" ", " of it ", 1)
     return ", ".join([*said, *(["nothing missing"] if is_complete else [])])
@@ -127,7 +129,11 @@ def source_words(parts: Mapping[str, float], floor: float, *, is_complete: bool)
 
 def spread_words(spreads: Mapping[str, float]) -> str:
     """How far what is merely not known scatters, in a sentence; empty where nothing does."""
-    told = {name: f"{factor * spreads[name]:.2g} {unit}".replace(" °", "°") for name, (factor, unit) in _SPREADS.items() if name in spreads}
+    told = {
+        name: f"{factor * spreads[name]:.2g} {unit}".replace(" °", "°")
+        for name, (factor, unit) in _SPREADS.items()
+        if name in spreads
+    }
     poses = [told[name] for name in ("pose_shift_m", "pose_turn_deg") if name in told]
     said = [f"poses of scans by {listed(poses)}"] if poses else []
     said += [f"{what} by {told[name]}" for name, what in _OTHER_SPREADS.items() if name in told]
@@ -135,7 +141,8 @@ def spread_words(spreads: Mapping[str, float]) -> str:
 
 
 SOURCES = {
-    "poses": "poses", "objects": "objects", "map": "the map", "missing": "missing effects", "unexplained": "unexplained",
+    "poses": "poses", "objects": "objects", "map": "the map", "missing": "missing effects",
+    "unexplained": "unexplained",
 }  # fmt: skip
 _SPREADS = {
     "pose_shift_m": (100.0, "cm"), "pose_turn_deg": (1.0, "°"), "object_shift_m": (100.0, "cm"), "map_m": (100.0, "cm"),
@@ -148,6 +155,7 @@ _OTHER_SPREADS = {
     "map_albedo": "brightness of the map",
 }
 _WORTH_A_WORD, _FEW = 0.02, 3
+_MOST_NAMED, _SIGMAS = 6, 2.0
 
 
 def floor_words(found: Diagnosis) -> str:
@@ -190,9 +198,23 @@ def error_words(found: Diagnosis) -> str:
 def unknown_words(unknown: Shape) -> str:
     """What an unknown effect does, in short."""
     channel = channel_words(unknown.channel)
-    of = "" if unknown.names or not unknown.unit else f", x in {unknown.unit}"
     on = " and ".join(unknown.covariates).replace("_", " ")
+    if unknown.names and unknown.factor is None:
+        return f"{channel} depends on {on}: {table_words(unknown)}"
+    of = f", x in {unknown.unit}" if unknown.unit else ""
     return f"{channel} depends on {on} as {unknown.text}{of}"
+
+
+def table_words(unknown: Shape) -> str:
+    """The categories of a shape that stand out, with units: `paving +4.81 cm`."""
+    sure = np.abs(unknown.y) / np.maximum(unknown.sigma, 1e-12)
+    rows = [row for row in np.argsort(-sure)[:_MOST_NAMED].tolist() if sure[row] > _SIGMAS]
+    factor, unit = (100.0, "cm") if unknown.channel == "range" else (100.0, "%")
+    said = (
+        f"{unknown.names[row].replace('_', ' ')} {factor * unknown.y[row]:+.2f} {unit}".replace("-", "−")
+        for row in rows or [int(np.argmax(sure))]
+    )
+    return ", ".join(said)
 
 
 def smallest_words(found: Diagnosis, words: Vocabulary, most: int) -> str:

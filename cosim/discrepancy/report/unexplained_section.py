@@ -35,8 +35,8 @@ def unexplained_section(found: tuple[Unexplained, ...], explored: Explored | Non
     pictures = [_picture(one, explored) for one in found[:_MOST_CHARTS]] if explored else []
     charts = f'<div class="charts">{"".join(pictures)}</div>' if any(pictures) else ""
     text = (
-        "Found by the last screen of the fitted frames and explained by nothing above. p is family-wise: the chance that "
-        "anything would look so if nothing were left. The charts show what is left on frames that judge."
+        "Found by the last screen of the fitted frames and explained by nothing above. p is family-wise: the chance "
+        "that anything would look so if nothing were left. The charts show what is left on frames that judge."
     )
     return section("What is not explained", listed, charts, text=text if found else "", anchor="unexplained")
 
@@ -63,7 +63,9 @@ def _picture(one: Unexplained, explored: Explored) -> str:
         return ""
     title = title[0].upper() + title[1:]
     if one.covariates == ("noise_shape",):
-        return figure(title, "What is left, beside a normal law of the same spread", _shape(explored, CHANNELS[one.channel]))
+        return figure(
+            title, "What is left, beside a normal law of the same spread", _shape(explored, CHANNELS[one.channel])
+        )
     if len(one.covariates) == 2:
         pair = [Bins.of(rows, name, _PAIR_BINS) for name in one.covariates]
         if pair[0] is None or pair[1] is None:
@@ -96,7 +98,13 @@ def _shape(explored: Explored, channel: Channel) -> str:
     normal = np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi)
     top = 1.15 * max(float(share.max()), float(normal.max()))
     unit = f"1 is {channel.said(channel.factor * spread)}"
-    plot = Plot(Axis(-_SIGMAS, _SIGMAS, f"residual over its spread, {unit}"), Axis(0, top, "density"), "the noise's shape", 460, 270)
+    plot = Plot(
+        Axis(-_SIGMAS, _SIGMAS, f"residual over its spread, {unit}"),
+        Axis(0, top, "density"),
+        "the noise's shape",
+        460,
+        270,
+    )
     plot.steps(edges, share, "a")
     plot.line(edges, normal, "b")
     return plot.svg()

@@ -31,7 +31,11 @@ def waterfall(found: Diagnosis) -> str:
     names = [name for name, _, _ in steps]
     x = Axis(-0.5, len(names) - 0.5, names=names)
     plot = Plot(
-        x, Axis(low, high, "aligned error, held-out frames", log=is_log), "held-out error", max(620, 210 * len(names)), 340
+        x,
+        Axis(low, high, "aligned error, held-out frames", log=is_log),
+        "held-out error",
+        max(620, 210 * len(names)),
+        340,
     )
     for row in range(1, len(level)):
         ends = np.array([row - 0.28, row + 0.28])
