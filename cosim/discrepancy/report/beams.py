@@ -50,7 +50,7 @@ class Rows:
         frame: (n,) number of the frame.
         before, after: by channel, (n,) measured − expected; NaN where it is not compared. Ranges [m] are clipped at
             1 m; intensities are left out where another material may have been met or the sensor cuts them off; `drop`
-            is returned (1 or 0) − its probability; `spurious` is 1 for a return from nowhere − its expected rate;
+            is returned (1 or 0) − its probability; `spurious` is 1 for a return from nowhere − the chance of one;
             `range_variance` and `intensity_variance` are squares over stated variances − 1.
     """
 
@@ -149,12 +149,11 @@ def residuals_of(one: AlignedFrame) -> dict[str, np.ndarray]:
     range_m = np.clip(scores.measured_m - expected.range_m, -CLIP_M, CLIP_M)
     bright = scores.measured_intensity - expected.intensity
     returned = (~np.isnan(scores.measured_m)).astype(np.float32)
-    rate = scores.foreseen / max(int(clear.sum()), 1)
     found = {
         "range": np.where(scores.matched, range_m, np.nan),
         "intensity": np.where(lit, bright, np.nan),
         "drop": np.where(clear & hits.solid.exists, returned - expected.seen, np.nan),
-        "spurious": np.where(clear, scores.spurious - rate, np.nan),
+        "spurious": np.where(clear, scores.spurious - scores.stray, np.nan),
         "range_variance": _excess(range_m, expected.range_sigma_m, scores.matched),
         "intensity_variance": _excess(bright, expected.intensity_sigma, lit),
     }

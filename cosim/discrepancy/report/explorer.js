@@ -115,17 +115,30 @@ class Explorer {
     box.textContent = '';
     if (!slice) { box.textContent = 'All beams. Click a bin of a chart to see its beams here.'; return; }
     const of = scan.arrays[`bin:${slice.covariate}`], chosen = beam => of[beam] === slice.bin;
-    const {label, words} = data.bins[slice.covariate], sides = scan.errors.map((_, side) => this.mean(side, chosen));
+    const {label, words} = data.bins[slice.covariate];
+    if (this.state.channel === 'spurious') return this.sayStrays(`${label.split(',')[0]}: ${words[slice.bin]}`, chosen);
+    const sides = scan.errors.map((_, side) => this.mean(side, chosen));
     const said = sides.map(([mean, count]) => count ? this.quantity(mean) : 'nothing compared');
-    const head = document.createElement('b');
-    head.textContent = `${label.split(',')[0]}: ${words[slice.bin]}`;
-    box.append(head, ` in frame ${scan.name}: ${sides.at(-1)[1].toLocaleString('en')} beams compared, mean ` +
-      (said.length > 1 ? `${said[0]} → ${said[1]} ` : `${said[0]} `));
-    const clear = document.createElement('button');
+    this.say(`${label.split(',')[0]}: ${words[slice.bin]}`, `${sides.at(-1)[1].toLocaleString('en')} beams compared, mean ` +
+      (said.length > 1 ? `${said[0]} → ${said[1]}` : said[0]));
+    box.dataset.means = sides.map(([mean]) => mean.toFixed(4)).join(' ');
+  }
+
+  sayStrays(head, chosen) {
+    const states = this.scan.arrays[`${this.state.side}:state`];
+    let strays = 0, beams = 0;
+    for (let beam = 0; beam < states.length; beam++)
+      if (chosen(beam)) { beams++; strays += states[beam] === data.stray; }
+    this.say(head, `${strays.toLocaleString('en')} strays of ${beams.toLocaleString('en')} beams`);
+  }
+
+  // What is picked, what there is to say of it, and the way back.
+  say(head, rest) {
+    const strong = document.createElement('b'), clear = document.createElement('button');
+    strong.textContent = head;
     clear.textContent = 'show all beams';
     clear.addEventListener('click', () => this.pick(null));
-    box.append(clear);
-    box.dataset.means = sides.map(([mean]) => mean.toFixed(4)).join(' ');
+    byId('slice').append(strong, ` in frame ${this.scan.name}: ${rest} `, clear);
   }
 
   quantity(value) {
