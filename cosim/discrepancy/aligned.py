@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from cosim.discrepancy.data.ambiguity import widened
 from cosim.discrepancy.data.frames import TracedFrame, bending, in_order
 from cosim.discrepancy.data.sample import Prediction, Sample, whole_sample
 from cosim.discrepancy.forward.expectation import Expectation, expect
@@ -18,7 +17,6 @@ from cosim.discrepancy.scores import Ensemble, FrameScores, Totals, model_chance
 from cosim.discrepancy.state import Case, View, seen_by, spreads
 from cosim.discrepancy.validation import HeldOut
 from sensors.effects.base import Effect
-from sensors.pattern import Pattern
 
 PARTS = ("poses", "objects", "map")
 _Moved = tuple[np.ndarray | float, np.ndarray | float]
@@ -79,10 +77,8 @@ class Aligned:
         self._random = view.fitter.random
         self._estimate = view.fitted.estimate if same else seen_by(view, effects).estimate
         shift_m, turn_rad = spreads(self._random, self._estimate, case.settings.edge_sigmas)
-        pattern = case.sensor.pattern
         clear = shift_m < 2e-3 and turn_rad < 1e-4
-        self._wide = [None if clear else widened(one.edge, one.nearest_m, pattern, shift_m, turn_rad) for one in frames]
-        self._mixed = [_mixed(one, pattern, shift_m, turn_rad) for one in frames]
+        self._wide = [None if clear else one.unsure(shift_m, turn_rad) for one in frames]
         origin = case.sensor.origin
         self._members = [
             Ensemble.of(one, self._effects, model_chance(0, number), origin) for number, one in enumerate(frames)
@@ -113,7 +109,9 @@ class Aligned:
         for number, (frame, scores) in enumerate(zip(self._frames, self._scores(parts), strict=True)):
             whole = self._whole[number]
             expected = self._expected(number, parts)
-            yield AlignedFrame(frame, scores, expected, whole.random.sample, whole.expected, self._mixed[number])
+            wide = self._wide[number]
+            mixed = frame.border | frame.seam if wide is None else frame.border | frame.seam | wide
+            yield AlignedFrame(frame, scores, expected, whole.random.sample, whole.expected, mixed)
 
     def held_out(self, parts: tuple[str, ...] = ()) -> HeldOut:
         """Errors frame by frame, with the random effects of some parts of the budget taken out."""
@@ -155,12 +153,6 @@ class Aligned:
         """What is expected of a frame's beams, random effects of some parts in it."""
         told, (shift, gain) = self._expectations[number], self._of(parts)[number]
         return replace(told, range_m=told.range_m + shift, intensity=told.intensity * gain)
-
-
-def _mixed(frame: TracedFrame, pattern: Pattern, shift_m: float, turn_rad: float) -> np.ndarray:
-    """(n,) bool: beams at the border of a material, and those that it reaches where poses and objects are off."""
-    border, reach = frame.border | frame.seam, frame.shot.hits.solid.range_m
-    return widened(border, np.where(border, reach, np.inf), pattern, shift_m, turn_rad)
 
 
 @dataclass(frozen=True, eq=False)

@@ -127,7 +127,6 @@ def added(case: Case, state: State) -> State:
         if after is not None:
             return replace(after, refused=refused)
         refused = refused | {one.name}
-        case.say(f"{one.name} does not help on frames that took no part")
     return state
 
 
@@ -140,6 +139,7 @@ def accepted(case: Case, state: State, one: Candidate, found: Sequence[Candidate
         same = judges.fitter is state.judges.fitter
         before = state.judges.fitted if same else seen_by(judges, state.model.effects)
         told = gain(judges.fitter, before, judges.fitted, of_noise=one.of_noise)
+        case.say(f"{one.name} gains {told.value:.1f} ± {told.error:.1f} on frames that took no part")
         if told.p_value > case.settings.level:
             return None
     after = replace(state, model=model, view=view, judges=judges, screened=[])

@@ -2,6 +2,8 @@
 
 Two beams fired one after the other at one surface share whatever a model may lack; what they do not share is noise.
 The mean distance of two independent draws is twice the CRPS that the true distribution gets on average.
+Counts of spurious returns are off by chance, too: their law is Poisson's, whose mean distance from its mean λ, and from
+a mean over few members of an ensemble, is that of a normal law, √(2λ(1 + 1/members)/π).
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import numpy as np
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.forward.expectation import Expectation
 from cosim.discrepancy.inference.score import spread_excess
-from cosim.discrepancy.scores import CLIP_M, SCALES, FrameScores
+from cosim.discrepancy.scores import CLIP_M, MEMBERS, SCALES, FrameScores
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +37,15 @@ class NoiseFloor:
     def of(cls, sums: Sequence[dict[str, tuple[float, int]]]) -> NoiseFloor | None:
         """From the sums of all frames; None where nothing matched."""
         parts = {}
-        for name in SCALES:
+        for name in ("range", "intensity", "drop"):
             total = sum(one[name][0] for one in sums if name in one)
             count = sum(one[name][1] for one in sums if name in one)
             if count:
                 parts[name] = total / count
         if "range" not in parts:
             return None
-        parts["spurious"] = 0.0
+        strays, beams = (sum(one["spurious"][part] for one in sums) for part in (0, 1))
+        parts["spurious"] = 1000 * float(np.sqrt(2 / np.pi * (1 + 1 / MEMBERS) * strays)) / max(beams, 1)
         error = float(np.mean([parts[name] / SCALES[name] for name in parts]))
         return cls(error, parts, "estimated from how much neighbouring beams on one surface differ")
 
@@ -99,6 +102,7 @@ def estimate_floor(beside: Neighbours, scores: FrameScores, expected: Expectatio
     # of chances p and q do so by (p − q)² more.
     apart = np.abs(np.diff(outcome)) - np.diff(expected.seen) ** 2
     found["drop"] = (max(float(apart[beside.pair].sum()), 0.0) / 2, int(beside.pair.sum()))
+    found["spurious"] = scores.foreseen, int((~scores.ambiguous).sum())
     return found
 
 

@@ -98,9 +98,7 @@ def roundings(case: Case, state: State) -> list[Candidate]:
         effects = (*fitted.effects[:place], one.effect, *fitted.effects[place + 1 :])
         model = state.model.replaced(effects, place)
         after = fitter.fit(effects, (), fitted.estimate, steps=3)
-        size = float(one.gain.sum())
-        clusters = int(np.unique(fitter.sample.track[one.gain != 0]).size)
-        told = Gain(size, float(np.sqrt(np.sum(np.bincount(fitter.sample.track, one.gain) ** 2))), clusters)
+        told = Gain.of([np.bincount(fitter.sample.track, one.gain)])
         found.append(Candidate(one.effect.name, model, place, after, told, 1, 1 / case.settings.draws, lattice=one))
     return found
 

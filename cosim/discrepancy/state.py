@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cosim.discrepancy.data.ambiguity import widened
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending
 from cosim.discrepancy.data.sample import Sample, draw_sample
 from cosim.discrepancy.data.split import Split
@@ -189,8 +188,7 @@ def clear_sample(
     shift_m, turn_rad = spreads(random, estimate, case.settings.edge_sigmas)
     if shift_m < 2e-3 and turn_rad < 1e-4:
         return sample
-    pattern = case.sensor.pattern
-    return sample.clear_of([widened(one.edge, one.nearest_m, pattern, shift_m, turn_rad) for one in frames])
+    return sample.clear_of([one.unsure(shift_m, turn_rad) for one in frames])
 
 
 def spreads(random: RandomEffects, estimate: Estimate, sigmas: float) -> tuple[float, float]:

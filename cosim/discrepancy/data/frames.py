@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cosim.discrepancy.data.ambiguity import Neighbours
+from cosim.discrepancy.data.ambiguity import Neighbours, widened
 from cosim.discrepancy.data.observation import Observed, intensity_unit, observe, upwards
 from cosim.discrepancy.labelled_twin.trust import read_trust
 from cosim.drives.kitti import Drive, Frame
@@ -24,6 +24,8 @@ from sensors.shot import Shot
 from sensors.world import TracerCache, World
 
 _GRAZING = 0.02
+_SAME_M = 1.0
+_ASIDE = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,41 @@ class TracedFrame:
     own_axes: bool
     ego: EgoMotion
     instances: Instances
+
+    def unsure(self, shift_m: float, turn_rad: float) -> np.ndarray:
+        """(n,) bool: beams that meet something else, or another material, if poses are off by so much."""
+        pattern = self.shot.pattern
+        solid = self.shot.hits.solid
+        seam = self.border | self.seam
+        found = widened(self.edge, self.nearest_m, pattern, shift_m, turn_rad)
+        found |= widened(seam, np.where(seam, solid.range_m, np.inf), pattern, shift_m, turn_rad)
+        return found | self._beside(shift_m, turn_rad)
+
+    def _beside(self, shift_m: float, turn_rad: float) -> np.ndarray:
+        """(n,) bool: beams that return from nothing they meet, but from what is there a touch aside.
+
+        Wires and thin poles may stand between beams, so that no beam of the twin tells that there is an edge.
+        """
+        traced, world, measured = self.shot.traced, self.shot.world, self.observed.range_from(self.shot.rays.origin)
+        assert traced is not None and world is not None  # frames are traced
+        far = self.observed.returned & ~(np.abs(measured - self.shot.hits.solid.range_m) < _SAME_M)
+        rows = np.flatnonzero(far)
+        direction, upwards_m = traced.direction[rows], traced.hits.pose[:3, 2]
+        across = np.cross(direction, upwards_m)
+        upward = np.cross(across, direction)
+        angle = turn_rad + shift_m / np.maximum(measured[rows], 1.0)
+        turns = np.linspace(0, 2 * np.pi, _ASIDE, endpoint=False)
+        around = [np.cos(turn) * across + np.sin(turn) * upward for turn in turns]
+        shots = np.concatenate([direction + (part * angle)[:, None] * one for part in (0.5, 1.0) for one in around])
+        shots /= np.linalg.norm(shots, axis=1, keepdims=True)
+        count = len(shots) // max(len(rows), 1)
+        time_s = np.broadcast_to(traced.time_s, len(measured))[rows]
+        origin = np.tile(traced.origin[rows], (count, 1))
+        met = world.shoot(origin, shots, np.tile(time_s, count), self.shot.pattern.range_m[1])
+        same = np.abs(met.range_m - np.tile(measured[rows], count)) < _SAME_M
+        found = np.zeros(len(measured), bool)
+        found[rows] = same.reshape(count, -1).any(0)
+        return found
 
 
 class FrameTracer:

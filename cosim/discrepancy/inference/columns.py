@@ -46,10 +46,11 @@ class Column:
 
 
 def stacked(columns: Sequence[Column], quantities: Collection[Quantity], rows: int) -> dict[Quantity, SparseMatrix]:
-    """Matrices (n, p) of the quantities among `quantities` that any column changes."""
+    """Matrices (n, p) of the quantities among `quantities` that any column changes; of one where none changes any."""
     found: dict[Quantity, SparseMatrix] = {}
     for quantity in QUANTITIES:
-        if quantity in quantities and any(quantity in column.delta for column in columns):
+        changed = any(quantity in column.delta for column in columns)
+        if quantity in quantities and (changed or (columns and not found and quantity == QUANTITIES[-1])):
             found[quantity] = sparse.hstack([column.matrix(quantity, rows) for column in columns], format="csr")
     return found
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,19 +18,32 @@ class Gain:
     Attributes:
         value: of the whole sample, whose beams weigh one on average.
         error: its standard error, from cluster to cluster.
-        clusters: how many of them differ.
+        freedom: degrees of freedom of that error.
     """
 
     value: float
     error: float
-    clusters: int
+    freedom: float
 
     @property
     def p_value(self) -> float:
         """One-sided, of a t-test that there is none."""
-        if self.error <= 0 or self.clusters < 2:
+        if self.error <= 0 or self.freedom < 1:
             return 1.0
-        return float(stats.t.sf(self.value / self.error, self.clusters - 1))
+        return float(stats.t.sf(self.value / self.error, self.freedom))
+
+    @classmethod
+    def of(cls, strata: Sequence[np.ndarray]) -> Gain:
+        """From differences by cluster, in strata whose clusters are alike (Welch–Satterthwaite)."""
+        used = [one[one != 0] for one in strata]
+        used = [one for one in used if len(one) > 1]
+        value = float(sum(one.sum() for one in strata))
+        squares = np.array([len(one) * float(np.var(one, ddof=1)) for one in used])
+        total = float(squares.sum())
+        if total <= 0:
+            return cls(value, 0.0, 0.0)
+        degrees = np.array([len(one) - 1 for one in used])
+        return cls(value, float(np.sqrt(total)), total**2 / float((squares**2 / degrees).sum()))
 
 
 def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = False) -> Gain:
@@ -49,31 +63,28 @@ def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = Fals
         beams, law = _of_neighbours(fitter, after) - _of_neighbours(fitter, before), np.zeros(fitter.random.size)
     else:
         beams = sample.share * (after.fit.loglik - before.fit.loglik)
-        law = _of_law(fitter, after) - _of_law(fitter, before)
-    found = []
-    for cluster, unit in (
-        (clusters.track, clusters.unit_track),
-        (clusters.part, np.full_like(clusters.unit_track, -1)),
-    ):
-        own = np.bincount(cluster, beams)
-        rest = np.where(unit >= 0, 0.0, law)
-        scans = np.bincount(np.maximum(clusters.unit_scan, 0), np.where(clusters.unit_scan >= 0, rest, 0.0))
-        things = np.bincount(
-            np.maximum(clusters.unit_track, 0), np.where((clusters.unit_track >= 0) & (unit < 0), rest, 0.0)
-        )
-        of_units = np.bincount(np.maximum(unit, 0), np.where(unit >= 0, law, 0.0), len(own))[: len(own)]
-        parts = np.concatenate([own + of_units, scans, things])
-        used = parts[parts != 0]
-        spread = float(np.sqrt(np.sum((used - used.mean()) ** 2))) if len(used) else 0.0
-        found.append(Gain(float(beams.sum() + law.sum()), spread, len(used)))
+        known = fitter.random.informed(before.prediction, before.evidence)
+        law = _of_law(fitter, after, known) - _of_law(fitter, before, known)
+    scans = np.bincount(clusters.unit_scan[clusters.unit_scan >= 0], law[clusters.unit_scan >= 0])
+    things = np.where(clusters.unit_track >= 0, law, 0.0)
+    by_track = np.bincount(clusters.track, beams)
+    by_track = by_track + np.bincount(np.maximum(clusters.unit_track, 0), things, len(by_track))[: len(by_track)]
+    by_part = np.bincount(clusters.part, beams)
+    by_thing = np.bincount(np.maximum(clusters.unit_track, 0), things)
+    found = [Gain.of([by_track, scans]), Gain.of([by_part, scans, by_thing])]
     return max(found, key=lambda one: one.error)
 
 
-def _of_law(fitter: Fitter, fitted: Fitted) -> np.ndarray:
-    """(m,) log-densities of the random effects under their laws, up to a constant."""
+def _of_law(fitter: Fitter, fitted: Fitted, known: np.ndarray) -> np.ndarray:
+    """(m,) what each random effect adds to the marginal log-likelihood beside that of beams (Laplace).
+
+    Its log-density where it is, and half the log of how much narrower beams make it; `known` (m,) is what they tell.
+    """
     active = fitter.random.active(fitted.estimate)
     precision = np.where(active, fitter.random.precision(fitted.estimate), 1.0)
-    return np.where(active, -0.5 * fitted.estimate.u**2 * precision, 0.0)
+    return np.where(
+        active, -0.5 * fitted.estimate.u**2 * precision + 0.5 * np.log(precision / (precision + known)), 0.0
+    )
 
 
 def _of_neighbours(fitter: Fitter, fitted: Fitted) -> np.ndarray:

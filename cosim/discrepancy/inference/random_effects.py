@@ -301,6 +301,15 @@ class RandomEffects:
                 columns.append(found if quantity == one.quantity else empty)
         return {name: sparse.hstack(columns, format="csr") for name, columns in parts.items() if columns}
 
+    def informed(self, expected: Prediction, evidence: Evidence) -> np.ndarray:
+        """(m,) information of beams on each random effect, as if others were known."""
+        found = np.zeros(self.size)
+        everything = Estimate(np.zeros(self.size), np.ones(len(self.laws)))
+        for name, design in self.designs(expected, everything).items():
+            if name in evidence.information:
+                found += design.multiply(design).T @ evidence.information[name]
+        return found
+
     def updated(self, estimate: Estimate, known: SparseMatrix) -> Estimate:
         """Variances after one update: MacKay's fixed point (Neural Comput. 1992), traces by random probes.
 

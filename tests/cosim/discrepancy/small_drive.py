@@ -12,16 +12,16 @@ import yaml
 from assets.mesh import Mesh
 from assets.shapes import box, plate
 from cosim.discrepancy.data.checks import opened
-from cosim.discrepancy.data.frames import FrameTracer, in_order
-from cosim.discrepancy.inference.fit import all_free
-from cosim.discrepancy.settling import Settled, settle
+from cosim.discrepancy.data.frames import in_order
+from cosim.discrepancy.diagnose import case_of, given
+from cosim.discrepancy.state import Model, View, viewed
 from cosim.drives.kitti import PointRays, write_points, write_rays
 from cosim.drives.twin import Ego, Instance, Lidar, TwinFrame, read_glb, write_frame, write_glb, write_materials
 from cosim.drives.twin.scene import ego_motion, lidar_pose, scene_instances
 from sensors.effects.base import Effect
 from sensors.pattern import Pattern
 from sensors.scene import Scene
-from sensors.sensor_model import SensorModel, load_sensor
+from sensors.sensor_model import SensorModel
 
 PATTERN = Pattern(
     name="yard", sweep_s=0.1, firings=480, range_m=(0.9, 120.0), elevation_deg=tuple(np.linspace(2, -22, 24).tolist())
@@ -99,14 +99,11 @@ def make_yard(
     return Yard(drive, folder / "sensor.yaml")
 
 
-def settled(yard: Yard, effects: Sequence[Effect] | None = None, free: Sequence[int] = ()) -> Settled:
-    """A yard's drive fitted with effects, by default its sensor's own, of which those at some places are free."""
-    drive, sensor = opened(yard.drive), load_sensor(yard.sensor)
-    effects = in_order(sensor.effects if effects is None else effects)
-    tracer, names = FrameTracer(drive, sensor), tuple(drive.frames)
-    trace = lambda bent, leaning: tracer.trace_all(names, bent, leaning)  # noqa: E731
-    unknown = all_free(effects, free, sensor.pattern.rings)
-    return settle(tracer.trace_all(names, ()), trace, effects, unknown, seed=0)
+def viewed_yard(yard: Yard, effects: Sequence[Effect] | None = None, free: Sequence[int] = ()) -> View:
+    """All frames of a yard fitted with effects, by default its sensor's own, of which those at some places are free."""
+    case = case_of(opened(yard.drive), yard.sensor)
+    effects = given(case) if effects is None else in_order(effects)
+    return viewed(case, (*case.split.fit, *case.split.test), Model(effects, tuple(free)), case.settings.rows)
 
 
 def _world() -> Mesh:

@@ -8,12 +8,8 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from scipy import sparse
 
 from cosim.discrepancy import Diagnosis, diagnose
-from cosim.discrepancy.gate import Direction, Strays, compressed, run_gate
-from cosim.discrepancy.inference.clusters import Clusters, nearness
-from cosim.discrepancy.inference.columns import Column
 from cosim.discrepancy.inference.search import widening
 from cosim.discrepancy.inference.sector import crowded_sector
 from sensors.effects.backscatter import Backscatter
@@ -39,17 +35,6 @@ def test_the_sector_of_strays_is_found_also_across_the_seam(middle, width):
     found = crowded_sector(*_strays(middle, width, np.random.default_rng(5)))
     assert abs((found["azimuth_deg"] - middle + 180) % 360 - 180) < 1
     assert found["width_deg"] == pytest.approx(width, abs=1.5)
-
-
-def test_one_large_gain_does_not_drown_many_small_ones():
-    gain = np.append(np.full(14, 10.0), 4000.0)
-
-    def deviates(sums: np.ndarray) -> float:
-        return float(sums.sum() / np.sqrt((sums**2).sum()))
-
-    assert deviates(gain) < 1.2
-    assert deviates(compressed(gain)) > 3
-    assert np.array_equal(compressed(-gain), -compressed(gain))
 
 
 @pytest.mark.parametrize("coupling", [0.0, -0.6, 0.9])
@@ -94,21 +79,3 @@ def test_thin_fog_is_told_by_how_far_it_reaches(tmp_path: Path):
         low, high = found.effects[0].ci95[name]
         assert low < value < high
         assert high - low < value
-
-
-@pytest.mark.parametrize("crowded", [False, True])
-def test_strays_count_where_many_beams_are_but_not_where_one_place_is_off(crowded: bool):
-    """In cells that have ever fewer beams the farther they lie, as a sensor sees the ground."""
-    rng, scans = np.random.default_rng(2), 16
-    cells = np.column_stack([np.zeros(300), rng.uniform(-40, 40, (300, 2))])
-    beams = np.rint(6000 / (1 + np.hypot(*cells[:, 1:].T))).astype(int)
-    track = np.repeat(np.arange(300), beams)
-    expected = np.full(len(track), 2e-3)
-    nearby = np.hypot(*(cells[track, 1:] - [12.0, 12.0]).T) < 6
-    strays = rng.poisson(nearby * 0.05 if crowded else expected)
-    gain = 2.0 * strays - expected
-    form = Direction("", "", "a", Column({}), one_sided=True, gain=gain, strays=Strays(expected, 1.0, 1.0, 2.0))
-    scan = rng.integers(scans, size=len(track))
-    none = sparse.csr_matrix((len(track), 0))
-    verdict = run_gate([form], [], [], Clusters(track, scan, scan, nearness(cells)), (), none, rng)
-    assert (verdict.p_value < 0.01) != crowded
