@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cosim.cli.options import add_common, beside, say_notes, without_nan, write_json
+from cosim.cli.options import add_common, add_frames, beside, say_notes, without_nan, write_json
 from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
     from cosim.discrepancy.data.frames import TracedFrame
     from cosim.discrepancy.scores import FrameScores
-
-_SHOWN_FRAMES = 2  # beside the worst
 
 
 def add_command(commands: Any) -> None:
@@ -26,9 +24,7 @@ def add_command(commands: Any) -> None:
     )
     parser.add_argument("drive", type=Path, metavar="DRIVE", help="measured points with a twin")
     parser.add_argument("--sensor", required=True, metavar="FILE", help="sensor file, or the name of a built-in one")
-    parser.add_argument(
-        "--frames", metavar="NAMES|COUNT", help="names with commas between; or how many, evenly spread (default: all)"
-    )
+    add_frames(parser)
     parser.add_argument("--out", type=Path, metavar="PAGE_DIR", help="folder of the page (default: DRIVE-compare)")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
@@ -37,9 +33,10 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Compare frame by frame, then write the page."""
     from cosim.discrepancy import compare
-    from cosim.discrepancy.chosen import chosen_frames, evenly
+    from cosim.discrepancy.chosen import chosen_frames
     from cosim.discrepancy.data.checks import opened
-    from cosim.discrepancy.report import Gathered, format_comparison, write_page
+    from cosim.discrepancy.report import format_comparison
+    from cosim.report import write_page
     from sensors.sensor_model import load_sensor
 
     sensor, drive = load_sensor(options.sensor), opened(options.drive)
@@ -47,18 +44,16 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     folder = options.out or beside(options.drive, "compare")
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    gathered = Gathered(sensor.effects, evenly(names, _SHOWN_FRAMES))
     columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
         task = bar.add_task("", total=len(names))
 
         def on_frame(frame: TracedFrame, scores: FrameScores) -> None:
-            gathered(frame, scores)
             bar.advance(task)
 
         found = compare(drive, sensor, frames=names, on_frame=on_frame)
     command = f"cosim diagnose {options.drive} --sensor {options.sensor}"
-    page = write_page(folder, format_comparison(found, gathered.rows(), gathered.scans(), command))
+    page = write_page(folder, format_comparison(found, command))
     if not options.quiet:
         print(found)
     say_notes(found.notes, console)

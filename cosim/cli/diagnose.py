@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from cosim.cli.options import add_common, beside, say_notes, without_nan, write_json
+from cosim.cli.options import add_common, add_frames, beside, say_notes, without_nan, write_json
 from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def add_command(commands: Any) -> None:
         metavar="PATH.py:CLASS",
         help="an effect of your own to ask for beside the catalogue; may be given more than once",
     )
+    add_frames(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the page (default: DRIVE-diagnosis)")
     parser.add_argument(
         "--sensor-out", type=Path, metavar="FILE", help="the improved sensor (default: sensor.yaml beside the page)"
@@ -42,24 +43,28 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Diagnose, then write the improved sensor and the page."""
     from cosim.discrepancy import diagnose
+    from cosim.discrepancy.chosen import chosen_frames
     from cosim.discrepancy.data.checks import opened
-    from cosim.discrepancy.report import format_diagnosis, write_page
+    from cosim.discrepancy.report import explored_of, format_diagnosis, left_words
     from cosim.discrepancy.report.sentences import Vocabulary, headline
+    from cosim.report import write_page
     from sensors.sensor_model import load_sensor
 
     sensor, drive = load_sensor(options.sensor), opened(options.drive)
     extra = [_asked_for(text) for text in options.effect]
+    names = tuple(sorted(chosen_frames(drive, options.frames))) if options.frames else None
     folder = options.out or beside(options.drive, "diagnosis")
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
     with console.status("reading the drive") as status:
-        found = diagnose(drive, sensor, extra=extra, on_progress=status.update)
+        found = diagnose(drive, sensor, frames=names, extra=extra, on_progress=status.update)
     sensor_out = found.write_sensor(options.sensor_out or folder / "sensor.yaml")
     found = replace(found, sensor_out=os.path.relpath(sensor_out))
     words = Vocabulary(extra)
-    page = write_page(folder, format_diagnosis(found, words, str(options.drive), str(options.sensor)))
+    explored = explored_of(found)
+    page = write_page(folder, format_diagnosis(found, words, str(options.drive), str(options.sensor), explored))
     if not options.quiet:
-        print(headline(found, words))
+        print(headline(found, words, left_words(explored)))
     say_notes(found.notes, console)
     console.print(f"{page}; the improved sensor: {found.sensor_out}", soft_wrap=True, highlight=False)
     write_json(options.json, without_nan(found.to_json()))

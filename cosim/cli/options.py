@@ -22,6 +22,13 @@ def add_common(parser: argparse.ArgumentParser, *, computes: bool = False) -> No
         parser.add_argument("--json", type=Path, metavar="FILE", help="also write the result as JSON")
 
 
+def add_frames(parser: argparse.ArgumentParser) -> None:
+    """`--frames`: which frames of a drive take part; see `cosim.discrepancy.chosen`."""
+    parser.add_argument(
+        "--frames", metavar="NAMES|COUNT", help="names with commas between; or how many, evenly spread (default: all)"
+    )
+
+
 def say_notes(notes: Iterable[str], console: Console) -> None:
     """What could not be known, a line each."""
     for note in notes:

@@ -47,9 +47,9 @@ def at_least(name: str, value: int | None, least: int) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Simulate, compare, then write the page."""
-    from cosim.discrepancy.report import write_page
     from cosim.driver_discrepancy import traffic_compare
     from cosim.driver_discrepancy.page import format_comparison
+    from cosim.report import write_page
 
     at_least("seeds", options.seeds, 2)
     at_least("workers", options.workers, 1)

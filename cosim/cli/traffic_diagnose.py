@@ -34,11 +34,11 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Diagnose, then write the improved configuration and the page."""
-    from cosim.discrepancy.report import write_page
     from cosim.driver_discrepancy import traffic_diagnose
     from cosim.driver_discrepancy.config_out import write_config
     from cosim.driver_discrepancy.page import format_diagnosis
     from cosim.driver_discrepancy.sentences import headline
+    from cosim.report import write_page
 
     at_least("seeds", options.seeds, 4)
     at_least("workers", options.workers, 1)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.discrepancy.aligned import Judged
 from cosim.discrepancy.budget import Budget, budget_of_view
 from cosim.discrepancy.candidates import with_rings
 from cosim.discrepancy.data.checks import check_fit, opened
@@ -44,6 +45,7 @@ class Comparison:
         notes: what could not be known, a sentence each.
         budget: where the error comes from; None where it was not asked for.
         scores: of each frame, beam by beam, if they were to be kept.
+        judged: the frames of the budget at the poses as given and aligned, for pages.
     """
 
     drive: str
@@ -55,6 +57,7 @@ class Comparison:
     notes: tuple[str, ...]
     budget: Budget | None = None
     scores: Mapping[str, FrameScores] = field(default_factory=dict)
+    judged: Judged | None = None
 
     @property
     def error(self) -> float:
@@ -127,11 +130,21 @@ class Comparison:
     def __str__(self) -> str:
         if self.at_floor and self.floor:
             return f"error {self.error:.3f}: at the floor ({self.floor.error:.3f})"
-        floor = f", noise floor {self.floor.error:.3f}" if self.floor else ""
         worst = f"; worst: {self.slices[0]}" if self.slices else ""
         if next(iter(self.excess), "") == "spurious":
             worst = f"; worst: {self.totals.spurious / self.totals.frames:,.0f} spurious points a frame"
-        return f"error {self.error:.3f}{floor}{worst}"
+        return f"error {self.error:.3f}{self._sources()}{worst}"
+
+    def _sources(self) -> str:
+        """How far the error stands above the floor, and what it is made of."""
+        from cosim.discrepancy.report.sentences import source_words, times
+
+        if self.budget is not None and self.budget.floor:
+            floor, aligned = self.budget.floor, self.budget.error_aligned / self.budget.floor
+            made = source_words(self.parts, floor, is_complete=False)
+            said = f", {times(self.error / floor)} the noise floor ({floor:.3f}){made and f': {made}'}"
+            return f"{said}; aligned {times(aligned)}"
+        return f", noise floor {self.floor.error:.3f}" if self.floor else ""
 
 
 def compare(
@@ -185,6 +198,7 @@ def compare(
         if on_frame is not None:
             on_frame(traced, scores)
     total = sum(by_frame.values(), Totals())
+    made_of, judged = _budget(tracer, model, effects, aligned, seed)
     return Comparison(
         drive=str(drive.root),
         sensor=model.origin,
@@ -195,19 +209,21 @@ def compare(
         notes=drive_notes(
             drive, frames=total.frames, bad=total.bad, strays=total.strays, has_intensity=bool(total.lit)
         ),
-        budget=_budget(tracer, model, effects, aligned, seed),
+        budget=made_of,
         scores=kept,
+        judged=judged,
     )
 
 
 def _budget(
     tracer: FrameTracer, model: SensorModel, effects: Sequence[Effect], frames: Sequence[TracedFrame], seed: int
-) -> Budget | None:
-    """Where the error of some frames comes from; None where nothing can be compared."""
+) -> tuple[Budget | None, Judged | None]:
+    """Where the error of some frames comes from, and these frames; None where nothing can be compared."""
     if not frames or not any((one.observed.returned & one.observed.trusted).any() for one in frames):
-        return None
+        return None, None
     names = tuple(one.name for one in frames)
     case = Case(model, tracer, Split(names, names), (), DEFAULT, seed, _LOG.debug)
     own = with_rings(effects, model.pattern.rings)
     view = viewed(case, names, Model(own), DEFAULT.rows, traced=tuple(frames))
-    return budget_of_view(case, view, own)
+    budget, one = budget_of_view(case, view, own)
+    return budget, Judged(one, one, before_parts=())

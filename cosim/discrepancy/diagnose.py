@@ -204,7 +204,7 @@ def concluded(case: Case, state: State) -> Diagnosis:
         tested = [*screened(case, state), *screened_pairs(case, state)]
     case.say("measuring errors on frames that took no part")
     told = intervals(state.view.fitter, state.view.fitted) if state.view.fitted.free else {}
-    budget = budget_of(case, state, _steps(case, state))
+    budget, judged = budget_of(case, state, _steps(case, state))
     findings, unknowns = [], []
     for number, one in enumerate(state.found):
         place = _place(state, one.effect)
@@ -228,6 +228,7 @@ def concluded(case: Case, state: State) -> Diagnosis:
         split=case.split,
         spreads=_spreads(state),
         notes=_notes(case, state),
+        judged=judged,
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from cosim.discrepancy.aligned import Judged
 from cosim.discrepancy.budget import Budget
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.labels.diagnose import LabelFinding
@@ -81,6 +82,7 @@ class Diagnosis:
         spreads: standard deviations of what is merely not known of the drive, by name with its unit.
         labels: what labelled boxes say, where there are any; a missing label effect is in the improved model.
         notes: what the drive does not let one know, a sentence each.
+        judged: the judging frames under the model as given and as it ends, for pages.
     """
 
     effects: tuple[Finding, ...]
@@ -95,6 +97,7 @@ class Diagnosis:
     sensor_out: str | None = None
     labels: LabelFinding | None = None
     notes: tuple[str, ...] = ()
+    judged: Judged | None = None
 
     @property
     def verdict(self) -> Literal["none", "missing", "ambiguous", "unknown"]:
@@ -105,7 +108,9 @@ class Diagnosis:
             return "ambiguous"
         if self.effects:
             return "missing"
-        return "unknown" if self.unexplained else "none"
+        if self.unexplained:
+            return "unknown"
+        return "missing" if self.labels is not None and self.labels.verdict == "missing" else "none"
 
     @property
     def unknown(self) -> Shape | None:

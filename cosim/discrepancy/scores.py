@@ -45,6 +45,7 @@ class FrameScores:
         range_score, intensity_score: (n,) CRPS; NaN where not matched.
         brier: (n,) fair Brier score of returning; NaN where ambiguous.
         foreseen: expected number of spurious returns.
+        stray: (n,) expected share of them by beam; 0 where ambiguous.
     """
 
     range_m: np.ndarray
@@ -59,6 +60,7 @@ class FrameScores:
     intensity_score: np.ndarray
     brier: np.ndarray
     foreseen: float
+    stray: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,6 +221,7 @@ def scored(
         ),
         brier=np.where(ambiguous, np.nan, brier),
         foreseen=float((strays & ~ambiguous).sum() / members),
+        stray=np.where(ambiguous, 0.0, strays.mean(0)),
     )
 
 

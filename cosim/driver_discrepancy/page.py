@@ -7,9 +7,6 @@ from html import escape
 
 import numpy as np
 
-from cosim.discrepancy.report.phrases import p_cell
-from cosim.discrepancy.report.ranking_table import ranking_section
-from cosim.discrepancy.report.style import STYLE
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS
 from cosim.driver_discrepancy.comparison import UNIT_OF, Row, TrafficComparison
 from cosim.driver_discrepancy.diagnosis import TrafficDiagnosis, TrafficFinding
@@ -23,6 +20,9 @@ from cosim.driver_discrepancy.sentences import (
 )
 from cosim.driver_discrepancy.summary import HEADWAY_BINS, LATERAL_BINS, SPEED_BINS, Summary
 from cosim.report.html import document
+from cosim.report.phrases import p_cell
+from cosim.report.ranking_table import ranking_section
+from cosim.report.style import STYLE
 from cosim.stats.plot import Axis, Plot
 
 _AREAS = ".area { opacity: .22; } .area.a { fill: var(--a); }"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from cosim.discrepancy.report.phrases import as_sure, p_words
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS
 from cosim.driver_discrepancy.diagnosis import TrafficDiagnosis, TrafficFinding
+from cosim.report.phrases import as_sure, p_words
 
 _NEEDED = ("speeding", "short_gap", "lane_offset")
 

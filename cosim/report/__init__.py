@@ -1,1 +1,21 @@
-"""What every page is made of."""
+"""What every page is made of: the document, its style, tables, meters, bars, legends, buttons, words."""
+
+from cosim.report.html import document
+from cosim.report.parts import button, facts, figure, legend, meter, notes_section, section, table
+from cosim.report.stacked_bar import Piece, stacked_bar
+from cosim.report.write import write_page
+
+__all__ = [
+    "Piece",
+    "button",
+    "document",
+    "facts",
+    "figure",
+    "legend",
+    "meter",
+    "notes_section",
+    "section",
+    "stacked_bar",
+    "table",
+    "write_page",
+]

@@ -115,6 +115,24 @@ class Plot:
             f'style="image-rendering:auto" href="data:image/png;base64,{data}"/>'
         )
 
+    def target(self, x: tuple[float, float], words: str, **data: str) -> None:
+        """An upright strip between two values that can be clicked; `words` are read out and shown above it."""
+        (x0, x1), _ = self._pixels(np.array(x), np.zeros(2))
+        told = "".join(f' data-{name.replace("_", "-")}="{escape(value)}"' for name, value in data.items())
+        _, top, _, bottom = self._frame
+        self._parts.append(
+            f'<rect class="target" x="{x0:.1f}" y="{top}" width="{max(x1 - x0, 1):.1f}" height="{bottom - top}" '
+            f'tabindex="-1" role="button" aria-label="{escape(words)}"{told}><title>{escape(words)}</title></rect>'
+        )
+
+    def tile(self, x: tuple[float, float], y: tuple[float, float], colour: str, words: str) -> None:
+        """A filled rectangle between values of the axes; `words` are shown above it."""
+        (x0, x1), (y1, y0) = self._pixels(np.array(x), np.array(y))
+        self._parts.append(
+            f'<rect x="{x0:.1f}" y="{y0:.1f}" width="{x1 - x0 + 0.3:.1f}" height="{y1 - y0 + 0.3:.1f}" fill="{colour}">'
+            f"<title>{escape(words)}</title></rect>"
+        )
+
     def note(self, x: float, y: float, text: str, style: str = "value", anchor: str = "middle") -> None:
         """Words at values of the axes."""
         px, py = self._pixels(np.array([x]), np.array([y]))

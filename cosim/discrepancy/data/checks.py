@@ -7,14 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
-from cosim.discrepancy.data.observation import Observed
 from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
 
 _AGREES_M, _AGREES_UNSAID_M = 0.5, 3.0
 _FEWEST_SHARE = 0.35
 _UPRIGHT, _NEAR_M, _FEWEST_UPRIGHT, _FEWEST_STANDING = 0.5, 1.0, 300, 0.5
-_BRIGHTEST, _MOST_BEAMS = 1.001, 0.99
 
 
 def opened(drive: Drive | str | Path) -> Drive:
@@ -42,7 +40,6 @@ def check_fit(frame: TracedFrame, drive: Drive) -> None:
         DriveError: too few points lie where the twin says; the measured misfit is told.
     """
     solid, observed = frame.shot.hits.solid, frame.observed
-    _check_brightness(observed, drive)
     usable = observed.returned & observed.trusted
     if not usable.any():
         raise DriveError(
@@ -67,14 +64,4 @@ def check_fit(frame: TracedFrame, drive: Drive) -> None:
             f"{drive.root}: the twin does not fit frame {frame.name}: only {share:.0%} of points on what stands "
             f"upright in it lie within {_NEAR_M:g} m, the median is {np.median(standing):.2f} m off; "
             "check which frame is which"
-        )
-
-
-def _check_brightness(observed: Observed, drive: Drive) -> None:
-    intensity = observed.intensity[np.isfinite(observed.intensity)]
-    bright = float(np.quantile(intensity, _MOST_BEAMS)) if len(intensity) else 0.0
-    if bright > _BRIGHTEST:
-        raise DriveError(
-            f"{drive.root}: intensities reach {intensity.max():g}, and are 0–1 in velodyne/; "
-            "divide them, by 255 if they are bytes"
         )

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cosim.discrepancy.data.ambiguity import Neighbours, widened
-from cosim.discrepancy.data.observation import Observed, observe, upwards
+from cosim.discrepancy.data.observation import Observed, intensity_unit, observe, upwards
 from cosim.discrepancy.labelled_twin.trust import read_trust
 from cosim.drives.kitti import Drive, Frame
 from cosim.drives.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
@@ -106,13 +106,17 @@ class FrameTracer:
 
     Args:
         drive: with points and a twin.
-        pattern_of: the sensor; its pattern is what points are sorted onto.
+        sensor: its pattern is what points are sorted onto.
+
+    Raises:
+        DriveError: intensities are neither 0–1 nor bytes.
     """
 
     def __init__(self, drive: Drive, sensor: SensorModel) -> None:
         self.drive = drive
         self.sensor = sensor
         self._scenes = TwinScenes(drive)
+        self._unit = intensity_unit(drive)
         self._rays: Rays = sensor.pattern.rays()
         self._neighbours = Neighbours(self._rays)
         self._tracers = TracerCache(sensor.pattern.range_m)
@@ -125,7 +129,7 @@ class FrameTracer:
         instances, ego, pattern = scene_instances(twin.instances), ego_motion(twin), self.sensor.pattern
         pose = lidar_pose(twin) @ _moved(leaning)
         world = World(self._scenes.of(frame), pose, instances, ego, pattern.range_m, self._tracers)
-        observed = observe(frame, pattern, self._rays)
+        observed = observe(frame, pattern, self._rays, self._unit)
         before = Shot(pattern, observed.rays, world=world, frame_time_s=twin.time_s)
         streams = Streams(np.random.default_rng(0))
         beams = act_on_beams(in_order(effects), Beams.nominal(observed.rays), before, streams, self.sensor.origin)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-FEWEST_SCANS = 3  # of which the spread of pose errors tells anything
+from cosim.discrepancy.data.observation import intensity_unit
 from cosim.drives.kitti import Drive
 
+FEWEST_SCANS = 3  # of which the spread of pose errors tells anything
 _NO_MATTER = ("image_", "depth_", "semantic_", "instance_", "label_2", "oxts", "hits")
 
 
@@ -24,6 +25,8 @@ def drive_notes(drive: Drive, *, frames: int, bad: int, strays: int, has_intensi
         said.append(f"{bad} points with NaN or infinity were left out")
     if strays:
         said.append(f"{strays} points fit no beam of the sensor's pattern and were left out")
+    if (unit := intensity_unit(drive)) != 1:
+        said.append(f"intensities are bytes: they were divided by {unit:g}")
     if not has_intensity:
         said.append("there are no intensities: that channel is left out")
     if frames == 1:

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.drives.kitti import Frame, PointRays
+from cosim.drives.kitti import Drive, Frame, PointRays
+from cosim.errors import DriveError
 from sensors.pattern import Pattern
 from sensors.rays import Rays
 
+_BRIGHTEST, _BYTE, _MOST_POINTS, _ASKED = 1.001, 255.0, 0.99, 3
 _HALF_SLOT = 0.5001  # of an azimuth step: farther from a firing's azimuth no point belongs to it
 
 
@@ -58,13 +60,33 @@ class Observed:
         return self.above_m - np.einsum("ij,ij->i", origin, upwards(self.rays.direction))
 
 
-def observe(frame: Frame, pattern: Pattern, rays: Rays) -> Observed:
+def intensity_unit(drive: Drive) -> float:
+    """By what intensities of a drive are divided to be 0–1: 1, or 255 where they are bytes, as its first scans tell.
+
+    Raises:
+        DriveError: they reach beyond a byte.
+    """
+    for name in drive.frames[:_ASKED]:
+        intensity = drive[name].points[:, 3]
+        told = intensity[np.isfinite(intensity)]
+        bright = float(np.quantile(told, _MOST_POINTS)) if len(told) else 0.0
+        if bright > _BYTE:
+            raise DriveError(
+                f"{drive.root}: intensities in velodyne/ reach {told.max():g}, but are 0–1 or bytes, 0–255; divide them"
+            )
+        if bright > _BRIGHTEST:
+            return _BYTE
+    return 1.0
+
+
+def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0) -> Observed:
     """Sort the points of a frame onto the beams of a pattern by ring and azimuth.
 
     Args:
         frame: with points; rings and azimuths are recovered where it has no `rays/`.
         pattern: of the sensor.
         rays: of the pattern.
+        unit: by what intensities are divided, see `intensity_unit`.
     """
     points, of = frame.points, frame.rays
     row, fits = _beams(of, pattern)
@@ -80,7 +102,7 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays) -> Observed:
     along[first] = np.einsum("ij,ij->i", xyz, direction)
     above[first] = np.einsum("ij,ij->i", xyz, upwards(direction))
     if frame.has_intensity:
-        intensity[first] = points[used, 3]
+        intensity[first] = points[used, 3] / np.float32(unit)
     row_of = np.full(len(rays), -1, np.int64)
     row_of[first] = used
     seconds = int(np.count_nonzero(of.return_no))

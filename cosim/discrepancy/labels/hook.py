@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def with_labels(found: Diagnosis, drive: Drive) -> Diagnosis:
     """A diagnosis with its labels looked at; a missing label effect goes into the improved sensor.
 
-    The verdict stays that of the points, unless they lack nothing.
+    The verdict stays that of the points, unless these lack nothing.
     """
     if not any(drive[name].has("label_2") for name in drive.frames):
         return found
@@ -27,4 +27,4 @@ def with_labels(found: Diagnosis, drive: Drive) -> Diagnosis:
     model = found.sensor
     others = tuple(one for one in model.effects if not isinstance(one, BoxShrink))
     sensor = SensorModel(model.pattern, (*others, labels.effect), model.origin)
-    return replace(found, labels=labels, sensor=sensor, verdict="missing" if found.verdict == "none" else found.verdict)
+    return replace(found, labels=labels, sensor=sensor)

@@ -1,4 +1,4 @@
-"""The page of `cosim compare`: how far, where, what it depends on, and what could not be known."""
+"""The page of `cosim compare`: how far, where that comes from, where it is worst, and what it depends on."""
 
 from __future__ import annotations
 
@@ -6,90 +6,124 @@ from collections.abc import Sequence
 from html import escape
 
 from cosim.discrepancy.compare import Comparison
-from cosim.discrepancy.report.cloud import clouds
-from cosim.discrepancy.report.gathered import Rows, Scan
-from cosim.discrepancy.report.notes_section import notes_section
-from cosim.discrepancy.report.residual_charts import CHANNELS, WORDS, ChannelOf, ResidualChart, residual_charts
-from cosim.discrepancy.report.residual_image import legend, limit_of, residual_svg
-from cosim.discrepancy.report.style import STYLE
+from cosim.discrepancy.report.budget_section import budget_section
+from cosim.discrepancy.report.explorer_section import EXPLORER_STYLE, Explored, explorer_section
+from cosim.discrepancy.report.residual_charts import CHANNELS, Chart
+from cosim.discrepancy.report.sentences import source_words, times
 from cosim.discrepancy.scores import SCALES
 from cosim.discrepancy.slices import Slice
-from cosim.report.html import document
+from cosim.report import document, facts, meter, notes_section, section, table
 
-_CHANNEL_WORDS = {"range": "ranges", "intensity": "intensities", "drop": "returns", "spurious": "spurious points"}
+_SCANS = 3
+_SIDES = ("at the poses as given", "poses, objects and the map aligned")
+_CHANNEL_WORDS = {"range": "ranges", "intensity": "intensities", "drop": "returns", "spurious": "stray points"}
 _WORTH_A_WORD = 0.05  # share of the excess
-_CLEAR = {"cm": 0.1, "": 0.003, "%": 0.3}  # dependences below this are not worth a word
+_WHY = {"unexplained": "left once all is aligned: the sensor model’s, or of poses and objects not known well enough"}
 
 
-def format_comparison(found: Comparison, rows: Rows, scans: Sequence[Scan], command: str) -> str:
+def format_comparison(found: Comparison, command: str, explored: Explored | None = None) -> str:
     """The HTML text.
 
     Args:
         found: the comparison.
-        rows: for the charts.
-        scans: frames shown whole.
         command: what to run next, to be copied.
+        explored: beams of the compared frames; gathered from the comparison by default.
     """
-    charts = {channel.title: residual_charts(rows, channel) for channel in CHANNELS}
-    title = f"{escape(found.sensor)} against {escape(found.drive)}"
+    explored = explored or Explored.of(found.judged, _SCANS)
+    title = f"{found.sensor} against {found.drive}"
+    text = (
+        "Before: at the poses as given. After: with errors of poses, objects and the map taken out as far as a fit "
+        "knows them; what is left then is the sensor’s. Bands are 95 % intervals of means of equally filled bins; what "
+        "beams of a frame, or of a sector of it, share is in them. <b>Click a bin to see its beams.</b>"
+    )
     sections = [
-        f"<header><h1>{title}</h1>{_verdict(found, charts, command)}{_figures(found)}</header>",
+        f"<header><h1>{escape(title)}</h1>{_verdict(found, explored, command)}{_figures(found)}</header>",
+        _budget(found),
         _slices(found.slices),
-        _frames(list(scans)),
-        *(_dependences(channel, charts[channel.title]) for channel in CHANNELS),
+        explorer_section(explored, _SIDES, text=text),
         _notes(found),
     ]
-    return document(f"{found.sensor} against {found.drive}", sections, style=STYLE, generator="cosim compare")
+    return document(title, sections, style=EXPLORER_STYLE, generator="cosim compare")
 
 
-def _verdict(found: Comparison, charts: dict[str, list[ResidualChart]], command: str) -> str:
+def _verdict(found: Comparison, explored: Explored | None, command: str) -> str:
     run = f'<p class="next">What is missing: <code>{escape(command)}</code></p>'
     if found.floor is None:
         return f'<p class="verdict">Error {found.error:.3g}; what noise alone would make is not known.</p>{run}'
-    floor = found.floor.error
+    aligned = found.budget is not None and found.error > 2 * found.budget.error_aligned
+    floor = found.budget.floor if found.budget and found.budget.floor else found.floor.error
+    sources = source_words(found.parts, floor, is_complete=False) if found.parts else ""
+    made = f": {sources}" if sources else ""
     if found.at_floor:
+        what = "Once poses, objects and the map are aligned the" if aligned else "The"
+        error = found.budget.error_aligned if aligned and found.budget else found.error
         said = (
-            f'<span class="good">At the noise floor.</span> The error {found.error:.3g} is what noise alone makes '
+            f'<span class="good">At the noise floor.</span> {what} error {error:.3g} is what noise alone makes '
             f"({floor:.3g}): by this number the model is as good as these measurements can tell."
         )
+        said += f" As poses are given it is {found.error:.3g}{made}." if aligned else ""
         small = (
             f'<p class="next">Small effects can hide in noise; this asks for them: <code>{escape(command)}</code></p>'
         )
-        return f'<p class="verdict">{said}</p>{small}'
+        return f'<p class="verdict">{said}</p>{_dependences(explored)}{small}'
     above = found.error / floor if floor > 0 else float("inf")
-    share = f"{above - 1:.0%} above" if above < 2 else f"{above:.1f} times"
     said = '<span class="bad">Above the noise floor.</span> '
-    said += f"The error {found.error:.3g} is {share} what noise alone makes ({floor:.3g})."
+    said += f"The error {found.error:.3g} is {times(above)} what noise alone makes ({floor:.3g}){made}."
+    if found.error_aligned is not None and found.budget and found.budget.floor:
+        ratio = times(found.error_aligned / found.budget.floor)
+        said += f" Aligned it is {found.error_aligned:.3g}, {ratio} its floor."
+    more = f'<p class="sources">{_excess(found)}</p>{_dependences(explored)}'
     if found.slices:
-        run = f'<p class="next">Worst place: {escape(str(found.slices[0]))}.</p>{run}'
-    return f'<p class="verdict">{said}{_excess(found, charts)}</p>{run}'
+        run = f'<p class="next">Worst place, at the poses as given: {escape(str(found.slices[0]))}.</p>{run}'
+    return f'<p class="verdict">{said}</p>{more}{run}'
 
 
-def _excess(found: Comparison, charts: dict[str, list[ResidualChart]]) -> str:
-    """The channels in which the error lies above the floor, with what is off in each."""
+def _excess(found: Comparison) -> str:
+    """The channels in which the error lies above the floor, with what is off in each on average."""
     excess = found.excess
     total = sum(excess.values())
     order = [name for name in excess if excess[name] > _WORTH_A_WORD * total]
-    said = [
-        f"<b>{_CHANNEL_WORDS[name]}</b> ({excess[name] / total:.0%}): {_off(name, found, charts)}" for name in order
-    ]
-    return f" The excess lies in {'; '.join(said)}." if said else ""
+    said = [f"<b>{_CHANNEL_WORDS[name]}</b> ({excess[name] / total:.0%}): {_off(name, found)}" for name in order]
+    return f"At the poses as given the excess lies in {'; '.join(said)}." if said else ""
 
 
-def _off(name: str, found: Comparison, charts: dict[str, list[ResidualChart]]) -> str:
+def _off(name: str, found: Comparison) -> str:
     t = found.totals
-    if name == "spurious":
-        return f"{t.spurious / t.frames:,.0f} points a frame where the model has {t.foreseen / t.frames:,.0f}"
-    channel = CHANNELS[("range", "intensity", "drop").index(name)]
-    mean = {
+    return {
         "range": f"on average {100 * t.signed / max(t.matched, 1):+.2f} cm",
         "intensity": f"on average {t.intensity_signed / max(t.lit, 1) + 0.0:+.3f}",
         "drop": f"{t.dropped / t.frames:,.0f} lost a frame where the model loses {t.foreseen_drops / t.frames:,.0f}",
+        "spurious": f"{t.spurious / t.frames:,.0f} points a frame where the model has {t.foreseen / t.frames:,.0f}",
     }[name]
-    leading = [chart for chart in charts[channel.title] if chart.strength > _CLEAR[channel.unit]][:1]
-    return ", ".join(
-        [mean, *(f"varying with {WORDS[one.covariate]} ({_reach(one.strength, channel)})" for one in leading)]
+
+
+def _dependences(explored: Explored | None) -> str:
+    """What residuals still depend on once all is aligned, the strongest of each channel."""
+    first: dict[str, Chart] = {}
+    for one in explored.left if explored else ():
+        if one.channel.name not in first or one.after.size > first[one.channel.name].after.size:
+            first[one.channel.name] = one
+    said = [
+        f"{_CHANNEL_WORDS[name]} by {one.bins.shown.words.split(',')[0]} (±{CHANNELS[name].said(one.after.size)})"
+        for name, one in first.items()
+    ]
+    if not said:
+        return ""
+    links = f'<a href="#residuals">{escape(", ".join(said))}</a>'
+    return f'<p class="sources"><span class="warn">Left once all is aligned</span>: {links}.</p>'
+
+
+def _budget(found: Comparison) -> str:
+    if found.budget is None or found.judged is None:
+        return ""
+    frames = (
+        f"{len(found.judged)} of {found.totals.frames} frames"
+        if len(found.judged) < found.totals.frames
+        else "all frames"
     )
+    text = f"The error, and what it is made of in the shares that {frames} tell."
+    parts = {name: value for name, value in found.parts.items() if name != "missing"}
+    return budget_section(parts, text=text, why=_WHY)
 
 
 def _figures(found: Comparison) -> str:
@@ -117,27 +151,20 @@ def _figures(found: Comparison) -> str:
         ("Lost returns", f"{found.totals.dropped / found.totals.frames:,.0f} <small>a frame</small>"),
         ("Spurious", f"{json['spurious']['per_frame']:,.1f} <small>a frame</small>"),
     ]
-    cells = "".join(
-        f"<div><dt>{escape(name[0].upper() + name[1:])}</dt><dd>{value}</dd></div>" for name, value in items
-    )
     how = "The error is the mean of the scores; each is a mean over beams in units of its scale."
-    return f"<dl>{cells}</dl><p>{how}</p>"
+    return f"{facts((name[0].upper() + name[1:], value) for name, value in items)}<p>{how}</p>"
 
 
 def _slices(slices: Sequence[Slice]) -> str:
-    if not slices:
-        return ""
-    rows = "".join(
-        f'<tr><th>{escape(one.where)}</th><td class="words">{one.channel}</td><td>{_residual(one)}</td>'
-        f"<td>{_spread(one)}</td><td>{one.beams:,}</td>"
-        f'<td><span class="meter"><i style="width:{min(100 * one.share, 100):.1f}%"></i></span> '
-        f"{one.share:.1%}</td></tr>"
+    rows = [
+        [
+            escape(one.where), one.channel, _residual(one), _spread(one), f"{one.beams:,}",
+            f"{meter(one.share)} {one.share:.1%}",
+        ]
         for one in slices
-    )
-    return (
-        "<section><h2>Where it is worst</h2><table><thead><tr><th></th><th></th><th>mean residual</th><th>spread</th>"
-        f"<th>beams</th><th>share of the channel’s error</th></tr></thead><tbody>{rows}</tbody></table></section>"
-    )
+    ]  # fmt: skip
+    heads = ["", "", "mean residual", "spread", "beams", "share of the channel’s error"]
+    return section("Where it is worst", table(heads, rows, words=(1,)), text="At the poses as given." if rows else "")
 
 
 def _residual(one: Slice) -> str:
@@ -150,64 +177,6 @@ def _residual(one: Slice) -> str:
 
 def _spread(one: Slice) -> str:
     return {"range": f"{100 * one.spread:.2f} cm", "drop": "", "intensity": f"{one.spread:.4f}"}[one.channel]
-
-
-def _frames(scans: list[Scan]) -> str:
-    if not scans:
-        return ""
-    limit_m = limit_of(scans)
-    buttons = "".join(
-        f'<button data-show="{escape(scan.name)}" aria-pressed="{str(row == 0).lower()}">frame {escape(scan.name)}: '
-        f"error {scan.error:.3f}{', the worst' if row == 0 and len(scans) > 1 else ''}</button>"
-        for row, scan in enumerate(scans)
-    )
-    pictures = "".join(
-        f'<div data-frame="{escape(scan.name)}"{"" if row == 0 else " hidden"}>{residual_svg(scan, limit_m)}</div>'
-        for row, scan in enumerate(scans)
-    )
-    return (
-        f'<section><h2>Range residuals, beam by beam</h2><div class="frames">{buttons}</div>'
-        '<figure class="full"><figcaption><h3>The scan as its sensor took it</h3>'
-        f"<p>A row a ring, 0 on top; the front in the middle.</p></figcaption>"
-        f"{pictures}{legend(limit_m)}</figure>{clouds(scans, limit_m)}</section>"
-    )
-
-
-def _dependences(channel: ChannelOf, charts: Sequence[ResidualChart]) -> str:
-    if not charts:
-        return ""
-    telling = [chart for chart in charts if max(chart.strength, chart.apparent) > _CLEAR[channel.unit]]
-    flat = [chart for chart in charts if chart not in telling]
-    shown = f'<div class="charts">{_drawn(telling, channel)}</div>' if telling else ""
-    if flat:
-        names = ", ".join(WORDS[chart.covariate] for chart in flat)
-        shown += f"<details><summary>no dependence beyond chance on {names}</summary>"
-        shown += f'<div class="charts">{_drawn(flat, channel)}</div></details>'
-    return (
-        f"<section><h2>{channel.title}: what the residual depends on</h2><p>{channel.signs} Means of equally filled "
-        "bins with 95 % bands that allow for errors which the beams of one frame share; strongest first, one scale."
-        f"</p>{shown}</section>"
-    )
-
-
-def _drawn(charts: Sequence[ResidualChart], channel: ChannelOf) -> str:
-    return "".join(
-        f"<figure><figcaption><h3>against {WORDS[chart.covariate]}</h3><p>{_caption(chart, channel)}</p></figcaption>"
-        f"{chart.svg}</figure>"
-        for chart in charts
-    )
-
-
-def _caption(chart: ResidualChart, channel: ChannelOf) -> str:
-    if chart.strength > _CLEAR[channel.unit]:
-        return f"varies by {_reach(chart.strength, channel)}"
-    if chart.apparent > _CLEAR[channel.unit]:
-        return f"varies by {_reach(chart.apparent, channel)}, but no more than these few frames differ"
-    return "no dependence beyond chance"
-
-
-def _reach(size: float, channel: ChannelOf) -> str:
-    return f"±{size:.1f} {channel.unit}" if channel.unit else f"±{size:.3f}"
 
 
 def _notes(found: Comparison) -> str:

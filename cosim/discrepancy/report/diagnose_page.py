@@ -1,4 +1,4 @@
-"""The page of `cosim diagnose`: the verdict, the falling error, what was found, and what else it could be."""
+"""The page of `cosim diagnose`: the verdict, where the error comes from, what was found, and what is left."""
 
 from __future__ import annotations
 
@@ -9,107 +9,144 @@ import numpy as np
 from scipy import stats
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
+from cosim.discrepancy.report.bins import shown
+from cosim.discrepancy.report.budget_section import budget_section
 from cosim.discrepancy.report.confusions import separations
-from cosim.discrepancy.report.notes_section import notes_section
-from cosim.discrepancy.report.phrases import listed, p_cell
-from cosim.discrepancy.report.ranking_table import ranking_section
+from cosim.discrepancy.report.explorer_section import EXPLORER_STYLE, Explored, explorer_section
 from cosim.discrepancy.report.sentences import (
     Vocabulary,
-    error_words,
+    budget_words,
+    channel_words,
     floor_words,
-    map_words,
     smallest_rows,
     smallest_words,
+    spread_words,
     unexplained_words,
     unknown_words,
 )
-from cosim.discrepancy.report.style import STYLE
+from cosim.discrepancy.report.unexplained_section import unexplained_section
 from cosim.discrepancy.report.unknown_section import unknown_section
 from cosim.discrepancy.report.waterfall import waterfall
-from cosim.report.html import document
+from cosim.report import document, figure, notes_section, section, table
+from cosim.report.phrases import listed, p_cell
+from cosim.report.ranking_table import ranking_section
 from cosim.stats.plot import Axis, Plot
 
+_SCANS = 3
+_FEW = 3
+_SIDES = ("the model as given", "with what was found")
 
-def format_diagnosis(found: Diagnosis, words: Vocabulary, drive: str, sensor: str) -> str:
+
+def format_diagnosis(
+    found: Diagnosis, words: Vocabulary, drive: str, sensor: str, explored: Explored | None = None
+) -> str:
     """The HTML text.
 
     Args:
         found: the diagnosis.
         words: knows the units of parameters.
         drive, sensor: what was diagnosed, for people.
+        explored: beams of the judging frames; gathered from the diagnosis by default.
     """
     title = f"What {sensor} lacks against {drive}"
+    explored = explored or explored_of(found)
+    text = (
+        "On frames that judge, not on those that were fitted. " if found.split.is_held_out else "On the fitted frames. "
+    ) + (
+        "Errors of poses, objects and the map are taken out of residuals, before and after, as far as they are known. "
+        "Bands are 95 % intervals of means of equally filled bins; what beams of a sector of a frame share is in them. "
+        "<b>Click a bin to see its beams.</b>"
+    )
     sections = [
-        f"<header><h1>{escape(title)}</h1>{_verdict(found, words)}{_next(found, drive, sensor)}</header>",
-        _waterfall(found),
+        f"<header><h1>{escape(title)}</h1>{_verdict(found, words, explored)}{_next(found, drive, sensor)}</header>",
+        _budget(found),
         _effects(found, words),
         _alternatives(found, words),
         unknown_section(found),
+        unexplained_section(found.unexplained, explored),
+        explorer_section(explored, _SIDES if found.effects or found.unknowns else _SIDES[:1], text=text),
+        _waterfall(found),
         _ranking(found),
         _smallest(found, words),
         _how(found),
     ]
-    return document(title, sections, style=STYLE, generator="cosim diagnose")
+    return document(title, sections, style=EXPLORER_STYLE, generator="cosim diagnose")
 
 
-def _verdict(found: Diagnosis, words: Vocabulary) -> str:
-    said = []
-    if found.effects:
-        names = [
-            f"<b>{escape(one.effect)}</b> ({escape(words.parameters(one.effect, one.params, one.ci95))})"
-            for one in found.effects
-        ]
-        verb = "is" if len(names) == 1 else "are"
-        said.append(f'<span class="bad">Missing</span> {verb} {listed(names)}.')
-        if found.unknown is None:
-            said.append(_fall(found))
-        unsure = [one for one in found.effects if one.also_possible]
-        for one in unsure:
-            others = listed([escape(name) for name in one.also_possible], "or")
-            said.append(f'<span class="warn">It may as well be {others}</span> in place of {escape(one.effect)}.')
-    if found.unknown is not None:
-        what = "Something unknown is missing, too:" if found.effects else "Something unknown is missing:"
-        said.append(
-            f'<span class="warn">{what}</span> {escape(unknown_words(found.unknown))}; '
-            "no effect of the catalogue does that."
-        )
-        said.append(_fall(found))
+def explored_of(found: Diagnosis) -> Explored | None:
+    """The beams of the judging frames, and charts of them; None where a diagnosis has none."""
+    return Explored.of(found.judged, _SCANS, charted(found))
+
+
+def charted(found: Diagnosis) -> list[str]:
+    """What findings and leftovers depend on: charted beside the usual covariates."""
+    return [name for one in (*found.unexplained, *found.unknowns) for name in one.covariates]
+
+
+def _verdict(found: Diagnosis, words: Vocabulary, explored: Explored | None) -> str:
+    said = [*_missing(found, words), *_unknown(found)]
     if found.labels is not None and found.labels.verdict == "missing":
         law = escape(str(found.labels).removeprefix("labels: "))
         said.append(f'<span class="bad">Labels are biased</span>: {law}.')
-    if not said:
+    left = _left(found, explored)
+    if not said and not left:
+        smallest = smallest_words(found, words, most=_FEW)
         said.append('<span class="good">Nothing is missing that would show.</span>')
-        said.append(_left(found))
-        smallest = smallest_words(found, words, most=3)
         said.append(f"It would have shown {escape(smallest)}, and so on below." if smallest else "")
-    if found.map_off_m > 0:
-        said.append(
-            f"Beside that {escape(map_words(found))}, spot by spot: small effects on ranges hide behind it, and the "
-            "error keeps it."
-        )
-    return f'<p class="verdict">{" ".join(said)}</p>'
+    elif not said:
+        said.append('<span class="warn">No effect was added, yet not all is explained.</span>')
+    budget = budget_words(found, is_complete=found.verdict == "none" and not left)
+    where = f'<p class="sources">{escape(budget[0].upper() + budget[1:])}.</p>'
+    return f'<p class="verdict">{" ".join([*said, *left])}</p>{where}'
 
 
-def _fall(found: Diagnosis) -> str:
-    count = len(found.effects) + (found.unknown is not None)
-    said = f"With {['it', 'it', 'both'][count] if count < 3 else 'all of them'} the "
-    said += f"{error_words(found)} {'falls' if found.error_after < found.error_before else 'does not fall'}"
-    said += f" from {found.error_before:.3f} to {found.error_after:.3f}"
-    where = floor_words(found)
-    return f"{said}, {where}." if where else f"{said}."
+def _missing(found: Diagnosis, words: Vocabulary) -> list[str]:
+    """The effects that were added, each with what explains the data as well."""
+    if not found.effects:
+        return []
+    names = [f"{_either(one)} ({escape(words.parameters(one.effect, one.params, one.ci95))})" for one in found.effects]
+    return [f'<span class="bad">Missing</span> {"is" if len(names) == 1 else "are"} {listed(names)}.']
 
 
-def _left(found: Diagnosis) -> str:
-    """The error where nothing was found."""
-    if above := unexplained_words(found):
-        why = "the twin may be off, or more frames may tell what it is"
-        return f'<span class="warn">{escape(above[0].upper() + above[1:])}</span>: {why}.'
-    where = floor_words(found)
-    return f"The {error_words(found)} is {found.error_after:.3f}{where and f', {where}'}."
+def _either(one: Finding) -> str:
+    """`range_walk`, or `either range_walk or incidence_bias` where these data cannot tell."""
+    names = [f"<b>{escape(name)}</b>" for name in (one.effect, *one.also_possible)]
+    return f'<span class="warn">either</span> {listed(names, "or")}' if one.also_possible else names[0]
+
+
+def _unknown(found: Diagnosis) -> list[str]:
+    if not found.unknowns:
+        return []
+    what = "Something unknown is missing, too:" if found.effects else "Something unknown is missing:"
+    each = "; ".join(escape(unknown_words(one)) for one in found.unknowns)
+    return [f'<span class="warn">{what}</span> {each}. No effect of the catalogue does that.']
+
+
+def _left(found: Diagnosis, explored: Explored | None) -> list[str]:
+    """What the screen still finds, and what charts show beside it."""
+    if found.unexplained:
+        names = [escape(unexplained_words(one)) for one in found.unexplained[:_FEW]]
+        more = len(found.unexplained) - len(names)
+        names += [f"{more} more"] if more else []
+        return [f'<span class="warn">Not explained</span>: <a href="#unexplained">{listed(names)}</a>.']
+    names = left_words(explored)
+    if not names:
+        return []
+    said = '<span class="warn">Judging frames show more than the screen does</span>: '
+    return [f'{said}<a href="#residuals">{escape(listed(names[:_FEW]))}</a>.']
+
+
+def left_words(explored: Explored | None) -> list[str]:
+    """Dependences that charts of judging frames show in the end, the surest first."""
+    return [
+        f"{channel_words(one.channel.name)} by {shown(one.bins.name).words.split(',')[0]} "
+        f"(±{one.channel.said(one.after.size)})"
+        for one in (explored.left if explored else ())
+    ]
 
 
 def _next(found: Diagnosis, drive: str, sensor: str) -> str:
-    if (found.effects or found.unknown) and found.sensor_out:
+    if (found.effects or found.unknowns) and found.sensor_out:
         return (
             f'<p class="next">The improved sensor is <code>{escape(found.sensor_out)}</code>; look at it with '
             f"<code>cosim compare {escape(drive)} --sensor {escape(found.sensor_out)}</code></p>"
@@ -119,37 +156,52 @@ def _next(found: Diagnosis, drive: str, sensor: str) -> str:
     )
 
 
+def _budget(found: Diagnosis) -> str:
+    frames = f"{len(found.split.test)} frames"
+    held = f"Held-out error of the model as given, on {frames} that took no part in any fit, and what it is made of."
+    text = held if found.split.is_held_out else f"Error of the model as given, on the {frames} that were fitted."
+    where = floor_words(found)
+    if where:
+        text += f" With poses, objects and surfaces aligned it ends at {found.budget.error_aligned:.3f}: {where}."
+    floor = found.noise_floor
+    text += f" The noise floor is {floor:.3f}." if floor else " What noise alone would make is not known."
+    spreads = spread_words(found.spreads)
+    why = {"unexplained": "left once all is aligned; poses and objects are never known exactly"}
+    if found.unexplained:
+        why = {"unexplained": "left once all is aligned; listed below"}
+    return budget_section(found.budget.parts, text=f"{text} {escape(spreads)}".strip(), why=why)
+
+
 def _waterfall(found: Diagnosis) -> str:
-    if not found.effects and found.unknown is None:
+    if not found.effects and not found.unknowns:
         return ""
     held = "frames that took no part in any fit" if found.split.is_held_out else "the fitted frames: there are too few"
-    return (
-        f"<section><h2>How the error falls</h2><p>On {held}; whiskers are 95 % intervals of the level, from frame to "
-        "frame. A fall is surer than they show, as some frames are harder for every model: the table has it.</p>"
-        f'<figure style="max-width:{_wide(found)}px;margin-top:12px">{waterfall(found)}</figure></section>'
+    text = (
+        f"On {held}, with poses, objects and surfaces aligned; whiskers are 95 % intervals of the level, from frame to "
+        "frame. A fall is surer than they show, as some frames are harder for every model: the table above has it."
     )
-
-
-def _wide(found: Diagnosis) -> int:
-    return min(1100, 400 + 220 * (len(found.effects) + (found.unknown is not None)))
+    wide = min(1100, 400 + 220 * (len(found.effects) + len(found.unknowns)))
+    return section("How the error falls", figure("", "", waterfall(found), "full", wide), text=text)
 
 
 def _effects(found: Diagnosis, words: Vocabulary) -> str:
     if not found.effects:
         return ""
-    rows = "".join(_rows(one, words) for one in found.effects)
+    rows = "".join(_rows(one, words, _change(found, one)) for one in found.effects)
     charts = "".join(_laser_charts(one, words) for one in found.effects)
-    return (
-        "<section><h2>What was missing</h2><table><thead><tr><th></th><th>parameter</th><th>value</th>"
-        "<th>95 % interval</th><th>p</th><th>error</th><th class=words>law</th></tr></thead>"
-        f"<tbody>{rows}</tbody></table>{charts}"
-        "<p>p is family-wise: the chance that any candidate would look this missing if nothing were. Intervals allow "
-        "for errors that the points of an object or of a scan share. An effect that was there already has its total."
-        "</p></section>"
+    heads = (
+        "<thead><tr><th></th><th>parameter</th><th>value</th><th>95 % interval</th><th>p</th><th>aligned error</th>"
+        "<th class=words>law</th></tr></thead>"
     )
+    text = (
+        "p is family-wise: the chance that any candidate would look this missing if nothing were. Intervals allow "
+        "for errors that the points of an object or of a scan share. An effect that was there already has its total. "
+        "Errors are those with poses, objects and surfaces aligned."
+    )
+    return section("What was missing", f"<table>{heads}<tbody>{rows}</tbody></table>", charts, text=text)
 
 
-def _rows(one: Finding, words: Vocabulary) -> str:
+def _rows(one: Finding, words: Vocabulary, change: str) -> str:
     kind = words.kind(one.effect)
     cells = []
     for row, (name, value) in enumerate(one.params.items()):
@@ -161,7 +213,7 @@ def _rows(one: Finding, words: Vocabulary) -> str:
             span = f'rowspan="{len(one.params)}"'
             tail = (
                 f"<td {span}>{escape(p_cell(one.p_value))}</td>"
-                f"<td {span}>{_change(one)}</td>"
+                f"<td {span}>{change}</td>"
                 f'<td {span} class="words">{escape(kind.equation if kind else "")}</td>'
             )
         shown = escape(words.quantity(one.effect, name, value))
@@ -170,10 +222,15 @@ def _rows(one: Finding, words: Vocabulary) -> str:
     return "".join(cells)
 
 
-def _change(one: Finding) -> str:
-    """The errors and their difference, whose interval is that of differences frame by frame."""
-    said = f"{one.error_before.error:.3f} → {one.error_after.error:.3f}"
-    falls = one.error_after.by_frame - one.error_before.by_frame
+def _change(found: Diagnosis, one: Finding) -> str:
+    """The aligned errors and their difference, whose interval is that of differences frame by frame."""
+    steps = {id(before): row for row, before in enumerate(found.budget.steps)}
+    row = steps.get(id(one.error_before), -1)
+    before, after = one.error_before, one.error_after
+    if 0 <= row < len(found.budget.aligned_steps) - 1:
+        before, after = found.budget.aligned_steps[row : row + 2]
+    said = f"{before.error:.3f} → {after.error:.3f}"
+    falls = after.by_frame - before.by_frame
     if len(falls) < 2:
         return said
     half = stats.t.ppf(0.975, len(falls) - 1) * np.std(falls, ddof=1) / np.sqrt(len(falls))
@@ -200,39 +257,27 @@ def _laser_charts(one: Finding, words: Vocabulary) -> str:
         ring = np.arange(len(level), dtype=float)
         plot.band(ring, pairs[:, 0], pairs[:, 1], "a")
         plot.line(ring, level, "a", dots=True)
-        figures.append(
-            f"<figure><figcaption><h3>{escape(one.effect)}: {escape(name)} laser by laser</h3></figcaption>"
-            f"{plot.svg()}</figure>"
-        )
+        figures.append(figure(f"{one.effect}: {name} laser by laser", "", plot.svg()))
     return f'<div class="full" style="max-width:1100px">{"".join(figures)}</div>' if figures else ""
 
 
 def _alternatives(found: Diagnosis, words: Vocabulary) -> str:
-    rows, bic = [], {one.effect: one.delta_bic for one in found.ranking}
-    there = {one.effect for one in found.effects}
+    rows = []
+    asked, there = {one.effect for one in found.ranking}, {one.effect for one in found.effects}
     for one in found.effects:
         kind = words.kind(one.effect)
         declared = kind.confusable_with if kind else ()
         for other in dict.fromkeys((*one.also_possible, *declared)):
-            open_case = other in one.also_possible
-            if open_case:
+            if other in one.also_possible:
                 verdict = '<span class="warn">not separable with these data</span>'
             elif other in there:
                 verdict = '<span class="good">both are missing</span>: each explains what the other does not'
-            elif other in bic and one.effect in bic:
-                verdict = f'<span class="good">told apart</span>: ΔBIC {bic[one.effect] - bic[other]:,.0f}'
+            elif other in asked:
+                verdict = '<span class="good">told apart</span>: it explains these data worse'
             else:
                 verdict = "not among the candidates that came near"
-            rows.append(
-                f'<tr><th>{escape(one.effect)} or {escape(other)}?</th><td class="words">{verdict}</td>'
-                f'<td class="words">{_remedy(one.effect, other, words)}</td></tr>'
-            )
-    if not rows:
-        return ""
-    return (
-        "<section><h2>What else it could be</h2><table><thead><tr><th></th><th class=words>here</th>"
-        f"<th class=words>the drive that would tell</th></tr></thead><tbody>{''.join(rows)}</tbody></table></section>"
-    )
+            rows.append([f"{escape(one.effect)} or {escape(other)}?", verdict, _remedy(one.effect, other, words)])
+    return section("What else it could be", table(["", "here", "the drive that would tell"], rows, words=(1, 2)))
 
 
 def _remedy(one: str, other: str, words: Vocabulary) -> str:
@@ -244,25 +289,22 @@ def _remedy(one: str, other: str, words: Vocabulary) -> str:
 
 
 def _ranking(found: Diagnosis) -> str:
+    if not any(one.delta_bic > 0 for one in found.ranking):
+        return ""
     note = "Beams count as what they stand for, so a few returns from nowhere weigh little: p tells of these."
     return ranking_section([(one.effect, one.delta_bic, one.p_value) for one in found.ranking], note=note)
 
 
 def _smallest(found: Diagnosis, words: Vocabulary) -> str:
-    rows = smallest_rows(found)
-    if not rows:
-        return ""
-    body = "".join(
-        f"<tr><th>{escape(effect)}</th><td>{escape(name)}</td>"
-        f"<td>{escape(_amplitude(effect, name, value, words))}</td></tr>"
-        for effect, name, value in rows
-    )
-    table = f"<table><thead><tr><th></th><th></th><th>would show from</th></tr></thead><tbody>{body}</tbody></table>"
+    rows = [
+        [escape(effect), escape(name), escape(_amplitude(effect, name, value, words))]
+        for effect, name, value in smallest_rows(found)
+    ]
     text = "Amplitudes that would have been found with 80 % power in these data, beside what is in the model now."
-    if found.effects:
-        folded = f"<summary>Smallest amplitudes that would show</summary><p>{text}</p>{table}"
-        return f"<section><details>{folded}</details></section>"
-    return f"<section><h2>Smallest amplitudes that would show</h2><p>{text}</p>{table}</section>"
+    shown = table(["", "", "would show from"], rows)
+    if shown and found.effects:
+        shown = f"<details><summary>Show the table</summary>{shown}</details>"
+    return section("Smallest amplitudes that would show", shown, text=text)
 
 
 def _amplitude(effect: str, name: str, value: float, words: Vocabulary) -> str:
@@ -275,4 +317,4 @@ def _how(found: Diagnosis) -> str:
     said = f"{fitted} {'frame was' if fitted == 1 else 'frames were'} fitted, {judged} judged"
     said += "." if found.split.is_held_out else "; they are the same, for want of more."
     said += " Statistics are explained in docs/discrepancy.md."
-    return f"<section><h2>How it was found</h2><p>{said}</p>{labels}</section>{notes_section(found.notes)}"
+    return section("How it was found", f"<p>{said}</p>{labels}") + notes_section(found.notes)

@@ -1,147 +1,288 @@
-"""Charts of residuals against what they may depend on, those that they depend on most first."""
+"""Charts of residuals against what they may depend on, before and after, whose bins can be shown on the scans."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from html import escape
 
 import numpy as np
 
-from cosim.discrepancy.report.binned import Binned, binned, in_quantiles
-from cosim.discrepancy.report.gathered import Rows
+from cosim.discrepancy.report.beams import Rows
+from cosim.discrepancy.report.binned import Binned, binned
+from cosim.discrepancy.report.bins import NO_BIN, Bins
+from cosim.report import figure
 from cosim.stats.plot import Axis, Plot
 
-COVARIATES = {
-    "range": "predicted range (m)",
-    "incidence": "angle of incidence (°)",
-    "ring": "ring, 0 on top",
-    "azimuth": "azimuth (°), left is positive",
-    "intensity": "predicted intensity",
-    "firing_time": "firing time from the pose time (ms)",
-    "material": "material",
-    "frame_time": "time of the frame (s)",
-}
-WORDS = {name: name.replace("_", " ") for name in COVARIATES}
-_BINS = 20
-_MOST_MATERIALS = 5
+_LEVEL = 0.05
 _ALIKE, _COMMON = 0.02, 0.02
+_MOST_DOTS = 40
 
 
 @dataclass(frozen=True)
-class ChannelOf:
-    """How a channel's residuals are drawn: a factor to the shown unit, the axis' words, and a word on signs."""
+class Channel:
+    """How a channel's residuals are drawn.
 
+    Attributes:
+        name: as in `diagnose --json`.
+        title: for people.
+        factor, unit: into which residuals are multiplied.
+        label: of the axis.
+        signs: what values above 0 mean.
+        clear: size in that unit below which a dependence is not worth a word.
+    """
+
+    name: str
     title: str
-    column: str
     factor: float
     unit: str
     label: str
     signs: str
+    clear: float
+
+    def said(self, size: float) -> str:
+        """A size with its unit."""
+        digits = 2 if self.unit == "cm" else 1 if self.unit else 4
+        return f"{size:.{digits}f}{f' {self.unit}' if self.unit else ''}"
 
 
-CHANNELS = (
-    ChannelOf(
-        "Range",
-        "range_m",
-        100.0,
-        "cm",
-        "measured − model (cm)",
-        "Above zero: the sensor measures farther than the model.",
-    ),
-    ChannelOf(
-        "Intensity", "intensity", 1.0, "", "measured − model", "Above zero: the sensor returns brighter than the model."
-    ),
-    ChannelOf(
-        "Returns",
-        "drop",
-        100.0,
-        "%",
-        "returned − expected (%)",
-        "Below zero: the sensor loses returns that the model has.",
-    ),
-)
+CHANNELS = {
+    one.name: one
+    for one in (
+        Channel(
+            "range", "Ranges", 100.0, "cm", "measured − model (cm)",
+            "Above zero: measured farther than the model.", 0.1,
+        ),
+        Channel(
+            "intensity", "Intensities", 1.0, "", "measured − model",
+            "Above zero: measured brighter than the model.", 0.003,
+        ),
+        Channel(
+            "drop", "Returns", 100.0, "%", "returned − expected (%)",
+            "Below zero: returns are lost that the model has.", 0.3,
+        ),
+        Channel(
+            "spurious", "Strays", 1000.0, "‰", "strays − expected (‰ of beams)",
+            "Above zero: returns from where nothing is that the model lacks.", 0.3,
+        ),
+        Channel(
+            "range_variance", "Spread of ranges", 100.0, "%", "variance beyond the model’s (%)",
+            "Above zero: ranges scatter more than the model says.", 5.0,
+        ),
+        Channel(
+            "intensity_variance", "Spread of intensities", 100.0, "%", "variance beyond the model’s (%)",
+            "Above zero: intensities scatter more than the model says.", 5.0,
+        ),
+    )
+}  # fmt: skip
+USUAL_CHANNELS = ("range", "intensity", "drop", "spurious")
+_OF_STRAYS = ("ring", "azimuth", "firing_time", "frame_time")  # strays hit nothing that has a range or a material
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualChart:
-    """One chart and how much the residual varies along its covariate, in the shown unit; see `Binned`."""
+class Chart:
+    """One channel by one covariate.
 
-    covariate: str
-    strength: float
-    apparent: float
-    svg: str
+    Attributes:
+        channel: what is off.
+        bins: of the covariate.
+        before, after: means by bin, in the channel's unit; `before` is None where both are the same.
+    """
 
+    channel: Channel
+    bins: Bins
+    before: Binned | None
+    after: Binned
 
-def residual_charts(rows: Rows, channel: ChannelOf) -> list[ResidualChart]:
-    """A chart for every covariate with more than one value; empty where the channel is absent."""
-    residual = channel.factor * getattr(rows, channel.column)
-    if not np.isfinite(residual).any():
-        return []
-    found = {name: _one(rows, name, residual) for name in COVARIATES}
-    found = {name: one for name, one in found.items() if len(one.mean) > 1}
-    top = _top(list(found.values()), channel)
-    charts = [
-        ResidualChart(name, one.strength, one.apparent, _svg(name, one, channel, top, rows.materials))
-        for name, one in found.items()
-    ]
-    strongest = max((chart.strength for chart in charts), default=0.0)
-    # A head that turns evenly makes azimuth and time of firing one thing; of equals the first stands ahead.
-    near = _ALIKE * strongest or 1.0
-    return sorted(charts, key=lambda chart: (-round(chart.strength / near), -round(chart.apparent / near)))
+    @property
+    def first(self) -> Binned:
+        """What is there before anything was done."""
+        return self.before or self.after
+
+    def shows(self, binned: Binned, charts: int) -> bool:
+        """Whether a dependence is there that is no chance, of so many charts that were looked at."""
+        return binned.p_value * charts < _LEVEL and binned.size > self.channel.clear
 
 
-def _one(rows: Rows, name: str, residual: np.ndarray) -> Binned:
-    values = rows.covariates[name]
-    usable = np.isfinite(values) & np.isfinite(residual)
-    kept = np.where(usable, residual, np.nan)
-    if name == "ring":
-        bin_of = values.astype(int)
-    elif name == "material":
-        common = np.argsort(-np.bincount(values[usable].astype(int)), kind="stable")[:_MOST_MATERIALS]
-        bin_of = values.astype(int)
-        kept = np.where(np.isin(bin_of, common), kept, np.nan)
-    else:
-        bin_of = np.zeros(len(values), int)
-        bin_of[usable] = in_quantiles(values[usable], _BINS)
-    return binned(values, bin_of, kept, rows.frame)
+def all_charts(rows: Rows, bins: Mapping[str, Bins], is_one: bool) -> dict[str, list[Chart]]:
+    """By channel, a chart for every covariate, those with most to tell first; without channels that are absent."""
+    found: dict[str, list[Chart]] = {}
+    for name in USUAL_CHANNELS:
+        wanted = [one for one in bins.values() if name != "spurious" or one.name in _OF_STRAYS]
+        charts = [one for one in (chart(rows, name, each, is_one) for each in wanted) if one is not None]
+        if charts:
+            near = _ALIKE * max(max(one.first.size, one.after.size) for one in charts) or 1.0
+            # A head that turns evenly makes azimuth and time of firing one thing; of equals the first stands ahead.
+            found[name] = sorted(charts, key=lambda one: -round(max(one.first.size, one.after.size) / near))
+    return found
 
 
-def _top(charts: Sequence[Binned], channel: ChannelOf) -> float:
-    """One scale for all charts of a channel, so that they can be compared."""
+def chart(rows: Rows, channel: str, bins: Bins, is_one: bool) -> Chart | None:
+    """A channel by a covariate; None where nothing can be told, or one bin alone."""
+    kind = CHANNELS[channel]
+    values = rows.covariates[bins.name].values
+    place = np.where(bins.of_rows == NO_BIN, 0, bins.of_rows).astype(int)
+
+    def means(residual: np.ndarray, cluster: np.ndarray) -> Binned:
+        told = np.where(bins.of_rows == NO_BIN, np.nan, kind.factor * residual.astype(float))
+        return binned(np.nan_to_num(values), place, told, cluster)
+
+    after = means(rows.after[channel], rows.cluster)
+    if len(after.bin) < 2:
+        return None
+    before = None if is_one else means(rows.before[channel], rows.before_cluster)
+    return Chart(kind, bins, before if before is not None and len(before.bin) > 1 else None, after)
+
+
+def scale_of(charts: Sequence[Chart]) -> float:
+    """One scale for all charts of a channel, so that they can be compared; never finer than what is worth a word."""
     reach = []
     for one in charts:
-        common = one.count >= _COMMON * one.count.sum()
-        mean = np.abs(one.mean[common]).max(initial=0.0)
-        half = np.quantile(np.nan_to_num(one.half), 0.9)
-        reach.append(float(mean + min(half, mean)))
-    return 1.1 * max([*reach, {"cm": 0.5, "%": 0.5}.get(channel.unit, 0.005)])
+        for side in (one.first, one.after):
+            common = side.count >= _COMMON * side.count.sum()
+            mean = np.abs(side.mean[common]).max(initial=0.0)
+            half = float(np.quantile(np.nan_to_num(side.half), 0.9))
+            reach.append(float(mean + min(half, mean)))
+    return 1.1 * max([*reach, 3 * charts[0].channel.clear])
 
 
-def _svg(name: str, one: Binned, channel: ChannelOf, top: float, materials: Sequence[str]) -> str:
-    words: list[str] = []
-    if name == "material":
-        order = np.argsort(-one.count, kind="stable")
-        words = [materials[int(number)] for number in one.place[order]]
-        one = Binned(
-            np.arange(len(order), dtype=float),
-            one.mean[order],
-            one.half[order],
-            one.count[order],
-            one.strength,
-            one.apparent,
-        )
-        x = Axis(-0.5, len(order) - 0.5, COVARIATES[name], names=words)
-    else:
-        pad = 0.02 * max(float(np.ptp(one.place)), 1e-6)
-        x = Axis(float(one.place.min()) - pad, float(one.place.max()) + pad, COVARIATES[name])
-    plot = Plot(x, Axis(-top, top, channel.label), f"{channel.title} residual against {WORDS[name]}", 460, 280)
+def drawn(one: Chart, top: float, charts: int, heading: str = "") -> str:
+    """HTML of a chart, its caption beneath its name; `charts` were looked at in all."""
+    title = heading or f"by {one.bins.shown.words.split(',')[0]}"
+    return figure(title, _caption(one, charts), _svg(one, top))
+
+
+def _caption(one: Chart, charts: int) -> str:
+    after = _said(one, one.after, charts)
+    if one.before is None:
+        return after[0].upper() + after[1:]
+    return f"Before: {_said(one, one.before, charts)}. After: {after}"
+
+
+def _said(one: Chart, side: Binned, charts: int) -> str:
+    if one.shows(side, charts):
+        return f'off by <span class="warn">±{one.channel.said(side.size)}</span>'
+    return (
+        "nothing beyond chance"
+        if side.p_value * charts >= _LEVEL
+        else f"less than {one.channel.said(one.channel.clear)}"
+    )
+
+
+def _svg(one: Chart, top: float) -> str:
+    bins, channel = one.bins, one.channel
+    sides = [(style, side) for style, side in (("b", one.before), ("a", one.after)) if side is not None]
+    if bins.names:
+        return _of_names(one, sides, top)
+    factor = bins.shown.factor
+    places = factor * np.concatenate([side.place for _, side in sides])
+    pad = 0.02 * max(float(np.ptp(places)), 1e-6)
+    x = Axis(float(places.min()) - pad, float(places.max()) + pad, bins.label)
+    plot = Plot(x, Axis(-top, top, channel.label), f"{channel.title} by {bins.shown.words}", 460, 270)
     plot.line(np.array([x.low, x.high]), np.zeros(2), "zero")
-    half = np.nan_to_num(one.half)
-    if words:
-        for place, mean, side in zip(one.place, one.mean, half, strict=True):
-            plot.line(np.array([place, place]), np.array([mean - side, mean + side]), "a")
-        plot.line(one.place, np.where(np.isfinite(one.mean), one.mean, np.nan), "none", dots=True)
-    else:
-        plot.band(one.place, one.mean - half, one.mean + half, "a")
-        plot.line(one.place, one.mean, "a", dots=len(one.mean) <= 2 * _BINS)
+    for style, side in sides:
+        half = np.nan_to_num(side.half)
+        plot.band(factor * side.place, side.mean - half, side.mean + half, style)
+        plot.line(factor * side.place, side.mean, style, dots=len(side.mean) <= _MOST_DOTS)
+    _targets(plot, one, _ends(bins, x))
     return plot.svg()
+
+
+def _of_names(one: Chart, sides: Sequence[tuple[str, Binned]], top: float) -> str:
+    bins, channel = one.bins, one.channel
+    kept = sides[-1][1].bin.tolist()
+    words = [bins.words()[number] for number in kept]
+    slots = {number: place for place, number in enumerate(kept)}
+    x = Axis(-0.5, len(kept) - 0.5, bins.label, names=[_brief(word, len(words)) for word in words])
+    plot = Plot(x, Axis(-top, top, channel.label), f"{channel.title} by {bins.shown.words}", 460, 270)
+    plot.line(np.array([x.low, x.high]), np.zeros(2), "zero")
+    aside = 0.12 if len(sides) > 1 else 0.0
+    for (style, side), shift in zip(sides, (-aside, aside), strict=False):
+        rows = [row for row, number in enumerate(side.bin.tolist()) if number in slots]
+        for row in rows:
+            place, half = slots[int(side.bin[row])] + shift, float(np.nan_to_num(side.half[row]))
+            ends = np.array([side.mean[row] - half, side.mean[row] + half])
+            plot.line(np.full(2, place), ends, style)
+            plot.line(np.array([place]), side.mean[row : row + 1], style, dots=True)
+    ends = {number: (place - 0.5, place + 0.5) for number, place in slots.items()}
+    _targets(plot, one, ends)
+    return plot.svg()
+
+
+def _ends(bins: Bins, x: Axis) -> dict[int, tuple[float, float]]:
+    """Where each bin lies on the axis, in the shown unit."""
+    if len(bins.codes):
+        return {row: (float(code) - 0.5, float(code) + 0.5) for row, code in enumerate(bins.codes)}
+    edges = np.clip(np.concatenate([[-np.inf], bins.shown.factor * bins.edges, [np.inf]]), x.low, x.high)
+    return {row: (float(edges[row]), float(edges[row + 1])) for row in range(len(bins))}
+
+
+def _targets(plot: Plot, one: Chart, ends: Mapping[int, tuple[float, float]]) -> None:
+    """A strip over each bin that shows its beams when it is clicked."""
+    words = one.bins.words()
+    for row, number in enumerate(one.after.bin.tolist()):
+        said = f"{words[number]}: {_signed(one, one.after, row)}"
+        if one.before is not None and number in one.before.bin:
+            was = int(np.flatnonzero(one.before.bin == number)[0])
+            said = f"{words[number]}: before {_signed(one, one.before, was)}, after {_signed(one, one.after, row)}"
+        said += f", {int(one.after.count[row]):,} beams"
+        plot.target(
+            ends[number], said, channel=one.channel.name, covariate=one.bins.name, bin=str(number),
+            after=f"{one.after.mean[row]:.6g}",
+        )  # fmt: skip
+
+
+def _signed(one: Chart, side: Binned, row: int) -> str:
+    sign = "+" if side.mean[row] >= 0 else "−"
+    return f"{sign}{one.channel.said(abs(side.mean[row]))}"
+
+
+def _brief(word: str, many: int) -> str:
+    most = max(54 // max(many, 1), 4)
+    return word if len(word) <= most else f"{word[: most - 1]}…"
+
+
+def pair_chart(rows: Rows, channel: str, one: Bins, other: Bins) -> str:
+    """HTML: what is left by two covariates at once, blue below 0 and red above; empty where few beams are."""
+    kind, residual = CHANNELS[channel], CHANNELS[channel].factor * rows.after[channel].astype(float)
+    used = np.isfinite(residual) & (one.of_rows != NO_BIN) & (other.of_rows != NO_BIN)
+    if not used.any():
+        return ""
+    cell = one.of_rows[used].astype(int) * len(other) + other.of_rows[used]
+    size = len(one) * len(other)
+    count = np.bincount(cell, minlength=size)
+    mean = np.bincount(cell, residual[used], size) / np.maximum(count, 1)
+    # What each covariate does alone is no part of a pair: rows' and columns' means are taken off.
+    table = np.where(count >= _FEWEST_IN_CELL, mean, np.nan).reshape(len(one), len(other))
+    if not np.isfinite(table).any():
+        return ""
+    weight = np.where(np.isfinite(table), count.reshape(table.shape), 0).astype(float)
+    for _ in range(_SWEEPS):
+        for axis in (0, 1):
+            middle = np.nansum(table * weight, axis=axis) / np.maximum(weight.sum(axis), 1)
+            table = table - (middle[None, :] if axis == 0 else middle[:, None])
+    top = float(np.nanquantile(np.abs(table), 0.95)) or 1.0
+    plot = Plot(
+        replace(_steps(one), label=f"{one.label}, in equally filled bins"),
+        replace(_steps(other), label=other.label),
+        f"{kind.title} by {one.shown.words} and {other.shown.words}", 560, 380,
+    )  # fmt: skip
+    for (row, column), value in np.ndenumerate(table):
+        if np.isfinite(value):
+            plot.tile((row, row + 1), (column, column + 1), _colour(value / top), f"{value:+.3g} {kind.unit}".strip())
+    said = f"Blue: below, red: above zero, to ±{kind.said(top)}; what each does alone taken off."
+    return f'{plot.svg()}<p class="under">{escape(said)}</p>'
+
+
+_FEWEST_IN_CELL, _SWEEPS = 30, 4
+
+
+def _steps(bins: Bins) -> Axis:
+    return Axis(0, len(bins), names=[word.split(" to ")[0] if len(bins) > 3 else word for word in bins.words()])
+
+
+def _colour(share: float) -> str:
+    """Blue over grey to red for −1 to 1."""
+    share = float(np.clip(share, -1, 1))
+    middle, end = (70, 78, 92), (232, 70, 60) if share > 0 else (50, 120, 240)
+    return "rgb({},{},{})".format(*(round(m + abs(share) * (e - m)) for m, e in zip(middle, end, strict=True)))

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
-from cosim.discrepancy.report.phrases import as_sure, listed, p_words
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.shape import Shape
+from cosim.report.phrases import as_sure, listed, p_words
 from sensors.effects.base import Effect, Parameter
 from sensors.effects.registry import effect_classes
 
@@ -66,8 +66,8 @@ class Vocabulary:
         return ", ".join(said)
 
 
-def headline(found: Diagnosis, words: Vocabulary) -> str:
-    """The line that `cosim diagnose` says."""
+def headline(found: Diagnosis, words: Vocabulary, left: Sequence[str] = ()) -> str:
+    """The line that `cosim diagnose` says; `left` names what judging frames show although nothing was found."""
     parts = [_found(one, words) for one in found.effects]
     if parts:
         ambiguous = any(one.also_possible for one in found.effects)
@@ -77,37 +77,85 @@ def headline(found: Diagnosis, words: Vocabulary) -> str:
         parts.append(str(found.labels))
     if found.unexplained:
         parts.append(f"unexplained: {listed([unexplained_words(one) for one in found.unexplained[:_FEW]])}")
+    elif left:
+        parts.append(f"judging frames still show {listed(list(left[:_FEW]))}")
     if not parts:
         smallest = smallest_words(found, words, most=3)
         parts.append(f"nothing missing that would show{f'; would have seen {smallest}' if smallest else ''}")
-    return f"{'; '.join(parts)}; {budget_words(found)}"
+    return f"{'; '.join(parts)}; {budget_words(found, is_complete=found.verdict == 'none' and not left)}"
 
 
-def budget_words(found: Diagnosis) -> str:
-    """Where the error comes from: `error 1.32 is 4.3 × the floor: 0.9 of it poses, 0.1 objects`."""
-    budget = found.budget
-    fall = f"{error_words(found)} {found.error_before:.3f}"
-    if found.error_after != found.error_before:
-        fall += f" → {found.error_after:.3f}"
-    if budget.floor is None:
+def budget_words(found: Diagnosis, *, is_complete: bool) -> str:
+    """Where the error comes from: `error 1.32, 4.3 × the noise floor: 3.1 of it poses, 0.2 objects, nothing missing`.
+
+    Args:
+        found: the diagnosis.
+        is_complete: whether nothing is missing, which is said then.
+    """
+    budget, fall = found.budget, f"{error_words(found)} {_fall(found.error_before, found.error_after)}"
+    if not budget.floor:
         return f"{fall}; what noise alone would make is not known"
-    least = _WORTH_A_WORD * max(budget.error, 1e-12)
-    sources = [
-        f"{value:.2f} {_SOURCES[name]}" for name, value in budget.parts.items() if name != "noise" and value > least
+    made = source_words(budget.parts, budget.floor, is_complete=is_complete)
+    aligned = _fall(budget.given_aligned, budget.error_aligned)
+    said = f"{fall}, {times(budget.error / budget.floor)} the noise floor{made and f': {made}'}"
+    return f"{said}; aligned {aligned}, {floor_words(found)}"
+
+
+def _fall(before: float, after: float) -> str:
+    """An error, and what it becomes."""
+    same = round(before, 3) == round(after, 3)
+    return f"{before:.3f}" if same else f"{before:.3f} → {after:.3f}"
+
+
+def source_words(parts: Mapping[str, float], floor: float, *, is_complete: bool) -> str:
+    """What an error is made of beside noise, in floors: `3.1 of it poses, 0.2 objects, nothing missing`.
+
+    Args:
+        parts: of a budget, in the unit of the error.
+        floor: the error that noise alone makes.
+        is_complete: whether nothing is missing, which is said then.
+    """
+    shares = {name: value / floor for name, value in parts.items() if name in SOURCES and value > _WORTH_A_WORD * floor}
+    if is_complete:
+        shares.pop("missing", None)
+    names = {**SOURCES, "unexplained": "left over"} if is_complete else SOURCES
+    said = [
+        f"{value:.1f} {names[name]}" if value >= 0.1 else f"{value:.2f} {names[name]}" for name, value in shares.items()
     ]
-    made = f": {', '.join(sources)} and {budget.parts['noise']:.2f} noise" if sources else ""
-    aligned = f"{budget.error_aligned:.3f} with poses, objects and surfaces aligned"
-    return f"{fall}, {budget.error / budget.floor:.1f} × the noise floor ({budget.floor:.3f}){made}; {aligned}, {floor_words(found)}"
+    if said:
+        said[0] = said[0].replace(" ", " of it ", 1)
+    return ", ".join([*said, *(["nothing missing"] if is_complete else [])])
 
 
-_SOURCES = {
-    "poses": "poses",
-    "objects": "objects",
-    "map": "the map",
-    "missing": "missing",
+def spread_words(spreads: Mapping[str, float]) -> str:
+    """How far what is merely not known scatters, in a sentence; empty where nothing does."""
+    told = {
+        name: f"{factor * spreads[name]:.2g} {unit}".replace(" °", "°")
+        for name, (factor, unit) in _SPREADS.items()
+        if name in spreads
+    }
+    poses = [told[name] for name in ("pose_shift_m", "pose_turn_deg") if name in told]
+    said = [f"poses of scans by {listed(poses)}"] if poses else []
+    said += [f"{what} by {told[name]}" for name, what in _OTHER_SPREADS.items() if name in told]
+    return f"Standard deviations of what is merely not known: {listed(said)}." if said else ""
+
+
+SOURCES = {
+    "poses": "poses", "objects": "objects", "map": "the map", "missing": "missing effects",
     "unexplained": "unexplained",
+}  # fmt: skip
+_SPREADS = {
+    "pose_shift_m": (100.0, "cm"), "pose_turn_deg": (1.0, "°"), "object_shift_m": (100.0, "cm"), "map_m": (100.0, "cm"),
+    "object_albedo": (100.0, "%"), "map_albedo": (100.0, "%"),
+}  # fmt: skip
+_OTHER_SPREADS = {
+    "object_shift_m": "places of objects",
+    "map_m": "surfaces of the map",
+    "object_albedo": "brightness of objects",
+    "map_albedo": "brightness of the map",
 }
 _WORTH_A_WORD, _FEW = 0.02, 3
+_MOST_NAMED, _SIGMAS = 6, 2.0
 
 
 def floor_words(found: Diagnosis) -> str:
@@ -115,16 +163,31 @@ def floor_words(found: Diagnosis) -> str:
     above = found.above_floor
     if above is None:
         return ""
-    size = f"{above:.0%} above" if above < 1 else f"{1 + above:.1f} times"
-    return "at the floor" if above <= _AT_FLOOR else f"{size} the floor"
+    return "at the floor" if above <= _AT_FLOOR else f"{times(1 + above)} the floor"
+
+
+def times(ratio: float) -> str:
+    """A ratio: `4.3 ×`, or `1.12 ×` near 1."""
+    return f"{ratio:.1f} ×" if ratio >= 1.95 else f"{ratio:.2f} ×"
 
 
 def unexplained_words(one: Unexplained) -> str:
     """What is left, in short."""
-    channel = one.channel.replace("_", " ").replace("variance", "spread")
+    channel = channel_words(one.channel)
     if one.looks_like:
         return f"{channel}, as {one.looks_like} would make it"
     return f"{channel} by {' and '.join(one.covariates).replace('_', ' ')}"
+
+
+def channel_words(channel: str) -> str:
+    """A channel of `diagnose --json` in words."""
+    return _CHANNELS.get(channel, channel.replace("_", " "))
+
+
+_CHANNELS = {
+    "drop": "returns", "spurious": "strays", "range_variance": "spread of ranges",
+    "intensity_variance": "spread of intensities",
+}  # fmt: skip
 
 
 def error_words(found: Diagnosis) -> str:
@@ -134,10 +197,24 @@ def error_words(found: Diagnosis) -> str:
 
 def unknown_words(unknown: Shape) -> str:
     """What an unknown effect does, in short."""
-    channel = unknown.channel.replace("_", " ").replace("variance", "spread")
-    of = "" if unknown.names or not unknown.unit else f", x in {unknown.unit}"
+    channel = channel_words(unknown.channel)
     on = " and ".join(unknown.covariates).replace("_", " ")
+    if unknown.names and unknown.factor is None:
+        return f"{channel} depends on {on}: {table_words(unknown)}"
+    of = f", x in {unknown.unit}" if unknown.unit else ""
     return f"{channel} depends on {on} as {unknown.text}{of}"
+
+
+def table_words(unknown: Shape) -> str:
+    """The categories of a shape that stand out, with units: `paving +4.81 cm`."""
+    sure = np.abs(unknown.y) / np.maximum(unknown.sigma, 1e-12)
+    rows = [row for row in np.argsort(-sure)[:_MOST_NAMED].tolist() if sure[row] > _SIGMAS]
+    factor, unit = (100.0, "cm") if unknown.channel == "range" else (100.0, "%")
+    said = (
+        f"{unknown.names[row].replace('_', ' ')} {factor * unknown.y[row]:+.2f} {unit}".replace("-", "−")
+        for row in rows or [int(np.argmax(sure))]
+    )
+    return ", ".join(said)
 
 
 def smallest_words(found: Diagnosis, words: Vocabulary, most: int) -> str:

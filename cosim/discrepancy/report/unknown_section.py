@@ -7,8 +7,10 @@ from html import escape
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis
+from cosim.discrepancy.report.sentences import channel_words, table_words
 from cosim.discrepancy.unknown.formulas import evaluate
 from cosim.discrepancy.unknown.shape import Shape
+from cosim.report import figure, section
 from cosim.stats.plot import Axis, Plot
 
 _MOST_NAMES = 9
@@ -19,16 +21,16 @@ def unknown_section(found: Diagnosis) -> str:
     """HTML: formulas, as fitted, plug-ins, and curves; empty where nothing is unknown."""
     if not found.unknowns:
         return ""
-    body = "".join(_one(unknown) for unknown in found.unknowns)
-    return f"<section><h2>What no effect of the catalogue explains</h2>{body}</section>"
+    return section("What no effect of the catalogue explains", *(_one(unknown) for unknown in found.unknowns))
 
 
 def _one(unknown: Shape) -> str:
     fit = f"<p>The formula explains {unknown.r2:.1%} of the shape.</p>" if unknown.formula else ""
     fitted = ", ".join(_plain(name, value, unknown.ci95.get(name)) for name, value in unknown.params.items())
     fitted = f"<p>Fitted together with everything else: {escape(fitted)}.</p>" if fitted else ""
+    law = table_words(unknown) if unknown.names and unknown.factor is None else unknown.text
     return (
-        f'<p>{escape(_depends(unknown))}</p><p class="formula">{escape(unknown.text)}</p>{fit}{fitted}'
+        f'<p>{escape(_depends(unknown))}</p><p class="formula">{escape(law)}</p>{fit}{fitted}'
         f"<p>The improved sensor has it as <code>{escape(unknown.name)}.py</code> beside it: a plug-in to be renamed "
         f"and edited once its cause is known.</p>{_curve(unknown)}"
     )
@@ -42,7 +44,8 @@ def _plain(name: str, value: float, interval: list[float] | None) -> str:
 def _depends(unknown: Shape) -> str:
     unit = f" [{unknown.unit}]" if unknown.unit else ""
     of = "" if unknown.names else f", x{unit}"
-    return f"{unknown.channel.capitalize()} depends on {' and '.join(unknown.covariates).replace('_', ' ')}{of}:"
+    on = " and ".join(unknown.covariates).replace("_", " ")
+    return f"{channel_words(unknown.channel).capitalize()} depends on {on}{of}:"
 
 
 def _curve(unknown: Shape) -> str:
@@ -57,7 +60,7 @@ def _curve(unknown: Shape) -> str:
         axis = Axis(float(x.min()), float(x.max()) if np.ptp(x) > 0 else float(x.min()) + 1, f"{name}{unit}")
     low, high = float((y - 2 * sigma).min()), float((y + 2 * sigma).max())
     reach = max(high, 0.0) - min(low, 0.0) or 1e-9
-    label = f"{unknown.channel.replace('_', ' ')} left over{_UNITS.get(unknown.channel, '')}"
+    label = f"{channel_words(unknown.channel)} left over{_UNITS.get(unknown.channel, '')}"
     plot = Plot(
         axis,
         Axis(min(low, 0.0) - 0.15 * reach, max(high, 0.0) + 0.15 * reach, label),
@@ -76,7 +79,6 @@ def _curve(unknown: Shape) -> str:
         if unknown.formula is not None:
             fine = np.linspace(axis.low, axis.high, 300)
             plot.line(fine, evaluate(unknown.formula, fine), "b")
-    text = "What was left over when it was found. Dots: bins with two standard errors. Blue: the formula."
-    return (
-        f'<figure style="max-width:900px;margin-top:12px"><figcaption><p>{text}</p></figcaption>{plot.svg()}</figure>'
-    )
+    text = "What was left over when it was found. Dots: bins with two standard errors."
+    text += "" if unknown.formula is None or unknown.names else " Blue: the formula."
+    return figure("", text, plot.svg(), kind="full", width_px=900)

@@ -1,4 +1,4 @@
-"""The held-out error falling effect by effect."""
+"""The aligned held-out error falling effect by effect."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _LARGE = 10.0
 
 
 def waterfall(found: Diagnosis) -> str:
-    """SVG: the error as the sensor was and after each effect with 95 % intervals; dashed: the noise floor.
+    """SVG: the aligned error as the sensor was and after each effect with 95 % intervals; dashed: the noise floor.
 
     In decades where it falls so far that its last steps would not show.
     """
@@ -31,7 +31,11 @@ def waterfall(found: Diagnosis) -> str:
     names = [name for name, _, _ in steps]
     x = Axis(-0.5, len(names) - 0.5, names=names)
     plot = Plot(
-        x, Axis(low, high, "error on held-out frames", log=is_log), "held-out error", max(620, 210 * len(names)), 340
+        x,
+        Axis(low, high, "aligned error, held-out frames", log=is_log),
+        "held-out error",
+        max(620, 210 * len(names)),
+        340,
     )
     for row in range(1, len(level)):
         ends = np.array([row - 0.28, row + 0.28])
@@ -62,4 +66,4 @@ def _padded(low: float, high: float) -> tuple[float, float]:
 def _steps(found: Diagnosis) -> list[tuple[str, float, float]]:
     """Name, error and its standard error, from the sensor as given to the improved one."""
     names = ["as given", *(f"+ {one.effect}" for one in found.effects), *("+ unknown" for _ in found.unknowns)]
-    return [(name, one.error, one.standard_error) for name, one in zip(names, found.budget.steps, strict=False)]
+    return [(name, one.error, one.standard_error) for name, one in zip(names, found.budget.aligned_steps, strict=False)]

@@ -1,8 +1,17 @@
-"""What the pages of the discrepancy loop look like, on top of the common style."""
+"""What pages look like: dark, one column, charts in a grid."""
 
 STYLE = """
-:root { --a: #ffb23e; --b: #5aa9ff; --c: #6fd08c; --d: #f0606a; }
+:root { color-scheme: dark; --ground: #0d1016; --panel: #151a23; --line: #262d39; --text: #e2e8f0; --muted: #8692a6;
+  --accent: #ffb23e; --a: #ffb23e; --b: #5aa9ff; --c: #6fd08c; --d: #f0606a; }
+* { box-sizing: border-box; }
+body { margin: 0 auto; max-width: 1840px; padding: 28px clamp(12px, 2.5vw, 40px) 60px; background: var(--ground);
+  color: var(--text); font: 15px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif; }
+h1 { margin: 0 0 14px; font-size: 27px; font-weight: 650; letter-spacing: -.01em; overflow-wrap: anywhere; }
+h2 { margin: 0 0 10px; font-size: 20px; font-weight: 650; overflow-wrap: anywhere; }
+h3 { margin: 0; font-size: 15px; font-weight: 600; }
+p { margin: 3px 0 0; color: var(--muted); max-width: 105ch; }
 .verdict { font-size: 21px; line-height: 1.4; color: var(--text); max-width: 95ch; margin: 0 0 6px; }
+.sources { color: var(--text); font-size: 16.5px; margin: 0 0 8px; max-width: none; }
 .next { color: var(--muted); margin: 4px 0 0; } code { color: var(--accent); font-size: 14px; }
 .good { color: var(--c); } .bad { color: var(--d); } .warn { color: var(--a); }
 dl { display: flex; flex-wrap: wrap; align-items: end; gap: 8px 34px; margin: 18px 0 0; }
@@ -45,4 +54,14 @@ td.words { max-width: 80ch; white-space: normal; }
 .formula { font-size: 17px; color: var(--text); font-family: ui-monospace, monospace; }
 details { margin-top: 14px; } summary { color: var(--muted); cursor: pointer; }
 @media (max-width: 900px) { section { overflow-x: auto; } }
+.stack { display: flex; height: 40px; border-radius: 8px; overflow: hidden; margin: 16px 0 0; max-width: 1200px; }
+.stack i { font-style: normal; color: #0d1016; font-size: 14px; font-weight: 600; text-align: center; line-height: 40px;
+  font-variant-numeric: tabular-nums; overflow: hidden; white-space: nowrap; min-width: 2px; }
+.stacked { list-style: none; display: flex; flex-wrap: wrap; gap: 8px 30px; padding: 0; margin: 12px 0 0;
+  font-variant-numeric: tabular-nums; max-width: 1500px; }
+.stacked i { display: inline-block; width: 13px; height: 13px; border-radius: 3px; margin-right: 8px;
+  vertical-align: -1px; }
+.stacked small { color: var(--muted); font-size: 12.5px; } .stacked small + small { display: block; margin-left: 21px; }
+a { color: var(--b); } button:focus-visible, [tabindex]:focus-visible, summary:focus-visible {
+  outline: 2px solid var(--accent); outline-offset: 2px; }
 """

@@ -1,0 +1,281 @@
+"""What pages show of judged frames: residuals of beams before and after, and what they may depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.discrepancy.aligned import PARTS, AlignedFrame, Judged
+from cosim.discrepancy.groups.covariates import covariates
+from cosim.discrepancy.scores import CLIP_M, FrameScores, Totals
+
+MATCHED, AMBIGUOUS, DROPPED, SPURIOUS, UNFORESEEN, SILENT = range(6)
+_ROWS_A_FRAME = 30_000
+_SECTORS = 12  # of azimuth: what beams of a frame still share once its pose is fitted ends there, as objects do
+_LARGEST_SQUARE = 25.0
+_CUT_OFF = 3.0  # standard deviations
+_OF_SCANS = {
+    "frame_time": ("time_s", "s"),
+    "speed": ("speed_mps", "m/s"),
+    "acceleration": ("acceleration_mps2", "m/s²"),
+    "yaw_rate": ("yaw_rate_radps", "rad/s"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A covariate of n beams.
+
+    Attributes:
+        unit: of its values; empty for pure numbers and names.
+        values: (n,) float32, NaN where it is not known; numbers of categories for names.
+        names: of the categories by number; empty for numbers.
+    """
+
+    unit: str
+    values: np.ndarray
+    names: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Beams of all judged frames.
+
+    Attributes:
+        covariates: by name, (n,) each.
+        cluster: (n,) number of the frame's sector: what shares errors once poses are taken out.
+        before_cluster: (n,) the same before; that of the frame where poses are in the residuals.
+        frame: (n,) number of the frame.
+        before, after: by channel, (n,) measured − expected; NaN where it is not compared. Ranges [m] are clipped at
+            1 m; intensities are left out where another material may have been met or the sensor cuts them off; `drop`
+            is returned (1 or 0) − its probability; `spurious` is 1 for a return from nowhere − the chance of one;
+            `range_variance` and `intensity_variance` are squares over stated variances − 1.
+    """
+
+    covariates: dict[str, Column]
+    cluster: np.ndarray
+    before_cluster: np.ndarray
+    frame: np.ndarray
+    before: dict[str, np.ndarray]
+    after: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One frame as one model sees it.
+
+    Attributes:
+        error: of the frame.
+        state: (n,) uint8, one of MATCHED … SILENT.
+        residuals: by channel, as in `Rows`, of range, intensity and drop.
+    """
+
+    error: float
+    state: np.ndarray
+    residuals: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """One frame, whole.
+
+    Attributes:
+        name: of the frame.
+        rings, firings: its layout; beams are ring-major.
+        elevation_rad, azimuth_rad: (rings,) of each ring, the latter of its first firing.
+        measured_m: (n,) range; NaN where nothing returned.
+        covariates: (n,) each, as in `Rows`.
+        before, after: what two models say.
+    """
+
+    name: str
+    rings: int
+    firings: int
+    elevation_rad: np.ndarray
+    azimuth_rad: np.ndarray
+    measured_m: np.ndarray
+    covariates: dict[str, Column]
+    before: Side
+    after: Side
+
+
+@dataclass(frozen=True, eq=False)
+class Beams:
+    """All that a page shows of judged frames.
+
+    Attributes:
+        rows: for charts.
+        scans: frames shown whole, the worst first.
+        is_one: whether before and after are the same.
+    """
+
+    rows: Rows
+    scans: tuple[Scan, ...]
+    is_one: bool
+
+    @classmethod
+    def of(cls, judged: Judged, shown: int, seed: int = 0) -> Beams:
+        """Those of judged frames, of which `shown` are kept whole; `seed` is that of the choice of rows."""
+        has_poses = "poses" not in judged.before_parts
+        parts: list[Rows] = []
+        errors: list[float] = []
+        for number, (before, after) in enumerate(judged.pairs()):
+            parts.append(_rows(before, after, number, np.random.default_rng([seed, number]), has_poses))
+            errors.append(Totals.of(before.frame, before.scores).error)
+        kept = _shown(errors, shown)
+        scans = [_scan(before, after) for number, (before, after) in enumerate(judged.pairs()) if number in kept]
+        scans.sort(key=lambda scan: -scan.before.error)
+        same = judged.before is judged.after and judged.before_parts == PARTS
+        return cls(_joined(parts), tuple(scans), same)
+
+
+def _shown(errors: Sequence[float], count: int) -> Collection[int]:
+    """Numbers of the worst frame and of others evenly spread."""
+    worst = int(np.argmax(errors))
+    spread = np.unique(np.linspace(0, len(errors) - 1, max(count, 1)).round().astype(int)).tolist()
+    others = [number for number in spread if number != worst]
+    return {worst, *others[: count - 1]}
+
+
+def residuals_of(one: AlignedFrame) -> dict[str, np.ndarray]:
+    """(n,) of every channel, see `Rows`."""
+    scores, expected, hits = one.scores, one.expected, one.frame.shot.hits
+    clear = ~scores.ambiguous
+    reach = _CUT_OFF * expected.intensity_sigma  # what is cut off at 0 or 1 is darker or brighter than it would be
+    inside = (expected.intensity - reach >= 0) & (expected.intensity + reach <= 1)
+    lit = scores.matched & np.isfinite(scores.intensity_score) & ~one.mixed & (inside | (reach <= 0))
+    range_m = np.clip(scores.measured_m - expected.range_m, -CLIP_M, CLIP_M)
+    bright = scores.measured_intensity - expected.intensity
+    returned = (~np.isnan(scores.measured_m)).astype(np.float32)
+    found = {
+        "range": np.where(scores.matched, range_m, np.nan),
+        "intensity": np.where(lit, bright, np.nan),
+        "drop": np.where(clear & hits.solid.exists, returned - expected.seen, np.nan),
+        "spurious": np.where(clear, scores.spurious - scores.stray, np.nan),
+        "range_variance": _excess(range_m, expected.range_sigma_m, scores.matched),
+        "intensity_variance": _excess(bright, expected.intensity_sigma, lit),
+    }
+    return {name: values.astype(np.float32) for name, values in found.items()}
+
+
+def _excess(residual: np.ndarray, sigma: np.ndarray, used: np.ndarray) -> np.ndarray:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        square = np.minimum((residual / sigma) ** 2, _LARGEST_SQUARE) - 1
+    return np.where(used & (sigma > 0), square, np.nan)
+
+
+def columns_of(one: AlignedFrame, number: int = 0) -> dict[str, Column]:
+    """(n,) of everything that residuals of a frame's beams may depend on; `number` is the frame's."""
+    count = len(one.sample)
+    found: dict[str, Column] = {}
+    for covariate in covariates(one.sample, one.prediction, 2):
+        values = covariate.values.astype(np.float32)
+        if covariate.names and covariate.name != "ring":
+            values = np.where(covariate.bin >= 0, values, np.nan).astype(np.float32)
+            names = dict(zip(covariate.centres.astype(int).tolist(), covariate.names, strict=True))
+            words = tuple(names.get(code, "") for code in range(max(names) + 1))
+            found[covariate.name] = Column(covariate.unit, values, words)
+        else:
+            found[covariate.name] = Column(covariate.unit, values)
+    for name, (value, unit) in _OF_SCANS.items():
+        found[name] = Column(unit, np.full(count, one.sample.scan_values[value][0], np.float32))
+    found["scan"] = Column("", np.full(count, number, np.float32))
+    return found
+
+
+def _rows(before: AlignedFrame, after: AlignedFrame, number: int, rng: np.random.Generator, has_poses: bool) -> Rows:
+    count = len(after.sample)
+    used = np.sort(rng.choice(count, min(count, _ROWS_A_FRAME), replace=False))
+    sector = np.floor((after.sample.azimuth[used] + np.pi) / (2 * np.pi) * _SECTORS).astype(int) % _SECTORS
+    told = columns_of(after, number)
+    return Rows(
+        covariates={name: Column(one.unit, one.values[used], one.names) for name, one in told.items()},
+        cluster=number * _SECTORS + sector,
+        before_cluster=np.full(len(used), number) if has_poses else number * _SECTORS + sector,
+        frame=np.full(len(used), number),
+        before={name: values[used] for name, values in residuals_of(before).items()},
+        after={name: values[used] for name, values in residuals_of(after).items()},
+    )
+
+
+def _joined(parts: Sequence[Rows]) -> Rows:
+    names = dict.fromkeys(name for rows in parts for name in rows.covariates)
+    return Rows(
+        covariates={name: _one_column([rows.covariates.get(name) for rows in parts], parts) for name in names},
+        cluster=np.concatenate([rows.cluster for rows in parts]),
+        before_cluster=np.concatenate([rows.before_cluster for rows in parts]),
+        frame=np.concatenate([rows.frame for rows in parts]),
+        before={name: np.concatenate([rows.before[name] for rows in parts]) for name in parts[0].before},
+        after={name: np.concatenate([rows.after[name] for rows in parts]) for name in parts[0].after},
+    )
+
+
+def _one_column(columns: Sequence[Column | None], parts: Sequence[Rows]) -> Column:
+    """Of all frames; categories have the numbers that they have in `joined_names`."""
+    told = [one for one in columns if one is not None]
+    words = joined_names(told)
+    values = [
+        np.full(len(rows.frame), np.nan, np.float32) if one is None else renumbered(one, words)
+        for one, rows in zip(columns, parts, strict=True)
+    ]
+    return Column(told[0].unit, np.concatenate(values), words)
+
+
+def joined_names(columns: Sequence[Column]) -> tuple[str, ...]:
+    """Names of the categories of several columns, each once; by number where they are the same in all."""
+    longest = max(columns, key=lambda one: len(one.names)).names
+    if all(not a or not b or a == b for one in columns for a, b in zip(one.names, longest, strict=False)):
+        words = list(longest)
+        for one in columns:
+            for place, word in enumerate(one.names):
+                words[place] = words[place] or word
+        return tuple(words)
+    return tuple(sorted({word for one in columns for word in one.names if word}))
+
+
+def renumbered(column: Column, words: tuple[str, ...]) -> np.ndarray:
+    """(n,) values of a column with the numbers that categories have among `words`."""
+    if not words:
+        return column.values
+    number = {word: place for place, word in enumerate(words)}
+    places = np.array([number.get(word, np.nan) if word else np.nan for word in column.names] + [np.nan], np.float32)
+    code = np.where(np.isfinite(column.values), column.values, len(column.names)).astype(int)
+    return places[np.minimum(code, len(column.names))]
+
+
+def _scan(before: AlignedFrame, after: AlignedFrame) -> Scan:
+    pattern, rays = after.frame.shot.pattern, after.frame.observed.rays
+    first = np.arange(pattern.rings) * pattern.firings
+    direction = rays.direction[first].astype(float)
+    fan = np.radians(np.array(pattern.azimuth_offset_deg, float))
+    return Scan(
+        name=after.frame.name,
+        rings=pattern.rings,
+        firings=pattern.firings,
+        elevation_rad=np.arcsin(np.clip(direction[:, 2], -1, 1)),
+        azimuth_rad=np.pi - np.pi / pattern.firings + fan,
+        measured_m=after.scores.measured_m,
+        covariates=columns_of(after),
+        before=_side(before),
+        after=_side(after),
+    )
+
+
+def _side(one: AlignedFrame) -> Side:
+    found = residuals_of(one)
+    kept = {name: found[name] for name in ("range", "intensity", "drop")}
+    return Side(Totals.of(one.frame, one.scores).error, state_of(one.scores), kept)
+
+
+def state_of(scores: FrameScores) -> np.ndarray:
+    """(n,) uint8 of MATCHED … SILENT."""
+    returned = ~np.isnan(scores.measured_m)
+    state = np.full(len(returned), SILENT, np.uint8)
+    state[returned] = UNFORESEEN
+    state[~returned & (scores.expected > 0.5)] = DROPPED
+    state[scores.matched] = MATCHED
+    state[scores.spurious] = SPURIOUS
+    state[scores.ambiguous & (returned | (scores.expected > 0))] = AMBIGUOUS
+    return state

@@ -1,0 +1,155 @@
+"""Covariates in bins that charts and beams share, so that a bin of a chart can be shown on a scan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from cosim.discrepancy.report.beams import Column, Rows, Scan, renumbered
+from cosim.discrepancy.report.binned import quantile_edges
+
+NO_BIN = 255
+_BINS = 20
+_MOST_NAMES = 8
+_NUMBERED = ("ring", "scan")  # whole numbers, each a bin of its own
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How a covariate is shown: words, and the unit that values are multiplied into."""
+
+    words: str
+    unit: str = ""
+    factor: float = 1.0
+
+
+SHOWN = {
+    "range": Shown("predicted range", "m"),
+    "incidence": Shown("angle of incidence", "°"),
+    "ring": Shown("ring, 0 on top"),
+    "azimuth": Shown("azimuth, left is positive", "°", 180 / np.pi),
+    "intensity": Shown("predicted intensity"),
+    "firing_time": Shown("firing time from the pose time", "ms", 1000.0),
+    "material": Shown("material"),
+    "kind": Shown("class of the object"),
+    "model": Shown("model of the object"),
+    "albedo": Shown("reflectance of the surface"),
+    "elevation": Shown("elevation of the beam", "°"),
+    "block": Shown("block of lasers"),
+    "frame_time": Shown("time of the frame", "s"),
+    "scan": Shown("scan, in order of time"),
+    "speed": Shown("speed of the vehicle", "m/s"),
+    "acceleration": Shown("acceleration of the vehicle", "m/s²"),
+    "yaw_rate": Shown("yaw rate of the vehicle", "°/s", 180 / np.pi),
+    "world_x": Shown("place in the world, x", "m"),
+    "world_y": Shown("place in the world, y", "m"),
+}
+_BESIDE = {"previous": "the beam fired before", "above": "the beam above", "below": "the beam below"}
+_MEASURED = {"range": ("range", "m"), "intensity": ("intensity", ""), "lost": ("return", "")}
+USUAL = (
+    "range", "incidence", "ring", "azimuth", "intensity", "firing_time", "material", "kind", "albedo",
+    "previous_intensity", "frame_time", "speed",
+)  # fmt: skip
+
+
+def shown(name: str) -> Shown:
+    """How a covariate is shown."""
+    if name in SHOWN:
+        return SHOWN[name]
+    side, _, what = name.partition("_")
+    if side in _BESIDE and what in _MEASURED:
+        measured, unit = _MEASURED[what]
+        return Shown(f"{measured} of {_BESIDE[side]}", unit)
+    return Shown(name.replace("_", " "))
+
+
+@dataclass(frozen=True, eq=False)
+class Bins:
+    """A covariate of the rows, in bins.
+
+    Attributes:
+        name: of the covariate.
+        shown: how values are shown.
+        edges: (b − 1,) inner edges, in the covariate's own unit; empty for categories.
+        codes: (b,) numbers of categories or whole numbers; empty otherwise.
+        names: of all categories by number; empty for numbers.
+        ends: least and largest value.
+        of_rows: (n,) bin of each row; `NO_BIN` where there is none.
+    """
+
+    name: str
+    shown: Shown
+    edges: np.ndarray
+    codes: np.ndarray
+    names: tuple[str, ...]
+    ends: tuple[float, float]
+    of_rows: np.ndarray
+
+    @classmethod
+    def of(cls, rows: Rows, name: str, bins: int = _BINS) -> Bins | None:
+        """Of rows; None where the covariate is not there, or has one value alone."""
+        column = rows.covariates.get(name)
+        known = column.values[np.isfinite(column.values)] if column is not None else np.zeros(0)
+        if column is None or not len(known) or known.min() == known.max():
+            return None
+        edges, codes = np.zeros(0), np.zeros(0, int)
+        if column.names:
+            values, count = np.unique(known.astype(int), return_counts=True)
+            codes = values[np.argsort(-count, kind="stable")][:_MOST_NAMES]
+        elif name in _NUMBERED:
+            codes = np.unique(known.astype(int))[: NO_BIN - 1]
+        else:
+            edges = quantile_edges(known, bins)
+        ends = float(known.min()), float(known.max())
+        empty = cls(name, shown(name), edges, codes, column.names, ends, np.zeros(0, np.uint8))
+        return cls(name, empty.shown, edges, codes, column.names, ends, empty.place(column.values))
+
+    def __len__(self) -> int:
+        return len(self.codes) if len(self.codes) else len(self.edges) + 1
+
+    def place(self, values: np.ndarray) -> np.ndarray:
+        """(n,) uint8 bin of each value."""
+        known = np.isfinite(values)
+        if not len(self.codes):
+            return np.where(known, np.searchsorted(self.edges, np.nan_to_num(values), side="right"), NO_BIN).astype(
+                np.uint8
+            )
+        row = np.full(int(self.codes.max()) + 2, NO_BIN, np.uint8)
+        row[self.codes] = np.arange(len(self.codes))
+        code = np.where(known, np.nan_to_num(values), -1).astype(int)
+        return row[np.where((code >= 0) & (code < len(row)), code, len(row) - 1)]
+
+    def of_scan(self, scan: Scan) -> np.ndarray:
+        """(n,) uint8 bin of each beam of a scan."""
+        column = scan.covariates.get(self.name)
+        if column is None:
+            return np.full(len(scan.measured_m), NO_BIN, np.uint8)
+        return self.place(renumbered(Column(column.unit, column.values, column.names), self.names))
+
+    def words(self) -> tuple[str, ...]:
+        """What each bin holds."""
+        if self.names:
+            return tuple(self.names[code].replace("_", " ") for code in self.codes)
+        if len(self.codes):
+            return tuple(f"{self.shown.words.split(',')[0]} {code}" for code in self.codes)
+        ends = self.shown.factor * np.concatenate([[self.ends[0]], self.edges, [self.ends[1]]])
+        unit = f" {self.shown.unit}" if self.shown.unit not in ("", "°") else self.shown.unit
+        return tuple(f"{_short(low)} to {_short(high)}{unit}" for low, high in pairwise(ends))
+
+    @property
+    def label(self) -> str:
+        """For an axis."""
+        return f"{self.shown.words} ({self.shown.unit})" if self.shown.unit else self.shown.words
+
+
+def bins_of(rows: Rows, names: Sequence[str]) -> dict[str, Bins]:
+    """Those of some covariates, without what is not there."""
+    found = {name: Bins.of(rows, name) for name in dict.fromkeys(names)}
+    return {name: one for name, one in found.items() if one is not None}
+
+
+def _short(value: float) -> str:
+    return f"{value + 0.0:.3g}".replace("-", "−") if abs(value) < 1000 else f"{value:.0f}"

@@ -1,0 +1,145 @@
+"""Whole scans on a page, in three dimensions and as their sensor took them: packed, and the script that draws them."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from cosim.discrepancy.report.beams import AMBIGUOUS, DROPPED, MATCHED, SILENT, SPURIOUS, UNFORESEEN, Scan, Side
+from cosim.discrepancy.report.bins import Bins
+from cosim.report import button, legend
+from cosim.view.scripts import scene_script
+
+SHOWN_CHANNELS = ("range", "intensity", "drop")
+_MOST_BEAMS = 60_000  # a scan: a page must stay below 4 MB
+_STEP_M, _STEP, _ABSENT = 0.01, {"range": 0.001, "intensity": 0.005, "drop": 0.01}, -128
+_ABSENT_RANGE = -32768
+_ROUND = {"range": (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0), "intensity": (0.02, 0.05, 0.1, 0.2, 0.5), "drop": (1.0,)}
+_UNITS = {"range": (100.0, "cm"), "intensity": (1.0, ""), "drop": (100.0, "%")}
+_STOPS = ((23, 92, 211), (116, 176, 240), (238, 238, 234), (246, 160, 92), (202, 40, 30))
+_STATES = {
+    MATCHED: ("", (238, 238, 234)),
+    AMBIGUOUS: ("ambiguous: at an edge, or not trusted", (82, 88, 98)),
+    DROPPED: ("lost: the model has a return, the sensor none", (226, 60, 214)),
+    SPURIOUS: ("stray: a return from where nothing is", (92, 232, 70)),
+    UNFORESEEN: ("unforeseen: a return that the model does not have", (250, 226, 60)),
+    SILENT: ("neither returns", (8, 10, 14)),
+}
+
+
+def scan_view(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: Sequence[str]) -> str:
+    """HTML: buttons, both pictures, and the data that they are drawn from.
+
+    Args:
+        scans: the first is shown first.
+        bins: the covariates whose bins can be picked.
+        sides: words on before and after; one word where there is one side alone.
+    """
+    if not scans:
+        return ""
+    frames = "".join(
+        button(f"frame {scan.name}{', the worst' if row == 0 and len(scans) > 1 else ''}", row == 0, frame=scan.name)
+        for row, scan in enumerate(scans)
+    )
+    toggle = "".join(button(word, row == len(sides) - 1, side=str(row)) for row, word in enumerate(sides))
+    data = json.dumps(packed_scans(scans, bins, len(sides)), separators=(",", ":"), allow_nan=False)
+    states = [(f"rgb{colour}", words) for words, colour in _STATES.values() if words]
+    gradient = f"linear-gradient(90deg,{','.join(f'rgb{stop}' for stop in _STOPS)})"
+    return (
+        f'<div class="scan" id="scan"><div class="picks">{frames}</div>'
+        + (f'<div class="picks" role="group" aria-label="model">{toggle}</div>' if len(sides) > 1 else "")
+        + '<p class="slice" id="slice" aria-live="polite"></p>'
+        '<canvas id="image" aria-label="the scan as its sensor took it: a row a ring, a column an azimuth"></canvas>'
+        '<div class="ends"><span>left, +180°</span><span>+90°</span><span>ahead</span><span>−90°</span>'
+        "<span>−180°, right</span></div>"
+        '<canvas id="cloud" tabindex="0" aria-label="points in three dimensions"></canvas>'
+        '<p class="beam" id="beam">Point at the scan for a single beam. Drag the points to turn them, with shift to '
+        "move, scroll to come nearer; or use the arrow keys, + and −, t for the top view, r to go back.</p>"
+        f'<div class="legend"><span><b id="low"></b> <i style="width:130px;background:{gradient}"></i> '
+        f'<b id="high"></b></span></div>{legend(states)}</div>'
+        f'<script type="application/json" id="scan-data">{data}</script>\n{scene_script(_script())}'
+    )
+
+
+def packed_scans(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: int = 2) -> dict[str, Any]:
+    """What the script draws, as plain values; arrays of a scan are gzipped one after another, in base64."""
+    return {
+        "channels": {
+            name: {
+                "limit": _limit(scans, name),
+                "step": _STEP[name],
+                "factor": _UNITS[name][0],
+                "unit": _UNITS[name][1],
+            }
+            for name in SHOWN_CHANNELS
+        },
+        "stops": _STOPS,
+        "states": [list(_STATES[state][1]) for state in sorted(_STATES)],
+        "matched": MATCHED,
+        "stray": SPURIOUS,
+        "step_m": _STEP_M,
+        "bins": {name: {"label": one.shown.words, "words": one.words()} for name, one in bins.items()},
+        "scans": [_packed(scan, bins, sides) for scan in scans],
+    }
+
+
+def _packed(scan: Scan, bins: Mapping[str, Bins], sides: int) -> dict[str, Any]:
+    every = max(1, -(-scan.rings * scan.firings // _MOST_BEAMS))
+    columns = -(-scan.firings // every)
+    arrays: list[tuple[str, np.ndarray]] = [
+        ("range", _thinned(_steps(scan.measured_m, _STEP_M, 0, "<u2"), scan, every))
+    ]
+    for number, side in enumerate((scan.before, scan.after)[-sides:]):
+        arrays += [(f"{number}:{name}", _thinned(values, scan, every)) for name, values in _of_side(side)]
+    arrays += [(f"bin:{name}", _thinned(one.of_scan(scan), scan, every)) for name, one in bins.items()]
+    return {
+        "name": scan.name,
+        "rings": scan.rings,
+        "columns": columns,
+        "turn": 2 * np.pi * every / scan.firings,
+        "elevation": np.round(scan.elevation_rad, 5).tolist(),
+        "azimuth": np.round(scan.azimuth_rad, 5).tolist(),
+        "errors": [round(side.error, 3) for side in (scan.before, scan.after)[-sides:]],
+        "arrays": [[name, values.dtype.str[1:]] for name, values in arrays],
+        "data": base64.b64encode(
+            gzip.compress(b"".join(values.tobytes() for _, values in arrays), 9, mtime=0)
+        ).decode(),
+    }
+
+
+def _of_side(side: Side) -> list[tuple[str, np.ndarray]]:
+    found = [("state", side.state)]
+    for name in SHOWN_CHANNELS:
+        kind, absent = ("<i2", _ABSENT_RANGE) if name == "range" else ("|i1", _ABSENT)
+        found.append((name, _steps(side.residuals[name], _STEP[name], absent, kind)))
+    return found
+
+
+def _steps(values: np.ndarray, step: float, absent: int, kind: str) -> np.ndarray:
+    """Whole numbers of steps; `absent` for NaN."""
+    info = np.iinfo(kind)
+    least = absent + 1 if absent < 0 else info.min
+    whole = np.clip(np.rint(np.nan_to_num(values) / step), least, info.max)
+    return np.where(np.isfinite(values), whole, absent).astype(kind)
+
+
+def _thinned(values: np.ndarray, scan: Scan, every: int) -> np.ndarray:
+    return np.ascontiguousarray(values.reshape(scan.rings, scan.firings)[:, ::every]).ravel()
+
+
+def _limit(scans: Sequence[Scan], name: str) -> float:
+    """A round residual that nineteen of twenty beams stay below, before and after."""
+    sizes = np.concatenate([np.abs(side.residuals[name]) for scan in scans for side in (scan.before, scan.after)])
+    sizes = sizes[np.isfinite(sizes)]
+    reach = float(np.quantile(sizes, 0.95)) if len(sizes) else 0.0
+    return next((value for value in _ROUND[name] if value >= reach), _ROUND[name][-1])
+
+
+def _script() -> str:
+    return (files("cosim.discrepancy.report") / "explorer.js").read_text(encoding="utf-8")

@@ -1,0 +1,110 @@
+"""What is still significant in the end, each with the residuals that show it."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from cosim.discrepancy.report.bins import Bins, bins_of
+from cosim.discrepancy.report.explorer_section import Explored
+from cosim.discrepancy.report.residual_charts import CHANNELS, Channel, Chart, chart, drawn, pair_chart, scale_of
+from cosim.discrepancy.report.sentences import channel_words
+from cosim.discrepancy.unexplained import Unexplained
+from cosim.report import figure, section, table
+from cosim.report.phrases import p_cell
+from cosim.stats.plot import Axis, Plot
+
+_MOST_CHARTS = 6
+_PAIR_BINS = 8
+_SIGMAS = 4.0
+
+
+def unexplained_section(found: tuple[Unexplained, ...], explored: Explored | None) -> str:
+    """HTML; empty where nothing is left."""
+    rows = [
+        [
+            escape(channel_words(one.channel)),
+            escape(_on(one)),
+            escape(size_words(one)),
+            escape(p_cell(one.p_value)),
+        ]
+        for one in found
+    ]
+    listed = table(["what is off", "by", "size", "p"], rows, words=(1,))
+    pictures = [_picture(one, explored) for one in found[:_MOST_CHARTS]] if explored else []
+    charts = f'<div class="charts">{"".join(pictures)}</div>' if any(pictures) else ""
+    text = (
+        "Found by the last screen of the fitted frames and explained by nothing above. p is family-wise: the chance "
+        "that anything would look so if nothing were left. The charts show what is left on frames that judge."
+    )
+    return section("What is not explained", listed, charts, text=text if found else "", anchor="unexplained")
+
+
+def size_words(one: Unexplained) -> str:
+    """The root mean square of a dependence with its unit."""
+    if not np.isfinite(one.size) or one.size == 0:
+        return "–"
+    if one.unit == "m":
+        return f"{100 * one.size:.2g} cm"
+    return f"{one.size:.2g}" if one.channel == "intensity" else f"{100 * one.size:.2g} %"
+
+
+def _on(one: Unexplained) -> str:
+    if one.looks_like:
+        return f"as {one.looks_like} would make it"
+    return " and ".join(one.covariates).replace("_", " ")
+
+
+def _picture(one: Unexplained, explored: Explored) -> str:
+    """The residuals that are left, by what they depend on."""
+    rows, title = explored.beams.rows, f"{channel_words(one.channel)}, {'' if one.looks_like else 'by '}{_on(one)}"
+    if one.channel not in CHANNELS:
+        return ""
+    title = title[0].upper() + title[1:]
+    if one.covariates == ("noise_shape",):
+        return figure(
+            title, "What is left, beside a normal law of the same spread", _shape(explored, CHANNELS[one.channel])
+        )
+    if len(one.covariates) == 2:
+        pair = [Bins.of(rows, name, _PAIR_BINS) for name in one.covariates]
+        if pair[0] is None or pair[1] is None:
+            return ""
+        body = pair_chart(rows, one.channel, pair[0], pair[1])
+        return figure(title, "What is left, over both", body) if body else ""
+    shown = _strongest(one, explored) if one.looks_like else _chart(one, explored)
+    return drawn(shown, scale_of([shown]), 1, title) if shown else ""
+
+
+def _chart(one: Unexplained, explored: Explored) -> Chart | None:
+    name = one.covariates[0] if one.covariates else ""
+    bins = explored.bins.get(name) or bins_of(explored.beams.rows, (name,)).get(name)
+    return None if bins is None else chart(explored.beams.rows, one.channel, bins, is_one=True)
+
+
+def _strongest(one: Unexplained, explored: Explored) -> Chart | None:
+    """Of what looks like an effect, the chart of its channel in which most is left."""
+    return max(explored.charts.get(one.channel, ()), key=lambda chart: chart.after.size, default=None)
+
+
+def _shape(explored: Explored, channel: Channel) -> str:
+    """SVG: how residuals are distributed, over their spread, beside a normal law."""
+    values = explored.beams.rows.after[channel.name].astype(float)
+    values = values[np.isfinite(values)]
+    middle = values - np.median(values)
+    spread = 1.4826 * float(np.median(np.abs(middle))) or 1.0
+    edges = np.linspace(-_SIGMAS, _SIGMAS, 65)
+    share = np.histogram(middle / spread, edges)[0] / max(len(values), 1) / np.diff(edges)
+    normal = np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi)
+    top = 1.15 * max(float(share.max()), float(normal.max()))
+    unit = f"1 is {channel.said(channel.factor * spread)}"
+    plot = Plot(
+        Axis(-_SIGMAS, _SIGMAS, f"residual over its spread, {unit}"),
+        Axis(0, top, "density"),
+        "the noise's shape",
+        460,
+        270,
+    )
+    plot.steps(edges, share, "a")
+    plot.line(edges, normal, "b")
+    return plot.svg()
