@@ -28,7 +28,9 @@ _INPUTS = frozenset(
     ]
 )
 # SUMO's options that name a file, a port or a program all have one of these in them.
-_OUTWARD = re.compile(r"output|log|save|file|prefix|dump|script|config|gui|remote|write|(?<!driver)state|load", re.IGNORECASE)
+_OUTWARD = re.compile(
+    r"output|log|save|file|prefix|dump|script|config|gui|remote|write|(?<!driver)state|load", re.IGNORECASE
+)
 _HARMLESS = frozenset(
     {
         "configuration",

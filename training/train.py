@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -34,7 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the scores as JSON")
     parser.add_argument("--quiet", action="store_true", help="log nothing but errors")
     options = parser.parse_args(arguments)
-    logging.basicConfig(level=logging.ERROR if options.quiet else logging.INFO, format="%(message)s")
+    silent = options.quiet or os.environ.get("RANK", "0") != "0"  # of several processes the first one tells
+    logging.basicConfig(level=logging.ERROR if silent else logging.INFO, format="%(message)s")
     try:
         train(options.config, options.out, options.json)
     except USER_ERRORS as error:
