@@ -9,16 +9,16 @@ demo: setup
 	$(COSIM) view out/demo/drive --out out/demo
 
 test: setup-dev
-	$(PYTHON) -m pytest -n 2 --dist loadgroup
+	$(PYTHON) -m pytest -n 2 --dist worksteal
 
 slow: setup-dev
-	$(PYTHON) -m pytest -m slow -n 2 --dist loadgroup
+	$(PYTHON) -m pytest -m slow -n 2 --dist worksteal
 
 check: setup-dev
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m pyright
-	$(PYTHON) -m pytest -n 2 --dist loadgroup
+	$(PYTHON) -m pytest -n 2 --dist worksteal
 
 docs:
 	@sh tools/setup.sh docs

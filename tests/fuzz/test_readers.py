@@ -25,14 +25,13 @@ from tests.fuzz.material import make_material
 from tests.fuzz.readers import READERS, Reader
 from tests.fuzz.trying import try_reader
 
-pytestmark = pytest.mark.xdist_group("drive")
 _TRIALS = {"net": 4, "parking": 4, "town": 15}
 
 
 @pytest.fixture(scope="session")
-def material(drive_folder, tmp_path_factory):
+def material(hamlet_drive, tmp_path_factory):
     folder = tmp_path_factory.mktemp("fuzz") / "material"
-    make_material(drive_folder, folder)
+    make_material(hamlet_drive, folder)
     return folder
 
 
