@@ -97,7 +97,7 @@ def test_fine_tuning_stands_beside_what_was_before_and_the_few_frames_alone(few_
     assert rows["dual"]["before"]["3d"] == before["dual"]["3d"]
     assert set(rows["dual"]["gain_ci95"]) <= {"3d", "bev"}
     assert rows["real"]["before"] is None and len(rows["real"]["3d"]) == 3
-    assert "before fine-tuning" in (drives / "out" / "tables" / "few_shot" / "index.html").read_text()
+    assert "before fine-tuning" in (few_shot / "out" / "tables" / "few_shot" / "index.html").read_text()
 
 
 def test_what_fine_tuning_changes_can_be_given_and_is_checked_first(drives, capsys):
