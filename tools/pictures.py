@@ -21,6 +21,7 @@ from cosim.drives.kitti import Drive
 from cosim.view import richest_frames
 from cosim.view.captions import CAMERA_BOXES, PERSPECTIVE_INSTANCE, PERSPECTIVE_INTENSITY, RANGE, Caption
 from cosim.view.frame_pictures import FramePictures, Picture, intensity_scale
+from cosim.view.range_image import MARGIN_PX
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "img"
@@ -44,8 +45,9 @@ MOVING = {
     "collection": {"every_s": 0.4, "min_travel_m": 0.5, "company_m": 25},
     "store_hits": False,
 }
-_ROW_PX = (1600, 470)
+_ROW_PX = (1600, 450)
 _GAP_PX = 8
+RINGS, RING_PX = 64, 6  # of the sensor that records, and rows of pixels each has in a range image
 _CHROMIUMS = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -87,7 +89,8 @@ def write_row(drive: Drive, frame: str | None, path: Path) -> None:
     left = _filling(pictures[PERSPECTIVE_INTENSITY], width // 2, height)
     wide = width - width // 2 - _GAP_PX
     camera = _scaled(pictures[CAMERA_BOXES], wide)
-    below = _filling(_front_half(pictures[RANGE]), wide, height - len(camera) - _GAP_PX)
+    size = (wide, height - len(camera) - _GAP_PX)
+    below = cv2.resize(_front_half(pictures[RANGE]), size, interpolation=cv2.INTER_AREA)
     row = np.full((height, width, 3), 255, np.uint8)
     row[:, : width // 2] = left
     row[: len(camera), width // 2 + _GAP_PX :] = camera
@@ -156,9 +159,9 @@ def _richest(drive: Drive) -> str:
 
 
 def _front_half(image: np.ndarray) -> np.ndarray:
-    """The middle half of a picture of all azimuths: what lies ahead."""
+    """What lies ahead in a range image of all azimuths, without what is written below it."""
     width = image.shape[1]
-    return image[:, width // 4 : width - width // 4]
+    return image[MARGIN_PX : MARGIN_PX + RINGS * RING_PX, width // 4 : width - width // 4]
 
 
 def _scaled(image: np.ndarray, width: int) -> np.ndarray:
