@@ -18,10 +18,12 @@ import numpy as np
 import yaml
 
 from cosim.drives.kitti import Drive
+from cosim.town_map import write_town_page
 from cosim.view import richest_frames
 from cosim.view.captions import CAMERA_BOXES, PERSPECTIVE_INSTANCE, PERSPECTIVE_INTENSITY, RANGE, Caption
 from cosim.view.frame_pictures import FramePictures, Picture, intensity_scale
 from cosim.view.range_image import MARGIN_PX
+from sumo_nets import TOWNS, read_town
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "img"
@@ -70,6 +72,7 @@ def main(arguments: list[str] | None = None) -> None:
     write_row(still, options.frame, IMAGES / "drive.jpg")
     write_scan(still, options.frame, IMAGES / "objects.jpg")
     write_animation(moving, IMAGES / "drive.webp")
+    write_towns(options.drives / "towns", IMAGES / "towns.jpg")
 
 
 def record(folder: Path, config: dict[str, object]) -> Drive:
@@ -119,6 +122,12 @@ def write_animation(drive: Drive, path: Path, width: int = 900) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     if not cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 60]):
         raise OSError(f"{path} could not be written; give a folder that can be")
+
+
+def write_towns(folder: Path, path: Path) -> None:
+    """The nine towns as `cosim towns show` draws them."""
+    page = write_town_page([read_town(name) for name in TOWNS], folder)
+    write_page_picture(page, path, width=1500, height=1240)
 
 
 def drawn(drive: Drive, name: str, scale: object = None) -> dict[Caption, np.ndarray]:

@@ -29,9 +29,9 @@ _TRIALS = {"net": 4, "parking": 4, "town": 15}
 
 
 @pytest.fixture(scope="session")
-def material(hamlet_drive, tmp_path_factory):
+def material(drive_folder, tmp_path_factory):
     folder = tmp_path_factory.mktemp("fuzz") / "material"
-    make_material(hamlet_drive, folder)
+    make_material(drive_folder, folder)
     return folder
 
 
