@@ -76,6 +76,6 @@ def test_a_few_frames_are_learnt_by_heart(name: str, tiny_drive: Path, tmp_path:
 
 
 @pytest.mark.parametrize("name", ["voxel_rcnn", "pointpillars"])
-def test_a_loss_falls_by_half_within_ten_epochs(name: str, tiny_drive: Path, tmp_path: Path):
-    totals, _ = trained(name, 10, tiny_drive, tmp_path)
-    assert len(totals) == 10 and np.mean(totals[-2:]) < 0.5 * totals[0]
+def test_a_loss_falls_by_a_third_within_six_epochs(name: str, tiny_drive: Path, tmp_path: Path):
+    totals, _ = trained(name, 6, tiny_drive, tmp_path)
+    assert len(totals) == 6 and totals[-1] < 0.67 * totals[0]
