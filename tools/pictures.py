@@ -27,16 +27,7 @@ from sumo_nets import TOWNS, read_town
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "img"
-STILL = {
-    "town": ["town02", "town05", "town01"],
-    "frames": 9,
-    "frames_per_episode": 3,
-    "seed": 11,
-    "sensor": "kitti",
-    "warm_up_s": 40,
-    "collection": {"every_s": 6, "company_m": 20},
-    "store_hits": False,
-}
+STILL = {"town": "town01", "frames": 12, "sensor": "kitti", "store_hits": False}
 MOVING = {
     "town": "town02",
     "frames": 10,
@@ -62,11 +53,19 @@ def main(arguments: list[str] | None = None) -> None:
     page.add_argument("picture", type=Path)
     page.add_argument("--width", type=int, default=1100)
     page.add_argument("--height", type=int, default=1400)
+    scan = commands.add_parser("scan", help="a frame of a drive")
+    scan.add_argument("drive", type=Path)
+    scan.add_argument("picture", type=Path)
     parser.add_argument("--drives", type=Path, default=ROOT / "out" / "pictures", help="where drives are recorded")
-    parser.add_argument("--frame", help="of the first drive (default: the one that shows most)")
+    parser.add_argument("--frame", help="of the drive (default: the one that shows most)")
     options = parser.parse_args(arguments)
     if options.what == "page":
         write_page_picture(options.page, options.picture, options.width, options.height)
+        return
+    if options.what == "scan":
+        drive = Drive(options.drive)
+        name = options.frame or _richest(drive)
+        write_jpeg(options.picture, stacked(drawn(drive, name), width=1000))
         return
     still, moving = (record(options.drives / name, config) for name, config in (("still", STILL), ("moving", MOVING)))
     write_row(still, options.frame, IMAGES / "drive.jpg")
@@ -113,10 +112,7 @@ def write_animation(drive: Drive, path: Path, width: int = 900) -> None:
     animation = cv2.Animation()
     frames = []
     for name in drive.frames:
-        pictures = drawn(drive, name, scale)
-        camera = _scaled(pictures[CAMERA_BOXES], width)
-        scan = _filling(pictures[PERSPECTIVE_INTENSITY], width, width // 2)
-        frames.append(cv2.cvtColor(np.concatenate([camera, scan]), cv2.COLOR_RGB2BGR))
+        frames.append(cv2.cvtColor(stacked(drawn(drive, name, scale), width), cv2.COLOR_RGB2BGR))
     animation.frames = frames
     animation.durations = np.full(len(frames), 400)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -128,6 +124,12 @@ def write_towns(folder: Path, path: Path) -> None:
     """The nine towns as `cosim towns show` draws them."""
     page = write_town_page([read_town(name) for name in TOWNS], folder)
     write_page_picture(page, path, width=1500, height=1240)
+
+
+def stacked(pictures: dict[Caption, np.ndarray], width: int) -> np.ndarray:
+    """The camera image with its labels above the scan by intensity."""
+    scan = _filling(pictures[PERSPECTIVE_INTENSITY], width, width // 2)
+    return np.concatenate([_scaled(pictures[CAMERA_BOXES], width), scan])
 
 
 def drawn(drive: Drive, name: str, scale: object = None) -> dict[Caption, np.ndarray]:
