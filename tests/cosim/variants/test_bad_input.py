@@ -87,9 +87,9 @@ def test_a_folder_that_holds_something_else(hamlet_drive, tmp_path):
     assert "holds no drive" in refusal(hamlet_drive, "--variant", "vlp16", "--out", tmp_path / "w")
 
 
-def test_the_picture_shows_every_variant(variants_folder, drive_folder, tmp_path):
+def test_the_picture_shows_every_variant(variants_folder, source_drive, tmp_path):
     cosim(
-        *("variants", drive_folder, "--variant", "all", "--out", variants_folder, "--quiet"),
-        *("--picture", tmp_path / "p.png", "--beside", drive_folder),
+        *("variants", source_drive, "--variant", "all", "--out", variants_folder, "--quiet"),
+        *("--picture", tmp_path / "p.png", "--beside", source_drive),
     )
     assert (tmp_path / "p.png").stat().st_size > 500_000
