@@ -34,7 +34,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     """Fit, then write the sensor."""
     from cosim.discrepancy import add
     from cosim.discrepancy.add import known_parameters
-    from cosim.discrepancy.checks import opened
+    from cosim.discrepancy.data.checks import opened
     from sensors.effects.registry import find_effect
     from sensors.sensor_model import load_sensor
 

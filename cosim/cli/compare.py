@@ -13,8 +13,8 @@ from cosim.cli.progress import ProgressReport
 from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
-    from cosim.discrepancy.frames import TracedFrame
-    from cosim.discrepancy.scoring import FrameScores
+    from cosim.discrepancy.data.frames import TracedFrame
+    from cosim.discrepancy.scores import FrameScores
 
 _SHOWN_FRAMES = 2  # beside the worst
 
@@ -37,9 +37,9 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Compare frame by frame, then write the page."""
     from cosim.discrepancy import compare
-    from cosim.discrepancy.checks import opened
     from cosim.discrepancy.chosen import chosen_frames, evenly
-    from cosim.discrepancy.pages import Gathered, format_comparison, write_page
+    from cosim.discrepancy.data.checks import opened
+    from cosim.discrepancy.report import Gathered, format_comparison, write_page
     from sensors.sensor_model import load_sensor
 
     sensor, drive = load_sensor(options.sensor), opened(options.drive)

@@ -43,9 +43,9 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Diagnose, then write the improved sensor and the page."""
     from cosim.discrepancy import diagnose
-    from cosim.discrepancy.checks import opened
-    from cosim.discrepancy.pages import format_diagnosis, write_page
-    from cosim.discrepancy.sentences import Vocabulary, headline
+    from cosim.discrepancy.data.checks import opened
+    from cosim.discrepancy.report import format_diagnosis, write_page
+    from cosim.discrepancy.report.sentences import Vocabulary, headline
     from sensors.sensor_model import load_sensor
 
     sensor, drive = load_sensor(options.sensor), opened(options.drive)

@@ -45,7 +45,7 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Score, say the averages, write the page."""
-    from cosim.discrepancy.pages.write import write_page
+    from cosim.discrepancy.report.write import write_page
     from training.evaluation import evaluate, read_results
     from training.evaluation.as_json import as_json
     from training.evaluation.page import format_page

@@ -48,7 +48,7 @@ def at_least(name: str, value: int | None, least: int) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Simulate, compare, then write the page."""
-    from cosim.discrepancy.pages import write_page
+    from cosim.discrepancy.report import write_page
     from cosim.driver_discrepancy import traffic_compare
     from cosim.driver_discrepancy.page import format_comparison
 

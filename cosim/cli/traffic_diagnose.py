@@ -35,7 +35,7 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Diagnose, then write the improved configuration and the page."""
-    from cosim.discrepancy.pages import write_page
+    from cosim.discrepancy.report import write_page
     from cosim.driver_discrepancy import traffic_diagnose
     from cosim.driver_discrepancy.config_out import write_config
     from cosim.driver_discrepancy.page import format_diagnosis

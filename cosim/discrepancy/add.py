@@ -11,18 +11,18 @@ import numpy as np
 from pydantic import ValidationError
 
 from cosim.discrepancy.candidates import with_values
-from cosim.discrepancy.checks import check_fit, opened
-from cosim.discrepancy.directions import directions
-from cosim.discrepancy.fitting import Fitter, all_free
-from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
-from cosim.discrepancy.held_out import split_drive
-from cosim.discrepancy.intervals import intervals
+from cosim.discrepancy.data.checks import check_fit, opened
+from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending, in_order
+from cosim.discrepancy.data.sample import draw_sample
+from cosim.discrepancy.data.split import split_drive
+from cosim.discrepancy.groups.effects import directions
+from cosim.discrepancy.groups.quantization import find_lattices
+from cosim.discrepancy.inference.fit import Fitter, all_free
+from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.kinds import as_known, for_rings, with_rings
-from cosim.discrepancy.lattice import find_lattices
 from cosim.discrepancy.ranking import fit_candidate
-from cosim.discrepancy.sample import draw_sample
 from cosim.discrepancy.settling import ROWS, settle
-from cosim.discrepancy.testing import HeldOut, held_out_errors
+from cosim.discrepancy.validation import HeldOut, held_out_errors
 from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
 from sensors.effects.base import Effect, LabelEffect, RoundingEffect
@@ -72,7 +72,7 @@ class Added:
         return write_sensor(self.sensor, Path(path))
 
     def __str__(self) -> str:
-        from cosim.discrepancy.sentences import Vocabulary
+        from cosim.discrepancy.report.sentences import Vocabulary
 
         words = Vocabulary([type(effect) for effect in self.sensor.effects])
         values = words.parameters(self.effect, self.params, self.ci95)

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from cosim.discrepancy.checks import check_fit, opened
-from cosim.discrepancy.expectation import expect
-from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
+from cosim.discrepancy.data.checks import check_fit, opened
+from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending, in_order
+from cosim.discrepancy.data.notes import drive_notes
+from cosim.discrepancy.forward.expectation import expect
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
-from cosim.discrepancy.notes import drive_notes
-from cosim.discrepancy.scoring import SCALES, FrameScores, model_chance, score_frame
+from cosim.discrepancy.scores import SCALES, FrameScores, model_chance, score_frame
 from cosim.discrepancy.slices import Slice, SliceTally
 from cosim.drives.kitti import Drive
 from sensors.sensor_model import SensorModel, load_sensor

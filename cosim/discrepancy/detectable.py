@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cosim.discrepancy.clusters import compressed
-from cosim.discrepancy.random_signs import deviates
+from cosim.discrepancy.inference.clusters import compressed
+from cosim.discrepancy.inference.wild_bootstrap import deviates
 
 if TYPE_CHECKING:
     from cosim.discrepancy.gate import Sums

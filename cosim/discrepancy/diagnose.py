@@ -9,21 +9,21 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.discrepancy.checks import check_fit, opened
+from cosim.discrepancy.data.checks import check_fit, opened
+from cosim.discrepancy.data.frames import bending
+from cosim.discrepancy.data.notes import drive_notes, fit_notes
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
-from cosim.discrepancy.directions import directions
-from cosim.discrepancy.fitting import Fitted, Fitter
-from cosim.discrepancy.frames import bending
 from cosim.discrepancy.gate import Direction, Verdict, run_gate
+from cosim.discrepancy.groups.effects import directions
+from cosim.discrepancy.groups.quantization import Lattice, find_lattices
+from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.intervals import intervals
+from cosim.discrepancy.inference.wild_bootstrap import LEVEL
 from cosim.discrepancy.inquiry import Inquiry, Look, Model
-from cosim.discrepancy.intervals import intervals
 from cosim.discrepancy.kinds import as_known
 from cosim.discrepancy.labels import with_labels
-from cosim.discrepancy.lattice import Lattice, find_lattices
 from cosim.discrepancy.map_errors import unsure_map
-from cosim.discrepancy.notes import drive_notes, fit_notes
 from cosim.discrepancy.pose_patterns import FEWEST_SCANS, PosePatterns
-from cosim.discrepancy.random_signs import LEVEL
 from cosim.discrepancy.ranking import (
     ALIKE_BIC,
     Ranked,
@@ -37,7 +37,6 @@ from cosim.discrepancy.revising import with_its_curve
 from cosim.discrepancy.second_thoughts import parted, revised, tidied
 from cosim.discrepancy.settling import Settled
 from cosim.discrepancy.taken_up import handed_over
-from cosim.discrepancy.testing import HeldOut
 from cosim.discrepancy.twin_scatter import with_scatter
 from cosim.discrepancy.unknown import (
     Shape,
@@ -47,6 +46,7 @@ from cosim.discrepancy.unknown import (
     shape_gate,
     spread_of_gain,
 )
+from cosim.discrepancy.validation import HeldOut
 from cosim.drives.kitti import Drive
 from sensors.effects.base import BeamEffect, Effect, NoiseEffect, RoundingEffect
 from sensors.sensor_model import SensorModel

@@ -9,11 +9,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.gate import Verdict
-from cosim.discrepancy.held_out import Split
 from cosim.discrepancy.labels import LabelFinding
-from cosim.discrepancy.testing import HeldOut
 from cosim.discrepancy.unknown import Shape, class_name, effect_name, effect_source
+from cosim.discrepancy.validation import HeldOut
 from sensors.sensor_model import SensorModel
 
 
@@ -170,7 +170,7 @@ class Diagnosis:
         return write_sensor(self.sensor, Path(path), own)
 
     def __str__(self) -> str:
-        from cosim.discrepancy.sentences import Vocabulary, headline
+        from cosim.discrepancy.report.sentences import Vocabulary, headline
 
         return headline(self, Vocabulary([type(effect) for effect in self.sensor.effects]))
 

@@ -16,11 +16,11 @@ from typing import Literal
 import numpy as np
 from scipy import sparse
 
-from cosim.discrepancy.clusters import Clusters, compressed, widened
 from cosim.discrepancy.detectable import Z80, smallest_amplitude
-from cosim.discrepancy.evidence import Evidence, Quantity
-from cosim.discrepancy.random_signs import DRAWS, family_wise
-from cosim.discrepancy.system import Column, SparseMatrix
+from cosim.discrepancy.inference.clusters import Clusters, compressed, widened
+from cosim.discrepancy.inference.columns import Column, SparseMatrix
+from cosim.discrepancy.inference.score import Evidence, Quantity
+from cosim.discrepancy.inference.wild_bootstrap import DRAWS, family_wise
 from sensors.effects.base import Effect
 
 _KEPT_SHARE = 0.02  # of a candidate's information that must outlive the fit of pose errors

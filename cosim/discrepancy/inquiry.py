@@ -8,18 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending, in_order
+from cosim.discrepancy.data.sample import Sample, draw_sample
+from cosim.discrepancy.data.split import Split, split_drive
 from cosim.discrepancy.diagnosis import Alternative, Finding
-from cosim.discrepancy.fitting import Fitted, Fitter, Free, all_free
-from cosim.discrepancy.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.gate import Verdict
-from cosim.discrepancy.held_out import Split, split_drive
+from cosim.discrepancy.groups.quantization import Lattice
+from cosim.discrepancy.inference.fit import Fitted, Fitter, Free, all_free
 from cosim.discrepancy.kinds import candidate_kinds, with_rings
-from cosim.discrepancy.lattice import Lattice
-from cosim.discrepancy.sample import Sample, draw_sample
 from cosim.discrepancy.settling import Settled, settle
-from cosim.discrepancy.testing import HeldOut, held_out_errors
 from cosim.discrepancy.twin_scatter import with_scatter
 from cosim.discrepancy.unknown import Shape, effect_name
+from cosim.discrepancy.validation import HeldOut, held_out_errors
 from cosim.drives.kitti import Drive
 from sensors.effects.base import Effect
 from sensors.sensor_model import SensorModel, load_sensor

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.discrepancy.fitting import Fitted, Fitter
-from cosim.discrepancy.frames import Scatter, TracedFrame
+from cosim.discrepancy.data.frames import Scatter, TracedFrame
+from cosim.discrepancy.data.sample import same_beams
+from cosim.discrepancy.inference.fit import Fitted, Fitter
 from cosim.discrepancy.ranking import gain
-from cosim.discrepancy.sample import same_beams
 from cosim.discrepancy.twin_scatter import map_scatter_m, with_scatter
 
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.evidence import spread_excess
-from cosim.discrepancy.expectation import Expectation
-from cosim.discrepancy.frames import TracedFrame
-from cosim.discrepancy.scoring import CLIP_M, SCALES, FrameScores
+from cosim.discrepancy.data.frames import TracedFrame
+from cosim.discrepancy.forward.expectation import Expectation
+from cosim.discrepancy.inference.score import spread_excess
+from cosim.discrepancy.scores import CLIP_M, SCALES, FrameScores
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from cosim.discrepancy.fitting import POSE_FLOOR, Fitted, Fitter
 from cosim.discrepancy.gate import Direction, Posed
-from cosim.discrepancy.pose_errors import independent_share
-from cosim.discrepancy.random_signs import DRAWS
+from cosim.discrepancy.inference.fit import POSE_FLOOR, Fitted, Fitter
+from cosim.discrepancy.inference.pose_errors import independent_share
+from cosim.discrepancy.inference.wild_bootstrap import DRAWS
 
 _RIGID = 0.5  # share of a candidate's changes of ranges that pose errors could make
 _VARIED = 0.05  # share of its pattern that differs from scan to scan

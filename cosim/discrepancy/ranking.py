@@ -9,16 +9,16 @@ import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.candidates import with_values
-from cosim.discrepancy.evidence import Evidence
-from cosim.discrepancy.fitting import Fitted, Fitter, all_free
-from cosim.discrepancy.frames import bending
+from cosim.discrepancy.data.frames import bending
+from cosim.discrepancy.data.sample import same_beams
 from cosim.discrepancy.gate import Direction, Verdict
-from cosim.discrepancy.intervals import stray_weight
+from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
+from cosim.discrepancy.inference.intervals import stray_weight
+from cosim.discrepancy.inference.likelihood import judge
+from cosim.discrepancy.inference.pose_errors import independent_share
+from cosim.discrepancy.inference.score import Evidence
+from cosim.discrepancy.inference.wild_bootstrap import LEVEL
 from cosim.discrepancy.kinds import confusable
-from cosim.discrepancy.likelihood import judge
-from cosim.discrepancy.pose_errors import independent_share
-from cosim.discrepancy.random_signs import LEVEL
-from cosim.discrepancy.sample import same_beams
 from cosim.discrepancy.settling import Trace
 from sensors.effects.base import BeamEffect, Effect, ScanEffect
 

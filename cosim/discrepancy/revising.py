@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from cosim.discrepancy.candidates import amplitudes, unknowns
-from cosim.discrepancy.directions import directions
-from cosim.discrepancy.fitting import Fitted, Fitter
-from cosim.discrepancy.hard_limits import is_searched
-from cosim.discrepancy.intervals import covariances, stray_weight
+from cosim.discrepancy.groups.effects import directions
+from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.intervals import covariances, stray_weight
+from cosim.discrepancy.inference.search import is_searched
 from cosim.discrepancy.kinds import confusable
 from cosim.discrepancy.ranking import Ranked, fit_candidate
 from cosim.discrepancy.unknown import Shape, same_shape

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.discrepancy.fitting import all_free
+from cosim.discrepancy.inference.fit import all_free
 from cosim.discrepancy.inquiry import Inquiry, Look, Model
 from cosim.discrepancy.revising import is_idle, redrawn, simpler_rival
 from cosim.discrepancy.settling import Settled

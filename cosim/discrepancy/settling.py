@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.fitting import Fitted, Fitter, Free
-from cosim.discrepancy.frames import TracedFrame, bending
-from cosim.discrepancy.sample import Sample, draw_sample
+from cosim.discrepancy.data.frames import TracedFrame, bending
+from cosim.discrepancy.data.sample import Sample, draw_sample
+from cosim.discrepancy.inference.fit import Fitted, Fitter, Free
 from cosim.discrepancy.twin_scatter import differs, measured_scatter, with_scatter
 from sensors.effects.base import Effect
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.discrepancy.frames import TracedFrame
-from cosim.discrepancy.scoring import SCALES, FrameScores
+from cosim.discrepancy.data.frames import TracedFrame
+from cosim.discrepancy.scores import SCALES, FrameScores
 
 _RANGES_M = (0, 10, 20, 30, 45, 60, 80, 1000)
 _RING_BAND, _BANDS = 16, 4

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.discrepancy.candidates import with_values
-from cosim.discrepancy.fitting import POSE_FLOOR, Fitted, Fitter, all_free
-from cosim.discrepancy.frames import bending
+from cosim.discrepancy.data.frames import bending
+from cosim.discrepancy.data.sample import same_beams
 from cosim.discrepancy.gate import Direction
+from cosim.discrepancy.inference.fit import POSE_FLOOR, Fitted, Fitter, all_free
 from cosim.discrepancy.pose_patterns import PosePatterns
 from cosim.discrepancy.ranking import STEPS, Ranked, entangled, pose_gain
-from cosim.discrepancy.sample import same_beams
 from cosim.discrepancy.settling import Trace, leans
 from sensors.effects.base import BeamEffect, Effect
 

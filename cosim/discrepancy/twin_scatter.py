@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.discrepancy.fitting import Fitted, Fitter
-from cosim.discrepancy.frames import Scatter, TracedFrame
-from cosim.discrepancy.sample import CELL_M, Sample
+from cosim.discrepancy.data.frames import Scatter, TracedFrame
+from cosim.discrepancy.data.sample import CELL_M, Sample
+from cosim.discrepancy.inference.fit import Fitted, Fitter
 from sensors.hits import STATIC
 
 _FEWEST_BEAMS, _FEWEST_GROUPS = 5, 10

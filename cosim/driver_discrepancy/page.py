@@ -7,9 +7,9 @@ from html import escape
 
 import numpy as np
 
-from cosim.discrepancy.pages.ranking_table import ranking_section
-from cosim.discrepancy.pages.style import STYLE
-from cosim.discrepancy.saying import p_cell
+from cosim.discrepancy.report.phrases import p_cell
+from cosim.discrepancy.report.ranking_table import ranking_section
+from cosim.discrepancy.report.style import STYLE
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS
 from cosim.driver_discrepancy.comparison import UNIT_OF, Row, TrafficComparison
 from cosim.driver_discrepancy.diagnosis import TrafficDiagnosis, TrafficFinding

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cosim.discrepancy.saying import as_sure, p_words
+from cosim.discrepancy.report.phrases import as_sure, p_words
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS
 from cosim.driver_discrepancy.diagnosis import TrafficDiagnosis, TrafficFinding
 

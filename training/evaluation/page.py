@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from cosim.discrepancy.pages.style import STYLE
+from cosim.discrepancy.report.style import STYLE
 from cosim.report.html import document
 from cosim.stats.plot import Axis, Plot
 from training.evaluation.as_json import Intervals

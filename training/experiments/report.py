@@ -9,7 +9,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from cosim.discrepancy.pages.style import STYLE
+from cosim.discrepancy.report.style import STYLE
 from cosim.drives.kitti import Drive
 from cosim.drives.writer import explained
 from cosim.report.html import document

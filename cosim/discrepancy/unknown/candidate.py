@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.discrepancy.clusters import compressed
-from cosim.discrepancy.fitting import Fitted, Fitter, all_free
 from cosim.discrepancy.gate import Direction, Verdict, run_gate
+from cosim.discrepancy.groups.covariates import covariates
+from cosim.discrepancy.inference.clusters import compressed
+from cosim.discrepancy.inference.columns import Column
+from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
 from cosim.discrepancy.ranking import ALIKE_BIC, Ranked
-from cosim.discrepancy.system import Column
-from cosim.discrepancy.unknown.covariates import covariates
 from cosim.discrepancy.unknown.refined import shape_column
-from cosim.discrepancy.unknown.search import CHANNELS, Shape
+from cosim.discrepancy.unknown.shape import CHANNELS, Shape
 from cosim.discrepancy.unknown.write import class_name, effect_source
 from sensors.effects.base import Effect
 from sensors.effects.registry import find_effect

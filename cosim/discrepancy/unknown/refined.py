@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.discrepancy.evidence import Evidence, Quantity
-from cosim.discrepancy.fitting import Fitted, Fitter
-from cosim.discrepancy.likelihood import judge
-from cosim.discrepancy.sample import Prediction
-from cosim.discrepancy.system import Column, Normal
+from cosim.discrepancy.data.sample import Prediction
+from cosim.discrepancy.inference.columns import Column, Normal
+from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.likelihood import judge
+from cosim.discrepancy.inference.score import Evidence, Quantity
 
 _STEPS = 25
 _SETTLED = 0.1  # of a standard error

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cosim.discrepancy.unknown.search import Shape
+from cosim.discrepancy.unknown.shape import Shape
 
 _BASES = {
     "range": "PointEffect",

@@ -15,7 +15,7 @@ from sensors.effects.base import Effect
 from sensors.sensor_model import SensorModel
 
 if TYPE_CHECKING:
-    from cosim.discrepancy.frames import FrameTracer
+    from cosim.discrepancy.data.frames import FrameTracer
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +57,8 @@ class ResidualTracer:
 
     @cached_property
     def _tracer(self) -> FrameTracer:
-        from cosim.discrepancy.checks import check_fit, opened
-        from cosim.discrepancy.frames import FrameTracer
+        from cosim.discrepancy.data.checks import check_fit, opened
+        from cosim.discrepancy.data.frames import FrameTracer
 
         tracer = FrameTracer(opened(self._drive), self._sensor)
         check_fit(tracer.trace(self._drive.frames[0], self._bending), self._drive)
@@ -66,18 +66,18 @@ class ResidualTracer:
 
     @cached_property
     def _effects(self) -> tuple[Effect, ...]:
-        from cosim.discrepancy.frames import in_order
+        from cosim.discrepancy.data.frames import in_order
 
         return in_order(self._sensor.effects)
 
     @cached_property
     def _bending(self) -> tuple[Effect, ...]:
-        from cosim.discrepancy.frames import bending
+        from cosim.discrepancy.data.frames import bending
 
         return bending(self._effects)
 
     def _trace(self, name: str) -> PointResiduals:
-        from cosim.discrepancy.expectation import expect
+        from cosim.discrepancy.forward.expectation import expect
 
         traced = self._tracer.trace(name, self._bending)
         observed, shot = traced.observed, traced.shot

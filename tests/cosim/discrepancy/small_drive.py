@@ -11,9 +11,9 @@ import yaml
 
 from assets.mesh import Mesh
 from assets.shapes import box, plate
-from cosim.discrepancy.checks import opened
-from cosim.discrepancy.fitting import all_free
-from cosim.discrepancy.frames import FrameTracer, in_order
+from cosim.discrepancy.data.checks import opened
+from cosim.discrepancy.data.frames import FrameTracer, in_order
+from cosim.discrepancy.inference.fit import all_free
 from cosim.discrepancy.settling import Settled, settle
 from cosim.drives.kitti import PointRays, write_points, write_rays
 from cosim.drives.twin import Ego, Instance, Lidar, TwinFrame, read_glb, write_frame, write_glb, write_materials

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.discrepancy.clusters import nearness, widened
+from cosim.discrepancy.inference.clusters import nearness, widened
 
 SIDE_M, CELL_M = 200.0, 5.0
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy import compare
-from cosim.discrepancy.checks import opened
 from cosim.discrepancy.chosen import chosen_frames
+from cosim.discrepancy.data.checks import opened
 from cosim.errors import CosimError, DriveError
 from sensors.effects.registry import find_effect
 from sensors.errors import SensorError

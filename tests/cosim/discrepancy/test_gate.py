@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from cosim.discrepancy.clusters import Clusters
-from cosim.discrepancy.evidence import Evidence
 from cosim.discrepancy.gate import Direction, Verdict, run_gate
-from cosim.discrepancy.system import Column
+from cosim.discrepancy.inference.clusters import Clusters
+from cosim.discrepancy.inference.columns import Column
+from cosim.discrepancy.inference.score import Evidence
 
 SCANS, CANDIDATES = 16, 12
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.discrepancy.checks import opened
-from cosim.discrepancy.frames import FrameTracer
-from cosim.discrepancy.held_out import split_frames
-from cosim.discrepancy.testing import HeldOut, held_out_errors
+from cosim.discrepancy.data.checks import opened
+from cosim.discrepancy.data.frames import FrameTracer
+from cosim.discrepancy.data.split import split_frames
+from cosim.discrepancy.validation import HeldOut, held_out_errors
 from sensors.effects.range_noise import RangeNoise
 from sensors.sensor_model import load_sensor
 from tests.cosim.discrepancy.small_drive import make_yard

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy import compare
+from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
-from cosim.discrepancy.held_out import Split
-from cosim.discrepancy.pages import Gathered, format_comparison, format_diagnosis, write_page
-from cosim.discrepancy.pages.binned import binned, in_quantiles
-from cosim.discrepancy.pages.confusions import CONFUSIONS, separations
-from cosim.discrepancy.pages.waterfall import waterfall
-from cosim.discrepancy.sentences import Vocabulary, headline
-from cosim.discrepancy.testing import HeldOut
+from cosim.discrepancy.report import Gathered, format_comparison, format_diagnosis, write_page
+from cosim.discrepancy.report.binned import binned, in_quantiles
+from cosim.discrepancy.report.confusions import CONFUSIONS, separations
+from cosim.discrepancy.report.sentences import Vocabulary, headline
+from cosim.discrepancy.report.waterfall import waterfall
+from cosim.discrepancy.validation import HeldOut
 from sensors.effects.registry import effect_classes, find_effect
 from sensors.sensor_model import SensorModel, load_sensor
 from tests.cosim.discrepancy.small_drive import PATTERN, Yard

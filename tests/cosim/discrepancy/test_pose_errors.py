@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cosim.discrepancy.pose_errors import PoseErrors, independent_share
+from cosim.discrepancy.inference.pose_errors import PoseErrors, independent_share
 
 _HEIGHT_M = 1.73
 

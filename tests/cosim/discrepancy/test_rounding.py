@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.discrepancy.lattice import _step
-from cosim.discrepancy.rounding import _moments
+from cosim.discrepancy.forward.rounding import _moments
+from cosim.discrepancy.groups.quantization import _step
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.01, 0.03, 0.06, 0.2])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cosim.discrepancy.scoring import _crps, model_chance
+from cosim.discrepancy.scores import _crps, model_chance
 
 MEMBERS, ROWS = 4, 200_000
 

@@ -11,11 +11,11 @@ import pytest
 from scipy import sparse
 
 from cosim.discrepancy import Diagnosis, diagnose
-from cosim.discrepancy.clusters import Clusters, nearness
 from cosim.discrepancy.gate import Direction, Strays, compressed, run_gate
-from cosim.discrepancy.hard_limits import widening
-from cosim.discrepancy.sector import crowded_sector
-from cosim.discrepancy.system import Column
+from cosim.discrepancy.inference.clusters import Clusters, nearness
+from cosim.discrepancy.inference.columns import Column
+from cosim.discrepancy.inference.search import widening
+from cosim.discrepancy.inference.sector import crowded_sector
 from sensors.effects.backscatter import Backscatter
 from sensors.effects.base import Effect
 from sensors.effects.false_alarms import FalseAlarms

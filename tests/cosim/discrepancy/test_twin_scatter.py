@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy import diagnose
-from cosim.discrepancy.checks import opened
-from cosim.discrepancy.frames import FrameTracer, Scatter
+from cosim.discrepancy.data.checks import opened
+from cosim.discrepancy.data.frames import FrameTracer, Scatter
 from cosim.discrepancy.twin_scatter import map_scatter_m, with_scatter
 from cosim.drives.twin import read_glb, write_glb
 from sensors.effects.registry import find_effect

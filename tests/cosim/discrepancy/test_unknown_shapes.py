@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.discrepancy.groups.covariates import covariates
 from cosim.discrepancy.kinds import as_known, for_rings, with_rings
 from cosim.discrepancy.unknown import Shape, class_name, effect_source
 from cosim.discrepancy.unknown.candidate import shape_effect
-from cosim.discrepancy.unknown.covariates import covariates
 from cosim.discrepancy.unknown.formulas import best_formula, evaluate
-from cosim.discrepancy.unknown.search import _as_told
+from cosim.discrepancy.unknown.shape import _as_told
 from sensors.effects.base import EchoEffect, PointEffect
 from sensors.effects.phases import Phase
 from sensors.effects.registry import find_effect

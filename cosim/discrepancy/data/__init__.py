@@ -1,0 +1,1 @@
+"""What was measured, what the twin says of it, and which beams may be compared."""

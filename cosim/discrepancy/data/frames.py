@@ -1,0 +1,172 @@
+"""The frames of a drive with what a sensor's true beams meet in their twin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cosim.discrepancy.data.ambiguity import Neighbours
+from cosim.discrepancy.data.observation import Observed, observe, upwards
+from cosim.discrepancy.labelled_twin.trust import read_trust
+from cosim.drives.kitti import Drive, Frame
+from cosim.drives.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
+from sensors.beams import Beams
+from sensors.effects.acting import Streams, act_on_beams
+from sensors.effects.base import BeamEffect, Effect
+from sensors.motion import EgoMotion
+from sensors.rays import Rays
+from sensors.scene import Instances
+from sensors.sensor_model import SensorModel
+from sensors.shot import Shot
+from sensors.world import TracerCache, World
+
+_GRAZING = 0.02
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How far a twin is off across its surfaces, standard deviations [m].
+
+    Attributes:
+        labels_m: of objects, each scan anew.
+        map_m: of spots of the static world.
+    """
+
+    labels_m: float = 0.0
+    map_m: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class TracedFrame:
+    """One frame, measured and traced.
+
+    Attributes:
+        name: of the frame.
+        place: of its static world, where the drive has several.
+        time_s: pose time.
+        observed: what was measured, by beam.
+        shot: what the model's true beams met, by beam; with its world, so that effects can trace on.
+        unsure_m, unsure_intensity: (n,) how far the twin itself may be off where the beam meets it: along the beam and
+            in brightness, standard deviations; 0 where it is surveyed.
+        edge: (n,) bool: beams whose outcome is ambiguous, because a touch aside the world is another.
+        border: (n,) bool: beams whose brightness is, because a touch aside the material is another.
+        seam: (n,) bool: the same where the other is so much brighter or darker that the brightness tells which it was.
+        leaning: (6,) error of the LiDAR's pose that was traced with: a shift [m], and a turn about its axes [rad].
+        own_axes: whether its twin was made from its own points, so that its pose cannot be wrong.
+        ego, instances: at the pose time.
+        scatter: how far the twin is off, as far as `unsure_m` and `edge` know of it.
+        exact: the same frame where these do not; None if it is this one.
+    """
+
+    name: str
+    place: str
+    time_s: float
+    observed: Observed
+    shot: Shot
+    unsure_m: np.ndarray
+    unsure_intensity: np.ndarray
+    edge: np.ndarray
+    border: np.ndarray
+    seam: np.ndarray
+    leaning: np.ndarray
+    own_axes: bool
+    ego: EgoMotion
+    instances: Instances
+    scatter: Scatter = Scatter()
+    exact: TracedFrame | None = None
+
+
+class FrameTracer:
+    """Traces the frames of a drive with a sensor's beam effects.
+
+    Args:
+        drive: with points and a twin.
+        pattern_of: the sensor; its pattern is what points are sorted onto.
+    """
+
+    def __init__(self, drive: Drive, sensor: SensorModel) -> None:
+        self.drive = drive
+        self.sensor = sensor
+        self._scenes = TwinScenes(drive)
+        self._rays: Rays = sensor.pattern.rays()
+        self._neighbours = Neighbours(self._rays)
+        self._tracers = TracerCache(sensor.pattern.range_m)
+
+    def trace(self, name: str, effects: tuple[Effect, ...], leaning: np.ndarray | None = None) -> TracedFrame:
+        """One frame, as beams changed by `effects` meet it, from a pose that is off by `leaning`, see `TracedFrame`."""
+        leaning = np.zeros(6) if leaning is None else leaning
+        frame = self.drive[name]
+        twin = frame.twin
+        instances, ego, pattern = scene_instances(twin.instances), ego_motion(twin), self.sensor.pattern
+        pose = lidar_pose(twin) @ _moved(leaning)
+        world = World(self._scenes.of(frame), pose, instances, ego, pattern.range_m, self._tracers)
+        observed = observe(frame, pattern, self._rays)
+        before = Shot(pattern, observed.rays, world=world, frame_time_s=twin.time_s)
+        streams = Streams(np.random.default_rng(0))
+        beams = act_on_beams(in_order(effects), Beams.nominal(observed.rays), before, streams, self.sensor.origin)
+        traced = world.trace(beams)
+        shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
+        trusted, unsure_m, unsure_intensity = _known(frame, shot, observed)
+        border, seam = self._neighbours.at_border(traced.hits)
+        return TracedFrame(
+            name=name,
+            place=twin.static or "",
+            time_s=twin.time_s,
+            observed=replace(observed, trusted=trusted),
+            shot=shot,
+            unsure_m=unsure_m,
+            unsure_intensity=unsure_intensity,
+            edge=self._neighbours.at_edge(traced.hits),
+            border=border,
+            seam=seam,
+            leaning=leaning,
+            own_axes=frame.has("twin/trust"),
+            ego=ego,
+            instances=instances,
+        )
+
+    def trace_all(
+        self, names: Sequence[str], effects: tuple[Effect, ...], leaning: np.ndarray | None = None
+    ) -> list[TracedFrame]:
+        """Several frames, each from a pose off by its row of `leaning` (frames, 6)."""
+        rows = np.zeros((len(names), 6)) if leaning is None else leaning
+        return [self.trace(name, effects, row) for name, row in zip(names, rows, strict=True)]
+
+
+def _moved(leaning: np.ndarray) -> np.ndarray:
+    """(4, 4) of a shift and a turn."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_rotvec(leaning[3:]).as_matrix()
+    matrix[:3, 3] = leaning[:3]
+    return matrix
+
+
+def _known(frame: Frame, shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which beams may be compared, all or those that a twin made from labels tells something of; how unsure it is."""
+    if not frame.has("twin/trust"):
+        sure = np.zeros(len(observed.rays), np.float32)
+        return observed.trusted, sure, sure
+    trust = read_trust(frame.path("twin/trust"))
+    solid, traced = shot.hits.solid, shot.traced
+    assert traced is not None  # frames are traced
+    met = traced.origin + traced.direction * np.where(solid.exists, solid.range_m, np.nan)[:, None]
+    pose, direction = shot.hits.pose, observed.rays.direction
+    point = observed.along_m[:, None] * direction + observed.above_m[:, None] * upwards(direction)
+    found = trust.beams(frame.twin.instances, met, solid.instance, point @ pose[:3, :3].T + pose[:3, 3])
+    away, bright = trust.unsure(met, solid.instance)
+    steep = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
+    trusted = found & (trust.ground_range | (solid.instance >= 0))
+    return trusted, away / np.maximum(steep, _GRAZING), bright
+
+
+def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Effects in the order in which they act."""
+    return tuple(sorted(effects, key=lambda effect: effect.phase))
+
+
+def bending(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Those that bend beams, for which frames must be traced anew."""
+    return tuple(effect for effect in effects if isinstance(effect, BeamEffect))

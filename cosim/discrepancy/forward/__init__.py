@@ -1,0 +1,1 @@
+"""What a sensor model lets expect of every beam."""

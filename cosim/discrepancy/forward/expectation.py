@@ -1,0 +1,121 @@
+"""What a sensor model expects of every beam, chance left out: means, spreads and probabilities."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cosim.discrepancy.forward.rounding import rounded
+from sensors.effects.base import EchoEffect, Effect, NoiseEffect, PointEffect, RoundingEffect, ScanEffect
+from sensors.effects.phases import CLIP_BEFORE
+from sensors.returns import Returns
+from sensors.shot import Shot, returns_of
+
+_DRAWS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Expectation:
+    """Of n beams.
+
+    Attributes:
+        range_m: (n,) float64 mean range of the answering surface from the reported optical centre; NaN where none can.
+        range_sigma_m: (n,) its standard deviation.
+        intensity: (n,) mean intensity, 0–1.
+        intensity_sigma: (n,) its standard deviation.
+        seen: (n,) probability that the surface's return is reported; 0 where none can.
+        silent: (n,) probability that nothing is reported at all.
+    """
+
+    range_m: np.ndarray
+    range_sigma_m: np.ndarray
+    intensity: np.ndarray
+    intensity_sigma: np.ndarray
+    seen: np.ndarray
+    silent: np.ndarray
+
+
+def expect(effects: Sequence[Effect], shot: Shot, unsure: tuple[np.ndarray, np.ndarray] | None = None) -> Expectation:
+    """What effects, in the order in which they act, let expect of a traced shot.
+
+    Args:
+        effects: of the sensor.
+        shot: of n beams.
+        unsure: (n,) each, how far the twin's ranges [m] and reflectances may be off: rounding acts on what is true, not
+            on what the twin says. The spreads of the expectation are the sensor's alone.
+    """
+    beams = len(shot.rays)
+    returns = returns_of(shot.hits)
+    seen, silent = np.ones(beams), None
+    range_variance, intensity_variance = np.zeros(beams), np.zeros(beams)
+    more = (np.zeros(beams), np.zeros(beams)) if unsure is None else (np.square(unsure[0]), np.square(unsure[1]))
+    clips = list(CLIP_BEFORE)
+    for effect in effects:
+        while clips and effect.phase >= clips[0]:
+            clips.pop(0)
+            returns = replace(returns, intensity=returns.intensity.clip(0, 1))
+        if isinstance(effect, EchoEffect):
+            returns, chance = effect.expected(returns, shot)
+            first = returns.return_no == 0
+            if not first.all():
+                returns, chance = returns.take(first), chance[first]
+            seen[returns.beam] *= chance
+        elif isinstance(effect, NoiseEffect):
+            of_range, of_intensity = effect.spread(returns, shot)
+            range_variance[returns.beam] += np.square(of_range)
+            intensity_variance[returns.beam] += np.square(of_intensity)
+        elif isinstance(effect, RoundingEffect):
+            beam = returns.beam
+            true_range, true_intensity = range_variance[beam] + more[0][beam], intensity_variance[beam] + more[1][beam]
+            returns, spread = rounded(returns, effect, np.sqrt(true_range), np.sqrt(true_intensity))
+            range_variance[beam] = np.maximum(spread[0] - more[0][beam], 0)
+            intensity_variance[beam] = np.maximum(spread[1] - more[1][beam], 0)
+        elif isinstance(effect, PointEffect):
+            returns, spread = _mean_and_spread(effect, returns, shot)
+            range_variance[returns.beam] += spread[0]
+            intensity_variance[returns.beam] += spread[1]
+        elif isinstance(effect, ScanEffect):
+            silent = 1 - _answering(seen, returns) if silent is None else silent
+            kept = effect.survival(returns, shot)
+            if type(effect).density is Effect.density:  # takes returns away and puts nothing in their place
+                silent[returns.beam] += seen[returns.beam] * (1 - kept)
+            else:
+                silent *= effect.silence(shot)
+            seen[returns.beam] *= kept
+    seen = _answering(seen, returns)
+    mean_range, mean_intensity = np.full(beams, np.nan), np.zeros(beams)
+    mean_range[returns.beam] = returns.range_m
+    mean_intensity[returns.beam] = returns.intensity.clip(0, 1)
+    return Expectation(
+        range_m=mean_range,
+        range_sigma_m=np.sqrt(range_variance),
+        intensity=mean_intensity,
+        intensity_sigma=np.sqrt(intensity_variance),
+        seen=seen,
+        silent=1 - seen if silent is None else silent,
+    )
+
+
+def _answering(seen: np.ndarray, returns: Returns) -> np.ndarray:
+    """Chances (n,) of a return; 0 of beams that have none."""
+    found = np.zeros(len(seen))
+    found[returns.beam] = seen[returns.beam]
+    return found
+
+
+def _mean_and_spread(
+    effect: PointEffect, returns: Returns, shot: Shot
+) -> tuple[Returns, tuple[np.ndarray | float, np.ndarray | float]]:
+    """Returns after a point effect, and the variances it brings; some draw random numbers."""
+    rng = np.random.default_rng(0)
+    before = rng.bit_generator.state
+    changed = effect.apply(returns, shot, rng)
+    if rng.bit_generator.state == before:  # it draws no random numbers
+        return changed, (0.0, 0.0)
+    draws = [effect.apply(returns, shot, np.random.default_rng(seed)) for seed in range(1, _DRAWS)]
+    ranges = np.stack([changed.range_m, *(draw.range_m for draw in draws)])
+    intensities = np.stack([changed.intensity, *(draw.intensity for draw in draws)])
+    mean = replace(changed, range_m=ranges.mean(0), intensity=intensities.mean(0))
+    return mean, (ranges.var(0, ddof=1), intensities.var(0, ddof=1))

@@ -1,0 +1,1 @@
+"""What may be missing, as columns that a residual is held against."""

@@ -1,0 +1,125 @@
+"""Every candidate as directions in which a fitted model could change."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+
+import numpy as np
+
+from cosim.discrepancy.candidates import unknowns, weak_forms, with_values
+from cosim.discrepancy.data.sample import Prediction, Sample
+from cosim.discrepancy.gate import Direction, Strays
+from cosim.discrepancy.inference.columns import Column
+from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.likelihood import STRAY_SHARE, judge
+from cosim.discrepancy.inference.score import Quantity, change
+from sensors.effects.base import Effect
+
+_LEVERAGE = 4.0
+_MOST_STRAYS = 1e-4  # of all beams: of few a form that tells of many would say that there are none
+
+
+def directions(
+    fitter: Fitter, fitted: Fitted, kinds: Sequence[type[Effect]], settled: Collection[int]
+) -> list[Direction]:
+    """Where to look for each kind of effect.
+
+    Args:
+        fitter: of the sample.
+        fitted: the model as it stands.
+        kinds: the candidates.
+        settled: places of effects whose parameters have been fitted: nothing more is to be found of them.
+    """
+    found: list[Direction] = []
+    for place, effect in enumerate(fitted.effects):
+        if place not in settled and effect.neutral is not None:
+            found += _retuned(fitter, fitted, place)
+    there = {effect.name for effect in fitted.effects}
+    for kind in kinds:
+        if kind.name not in there and kind.neutral is not None:
+            found += _new(fitter, fitted, kind)
+    return found
+
+
+def _retuned(fitter: Fitter, fitted: Fitted, place: int) -> Iterator[Direction]:
+    """Other values of an effect that the sensor has."""
+    effect = fitted.effects[place]
+    for unknown in unknowns(type(effect)):
+        value = np.asarray(getattr(effect, unknown.name), float)
+        if value.ndim and value.size != unknown.rings:
+            continue
+        step = unknown.step if np.all(value + unknown.step <= unknown.high) else -unknown.step
+        moved = with_values(effect, {unknown.name: value + step})
+        effects = (*fitted.effects[:place], moved, *fitted.effects[place + 1 :])
+        yield from _told(fitter, fitted, effects, moved, unknown.name, step, place)
+
+
+def _new(fitter: Fitter, fitted: Fitted, kind: type[Effect]) -> Iterator[Direction]:
+    for weak, amplitude, step in weak_forms(kind):
+        yield from _told(fitter, fitted, (*fitted.effects, weak), weak, amplitude, step, None)
+
+
+def _told(
+    fitter: Fitter,
+    fitted: Fitted,
+    effects: tuple[Effect, ...],
+    weak: Effect,
+    amplitude: str,
+    step: float,
+    place: int | None,
+) -> Iterator[Direction]:
+    """The direction of a weak form, if it changes anything."""
+    sample = fitter.sample
+    after = sample.predict(effects)
+    label = ", ".join(
+        f"{name} {value:g}"
+        for name, value in weak.model_dump().items()
+        if isinstance(value, float) and name != amplitude
+    )
+    if type(weak).density is not Effect.density or not amplitude:
+        is_new = amplitude and place is None
+        few = min(_MOST_STRAYS / max(_taken(sample, fitted, after).sum(), 1e-300), 1.0) if is_new else 1.0
+        if few < 1:
+            sparse = with_values(weak, {amplitude: getattr(weak, amplitude) - (1 - few) * step})
+            after, step = sample.predict((*fitted.effects, sparse)), few * step
+        found = judge(sample, after, shift=fitter.shift(fitted.pose, after)).loglik
+        gain = sample.share * (found - fitted.fit.loglik)
+        if np.any(gain):
+            strays = _strays(sample, fitted, after, step) if amplitude else None  # a whole setting is no unit
+            yield Direction(weak.name, label, amplitude, Column({}), weak, place, True, gain, strays)
+        return
+    whole: dict[Quantity, np.ndarray] = {
+        name: values / step for name, values in change(fitted.prediction, after).items()
+    }
+    delta: dict[Quantity, np.ndarray] = {name: _bounded(values) for name, values in whole.items()}
+    if delta:
+        free = next(unknown for unknown in unknowns(type(weak)) if unknown.name == amplitude)
+        column = Column(delta, sample.ring if free.rings > 1 else None, free.rings)
+        at_bound = place is None and free.rings == 1 and (weak.neutral or {})[amplitude] <= free.low
+        yield Direction(weak.name, label, amplitude, column, weak, place, at_bound, moved=whole.get("range"))
+
+
+def _strays(sample: Sample, fitted: Fitted, after: Prediction, step: float) -> Strays | None:
+    """What a weak form adds."""
+    taken = _taken(sample, fitted, after)
+    if not np.any(taken):
+        return None
+    gain = float(taken @ np.log1p(_given_way(fitted, after) / STRAY_SHARE) / taken.sum())
+    return Strays(taken * len(sample), step, 1 / float(sample.weight.mean()), gain)
+
+
+def _taken(sample: Sample, fitted: Fitted, after: Prediction) -> np.ndarray:
+    """(n,) Share of all beams whose own returns give way to strays."""
+    return sample.share * _given_way(fitted, after) / len(sample)
+
+
+def _given_way(fitted: Fitted, after: Prediction) -> np.ndarray:
+    """(n,) How much less likely each beam's own return is."""
+    return np.maximum(fitted.prediction.seen - after.seen, 0.0)
+
+
+def _bounded(delta: np.ndarray) -> np.ndarray:
+    """Changes with their longest tails cut: beams that graze a surface would outvote all others, and leave it first."""
+    size = np.abs(delta)
+    most = _LEVERAGE * float(np.median(size[size > 1e-3 * size.max()]))
+    return np.clip(delta, -most, most)

@@ -1,0 +1,1 @@
+"""Likelihood, scores, random effects, fits, tests and intervals."""

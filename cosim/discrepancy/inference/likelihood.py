@@ -1,0 +1,136 @@
+"""How likely measurements are, beam by beam, under a prediction.
+
+A beam returns from the surface it meets with probability `seen`; then its range scatters with heavy tails
+(Student-t of 5 degrees of freedom scaled to the stated standard deviation). It may also return from elsewhere,
+with a small uniform density on top of what scan effects say. Intensities count as far as the return is the surface's;
+those at the limits of what the sensor tells say that they would have been there or beyond. Where another material
+begins beside a beam, any brightness is as likely as its own.
+Where a return stands above its beam tells of the sensor whatever surface it was, so it counts for every return, and is
+all that counts of beams that cannot be compared with the twin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.discrepancy.data.sample import Prediction, Sample
+from cosim.discrepancy.inference.censored import censored, student
+
+RANGE_FLOOR_M = 5e-4
+INTENSITY_FLOOR = 0.002
+RISE_SIGMA_M = 0.003
+STRAY_SHARE = 1e-5
+_REACH_M = 120.0
+_CLEAR_OF_LIMITS = 2.5
+_LOST_SHARE = 1e-3
+_OWN_AT_SEAMS, _CUT_AT_SEAMS = 0.5, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Of n beams.
+
+    Attributes:
+        range_z, intensity_z, rise_z: residuals in standard deviations; 0 where there are none.
+        intensity_pull, intensity_known: what intensities say of their mean, and how much they would on average, in
+            standard deviations.
+        matched: probability that the return is the surface's.
+        bright: probability that its brightness is, too; 0 where that is not to be told.
+        whole: (n,) bool: intensities that the limits hardly ever cut off.
+        seen: probability of a return of the surface, away from 0 and 1.
+        loglik: (n,) log-likelihood.
+    """
+
+    range_z: np.ndarray
+    intensity_z: np.ndarray
+    rise_z: np.ndarray
+    range_sigma_m: np.ndarray
+    intensity_sigma: np.ndarray
+    intensity_pull: np.ndarray
+    intensity_known: np.ndarray
+    matched: np.ndarray
+    bright: np.ndarray
+    whole: np.ndarray
+    seen: np.ndarray
+    loglik: np.ndarray
+
+
+def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.ndarray | None = None) -> Fit:
+    """Hold measurements against a prediction.
+
+    Args:
+        sample: the measurements.
+        expected: of the same beams.
+        blur: a standard deviation [m] added to every range: fits that are far off find their way with it.
+        shift: (n,) what is added to expected ranges [m], as pose errors do.
+    """
+    sigma = np.hypot(range_spread_m(expected), blur)
+    mean = expected.range_m if shift is None else expected.range_m + shift
+    returned = sample.returned
+    z = np.where(returned & np.isfinite(mean), (sample.along_m - mean) / sigma, 0.0)
+    z = np.nan_to_num(z)
+    seen = np.where(np.isfinite(mean), np.clip(expected.seen, _LOST_SHARE, 1 - _LOST_SHARE), 0.0)
+    seen = np.where(sample.compared, seen, 0.0)
+    # That a beam returned shows a loss however rare; of beams that did not, none is certain to.
+    certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, _LOST_SHARE), 0.0)
+    surface = certain * np.exp(student(z)) / sigma
+    elsewhere = STRAY_SHARE / _REACH_M + expected.stray
+    density = surface + elsewhere
+    loglik = np.where(returned, np.log(density), np.log(np.maximum(expected.silent, _LOST_SHARE)))
+    loglik = np.where(sample.compared, loglik, 0.0)
+    matched = np.where(returned, surface / density, 0.0)
+
+    rise = np.nan_to_num(sample.above_m - expected.rise_m)
+    rise_z = np.where(returned, rise / np.hypot(RISE_SIGMA_M, blur), 0.0)
+    loglik += np.where(returned, student(rise_z), 0.0)
+    spread = intensity_spread(expected)
+    none = np.zeros(len(z))
+    light = _Light(none, none, none, none, none > 0, none)
+    if sample.has_intensity:
+        light = _light(sample, expected, spread)
+        loglik += matched * light.loglik
+    bright = matched * light.own
+    return Fit(z, light.z, rise_z, sigma, spread, light.pull, light.known, matched, bright, light.whole, seen, loglik)
+
+
+@dataclass(frozen=True, eq=False)
+class _Light:
+    """What the intensities of n beams say, if their returns are the surfaces' they were traced to; see `Fit`."""
+
+    z: np.ndarray
+    pull: np.ndarray
+    known: np.ndarray
+    own: np.ndarray
+    whole: np.ndarray
+    loglik: np.ndarray
+
+
+def _light(sample: Sample, expected: Prediction, spread: np.ndarray) -> _Light:
+    mean, limits = expected.intensity, sample.intensity_limits
+    measured = np.where(sample.returned, sample.intensity, mean)
+    told = censored(measured, mean, spread, limits)
+    # Where noise would be cut off at a limit a residual is no normal deviate.
+    whole = np.minimum(mean - limits[0], limits[1] - mean) >= _CLEAR_OF_LIMITS * expected.intensity_sigma
+    cut = (measured <= limits[0]) | (measured >= limits[1])
+    other = (1 - _OWN_AT_SEAMS) * np.where(cut, _CUT_AT_SEAMS, 1.0)
+    mine = _OWN_AT_SEAMS * np.exp(told.loglik)
+    own = np.where(sample.seam, mine / (mine + other), 1.0) * ~sample.border
+    loglik = np.where(sample.seam, np.log(mine + other), told.loglik) * ~sample.border
+    return _Light((measured - mean) / spread, told.pull, told.information, own, whole, loglik)
+
+
+def range_spread_m(expected: Prediction) -> np.ndarray:
+    """Standard deviation (n,) [m] of ranges: by the sensor's noise and by how far the twin may be off."""
+    return np.sqrt(expected.range_sigma_m**2 + expected.unsure_m**2 + RANGE_FLOOR_M**2)
+
+
+def own_range_spread_m(expected: Prediction) -> np.ndarray:
+    """The part of it that beams beside each other do not share."""
+    return np.sqrt(np.maximum(range_spread_m(expected) ** 2 - expected.shared_m**2, RANGE_FLOOR_M**2))
+
+
+def intensity_spread(expected: Prediction) -> np.ndarray:
+    """The same of intensities."""
+    return np.sqrt(expected.intensity_sigma**2 + expected.unsure_intensity**2 + INTENSITY_FLOOR**2)

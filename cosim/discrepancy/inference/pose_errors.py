@@ -1,0 +1,80 @@
+"""How errors of a scan's pose move what its beams meet.
+
+Of a plane met at R = n·(p − o)/(n·d), a shift of the sensor changes the numerator and a turn the denominator, so
+R′ = (R + Δ)/(1 − Δ′/R) with Δ and Δ′ as the slopes at no error say. Far ground at a flat angle is far from linear: at
+50 m a tenth of a degree of roll may move it by two metres, and the square of that by a tenth. Effects that turn
+beams, too, change the same denominator: where they have moved the surface to R₁, R′ = (R + Δ)/(R/R₁ − Δ′/R). Added up
+instead, a turn by an effect and its undoing by the pose would leave a tenth of a metre on far ground.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+
+from cosim.discrepancy.inference.columns import SparseMatrix
+
+_MOST_LIKE = 0.9
+_SAME_SURFACE = 0.5  # of its range is what a beam may be bent away on it
+_FLATTEST = 0.5  # of the slope between a beam and its plane must outlive a turn
+
+
+def independent_share(errors: np.ndarray) -> float:
+    """How many facts errors (scans, k) of a series are to each of them: (1 − ρ)/(1 + ρ) of autocorrelation ρ."""
+    square = float((errors**2).sum())
+    likeness = float((errors[1:] * errors[:-1]).sum()) / square if square > 0 else 0.0
+    likeness = float(np.clip(likeness, 0.0, _MOST_LIKE))
+    return (1 - likeness) / (1 + likeness)
+
+
+class PoseErrors:
+    """Pose errors (scans, 6): shifts [m] and turns [rad] in the LiDAR's axes.
+
+    Beams were traced with some already; how ranges change is told from there.
+
+    Args:
+        derivative: (n, 6) change of range per metre and radian.
+        frame: (n,) int scan of each beam.
+        reach_m: (n,) range of the plane it meets; NaN where there is none.
+        traced: (scans, 6) those that beams were traced with.
+    """
+
+    def __init__(self, derivative: np.ndarray, frame: np.ndarray, reach_m: np.ndarray, traced: np.ndarray) -> None:
+        self._derivative, self._frame = derivative, frame
+        self._reach = np.nan_to_num(reach_m, nan=np.inf)
+        columns = self._frame[:, None] * 6 + np.arange(6)
+        rows = np.repeat(np.arange(len(frame)), 6)
+        self._places = (rows, columns.ravel())
+        self._shape = (len(frame), traced.size)
+        self._traced = traced
+
+    def shift(self, pose: np.ndarray, bent_m: np.ndarray | None = None) -> np.ndarray:
+        """Change of ranges (n,) [m], which effects have brought to `bent_m` (n,); as they were traced by default."""
+        bent = self._bent(bent_m)
+        moved, slope = self._parts(pose, bent)
+        known = np.isfinite(self._reach)
+        reach = np.where(known, self._reach, 0.0)
+        return np.where(known, (reach + moved) / slope - reach / bent, 0.0)
+
+    def slopes(self, pose: np.ndarray, bent_m: np.ndarray | None = None) -> SparseMatrix:
+        """(n, 6·scans) derivatives of `shift`."""
+        moved, slope = self._parts(pose, self._bent(bent_m))
+        farther = (1 + moved / self._reach) / slope
+        scale = np.repeat(np.stack([1 / slope, farther / slope], 1), 3, axis=1)
+        values = (self._derivative * scale).ravel()
+        return sparse.csr_matrix((values, self._places), self._shape)
+
+    def _bent(self, bent_m: np.ndarray | None) -> np.ndarray:
+        """R/R₁; 1 where that is another surface's."""
+        if bent_m is None:
+            return np.ones_like(self._reach)
+        with np.errstate(invalid="ignore"):
+            ratio = self._reach / bent_m
+            return np.where(np.abs(ratio - 1) < _SAME_SURFACE, ratio, 1.0)
+
+    def _parts(self, pose: np.ndarray, bent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Δ, and R/R₁ − Δ′/R."""
+        of_beam = (pose - self._traced)[self._frame]
+        moved = np.einsum("ij,ij->i", self._derivative[:, :3], of_beam[:, :3])
+        turned = np.einsum("ij,ij->i", self._derivative[:, 3:], of_beam[:, 3:])
+        return moved, np.maximum(bent - turned / self._reach, _FLATTEST)
