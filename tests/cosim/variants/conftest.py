@@ -22,7 +22,10 @@ def source_drive(drive_folder: Path, tmp_path_factory: pytest.TempPathFactory) -
         manifest = folder / "drive" / "manifest.jsonl"
         entries = [json.loads(line) for line in manifest.read_text().splitlines()]
         manifest.unlink()
-        kept = [entry for entry in entries if "name" not in entry or int(entry["name"]) % 2 == 0]
+        left_out = [entry for entry in entries if "name" in entry and int(entry["name"]) % 2]
+        for file in (file for entry in left_out for file in entry["files"]):
+            (folder / "drive" / file).unlink()
+        kept = [entry for entry in entries if entry not in left_out]
         manifest.write_text("".join(json.dumps(entry) + "\n" for entry in kept))
 
     return made_once(tmp_path_factory, "source_drive", thin_out) / "drive"
