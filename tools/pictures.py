@@ -128,7 +128,7 @@ def write_towns(folder: Path, path: Path) -> None:
 
 def stacked(pictures: dict[Caption, np.ndarray], width: int) -> np.ndarray:
     """The camera image with its labels above the scan by intensity."""
-    scan = _filling(pictures[PERSPECTIVE_INTENSITY], width, width // 2)
+    scan = _scaled(pictures[PERSPECTIVE_INTENSITY], width)[: width // 2]  # without the colour bar at its foot
     return np.concatenate([_scaled(pictures[CAMERA_BOXES], width), scan])
 
 
