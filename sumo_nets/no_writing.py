@@ -28,8 +28,27 @@ _INPUTS = frozenset(
     ]
 )
 # SUMO's options that name a file, a port or a program all have one of these in them.
-_OUTWARD = re.compile(r"output|log|save|file|prefix|dump|script|config|gui|remote|write|state|load", re.IGNORECASE)
-_HARMLESS = frozenset({"configuration", "sumoConfiguration", "output", "report", "gui_only", "no-step-log", "gui"})
+_OUTWARD = re.compile(
+    r"output|log|save|file|prefix|dump|script|config|gui|remote|write|(?<!driver)state|load", re.IGNORECASE
+)
+_HARMLESS = frozenset(
+    {
+        "configuration",
+        "sumoConfiguration",
+        "output",
+        "report",
+        "gui_only",
+        "gui",
+        # switches and numbers that say how much is logged, not where
+        "no-step-log",
+        "step-log.period",
+        "no-duration-log",
+        "duration-log.disable",
+        "duration-log.statistics",
+        "log.timestamps",
+        "log.processid",
+    }
+)
 _ROOTS = ("additional", "add", "routes", "a", "rerouters", "calibrators", "shapes", "vTypes", "detectors")
 _WRITING = frozenset({"file", "dest", "output", "destination", "outputs"})
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cosim.cli.options import add_common, beside, say_notes, without_nan, write_json
+from cosim.cli.progress import ProgressReport
 from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
@@ -48,13 +48,11 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
     gathered = Gathered(sensor.effects, evenly(names, _SHOWN_FRAMES))
-    columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("", total=len(names))
+    with ProgressReport(console, "comparing", len(names)) as report:
 
         def on_frame(frame: TracedFrame, scores: FrameScores) -> None:
             gathered(frame, scores)
-            bar.advance(task)
+            report.advance()
 
         found = compare(drive, sensor, frames=names, on_frame=on_frame)
     command = f"cosim diagnose {options.drive} --sensor {options.sensor}"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from cosim.cli.options import add_common, beside, say_notes, without_nan, write_json
+from cosim.cli.progress import ProgressReport
 from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
@@ -52,8 +53,8 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     folder = options.out or beside(options.drive, "diagnosis")
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    with console.status("reading the drive") as status:
-        found = diagnose(drive, sensor, extra=extra, on_progress=status.update)
+    with ProgressReport(console, "reading the drive") as report:
+        found = diagnose(drive, sensor, extra=extra, on_progress=report.say)
     sensor_out = found.write_sensor(options.sensor_out or folder / "sensor.yaml")
     found = replace(found, sensor_out=os.path.relpath(sensor_out))
     words = Vocabulary(extra)

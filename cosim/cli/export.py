@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from cosim.cli.options import add_common, write_json
+from cosim.cli.progress import ProgressReport
 
 
 def add_command(commands: Any) -> None:
@@ -31,9 +31,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from training.openpcdet import export_openpcdet
 
     drive, folder = Drive(options.drive), options.out or beside(options.drive, "openpcdet")
-    columns = (TextColumn("exporting"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("", total=len(drive))
-        counts = export_openpcdet(drive, folder, on_frame=lambda: bar.advance(task))
+    with ProgressReport(console, "exporting", len(drive)) as report:
+        counts = export_openpcdet(drive, folder, on_frame=report.advance)
     console.print(f"{counts['train']} training and {counts['val']} validation frames in {folder}", soft_wrap=True)
     write_json(options.json, {"out": str(folder), "frames": counts})

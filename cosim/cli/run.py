@@ -45,15 +45,15 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Record the drive, with a progress bar."""
     from cosim.capture.runner import run
-    from cosim.cli.progress import FrameBar
+    from cosim.cli.progress import FrameReport
 
     config = load_config(
         options.config, town=_towns(options.town), frames=options.frames, seed=options.seed, sensor=options.sensor
     )
     engine = _engine(options)
     begun = time.monotonic()
-    with FrameBar(console, starting="building the town", working="recording") as bar:
-        result = run(config, options.out, engine=engine, on_start=bar.start, on_event=bar.follow)
+    with FrameReport(console, starting="building the town", working="recording") as report:
+        result = run(config, options.out, engine=engine, on_start=report.start, on_event=report.follow)
     seconds = time.monotonic() - begun
     console.print(
         f"{result.frames} frames, {result.points:,} points in {result.folder} "
@@ -69,7 +69,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             "points": result.points,
             "recorded": result.recorded,
             "seconds": seconds,
-            "frames_per_s": bar.frames_per_s,
+            "frames_per_s": report.per_s,
         },
     )
 

@@ -111,6 +111,21 @@ def test_a_configuration_that_writes_files_is_refused(tmp_path, town, option):
 
 
 @pytest.mark.parametrize(
+    "option",
+    [
+        '<report><duration-log.disable value="true"/><no-step-log value="true"/></report>',
+        '<report><duration-log.statistics value="true"/><step-log.period value="100"/></report>',
+        '<no-duration-log value="true"/>',
+        '<log.timestamps value="true"/>',
+        '<device.driverstate.probability value="0.1"/>',
+    ],
+)
+def test_a_configuration_that_says_how_much_is_logged_is_taken(tmp_path, town, option):
+    config = f'<configuration><net-file value="a.net.xml"/>{option}</configuration>'
+    assert read_town(_town(tmp_path, town.net.read_bytes(), config))
+
+
+@pytest.mark.parametrize(
     ("key", "element"),
     [
         ("additional-files", '<edgeData id="e" file="../written.xml"/>'),
