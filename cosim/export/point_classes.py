@@ -59,7 +59,7 @@ def point_classes(drive: Drive, frame: Frame, within: np.ndarray) -> np.ndarray:
         raise ExportError(f"{drive.root}: no pattern.yaml, so beams are not known; add the pattern")
     rays = load_pattern(drive.pattern).rays()
     hits = load_hits(frame.hits_path, rays)
-    beam = _beams(frame, rays.ring, rays.azimuth)
+    beam = _beams(frame, rays.ring, rays.time_s)
     classes = _class_of_material()[hits.solid.material[beam]]
     range_m = np.linalg.norm(frame.points[:, :3], axis=1)
     classes[np.abs(range_m - hits.solid.range_m[beam]) > _AWAY_M] = OUTLIER
@@ -70,11 +70,12 @@ def point_classes(drive: Drive, frame: Frame, within: np.ndarray) -> np.ndarray:
     return classes
 
 
-def _beams(frame: Frame, ring: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
-    """Row of the pattern's beam that each point came from (n,): of its ring, the nearest in azimuth."""
-    order = np.lexsort([azimuth, ring])
-    key = ring[order].astype(np.float64) * 10 + azimuth[order]
-    wanted = frame.rays.ring.astype(np.float64) * 10 + frame.rays.azimuth
+def _beams(frame: Frame, ring: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """Row of the pattern's beam that each point came from (n,): of its ring, the nearest in time."""
+    apart = 4 * max(float(np.abs(time_s).max()), float(np.abs(frame.rays.time_s).max(initial=0)), 1e-3)
+    order = np.lexsort([time_s, ring])
+    key = ring[order].astype(np.float64) * apart + time_s[order]
+    wanted = frame.rays.ring.astype(np.float64) * apart + frame.rays.time_s
     at = np.clip(np.searchsorted(key, wanted), 1, len(key) - 1)
     nearer = np.where(np.abs(key[at - 1] - wanted) < np.abs(key[at] - wanted), at - 1, at)
     return order[nearer]
