@@ -36,12 +36,12 @@ __all__ = [
 ]
 
 _HOMES = {
-    "config": ("RunConfig", "load_config"),
+    "capture.config": ("RunConfig", "load_config"),
     "discrepancy": ("Added", "Comparison", "Diagnosis", "add", "compare", "diagnose"),
     "engine": ("LocalEngine",),
     "errors": ("CosimError",),
-    "kitti": ("Drive", "Frame"),
-    "runner": ("RunResult", "run"),
+    "drives.kitti": ("Drive", "Frame"),
+    "capture.runner": ("RunResult", "run"),
     "variants": ("make_variants",),
 }
 
