@@ -10,15 +10,16 @@ from typing import Protocol
 
 import numpy as np
 
-from cosim.capture.collection import Watch
+from cosim.capture.collection import COMPANY_M, Watch
 from cosim.capture.config import RunConfig
 from cosim.capture.plan import EpisodePlan
 from cosim.traffic.actors import Actors
 from cosim.traffic.driven_traffic import DrivenTraffic
 from cosim.traffic.simulation import Traffic
-from sumo_nets import RECIPES, Town, built_in_folder, write_demand
+from sumo_nets import RECIPES, Town, write_demand
 
 _SIGHT_M = 120.0  # as far as a LiDAR sees
+_LONGEST_WAIT_S = 900.0  # for the first vehicle of a scenario
 
 
 class FrameRecorder(Protocol):
@@ -72,14 +73,20 @@ def _simulate(
     rules, left = config.collection, list(frames)
     with tempfile.TemporaryDirectory(prefix="cosim-") as folder:
         sumocfg = populated(town, config, rng, Path(folder))
-        with Traffic(sumocfg, seed=int(rng.integers(2**31)), step_s=config.step_s) as traffic:
+        seed, own = int(rng.integers(2**31)), town.scenario is not None
+        with Traffic(sumocfg, seed=seed, step_s=config.step_s, as_given=config.behaviour.as_given) as traffic:
             living = DrivenTraffic(
-                traffic, config.behaviour, int(rng.integers(2**31)), sight_m=max(_SIGHT_M, config.label_range_m)
+                traffic,
+                config.behaviour,
+                int(rng.integers(2**31)),
+                sight_m=max(_SIGHT_M, config.label_range_m),
+                may_appear=own,
             )
             actors = living.advance(max(2, round(config.warm_up_s / config.step_s)))
+            actors = _until_somebody_drives(traffic, living, actors, config)
             ego = traffic.draw_ego(actors, rng)
             living.protect(ego)
-            watch, reason = Watch(rules, actors, ego), None
+            watch, reason = Watch(rules, actors, ego, 0.0 if own else COMPANY_M), None
             while left and reason is None:
                 traffic.prolong_route(ego, rng)
                 actors = living.advance(max(1, round(rules.every_s / config.step_s)))
@@ -104,9 +111,18 @@ def _simulate(
     return left
 
 
+def _until_somebody_drives(traffic: Traffic, living: DrivenTraffic, actors: Actors, config: RunConfig) -> Actors:
+    """Go on until there is a vehicle to ride in, as long as one may come."""
+    for _ in range(round(_LONGEST_WAIT_S / config.step_s)):
+        if traffic.anybody_drives(actors) or not traffic.anybody_comes():
+            break
+        actors = living.step()
+    return actors
+
+
 def populated(town: Town, config: RunConfig, rng: np.random.Generator, folder: Path) -> Path:
     """The scenario to simulate: a population of its own for a built-in town, a user's town as it is."""
-    if town.folder != built_in_folder(town.name):
-        return town.sumocfg
+    if town.scenario is not None:
+        return town.runnable(folder)
     demand = config.population.draw(RECIPES[town.name].demand, rng)
     return write_demand(town, demand, int(rng.integers(2**31)), folder)

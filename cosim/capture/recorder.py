@@ -14,7 +14,7 @@ from cosim.capture.config import RunConfig
 from cosim.capture.plan import EpisodePlan, plan_episodes, world_count
 from cosim.capture.product_files import encode_products
 from cosim.capture.products import cameras_of
-from cosim.drives.kitti.calibration import Calibration, format_calibration
+from cosim.drives.kitti.calibration import format_calibration
 from cosim.drives.kitti.labels import DONT_CARE, Labels, format_labels, parse_labels
 from cosim.drives.kitti.oxts import Oxts, format_oxts
 from cosim.drives.kitti.points import encode_points
@@ -28,7 +28,6 @@ from cosim.scene.site import Models, Site, light_of
 from cosim.traffic.actors import Actors
 from sensors.camera_view import CameraView
 from sensors.cameras import KITTI_CALIBRATION, kitti_cameras
-from sensors.cameras.kitti_rig import lidar_pose_ego
 from sensors.hits import Hits
 from sensors.hits_file import encode_hits
 from sensors.motion import EgoMotion
@@ -64,7 +63,7 @@ class Recorder:
         self._models = Models(self._mesh)
         self._written_models: set[str] = set()
         self._worlds = world_count(plan_episodes(config))
-        self._calibration = Calibration(**vars(KITTI_CALIBRATION))
+        self._calibration = config.mounts.calibration
         rig = kitti_cameras(KITTI_CALIBRATION)
         needed = [*config.images, f"image_{_LABELLED}", *([f"image_{CAMERA}"] if sensor.needs_camera else [])]
         self._cameras = {number: rig[f"image_{number}"] for number in cameras_of(needed)}
@@ -123,7 +122,7 @@ class Recorder:
         others = placed.take(np.delete(np.arange(len(placed)), row))
         ego_pose = placed.poses[row]
         jitter = np.random.default_rng([self._config.seed, int(name), _RIG_STREAM])
-        lidar_pose_ego_now = self._config.rig_jitter.turned(lidar_pose_ego(), jitter)
+        lidar_pose_ego_now = self._config.rig_jitter.turned(self._config.mounts.lidar_pose, jitter)
         lidar_pose = ego_pose @ lidar_pose_ego_now
         camera_pose_ego = lidar_pose_ego_now @ self._calibration.rect_to_velo_matrix
 
@@ -145,7 +144,7 @@ class Recorder:
             written = parse_labels(exact_text)
             labels = relabelled(written, self._sensor, cloud.xyz, self._calibration, self._rng(name))
 
-        oxts = Oxts.from_motion(ego_pose, twin.ego.velocity_mps, twin.ego.yaw_rate_radps, twin.ego.acceleration_mps2)
+        oxts = self._config.navigation.measured(twin.ego, seed=self._config.seed, episode=plan.number, frame=int(name))
         files = self._files(name, cloud, labels, twin, oxts)
         files |= encode_products(self._config.images, images, others.kinds, name)
         if self._sensor.relabels:

@@ -19,15 +19,24 @@ class DrivenTraffic:
         config: how drivers behave.
         seed: of their behaviour.
         sight_m: nobody appears or vanishes this near to a protected vehicle.
+        may_appear: whether vehicles may appear there all the same.
     """
 
-    def __init__(self, traffic: Traffic, config: BehaviourConfig, seed: int, sight_m: float = 120.0) -> None:
+    def __init__(
+        self,
+        traffic: Traffic,
+        config: BehaviourConfig,
+        seed: int,
+        sight_m: float = 120.0,
+        *,
+        may_appear: bool = False,
+    ) -> None:
         self._traffic = traffic
         self._motion = Motion(traffic.step_s)
         self._kerbside = Kerbside(config, seed)
         self._roads = Roads(traffic.api)
         self._protected: set[str] = set()
-        self._entrances = Admission(traffic, self._motion, self._protected, sight_m)
+        self._entrances = Admission(traffic, self._motion, self._protected, 0.0 if may_appear else sight_m)
         self._drivers = Drivers(config, seed, self._roads, self._protected, sight_m)
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -36,14 +37,25 @@ KIND_OF_CLASS = {
     "motorcycle": "motorcycle",
     "moped": "motorcycle",
     "bicycle": "cyclist",
+    "custom1": "car",
+    "custom2": "car",
+    "ignoring": "car",
+    "authority": "car",
+    "vip": "car",
+    "army": "truck",
+    "scooter": "cyclist",
     "pedestrian": "pedestrian",
+    "wheelchair": "pedestrian",
 }
+_RIDDEN = ("car", "van", "truck", "bus", "motorcycle", "cyclist")  # what carries the sensors, the first that drives
+_log = logging.getLogger(__name__)
 _SUBLANE_M = 0.8  # lane changes take their time; SUMO's own default is a jump
 _CHANGES_LANE = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.25"}  # no sliding sideways at rest
 _FEW_EDGES_LEFT = 4
 _TRIES_TO_EXTEND, _TRIES_STRAIGHT_ON = 20, 12
 _PARKED_FROM_S = 0.6  # SUMO puts who begins parked on the lane first, and takes some steps to park all
 _NEAR_STOP_M = 0.5
+_MOVES_MPS = 1.0
 
 
 class TrafficError(CosimError):
@@ -63,13 +75,16 @@ class Traffic:
         sumocfg: scenario file.
         seed: SUMO's seed.
         step_s: step length [s].
+        as_given: leave lanes, lane changes and vehicle types as the scenario has them, instead of slowing for corners,
+            changing lanes gradually and keeping long vehicles out of tight corners.
 
     Raises:
         TrafficError: SUMO refuses the scenario, or another simulation runs in this process.
     """
 
-    def __init__(self, sumocfg: Path, seed: int, step_s: float = 0.1) -> None:
+    def __init__(self, sumocfg: Path, seed: int, step_s: float = 0.1, *, as_given: bool = False) -> None:
         self.step_s = step_s
+        self._as_given = as_given
         self._sumo = _start(
             [
                 "sumo",
@@ -77,7 +92,7 @@ class Traffic:
                 *("--seed", str(seed % 2**31)),
                 *("--step-length", str(step_s)),
                 *("--time-to-teleport", "-1"),
-                *("--lateral-resolution", str(_SUBLANE_M)),
+                *(() if as_given else ("--lateral-resolution", str(_SUBLANE_M))),
                 *("--collision.action", "warn"),
                 *("--collision.mingap-factor", "0"),
                 "--no-step-log",
@@ -102,6 +117,7 @@ class Traffic:
             constants.VAR_SPEED,
             constants.VAR_LANE_ID,
             constants.VAR_TYPE,
+            constants.VAR_VEHICLE,
         ]
         self._types: dict[str, _TypeInfo] = {}
         self._readings = Subscriptions(constants)
@@ -113,7 +129,9 @@ class Traffic:
         self._arriving: set[str] = set()
         self._hidden: set[str] = set()
         self._open: dict[str, list[str]] = {}  # vClass → edges
-        self._slow_for_corners()
+        self._classes_left_out: set[str] = set()
+        if not as_given:
+            self._slow_for_corners()
         self._corners = RouteCorners(self._sumo)
         self._subscribe()
 
@@ -173,20 +191,33 @@ class Traffic:
         return self._read()
 
     def draw_ego(self, actors: Actors, rng: np.random.Generator) -> str:
-        """The id of a car to ride in: one that drives, drawn at random.
+        """The id of a vehicle to ride in: a car that drives, drawn at random; without cars, of the next kind.
 
         Raises:
-            TrafficError: no car drives.
+            TrafficError: nothing drives.
         """
-        driving = [
-            vehicle
-            for vehicle, kind, lane in zip(actors.ids, actors.kinds, actors.lanes, strict=True)
-            if kind == "car" and lane and not self._sumo.vehicle.getStops(vehicle, 1)
-        ]
-        moving = [vehicle for vehicle in driving if actors.speed_mps[actors.ids.index(vehicle)] > 1.0]
+        driving = self._driving(actors)
         if not driving:
-            raise TrafficError(f"no car drives after {actors.time_s:.0f} s; lengthen warm_up_s or add traffic")
-        return str(rng.choice(sorted(moving or driving)))
+            raise TrafficError(f"no road vehicle drives after {actors.time_s:.0f} s; lengthen warm_up_s or add traffic")
+        kind = min((actors.kinds[row] for row in driving), key=_RIDDEN.index)
+        driving = [row for row in driving if actors.kinds[row] == kind]
+        moving = [row for row in driving if actors.speed_mps[row] > _MOVES_MPS]
+        return str(rng.choice(sorted(actors.ids[row] for row in moving or driving)))
+
+    def anybody_drives(self, actors: Actors) -> bool:
+        """Whether there is a vehicle to ride in."""
+        return bool(self._driving(actors))
+
+    def anybody_comes(self) -> bool:
+        """Whether SUMO still expects somebody, on the road or later."""
+        return self._sumo.simulation.getMinExpectedNumber() > 0
+
+    def _driving(self, actors: Actors) -> list[int]:
+        """Rows of who is on the road without a stop ahead; of who moves, if all have one (buses, shared taxis)."""
+        kinds, lanes = actors.kinds, actors.lanes
+        on_road = [row for row in range(len(actors)) if kinds[row] in _RIDDEN and lanes[row] and not actors.parked[row]]
+        free = [row for row in on_road if not self._sumo.vehicle.getStops(actors.ids[row], 1)]
+        return free or [row for row in on_road if actors.speed_mps[row] > _MOVES_MPS]
 
     def prolong_route(self, vehicle: str, rng: np.random.Generator) -> None:
         """Give a vehicle that nears its destination another one, so that it keeps driving."""
@@ -223,20 +254,32 @@ class Traffic:
     def _subscribe(self) -> None:
         """Subscribe to whoever has just entered or leaves his parking place."""
         for vehicle in self._sumo.simulation.getDepartedIDList():
-            if vehicle not in self._hidden:
-                self._corners.fit(vehicle)
+            if vehicle not in self._hidden and self._is_shown(self._sumo.vehicle, vehicle):
+                if not self._as_given:
+                    self._corners.fit(vehicle)
                 if self._begins_parked(vehicle):
                     self._arriving.add(vehicle)
                     continue
                 self._sumo.vehicle.subscribe(vehicle, self._vehicle_variables)
-                for name, value in _CHANGES_LANE.items():
+                for name, value in () if self._as_given else _CHANGES_LANE.items():
                     self._sumo.vehicle.setParameter(vehicle, f"laneChangeModel.{name}", value)
         for vehicle in self._sumo.simulation.getParkingEndingVehiclesIDList():
             if self._parked.pop(vehicle, None) is not None:
                 self._readings.forget_parked()
                 self._sumo.vehicle.subscribe(vehicle, self._vehicle_variables)
         for person in self._sumo.simulation.getDepartedPersonIDList():
-            self._sumo.person.subscribe(person, self._person_variables)
+            if self._is_shown(self._sumo.person, person):
+                self._sumo.person.subscribe(person, self._person_variables)
+
+    def _is_shown(self, api: Any, name: str) -> bool:
+        """Whether somebody is a road user; trains, ships and the like are left out, which is said once a class."""
+        vehicle_class = self._sumo.vehicletype.getVehicleClass(api.getTypeID(name))
+        if vehicle_class in KIND_OF_CLASS:
+            return True
+        if vehicle_class not in self._classes_left_out:
+            self._classes_left_out.add(vehicle_class)
+            _log.warning("who has vClass %r is not shown: only road users and people on foot are", vehicle_class)
+        return False
 
     def _slow_for_corners(self) -> None:
         """Limit lanes to what their bends allow: SUMO takes corners at 5.5 m/s² sideways, and faster."""
@@ -276,6 +319,9 @@ class Traffic:
     def _read(self) -> Actors:
         sumo, now = self._sumo, self._readings
         vehicles, persons = sumo.vehicle.getAllSubscriptionResults(), sumo.person.getAllSubscriptionResults()
+        inside = [name for name, values in persons.items() if values[sumo.constants.VAR_VEHICLE]]
+        if inside:  # those who ride are within a body
+            persons = {name: values for name, values in persons.items() if name not in inside}
         if now.read(vehicles, persons, self._parked):
             self._types_now = tuple(_shared_type(name) for name in now.types)
             infos = [self._type(name) for name in self._types_now]

@@ -46,17 +46,21 @@ class Drivers:
         self._roads = roads
         self._sight_m = sight_m
         self._behaviours = (
-            driving,
-            LaneChanges(rng("lane changes"), driving),
-            PullOut(rng("pull-outs")),
-            PullIn(rng("pull-ins")),
-            UTurns(rng("U-turns")),
-            Collisions(rng("collisions")),
-            Turnarounds(),
-            Onward(rng("onward")),
-            Gridlock(),
-            Patience(),
-            Contacts(rng("contacts")),
+            (Patience(),)  # only keeps SUMO's vehicles with their bodies
+            if config.as_given
+            else (
+                driving,
+                LaneChanges(rng("lane changes"), driving),
+                PullOut(rng("pull-outs")),
+                PullIn(rng("pull-ins")),
+                UTurns(rng("U-turns")),
+                Collisions(rng("collisions")),
+                Turnarounds(),
+                Onward(rng("onward")),
+                Gridlock(),
+                Patience(),
+                Contacts(rng("contacts")),
+            )
         )
         self._stage: Stage | None = None
         self._exempt = exempt
