@@ -16,9 +16,11 @@ from cosim.capture.plan import EpisodePlan
 from cosim.traffic.actors import Actors
 from cosim.traffic.driven_traffic import DrivenTraffic
 from cosim.traffic.simulation import Traffic
+from cosim.traffic.starting import warmed_up
 from sumo_nets import RECIPES, Town, built_in_folder, write_demand
 
 _SIGHT_M = 120.0  # as far as a LiDAR sees
+_LEAD_IN_S = 8.0  # until bodies follow, drivers have their habits, and some are in a manoeuvre
 
 
 class FrameRecorder(Protocol):
@@ -70,15 +72,21 @@ def _simulate(
     """One simulation; gives the names of the frames it did not come to."""
     rng = np.random.default_rng([config.seed, plan.number, attempt])
     rules, left = config.collection, list(frames)
+    seen_s = min(config.warm_up_s, _LEAD_IN_S)
     with tempfile.TemporaryDirectory(prefix="cosim-") as folder:
         sumocfg = populated(town, config, rng, Path(folder))
-        with Traffic(sumocfg, seed=int(rng.integers(2**31)), step_s=config.step_s) as traffic:
+        seed, state = int(rng.integers(2**31)), None
+        if config.warm_up_s > seen_s:
+            state = warmed_up(sumocfg, seed, config.warm_up_s - seen_s, Path(folder))
+        with Traffic(sumocfg, seed, config.step_s, state) as traffic:
             living = DrivenTraffic(
                 traffic, config.behaviour, int(rng.integers(2**31)), sight_m=max(_SIGHT_M, config.label_range_m)
             )
-            actors = living.advance(max(2, round(config.warm_up_s / config.step_s)))
+            actors = living.step() if state else living.advance(max(2, round(seen_s / config.step_s)))
             ego = traffic.draw_ego(actors, rng)
-            living.protect(ego)
+            living.follow(ego)
+            if state:
+                actors = living.advance(round(seen_s / config.step_s))
             watch, reason = Watch(rules, actors, ego), None
             while left and reason is None:
                 traffic.prolong_route(ego, rng)
@@ -87,7 +95,7 @@ def _simulate(
                 if reason is None and watch.wants(actors):
                     name = left.pop(0)
                     if name not in done:
-                        recorder.record(name, plan, actors, ego)
+                        recorder.record(name, plan, living.everyone(actors), ego)
                         on_frame(name)
             recorder.note(
                 {

@@ -64,5 +64,16 @@ class Actors:
                 kept[part.name] = values[rows]
         return replace(self, **kept)
 
+    def and_then(self, others: Actors) -> Actors:
+        """These and after them others of the same instant."""
+        joined: dict[str, Any] = {}
+        for part in fields(self):
+            ones, more = getattr(self, part.name), getattr(others, part.name)
+            if isinstance(ones, tuple):
+                joined[part.name] = (*ones, *more)
+            elif isinstance(ones, np.ndarray):
+                joined[part.name] = np.concatenate([ones, more])
+        return replace(self, **joined)
+
     def __len__(self) -> int:
         return len(self.ids)
