@@ -8,6 +8,7 @@ import numpy as np
 
 from assets import MATERIALS, Mesh, build_model
 from assets.external import load_external
+from assets.world import Groundwork
 from cosim.capture.background import BackgroundWriter
 from cosim.capture.camera_views import CAMERA, view_of_images
 from cosim.capture.config import RunConfig
@@ -27,7 +28,7 @@ from cosim.scene.bridge import Bridge
 from cosim.scene.site import Models, Site, light_of
 from cosim.traffic.actors import Actors
 from sensors.camera_view import CameraView
-from sensors.cameras import KITTI_CALIBRATION, kitti_cameras
+from sensors.cameras import KITTI_CALIBRATION, CameraRenderer, Light, kitti_cameras
 from sensors.cameras.kitti_rig import lidar_pose_ego
 from sensors.hits import Hits
 from sensors.hits_file import encode_hits
@@ -69,30 +70,26 @@ class Recorder:
         needed = [*config.images, f"image_{_LABELLED}", *([f"image_{CAMERA}"] if sensor.needs_camera else [])]
         self._cameras = {number: rig[f"image_{number}"] for number in cameras_of(needed)}
         self._tracer = Tracer(sensor.pattern.rays(), sensor.pattern.range_m)
+        self._town: tuple[str, Town, Groundwork] | None = None
         self._place: Site | None = None
-        self._episode = -1
+        self._renderer: CameraRenderer | None = None
         writer.write_once("twin/materials.yaml", format_materials(MATERIALS).encode())
 
     def move_to(self, plan: EpisodePlan) -> Town:
         """Make an episode's place ready in its light; gives its town. A place is not built twice in a row."""
-        town, light, camera = read_town(plan.town), light_of(self._config, plan.number), self._cameras[_LABELLED]
+        if self._town is None or self._town[0] != plan.town:
+            town = read_town(plan.town)
+            self._town = plan.town, town, Groundwork.of(town.streets)
+        _, town, groundwork = self._town
         if self._place is None or (self._place.town.name, self._place.world) != (town.name, plan.world):
-            self.close()
+            self._place = None  # one world at a time fits into memory
             self._place = Site.build(
-                self._config,
-                town,
-                plan.world,
-                light,
-                camera=camera,
-                models=self._models,
-                threads=self._threads,
+                self._config, town, plan.world, groundwork, models=self._models, threads=self._threads
             )
             path = f"twin/{self._static_file() or 'static.glb'}"
             if not self._writer.has(path):
                 self._writer.write(path, encode_glb(self._place.mesh, town.name))
-        elif self._episode != plan.number:
-            self._place = self._place.lit(light, self._config, camera, self._models)
-        self._episode = plan.number
+        self._place.show(self._camera(), light_of(self._config, plan.number))
         self._labeller = Labeller(
             self._place.scene,
             self._calibration,
@@ -117,7 +114,7 @@ class Recorder:
         what went wrong.
         """
         assert self._place is not None
-        scene, renderer = self._place.scene, self._place.renderer
+        scene, renderer = self._place.scene, self._camera()
         placed = self._bridge.place(actors)
         row = actors.ids.index(ego)
         others = placed.take(np.delete(np.arange(len(placed)), row))
@@ -170,11 +167,27 @@ class Recorder:
         self._behind.do(write)
 
     def close(self) -> None:
-        """Leave the place and free its renderer, and see the last frame written."""
-        if self._place is not None:
-            self._place.renderer.close()
-            self._place = None
+        """Leave the place and free the renderer, and see the last frame written."""
+        self._place = None
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
         self._behind.settle()
+
+    def _camera(self) -> CameraRenderer:
+        """What draws all places of this rig; opened when first needed."""
+        if self._renderer is None:
+            camera = self._cameras[_LABELLED]
+            self._renderer = CameraRenderer(
+                Mesh.empty(),
+                self._models.load,
+                Light(),
+                width=camera.width,
+                height=camera.height,
+                backend=self._config.backend,
+                packed=self._models.packed,
+            )
+        return self._renderer
 
     def _static_file(self) -> str | None:
         """Where the twin keeps this place's world, relative to `twin/`, in a drive of several; else None."""

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from assets import Mesh
-from assets.world import build_world
+from assets.world import Groundwork, build_world
 from cosim.capture.config import RunConfig
 from cosim.scene.ground import Ground
-from sensors.cameras import Camera, CameraRenderer, Light, PackedModel, bake_sun_shadows
+from sensors.cameras import CameraRenderer, Light, PackedModel, SunShadows, Tiles
 from sensors.scene import Scene, TracedModel
 from sumo_nets import Town
 
@@ -44,7 +44,7 @@ class Site:
         mesh: the static world.
         ground: what wheels stand on.
         scene: the world as rays meet it.
-        renderer: draws it.
+        tiles: the world as cameras draw it.
     """
 
     town: Town
@@ -52,7 +52,7 @@ class Site:
     mesh: Mesh
     ground: Ground
     scene: Scene
-    renderer: CameraRenderer
+    tiles: Tiles
 
     @classmethod
     def build(
@@ -60,24 +60,21 @@ class Site:
         config: RunConfig,
         town: Town,
         world: int,
-        light: Light,
+        groundwork: Groundwork,
         *,
-        camera: Camera,
         models: Models,
         threads: int,
     ) -> Site:
-        """Build the world that the run's seed, the town and the world's number determine, in a given light."""
+        """Build the world that the run's seed, the town and the world's number determine."""
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
-        static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment)
+        static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment, groundwork)
         scene = Scene(static.mesh, models.load, threads, models=models.traced)
-        renderer = _renderer(static.mesh, scene, light, camera, config.backend, models)
-        return cls(town, world, static.mesh, Ground(static.ground), scene, renderer)
+        return cls(town, world, static.mesh, Ground(static.ground), scene, Tiles.of(static.mesh))
 
-    def lit(self, light: Light, config: RunConfig, camera: Camera, models: Models) -> Site:
-        """The same place in another light; the renderer it had is closed."""
-        self.renderer.close()
-        return replace(self, renderer=_renderer(self.mesh, self.scene, light, camera, config.backend, models))
+    def show(self, renderer: CameraRenderer, light: Light) -> None:
+        """Let a renderer draw this place in a light."""
+        renderer.enter(self.tiles, light, SunShadows(self.mesh, light, self.scene.static))
 
 
 def light_of(config: RunConfig, episode: int) -> Light:
@@ -93,17 +90,4 @@ def draw_light(rng: np.random.Generator) -> Light:
         sun_azimuth_deg=float(rng.uniform(-180, 180)),
         sun_rgb=(0.80 * clear, 0.76 * clear, 0.68 * clear),
         exposure=float(rng.uniform(0.9, 1.0)) / (0.45 + 0.55 * clear),
-    )
-
-
-def _renderer(mesh: Mesh, scene: Scene, light: Light, camera: Camera, backend: str, models: Models) -> CameraRenderer:
-    return CameraRenderer(
-        mesh,
-        models.load,
-        light,
-        width=camera.width,
-        height=camera.height,
-        backend=backend,
-        static_shade=bake_sun_shadows(mesh, light, scene.static),
-        packed=models.packed,
     )

@@ -48,8 +48,10 @@ class Vicinity:
             return
         away = np.hypot(*(places - places[driving.index(self._centre)]).T).tolist()
         names = [*driving, *parked, *walking]
-        stays_m = self._reach_m + _LEAVES_M
-        near = {name for name, far in zip(names, away, strict=True) if far < (stays_m if name in self._near else self._reach_m)}
+        reach_m, stays_m = self._reach_m, self._reach_m + _LEAVES_M
+        near = {
+            name for name, m in zip(names, away, strict=True) if m < reach_m or (m < stays_m and name in self._near)
+        }
         near.update(acting)
         self._near = near
         driven = [name for name in driving if name in near]

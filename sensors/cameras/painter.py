@@ -9,6 +9,7 @@ import numpy as np
 from OpenGL import GL
 
 from assets.mesh import Mesh
+from sensors.cameras.baking import Shade
 from sensors.cameras.context import ShaderProgram, open_context
 from sensors.cameras.light import Light
 from sensors.cameras.model_library import ModelLibrary
@@ -17,6 +18,7 @@ from sensors.cameras.packed_model import PackedModel
 from sensors.cameras.projection import View
 from sensors.cameras.static_world import StaticWorld
 from sensors.cameras.target import RenderTarget
+from sensors.cameras.tiles import Tiles
 
 if TYPE_CHECKING:
     from sensors.scene import Instances
@@ -31,20 +33,23 @@ class Painter:
 
     def __init__(
         self,
-        static: Mesh,
         load: Callable[[str], Mesh],
-        light: Light,
         width: int,
         height: int,
-        static_shade: np.ndarray | None,
         packed: dict[tuple[str, int], PackedModel],
     ) -> None:
-        self._light = light
+        self._light = Light()
         self._context = open_context(width, height)
         self._target = RenderTarget(width, height)
-        self._static = StaticWorld(static, static_shade)
+        self._static = StaticWorld(Tiles.of(Mesh.empty()), None)
         self._models = ModelLibrary(load, packed)
         self._nothing = GL.glGenVertexArrays(1)
+
+    def enter(self, tiles: Tiles, light: Light, shade: Shade | None) -> None:
+        """Draw another static world, or the same in another light, from now on."""
+        self._context.make_current()
+        self._static.close()
+        self._light, self._static = light, StaticWorld(tiles, shade)
 
     def paint(self, view: View, instances: Instances) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Draw everything and read it back: RGBA, instance number, near / depth, each (h, w, …).

@@ -9,13 +9,16 @@ import numpy as np
 
 from assets.mesh import Mesh
 from sensors.cameras.backend import select_backend
+from sensors.cameras.baking import Shade
 from sensors.cameras.errors import CameraError
 from sensors.cameras.images import Images
 from sensors.cameras.light import Light
 from sensors.cameras.packed_model import PackedModel
 from sensors.cameras.projection import View
+from sensors.cameras.tiles import Tiles
 
 if TYPE_CHECKING:
+    from sensors.cameras.painter import Painter
     from sensors.scene import Instances
 
 NEAR_M = 0.2
@@ -35,13 +38,13 @@ class CameraRenderer:
     beyond 400 m are left out.
 
     Args:
-        static: the static world, world axes.
+        static: the static world, world axes; or its tiles, where they are cut already.
         models: mesh of each model name, or a function that gives it; asked once a name, when first met.
         light: sun, sky and haze.
         width, height: image size [px].
         backend: `osmesa` or `egl`.
-        static_shade: (n, 2) float32 share of sun and of sky, 0–1, that reaches each vertex of `static`,
-            as `bake_sun_shadows` gives it; None for none in shadow.
+        shade: gives the share of sun and of sky at rows of the static world's vertices, as `SunShadows` does; asked
+            for those that are seen; None for none in shadow.
         packed: models made ready already, by name and level of detail, shared with other renderers of the same
             models and added to.
 
@@ -51,29 +54,34 @@ class CameraRenderer:
 
     def __init__(
         self,
-        static: Mesh,
+        static: Mesh | Tiles,
         models: Mapping[str, Mesh] | Callable[[str], Mesh],
         light: Light,
         *,
         width: int,
         height: int,
         backend: str = "osmesa",
-        static_shade: np.ndarray | None = None,
+        shade: Shade | None = None,
         packed: dict[tuple[str, int], PackedModel] | None = None,
     ) -> None:
-        if static_shade is not None and static_shade.shape != (len(static.vertices), 2):
-            raise CameraError(
-                f"static_shade has shape {static_shade.shape}: give ({len(static.vertices)}, 2), "
-                "sun and sky for each vertex of the static mesh"
-            )
         select_backend(backend)
         from sensors.cameras.painter import Painter
 
         load = models if callable(models) else models.__getitem__
         self.width, self.height = width, height
-        self._painter: Painter | None = Painter(
-            static, load, light, width, height, static_shade, {} if packed is None else packed
-        )
+        self._painter: Painter | None = Painter(load, width, height, {} if packed is None else packed)
+        self.enter(static, light, shade)
+
+    def enter(self, static: Mesh | Tiles, light: Light, shade: Shade | None = None) -> None:
+        """Draw another static world, or the same in another light, from now on; arguments as of the class."""
+        tiles = Tiles.of(static) if isinstance(static, Mesh) else static
+        self._open_painter.enter(tiles, light, shade)
+
+    @property
+    def _open_painter(self) -> Painter:
+        if self._painter is None:
+            raise CameraError("the renderer is closed: make a new one")
+        return self._painter
 
     def render(self, camera_pose_world: np.ndarray, P: np.ndarray, instances: Instances) -> Images:
         """Images of one instant.
@@ -83,12 +91,11 @@ class CameraRenderer:
             P: (3, 4) projection from camera-0 axes to pixels.
             instances: what stands where; at most 65 535.
         """
-        if self._painter is None:
-            raise CameraError("the renderer is closed: make a new one")
+        painter = self._open_painter
         if len(instances.models) > _MAX_INSTANCES:
             raise CameraError(f"{len(instances.models)} instances: numbers reach {_MAX_INSTANCES}; give fewer")
         view = View.of(camera_pose_world, P, (self.width, self.height), (NEAR_M, FAR_M))
-        rgba, number, inverse_depth = self._painter.paint(view, instances)
+        rgba, number, inverse_depth = painter.paint(view, instances)
         return _images(rgba, number, inverse_depth)
 
     def close(self) -> None:
