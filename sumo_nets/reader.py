@@ -20,6 +20,13 @@ from sumo_nets.xml_guard import read_xml
 _DEFAULT_PARKING_WIDTH_M = 3.2
 
 
+def read_network(net: Path) -> Any:
+    """Return a network as sumolib reads it, without what lies inside junctions."""
+    import sumolib
+
+    return sumolib.net.readNet(str(net))
+
+
 def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], style: str) -> Streets:
     """Read a network and the parking areas that go with it.
 

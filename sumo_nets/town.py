@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from assets.streets import Streets
 from sumo_nets.errors import TownError
 from sumo_nets.no_writing import refuse_writing
-from sumo_nets.reader import read_streets
+from sumo_nets.parking import Lot, read_parking
+from sumo_nets.reader import read_network, read_streets
 from sumo_nets.recipes import RECIPES, TOWNS
 from sumo_nets.tools import run_tool
+from sumo_nets.type_table import TypeTable, read_types
 from sumo_nets.xml_guard import read_xml
 
 _BUILT = Path(__file__).parent / "towns"
@@ -38,6 +42,25 @@ class Town:
     additional: tuple[Path, ...]
     style: str
     streets: Streets
+
+    @cached_property
+    def network(self) -> Any:
+        """The network as sumolib reads it, without what lies inside junctions."""
+        return read_network(self.net)
+
+    @cached_property
+    def lots(self) -> tuple[Lot, ...]:
+        """Kerbside parking."""
+        return read_parking(self.additional)
+
+    @cached_property
+    def types(self) -> TypeTable:
+        """Vehicle types.
+
+        Raises:
+            TownError: none is defined, or their files are broken.
+        """
+        return read_types(self.additional)
 
 
 def read_town(name_or_path: str | Path) -> Town:
