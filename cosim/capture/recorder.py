@@ -14,7 +14,7 @@ from cosim.capture.camera_views import CAMERA, view_of_images
 from cosim.capture.config import RunConfig
 from cosim.capture.plan import EpisodePlan, plan_episodes, world_count
 from cosim.capture.product_files import encode_products
-from cosim.capture.products import cameras_of
+from cosim.capture.products import cameras_of, wanted_of
 from cosim.drives.kitti.calibration import Calibration, format_calibration
 from cosim.drives.kitti.labels import DONT_CARE, Labels, format_labels, parse_labels
 from cosim.drives.kitti.oxts import Oxts, format_oxts
@@ -67,8 +67,11 @@ class Recorder:
         self._worlds = world_count(plan_episodes(config))
         self._calibration = Calibration(**vars(KITTI_CALIBRATION))
         rig = kitti_cameras(KITTI_CALIBRATION)
-        needed = [*config.images, f"image_{_LABELLED}", *([f"image_{CAMERA}"] if sensor.needs_camera else [])]
+        needed = [*config.images, f"instance_{_LABELLED}"]
+        if sensor.needs_camera:
+            needed += [f"image_{CAMERA}", f"depth_{CAMERA}"]
         self._cameras = {number: rig[f"image_{number}"] for number in cameras_of(needed)}
+        self._wanted = {number: wanted_of(number, needed) for number in self._cameras}
         self._tracer = Tracer(sensor.pattern.rays(), sensor.pattern.range_m)
         self._town: tuple[str, Town, Groundwork] | None = None
         self._place: Site | None = None
@@ -127,7 +130,7 @@ class Recorder:
         hits = self._tracer.trace(scene, lidar_pose, others)
         twin = self._twin(name, actors, row, others, ego_pose, lidar_pose_ego_now, camera_pose_ego)
         images = {
-            number: renderer.render(ego_pose @ camera_pose_ego, camera.P, others)
+            number: renderer.render(ego_pose @ camera_pose_ego, camera.P, others, self._wanted[number])
             for number, camera in self._cameras.items()
         }
         view = None

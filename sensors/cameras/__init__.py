@@ -3,7 +3,7 @@
 from sensors.cameras.baking import SunShadows
 from sensors.cameras.camera import Camera
 from sensors.cameras.errors import CameraError
-from sensors.cameras.images import Images
+from sensors.cameras.images import Content, Images
 from sensors.cameras.kitti_rig import KITTI_CALIBRATION, KittiCalibration, kitti_cameras, lidar_pose_ego
 from sensors.cameras.light import Light
 from sensors.cameras.packed_model import PackedModel
@@ -17,6 +17,7 @@ __all__ = [
     "Camera",
     "CameraError",
     "CameraRenderer",
+    "Content",
     "Images",
     "KittiCalibration",
     "Light",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +11,7 @@ from assets.mesh import Mesh
 from sensors.cameras.backend import select_backend
 from sensors.cameras.baking import Shade
 from sensors.cameras.errors import CameraError
-from sensors.cameras.images import Images
+from sensors.cameras.images import CONTENTS, Content, Images
 from sensors.cameras.light import Light
 from sensors.cameras.packed_model import PackedModel
 from sensors.cameras.projection import View
@@ -83,20 +83,27 @@ class CameraRenderer:
             raise CameraError("the renderer is closed: make a new one")
         return self._painter
 
-    def render(self, camera_pose_world: np.ndarray, P: np.ndarray, instances: Instances) -> Images:
+    def render(
+        self,
+        camera_pose_world: np.ndarray,
+        P: np.ndarray,
+        instances: Instances,
+        wanted: Collection[Content] = CONTENTS,
+    ) -> Images:
         """Images of one instant.
 
         Args:
             camera_pose_world: (4, 4) world-from-camera-0, axes x right, y down, z forward [m].
             P: (3, 4) projection from camera-0 axes to pixels.
             instances: what stands where; at most 65 535.
+            wanted: what is read back of `colour` (with materials), `number` (of instances) and `depth`.
         """
         painter = self._open_painter
         if len(instances.models) > _MAX_INSTANCES:
             raise CameraError(f"{len(instances.models)} instances: numbers reach {_MAX_INSTANCES}; give fewer")
         view = View.of(camera_pose_world, P, (self.width, self.height), (NEAR_M, FAR_M))
-        rgba, number, inverse_depth = painter.paint(view, instances)
-        return _images(rgba, number, inverse_depth)
+        read = painter.paint(view, instances, wanted)
+        return Images(NEAR_M, read.get("colour"), read.get("number"), read.get("depth"))
 
     def close(self) -> None:
         """Free the OpenGL context; the renderer cannot draw afterwards."""
@@ -109,12 +116,3 @@ class CameraRenderer:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _images(rgba: np.ndarray, number: np.ndarray, inverse_depth: np.ndarray) -> Images:
-    import cv2
-
-    depth = np.zeros_like(inverse_depth)
-    np.divide(np.float32(NEAR_M), inverse_depth, out=depth, where=inverse_depth > 0)
-    rgb = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB)
-    return Images(rgb, cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), depth, number, cv2.extractChannel(rgba, 3))
