@@ -20,7 +20,7 @@ from cosim.drives.kitti.labels import DONT_CARE, Labels, format_labels, parse_la
 from cosim.drives.kitti.oxts import Oxts, format_oxts
 from cosim.drives.kitti.points import encode_points
 from cosim.drives.kitti.rays import PointRays, encode_rays
-from cosim.drives.twin import Camera, Ego, Instance, Lidar, TwinFrame, encode_glb, format_materials
+from cosim.drives.twin import Camera, Ego, Instance, InstanceTexts, Lidar, TwinFrame, encode_glb, format_materials
 from cosim.drives.writer import DriveWriter
 from cosim.labels.effects import EXACT, relabelled
 from cosim.labels.labelling import Labeller
@@ -64,6 +64,7 @@ class Recorder:
         self._meshes: dict[str, Mesh] = dict(self._external.meshes)
         self._models = Models(self._mesh)
         self._written_models: set[str] = set()
+        self._instance_texts = InstanceTexts()
         self._worlds = world_count(plan_episodes(config))
         self._calibration = Calibration(**vars(KITTI_CALIBRATION))
         rig = kitti_cameras(KITTI_CALIBRATION)
@@ -224,7 +225,7 @@ class Recorder:
             f"calib/{name}.txt": format_calibration(self._calibration).encode(),
             f"label_2/{name}.txt": format_labels(labels, LABEL_DECIMALS).encode(),
             f"oxts/{name}.txt": format_oxts(oxts).encode(),
-            f"twin/frames/{name}.json": twin.to_json().encode(),
+            f"twin/frames/{name}.json": twin.to_json(self._instance_texts).encode(),
         }
 
     def _twin(
@@ -278,19 +279,18 @@ def _returns(hits: Hits, instances: int) -> np.ndarray:
 
 
 def _twin_instances(instances: Instances) -> tuple[Instance, ...]:
-    return tuple(
-        Instance(
-            id=instances.ids[row],
-            kind=instances.kinds[row],
-            model=instances.models[row],
-            pose=instances.poses[row],
-            velocity_mps=instances.velocity_mps[row],
-            yaw_rate_radps=float(instances.yaw_rate_radps[row]),
-            length_m=float(instances.sizes[row, 0]),
-            width_m=float(instances.sizes[row, 1]),
-            height_m=float(instances.sizes[row, 2]),
-            scale=instances.scales[row],
-            paint=float(instances.paint[row]),
-        )
-        for row in range(len(instances))
+    length, width, height = instances.sizes.T.tolist() if len(instances) else ((), (), ())
+    columns = (
+        instances.ids,
+        instances.kinds,
+        instances.models,
+        instances.poses,
+        instances.velocity_mps,
+        instances.yaw_rate_radps.tolist(),
+        length,
+        width,
+        height,
+        instances.scales,
+        instances.paint.tolist(),
     )
+    return tuple(Instance(*values) for values in zip(*columns, strict=True))

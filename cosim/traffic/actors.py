@@ -54,7 +54,10 @@ class Actors:
 
     def without(self, ids: Collection[str]) -> Actors:
         """All but some."""
-        rows = np.array([row for row, name in enumerate(self.ids) if name not in ids], int)
+        return self.take(np.array([row for row, name in enumerate(self.ids) if name not in ids], int))
+
+    def take(self, rows: np.ndarray) -> Actors:
+        """Those of some rows."""
         kept: dict[str, Any] = {}
         for part in fields(self):
             values = getattr(self, part.name)
