@@ -68,7 +68,7 @@ def build_world(
     style = environment.dress(style_of(streets.style))
     rng = np.random.default_rng(seed)
     outlines, relief, edge = base.outlines, base.relief, base.edge
-    ground = base.surfaced(terrain_materials(base.plan, style, *base.town, rng))
+    ground = base.surfaced(terrain_materials(base.plan, style, base.town[0], base.town[1], rng))
     plots = lay_out(base.paved, style, rng, base.open_roads)
     houses = design(plots, style, lambda xy: relief.z(xy, TERRAIN), rng)
 

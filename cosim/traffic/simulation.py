@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import Self
@@ -12,6 +11,7 @@ from typing import Self
 import numpy as np
 
 from cosim.traffic.actors import Actors
+from cosim.traffic.longer_routes import LongerRoutes, shared_type
 from cosim.traffic.motion.corners import corner_speed
 from cosim.traffic.route_corners import RouteCorners
 from cosim.traffic.starting import TrafficError, start_sumo
@@ -36,8 +36,6 @@ KIND_OF_CLASS = {
     "pedestrian": "pedestrian",
 }
 _CHANGES_LANE = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.25"}  # no sliding sideways at rest
-_FEW_EDGES_LEFT = 4
-_TRIES_TO_EXTEND, _TRIES_STRAIGHT_ON = 20, 12
 _PARKED_FROM_S = 0.6  # SUMO puts who begins parked on the lane first, and takes some steps to park all
 _NEAR_STOP_M = 0.5
 _FAR_DECIDES_S = 1.0  # who is left to SUMO thinks once a second: that takes a quarter of the time
@@ -100,7 +98,7 @@ class Traffic:
         self._near_parked: dict[str, dict] | None = None  # None: all of them
         self._arriving: set[str] = set()
         self._hidden: set[str] = set()
-        self._open: dict[str, list[str]] = {}  # vClass → edges
+        self._routes = LongerRoutes(self._sumo)
         self._slow_for_corners()
         self._corners = RouteCorners(self._sumo)
         if state is not None:
@@ -249,35 +247,7 @@ class Traffic:
 
     def prolong_route(self, vehicle: str, rng: np.random.Generator) -> None:
         """Give a vehicle that nears its destination another one, so that it keeps driving."""
-        api = self._sumo.vehicle
-        route = api.getRoute(vehicle)
-        if len(route) - api.getRouteIndex(vehicle) > _FEW_EDGES_LEFT:
-            return
-        vehicle_class, vtype = api.getVehicleClass(vehicle), _shared_type(api.getTypeID(vehicle))
-        edges = self._open_edges(vehicle_class)
-        for number in range(_TRIES_TO_EXTEND):
-            way = self._sumo.simulation.findRoute(route[-1], str(rng.choice(edges)), vtype).edges
-            if len(way) > _FEW_EDGES_LEFT and (number >= _TRIES_STRAIGHT_ON or not self._turns_back(way)):
-                api.setRoute(vehicle, [*route[api.getRouteIndex(vehicle) :], *way[1:]])
-                return
-
-    def _open_edges(self, vehicle_class: str) -> list[str]:
-        """Edges with a lane that a vClass may use; sidewalks are lanes too."""
-        if vehicle_class not in self._open:
-            api = self._sumo
-            closed = api.lane.getDisallowed
-            self._open[vehicle_class] = [
-                edge
-                for edge in sorted(api.edge.getIDList())
-                if not edge.startswith(":")
-                and any(vehicle_class not in closed(f"{edge}_{i}") for i in range(api.edge.getLaneNumber(edge)))
-            ]
-        return self._open[vehicle_class]
-
-    def _turns_back(self, way: Sequence[str]) -> bool:
-        """Whether a way goes back somewhere on the street it came on."""
-        api = self._sumo.edge
-        return any(api.getFromJunction(one) == api.getToJunction(other) for one, other in pairwise(way))
+        self._routes.prolong(vehicle, rng)
 
     def _subscribe(self) -> None:
         """Subscribe to whoever has just entered or leaves his parking place."""
@@ -401,7 +371,7 @@ class Traffic:
 
     def _looks(self, types: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray]:
         """Shared vTypes, kinds and sizes (n, 3) of road users by their vTypes."""
-        shared = tuple(_shared_type(name) for name in types)
+        shared = tuple(shared_type(name) for name in types)
         infos = [self._type(name) for name in shared]
         return shared, tuple(info.kind for info in infos), np.array([info.size for info in infos], float).reshape(-1, 3)
 
@@ -452,11 +422,6 @@ class Traffic:
             size = (api.getLength(name), api.getWidth(name), api.getHeight(name))
             self._types[name] = _TypeInfo(KIND_OF_CLASS[vehicle_class], size)
         return self._types[name]
-
-
-def _shared_type(name: str) -> str:
-    """The vType that SUMO made a single vehicle's own type from."""
-    return name.partition("@")[0]
 
 
 def _on_foot(allowed: Sequence[str]) -> bool:
