@@ -28,7 +28,7 @@ class DiskError(CosimError):
 
 
 def estimate_bytes(config: RunConfig, sensor: SensorModel) -> int:
-    """Disk that a run takes, to within about a third [bytes]."""
+    """Disk that a run takes, to within a fifth [bytes]."""
     beams = len(sensor.pattern.elevation_deg) * sensor.pattern.firings
     camera = kitti_cameras(KITTI_CALIBRATION)["image_2"]
     pixels = camera.width * camera.height

@@ -8,13 +8,13 @@ import numpy as np
 
 from cosim.traffic.simulation import Traffic
 
-_EVERY_S = 1.0
-_MARGIN_M = 40.0  # as two who drive towards each other come nearer between two looks, and some way to settle on
-_LEAVES_M = 25.0  # beyond that before one is left to SUMO again
+_EVERY_S = 0.5
+_MARGIN_M = 25.0  # two who drive towards each other come 15 m nearer between two looks; then some way to settle on
+_LEAVES_M = 15.0  # beyond that before one is left to SUMO again
 
 
 class Vicinity:
-    """Looks round once a second and tells the simulation whom to attend to.
+    """Looks round twice a second and tells the simulation whom to attend to.
 
     Args:
         traffic: the simulation.
