@@ -29,6 +29,14 @@ class InstanceBuffer:
     def __init__(self) -> None:
         self.name = GL.glGenBuffers(1)
 
+    def describe(self) -> None:
+        """Tell the bound vertex array how the rows are held."""
+        GL.glBindBuffer(GL.GL_ARRAY_BUFFER, self.name)
+        for row in range(4):
+            GL.glVertexAttribPointer(4 + row, 4, GL.GL_FLOAT, GL.GL_FALSE, _INSTANCE_BYTES, ctypes.c_void_p(16 * row))
+            GL.glEnableVertexAttribArray(4 + row)
+            GL.glVertexAttribDivisor(4 + row, 1)
+
     def fill(self, rows: np.ndarray) -> None:
         """Upload (n, 4, 4) float32, row-major."""
         GL.glBindBuffer(GL.GL_ARRAY_BUFFER, self.name)
@@ -36,10 +44,19 @@ class InstanceBuffer:
 
 
 class GrowingBuffer:
-    """Packed meshes one after the other, drawn as runs of faces."""
+    """Packed meshes one after the other, drawn as runs of faces.
 
-    def __init__(self) -> None:
+    Args:
+        instances: poses to draw runs in; without, they are drawn where they are.
+    """
+
+    def __init__(self, instances: InstanceBuffer | None = None) -> None:
         self._array = GL.glGenVertexArrays(1)
+        if instances is not None:
+            GL.glBindVertexArray(self._array)
+            instances.describe()
+            GL.glBindVertexArray(0)
+        self._commands = GL.glGenBuffers(1)
         self._vertices = _Store(GL.GL_ARRAY_BUFFER)
         self._indices = _Store(GL.GL_ELEMENT_ARRAY_BUFFER)
 
@@ -65,8 +82,25 @@ class GrowingBuffer:
             GL.GL_TRIANGLES, counts, GL.GL_UNSIGNED_INT, ctypes.c_void_p(offsets.ctypes.data), len(counts)
         )
 
+    def draw_instances(self, commands: np.ndarray) -> None:
+        """Draw runs of faces for runs of instances in one call.
+
+        Args:
+            commands: (t, 4) first face, number of faces, first instance, number of instances.
+        """
+        commands = commands[commands[:, 1] > 0]
+        if not len(commands):
+            return
+        first, count, instance, instances = commands.T
+        packed = np.stack([3 * count, instances, 3 * first, np.zeros_like(first), instance], 1).astype(np.uint32)
+        GL.glBindVertexArray(self._array)
+        GL.glBindBuffer(GL.GL_DRAW_INDIRECT_BUFFER, self._commands)
+        GL.glBufferData(GL.GL_DRAW_INDIRECT_BUFFER, packed.nbytes, packed, GL.GL_STREAM_DRAW)
+        GL.glMultiDrawElementsIndirect(GL.GL_TRIANGLES, GL.GL_UNSIGNED_INT, None, len(packed), 0)
+
     def close(self) -> None:
         """Free the memory."""
+        GL.glDeleteBuffers(1, [self._commands])
         GL.glDeleteVertexArrays(1, [self._array])
         self._vertices.close()
         self._indices.close()
@@ -104,42 +138,6 @@ class _Store:
             GL.glCopyBufferSubData(GL.GL_COPY_READ_BUFFER, self._kind, 0, 0, self.filled)
             GL.glDeleteBuffers(1, [self._name])
         self._name, self._room = name, room
-
-
-class MeshBuffer:
-    """One packed mesh, drawn once for any number of poses."""
-
-    def __init__(self, packed: PackedMesh, instances: InstanceBuffer) -> None:
-        self._array = GL.glGenVertexArrays(1)
-        GL.glBindVertexArray(self._array)
-        vertices, indices = GL.glGenBuffers(2)
-        GL.glBindBuffer(GL.GL_ARRAY_BUFFER, vertices)
-        GL.glBufferData(GL.GL_ARRAY_BUFFER, packed.vertices.nbytes, packed.vertices, GL.GL_STATIC_DRAW)
-        _describe_vertices()
-        GL.glBindBuffer(GL.GL_ARRAY_BUFFER, instances.name)
-        for row in range(4):
-            offset = ctypes.c_void_p(16 * row)
-            GL.glVertexAttribPointer(4 + row, 4, GL.GL_FLOAT, GL.GL_FALSE, _INSTANCE_BYTES, offset)
-            GL.glEnableVertexAttribArray(4 + row)
-            GL.glVertexAttribDivisor(4 + row, 1)
-        GL.glBindBuffer(GL.GL_ELEMENT_ARRAY_BUFFER, indices)
-        GL.glBufferData(GL.GL_ELEMENT_ARRAY_BUFFER, packed.faces.nbytes, packed.faces, GL.GL_STATIC_DRAW)
-        GL.glBindVertexArray(0)
-
-    def draw_instances(self, faces: slice, instances: slice) -> None:
-        """Draw some faces for some rows of the instance buffer."""
-        n_indices = 3 * (faces.stop - faces.start)
-        if not n_indices:
-            return
-        GL.glBindVertexArray(self._array)
-        GL.glDrawElementsInstancedBaseInstance(
-            GL.GL_TRIANGLES,
-            n_indices,
-            GL.GL_UNSIGNED_INT,
-            ctypes.c_void_p(3 * faces.start * _INDEX_BYTES),
-            instances.stop - instances.start,
-            instances.start,
-        )
 
 
 @contextmanager
