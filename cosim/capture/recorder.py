@@ -8,7 +8,6 @@ import numpy as np
 
 from assets import MATERIALS, Mesh, build_model
 from assets.external import load_external
-from assets.world import Groundwork
 from cosim.capture.background import BackgroundWriter
 from cosim.capture.camera_views import CAMERA, view_of_images
 from cosim.capture.config import RunConfig
@@ -25,7 +24,7 @@ from cosim.drives.writer import DriveWriter
 from cosim.labels.effects import EXACT, relabelled
 from cosim.labels.labelling import Labeller
 from cosim.scene.bridge import Bridge
-from cosim.scene.site import Models, Site, light_of
+from cosim.scene.site import Land, Models, Site, light_of
 from cosim.traffic.actors import Actors
 from sensors.camera_view import CameraView
 from sensors.cameras import KITTI_CALIBRATION, CameraRenderer, Light, kitti_cameras
@@ -37,7 +36,7 @@ from sensors.point_cloud import PointCloud
 from sensors.scene import Instances, Scene
 from sensors.sensor_model import SensorModel
 from sensors.tracing import Tracer
-from sumo_nets import Town, read_town
+from sumo_nets import Town
 
 LABEL_DECIMALS = 4
 _LABELLED = 2  # the camera that labels refer to
@@ -74,25 +73,22 @@ class Recorder:
         self._cameras = {number: rig[f"image_{number}"] for number in cameras_of(needed)}
         self._wanted = {number: wanted_of(number, needed) for number in self._cameras}
         self._tracer = Tracer(sensor.pattern.rays(), sensor.pattern.range_m)
-        self._town: tuple[str, Town, Groundwork] | None = None
+        self._land: tuple[str, Land] | None = None
         self._place: Site | None = None
         self._renderer: CameraRenderer | None = None
         writer.write_once("twin/materials.yaml", format_materials(MATERIALS).encode())
 
     def move_to(self, plan: EpisodePlan) -> Town:
         """Make an episode's place ready in its light; gives its town. A place is not built twice in a row."""
-        if self._town is None or self._town[0] != plan.town:
-            town = read_town(plan.town)
-            self._town = plan.town, town, Groundwork.of(town.streets)
-        _, town, groundwork = self._town
-        if self._place is None or (self._place.town.name, self._place.world) != (town.name, plan.world):
+        if self._land is None or self._land[0] != plan.town:
+            self._land = plan.town, Land.of(plan.town)
+        land = self._land[1]
+        if self._place is None or (self._place.land, self._place.world) != (land, plan.world):
             self._place = None  # one world at a time fits into memory
-            self._place = Site.build(
-                self._config, town, plan.world, groundwork, models=self._models, threads=self._threads
-            )
+            self._place = Site.build(self._config, land, plan.world, models=self._models, threads=self._threads)
             path = f"twin/{self._static_file() or 'static.glb'}"
             if not self._writer.has(path):
-                self._writer.write(path, encode_glb(self._place.mesh, town.name))
+                self._writer.write(path, encode_glb(self._place.mesh, land.town.name))
         self._place.show(self._camera(), light_of(self._config, plan.number))
         self._labeller = Labeller(
             self._place.scene,
@@ -103,8 +99,8 @@ class Recorder:
             annotators=self._config.annotators,
             seed=self._config.seed + plan.number,
         )
-        self._bridge = Bridge(self._place.ground, self._config.seed + plan.number, self._external)
-        return town
+        self._bridge = Bridge(land.ground, self._config.seed + plan.number, self._external)
+        return land.town
 
     def note(self, entry: dict[str, object]) -> None:
         """Write a remark about an episode into the manifest, behind its frames."""
@@ -164,7 +160,7 @@ class Recorder:
                 "labels": sum(kind != DONT_CARE for kind in labels.type),
             },
             episode=plan.number,
-            town=self._place.town.name,
+            town=self._place.land.town.name,
             time_s=round(actors.time_s, 6),
             ego=ego,
         )
@@ -196,7 +192,7 @@ class Recorder:
     def _static_file(self) -> str | None:
         """Where the twin keeps this place's world, relative to `twin/`, in a drive of several; else None."""
         assert self._place is not None
-        return f"worlds/{self._place.town.name}-{self._place.world:03d}.glb" if self._worlds > 1 else None
+        return f"worlds/{self._place.land.town.name}-{self._place.world:03d}.glb" if self._worlds > 1 else None
 
     def _rng(self, name: str) -> np.random.Generator:
         return np.random.default_rng([self._config.seed, int(name)])

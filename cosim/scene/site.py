@@ -14,7 +14,7 @@ from cosim.capture.config import RunConfig
 from cosim.scene.ground import Ground
 from sensors.cameras import CameraRenderer, Light, PackedModel, SunShadows, Tiles
 from sensors.scene import Scene, TracedModel
-from sumo_nets import Town
+from sumo_nets import Town, read_town
 
 _WORLD_STREAM, _LIGHT_STREAM = 0, 1  # keep the random numbers of world and light apart
 
@@ -35,42 +35,58 @@ class Models:
 
 
 @dataclass(frozen=True, eq=False)
+class Land:
+    """A town without buildings, plants and furniture: what all its worlds have in common.
+
+    Attributes:
+        town: its streets and traffic.
+        groundwork: its roads and land.
+        ground: the same as wheels stand on it.
+    """
+
+    town: Town
+    groundwork: Groundwork
+    ground: Ground
+
+    @classmethod
+    def of(cls, name: str) -> Land:
+        """That of a town, by name or path.
+
+        Raises:
+            TownError: there is no such town, or its files cannot be used.
+        """
+        town = read_town(name)
+        groundwork = Groundwork.of(town.streets)
+        return cls(town, groundwork, Ground(groundwork.ground))
+
+
+@dataclass(frozen=True, eq=False)
 class Site:
     """Where episodes happen.
 
     Attributes:
-        town: its streets and traffic.
+        land: the town.
         world: number of the random world.
         mesh: the static world.
-        ground: what wheels stand on.
         scene: the world as rays meet it.
         tiles: the world as cameras draw it.
     """
 
-    town: Town
+    land: Land
     world: int
     mesh: Mesh
-    ground: Ground
     scene: Scene
     tiles: Tiles
 
     @classmethod
-    def build(
-        cls,
-        config: RunConfig,
-        town: Town,
-        world: int,
-        groundwork: Groundwork,
-        *,
-        models: Models,
-        threads: int,
-    ) -> Site:
+    def build(cls, config: RunConfig, land: Land, world: int, *, models: Models, threads: int) -> Site:
         """Build the world that the run's seed, the town and the world's number determine."""
+        town, groundwork = land.town, land.groundwork
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
         static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment, groundwork)
         scene = Scene(static.mesh, models.load, threads, models=models.traced)
-        return cls(town, world, static.mesh, Ground(static.ground), scene, Tiles.of(static.mesh))
+        return cls(land, world, static.mesh, scene, Tiles.of(static.mesh))
 
     def show(self, renderer: CameraRenderer, light: Light) -> None:
         """Let a renderer draw this place in a light."""
