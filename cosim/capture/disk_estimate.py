@@ -20,7 +20,7 @@ _HIT = 1.0
 _PIXEL = {"gray": 0.15, "colour": 0.36, "depth": 0.5, "semantic": 0.02, "instance": 0.03}
 _TEXT = 250_000  # poses, labels, calibration
 _WORLD = 11_000_000
-_MODELS = 6_000_000
+_MODELS = 3_500_000
 
 
 class DiskError(CosimError):

@@ -40,9 +40,11 @@ class StaticWorld:
         self._buffer.close()
 
     def _make_ready(self, rows: np.ndarray) -> None:
-        mesh, faces = self.tiles.mesh, self.tiles.faces_of(rows)
-        used, corners = np.unique(mesh.faces[faces], return_inverse=True)
+        mesh, faces, count = self.tiles.mesh, self.tiles.faces_of(rows), self.tiles.count[rows]
+        # Tiles share no vertices, so that each is packed alike whichever others are made ready with it.
+        own = np.repeat(np.arange(len(rows)), count)[:, None] * len(mesh.vertices) + mesh.faces[faces]
+        used, corners = np.unique(own, return_inverse=True)
+        used %= len(mesh.vertices)
         shade = None if self._shade is None else self._shade(used)
         packed = pack(Mesh(mesh.vertices[used], corners.reshape(-1, 3), mesh.materials[faces]), shade)
-        count = self.tiles.count[rows]
         self._first[rows] = self._buffer.add(packed) + np.cumsum(count) - count

@@ -111,7 +111,9 @@ def test_two_runs_on_one_folder_do_not_mix(drive_folder, run_config, tmp_path):
     folder = tmp_path / "drive"
     process = start_run(run_config, folder)
     wait_for_frames(folder, 1, process)
+    os.killpg(process.pid, signal.SIGSTOP)  # else it may have ended before the second begins
     second = cosim("run", run_config, "--out", folder, "--quiet", check=False)
+    os.killpg(process.pid, signal.SIGCONT)
     assert second.returncode == 2 and f"another run (process {process.pid} on " in second.stderr
     assert process.wait(300) == 0
     assert checksums(folder) == checksums(drive_folder)
