@@ -330,3 +330,19 @@ def test_a_coarser_model_keeps_its_outline_to_a_cell(name, cell_m):
 def test_detail_falls_where_cells_shrink_below_pixels():
     levels = level_of(np.array([5.0, 30.0, 60.0, 85.0, 100.0, 390.0]), focal_px=721.5)
     assert levels.tolist() == [0, 0, 1, 1, 2, 2]
+
+
+@needs_osmesa
+def test_what_was_seen_before_changes_no_image():
+    rng = np.random.default_rng(5)
+    blocks = [cuboid(rng.uniform(2, 9, 3), (x, y, 2.0)) for x, y in rng.uniform((10, -60), (150, 60), (50, 2))]
+    world = Mesh.merge([ground(200.0, 80), *blocks])
+    shade, turned = SunShadows(world, Light()), POSE.copy()
+    turned[:3, :3] = POSE[:3, :3] @ np.array([[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]])
+    with CameraRenderer(world, MODELS, Light(), width=WIDTH, height=HEIGHT, shade=shade) as fresh:
+        first = fresh.render(POSE, P, NOBODY)
+    with CameraRenderer(world, MODELS, Light(), width=WIDTH, height=HEIGHT, shade=shade) as used:
+        used.render(turned, P, NOBODY)
+        later = used.render(POSE, P, NOBODY)
+    assert np.array_equal(first.depth_m, later.depth_m)
+    assert np.array_equal(first.rgb, later.rgb)
