@@ -336,7 +336,9 @@ def test_detail_falls_where_cells_shrink_below_pixels():
 def test_what_was_seen_before_changes_no_image():
     rng = np.random.default_rng(5)
     blocks = [cuboid(rng.uniform(2, 9, 3), (x, y, 2.0)) for x, y in rng.uniform((10, -60), (150, 60), (50, 2))]
-    world = Mesh.merge([ground(200.0, 80), *blocks])
+    plain = ground(200.0, 80)
+    rise = np.column_stack([np.zeros((len(plain.vertices), 2)), rng.normal(0, 0.2, len(plain.vertices))])
+    world = Mesh.merge([Mesh(plain.vertices + rise, plain.faces, plain.materials), *blocks])
     shade, turned = SunShadows(world, Light()), POSE.copy()
     turned[:3, :3] = POSE[:3, :3] @ np.array([[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]])
     with CameraRenderer(world, MODELS, Light(), width=WIDTH, height=HEIGHT, shade=shade) as fresh:
