@@ -14,7 +14,7 @@ from cosim.traffic.actors import Actors
 from cosim.traffic.longer_routes import LongerRoutes, shared_type
 from cosim.traffic.motion.corners import corner_speed
 from cosim.traffic.route_corners import RouteCorners
-from cosim.traffic.starting import TrafficError, start_sumo
+from cosim.traffic.starting import SavedState, TrafficError, start_sumo
 from cosim.traffic.subscriptions import Subscriptions
 
 # SUMO vehicle class → kind of road user
@@ -64,7 +64,7 @@ class Traffic:
         TrafficError: SUMO refuses the scenario, or another simulation runs in this process.
     """
 
-    def __init__(self, sumocfg: Path, seed: int, step_s: float = 0.1, state: Path | None = None) -> None:
+    def __init__(self, sumocfg: Path, seed: int, step_s: float = 0.1, state: SavedState | None = None) -> None:
         self.step_s = step_s
         self._sumo = start_sumo(sumocfg, seed, step_s, state=state)
         self._began_s = self.time_s

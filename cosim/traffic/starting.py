@@ -6,6 +6,7 @@ import contextlib
 import os
 import tempfile
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
@@ -19,7 +20,15 @@ class TrafficError(CosimError):
     """SUMO refuses the scenario, or the simulation cannot go on."""
 
 
-def warmed_up(sumocfg: Path, seed: int, seconds: float, folder: Path) -> Path:
+@dataclass(frozen=True)
+class SavedState:
+    """A simulation to go on with: the file, and its time [s]."""
+
+    path: Path
+    time_s: float
+
+
+def warmed_up(sumocfg: Path, seed: int, seconds: float, folder: Path) -> SavedState:
     """Let a scenario run where nobody looks, in long steps and with changes of lane at once; gives its saved state.
 
     Args:
@@ -31,21 +40,21 @@ def warmed_up(sumocfg: Path, seed: int, seconds: float, folder: Path) -> Path:
     Raises:
         TrafficError: SUMO refuses the scenario or gives up, or another simulation runs in this process.
     """
-    state = folder / "warm.xml"
+    path = folder / "warm.xml"
     sumo = start_sumo(sumocfg, seed, _QUICK_STEP_S, sublane=False)
     try:
         for _ in range(round(seconds / _QUICK_STEP_S)):
             sumo.simulationStep()
-        sumo.simulation.saveState(str(state))
+        sumo.simulation.saveState(str(path))
+        return SavedState(path, float(sumo.simulation.getTime()))
     except sumo.TraCIException as error:
         raise TrafficError(f"SUMO stopped at {sumo.simulation.getTime():.1f} s: {error}") from error
     finally:
         sumo.close()
-    return state
 
 
 def start_sumo(
-    sumocfg: Path, seed: int, step_s: float, *, state: Path | None = None, sublane: bool = True
+    sumocfg: Path, seed: int, step_s: float, *, state: SavedState | None = None, sublane: bool = True
 ) -> ModuleType:
     """The running libsumo.
 
@@ -74,7 +83,7 @@ def start_sumo(
     if sublane:
         command += ["--lateral-resolution", str(_SUBLANE_M)]
     if state is not None:
-        command += ["--load-state", str(state)]
+        command += ["--load-state", str(state.path), "--begin", str(state.time_s)]
     return _start(command)
 
 

@@ -77,8 +77,7 @@ class Stage:
         if vehicle in self.exempt or self._in_sight(vehicle):
             return False
         self.record("taken_away", vehicle)
-        self.api.vehicle.unsubscribe(vehicle)
-        self.api.vehicle.remove(vehicle)
+        self.traffic.remove(vehicle)
         self.busy.add(vehicle)
         return True
 
