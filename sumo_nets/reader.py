@@ -23,6 +23,13 @@ _RAIL = frozenset({"rail", "rail_urban", "rail_electric", "rail_fast", "tram", "
 _OFF_THE_ROAD = {"rail": _RAIL, "water": frozenset({"ship"}), "air": frozenset({"aircraft", "drone"})}
 
 
+def read_network(net: Path) -> Any:
+    """Return a network as sumolib reads it, without what lies inside junctions."""
+    import sumolib
+
+    return sumolib.net.readNet(str(net))
+
+
 def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], style: str) -> Streets:
     """Read a network and the parking areas that go with it.
 

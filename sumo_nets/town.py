@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from assets.streets import Streets
 from sumo_nets.errors import TownError
-from sumo_nets.reader import not_drawn, read_streets
+from sumo_nets.parking import Lot, read_parking
+from sumo_nets.reader import not_drawn, read_network, read_streets
 from sumo_nets.recipes import RECIPES, TOWNS
 from sumo_nets.scenario import Scenario, read_scenario
 from sumo_nets.tools import run_tool
+from sumo_nets.type_table import TypeTable, read_types
 
 _BUILT = Path(__file__).parent / "towns"
 _OWN_STYLE = "suburb"
@@ -49,6 +53,25 @@ class Town:
     def runnable_additional(self, folder: Path) -> tuple[Path, ...]:
         """The additional files as SUMO may read them; those that must be changed are written to a folder."""
         return self.additional if self.scenario is None else self.scenario.readable("additional-files", folder)
+
+    @cached_property
+    def network(self) -> Any:
+        """The network as sumolib reads it, without what lies inside junctions."""
+        return read_network(self.net)
+
+    @cached_property
+    def lots(self) -> tuple[Lot, ...]:
+        """Kerbside parking."""
+        return read_parking(self.additional)
+
+    @cached_property
+    def types(self) -> TypeTable:
+        """Vehicle types.
+
+        Raises:
+            TownError: none is defined, or their files are broken.
+        """
+        return read_types(self.additional)
 
 
 def read_town(name_or_path: str | Path) -> Town:

@@ -44,8 +44,11 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Record the drive, with a progress bar."""
+    from cosim.capture.disk_estimate import estimate_bytes, in_words
     from cosim.capture.runner import run
+    from cosim.capture.time_estimate import estimate_s, machine_slowness, time_in_words
     from cosim.cli.progress import FrameReport
+    from sensors.sensor_model import load_sensor
 
     config = load_config(
         options.config, town=_towns(options.town), frames=options.frames, seed=options.seed, sensor=options.sensor
@@ -53,7 +56,16 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     engine = _engine(options)
     begun = time.monotonic()
     with FrameReport(console, starting="building the town", working="recording") as report:
-        result = run(config, options.out, engine=engine, on_start=report.start, on_event=report.follow)
+
+        def start(done: int, total: int) -> None:
+            if done < total:
+                sensor, left = load_sensor(config.sensor), 1 - done / total
+                size = in_words(estimate_bytes(config, sensor) * left)
+                takes = time_in_words(estimate_s(config, sensor, options.workers, machine_slowness()) * left)
+                console.print(f"{total - done} frames to record: about {size}, {takes} with {options.workers} workers")
+            report.start(done, total)
+
+        result = run(config, options.out, engine=engine, on_start=start, on_event=report.follow)
     seconds = time.monotonic() - begun
     console.print(
         f"{result.frames} frames, {result.points:,} points in {result.folder} "

@@ -35,6 +35,9 @@ class Drivers:
         roads: the network.
         exempt: vehicles (the ego) that neither park nor collide, now or from a later step on.
         sight_m: nobody vanishes this near to an exempt vehicle.
+
+    Attributes:
+        share: of the town's drivers, those that are given; as large a share of the incidents falls to them.
     """
 
     def __init__(self, config: BehaviourConfig, seed: int, roads: Roads, exempt: set[str], sight_m: float) -> None:
@@ -64,11 +67,17 @@ class Drivers:
         )
         self._stage: Stage | None = None
         self._exempt = exempt
+        self.share = 1.0
 
     @property
     def events(self) -> list[Event]:
         """What has happened so far, in order of time."""
         return [] if self._stage is None else self._stage.events
+
+    @property
+    def acting(self) -> set[str]:
+        """Vehicles in a manoeuvre, which must be seen to its end."""
+        return set() if self._stage is None else self._stage.busy | self._stage.steered
 
     def apply(self, traffic: Traffic, motion: Motion, actors: Actors) -> None:
         """Act after a step.
@@ -91,6 +100,7 @@ class Drivers:
                 exempt=self._exempt,
                 sight_m=self._sight_m,
             )
+        self._stage.share = self.share
         self._stage.see(actors)
         for behaviour in self._behaviours:
             behaviour.step(self._stage)

@@ -19,7 +19,7 @@ WANTED = ("image_0", "image_1", "image_3", "depth_0", "depth_1", "semantic_2", "
 
 @pytest.fixture(scope="module")
 def stereo(run_config, tmp_path_factory) -> Drive:
-    text = run_config.read_text().replace("frames: 8", "frames: 4")
+    text = run_config.read_text().replace("frames: 8", "frames: 4").replace("seed: 3", "seed: 6")
     text += f"images: [{', '.join(WANTED)}]\nstore_hits: false\n"
     text += "min_label_points: 0\nannotators: {enabled: false}\n"  # nobody who shows is left to DontCare
 

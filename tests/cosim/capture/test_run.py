@@ -115,7 +115,7 @@ def test_two_runs_on_one_folder_do_not_mix(hamlet_drive, hamlet_config, tmp_path
     folder = tmp_path / "drive"
     process = start_run(hamlet_config, folder)
     wait_for_frames(folder, 1, process)
-    os.killpg(process.pid, signal.SIGSTOP)
+    os.killpg(process.pid, signal.SIGSTOP)  # else it may have ended before the second begins
     said = refused("run", hamlet_config, "--out", folder, "--quiet")
     os.killpg(process.pid, signal.SIGCONT)
     assert f"another run (process {process.pid} on " in said

@@ -10,6 +10,7 @@ import pytest
 from cosim.traffic.actors import Actors
 from cosim.traffic.behaviour import BehaviourConfig, Event
 from cosim.traffic.driven_traffic import DrivenTraffic
+from cosim.traffic.ego import draw_ego
 from cosim.traffic.simulation import Traffic
 from sumo_nets import TOWNS, read_town
 from tests.cosim.inspector import Inspector
@@ -34,7 +35,7 @@ def live(
             if number > 5:
                 inspector.look(actors, ego)
             if number == 600:
-                ego = traffic.draw_ego(actors, np.random.default_rng(seed))
+                ego = draw_ego(traffic, actors, np.random.default_rng(seed))
                 living.protect(ego)
         return inspector, list(living.events), teleports, actors
 
