@@ -36,8 +36,8 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Compare frame by frame, then write the page."""
+    from cosim.cli.frame_choice import chosen_frames, evenly
     from cosim.discrepancy import compare
-    from cosim.discrepancy.chosen import chosen_frames, evenly
     from cosim.discrepancy.data.checks import opened
     from cosim.discrepancy.report import Gathered, format_comparison, write_page
     from sensors.sensor_model import load_sensor
