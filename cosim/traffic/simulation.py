@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Self
@@ -81,7 +81,7 @@ class Traffic:
         self._parked: dict[str, dict] = {}
         self._driving: set[str] = set()
         self._walking: set[str] = set()
-        self._far: set[str] = set()
+        self._far: dict[str, float] = {}  # how often they decided before [s]
         self._far_walking: set[str] = set()
         self._near_parked: dict[str, dict] | None = None  # None: all of them
         self._arriving: set[str] = set()
@@ -123,7 +123,7 @@ class Traffic:
         self._sumo.vehicle.unsubscribe(vehicle)
         self._sumo.vehicle.remove(vehicle)
         self._driving.discard(vehicle)
-        self._far.discard(vehicle)
+        self._far.pop(vehicle, None)
         self._unpark(vehicle)
 
     def stand(self, vehicle: str, front: np.ndarray, heading_rad: float) -> None:
@@ -141,7 +141,7 @@ class Traffic:
     def places(self) -> tuple[list[str], list[str], list[str], np.ndarray]:
         """Names of all who drive, are parked, and walk, and the places of these three in this order, (n, 2) [m]."""
         api, constants = self._sumo, self._sumo.constants
-        driving, parked = sorted(self._driving | self._far), sorted(self._parked)
+        driving, parked = sorted(self._driving | self._far.keys()), sorted(self._parked)
         walking = sorted(self._walking | self._far_walking)
         places = [api.vehicle.getPosition(name) for name in driving]
         places += [self._parked[name][constants.VAR_POSITION3D][:2] for name in parked]
@@ -153,10 +153,10 @@ class Traffic:
         api, wanted = self._sumo.vehicle, set(driving)
         for vehicle in sorted(self._driving - wanted):
             self._leave_to_sumo(vehicle)
-        for vehicle in sorted(self._far & wanted):
+        for vehicle in sorted(self._far.keys() & wanted):
+            decides_s = self._far.pop(vehicle)
             if not self._as_given:
-                api.setActionStepLength(vehicle, self.step_s)
-            self._far.discard(vehicle)
+                api.setActionStepLength(vehicle, decides_s)
             self._attend_vehicle(vehicle)
         wanted = set(walking)
         for person in sorted(self._walking - wanted):
@@ -239,7 +239,7 @@ class Traffic:
                 self._attend_vehicle(vehicle)
         for vehicle in self._sumo.simulation.getArrivedIDList():
             self._driving.discard(vehicle)
-            self._far.discard(vehicle)
+            self._far.pop(vehicle, None)
         for person in self._sumo.simulation.getDepartedPersonIDList():
             if self._users.shows(self._sumo.person, person):
                 self._attend_person(person)
@@ -281,18 +281,19 @@ class Traffic:
         api.unsubscribe(vehicle)
         api.setSpeed(vehicle, -1)
         api.setSpeedMode(vehicle, _CAREFUL)
+        decides_s = api.getActionStepLength(vehicle)
         if not self._as_given:
             api.setSpeedFactor(vehicle, 1.0)
             api.setActionStepLength(vehicle, max(_FAR_DECIDES_S, self.step_s))
         self._driving.discard(vehicle)
-        self._far.add(vehicle)
+        self._far[vehicle] = decides_s
 
     def _slow_for_corners(self) -> None:
         """Limit lanes to what their bends allow: SUMO takes corners at 5.5 m/s² sideways, and faster."""
         api = self._sumo.lane
         for lane in api.getIDList():
             comfortable = corner_speed(np.array(api.getShape(lane)))
-            if comfortable < api.getMaxSpeed(lane) and not _on_foot(api.getAllowed(lane)):
+            if comfortable < api.getMaxSpeed(lane) and tuple(api.getAllowed(lane)) != ("pedestrian",):
                 api.setMaxSpeed(lane, comfortable)
 
     def _begins_parked(self, vehicle: str) -> bool:
@@ -330,7 +331,7 @@ class Traffic:
         self._readings.forget_parked()
         self._sumo.vehicle.unsubscribe(vehicle)
         self._driving.discard(vehicle)
-        self._far.discard(vehicle)
+        self._far.pop(vehicle, None)
 
     def _unpark(self, vehicle: str) -> bool:
         """Count a vehicle to the parked no more; whether it was one."""
@@ -395,7 +396,3 @@ class Traffic:
             return before
         known = dict(zip(names, before.tolist(), strict=True))
         return np.array([known.get(name, angle) for name, angle in zip(ids, heading.tolist(), strict=True)], float)
-
-
-def _on_foot(allowed: Sequence[str]) -> bool:
-    return tuple(allowed) == ("pedestrian",)

@@ -63,6 +63,40 @@ def test_other_presets_have_drivers_of_their_own(tmp_path):
     assert np.median(ways["own0"][50:, 1]) == pytest.approx(LIMIT_MPS, rel=0.05)
 
 
+DECIDES_S = 0.5
+FAR_AHEAD = (
+    '<vType id="sensors" sigma="0" length="4.5"/>'
+    f'<vType id="own" speedFactor="{FACTOR}" actionStepLength="{DECIDES_S}" sigma="0" length="4.5"/>'
+    '<vehicle id="ego" type="sensors" depart="0" departPos="50"><route edges="a b"/></vehicle>'
+    '<vehicle id="far" type="own" depart="0" departPos="700"><route edges="a b"/>'
+    '<stop lane="a_0" endPos="1000" duration="900"/></vehicle>'
+    '<person id="rider" depart="triggered"><ride from="a" to="b" lines="far"/></person>'
+)
+
+
+@pytest.mark.parametrize("behaviour", ["sumo", "calm"])
+def test_who_was_far_from_the_sensors_is_as_the_scenario_has_him_once_he_is_near(tmp_path, behaviour):
+    config = write_scenario(tmp_path, NODES, EDGES, [FAR_AHEAD])
+    settings = BehaviourConfig.model_validate(behaviour)
+    with Traffic(config, seed=1, as_given=settings.as_given) as traffic:
+        living = DrivenTraffic(traffic, settings, seed=1)
+        living.advance(10)
+        api = traffic.api.vehicle
+        factor = api.getSpeedFactor("far")
+        living.follow("ego")
+        actors = living.advance(10)
+        assert traffic.far == {"far"} and api.getPersonIDList("far") == ("rider",)
+        assert actors.ids == ("ego",) and living.everyone(actors).ids == ("ego", "far")
+        if settings.as_given:
+            assert (api.getSpeedFactor("far"), api.getActionStepLength("far")) == (factor, DECIDES_S)
+        for _ in range(60):
+            if "far" in actors.ids:
+                break
+            actors = living.advance(10)
+        assert actors.ids == ("ego", "far")
+        assert api.getActionStepLength("far") == DECIDES_S
+
+
 def test_the_preset_stands_alone(tmp_path):
     path = tmp_path / "c.yaml"
     path.write_text("behaviour: {preset: sumo, gap_m: {kind: constant, value: 1}}\n")
