@@ -58,11 +58,12 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     with FrameReport(console, starting="building the town", working="recording") as report:
 
         def start(done: int, total: int) -> None:
-            if done < total:
-                sensor, left = load_sensor(config.sensor), 1 - done / total
+            if done < total and options.engine == "local":  # how many a cluster has, only time tells
+                sensor, left, workers = load_sensor(config.sensor), 1 - done / total, options.workers
                 size = in_words(estimate_bytes(config, sensor) * left)
-                takes = time_in_words(estimate_s(config, sensor, options.workers, machine_slowness()) * left)
-                console.print(f"{total - done} frames to record: about {size}, {takes} with {options.workers} workers")
+                takes = time_in_words(estimate_s(config, sensor, workers, machine_slowness()) * left)
+                with_whom = "1 worker" if workers == 1 else f"{workers} workers"
+                console.print(f"{total - done} frames to record: about {size}, {takes} with {with_whom}")
             report.start(done, total)
 
         result = run(config, options.out, engine=engine, on_start=start, on_event=report.follow)

@@ -118,5 +118,5 @@ def test_a_users_mistake_reaches_the_user(tmp_path):
     ],
 )
 def test_addresses_without_a_scheduler(tmp_path, monkeypatch, options, complaint):
-    monkeypatch.setenv("DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT", "2s")
+    monkeypatch.setattr("cosim.engine.cluster._CONNECT_S", 1)
     assert complaint in refused("run", "--frames", 1, "--out", tmp_path / "d", *options)
