@@ -11,6 +11,10 @@ import pytest
 
 from tests.sharing import made_once
 
+# Test processes run side by side: threads of libraries would mostly wait for each other, and turn while they wait.
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
 _REAL_FRAMES = 3
 _CONFIG = "town: town01\nseed: 3\nframes: 8\nframes_per_episode: 4\ncollection: {every_s: 2.0}\nwarm_up_s: 45\n"
 
@@ -63,7 +67,7 @@ def drive_folder(run_config: Path, tmp_path_factory: pytest.TempPathFactory) -> 
     from tests.cosim.conftest import cosim
 
     def record(folder: Path) -> None:
-        cosim("run", run_config, "--out", folder / "drive", "--workers", 2, "--quiet")
+        cosim("run", run_config, "--out", folder / "drive", "--quiet")
 
     return made_once(tmp_path_factory, "drive_folder", record) / "drive"
 
