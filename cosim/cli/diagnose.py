@@ -43,8 +43,8 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Diagnose, then write the improved sensor and the page."""
-    from cosim.discrepancy import diagnose
     from cosim.cli.frame_choice import chosen_frames
+    from cosim.discrepancy import diagnose
     from cosim.discrepancy.data.checks import opened
     from cosim.discrepancy.report import explored_of, format_diagnosis, left_words
     from cosim.discrepancy.report.sentences import Vocabulary, headline

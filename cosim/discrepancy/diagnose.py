@@ -20,7 +20,16 @@ from cosim.discrepancy.inference.comparison import gain
 from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.inference.score_test import Tested
 from cosim.discrepancy.labels import with_labels
-from cosim.discrepancy.select import Candidate, as_found, candidates, chosen, roundings, screened, screened_pairs, simpler_than
+from cosim.discrepancy.select import (
+    Candidate,
+    as_found,
+    candidates,
+    chosen,
+    roundings,
+    screened,
+    screened_pairs,
+    simpler_than,
+)
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.state import Case, Model, State, View, seen_by, viewed
 from cosim.discrepancy.unexplained import unexplained
@@ -166,10 +175,13 @@ def simplified(case: Case, state: State) -> State:
         case.say(f"asking whether something simpler does as well as {one.effect}")
         simpler = simpler_than(case, state, place)
         if simpler is not None:
-            view = viewed(case, case.split.fit, simpler.model, case.settings.rows, replace(state.view, fitted=simpler.fitted))
+            view = viewed(
+                case, case.split.fit, simpler.model, case.settings.rows, replace(state.view, fitted=simpler.fitted)
+            )
             model = replace(simpler.model, effects=view.fitted.effects)
             kept = tuple(
-                replace(other, effect=simpler.name, place=simpler.place) if other is one else other for other in state.found
+                replace(other, effect=simpler.name, place=simpler.place) if other is one else other
+                for other in state.found
             )
             judges = judged(case, state.judges, model)
             state = replace(state, model=model, view=view, judges=judges, found=kept, screened=[])

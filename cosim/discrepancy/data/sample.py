@@ -85,8 +85,8 @@ class Sample:
         kind, model: (n,) int rows of `kinds` and `models`, what is met; 0 for the static world and nothing.
         kinds, models: names.
         reflectance: (n,) of the surface.
-        beside: by name, (n,) what beams beside each measured: `previous` of its ring, `above` and `below` it; ranges [m] and intensities are 0
-            where nothing returned, `lost` is 1 where a surface should have been seen.
+        beside: by name, (n,) what beams beside each measured: `previous` of its ring, `above` and `below` it; ranges
+            [m] and intensities are 0 where nothing returned, `lost` is 1 where a surface should have been seen.
         leaning: (scans, 6) pose errors that were traced with, see `TracedFrame`.
         own_axes: whether scans stand where their twins were made, so that poses have no errors.
         scan_values: by name, (scans,) pose time, and the ego vehicle's speed, acceleration and yaw rate.

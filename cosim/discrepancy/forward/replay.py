@@ -153,7 +153,7 @@ class FrameReplay:
         return np.hypot(along, above_m - np.einsum("ij,ij->i", origin, upwards(rays.direction)))
 
     def moved(self, effects: Sequence[Effect], used: np.ndarray) -> tuple[float, float]:
-        """How far effects turn [rad] and shift [m] beams from where they were traced: of nearly all of those used (n,)."""
+        """How far effects turn [rad] and shift [m] nearly all of the beams used (n,) from where they were traced."""
         now, then, rows = self.shot(effects).traced, self._shot.traced, self._rows
         assert now is not None and then is not None  # frames are traced
         turn = np.linalg.norm(now.direction - then.direction[rows], axis=1)

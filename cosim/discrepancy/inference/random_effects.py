@@ -194,7 +194,7 @@ class RandomEffects:
         return Estimate(u, variance)
 
     def begun_from(self, other: Estimate | None) -> Estimate:
-        """Variances of another sample of the same drive to start with, and its random effects where they are the same."""
+        """Variances of another sample of the same drive, and its random effects where they are the same."""
         start = self.start()
         if other is None or len(other.variance) != len(start.variance):
             return start
