@@ -276,7 +276,8 @@ class LinearModel:
         used = np.flatnonzero(random.active(estimate))
         designs = random.designs(prediction, estimate)
         z: dict[Quantity, SparseMatrix] = {
-            name: one.tocsc()[:, used].tocsr() for name, one in designs.items() if name in evidence.score}
+            name: one.tocsc()[:, used].tocsr() for name, one in designs.items() if name in evidence.score
+        }
         known = sparse.csr_matrix((len(used), len(used)))
         for name, one in z.items():
             if one.nnz:

@@ -129,7 +129,7 @@ class Projector:
         by_track = np.where(track >= 0, track, tracks + scan)
         by_part = np.where(track >= 0, parts + scans + track, parts + scan)
         at = np.arange(len(told))
-        self._rows = [
+        self._rows: list[SparseMatrix] = [
             sparse.csr_matrix((told, (by_track, at)), (tracks + scans, len(told))),
             sparse.csr_matrix((told, (by_part, at)), (parts + scans + tracks, len(told))),
         ]
