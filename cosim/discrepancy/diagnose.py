@@ -13,7 +13,7 @@ from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.candidates import as_known, candidate_kinds, with_rings
 from cosim.discrepancy.data.checks import check_fit, opened
 from cosim.discrepancy.data.frames import FrameTracer, in_order
-from cosim.discrepancy.data.notes import drive_notes, fit_notes
+from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told
 from cosim.discrepancy.data.split import split_drive, split_frames
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.inference.comparison import gain
@@ -91,7 +91,8 @@ def case_of(
     """What stays the same throughout a diagnosis; see `diagnose`."""
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
     split = split_drive(drive) if frames is None else split_frames(tuple(frames))
-    kinds = candidate_kinds(extra, model.pattern.rings)
+    hidden = not_told(len(split.fit))
+    kinds = tuple(one for one in candidate_kinds(extra, model.pattern.rings) if one.name not in hidden)
     return Case(model, FrameTracer(drive, model), split, kinds, settings, seed, say)
 
 

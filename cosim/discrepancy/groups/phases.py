@@ -35,6 +35,8 @@ def of_phases(fitter: Fitter, fitted: Fitted, settings: Settings, rng: np.random
         lines = np.fft.rfft(table, axis=1)[:, _SLOWEST:]
         own = (np.abs(lines) ** 2).sum(0)
         smooth = np.maximum(own, np.median(own))
+        if not smooth.any():
+            continue
         power = np.abs(lines.sum(0)) ** 2 / smooth
         drawn = (np.abs(signs @ lines) ** 2 / smooth).max(1)
         best = int(np.argmax(power))
