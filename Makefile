@@ -2,30 +2,39 @@
 PYTHON := .venv/bin/python
 COSIM := .venv/bin/cosim
 
-.PHONY: demo test slow check docs bench hidden fuzz setup setup-dev clean
+SECTIONS := lidar growth stages rates sizes memory loop effects
+
+.PHONY: demo test slow check docs pictures bench hidden fuzz setup setup-dev clean $(SECTIONS)
 
 demo: setup
 	$(COSIM) run --town town01 --frames 12 --seed 1 --workers 2 --out out/demo/drive
 	$(COSIM) view out/demo/drive --out out/demo
 
 test: setup-dev
-	$(PYTHON) -m pytest -n 2 --dist loadgroup
+	$(PYTHON) -m pytest -n 2 --dist worksteal
 
 slow: setup-dev
-	$(PYTHON) -m pytest -m slow -n 2 --dist loadgroup
+	@echo "make slow: every town, fifty kills, an installation, all blocks of the docs; hours on two cores" >&2
+	$(PYTHON) -m pytest -m slow -n 2 --dist worksteal --durations=20
 
 check: setup-dev
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m pyright
-	$(PYTHON) -m pytest -n 2 --dist loadgroup
+	$(PYTHON) -m pytest -n 2 --dist worksteal
 
 docs:
 	@sh tools/setup.sh docs
 	$(PYTHON) -m mkdocs build --strict  # out/site/index.html
 
+pictures: setup-dev
+	$(PYTHON) -m tools.pictures  # docs/img: what README and docs show of drives
+
 bench: setup-dev
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.bench  # as workers run
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.bench $(filter $(SECTIONS),$(MAKECMDGOALS))  # as workers run
+
+$(SECTIONS): bench  # make bench growth
+	@:
 
 hidden: setup-dev
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.hidden.benchmark

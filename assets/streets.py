@@ -89,6 +89,7 @@ class Streets:
         lanes, areas, parking, stop_lines: its parts.
         style: what the town looks like, read by the world builder: `village`, `hamlet`, `suburb`,
             `urban`, `industrial` or `boulevard`.
+        left_hand: whether one drives on the left.
     """
 
     name: str
@@ -97,3 +98,4 @@ class Streets:
     parking: tuple[ParkingBay, ...]
     stop_lines: tuple[StopLine, ...]
     style: str = "suburb"
+    left_hand: bool = False

@@ -36,12 +36,12 @@ __all__ = [
 ]
 
 _HOMES = {
-    "config": ("RunConfig", "load_config"),
+    "capture.config": ("RunConfig", "load_config"),
+    "capture.runner": ("RunResult", "run"),
     "discrepancy": ("Added", "Comparison", "Diagnosis", "add", "compare", "diagnose"),
+    "drives.kitti": ("Drive", "Frame"),
     "engine": ("LocalEngine",),
     "errors": ("CosimError",),
-    "kitti": ("Drive", "Frame"),
-    "runner": ("RunResult", "run"),
     "variants": ("make_variants",),
 }
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -137,16 +139,28 @@ def parse_pattern(text: str, *, origin: str) -> Pattern:
     Raises:
         SensorError: the text breaks the format.
     """
-    from sensors.depth_camera import DepthCamera  # is a Pattern itself
+    from sensors.depth_camera import DepthCamera  # both are Patterns themselves
+    from sensors.direction_table import DirectionTable, is_tabulated, tabulated
 
+    folder = Path(origin).parent if Path(origin).is_file() else None
     try:
         values = parse_yaml(text)
+        if isinstance(values, dict) and is_tabulated(values):
+            return DirectionTable.model_validate(_said(tabulated, values, folder, origin))
         kind = DepthCamera if isinstance(values, dict) and "fov_deg" in values else Pattern
         return kind.model_validate(values)
     except DocumentError as error:
         raise SensorError(f"pattern {origin} is not YAML: {' '.join(str(error).split())}") from error
     except ValidationError as error:
         raise SensorError(f"pattern {origin}: {first_problem(error)}") from error
+
+
+def _said(make: Callable[..., dict[str, Any]], values: dict[str, Any], folder: Path | None, origin: str) -> Any:
+    """Call, with what goes wrong said as the pattern's fault."""
+    try:
+        return make(values, folder)
+    except ValueError as error:
+        raise SensorError(f"pattern {origin}: {error}") from error
 
 
 def first_problem(error: ValidationError) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,9 @@ from sensors.errors import SensorError
 from sensors.pattern import Pattern, first_problem, load_pattern, pattern_names
 from sensors.sensor_model import SensorModel
 
+_LOG = logging.getLogger(__name__)
 _MODELS = files("sensors") / "models"
+_RENAMED = {"hdl64e_dual": "hdl64e_two_blocks"}  # read as dual return, which it has not
 _KEYS = ("pattern", "effects")
 
 
@@ -32,6 +35,9 @@ def read_sensor(text: str) -> SensorModel:
     """
     if text in pattern_names():
         return SensorModel(load_pattern(text), origin=text)
+    if text in _RENAMED:
+        _LOG.warning("sensor %s is called %s now; write that", text, _RENAMED[text])
+        text = _RENAMED[text]
     if text in model_names():
         return parse_sensor((_MODELS / f"{text}.yaml").read_text(encoding="utf-8"), origin=text, folder=Path())
     path = Path(text)

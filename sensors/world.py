@@ -133,9 +133,7 @@ class World:
         tracer = self._tracers.moving(slot, rays)
         lidar_in_ego = beams.body @ np.linalg.solve(self.ego.pose, self.pose) @ beams.mount
         time_s = beams.firing_s + np.float32(beams.delay_s)
-        hits, origin, direction = tracer.trace(
-            self._scene, self.ego, lidar_in_ego, time_s, self.instances, panes=panes
-        )
+        hits, origin, direction = tracer.trace(self._scene, self.ego, lidar_in_ego, time_s, self.instances, panes=panes)
         return Traced(hits, (origin, direction, time_s))
 
     def trace_around(self, beams: Beams, aside: Callable[[np.ndarray], np.ndarray], slot: str) -> Hits:

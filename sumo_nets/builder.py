@@ -16,6 +16,7 @@ from sumo_nets.demand import make_demand
 from sumo_nets.network import build_network
 from sumo_nets.parking import make_parking, write_parking
 from sumo_nets.planning import make_plan
+from sumo_nets.reader import read_network
 from sumo_nets.recipe import Recipe
 from sumo_nets.relief import make_ground
 from sumo_nets.sumo_files import configuration, write_xml
@@ -71,13 +72,6 @@ def build_town(recipe: Recipe, folder: Path, models: Iterable[Model] | None = No
 
 def _specs(catalogue: Any) -> list[Model]:
     return list(catalogue.values() if isinstance(catalogue, dict) else catalogue)
-
-
-def read_network(net: Path) -> Any:
-    """Return a network as sumolib reads it, without what lies inside junctions."""
-    import sumolib
-
-    return sumolib.net.readNet(str(net))
 
 
 def _lane_lengths(network: Any) -> dict[str, float]:

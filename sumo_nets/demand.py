@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -57,6 +59,7 @@ def _driving(demand: Demand, network: Any, types: TypeTable, rng: np.random.Gene
     everywhere = {edge.getID(): _ways_on(edge) for edge in streets}
     slow = _open_to_bicycles(everywhere, streets)
     taken = {edge.getID(): 0 for edge in streets}
+    width = {edge.getID(): float(np.sqrt(_capacity(edge))) for edge in streets}
     starts = [streets[i] for i in rng.permutation(len(streets))]
     slow_starts = [edge for edge in starts if edge.getID() in slow] or starts
     lines = []
@@ -64,7 +67,7 @@ def _driving(demand: Demand, network: Any, types: TypeTable, rng: np.random.Gene
         cycles = types.is_bicycle(kinds[number])
         onward, begin = (slow, slow_starts) if cycles else (everywhere, starts)
         pace = _CYCLING_PACE_MPS if cycles else _DRIVING_PACE_MPS
-        route = _wander(begin[number % len(begin)], onward, taken, demand.duration_s * pace, rng)
+        route = _wander(begin[number % len(begin)], onward, taken, demand.duration_s * pace, width, rng)
         depart = _FIRST_S + demand.fill_s * number / demand.driving
         lines += [
             f'    <vehicle id="veh{number}" type="{kinds[number]}" depart="{depart:.1f}" departLane="best" '
@@ -98,13 +101,18 @@ def _open_to_bicycles(onward: dict[str, list[Any]], streets: list[Any]) -> dict[
 
 
 def _wander(
-    start: Any, onward: dict[str, list[Any]], taken: dict[str, int], length_m: float, rng: np.random.Generator
+    start: Any,
+    onward: dict[str, list[Any]],
+    taken: dict[str, int],
+    length_m: float,
+    width: dict[str, float],
+    rng: np.random.Generator,
 ) -> list[str]:
     edge, route, driven = start, [start.getID()], 0.0
     while driven < length_m and onward[edge.getID()]:
         choices = onward[edge.getID()]
-        appeal = np.array([np.sqrt(_capacity(way)) / (5.0 + taken[way.getID()]) for way in choices])
-        edge = choices[rng.choice(len(choices), p=appeal / appeal.sum())]
+        appeal = list(accumulate(width[way.getID()] / (5.0 + taken[way.getID()]) for way in choices))
+        edge = choices[min(bisect_right(appeal, rng.random() * appeal[-1]), len(choices) - 1)]
         taken[edge.getID()] += 1
         route.append(edge.getID())
         driven += edge.getLength()

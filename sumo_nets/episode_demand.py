@@ -6,13 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sumo_nets.builder import read_network
 from sumo_nets.demand import make_demand
-from sumo_nets.parking import read_parking
 from sumo_nets.recipe import Demand
 from sumo_nets.sumo_files import configuration, write_xml
 from sumo_nets.town import Town
-from sumo_nets.type_table import read_types
 
 
 def write_demand(town: Town, demand: Demand, seed: int, folder: Path) -> Path:
@@ -32,8 +29,7 @@ def write_demand(town: Town, demand: Demand, seed: int, folder: Path) -> Path:
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
-    lots = read_parking(town.additional)
-    lines = make_demand(demand, read_network(town.net), lots, read_types(town.additional), rng)
+    lines = make_demand(demand, town.network, town.lots, town.types, rng)
     routes, config = folder / f"{town.name}.rou.xml", folder / f"{town.name}.sumocfg"
     write_xml(routes, "routes", lines)
     files = {"net-file": str(town.net.resolve())}

@@ -89,7 +89,7 @@ def write_parking(lots: tuple[Lot, ...], rules: StreetRules) -> list[str]:
 
 def read_parking(paths: Iterable[Path]) -> tuple[Lot, ...]:
     """Return the roadside lots of additional files that hold one vehicle each; areas of other kinds are left alone."""
-    areas = [area for path in paths for area in read_xml(path, "additional", "add").iter("parkingArea")]
+    areas = [area for path in paths for area in read_xml(path).iter("parkingArea")]
     return tuple(
         Lot(
             area.get("id", ""),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from collections import Counter
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,6 +19,15 @@ from sumo_nets.stop_lines import stop_lines
 from sumo_nets.xml_guard import read_xml
 
 _DEFAULT_PARKING_WIDTH_M = 3.2
+_RAIL = frozenset({"rail", "rail_urban", "rail_electric", "rail_fast", "tram", "subway", "cable_car"})
+_OFF_THE_ROAD = {"rail": _RAIL, "water": frozenset({"ship"}), "air": frozenset({"aircraft", "drone"})}
+
+
+def read_network(net: Path) -> Any:
+    """Return a network as sumolib reads it, without what lies inside junctions."""
+    import sumolib
+
+    return sumolib.net.readNet(str(net))
 
 
 def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], style: str) -> Streets:
@@ -31,7 +41,7 @@ def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], 
     """
     import sumolib
 
-    read_xml(net_path, "net")
+    left_hand = read_xml(net_path, "net").get("lefthand") in ("true", "1")
     try:
         net = sumolib.net.readNet(str(net_path), withInternal=True, withPedestrianConnections=True, lxml=False)
     except (LookupError, ValueError, TypeError, AttributeError) as error:
@@ -40,8 +50,23 @@ def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], 
         lanes, areas, stops = _geometry(net)
     except ValueError as error:
         raise TownError(f"{net_path}: {error}; make the network anew") from error
-    parking = [bay for path in additional_paths for bay in _parking(path, net)]
-    return Streets(name, tuple(lanes), tuple(areas), tuple(parking), tuple(stops), style)
+    parking = [bay for path in additional_paths for bay in _parking(path, net, left_hand)]
+    return Streets(name, tuple(lanes), tuple(areas), tuple(parking), tuple(stops), style, left_hand)
+
+
+def not_drawn(net_path: Path) -> tuple[str, ...]:
+    """A line that counts the edges of a network on which nobody of the road moves, if there are any."""
+    kinds: Counter[str] = Counter()
+    for edge in read_xml(net_path, "net").iter("edge"):
+        if edge.get("function"):
+            continue
+        allowed = {name for lane in edge.iter("lane") for name in lane.get("allow", "all").split()}
+        for kind, classes in _OFF_THE_ROAD.items():
+            if allowed <= classes:
+                kinds[kind] += 1
+                break
+    what = " and ".join(f"{number} edges of {kind}" for kind, number in sorted(kinds.items()))
+    return (f"{net_path}: not drawn: {what}",) * bool(what)
 
 
 def _geometry(net: Any) -> tuple[list[StreetLane], list[StreetArea], list[StopLine]]:
@@ -75,7 +100,7 @@ def _lane(edge: Any, lane: Any, use: LaneUse, centre: np.ndarray) -> StreetLane:
     return StreetLane(lane.getID(), edge.getID(), use, centre, float(lane.getWidth()), float(lane.getSpeed()), internal)
 
 
-def _parking(path: Path, net: Any) -> list[ParkingBay]:
+def _parking(path: Path, net: Any, left_hand: bool) -> list[ParkingBay]:
     """Return the strips of an additional file's parking areas.
 
     A strip's middle line runs beside its lane, at half the lane's width plus half its own. Measured with SUMO 1.28 on
@@ -86,18 +111,18 @@ def _parking(path: Path, net: Any) -> list[ParkingBay]:
     the strip, which is given as if they stood along the lane; lots given one by one (`<space>`) are a strip each.
     """
     bays = []
-    for area in read_xml(path, "additional", "add").iter("parkingArea"):
+    for area in read_xml(path).iter("parkingArea"):
         if area.get("onRoad") in ("true", "1"):
             continue
         try:
             spaces = area.findall("space")
-            bays += [_space(area, space, i) for i, space in enumerate(spaces)] or [_roadside(area, net)]
+            bays += [_space(area, space, i) for i, space in enumerate(spaces)] or [_roadside(area, net, left_hand)]
         except (LookupError, ValueError) as error:
             raise TownError(f"{path}: parkingArea {area.get('id')!r} cannot be placed ({error})") from error
     return bays
 
 
-def _roadside(area: ET.Element, net: Any) -> ParkingBay:
+def _roadside(area: ET.Element, net: Any, left_hand: bool) -> ParkingBay:
     lane_id = area.get("lane", "")
     if not net.hasEdge(lane_id.rpartition("_")[0]):
         raise LookupError(f"lane {lane_id!r} does not exist")
@@ -108,7 +133,7 @@ def _roadside(area: ET.Element, net: Any) -> ParkingBay:
     start, end = (at + total if at < 0 else at for at in (start, end))
     width = float(area.get("width", _DEFAULT_PARKING_WIDTH_M))
     scale = polyline.length(centre) / total if total > 0 else 1.0
-    aside = (float(lane.getWidth()) + width) / 2
+    aside = (float(lane.getWidth()) + width) / 2 * (-1.0 if left_hand else 1.0)
     return ParkingBay(area.get("id", ""), polyline.beside(centre, aside, start * scale, end * scale), width)
 
 

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from assets.streets import Streets
 from sumo_nets.errors import TownError
-from sumo_nets.no_writing import refuse_writing
-from sumo_nets.reader import read_streets
+from sumo_nets.parking import Lot, read_parking
+from sumo_nets.reader import not_drawn, read_network, read_streets
 from sumo_nets.recipes import RECIPES, TOWNS
+from sumo_nets.scenario import Scenario, read_scenario
 from sumo_nets.tools import run_tool
-from sumo_nets.xml_guard import read_xml
+from sumo_nets.type_table import TypeTable, read_types
 
 _BUILT = Path(__file__).parent / "towns"
+_OWN_STYLE = "suburb"
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,8 @@ class Town:
         additional: further files, with vehicle types and parking areas.
         style: what it looks like, as `Streets.style`.
         streets: its geometry, world metres (x east, y north, z up).
+        scenario: what of the user's own configuration is simulated; none for a built-in town.
+        notes: what a user's own scenario holds that is left out, a line each.
     """
 
     name: str
@@ -38,6 +43,35 @@ class Town:
     additional: tuple[Path, ...]
     style: str
     streets: Streets
+    scenario: Scenario | None = None
+    notes: tuple[str, ...] = ()
+
+    def runnable(self, folder: Path) -> Path:
+        """A configuration that SUMO may be started with; that of a user's scenario is written to a folder."""
+        return self.sumocfg if self.scenario is None else self.scenario.write(folder)
+
+    def runnable_additional(self, folder: Path) -> tuple[Path, ...]:
+        """The additional files as SUMO may read them; those that must be changed are written to a folder."""
+        return self.additional if self.scenario is None else self.scenario.readable("additional-files", folder)
+
+    @cached_property
+    def network(self) -> Any:
+        """The network as sumolib reads it, without what lies inside junctions."""
+        return read_network(self.net)
+
+    @cached_property
+    def lots(self) -> tuple[Lot, ...]:
+        """Kerbside parking."""
+        return read_parking(self.additional)
+
+    @cached_property
+    def types(self) -> TypeTable:
+        """Vehicle types.
+
+        Raises:
+            TownError: none is defined, or their files are broken.
+        """
+        return read_types(self.additional)
 
 
 def read_town(name_or_path: str | Path) -> Town:
@@ -46,15 +80,23 @@ def read_town(name_or_path: str | Path) -> Town:
     Raises:
         TownError: there is no such town, or its files cannot be used.
     """
-    built_in = str(name_or_path) in RECIPES
     name = str(name_or_path)
-    config = built_in_folder(name) / f"{name}.sumocfg" if built_in else _find_config(Path(name_or_path))
-    net, additional = _inputs(config, built_in=built_in)
-    if not built_in:
-        _try_in_sumo(net)
-    style = RECIPES[name].style if built_in else "suburb"
-    streets = read_streets(config.stem, net, additional, style)
-    return Town(config.stem, config.parent, config, net, additional, style, streets)
+    if name in RECIPES:
+        folder = built_in_folder(name)
+        net, additional = folder / f"{name}.net.xml", (folder / f"{name}.add.xml",)
+        style = RECIPES[name].style
+        streets = read_streets(name, net, additional, style)
+        return Town(name, folder, folder / f"{name}.sumocfg", net, additional, style, streets)
+    scenario = read_scenario(_find_config(Path(name_or_path)))
+    config, net, additional = scenario.config, scenario.net, scenario.files.get("additional-files", ())
+    _try_in_sumo(net)
+    streets = read_streets(config.stem, net, additional, _OWN_STYLE)
+    if not any(lane.use == "drive" for lane in streets.lanes):
+        raise TownError(
+            f"{net}: has no lane for road vehicles, so nothing can carry the sensors; give one with streets"
+        )
+    notes = (*scenario.notes, *not_drawn(net))
+    return Town(config.stem, config.parent, config, net, additional, _OWN_STYLE, streets, scenario, notes)
 
 
 def built_in_folder(name: str) -> Path:
@@ -76,31 +118,8 @@ def _find_config(path: Path) -> Path:
     raise TownError(f"town {str(path)!r} does not exist; choose one of {names}, or give the path of a .sumocfg")
 
 
-def _inputs(config: Path, *, built_in: bool) -> tuple[Path, tuple[Path, ...]]:
-    """Return the network and the additional files that a configuration names."""
-    root = read_xml(config, "configuration", "sumoConfiguration")
-    routes = _files(root, config, ("route-files", "routes", "r"))
-    nets = _files(root, config, ("net-file", "net", "n"))
-    if len(nets) != 1:
-        raise TownError(f'{config}: names {len(nets)} networks, where it must name one as <net-file value="…"/>')
-    additional = _files(root, config, ("additional-files", "additional", "a"))
-    for path in (*nets, *additional, *routes):
-        if not path.is_file():
-            raise TownError(f"{config}: names {path.name}, which does not exist in {path.parent}")
-    if not built_in:
-        refuse_writing(config, root, (*additional, *routes))
-    return nets[0], tuple(additional)
-
-
-def _files(root: ET.Element, config: Path, keys: tuple[str, ...]) -> list[Path]:
-    values = [element.get("value", "") for element in root.iter() if element.tag in keys]
-    names = [name.strip() for value in values for name in value.split(",") if name.strip()]
-    return [(config.parent / name).resolve() for name in names]
-
-
 def _try_in_sumo(net: Path) -> None:
     """Let SUMO load a network: its own reader is the judge of what it accepts."""
-    read_xml(net, "net")
     try:
         run_tool("sumo", "--net-file", net, "--end", "0", "--no-step-log", "--xml-validation", "never")
     except TownError as error:

@@ -69,7 +69,7 @@ def read_types(paths: Iterable[Path]) -> TypeTable:
     Raises:
         TownError: a file is not XML, or no type is defined.
     """
-    roots = [read_xml(path, "additional", "add", "routes") for path in paths]
+    roots = [read_xml(path) for path in paths]
     kinds = {
         element.get("id", ""): _KIND_OF_CLASS[element.get("vClass", "passenger")]
         for root in roots

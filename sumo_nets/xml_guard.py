@@ -17,7 +17,7 @@ def read_xml(path: Path, *roots: str) -> ET.Element:
 
     Args:
         path: the file.
-        roots: names its outermost element may have.
+        roots: names its outermost element may have; any, if there are none.
 
     Raises:
         TownError: the file cannot be read, is not such XML, or its outermost element is another.
@@ -31,7 +31,7 @@ def read_xml(path: Path, *roots: str) -> ET.Element:
         element = ET.fromstring(data)
     except (ET.ParseError, ValueError, LookupError) as error:
         raise TownError(f"{path}: is not well-formed XML ({error})") from error
-    if element.tag not in roots:
+    if roots and element.tag not in roots:
         raise TownError(f"{path}: starts with <{element.tag}>, where a SUMO file of this kind starts with <{roots[0]}>")
     return element
 

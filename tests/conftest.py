@@ -9,6 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from tests.sharing import made_once
+
+# Test processes run side by side: threads of libraries would mostly wait for each other, and turn while they wait.
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
 _REAL_FRAMES = 3
 _CONFIG = "town: town01\nseed: 3\nframes: 8\nframes_per_episode: 4\ncollection: {every_s: 2.0}\nwarm_up_s: 45\n"
 
@@ -57,9 +63,29 @@ def run_config(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def drive_folder(run_config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The drive it gives."""
+    """The drive it gives: 64 lasers in town01. Shared by all processes: to be read, not written."""
     from tests.cosim.conftest import cosim
 
-    folder = tmp_path_factory.mktemp("drives") / "whole"
-    cosim("run", run_config, "--out", folder, "--workers", 2, "--quiet")
-    return folder
+    def record(folder: Path) -> None:
+        cosim("run", run_config, "--out", folder / "drive", "--quiet")
+
+    return made_once(tmp_path_factory, "drive_folder", record) / "drive"
+
+
+@pytest.fixture(scope="session")
+def hamlet_config(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A configuration of two short episodes of a scanner of 16 lasers in a town of four streets."""
+    from tests.cosim.hamlet import write_hamlet
+
+    return made_once(tmp_path_factory, "hamlet", write_hamlet) / "run.yaml"
+
+
+@pytest.fixture(scope="session")
+def hamlet_drive(hamlet_config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The drive it gives. Shared by all processes: to be read, not written."""
+    from tests.cosim.conftest import cosim
+
+    def record(folder: Path) -> None:
+        cosim("run", hamlet_config, "--out", folder / "drive", "--quiet")
+
+    return made_once(tmp_path_factory, "hamlet_drive", record) / "drive"

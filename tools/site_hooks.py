@@ -20,11 +20,11 @@ _FETCHED = re.compile(r'<script src="https?://[^"]*"></script>')
 def on_files(files: Files, config: Any) -> Files:
     """Add the pages that nobody writes by hand."""
     from cosim.cli.main import make_parser
-    from sensors.effects.catalogue import BUILT_IN
+    from sensors.effects.catalogue import built_in_effects
 
     made = {
         "commands.md": commands_page(make_parser()),
-        "effects.md": effects_page(BUILT_IN.values()),
+        "effects.md": effects_page(built_in_effects().values()),
         "changelog.md": (_ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
     }
     for name, content in made.items():

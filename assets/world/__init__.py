@@ -2,5 +2,6 @@
 
 from assets.world.build import World, build_world
 from assets.world.environment import PROP_KINDS, Environment, EnvironmentConfig, PropDensities
+from assets.world.groundwork import Groundwork
 
-__all__ = ["PROP_KINDS", "Environment", "EnvironmentConfig", "PropDensities", "World", "build_world"]
+__all__ = ["PROP_KINDS", "Environment", "EnvironmentConfig", "Groundwork", "PropDensities", "World", "build_world"]

@@ -15,20 +15,16 @@ from assets.world.entrances import entrances_mesh
 from assets.world.environment import Environment
 from assets.world.furnishing import furnish
 from assets.world.greenery import hedgerow_trees, trees_mesh
-from assets.world.ground import TERRAIN, triangulate
-from assets.world.height_field import HeightField, fit_height_field
+from assets.world.ground import TERRAIN
+from assets.world.groundwork import Groundwork
+from assets.world.height_field import HeightField
 from assets.world.houses import design
-from assets.world.kerbside import kerbside
-from assets.world.markings import markings_mesh, repairs_mesh
+from assets.world.markings import repairs_mesh
 from assets.world.obstacles import Obstacles
 from assets.world.plots import lay_out
 from assets.world.props import props_mesh
-from assets.world.relief import Relief, ground_mesh, kerb_stones
 from assets.world.styles import style_of
-from assets.world.surfaces import open_roads, outline
 from assets.world.terrain import terrain_materials
-
-_MARGIN_M = 120.0  # land beyond the streets
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +46,9 @@ class World:
     bounds: np.ndarray
 
 
-def build_world(streets: Streets, seed: int, environment: Environment | None = None) -> World:
+def build_world(
+    streets: Streets, seed: int, environment: Environment | None = None, groundwork: Groundwork | None = None
+) -> World:
     """Builds the static world around a street network.
 
     The same streets and seed give byte-identical meshes; another seed gives other buildings, façades,
@@ -60,46 +58,37 @@ def build_world(streets: Streets, seed: int, environment: Environment | None = N
         streets: the network and its style.
         seed: of every choice.
         environment: how densely it is built, planted and furnished; as the style has it by default.
+        groundwork: of these streets, where it is made already.
 
     Raises:
         ValueError: the network has no lanes, or its style is unknown.
     """
-    if not streets.lanes:
-        raise ValueError(f"town {streets.name!r} has no lanes: nothing to build a world around")
+    base = groundwork or Groundwork.of(streets)
     environment = environment or Environment()
     style = environment.dress(style_of(streets.style))
     rng = np.random.default_rng(seed)
-    town = np.concatenate([lane.centre[:, :2] for lane in streets.lanes])
-    town_low, town_high = town.min(0), town.max(0)
-    low, high = town_low - _MARGIN_M, town_high + _MARGIN_M
-
-    height = fit_height_field(streets, low, high)
-    outlines = outline(streets)
-    relief = Relief(height, outlines.crossings)
-    plan = triangulate(outlines, low, high)
-    ground = ground_mesh(plan, relief, terrain_materials(plan, style, town_low, town_high, rng))
-    plots = lay_out(outlines.paved, style, rng, open_roads(streets))
+    outlines, relief, edge = base.outlines, base.relief, base.edge
+    ground = base.surfaced(terrain_materials(base.plan, style, base.town[0], base.town[1], rng))
+    plots = lay_out(base.paved, style, rng, base.open_roads)
     houses = design(plots, style, lambda xy: relief.z(xy, TERRAIN), rng)
 
     def stand_z(xy: np.ndarray) -> np.ndarray:
         return relief.z_of_land(xy, outlines.pavement)
 
-    blocked = Obstacles(streets, outlines, plots)
-    edge = kerbside(streets, outlines)
-    bounds = np.stack([low, high])
+    blocked = Obstacles(streets, outlines, base.paved, plots)
     parts = [
         ground,
-        kerb_stones(plan, relief),
-        markings_mesh(streets, outlines.carriageway, height),
-        repairs_mesh(streets, outlines.carriageway, height, rng),
+        base.kerb_stones,
+        base.markings,
+        repairs_mesh(streets, outlines.carriageway, base.height, rng),
         buildings_mesh(houses, rng),
         props_mesh(streets, edge, blocked, stand_z, style, rng),
         furnish(edge, blocked, stand_z, style, environment, rng),
-        trees_mesh(edge, plots, bounds, blocked, stand_z, style, rng),
+        trees_mesh(edge, plots, base.bounds, blocked, stand_z, style, rng),
         entrances_mesh(houses, stand_z, rng),
     ]
     gardens = garden_borders(houses, blocked, style, rng)
     fronts, rows = enclose(streets, outlines, houses, gardens, blocked, style, rng)
     parts += [gardens.mesh(stand_z, rng), fronts.mesh(stand_z, rng)]
     parts.append(hedgerow_trees(rows, blocked, stand_z, style, rng))
-    return World(Mesh.merge(parts), ground, height, bounds)
+    return World(Mesh.merge(parts), ground, base.height, base.bounds)

@@ -72,12 +72,15 @@ def _lane_lines(streets: Streets, carriageway: Geometry) -> list[Pieces]:
     rim = shapely.boundary(carriageway)
     shapely.prepare(rim)
     pieces: list[Pieces] = []
+    inward = -1.0 if streets.left_hand else 1.0  # from a lane towards the middle of the street
     centres: list[Geometry] = []
     for lanes in edges.values():
         lanes = sorted(lanes, key=lambda lane: int(lane.id.rsplit("_", 1)[-1]))
         for lane in lanes[:-1]:
-            pieces.append(_widths(*polylines.dashes(polylines.offset(lane.centre, lane.width_m / 2), 3.0, 4.5)))
-        line = polylines.offset(lanes[-1].centre, lanes[-1].width_m / 2)
+            pieces.append(
+                _widths(*polylines.dashes(polylines.offset(lane.centre, inward * lane.width_m / 2), 3.0, 4.5))
+            )
+        line = polylines.offset(lanes[-1].centre, inward * lanes[-1].width_m / 2)
         middle = shapely.Point(polylines.at(line, polylines.stations(line)[-1:] / 2)[0])
         inside = shapely.contains(carriageway, middle) and shapely.distance(rim, middle) > 0.8
         if inside and (not centres or shapely.distance(np.array(centres), middle).min() > 0.8):

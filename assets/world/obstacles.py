@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from scipy.spatial import KDTree
-from shapely import STRtree
+from shapely import Geometry, STRtree
 
 from assets.streets import Streets
 from assets.world import polylines
@@ -19,10 +19,10 @@ _CROSSING_M = 1.2  # kept free around crossings
 class Obstacles:
     """Answers where a prop may stand and remembers what has been placed."""
 
-    def __init__(self, streets: Streets, outlines: Outlines, plots: list[Plot]) -> None:
-        """Collects the fixed obstacles of a town."""
+    def __init__(self, streets: Streets, outlines: Outlines, paved: Geometry, plots: list[Plot]) -> None:
+        """Collects the fixed obstacles of a town; `paved` is the whole of its outlines."""
         self._carriageway = outlines.carriageway
-        self._paved = outlines.paved
+        self._paved = paved
         self._crossings = outlines.crossings
         shapely.prepare([self._carriageway, self._paved, self._crossings])
         self._houses = STRtree([shapely.Polygon(plot.corners()) for plot in plots])

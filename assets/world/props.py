@@ -32,7 +32,7 @@ def props_mesh(
 
 
 def _controls(streets: Streets, blocked: Obstacles, stand_z: Heights) -> Mesh:
-    """A signal, stop or yield sign to the right of every controlled approach."""
+    """A signal, stop or yield sign on the kerb's side of every controlled approach."""
     lanes = {lane.id: lane for lane in streets.lanes}
     approaches: dict[str, list[StopLine]] = {}
     for stop in streets.stop_lines:
@@ -41,7 +41,7 @@ def _controls(streets: Streets, blocked: Obstacles, stand_z: Heights) -> Mesh:
     for stops in approaches.values():
         stop = min(stops, key=_lane_number)
         width = sum(lanes[s.lane].width_m if s.lane in lanes else 3.2 for s in stops)
-        spot = _right_of(stop.position[:2], stop.heading_rad, blocked)
+        spot = _beside(stop.position[:2], stop.heading_rad, streets.left_hand, blocked)
         if spot is None:
             continue
         reach = 0.0
@@ -51,7 +51,7 @@ def _controls(streets: Streets, blocked: Obstacles, stand_z: Heights) -> Mesh:
         placed.setdefault((stop.control, reach), []).append(pose)
     parts = []
     for control, reach in sorted(placed):
-        model = signs.signal_pole(reach) if control == "signal" else signs.sign(control)
+        model = signs.signal_pole(reach, left_hand=streets.left_hand) if control == "signal" else signs.sign(control)
         parts.append(instances(model, np.concatenate(placed[control, reach])))
     return Mesh.merge(parts)
 
@@ -61,10 +61,10 @@ def _lane_number(stop: StopLine) -> int:
     return int(tail) if tail.isdigit() else 0
 
 
-def _right_of(position: np.ndarray, heading_rad: float, blocked: Obstacles) -> np.ndarray | None:
-    """The first free spot (1, 2) to the right of a lane, reserved; None if there is none."""
-    right = np.array([np.sin(heading_rad), -np.cos(heading_rad)])
-    spots = position + right * (_SEARCH_M[:, None] + 1.0)
+def _beside(position: np.ndarray, heading_rad: float, left: bool, blocked: Obstacles) -> np.ndarray | None:
+    """The first free spot (1, 2) to the right or left of a lane, reserved; None if there is none."""
+    aside = np.array([np.sin(heading_rad), -np.cos(heading_rad)]) * (-1.0 if left else 1.0)
+    spots = position + aside * (_SEARCH_M[:, None] + 1.0)
     free = blocked.free(spots, 0.3, road_m=0.3)
     for spot in spots[free][:6]:
         if blocked.take(spot[None], 0.25)[0]:
@@ -85,7 +85,7 @@ def _speed_signs(streets: Streets, blocked: Obstacles, stand_z: Heights, rng: np
             kind = str(rng.choice(["speed", "speed", "parking", "warning", "direction"]))
             ahead = polylines.headings(lane.centre, np.array([station]))[0]
             heading = float(np.arctan2(ahead[1], ahead[0]))
-            spot = _right_of(polylines.at(lane.centre, np.array([station]))[0], heading, blocked)
+            spot = _beside(polylines.at(lane.centre, np.array([station]))[0], heading, streets.left_hand, blocked)
             if spot is not None:
                 placed.setdefault(kind, []).append(poses(np.column_stack([spot, stand_z(spot)]), heading))
     return Mesh.merge([instances(signs.sign(kind), np.concatenate(placed[kind])) for kind in sorted(placed)])

@@ -66,13 +66,17 @@ def _visor(z_m: float) -> Mesh:
     return Mesh.of(np.vstack([top, top - [0, 0, 0.01]]), faces, "signal_housing")
 
 
-def signal_pole(arm_m: float = 0.0) -> Mesh:
-    """A roadside signal; with `arm_m` > 0 a mast also carries a head over the lanes, to its left."""
+def signal_pole(arm_m: float = 0.0, *, left_hand: bool = False) -> Mesh:
+    """A roadside signal; with `arm_m` > 0 a mast also carries a head over the lanes, to its left.
+
+    Where one drives on the left, the lanes are to its right.
+    """
+    side = -1.0 if left_hand else 1.0
     mast = pole(0.06, 0.06, 3.6 if arm_m == 0 else 5.9, "steel_painted", segments=8)
     parts = [mast, signal_head().moved((-0.2, 0, 2.9)), box((0.12, 0.05, 0.05), (-0.06, 0, 2.9), "steel_painted")]
     parts.append(box((0.09, 0.10, 0.15), (0, 0.09, 1.05), "plastic_bright"))  # push button
     if arm_m > 0:
-        path = np.array([[0, 0, 5.6], [0, arm_m * 0.5, 5.85], [0, arm_m, 5.9]])
+        path = np.array([[0, 0, 5.6], [0, side * arm_m * 0.5, 5.85], [0, side * arm_m, 5.9]])
         parts.append(tube(path, [0.06, 0.05, 0.04], "steel_painted", segments=6))
-        parts.append(signal_head().moved((-0.2, arm_m - 0.1, 5.55)))
+        parts.append(signal_head().moved((-0.2, side * (arm_m - 0.1), 5.55)))
     return Mesh.merge(parts)

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from cosim.traffic.actors import Actors
 
+COMPANY_M = 45.0  # in built-in towns
 _AHEAD_RAD = np.radians(40.0)  # to each side: what KITTI's cameras see
 
 
@@ -19,8 +20,12 @@ class Collection(BaseModel):
     min_travel_m: float = Field(
         default=1.0, ge=0, le=1000, description="least way of the ego vehicle between frames [m]"
     )
-    company_m: float = Field(
-        default=45.0, ge=0, le=1000, description="someone ahead must be this near, else it is empty; 0: never [m]"
+    company_m: float | None = Field(
+        default=None,
+        ge=0,
+        le=1000,
+        description="someone ahead must be this near, else it is empty; 0: never; none: 45 in built-in towns, 0 in "
+        "one's own [m]",
     )
     patience_s: float = Field(
         default=90.0, gt=0, le=36000, description="an episode ends after so long without a frame [s]"
@@ -35,10 +40,12 @@ class Watch:
         rules: when to record.
         actors: at the start.
         ego: id of the ego vehicle.
+        company_m: someone ahead must be this near, where the rules do not say; 0: nobody need be.
     """
 
-    def __init__(self, rules: Collection, actors: Actors, ego: str) -> None:
+    def __init__(self, rules: Collection, actors: Actors, ego: str, company_m: float = COMPANY_M) -> None:
         self._rules = rules
+        self._company_m = company_m if rules.company_m is None else rules.company_m
         self._ego = ego
         self._last_time_s = actors.time_s
         self._place = self._where(actors)
@@ -66,11 +73,11 @@ class Watch:
         return actors.front[actors.ids.index(self._ego), :2]
 
     def _has_company(self, actors: Actors, here: np.ndarray) -> bool:
-        if self._rules.company_m == 0:
+        if self._company_m == 0:
             return True
         heading = actors.heading_rad[actors.ids.index(self._ego)]
         way = actors.front[:, :2] - here
         along = way @ np.array([np.cos(heading), np.sin(heading)])
         distance = np.linalg.norm(way, axis=1)
         ahead = (distance > 0) & (along >= np.cos(_AHEAD_RAD) * distance)
-        return bool((ahead & (distance < self._rules.company_m)).any())
+        return bool((ahead & (distance < self._company_m)).any())

@@ -10,6 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from assets.documents import DocumentError, parse_yaml
 from assets.world import EnvironmentConfig
 from cosim.capture.collection import Collection
+from cosim.capture.mounts import Mounts
+from cosim.capture.navigation import Navigation
 from cosim.capture.products import check_products
 from cosim.capture.rig import RigJitter
 from cosim.errors import CosimError
@@ -49,6 +51,8 @@ class RunConfig(BaseModel):
         description="episodes in one random world of a town; none: one, but all of a drive of up to four in one town",
     )
     rig_jitter: RigJitter = Field(default=RigJitter(), description="random rotation of the sensor rig, frame by frame")
+    mounts: Mounts = Field(default=Mounts(), description="where LiDAR and cameras sit on the vehicle")
+    navigation: Navigation = Field(default=Navigation(), description="errors of GPS and inertial unit")
     label_range_m: float = Field(default=80.0, gt=0, le=500, description="beyond this, objects become DontCare [m]")
     min_label_pixels: int = Field(default=20, ge=1, description="fewer visible pixels than this give no label")
     min_label_points: int = Field(

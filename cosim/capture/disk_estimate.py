@@ -20,7 +20,7 @@ _HIT = 1.0
 _PIXEL = {"gray": 0.15, "colour": 0.36, "depth": 0.5, "semantic": 0.02, "instance": 0.03}
 _TEXT = 250_000  # poses, labels, calibration
 _WORLD = 11_000_000
-_MODELS = 6_000_000
+_MODELS = 3_500_000
 
 
 class DiskError(CosimError):
@@ -28,7 +28,7 @@ class DiskError(CosimError):
 
 
 def estimate_bytes(config: RunConfig, sensor: SensorModel) -> int:
-    """Disk that a run takes, to within about a third [bytes]."""
+    """Disk that a run takes, to within a fifth [bytes]."""
     beams = len(sensor.pattern.elevation_deg) * sensor.pattern.firings
     camera = kitti_cameras(KITTI_CALIBRATION)["image_2"]
     pixels = camera.width * camera.height

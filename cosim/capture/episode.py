@@ -10,15 +10,19 @@ from typing import Protocol
 
 import numpy as np
 
-from cosim.capture.collection import Watch
+from cosim.capture.collection import COMPANY_M, Watch
 from cosim.capture.config import RunConfig
 from cosim.capture.plan import EpisodePlan
 from cosim.traffic.actors import Actors
 from cosim.traffic.driven_traffic import DrivenTraffic
+from cosim.traffic.ego import anybody_comes, anybody_drives, draw_ego
 from cosim.traffic.simulation import Traffic
-from sumo_nets import RECIPES, Town, built_in_folder, write_demand
+from cosim.traffic.starting import warmed_up
+from sumo_nets import RECIPES, Town, write_demand
 
 _SIGHT_M = 120.0  # as far as a LiDAR sees
+_LEAD_IN_S = 8.0  # until bodies follow, drivers have their habits, and some are in a manoeuvre
+_LONGEST_WAIT_S = 900.0  # for the first vehicle of a scenario
 
 
 class FrameRecorder(Protocol):
@@ -70,16 +74,28 @@ def _simulate(
     """One simulation; gives the names of the frames it did not come to."""
     rng = np.random.default_rng([config.seed, plan.number, attempt])
     rules, left = config.collection, list(frames)
+    # A user's scenario is simulated step by step from its beginning: a saved state does not hold all that one may have.
+    seen_s = config.warm_up_s if town.scenario is not None else min(config.warm_up_s, _LEAD_IN_S)
     with tempfile.TemporaryDirectory(prefix="cosim-") as folder:
         sumocfg = populated(town, config, rng, Path(folder))
-        with Traffic(sumocfg, seed=int(rng.integers(2**31)), step_s=config.step_s) as traffic:
+        seed, state, own = int(rng.integers(2**31)), None, town.scenario is not None
+        if config.warm_up_s > seen_s:
+            state = warmed_up(sumocfg, seed, config.warm_up_s - seen_s, Path(folder))
+        with Traffic(sumocfg, seed, config.step_s, state, as_given=config.behaviour.as_given) as traffic:
             living = DrivenTraffic(
-                traffic, config.behaviour, int(rng.integers(2**31)), sight_m=max(_SIGHT_M, config.label_range_m)
+                traffic,
+                config.behaviour,
+                int(rng.integers(2**31)),
+                sight_m=max(_SIGHT_M, config.label_range_m),
+                may_appear=own,
             )
-            actors = living.advance(max(2, round(config.warm_up_s / config.step_s)))
-            ego = traffic.draw_ego(actors, rng)
-            living.protect(ego)
-            watch, reason = Watch(rules, actors, ego), None
+            actors = living.step() if state else living.advance(max(2, round(seen_s / config.step_s)))
+            actors = _until_somebody_drives(traffic, living, actors, config)
+            ego = draw_ego(traffic, actors, rng)
+            living.follow(ego)
+            if state:
+                actors = living.advance(round(seen_s / config.step_s))
+            watch, reason = Watch(rules, actors, ego, 0.0 if own else COMPANY_M), None
             while left and reason is None:
                 traffic.prolong_route(ego, rng)
                 actors = living.advance(max(1, round(rules.every_s / config.step_s)))
@@ -87,7 +103,7 @@ def _simulate(
                 if reason is None and watch.wants(actors):
                     name = left.pop(0)
                     if name not in done:
-                        recorder.record(name, plan, actors, ego)
+                        recorder.record(name, plan, living.everyone(actors), ego)
                         on_frame(name)
             recorder.note(
                 {
@@ -104,9 +120,18 @@ def _simulate(
     return left
 
 
+def _until_somebody_drives(traffic: Traffic, living: DrivenTraffic, actors: Actors, config: RunConfig) -> Actors:
+    """Go on until there is a vehicle to ride in, as long as one may come."""
+    for _ in range(round(_LONGEST_WAIT_S / config.step_s)):
+        if anybody_drives(traffic, actors) or not anybody_comes(traffic):
+            break
+        actors = living.step()
+    return actors
+
+
 def populated(town: Town, config: RunConfig, rng: np.random.Generator, folder: Path) -> Path:
     """The scenario to simulate: a population of its own for a built-in town, a user's town as it is."""
-    if town.folder != built_in_folder(town.name):
-        return town.sumocfg
+    if town.scenario is not None:
+        return town.runnable(folder)
     demand = config.population.draw(RECIPES[town.name].demand, rng)
     return write_demand(town, demand, int(rng.integers(2**31)), folder)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from sensors.cameras import Content
+
 PRODUCTS = tuple(f"{kind}_{camera}" for kind in ("image", "depth", "semantic", "instance") for camera in range(4))
 """The folders. Cameras 0 (left) and 1 (right) are grayscale, 2 (left) and 3 (right) see colour."""
 
@@ -30,6 +32,18 @@ def cameras_of(products: Sequence[str]) -> tuple[int, ...]:
 def camera_of(product: str) -> int:
     """Number of the camera that a product shows."""
     return int(product.rpartition("_")[2])
+
+
+def wanted_of(number: int, products: Sequence[str]) -> frozenset[Content]:
+    """What a camera must read back for those of some products that it shows."""
+    read: dict[str, tuple[Content, ...]] = {
+        "gray": ("colour",),
+        "colour": ("colour",),
+        "depth": ("depth",),
+        "semantic": ("colour", "number"),
+        "instance": ("number",),
+    }
+    return frozenset(part for name in products if camera_of(name) == number for part in read[content_of(name)])
 
 
 def content_of(product: str) -> str:

@@ -13,22 +13,21 @@ from cosim.capture.camera_views import CAMERA, view_of_images
 from cosim.capture.config import RunConfig
 from cosim.capture.plan import EpisodePlan, plan_episodes, world_count
 from cosim.capture.product_files import encode_products
-from cosim.capture.products import cameras_of
-from cosim.drives.kitti.calibration import Calibration, format_calibration
+from cosim.capture.products import cameras_of, wanted_of
+from cosim.drives.kitti.calibration import format_calibration
 from cosim.drives.kitti.labels import DONT_CARE, Labels, format_labels, parse_labels
 from cosim.drives.kitti.oxts import Oxts, format_oxts
 from cosim.drives.kitti.points import encode_points
 from cosim.drives.kitti.rays import PointRays, encode_rays
-from cosim.drives.twin import Camera, Ego, Instance, Lidar, TwinFrame, encode_glb, format_materials
+from cosim.drives.twin import Camera, Ego, Instance, InstanceTexts, Lidar, TwinFrame, encode_glb, format_materials
 from cosim.drives.writer import DriveWriter
 from cosim.labels.effects import EXACT, relabelled
 from cosim.labels.labelling import Labeller
 from cosim.scene.bridge import Bridge
-from cosim.scene.site import Models, Site, light_of
+from cosim.scene.site import Land, Models, Site, light_of
 from cosim.traffic.actors import Actors
 from sensors.camera_view import CameraView
-from sensors.cameras import KITTI_CALIBRATION, kitti_cameras
-from sensors.cameras.kitti_rig import lidar_pose_ego
+from sensors.cameras import KITTI_CALIBRATION, CameraRenderer, Light, kitti_cameras
 from sensors.hits import Hits
 from sensors.hits_file import encode_hits
 from sensors.motion import EgoMotion
@@ -36,7 +35,7 @@ from sensors.point_cloud import PointCloud
 from sensors.scene import Instances, Scene
 from sensors.sensor_model import SensorModel
 from sensors.tracing import Tracer
-from sumo_nets import Town, read_town
+from sumo_nets import Town
 
 LABEL_DECIMALS = 4
 _LABELLED = 2  # the camera that labels refer to
@@ -63,36 +62,33 @@ class Recorder:
         self._meshes: dict[str, Mesh] = dict(self._external.meshes)
         self._models = Models(self._mesh)
         self._written_models: set[str] = set()
+        self._instance_texts = InstanceTexts()
         self._worlds = world_count(plan_episodes(config))
-        self._calibration = Calibration(**vars(KITTI_CALIBRATION))
+        self._calibration = config.mounts.calibration
         rig = kitti_cameras(KITTI_CALIBRATION)
-        needed = [*config.images, f"image_{_LABELLED}", *([f"image_{CAMERA}"] if sensor.needs_camera else [])]
+        needed = [*config.images, f"instance_{_LABELLED}"]
+        if sensor.needs_camera:
+            needed += [f"image_{CAMERA}", f"depth_{CAMERA}"]
         self._cameras = {number: rig[f"image_{number}"] for number in cameras_of(needed)}
+        self._wanted = {number: wanted_of(number, needed) for number in self._cameras}
         self._tracer = Tracer(sensor.pattern.rays(), sensor.pattern.range_m)
+        self._land: tuple[str, Land] | None = None
         self._place: Site | None = None
-        self._episode = -1
+        self._renderer: CameraRenderer | None = None
         writer.write_once("twin/materials.yaml", format_materials(MATERIALS).encode())
 
     def move_to(self, plan: EpisodePlan) -> Town:
         """Make an episode's place ready in its light; gives its town. A place is not built twice in a row."""
-        town, light, camera = read_town(plan.town), light_of(self._config, plan.number), self._cameras[_LABELLED]
-        if self._place is None or (self._place.town.name, self._place.world) != (town.name, plan.world):
-            self.close()
-            self._place = Site.build(
-                self._config,
-                town,
-                plan.world,
-                light,
-                camera=camera,
-                models=self._models,
-                threads=self._threads,
-            )
+        if self._land is None or self._land[0] != plan.town:
+            self._land = plan.town, Land.of(plan.town)
+        land = self._land[1]
+        if self._place is None or (self._place.land, self._place.world) != (land, plan.world):
+            self._place = None  # one world at a time fits into memory
+            self._place = Site.build(self._config, land, plan.world, models=self._models, threads=self._threads)
             path = f"twin/{self._static_file() or 'static.glb'}"
             if not self._writer.has(path):
-                self._writer.write(path, encode_glb(self._place.mesh, town.name))
-        elif self._episode != plan.number:
-            self._place = self._place.lit(light, self._config, camera, self._models)
-        self._episode = plan.number
+                self._writer.write(path, encode_glb(self._place.mesh, land.town.name))
+        self._place.show(self._camera(), light_of(self._config, plan.number))
         self._labeller = Labeller(
             self._place.scene,
             self._calibration,
@@ -102,8 +98,8 @@ class Recorder:
             annotators=self._config.annotators,
             seed=self._config.seed + plan.number,
         )
-        self._bridge = Bridge(self._place.ground, self._config.seed + plan.number, self._external)
-        return town
+        self._bridge = Bridge(land.ground, self._config.seed + plan.number, self._external)
+        return land.town
 
     def note(self, entry: dict[str, object]) -> None:
         """Write a remark about an episode into the manifest, behind its frames."""
@@ -117,20 +113,20 @@ class Recorder:
         what went wrong.
         """
         assert self._place is not None
-        scene, renderer = self._place.scene, self._place.renderer
+        scene, renderer = self._place.scene, self._camera()
         placed = self._bridge.place(actors)
         row = actors.ids.index(ego)
         others = placed.take(np.delete(np.arange(len(placed)), row))
         ego_pose = placed.poses[row]
         jitter = np.random.default_rng([self._config.seed, int(name), _RIG_STREAM])
-        lidar_pose_ego_now = self._config.rig_jitter.turned(lidar_pose_ego(), jitter)
+        lidar_pose_ego_now = self._config.rig_jitter.turned(self._config.mounts.lidar_pose, jitter)
         lidar_pose = ego_pose @ lidar_pose_ego_now
         camera_pose_ego = lidar_pose_ego_now @ self._calibration.rect_to_velo_matrix
 
         hits = self._tracer.trace(scene, lidar_pose, others)
         twin = self._twin(name, actors, row, others, ego_pose, lidar_pose_ego_now, camera_pose_ego)
         images = {
-            number: renderer.render(ego_pose @ camera_pose_ego, camera.P, others)
+            number: renderer.render(ego_pose @ camera_pose_ego, camera.P, others, self._wanted[number])
             for number, camera in self._cameras.items()
         }
         view = None
@@ -145,7 +141,7 @@ class Recorder:
             written = parse_labels(exact_text)
             labels = relabelled(written, self._sensor, cloud.xyz, self._calibration, self._rng(name))
 
-        oxts = Oxts.from_motion(ego_pose, twin.ego.velocity_mps, twin.ego.yaw_rate_radps, twin.ego.acceleration_mps2)
+        oxts = self._config.navigation.measured(twin.ego, seed=self._config.seed, episode=plan.number, frame=int(name))
         files = self._files(name, cloud, labels, twin, oxts)
         files |= encode_products(self._config.images, images, others.kinds, name)
         if self._sensor.relabels:
@@ -163,23 +159,39 @@ class Recorder:
                 "labels": sum(kind != DONT_CARE for kind in labels.type),
             },
             episode=plan.number,
-            town=self._place.town.name,
+            town=self._place.land.town.name,
             time_s=round(actors.time_s, 6),
             ego=ego,
         )
         self._behind.do(write)
 
     def close(self) -> None:
-        """Leave the place and free its renderer, and see the last frame written."""
-        if self._place is not None:
-            self._place.renderer.close()
-            self._place = None
+        """Leave the place and free the renderer, and see the last frame written."""
+        self._place = None
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
         self._behind.settle()
+
+    def _camera(self) -> CameraRenderer:
+        """What draws all places of this rig; opened when first needed."""
+        if self._renderer is None:
+            camera = self._cameras[_LABELLED]
+            self._renderer = CameraRenderer(
+                Mesh.empty(),
+                self._models.load,
+                Light(),
+                width=camera.width,
+                height=camera.height,
+                backend=self._config.backend,
+                packed=self._models.packed,
+            )
+        return self._renderer
 
     def _static_file(self) -> str | None:
         """Where the twin keeps this place's world, relative to `twin/`, in a drive of several; else None."""
         assert self._place is not None
-        return f"worlds/{self._place.town.name}-{self._place.world:03d}.glb" if self._worlds > 1 else None
+        return f"worlds/{self._place.land.town.name}-{self._place.world:03d}.glb" if self._worlds > 1 else None
 
     def _rng(self, name: str) -> np.random.Generator:
         return np.random.default_rng([self._config.seed, int(name)])
@@ -208,7 +220,7 @@ class Recorder:
             f"calib/{name}.txt": format_calibration(self._calibration).encode(),
             f"label_2/{name}.txt": format_labels(labels, LABEL_DECIMALS).encode(),
             f"oxts/{name}.txt": format_oxts(oxts).encode(),
-            f"twin/frames/{name}.json": twin.to_json().encode(),
+            f"twin/frames/{name}.json": twin.to_json(self._instance_texts).encode(),
         }
 
     def _twin(
@@ -262,19 +274,18 @@ def _returns(hits: Hits, instances: int) -> np.ndarray:
 
 
 def _twin_instances(instances: Instances) -> tuple[Instance, ...]:
-    return tuple(
-        Instance(
-            id=instances.ids[row],
-            kind=instances.kinds[row],
-            model=instances.models[row],
-            pose=instances.poses[row],
-            velocity_mps=instances.velocity_mps[row],
-            yaw_rate_radps=float(instances.yaw_rate_radps[row]),
-            length_m=float(instances.sizes[row, 0]),
-            width_m=float(instances.sizes[row, 1]),
-            height_m=float(instances.sizes[row, 2]),
-            scale=instances.scales[row],
-            paint=float(instances.paint[row]),
-        )
-        for row in range(len(instances))
+    length, width, height = instances.sizes.T.tolist() if len(instances) else ((), (), ())
+    columns = (
+        instances.ids,
+        instances.kinds,
+        instances.models,
+        instances.poses,
+        instances.velocity_mps,
+        instances.yaw_rate_radps.tolist(),
+        length,
+        width,
+        height,
+        instances.scales,
+        instances.paint.tolist(),
     )
+    return tuple(Instance(*values) for values in zip(*columns, strict=True))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -20,6 +21,7 @@ from cosim.errors import CosimError
 from sensors.sensor_model import SensorModel, load_sensor
 from sumo_nets import read_town
 
+_log = logging.getLogger(__name__)
 _REPORTED_PACKAGES = ("cosim", "eclipse-sumo", "embreex", "numpy", "trimesh", "pyrender2")
 
 
@@ -68,7 +70,8 @@ def run(
     """
     sensor = load_sensor(config.sensor)
     for town in config.towns:
-        read_town(town)
+        for note in read_town(town).notes:
+            _log.warning("%s", note)
     load_external(config.external_vehicles)
     writer = DriveWriter(folder)
     left = 1 - len(writer.manifest()) / config.frames
@@ -78,6 +81,7 @@ def run(
             done = frozenset(writer.manifest())
             on_start(len(done), config.frames)
             _record(writer, config, engine or LocalEngine(), on_event)
+            _demand_frames(writer)
             _finish(writer, config, sensor)
             recorded = len(writer.manifest()) - len(done)
         else:
@@ -104,6 +108,16 @@ def _record(writer: DriveWriter, config: RunConfig, engine: Engine, on_event: Ca
         raise RunError(f"every episode failed, the last because {skipped[-1].reason}; run again to try once more")
     for skip in skipped:
         writer.write_note(_skip_note(skip, config))
+
+
+def _demand_frames(writer: DriveWriter) -> None:
+    """Refuse to finish a drive without a frame."""
+    if not writer.manifest():
+        ended = sorted({str(note["ended"]) for note in writer.notes().values()})
+        raise RunError(
+            f"no simulation gave a frame ({'; '.join(ended)}); the ego vehicle must move: "
+            "look at the traffic, or lower collection.min_travel_m or company_m"
+        )
 
 
 def _skip_note(skip: Skipped, config: RunConfig) -> dict[str, object]:

@@ -22,6 +22,11 @@ class Recording:
     plan: EpisodePlan
     done: frozenset[str]
 
+    @property
+    def place(self) -> tuple[str, int]:
+        """A town's groundwork is the dearest to make, then a world in it."""
+        return self.plan.town, self.plan.world
+
 
 @dataclass(frozen=True)
 class RecordJob:

@@ -10,6 +10,7 @@ from typing import Any
 from rich.console import Console
 
 from cosim.cli.options import add_common, without_nan, write_json
+from cosim.cli.progress import ProgressReport
 from cosim.drives.writer import explained
 
 
@@ -44,7 +45,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         options.out.parent.mkdir(parents=True, exist_ok=True)
         if options.out.is_dir():
             raise IsADirectoryError(21, "it is a folder", str(options.out))
-    with console.status(f"fitting {kind.name}"):
+    with ProgressReport(console, f"fitting {kind.name}"):
         found = add(kind, drive, sensor, fixed=fixed)
     found.write_sensor(options.out)
     if not options.quiet:

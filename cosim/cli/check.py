@@ -27,12 +27,13 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Verify, tell, and repair unless that is not wanted."""
-    from cosim.cli.progress import FrameBar
+    from cosim.cli.progress import FrameReport, ProgressReport
     from cosim.drives.check import CheckError, check_drive, repair_drive
     from cosim.engine import LocalEngine
 
     engine = LocalEngine(options.workers)
-    result = check_drive(options.drive)
+    with ProgressReport(console, "reading checksums", unit="files") as report:
+        result = check_drive(options.drive, lambda files: report.begin("comparing checksums", files), report.advance)
     for path, state in list(result.damaged.items())[:_SHOWN]:
         console.print(f"{path}: {state}", highlight=False)
     found = f"{len(result.damaged)} of {result.files:,} files are damaged; {len(result.frames)} frames need them"
@@ -40,8 +41,8 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         raise CheckError(f"{options.drive}: {found}; leave out --no-repair to record them again")
     if result.damaged:
         console.print(found)
-        with FrameBar(console, starting="building the town", working="recording") as bar:
-            repair_drive(result, engine=engine, on_start=bar.start, on_event=bar.follow)
+        with FrameReport(console, starting="building the town", working="recording") as report:
+            repair_drive(result, engine=engine, on_start=report.start, on_event=report.follow)
         console.print(f"{len(result.frames)} frames recorded again, with the same checksums as before")
     else:
         console.print(f"{result.files:,} files, all as they were written")

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cosim.cli.options import add_common, add_frames, beside, say_notes, without_nan, write_json
+from cosim.cli.progress import ProgressReport
 from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Compare frame by frame, then write the page."""
+    from cosim.cli.frame_choice import chosen_frames
     from cosim.discrepancy import compare
-    from cosim.discrepancy.chosen import chosen_frames
     from cosim.discrepancy.data.checks import opened
     from cosim.discrepancy.report import format_comparison
     from cosim.report import write_page
@@ -44,12 +44,10 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     folder = options.out or beside(options.drive, "compare")
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("", total=len(names))
+    with ProgressReport(console, "comparing", len(names)) as report:
 
         def on_frame(frame: TracedFrame, scores: FrameScores) -> None:
-            bar.advance(task)
+            report.advance()
 
         found = compare(drive, sensor, frames=names, on_frame=on_frame)
     command = f"cosim diagnose {options.drive} --sensor {options.sensor}"

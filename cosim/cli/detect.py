@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cosim.cli.options import add_common, write_json
+from cosim.cli.progress import ProgressReport
 
 
 def add_command(commands: Any) -> None:
@@ -50,9 +50,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
     device = find_device(options.device)
     detector, classes = load_detector(options.checkpoint)
-    columns = (TextColumn("detecting"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("", total=len(names))
+    with ProgressReport(console, "detecting", len(names)) as report:
         found = predict(
             detector.to(device),
             drive,
@@ -60,7 +58,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             classes,
             device,
             least_score=options.least_score,
-            on_frame=lambda: bar.advance(task),
+            on_frame=report.advance,
         )
     write_detections(options.out, names, found)
     total = sum(len(some) for some in found)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from cosim.cli.options import add_common, add_frames, beside, say_notes, without_nan, write_json
+from cosim.cli.progress import ProgressReport
 from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
@@ -42,8 +43,8 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Diagnose, then write the improved sensor and the page."""
+    from cosim.cli.frame_choice import chosen_frames
     from cosim.discrepancy import diagnose
-    from cosim.discrepancy.chosen import chosen_frames
     from cosim.discrepancy.data.checks import opened
     from cosim.discrepancy.report import explored_of, format_diagnosis, left_words
     from cosim.discrepancy.report.sentences import Vocabulary, headline
@@ -56,8 +57,8 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     folder = options.out or beside(options.drive, "diagnosis")
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    with console.status("reading the drive") as status:
-        found = diagnose(drive, sensor, frames=names, extra=extra, on_progress=status.update)
+    with ProgressReport(console, "reading the drive") as report:
+        found = diagnose(drive, sensor, frames=names, extra=extra, on_progress=report.say)
     sensor_out = found.write_sensor(options.sensor_out or folder / "sensor.yaml")
     found = replace(found, sensor_out=os.path.relpath(sensor_out))
     words = Vocabulary(extra)

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cosim.cli.options import add_common, beside, write_json
+from cosim.cli.progress import ProgressReport
 
 if TYPE_CHECKING:
     from training.evaluation import Evaluation
@@ -55,9 +56,9 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         from training.errors import EvaluationError
 
         raise EvaluationError(f"--bootstrap is {options.bootstrap}; give a number of draws, 0 for none")
-    with console.status("reading"):
+    with ProgressReport(console, "reading") as report:
         scored = read_results(options.detections, options.labels, options.frames)
-    with console.status("scoring"):
+        report.begin(f"scoring {len(scored.names):,} frames")
         evaluation = evaluate(scored)
         intervals = _intervals(evaluation, options)
         drive = scans_beside(options.labels)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from cosim.cli.options import add_common, write_json
-from cosim.cli.progress import step_bar
+from cosim.cli.progress import ProgressReport, steps_told
 
 if TYPE_CHECKING:
     from training.loop import Moment
@@ -60,18 +60,17 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     tuned = tuned_config(config, _settings(options.fine_tune), str(options.fine_tune or "fine-tuning"))
     lists = (options.few, options.full, options.test)
     inputs = Inputs(options.variants, options.real, config, options.out, *lists, fine_tune=tuned)
-    with step_bar(console, shown=console.is_terminal, transient=True) as bar:
-        task = bar.add_task("", total=None, loss="")
-
-        def on_step(moment: Moment) -> None:
-            loss = f"loss {moment.losses['total']:.3f}"
-            bar.update(task, total=moment.steps, completed=moment.step, loss=loss)
+    with ProgressReport(console, "reading frames") as report:
+        begun: list[str] = []
 
         def on_row(name: str) -> None:
-            bar.reset(task, description=name, total=None, loss="")
+            begun.append(name)
+            report.begin(f"row {len(begun)} of {len(chosen)}, {name}: reading and scoring")
 
-        watcher = Watcher(on_step=on_step)
-        rows = run_table(table, options.table, inputs, on_row, watcher, only=chosen)
+        def on_step(moment: Moment) -> None:
+            steps_told(report, f"row {len(begun)} of {len(chosen)}, {begun[-1]}: ")(moment)
+
+        rows = run_table(table, options.table, inputs, on_row, Watcher(on_step=on_step), only=chosen)
     folder = options.out / "tables" / Path(options.table).stem
     page = write_report(table, rows, folder)
     if not options.quiet:

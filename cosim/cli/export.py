@@ -1,4 +1,4 @@
-"""`cosim export`: a drive laid out for another framework."""
+"""`cosim export`: a drive in the layout or format of others."""
 
 from __future__ import annotations
 
@@ -7,19 +7,21 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from cosim.cli.options import add_common, write_json
+from cosim.cli.progress import ProgressReport
 
 
 def add_command(commands: Any) -> None:
     """Describe the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "export", help="lay a drive out for another framework", description=__doc__
+        "export", help="write a drive in the layout or format of others", description=__doc__
     )
-    parser.add_argument("framework", choices=("openpcdet",), help="whose layout to write")
-    parser.add_argument("drive", type=Path, metavar="DIR", help="a labelled drive, simulated or real")
-    parser.add_argument("--out", type=Path, metavar="DIR2", help="folder to write (default: DIR-openpcdet beside DIR)")
+    from cosim.export import FORMATS
+
+    parser.add_argument("format", choices=("openpcdet", *FORMATS), help="whose layout or format to write")
+    parser.add_argument("drive", type=Path, metavar="DIR", help="a finished drive, simulated or real")
+    parser.add_argument("--out", type=Path, metavar="DIR2", help="folder to write (default: DIR-FORMAT beside DIR)")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
@@ -27,13 +29,18 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Write the layout."""
     from cosim.cli.options import beside
-    from cosim.drives.kitti import Drive
-    from training.openpcdet import export_openpcdet
+    from cosim.export import export
+    from cosim.export.source import open_finished
 
-    drive, folder = Drive(options.drive), options.out or beside(options.drive, "openpcdet")
-    columns = (TextColumn("exporting"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("", total=len(drive))
-        counts = export_openpcdet(drive, folder, on_frame=lambda: bar.advance(task))
-    console.print(f"{counts['train']} training and {counts['val']} validation frames in {folder}", soft_wrap=True)
+    drive, name = open_finished(options.drive), options.format
+    folder = options.out or beside(options.drive, name)
+    with ProgressReport(console, "exporting", len(drive)) as report:
+        if name == "openpcdet":
+            from training.openpcdet import export_openpcdet
+
+            counts = export_openpcdet(drive, folder, on_frame=report.advance)
+        else:
+            counts = export(drive, name, folder, report.advance)
+    told = ", ".join(f"{number} {what}" for what, number in counts.items())
+    console.print(f"{folder}: {told}", soft_wrap=True, highlight=False)
     write_json(options.json, {"out": str(folder), "frames": counts})

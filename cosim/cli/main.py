@@ -16,6 +16,7 @@ from cosim.cli import (
     compare,
     detect,
     diagnose,
+    doctor,
     effects,
     evaluate,
     experiment,
@@ -50,6 +51,7 @@ _COMMANDS = (
     detect,
     experiment,
     export,
+    doctor,
 )
 _TRAFFIC = (traffic_compare, traffic_diagnose, traffic_record)
 

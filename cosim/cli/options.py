@@ -23,7 +23,7 @@ def add_common(parser: argparse.ArgumentParser, *, computes: bool = False) -> No
 
 
 def add_frames(parser: argparse.ArgumentParser) -> None:
-    """`--frames`: which frames of a drive take part; see `cosim.discrepancy.chosen`."""
+    """`--frames`: which frames of a drive take part; see `cosim.cli.frame_choice`."""
     parser.add_argument(
         "--frames", metavar="NAMES|COUNT", help="names with commas between; or how many, evenly spread (default: all)"
     )

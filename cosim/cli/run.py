@@ -44,16 +44,29 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Record the drive, with a progress bar."""
+    from cosim.capture.disk_estimate import estimate_bytes, in_words
     from cosim.capture.runner import run
-    from cosim.cli.progress import FrameBar
+    from cosim.capture.time_estimate import estimate_s, machine_slowness, time_in_words
+    from cosim.cli.progress import FrameReport
+    from sensors.sensor_model import load_sensor
 
     config = load_config(
         options.config, town=_towns(options.town), frames=options.frames, seed=options.seed, sensor=options.sensor
     )
     engine = _engine(options)
     begun = time.monotonic()
-    with FrameBar(console, starting="building the town", working="recording") as bar:
-        result = run(config, options.out, engine=engine, on_start=bar.start, on_event=bar.follow)
+    with FrameReport(console, starting="building the town", working="recording") as report:
+
+        def start(done: int, total: int) -> None:
+            if done < total and options.engine == "local":  # how many a cluster has, only time tells
+                sensor, left, workers = load_sensor(config.sensor), 1 - done / total, options.workers
+                size = in_words(estimate_bytes(config, sensor) * left)
+                takes = time_in_words(estimate_s(config, sensor, workers, machine_slowness()) * left)
+                with_whom = "1 worker" if workers == 1 else f"{workers} workers"
+                console.print(f"{total - done} frames to record: about {size}, {takes} with {with_whom}")
+            report.start(done, total)
+
+        result = run(config, options.out, engine=engine, on_start=start, on_event=report.follow)
     seconds = time.monotonic() - begun
     console.print(
         f"{result.frames} frames, {result.points:,} points in {result.folder} "
@@ -69,7 +82,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             "points": result.points,
             "recorded": result.recorded,
             "seconds": seconds,
-            "frames_per_s": bar.frames_per_s,
+            "frames_per_s": report.per_s,
         },
     )
 

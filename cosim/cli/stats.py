@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from cosim.cli.options import add_common, write_json
+from cosim.cli.progress import ProgressReport
 
 if TYPE_CHECKING:
     from cosim.stats import Collected, FrameSet
@@ -41,7 +41,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         raise CosimError("--beside is held against a reference that is missing; give it with --against DIR2")
     sources = [FrameSet(path) for path in (options.set, options.against, options.beside) if path is not None]
     sets = [_read(source, console) for source in sources]
-    with console.status("comparing"):
+    with ProgressReport(console, "comparing"):
         distances = compare_sets(sets[0], sets[1], np.random.default_rng(0)) if len(sets) > 1 else []
         beside = compare_sets(sets[2], sets[1], np.random.default_rng(0)) if len(sets) > 2 else []
     given = options.set.resolve()
@@ -59,7 +59,5 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 def _read(source: FrameSet, console: Console) -> Collected:
     from cosim.stats import collect
 
-    columns = (TextColumn(f"reading {source.title}", markup=False), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("", total=len(source))
-        return collect(source, on_frame=lambda name: bar.advance(task))
+    with ProgressReport(console, f"reading {source.title}", len(source)) as report:
+        return collect(source, on_frame=lambda name: report.advance())

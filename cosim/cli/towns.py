@@ -9,6 +9,7 @@ from typing import Any
 from rich.console import Console
 
 from cosim.cli.options import add_common
+from cosim.cli.progress import ProgressReport
 
 
 def add_command(commands: Any) -> None:
@@ -43,16 +44,18 @@ def _list(names: list[str], _: Path | None, console: Console) -> None:
 def _build(names: list[str], out: Path | None, console: Console) -> None:
     from sumo_nets import RECIPES, build_town, built_in_folder
 
-    for name in names:
-        folder = out / name if out else built_in_folder(name)
-        build_town(RECIPES[name], folder)
-        console.print(f"{name}: built in {folder}")
+    with ProgressReport(console, "building", len(names), unit="towns") as report:
+        for name in names:
+            folder = out / name if out else built_in_folder(name)
+            build_town(RECIPES[name], folder)
+            console.print(f"{name}: built in {folder}")
+            report.advance()
 
 
 def _show(names: list[str], out: Path | None, console: Console) -> None:
     from cosim.town_map import write_town_page
     from sumo_nets import read_town
 
-    with console.status("drawing"):
+    with ProgressReport(console, "drawing"):
         page = write_town_page([read_town(name) for name in names], out or Path("out/towns"))
     console.print(f"{len(names)} towns on {page}", soft_wrap=True)

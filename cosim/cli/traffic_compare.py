@@ -9,6 +9,7 @@ from typing import Any
 from rich.console import Console
 
 from cosim.cli.options import add_common, beside, without_nan, write_json
+from cosim.cli.progress import ProgressReport
 from cosim.drives.writer import explained
 
 
@@ -54,7 +55,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     at_least("seeds", options.seeds, 2)
     at_least("workers", options.workers, 1)
     folder = options.out or beside(options.measured.with_suffix(""), "compare")
-    with console.status("simulating"):
+    with ProgressReport(console, f"simulating with {options.seeds} seeds"):
         found = traffic_compare(options.measured, options.config, seeds=options.seeds, workers=options.workers)
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)

@@ -11,6 +11,7 @@ from typing import Any
 from rich.console import Console
 
 from cosim.cli.options import add_common, beside, without_nan, write_json
+from cosim.cli.progress import ProgressReport
 from cosim.cli.traffic_compare import add_input, at_least
 from cosim.drives.writer import explained
 
@@ -43,13 +44,13 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     at_least("seeds", options.seeds, 4)
     at_least("workers", options.workers, 1)
     folder = options.out or beside(options.measured.with_suffix(""), "diagnosis")
-    with console.status("reading the trajectories") as status:
+    with ProgressReport(console, "reading the trajectories") as report:
         found = traffic_diagnose(
             options.measured,
             options.config,
             seeds=options.seeds,
             workers=options.workers,
-            on_progress=status.update,
+            on_progress=report.say,
         )
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)

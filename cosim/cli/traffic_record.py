@@ -10,6 +10,7 @@ from typing import Any
 from rich.console import Console
 
 from cosim.cli.options import add_common
+from cosim.cli.progress import ProgressReport
 from cosim.drives.writer import explained
 
 
@@ -43,7 +44,10 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     nobody = config.model_copy(update={"population": config.population.model_copy(update={"walking": (0, 0)})})
     with explained(options.out):
         options.out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix="cosim-") as folder, console.status("simulating"):
+    with (
+        tempfile.TemporaryDirectory(prefix="cosim-") as folder,
+        ProgressReport(console, f"simulating {options.seconds:g} s of traffic"),
+    ):
         sumocfg = populated(town, nobody, np.random.default_rng([config.seed, 0]), Path(folder))
         tracks = record(
             sumocfg,

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
 from cosim.cli.options import add_common, write_json
-from cosim.cli.progress import step_bar
+from cosim.cli.progress import ProgressReport, steps_told
 
 if TYPE_CHECKING:
     from training.evaluation import Evaluation
-    from training.loop import Moment
 
 
 def add_command(commands: Any) -> None:
@@ -40,13 +38,8 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     demand_torch()
     from training.run import Watcher, run_training
 
-    shown = console.is_terminal and os.environ.get("RANK", "0") == "0"
-    with step_bar(console, shown=shown) as bar:
-        task = bar.add_task("reading frames", total=None, loss="")
-
-        def on_step(moment: Moment) -> None:
-            words = f"loss {moment.losses['total']:.3f}"
-            bar.update(task, total=moment.steps, completed=moment.step, description=f"epoch {moment.epoch}", loss=words)
+    with ProgressReport(console, "reading frames") as report:
+        on_step = steps_told(report)
 
         def on_scores(name: str, evaluation: Evaluation) -> None:
             for kind, metrics in evaluation.results.items():
@@ -55,6 +48,6 @@ def execute(options: argparse.Namespace, console: Console) -> None:
                 )
                 console.print(f"{name}: {kind} moderate R40 {said}", highlight=False, soft_wrap=True)
 
-        scores = run_training(config, folder, Watcher(lambda: bar.advance(task), on_step, on_scores))
+        scores = run_training(config, folder, Watcher(report.advance, on_step, on_scores))
     console.print(f"{folder}: checkpoint.pt, log.jsonl, tensorboard/", soft_wrap=True, highlight=False)
     write_json(options.json, {"out": str(folder), "scores": scores})

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from cosim.cli.options import add_common, say_notes, write_json
+from cosim.cli.progress import ProgressReport
 
 if TYPE_CHECKING:
     from cosim.drives.kitti import Drive
@@ -37,12 +37,8 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
     drive = Drive(options.drive)
     names = _chosen(drive, options.frames)
-    columns = (TextColumn("making twins"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("", total=len(names))
-        summary = write_labelled_twin(
-            drive, names, options.out, options.pattern, on_frame=lambda name: bar.advance(task)
-        )
+    with ProgressReport(console, "making twins", len(names)) as report:
+        summary = write_labelled_twin(drive, names, options.out, options.pattern, lambda name: report.advance())
     result = summary.as_json()
     say_notes(summary.notes, console)
     share, spread = result["points_trusted_share"], result["ground_sd_m"]

@@ -35,20 +35,20 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Make the variants, with a progress bar, and the picture."""
-    from cosim.cli.progress import FrameBar
+    from cosim.cli.progress import FrameReport
     from cosim.engine import LocalEngine
     from cosim.variants import make_variants
 
     engine = LocalEngine(options.workers)
     begun = time.monotonic()
-    with FrameBar(console, starting="reading the drive", working="measuring") as bar:
+    with FrameReport(console, starting="reading the drive", working="measuring") as report:
         result = make_variants(
             options.drive,
             options.variant,
             options.out,
             engine=engine,
-            on_start=bar.start,
-            on_event=bar.follow,
+            on_start=report.start,
+            on_event=report.follow,
         )
     seconds = time.monotonic() - begun
     console.print(
@@ -69,6 +69,6 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             "made": result.made,
             "points_per_frame": dict(result.points),
             "seconds": seconds,
-            "frames_per_s": bar.frames_per_s,
+            "frames_per_s": report.per_s,
         },
     )

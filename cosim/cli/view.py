@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from cosim.cli.options import add_common, say_notes
+from cosim.cli.progress import ProgressReport
 from cosim.errors import DriveError
 
 if TYPE_CHECKING:
@@ -87,19 +88,20 @@ def _write(drives: list[Drive], shown: ShownDrives, options: argparse.Namespace,
         () if alone or len(drives) > 1 else richest_frames(drives[0], tuple(s[0] for s in shown.steps), _PICTURED)
     )
     page = out if alone else out / "index.html"
-    with console.status("packing") as status:
+    with ProgressReport(console, "packing", len(shown.steps)) as report:
         size = write_interactive(
             shown,
             page,
             pictures="pictures.html" if pictured else None,
-            on_frame=lambda name: status.update(f"packing frame {name}"),
+            on_frame=report.advance,
         )
         if pictured:
+            report.begin("drawing", len(pictured))
             write_view(
                 drives[0],
                 pictured,
                 out,
-                on_frame=lambda name: status.update(f"drawing frame {name}"),
+                on_frame=report.advance,
                 file="pictures.html",
             )
     more = "" if len(shown.steps) == len(drives[0]) else "; --frames takes others, --serve shows all"
@@ -127,7 +129,7 @@ def _serve(shown: ShownDrives, port: int, console: Console) -> None:
 def _log(shown: ShownDrives, out: Path | None, console: Console) -> None:
     from cosim.view.interactive.rerun_log import log_to_rerun
 
-    with console.status("logging") as status:
-        log_to_rerun(shown, out, on_frame=lambda name: status.update(f"logging frame {name}"))
+    with ProgressReport(console, "logging", len(shown.steps)) as report:
+        log_to_rerun(shown, out, on_frame=report.advance)
     where = f"in {out}" if out else "in Rerun's viewer"
     console.print(f"{len(shown.steps)} frames {where}", soft_wrap=True)

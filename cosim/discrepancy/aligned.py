@@ -77,7 +77,7 @@ class Aligned:
         self._random = view.fitter.random
         self._estimate = view.fitted.estimate if same else seen_by(view, effects).estimate
         shift_m, turn_rad = spreads(self._random, self._estimate, case.settings.edge_sigmas)
-        clear = shift_m < 2e-3 and turn_rad < 1e-4
+        clear = shift_m < case.settings.sharp_m and turn_rad < case.settings.sharp_rad
         self._wide = [None if clear else one.unsure(shift_m, turn_rad) for one in frames]
         origin = case.sensor.origin
         self._members = [

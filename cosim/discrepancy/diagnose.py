@@ -20,7 +20,16 @@ from cosim.discrepancy.inference.comparison import gain
 from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.inference.score_test import Tested
 from cosim.discrepancy.labels import with_labels
-from cosim.discrepancy.select import Candidate, as_found, candidates, chosen, roundings, screened, screened_pairs
+from cosim.discrepancy.select import (
+    Candidate,
+    as_found,
+    candidates,
+    chosen,
+    roundings,
+    screened,
+    screened_pairs,
+    simpler_than,
+)
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.state import Case, Model, State, View, seen_by, viewed
 from cosim.discrepancy.unexplained import unexplained
@@ -66,7 +75,7 @@ def diagnose(
     before = None
     while state is not before and len(state.found) < settings.most_findings:
         before, state = state, added(case, state)
-    return with_labels(concluded(case, eliminated(case, state)), asked)
+    return with_labels(concluded(case, eliminated(case, simplified(case, state))), asked)
 
 
 def case_of(
@@ -150,6 +159,33 @@ def judged(case: Case, before: View, model: Model) -> View:
     """The judging frames as a model tells them: traced anew where it bends beams, random effects alone fitted."""
     frozen = Model(model.effects)
     return viewed(case, before.names, frozen, case.settings.rows // 2, before)
+
+
+def simplified(case: Case, state: State) -> State:
+    """With a simpler effect in place of each finding that says no more than it, now that everything else is known.
+
+    What was found first had to explain some of what was found later, too.
+    """
+    if len(state.found) < 2:
+        return state
+    for one in state.found:
+        place = _place(state, one.effect)
+        if place is None or one.shape is not None or one.interval is not None or place < len(given(case)):
+            continue
+        case.say(f"asking whether something simpler does as well as {one.effect}")
+        simpler = simpler_than(case, state, place)
+        if simpler is not None:
+            view = viewed(
+                case, case.split.fit, simpler.model, case.settings.rows, replace(state.view, fitted=simpler.fitted)
+            )
+            model = replace(simpler.model, effects=view.fitted.effects)
+            kept = tuple(
+                replace(other, effect=simpler.name, place=simpler.place) if other is one else other
+                for other in state.found
+            )
+            judges = judged(case, state.judges, model)
+            state = replace(state, model=model, view=view, judges=judges, found=kept, screened=[])
+    return state
 
 
 def eliminated(case: Case, state: State) -> State:

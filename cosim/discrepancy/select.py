@@ -205,6 +205,29 @@ def _fitted(case: Case, state: State, tested: Tested) -> Candidate:
     return Candidate(group.name, model, place, after, told, numbers, tested.p_value)
 
 
+def simpler_than(case: Case, state: State, place: int) -> Candidate | None:
+    """An effect with fewer numbers that explains as much as one of those that were added, for what it costs."""
+    fitter, fitted = state.view.fitter, state.view.fitted
+    effect, beams = fitted.effects[place], len(fitter.sample)
+    numbers = sum(one.unknown.rings for one in all_free(fitted.effects, [place], fitter.rings))
+    less = state.model.without(place, ())
+    there = {one.name for one in less.effects}
+    alike = [kind for kind in case.kinds if confusable(kind, type(effect)) and kind.name not in there]
+    without = fitter.at(less.effects, fitted.estimate)
+    reduced = replace(state, model=less, view=replace(state.view, fitted=without))
+    found: list[Candidate] = []
+    for group in effect_groups(fitter, without, alike, range(len(less.effects))):
+        if group.size < numbers and group.name != effect.name:
+            one = _fitted(case, reduced, Tested(group, 0.0, 1.0, 0.0, np.zeros(group.size), np.nan, np.nan))
+            if one.numbers < numbers:
+                found.append(one)
+    own = fitted.loglik - 0.5 * numbers * float(np.log(beams))
+    best = max(found, key=lambda one: one.fitted.loglik - 0.5 * one.numbers * float(np.log(beams)), default=None)
+    if best is None or best.fitted.loglik - 0.5 * best.numbers * float(np.log(beams)) < own:
+        return None
+    return best
+
+
 def best_fit(case: Case, state: State, groups: Sequence[Group]) -> Effect | None:
     """The likeliest fit of one effect from several groups of it; None where there are none."""
     starts = [Tested(one, 0.0, 1.0, 0.0, np.zeros(one.size), np.nan, np.nan) for one in groups]

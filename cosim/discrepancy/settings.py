@@ -19,6 +19,7 @@ class Settings:
         unknown_margin: how many times the gain of catalogue effects an unknown shape must have to be preferred.
         alike_sigmas: standard errors of a difference of gains below which two candidates cannot be told apart.
         edge_sigmas: standard deviations of pose and object errors by which edges are widened.
+        sharp_m, sharp_rad: spreads of poses and objects below which edges are as sharp as they were traced.
         turned_rad, shifted_m: by how much a beam may have moved from where it was traced.
         pose_shift_m, pose_turn_rad: spread of pose errors that a fit starts from.
         variance_sigmas: standard errors that a random effect's variance must be above 0 to be kept.
@@ -37,6 +38,8 @@ class Settings:
     unknown_margin: float = 1.1
     alike_sigmas: float = 1.0
     edge_sigmas: float = 3.5
+    sharp_m: float = 2e-3
+    sharp_rad: float = 1e-4
     turned_rad: float = 7e-4
     shifted_m: float = 0.02
     pose_shift_m: float = 0.02

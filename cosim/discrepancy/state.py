@@ -156,24 +156,33 @@ def viewed(
         frames = before.frames
     else:
         frames = tuple(case.tracer.trace_all(names, bending(model.effects)) if traced is None else traced)
-    effects, start, estimate = model.effects, None if before is None else before.fitted.estimate, None
+    effects, start = model.effects, None if before is None else before.fitted.estimate
     fitter: Fitter | None = None if before is None else before.fitter
-    for _ in range(_ROUNDS):
+    sizes = None if before is None else spreads(before.fitter.random, before.fitted.estimate, case.settings.edge_sigmas)
+    for number in range(_ROUNDS + 1):
+        if fitter is not None and number < _ROUNDS and _is_far(case, fitter, effects):
+            frames, fitter = tuple(case.tracer.trace_all(names, bending(effects))), None
         if fitter is None:
-            plain = Fitter(draw_sample(frames, rows, np.random.default_rng([case.seed, rows])), case.settings)
-            estimate = plain.fit(effects, (), start).estimate
-            fitter = Fitter(clear_sample(case, frames, plain.sample, plain.random, estimate), case.settings)
-            start = estimate if fitter.random.size == plain.random.size else None
+            sample = draw_sample(frames, rows, np.random.default_rng([case.seed, rows]))
+            if sizes is None:
+                plain = Fitter(sample, case.settings)
+                start = plain.fit(effects, (), start).estimate
+                sizes = spreads(plain.random, start, case.settings.edge_sigmas)
+            fitter = Fitter(clear_sample(case, frames, sample, sizes), case.settings)
+            start = fitter.random.begun_from(start)
         free = [one for one in all_free(effects, model.fitted, fitter.rings) if one.unknown.name not in held]
         fitted = fitter.fit(effects, free, start)
         effects, start = fitted.effects, fitted.estimate
-        turned, shifted = fitter.sample.moved(effects)
-        if turned <= case.settings.turned_rad and shifted <= case.settings.shifted_m:
-            break
-        frames, fitter, start = tuple(case.tracer.trace_all(names, bending(effects))), None, None
-    if fitter is None:
-        return viewed(case, names, Model(effects, model.fitted), rows, None, held)
-    return View(tuple(names), frames, fitter, fitted)
+        sizes = spreads(fitter.random, start, case.settings.edge_sigmas)
+        if number == _ROUNDS or not _is_far(case, fitter, effects):
+            return View(tuple(names), frames, fitter, fitted)
+    raise AssertionError("the last round returns")
+
+
+def _is_far(case: Case, fitter: Fitter, effects: Sequence[Effect]) -> bool:
+    """Whether effects bend beams too far from where they were traced."""
+    turned, shifted = fitter.sample.moved(effects)
+    return turned > case.settings.turned_rad or shifted > case.settings.shifted_m
 
 
 def seen_by(view: View, effects: Sequence[Effect], estimate: Estimate | None = None) -> Fitted:
@@ -181,12 +190,10 @@ def seen_by(view: View, effects: Sequence[Effect], estimate: Estimate | None = N
     return view.fitter.fit(effects, (), view.fitted.estimate if estimate is None else estimate)
 
 
-def clear_sample(
-    case: Case, frames: Sequence[TracedFrame], sample: Sample, random: RandomEffects, estimate: Estimate
-) -> Sample:
-    """The sample without beams that errors of poses and objects may have moved across an edge."""
-    shift_m, turn_rad = spreads(random, estimate, case.settings.edge_sigmas)
-    if shift_m < 2e-3 and turn_rad < 1e-4:
+def clear_sample(case: Case, frames: Sequence[TracedFrame], sample: Sample, sizes: tuple[float, float]) -> Sample:
+    """The sample without beams that errors of poses and objects of such sizes may have moved across an edge."""
+    shift_m, turn_rad = sizes
+    if shift_m < case.settings.sharp_m and turn_rad < case.settings.sharp_rad:
         return sample
     return sample.clear_of([one.unsure(shift_m, turn_rad) for one in frames])
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.capture.config import RunConfig, load_config
+from cosim.capture.config import ConfigError, RunConfig, load_config
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS, Behaviour
 from cosim.driver_discrepancy.case import Case, opened
 from cosim.driver_discrepancy.comparison import TrafficComparison, compared
@@ -72,6 +72,10 @@ def traffic_diagnose(
         TownError: the town cannot be used.
     """
     settings = config if isinstance(config, RunConfig) else load_config(Path(config))
+    if settings.behaviour.as_given:
+        raise ConfigError(
+            "behaviour sumo leaves drivers as the vTypes have them, so nothing could be fitted; take calm"
+        )
     with opened(measured, settings, workers) as case:
         return _Detective(case, settings, seeds, on_progress or _LOG.debug).run()
 

@@ -89,7 +89,8 @@ class Driving:
             return
         if here.edge != driver.edge:
             driver.edge = here.edge
-            self._traffic.api.vehicle.setSpeedFactor(name, max(driver.habits.speed_factor(here.limit_mps), 0.1))
+            if not self._config.as_given:
+                self._traffic.api.vehicle.setSpeedFactor(name, max(driver.habits.speed_factor(here.limit_mps), 0.1))
             driver.wish = self._wish(driver, here)
         if driver.wish is not None and name not in self._turns:
             wanted, place, index = driver.wish
@@ -101,6 +102,8 @@ class Driving:
 
     def _begin(self, name: str) -> _Driver:
         habits, api = draw_habits(self._config, self._seed, name), self._traffic.api.vehicle
+        if self._config.as_given:
+            return _Driver(habits, self._luck_of(name))
         api.setMinGap(name, habits.gap_m)
         api.setTau(name, habits.headway_s)
         if habits.lane_offset_m:
@@ -110,7 +113,10 @@ class Driving:
         if habits.reaction_s is not None:
             steps = max(1, round(habits.reaction_s / self._traffic.step_s))
             api.setActionStepLength(name, steps * self._traffic.step_s)
-        return _Driver(habits, np.random.default_rng([self._seed, 4, zlib.crc32(name.encode())]))
+        return _Driver(habits, self._luck_of(name))
+
+    def _luck_of(self, name: str) -> np.random.Generator:
+        return np.random.default_rng([self._seed, 4, zlib.crc32(name.encode())])
 
     def _wish(self, driver: _Driver, here: Lane) -> tuple[str, float, int] | None:
         left, right, at, which = driver.rng.random(4).tolist()

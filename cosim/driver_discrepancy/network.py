@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.traffic.motion.corners import corner_speed
-from cosim.traffic.simulation import KIND_OF_CLASS
+from cosim.traffic.road_users import KIND_OF_CLASS
 from sumo_nets.xml_guard import read_xml
 
 _STRAIGHT = 1.6  # times the limit must a bend allow

@@ -15,7 +15,7 @@ from cosim.driver_discrepancy.replay import Replay
 from cosim.driver_discrepancy.simulate import simulate
 from cosim.driver_discrepancy.summary import Summary, summarise
 from cosim.traffic.behaviour import BehaviourConfig
-from cosim.traffic.simulation import TrafficError
+from cosim.traffic.starting import TrafficError
 
 Job = tuple[BehaviourConfig, int]
 _MOST_WORKERS, _MOST_DEATHS = 8, 3

@@ -87,7 +87,8 @@ def write_replay(placed: Placed, town: Town, folder: Path) -> Replay:
     config, begin = folder / "measured.sumocfg", max(tracks.start_s, 0.0)
     options = {"net-file": str(town.net.resolve()), "route-files": routes.name, "begin": f"{begin:g}"}
     if town.additional:
-        options["additional-files"] = ",".join(str(path.resolve()) for path in town.additional)
+        additional = town.runnable_additional(folder)
+        options["additional-files"] = ",".join(str(path.resolve()) for path in additional)
     write_xml(config, "configuration", [f"    <{name} value={quoteattr(text)}/>" for name, text in options.items()])
     return Replay(
         sumocfg=config,
@@ -111,7 +112,7 @@ def _own_types(town: Town) -> list[str]:
     """Vehicle types that stand among a town's routes."""
     found = []
     for path in route_files(town):
-        root = read_xml(path, "routes", "additional")
+        root = read_xml(path)
         found += [f"    {ET.tostring(one, encoding='unicode').strip()}" for one in root.iter("vType")]
     return found
 

@@ -77,7 +77,7 @@ def simulate(replay: Replay, behaviour: BehaviourConfig, seed: int, step_s: floa
         TrafficError: SUMO refuses the scenario.
     """
     recorder = Recorder(replay.sample_s)
-    with Traffic(replay.sumocfg, seed=seed, step_s=step_s) as traffic:
+    with Traffic(replay.sumocfg, seed=seed, step_s=step_s, as_given=behaviour.as_given) as traffic:
         driving, exits = Driving(traffic, behaviour, seed, replay.seconds), _Exits(replay.leaving)
         for _ in range(round(replay.seconds / step_s)):
             actors = traffic.step()
@@ -96,7 +96,7 @@ def record(
         TrafficError: SUMO refuses the scenario.
     """
     recorder = Recorder(step_s)
-    with Traffic(sumocfg, seed=seed, step_s=step_s) as traffic:
+    with Traffic(sumocfg, seed=seed, step_s=step_s, as_given=behaviour.as_given) as traffic:
         driving, warm_up = Driving(traffic, behaviour, seed, warm_up_s + seconds), round(warm_up_s / step_s)
         for number in range(warm_up + round(seconds / step_s)):
             actors = traffic.step()

@@ -41,8 +41,17 @@ class CheckResult:
     frames: tuple[str, ...]
 
 
-def check_drive(folder: Path) -> CheckResult:
+def check_drive(
+    folder: Path,
+    on_start: Callable[[int], None] = lambda files: None,
+    on_file: Callable[[], None] = lambda: None,
+) -> CheckResult:
     """Compare every file of a drive with the checksum it was written with.
+
+    Args:
+        folder: the drive.
+        on_start: told how many files there are.
+        on_file: called after each.
 
     Raises:
         CheckError: the folder has no checksums.
@@ -54,9 +63,14 @@ def check_drive(folder: Path) -> CheckResult:
     of_frames = {name: _sums(folder, entry) for name, entry in manifest.items()}
     shared = _shared_sums(folder)
     expected = {path: sum_ for sums in of_frames.values() for path, sum_ in sums.items()} | shared
+    on_start(len(expected))
+    damaged: dict[str, str] = {}
     with ThreadPoolExecutor(os.cpu_count()) as threads:
         states = threads.map(lambda item: _state(folder / item[0], item[1]), expected.items())
-        damaged = {path: state for path, state in zip(expected, states, strict=True) if state is not None}
+        for path, state in zip(expected, states, strict=True):
+            on_file()
+            if state is not None:
+                damaged[path] = state
     frames = {name for name, sums in of_frames.items() if not damaged.keys().isdisjoint(sums)}
     frames |= _dependents(folder, sorted(of_frames), [path for path in shared if path in damaged], damaged)
     return CheckResult(folder, len(expected), damaged, tuple(sorted(frames)))

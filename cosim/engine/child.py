@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import queue
 import signal
@@ -13,6 +14,8 @@ from multiprocessing.connection import Connection
 from cosim.engine.jobs import Event, Job
 from cosim.engine.peak import peak_bytes
 from cosim.user_errors import USER_ERRORS
+
+_COLLECTS = (50_000, 20, 50)  # the garbage of a step is freed at once; cycles are rare
 
 
 def main(descriptor: int) -> None:
@@ -34,6 +37,8 @@ def main(descriptor: int) -> None:
 def _do_all(job: Job, threads: int, tasks: queue.SimpleQueue, tell: _Teller) -> None:
     with job.open(threads) as do:
         tell(Event("opened"))
+        gc.freeze()  # what a job holds on to need not be looked through again and again
+        gc.set_threshold(*_COLLECTS)
         while (task := tasks.get()) is not None:
             do(task, tell)
             tell(Event("task", peak_bytes=peak_bytes()))

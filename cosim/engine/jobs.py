@@ -31,6 +31,9 @@ class Event:
     peak_bytes: int = 0
 
 
+Place = tuple[Any, ...]
+"""What a process keeps from one task to the next, the dearest first: a task's `place`, if it has one."""
+
 Tell = Callable[[Event], None]
 Do = Callable[[Any, Tell], None]
 """Does one task and tells of its frames."""
@@ -69,7 +72,7 @@ class Engine(Protocol):
 
         Args:
             job: what the processes open.
-            tasks: what there is to do.
+            tasks: what there is to do; of those with a `place` a process gets such as it has been to, where it can.
             on_event: told of every event.
             renewed: makes a task anew before it is given a second time.
 

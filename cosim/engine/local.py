@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from cosim.engine.jobs import Event, Job, Skipped, Tell, WorkError
+from cosim.engine.jobs import Event, Job, Place, Skipped, Tell, WorkError
 from cosim.engine.parent import Child
 from cosim.engine.retries import Attempt, Retries
 
@@ -57,11 +57,12 @@ class _Foremen:
         self._job, self._threads, self._on_event, self._patience_s = job, threads, on_event, patience_s
         self._idle: list[Child] = []
         self._busy: dict[Connection, tuple[Child, Attempt]] = {}
+        self._been: dict[int, Place] = {}  # where each process was last
 
     def oversee(self, pending: deque[Attempt], count: int, retries: Retries) -> None:
         while pending or self._busy:
             while pending and len(self._busy) < count:
-                self._give(pending.popleft())
+                self._give(pending)
             for failed, reason in self._hear():
                 again = retries.after(failed, reason)
                 if again is not None:
@@ -73,10 +74,19 @@ class _Foremen:
         for child in self._idle:
             child.dismiss()
 
-    def _give(self, attempt: Attempt) -> None:
+    def _give(self, pending: deque[Attempt]) -> None:
         child = self._idle.pop() if self._idle else Child(self._job, self._threads)
+        places = [_place(attempt) for attempt in pending]
+        chosen = _most_at_home(places, self._been.get(id(child), ()), self._away())
+        attempt = pending[chosen]
+        del pending[chosen]
+        self._been[id(child)] = _place(attempt)
         child.give(attempt.task)
         self._busy[child.connection] = (child, attempt)
+
+    def _away(self) -> list[Place]:
+        """Where those are who are at work."""
+        return [_place(attempt) for _, attempt in self._busy.values()]
 
     def _hear(self) -> list[tuple[Attempt, str]]:
         """Pass on what is told meanwhile; gives the attempts that failed, with the reason."""
@@ -113,5 +123,21 @@ class _Foremen:
 
     def _lose(self, child: Child) -> None:
         child.kill()
+        self._been.pop(id(child), None)
         del self._busy[child.connection]
         child.connection.close()
+
+
+def _place(attempt: Attempt) -> Place:
+    return getattr(attempt.task, "place", ())
+
+
+def _most_at_home(places: Sequence[Place], been: Place, taken: Sequence[Place]) -> int:
+    """Row of the place that has most in common with where one has been, and of those least with where others are."""
+    scores = [(_common(place, been), -max((_common(place, other) for other in taken), default=0)) for place in places]
+    return scores.index(max(scores))
+
+
+def _common(one: Place, other: Place) -> int:
+    """How many of the first parts of two places are equal."""
+    return next((i for i, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), min(len(one), len(other)))

@@ -87,13 +87,15 @@ class Labeller:
         rows = np.flatnonzero(pixels >= self._min_pixels)
         camera_from_world = self._calibration.velo_to_rect_matrix @ np.linalg.inv(lidar_pose)
         clipped, truncated = self._image_boxes(instances, rows, camera_from_world, instance_image)
-        hidden = np.array(
-            [
-                self._hidden_share(instances, row, box, camera_from_world, instance_image)
-                for row, box in zip(rows.tolist(), clipped, strict=True)
-            ]
-        )
         boxes = boxes_in_lidar(instances, rows, lidar_pose)
+        lost = np.linalg.norm(boxes.centre, axis=1) > self._range_m
+        height_px = np.diff(clipped[:, 1::2])[:, 0]
+        lost |= self._annotators.overlook([instances.ids[row] for row in rows], height_px, self._seed)
+        if points is not None:
+            lost |= points[rows] < self._min_points
+        hidden = np.zeros(len(rows))  # of those who are left to DontCare nobody asks
+        for i in np.flatnonzero(~lost).tolist():
+            hidden[i] = self._hidden_share(instances, int(rows[i]), clipped[i], camera_from_world, instance_image)
         labels = Labels.from_boxes(
             boxes,
             [KITTI_TYPE[instances.kinds[row]] for row in rows],
@@ -102,11 +104,6 @@ class Labeller:
             truncated=truncated,
             occluded=np.searchsorted(_HIDDEN_SHARES, hidden, side="right"),
         )
-        lost = np.linalg.norm(boxes.centre, axis=1) > self._range_m
-        height_px = np.diff(clipped[:, 1::2])[:, 0]
-        lost |= self._annotators.overlook([instances.ids[row] for row in rows], height_px, self._seed)
-        if points is not None:
-            lost |= points[rows] < self._min_points
         return dont_care_where(labels, lost)
 
     def _image_boxes(

@@ -48,6 +48,7 @@ class Bridge:
         self._seed = seed
         self._external = external or ExternalModels()
         self._looks: dict[tuple[str, str], Look] = {}
+        self._resting: dict[str, tuple[list[float], np.ndarray]] = {}  # where those stand who are parked
 
     def place(self, actors: Actors) -> Instances:
         """Posed instances of all actors, in their order."""
@@ -56,7 +57,7 @@ class Bridge:
             for name, vtype, kind, size in zip(actors.ids, actors.types, actors.kinds, actors.size, strict=True)
         ]
         scales = np.array([look.scale for look in looks], float).reshape(-1, 3)
-        poses = self._stand(actors, looks, scales)
+        poses = self._poses(actors, looks, scales)
         return Instances(
             ids=actors.ids,
             kinds=actors.kinds,
@@ -69,6 +70,25 @@ class Bridge:
             paint=np.array([look.paint.reflectance for look in looks], np.float32),
             rgb=np.array([look.paint.rgb for look in looks], np.float32).reshape(-1, 3),
         )
+
+    def _poses(self, actors: Actors, looks: list[Look], scales: np.ndarray) -> np.ndarray:
+        """World poses (n, 4, 4); those who are parked keep theirs for as long as they stand."""
+        before, self._resting = self._resting, {}
+        places = np.column_stack([actors.front, actors.heading_rad]).tolist()
+        poses, stirring = np.empty((len(actors), 4, 4)), []
+        for row, (name, parked) in enumerate(zip(actors.ids, actors.parked.tolist(), strict=True)):
+            known = before.get(name) if parked else None
+            if known is not None and known[0] == places[row]:
+                poses[row] = known[1]
+                self._resting[name] = known
+            else:
+                stirring.append(row)
+        rows = np.array(stirring, int)
+        poses[rows] = self._stand(actors.take(rows), [looks[row] for row in stirring], scales[rows])
+        for row in stirring:
+            if actors.parked[row] and not actors.body_pitch_rad[row] and not actors.body_roll_rad[row]:
+                self._resting[actors.ids[row]] = places[row], poses[row].copy()
+        return poses
 
     def _look(self, name: str, vtype: str, kind: str, size: np.ndarray) -> Look:
         key = (name, vtype)

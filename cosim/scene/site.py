@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from assets import Mesh
-from assets.world import build_world
+from assets.world import Groundwork, build_world
 from cosim.capture.config import RunConfig
 from cosim.scene.ground import Ground
-from sensors.cameras import Camera, CameraRenderer, Light, PackedModel, bake_sun_shadows
+from sensors.cameras import CameraRenderer, Light, PackedModel, SunShadows, Tiles
 from sensors.scene import Scene, TracedModel
-from sumo_nets import Town
+from sumo_nets import Town, read_town
 
 _WORLD_STREAM, _LIGHT_STREAM = 0, 1  # keep the random numbers of world and light apart
 
@@ -35,49 +35,62 @@ class Models:
 
 
 @dataclass(frozen=True, eq=False)
+class Land:
+    """A town without buildings, plants and furniture: what all its worlds have in common.
+
+    Attributes:
+        town: its streets and traffic.
+        groundwork: its roads and land.
+        ground: the same as wheels stand on it.
+    """
+
+    town: Town
+    groundwork: Groundwork
+    ground: Ground
+
+    @classmethod
+    def of(cls, name: str) -> Land:
+        """That of a town, by name or path.
+
+        Raises:
+            TownError: there is no such town, or its files cannot be used.
+        """
+        town = read_town(name)
+        groundwork = Groundwork.of(town.streets)
+        return cls(town, groundwork, Ground(groundwork.ground))
+
+
+@dataclass(frozen=True, eq=False)
 class Site:
     """Where episodes happen.
 
     Attributes:
-        town: its streets and traffic.
+        land: the town.
         world: number of the random world.
         mesh: the static world.
-        ground: what wheels stand on.
         scene: the world as rays meet it.
-        renderer: draws it.
+        tiles: the world as cameras draw it.
     """
 
-    town: Town
+    land: Land
     world: int
     mesh: Mesh
-    ground: Ground
     scene: Scene
-    renderer: CameraRenderer
+    tiles: Tiles
 
     @classmethod
-    def build(
-        cls,
-        config: RunConfig,
-        town: Town,
-        world: int,
-        light: Light,
-        *,
-        camera: Camera,
-        models: Models,
-        threads: int,
-    ) -> Site:
-        """Build the world that the run's seed, the town and the world's number determine, in a given light."""
+    def build(cls, config: RunConfig, land: Land, world: int, *, models: Models, threads: int) -> Site:
+        """Build the world that the run's seed, the town and the world's number determine."""
+        town, groundwork = land.town, land.groundwork
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
-        static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment)
+        static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment, groundwork)
         scene = Scene(static.mesh, models.load, threads, models=models.traced)
-        renderer = _renderer(static.mesh, scene, light, camera, config.backend, models)
-        return cls(town, world, static.mesh, Ground(static.ground), scene, renderer)
+        return cls(land, world, static.mesh, scene, Tiles.of(static.mesh))
 
-    def lit(self, light: Light, config: RunConfig, camera: Camera, models: Models) -> Site:
-        """The same place in another light; the renderer it had is closed."""
-        self.renderer.close()
-        return replace(self, renderer=_renderer(self.mesh, self.scene, light, camera, config.backend, models))
+    def show(self, renderer: CameraRenderer, light: Light) -> None:
+        """Let a renderer draw this place in a light."""
+        renderer.enter(self.tiles, light, SunShadows(self.mesh, light, self.scene.static))
 
 
 def light_of(config: RunConfig, episode: int) -> Light:
@@ -93,17 +106,4 @@ def draw_light(rng: np.random.Generator) -> Light:
         sun_azimuth_deg=float(rng.uniform(-180, 180)),
         sun_rgb=(0.80 * clear, 0.76 * clear, 0.68 * clear),
         exposure=float(rng.uniform(0.9, 1.0)) / (0.45 + 0.55 * clear),
-    )
-
-
-def _renderer(mesh: Mesh, scene: Scene, light: Light, camera: Camera, backend: str, models: Models) -> CameraRenderer:
-    return CameraRenderer(
-        mesh,
-        models.load,
-        light,
-        width=camera.width,
-        height=camera.height,
-        backend=backend,
-        static_shade=bake_sun_shadows(mesh, light, scene.static),
-        packed=models.packed,
     )

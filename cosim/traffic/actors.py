@@ -54,7 +54,10 @@ class Actors:
 
     def without(self, ids: Collection[str]) -> Actors:
         """All but some."""
-        rows = np.array([row for row, name in enumerate(self.ids) if name not in ids], int)
+        return self.take(np.array([row for row, name in enumerate(self.ids) if name not in ids], int))
+
+    def take(self, rows: np.ndarray) -> Actors:
+        """Those of some rows."""
         kept: dict[str, Any] = {}
         for part in fields(self):
             values = getattr(self, part.name)
@@ -63,6 +66,17 @@ class Actors:
             elif isinstance(values, np.ndarray):
                 kept[part.name] = values[rows]
         return replace(self, **kept)
+
+    def and_then(self, others: Actors) -> Actors:
+        """These and after them others of the same instant."""
+        joined: dict[str, Any] = {}
+        for part in fields(self):
+            ones, more = getattr(self, part.name), getattr(others, part.name)
+            if isinstance(ones, tuple):
+                joined[part.name] = (*ones, *more)
+            elif isinstance(ones, np.ndarray):
+                joined[part.name] = np.concatenate([ones, more])
+        return replace(self, **joined)
 
     def __len__(self) -> int:
         return len(self.ids)

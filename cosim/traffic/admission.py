@@ -36,9 +36,9 @@ class Admission:
         wheeled = [row for row, kind in enumerate(actors.kinds) if kind != "pedestrian"]
         new = [row for row in wheeled if actors.ids[row] not in before and not actors.parked[row]]
         away: set[str] = set()
-        if new and before:
+        if new:
             touching = self._touching(actors, np.array(wheeled), set(new))
-            away = {actors.ids[row] for row in new if row in touching or self._in_sight(actors, row)}
+            away = {actors.ids[row] for row in new if row in touching or (before and self._in_sight(actors, row))}
             for vehicle in sorted(away):
                 self._traffic.remove(vehicle)
             actors = actors.without(away) if away else actors

@@ -9,6 +9,7 @@ from cosim.traffic.behaviour.kerbside import Kerbside
 from cosim.traffic.behaviour.roads import Roads
 from cosim.traffic.motion import Motion
 from cosim.traffic.simulation import Traffic
+from cosim.traffic.vicinity import Vicinity
 
 
 class DrivenTraffic:
@@ -19,15 +20,26 @@ class DrivenTraffic:
         config: how drivers behave.
         seed: of their behaviour.
         sight_m: nobody appears or vanishes this near to a protected vehicle.
+        may_appear: whether vehicles may appear there all the same.
     """
 
-    def __init__(self, traffic: Traffic, config: BehaviourConfig, seed: int, sight_m: float = 120.0) -> None:
+    def __init__(
+        self,
+        traffic: Traffic,
+        config: BehaviourConfig,
+        seed: int,
+        sight_m: float = 120.0,
+        *,
+        may_appear: bool = False,
+    ) -> None:
         self._traffic = traffic
         self._motion = Motion(traffic.step_s)
         self._kerbside = Kerbside(config, seed)
         self._roads = Roads(traffic.api)
         self._protected: set[str] = set()
-        self._entrances = Admission(traffic, self._motion, self._protected, sight_m)
+        self._sight_m = sight_m
+        self._vicinity: Vicinity | None = None
+        self._entrances = Admission(traffic, self._motion, self._protected, 0.0 if may_appear else sight_m)
         self._drivers = Drivers(config, seed, self._roads, self._protected, sight_m)
 
     @property
@@ -38,6 +50,15 @@ class DrivenTraffic:
     def protect(self, vehicle: str) -> None:
         """Let a vehicle (the ego) neither park nor collide, and nobody appear or vanish in its sight."""
         self._protected.add(vehicle)
+
+    def follow(self, vehicle: str) -> None:
+        """Protect a vehicle, and from now on give only those who are near it or act; `everyone` adds the others."""
+        self.protect(vehicle)
+        self._vicinity = Vicinity(self._traffic, vehicle, self._sight_m)
+
+    def everyone(self, actors: Actors) -> Actors:
+        """The actors of the last step, and after them all whom only SUMO moves."""
+        return actors if self._vicinity is None else actors.and_then(self._traffic.distant())
 
     def advance(self, steps: int) -> Actors:
         """Go on by some steps (at least one).
@@ -56,6 +77,9 @@ class DrivenTraffic:
         Raises:
             TrafficError: SUMO gave up.
         """
+        if self._vicinity is not None:
+            self._vicinity.look(self._drivers.acting)
+            self._drivers.share = self._vicinity.share
         actors = self._kerbside.arrange(self._traffic, self._roads, self._traffic.step())
         actors = self._motion.update(self._entrances.admit(actors))
         self._drivers.apply(self._traffic, self._motion, actors)

@@ -2,88 +2,58 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import tempfile
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Self
 
 import numpy as np
 
-from cosim.errors import CosimError
 from cosim.traffic.actors import Actors
+from cosim.traffic.longer_routes import LongerRoutes
 from cosim.traffic.motion.corners import corner_speed
+from cosim.traffic.road_users import RoadUsers
 from cosim.traffic.route_corners import RouteCorners
+from cosim.traffic.starting import SavedState, TrafficError, start_sumo
 from cosim.traffic.subscriptions import Subscriptions
 
-# SUMO vehicle class → kind of road user
-KIND_OF_CLASS = {
-    "passenger": "car",
-    "private": "car",
-    "taxi": "car",
-    "hov": "car",
-    "evehicle": "car",
-    "emergency": "van",
-    "delivery": "van",
-    "truck": "truck",
-    "trailer": "truck",
-    "bus": "bus",
-    "coach": "bus",
-    "motorcycle": "motorcycle",
-    "moped": "motorcycle",
-    "bicycle": "cyclist",
-    "pedestrian": "pedestrian",
-}
-_SUBLANE_M = 0.8  # lane changes take their time; SUMO's own default is a jump
 _CHANGES_LANE = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.25"}  # no sliding sideways at rest
-_FEW_EDGES_LEFT = 4
-_TRIES_TO_EXTEND, _TRIES_STRAIGHT_ON = 20, 12
 _PARKED_FROM_S = 0.6  # SUMO puts who begins parked on the lane first, and takes some steps to park all
 _NEAR_STOP_M = 0.5
-
-
-class TrafficError(CosimError):
-    """SUMO refuses the scenario, or the simulation cannot go on."""
-
-
-@dataclass(frozen=True)
-class _TypeInfo:
-    kind: str
-    size: tuple[float, float, float]
+_FAR_DECIDES_S = 1.0  # who is left to SUMO thinks once a second: that takes a quarter of the time
+_CAREFUL = 31  # SUMO's speed mode with all checks
 
 
 class Traffic:
     """A running simulation; a context manager, one at a time in a process.
 
+    Everyone is read after every step, until `attend` names those who matter: the others are left to SUMO, which then
+    decides for them once a second, and are read only when `distant` asks.
+
     Args:
         sumocfg: scenario file.
         seed: SUMO's seed.
         step_s: step length [s].
+        state: where it begins, as `cosim.traffic.starting.warmed_up` saves it; by default at its beginning.
+        as_given: leave lanes, lane changes, vehicle types and drivers as the scenario has them, instead of slowing for
+            corners, changing lanes gradually, keeping long vehicles out of tight corners, and deciding seldom far away.
 
     Raises:
         TrafficError: SUMO refuses the scenario, or another simulation runs in this process.
     """
 
-    def __init__(self, sumocfg: Path, seed: int, step_s: float = 0.1) -> None:
+    def __init__(
+        self,
+        sumocfg: Path,
+        seed: int,
+        step_s: float = 0.1,
+        state: SavedState | None = None,
+        *,
+        as_given: bool = False,
+    ) -> None:
         self.step_s = step_s
-        self._sumo = _start(
-            [
-                "sumo",
-                *("-c", str(sumocfg)),
-                *("--seed", str(seed % 2**31)),
-                *("--step-length", str(step_s)),
-                *("--time-to-teleport", "-1"),
-                *("--lateral-resolution", str(_SUBLANE_M)),
-                *("--collision.action", "warn"),
-                *("--collision.mingap-factor", "0"),
-                "--no-step-log",
-                "--no-warnings",
-            ]
-        )
+        self._as_given = as_given
+        self._sumo = start_sumo(sumocfg, seed, step_s, state=state, sublane=not as_given)
         self._began_s = self.time_s
         constants = self._sumo.constants
         self._vehicle_variables = [
@@ -102,19 +72,26 @@ class Traffic:
             constants.VAR_SPEED,
             constants.VAR_LANE_ID,
             constants.VAR_TYPE,
+            constants.VAR_VEHICLE,
         ]
-        self._types: dict[str, _TypeInfo] = {}
+        self._users = RoadUsers(self._sumo)
         self._readings = Subscriptions(constants)
-        self._types_now: tuple[str, ...] = ()
-        self._kinds_now: tuple[str, ...] = ()
-        self._sizes_now = np.zeros((0, 3))
+        self._looks_now: tuple[tuple[str, ...], tuple[str, ...], np.ndarray] = ((), (), np.zeros((0, 3)))
         self._headings: tuple[tuple[str, ...], np.ndarray] = ((), np.zeros(0))
         self._parked: dict[str, dict] = {}
+        self._driving: set[str] = set()
+        self._walking: set[str] = set()
+        self._far: dict[str, float] = {}  # how often they decided before [s]
+        self._far_walking: set[str] = set()
+        self._near_parked: dict[str, dict] | None = None  # None: all of them
         self._arriving: set[str] = set()
         self._hidden: set[str] = set()
-        self._open: dict[str, list[str]] = {}  # vClass → edges
-        self._slow_for_corners()
+        self._routes = LongerRoutes(self._sumo)
+        if not as_given:
+            self._slow_for_corners()
         self._corners = RouteCorners(self._sumo)
+        if state is not None:
+            self._take_over()
         self._subscribe()
 
     def __enter__(self) -> Self:
@@ -145,8 +122,79 @@ class Traffic:
         """Take a vehicle out of the simulation."""
         self._sumo.vehicle.unsubscribe(vehicle)
         self._sumo.vehicle.remove(vehicle)
-        if self._parked.pop(vehicle, None) is not None:
+        self._driving.discard(vehicle)
+        self._far.pop(vehicle, None)
+        self._unpark(vehicle)
+
+    def stand(self, vehicle: str, front: np.ndarray, heading_rad: float) -> None:
+        """Let a parked vehicle stand as it should: front bumper (2,) and heading, for as long as it is parked."""
+        constants, values = self._sumo.constants, self._parked[vehicle]
+        values[constants.VAR_POSITION3D] = (float(front[0]), float(front[1]), values[constants.VAR_POSITION3D][2])
+        values[constants.VAR_ANGLE] = 90.0 - float(np.degrees(heading_rad))
+        self._readings.forget_parked()
+
+    @property
+    def far(self) -> frozenset[str]:
+        """Vehicles that drive and are left to SUMO."""
+        return frozenset(self._far)
+
+    def places(self) -> tuple[list[str], list[str], list[str], np.ndarray]:
+        """Names of all who drive, are parked, and walk, and the places of these three in this order, (n, 2) [m]."""
+        api, constants = self._sumo, self._sumo.constants
+        driving, parked = sorted(self._driving | self._far.keys()), sorted(self._parked)
+        walking = sorted(self._walking | self._far_walking)
+        places = [api.vehicle.getPosition(name) for name in driving]
+        places += [self._parked[name][constants.VAR_POSITION3D][:2] for name in parked]
+        places += [api.person.getPosition(name) for name in walking]
+        return driving, parked, walking, np.array(places, float).reshape(-1, 2)
+
+    def attend(self, driving: Collection[str], parked: Collection[str], walking: Collection[str]) -> None:
+        """Read only these from now on, and whoever enters; the others are left to SUMO as it would have them."""
+        api, wanted = self._sumo.vehicle, set(driving)
+        for vehicle in sorted(self._driving - wanted):
+            self._leave_to_sumo(vehicle)
+        for vehicle in sorted(self._far.keys() & wanted):
+            decides_s = self._far.pop(vehicle)
+            if not self._as_given:
+                api.setActionStepLength(vehicle, decides_s)
+            self._attend_vehicle(vehicle)
+        wanted = set(walking)
+        for person in sorted(self._walking - wanted):
+            self._sumo.person.unsubscribe(person)
+        for person in sorted(self._far_walking & wanted):
+            self._sumo.person.subscribe(person, self._person_variables)
+        everybody = self._walking | self._far_walking
+        self._walking, self._far_walking = everybody & wanted, everybody - wanted
+        if self._near_parked is None or self._near_parked.keys() != set(parked):
+            self._near_parked = {name: self._parked[name] for name in parked}
             self._readings.forget_parked()
+
+    def distant(self) -> Actors:
+        """All who are not read step by step, as SUMO has them now; they have no yaw rates."""
+        api, constants = self._sumo, self._sumo.constants
+        vehicle, person = api.vehicle, api.person
+        far, walking = sorted(self._far), sorted(self._far_walking)
+        near = self._parked if self._near_parked is None else self._near_parked
+        parked = {name: self._parked[name] for name in sorted(self._parked.keys() - near.keys())}
+        getters = {
+            constants.VAR_POSITION3D: "getPosition3D",
+            constants.VAR_ANGLE: "getAngle",
+            constants.VAR_SPEED: "getSpeed",
+            constants.VAR_ACCELERATION: "getAcceleration",
+            constants.VAR_LANE_ID: "getLaneID",
+            constants.VAR_LANEPOSITION: "getLanePosition",
+            constants.VAR_SIGNALS: "getSignals",
+            constants.VAR_TYPE: "getTypeID",
+            constants.VAR_VEHICLE: "getVehicle",
+        }
+        asked = [(variable, getattr(vehicle, getters[variable])) for variable in self._vehicle_variables]
+        vehicles = {name: {variable: get(name) for variable, get in asked} for name in far}
+        asked = [(variable, getattr(person, getters[variable])) for variable in self._person_variables]
+        persons = {name: {variable: get(name) for variable, get in asked} for name in walking}
+        readings = Subscriptions(constants)
+        readings.read(vehicles, self._outside(persons), parked)
+        heading = np.radians(90.0 - readings.angle_deg)
+        return self._actors(readings, heading, np.zeros(len(heading)), *self._users.looks(readings.types))
 
     def advance(self, steps: int) -> Actors:
         """Go on by some steps and read everyone as SUMO has them.
@@ -172,78 +220,80 @@ class Traffic:
         self._rest()
         return self._read()
 
-    def draw_ego(self, actors: Actors, rng: np.random.Generator) -> str:
-        """The id of a car to ride in: one that drives, drawn at random.
-
-        Raises:
-            TrafficError: no car drives.
-        """
-        driving = [
-            vehicle
-            for vehicle, kind, lane in zip(actors.ids, actors.kinds, actors.lanes, strict=True)
-            if kind == "car" and lane and not self._sumo.vehicle.getStops(vehicle, 1)
-        ]
-        moving = [vehicle for vehicle in driving if actors.speed_mps[actors.ids.index(vehicle)] > 1.0]
-        if not driving:
-            raise TrafficError(f"no car drives after {actors.time_s:.0f} s; lengthen warm_up_s or add traffic")
-        return str(rng.choice(sorted(moving or driving)))
-
     def prolong_route(self, vehicle: str, rng: np.random.Generator) -> None:
         """Give a vehicle that nears its destination another one, so that it keeps driving."""
-        api = self._sumo.vehicle
-        route = api.getRoute(vehicle)
-        if len(route) - api.getRouteIndex(vehicle) > _FEW_EDGES_LEFT:
-            return
-        vehicle_class, vtype = api.getVehicleClass(vehicle), _shared_type(api.getTypeID(vehicle))
-        edges = self._open_edges(vehicle_class)
-        for number in range(_TRIES_TO_EXTEND):
-            way = self._sumo.simulation.findRoute(route[-1], str(rng.choice(edges)), vtype).edges
-            if len(way) > _FEW_EDGES_LEFT and (number >= _TRIES_STRAIGHT_ON or not self._turns_back(way)):
-                api.setRoute(vehicle, [*route[api.getRouteIndex(vehicle) :], *way[1:]])
-                return
-
-    def _open_edges(self, vehicle_class: str) -> list[str]:
-        """Edges with a lane that a vClass may use; sidewalks are lanes too."""
-        if vehicle_class not in self._open:
-            api = self._sumo
-            closed = api.lane.getDisallowed
-            self._open[vehicle_class] = [
-                edge
-                for edge in sorted(api.edge.getIDList())
-                if not edge.startswith(":")
-                and any(vehicle_class not in closed(f"{edge}_{i}") for i in range(api.edge.getLaneNumber(edge)))
-            ]
-        return self._open[vehicle_class]
-
-    def _turns_back(self, way: Sequence[str]) -> bool:
-        """Whether a way goes back somewhere on the street it came on."""
-        api = self._sumo.edge
-        return any(api.getFromJunction(one) == api.getToJunction(other) for one, other in pairwise(way))
+        self._routes.prolong(vehicle, rng)
 
     def _subscribe(self) -> None:
         """Subscribe to whoever has just entered or leaves his parking place."""
         for vehicle in self._sumo.simulation.getDepartedIDList():
-            if vehicle not in self._hidden:
-                self._corners.fit(vehicle)
+            if vehicle not in self._hidden and self._users.shows(self._sumo.vehicle, vehicle):
+                if not self._as_given:
+                    self._corners.fit(vehicle)
                 if self._begins_parked(vehicle):
                     self._arriving.add(vehicle)
                     continue
-                self._sumo.vehicle.subscribe(vehicle, self._vehicle_variables)
-                for name, value in _CHANGES_LANE.items():
-                    self._sumo.vehicle.setParameter(vehicle, f"laneChangeModel.{name}", value)
+                self._enter(vehicle)
         for vehicle in self._sumo.simulation.getParkingEndingVehiclesIDList():
-            if self._parked.pop(vehicle, None) is not None:
-                self._readings.forget_parked()
-                self._sumo.vehicle.subscribe(vehicle, self._vehicle_variables)
+            if self._unpark(vehicle):
+                self._attend_vehicle(vehicle)
+        for vehicle in self._sumo.simulation.getArrivedIDList():
+            self._driving.discard(vehicle)
+            self._far.pop(vehicle, None)
         for person in self._sumo.simulation.getDepartedPersonIDList():
-            self._sumo.person.subscribe(person, self._person_variables)
+            if self._users.shows(self._sumo.person, person):
+                self._attend_person(person)
+        for person in self._sumo.simulation.getArrivedPersonIDList():
+            self._walking.discard(person)
+            self._far_walking.discard(person)
+
+    def _take_over(self) -> None:
+        """Subscribe to those whom a saved state holds."""
+        api = self._sumo
+        for vehicle in sorted(api.vehicle.getIDList()):
+            if not self._users.shows(api.vehicle, vehicle):
+                continue
+            if not self._as_given:
+                self._corners.fit(vehicle)
+            self._enter(vehicle)
+            if api.vehicle.isStoppedParking(vehicle):
+                self._park(vehicle, {**api.vehicle.getSubscriptionResults(vehicle), **self._still})
+        for person in sorted(api.person.getIDList()):
+            if self._users.shows(api.person, person):
+                self._attend_person(person)
+
+    def _enter(self, vehicle: str) -> None:
+        self._attend_vehicle(vehicle)
+        for name, value in () if self._as_given else _CHANGES_LANE.items():
+            self._sumo.vehicle.setParameter(vehicle, f"laneChangeModel.{name}", value)
+
+    def _attend_vehicle(self, vehicle: str) -> None:
+        self._sumo.vehicle.subscribe(vehicle, self._vehicle_variables)
+        self._driving.add(vehicle)
+
+    def _attend_person(self, person: str) -> None:
+        self._sumo.person.subscribe(person, self._person_variables)
+        self._walking.add(person)
+
+    def _leave_to_sumo(self, vehicle: str) -> None:
+        """Whatever was asked of a vehicle is taken back."""
+        api = self._sumo.vehicle
+        api.unsubscribe(vehicle)
+        api.setSpeed(vehicle, -1)
+        api.setSpeedMode(vehicle, _CAREFUL)
+        decides_s = api.getActionStepLength(vehicle)
+        if not self._as_given:
+            api.setSpeedFactor(vehicle, 1.0)
+            api.setActionStepLength(vehicle, max(_FAR_DECIDES_S, self.step_s))
+        self._driving.discard(vehicle)
+        self._far[vehicle] = decides_s
 
     def _slow_for_corners(self) -> None:
         """Limit lanes to what their bends allow: SUMO takes corners at 5.5 m/s² sideways, and faster."""
         api = self._sumo.lane
         for lane in api.getIDList():
             comfortable = corner_speed(np.array(api.getShape(lane)))
-            if comfortable < api.getMaxSpeed(lane) and not _on_foot(api.getAllowed(lane)):
+            if comfortable < api.getMaxSpeed(lane) and tuple(api.getAllowed(lane)) != ("pedestrian",):
                 api.setMaxSpeed(lane, comfortable)
 
     def _begins_parked(self, vehicle: str) -> bool:
@@ -253,49 +303,84 @@ class Traffic:
             return False
         return abs(stops[0].endPos - api.getLanePosition(vehicle)) < _NEAR_STOP_M
 
+    @property
+    def _still(self) -> dict[int, float]:
+        constants = self._sumo.constants
+        return {constants.VAR_SPEED: 0.0, constants.VAR_ACCELERATION: 0.0}
+
     def _rest(self) -> None:
         """Read those who have just parked a last time: they stand still, and most road users are they."""
-        constants, api = self._sumo.constants, self._sumo.vehicle
-        still = {constants.VAR_SPEED: 0.0, constants.VAR_ACCELERATION: 0.0}
+        api = self._sumo.vehicle
         for vehicle in self._sumo.simulation.getParkingStartingVehiclesIDList():
+            if vehicle in self._far:
+                api.subscribe(vehicle, self._vehicle_variables)
             values = {} if vehicle in self._arriving else api.getSubscriptionResults(vehicle)
             if values:
-                self._park(vehicle, {**values, **still})
+                self._park(vehicle, {**values, **self._still})
         if self._arriving and self.time_s > self._began_s + _PARKED_FROM_S:
             for vehicle in sorted(self._arriving):
-                api.subscribe(vehicle, self._vehicle_variables)
+                self._attend_vehicle(vehicle)
                 if api.isStoppedParking(vehicle):
-                    self._park(vehicle, {**api.getSubscriptionResults(vehicle), **still})
+                    self._park(vehicle, {**api.getSubscriptionResults(vehicle), **self._still})
             self._arriving.clear()
 
     def _park(self, vehicle: str, values: dict) -> None:
         self._parked[vehicle] = values
+        if self._near_parked is not None:
+            self._near_parked[vehicle] = values
         self._readings.forget_parked()
         self._sumo.vehicle.unsubscribe(vehicle)
+        self._driving.discard(vehicle)
+        self._far.pop(vehicle, None)
+
+    def _unpark(self, vehicle: str) -> bool:
+        """Count a vehicle to the parked no more; whether it was one."""
+        if self._parked.pop(vehicle, None) is None:
+            return False
+        if self._near_parked is not None:
+            self._near_parked.pop(vehicle, None)
+        self._readings.forget_parked()
+        return True
 
     def _read(self) -> Actors:
         sumo, now = self._sumo, self._readings
         vehicles, persons = sumo.vehicle.getAllSubscriptionResults(), sumo.person.getAllSubscriptionResults()
-        if now.read(vehicles, persons, self._parked):
-            self._types_now = tuple(_shared_type(name) for name in now.types)
-            infos = [self._type(name) for name in self._types_now]
-            self._kinds_now = tuple(info.kind for info in infos)
-            self._sizes_now = np.array([info.size for info in infos], float).reshape(-1, 3)
+        persons = self._outside(persons)
+        if now.read(vehicles, persons, self._parked if self._near_parked is None else self._near_parked):
+            self._looks_now = self._users.looks(now.types)
         heading = np.radians(90.0 - now.angle_deg)
         turned = np.angle(np.exp(1j * (heading - self._headings_before(now.ids, heading))))
         self._headings = now.ids, heading
+        return self._actors(now, heading, turned / self.step_s, *self._looks_now)
+
+    def _outside(self, persons: Mapping[str, dict]) -> Mapping[str, dict]:
+        """Values of persons without those who ride: they are within a body."""
+        vehicle = self._sumo.constants.VAR_VEHICLE
+        if not any(values[vehicle] for values in persons.values()):
+            return persons
+        return {name: values for name, values in persons.items() if not values[vehicle]}
+
+    def _actors(
+        self,
+        now: Subscriptions,
+        heading: np.ndarray,
+        yaw_rate: np.ndarray,
+        types: tuple[str, ...],
+        kinds: tuple[str, ...],
+        sizes: np.ndarray,
+    ) -> Actors:
         return Actors(
             time_s=self.time_s,
             ids=now.ids,
-            types=self._types_now,
-            kinds=self._kinds_now,
+            types=types,
+            kinds=kinds,
             lanes=tuple(now.lanes),
             front=now.front.copy(),
             heading_rad=np.angle(np.exp(1j * heading)),
             speed_mps=now.numbers["speed_mps"].copy(),
             acceleration_mps2=now.numbers["acceleration_mps2"].copy(),
-            yaw_rate_radps=turned / self.step_s,
-            size=self._sizes_now,
+            yaw_rate_radps=yaw_rate,
+            size=sizes,
             signals=now.numbers["signals"].astype(np.int64),
             lane_position_m=now.numbers["lane_position_m"].copy(),
             parked=now.parked.copy(),
@@ -311,60 +396,3 @@ class Traffic:
             return before
         known = dict(zip(names, before.tolist(), strict=True))
         return np.array([known.get(name, angle) for name, angle in zip(ids, heading.tolist(), strict=True)], float)
-
-    def _type(self, name: str) -> _TypeInfo:
-        if name not in self._types:
-            api = self._sumo.vehicletype
-            vehicle_class = api.getVehicleClass(name)
-            if vehicle_class not in KIND_OF_CLASS:
-                known = ", ".join(sorted(KIND_OF_CLASS))
-                raise TrafficError(f"vType {name!r} has vClass {vehicle_class!r}; cosim shows only {known}")
-            size = (api.getLength(name), api.getWidth(name), api.getHeight(name))
-            self._types[name] = _TypeInfo(KIND_OF_CLASS[vehicle_class], size)
-        return self._types[name]
-
-
-def _shared_type(name: str) -> str:
-    """The vType that SUMO made a single vehicle's own type from."""
-    return name.partition("@")[0]
-
-
-def _on_foot(allowed: Sequence[str]) -> bool:
-    return tuple(allowed) == ("pedestrian",)
-
-
-def _start(command: list[str]) -> ModuleType:
-    """Start libsumo; what it complains of becomes the error's line instead of noise on the terminal."""
-    try:
-        import libsumo
-    except ImportError as error:
-        raise TrafficError(f"SUMO's library cannot be loaded: {error}; run `sh tools/setup.sh`") from error
-
-    if libsumo.simulation.isLoaded():
-        raise TrafficError("a SUMO simulation already runs in this process; close it first or use another process")
-    with _captured_stderr() as complaints:
-        try:
-            libsumo.start(command)
-        except (libsumo.TraCIException, libsumo.FatalTraCIError, RuntimeError) as error:
-            lines = [line.strip() for line in complaints().splitlines() if line.strip()]
-            errors = [line for line in lines if line.startswith("Error")] or lines or [str(error)]
-            raise TrafficError(f"SUMO refuses {command[2]}: {errors[0].removeprefix('Error: ')}") from error
-    return libsumo
-
-
-@contextlib.contextmanager
-def _captured_stderr() -> Iterator:
-    """Collect what native code writes to the standard error stream."""
-    with tempfile.TemporaryFile() as sink:
-        kept = os.dup(2)
-        os.dup2(sink.fileno(), 2)
-
-        def text() -> str:
-            sink.seek(0)
-            return sink.read().decode(errors="replace")
-
-        try:
-            yield text
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)

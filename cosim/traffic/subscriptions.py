@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from operator import itemgetter
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 _Values = Mapping[int, Any]
+_NUMBERS = ("speed_mps", "acceleration_mps2", "lane_position_m", "signals")
 
 
 class Subscriptions:
@@ -31,14 +33,11 @@ class Subscriptions:
     """
 
     def __init__(self, constants: ModuleType) -> None:
-        self._place, self._angle = constants.VAR_POSITION3D, constants.VAR_ANGLE
         self._lane, self._type = constants.VAR_LANE_ID, constants.VAR_TYPE
-        self._number = {
-            "speed_mps": constants.VAR_SPEED,
-            "acceleration_mps2": constants.VAR_ACCELERATION,
-            "lane_position_m": constants.VAR_LANEPOSITION,
-            "signals": constants.VAR_SIGNALS,
-        }
+        common = (constants.VAR_POSITION3D, constants.VAR_ANGLE, constants.VAR_SPEED)
+        driven = (constants.VAR_ACCELERATION, constants.VAR_LANEPOSITION, constants.VAR_SIGNALS)
+        self._of_person = itemgetter(*common)
+        self._of_vehicle = itemgetter(*common, *driven)
         self._stale = True
         self._lively: tuple[list[str], list[str]] = ([], [])
         self._rows = np.zeros(0, int)
@@ -46,7 +45,7 @@ class Subscriptions:
         self.types: tuple[str, ...] = ()
         self.lanes: list[str] = []
         self.front, self.angle_deg = np.zeros((0, 3)), np.zeros(0)
-        self.numbers: dict[str, np.ndarray] = {name: np.zeros(0) for name in self._number}
+        self.numbers: dict[str, np.ndarray] = {name: np.zeros(0) for name in _NUMBERS}
         self.parked = np.zeros(0, bool)
 
     def forget_parked(self) -> None:
@@ -66,12 +65,14 @@ class Subscriptions:
         if self._stale or len(vehicles) != len(known_vehicles) or len(persons) != len(known_persons):
             return self._read_all(vehicles, persons, parked)
         try:
-            values = [vehicles[name] for name in known_vehicles] + [persons[name] for name in known_persons]
+            driven = [vehicles[name] for name in known_vehicles]
+            walking = [persons[name] for name in known_persons]
         except KeyError:
             return self._read_all(vehicles, persons, parked)
-        self._fill(self._rows, values)
-        for row, one in zip(self._rows.tolist(), values, strict=True):
-            self.lanes[row] = one[self._lane]
+        self._fill(self._rows, driven, walking)
+        lane = self._lane
+        for row, one in zip(self._rows.tolist(), [*driven, *walking], strict=True):
+            self.lanes[row] = one[lane]
         return False
 
     def _read_all(
@@ -79,14 +80,16 @@ class Subscriptions:
     ) -> bool:
         driven = sorted(vehicles.keys() | parked.keys())
         walking = sorted(persons)
-        values = [parked.get(name) or vehicles[name] for name in driven] + [persons[name] for name in walking]
+        moved = [parked.get(name) or vehicles[name] for name in driven]
+        walked = [persons[name] for name in walking]
+        values = [*moved, *walked]
         before, self.ids = self.ids, (*driven, *walking)
         self.types = tuple(one[self._type] for one in values)
         self.lanes = [one[self._lane] for one in values]
         n = len(values)
         self.front, self.angle_deg = np.zeros((n, 3)), np.zeros(n)
-        self.numbers = {name: np.zeros(n) for name in self._number}
-        self._fill(np.arange(n), values)
+        self.numbers = {name: np.zeros(n) for name in _NUMBERS}
+        self._fill(np.arange(n), moved, walked)
         self.parked = np.array([name in parked for name in self.ids], bool)
         # Names that are both subscribed and parked make the lists of names differ in length, so they are read anew.
         self._lively = [name for name in driven if name not in parked], walking
@@ -94,10 +97,18 @@ class Subscriptions:
         self._stale = False
         return self.ids != before
 
-    def _fill(self, rows: np.ndarray, values: Sequence[_Values]) -> None:
+    def _fill(self, rows: np.ndarray, driven: Sequence[_Values], walking: Sequence[_Values]) -> None:
+        """Take values of vehicles, and then of persons, into some rows."""
+        place, angle, speed, *more = self._columns(self._of_vehicle, driven, 6)
+        on_foot = self._columns(self._of_person, walking, 3)
         if not len(rows):
             return
-        self.front[rows] = [one[self._place] for one in values]
-        self.angle_deg[rows] = [one[self._angle] for one in values]
-        for name, variable in self._number.items():
-            self.numbers[name][rows] = [one.get(variable, 0.0) for one in values]
+        self.front[rows] = [*place, *on_foot[0]]
+        self.angle_deg[rows] = [*angle, *on_foot[1]]
+        self.numbers["speed_mps"][rows] = [*speed, *on_foot[2]]
+        for name, column in zip(_NUMBERS[1:], more, strict=True):
+            self.numbers[name][rows[: len(driven)]] = column
+
+    @staticmethod
+    def _columns(getter: Callable[[_Values], tuple], values: Sequence[_Values], count: int) -> list[tuple]:
+        return list(zip(*map(getter, values), strict=True)) if values else [()] * count

@@ -9,7 +9,7 @@ import numpy as np
 from cosim.view.colours import BACKGROUND, MUTED, Scale
 from cosim.view.drawing import draw_colour_bar, draw_path, draw_text
 
-_MARGIN_PX = 30
+MARGIN_PX = 30
 _FOOTER_PX = 100
 
 
@@ -67,11 +67,11 @@ def draw_range_image(cells: np.ndarray, values: np.ndarray, scale: Scale, stretc
     there = cells >= 0
     picture[there] = scale.colours(values[cells[there]])
     height = rings * stretch
-    image = np.full((height + _FOOTER_PX + _MARGIN_PX, columns + 2 * _MARGIN_PX, 3), BACKGROUND, np.uint8)
-    image[_MARGIN_PX : _MARGIN_PX + height, _MARGIN_PX:-_MARGIN_PX] = np.repeat(picture, stretch, axis=0)
+    image = np.full((height + _FOOTER_PX + MARGIN_PX, columns + 2 * MARGIN_PX, 3), BACKGROUND, np.uint8)
+    image[MARGIN_PX : MARGIN_PX + height, MARGIN_PX:-MARGIN_PX] = np.repeat(picture, stretch, axis=0)
     for degrees in range(-180, 181, 45):
-        x = _MARGIN_PX + (180 - degrees) / 360 * columns
-        bottom = _MARGIN_PX + height
+        x = MARGIN_PX + (180 - degrees) / 360 * columns
+        bottom = MARGIN_PX + height
         draw_path(image, np.array([[x, bottom], [x, bottom + 6]]), MUTED)
         side = {0: " front", 90: " left", -90: " right"}.get(degrees, "")
         draw_text(
@@ -82,7 +82,7 @@ def draw_range_image(cells: np.ndarray, values: np.ndarray, scale: Scale, stretc
             MUTED,
             (min(1, max(0, (180 - degrees) / 360)), 0),
         )
-    draw_text(image, f"rows: ring 0 on top to ring {rings - 1}", (_MARGIN_PX, 8), 13, MUTED)
+    draw_text(image, f"rows: ring 0 on top to ring {rings - 1}", (MARGIN_PX, 8), 13, MUTED)
     width = min(600, columns)
-    draw_colour_bar(image, scale, (_MARGIN_PX + columns - width, height + _MARGIN_PX + 58), (width, 15))
+    draw_colour_bar(image, scale, (MARGIN_PX + columns - width, height + MARGIN_PX + 58), (width, 15))
     return image

@@ -32,6 +32,9 @@ def select_backend(name: str) -> None:
     if not any(_loads(file) for file in files):
         raise CameraError(f"backend {name!r} needs {files[0]}, which is not installed: {remedy}")
     os.environ["PYOPENGL_PLATFORM"] = name
+    import OpenGL
+
+    OpenGL.ERROR_CHECKING = False  # after every call it takes as long as the call; a pass checks once, at its end
     # software Mesa draws in the calling thread: worker processes already fill the cores
     os.environ.setdefault("LP_NUM_THREADS", "0")
 

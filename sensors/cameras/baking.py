@@ -1,12 +1,17 @@
-"""Shade on the static world that never changes: the sun's shadow and the share of sky, by vertex."""
+"""Shade that never changes: the sun's shadow and the share of sky, by vertex."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
 from assets.mesh import Mesh
 from sensors.bvh import Bvh
 from sensors.cameras.light import Light
+
+Shade = Callable[[np.ndarray], np.ndarray]
+"""Gives the share of sun and of sky, (k, 2) float32 from 0 to 1, at rows (k,) of a world's vertices."""
 
 _WORLD_LIFT_M, _MODEL_LIFT_M = 0.05, 0.01  # rays start this far off the surface
 _SUN_REACH_M = 150.0
@@ -16,8 +21,8 @@ _MODEL_RINGS = ((35.0, 6), (65.0, 10))
 _DARKEST = 0.25  # light that reaches the deepest hollow by reflection
 
 
-def bake_sun_shadows(mesh: Mesh, light: Light, bvh: Bvh | None = None) -> np.ndarray:
-    """Share of sun and of sky at each vertex, (n, 2) float32, for `CameraRenderer`'s `static_shade`.
+class SunShadows:
+    """Share of sun and of sky at vertices of a static world, found when it is asked for.
 
     The sun is seen or not; the sky is seen along a few rays around the vertex's normal, so hollows darken.
 
@@ -26,13 +31,20 @@ def bake_sun_shadows(mesh: Mesh, light: Light, bvh: Bvh | None = None) -> np.nda
         light: gives the sun's direction.
         bvh: the mesh's own hierarchy where one exists already; building one takes longer than the rays.
     """
-    bvh = bvh or Bvh(mesh)
-    normal = _vertex_normals(mesh)
-    origin = mesh.vertices + _WORLD_LIFT_M * normal
-    sun = np.array(light.sun_direction, np.float32)
-    sunlit = ~_blocked(bvh, origin, np.broadcast_to(sun, origin.shape), _SUN_REACH_M)
-    sky = _sky_share(bvh, origin, normal, _WORLD_RINGS, _WORLD_SKY_REACH_M)
-    return np.stack([sunlit.astype(np.float32), sky], 1)
+
+    def __init__(self, mesh: Mesh, light: Light, bvh: Bvh | None = None) -> None:
+        self._vertices = mesh.vertices
+        self._normal = vertex_normals(mesh)
+        self._sun = np.array(light.sun_direction, np.float32)
+        self._bvh = bvh or Bvh(mesh)
+
+    def __call__(self, rows: np.ndarray) -> np.ndarray:
+        """Sun and sky, (k, 2) float32, 0–1, at some rows (k,) of the vertices."""
+        normal = self._normal[rows]
+        origin = self._vertices[rows] + _WORLD_LIFT_M * normal
+        sunlit = ~_blocked(self._bvh, origin, np.broadcast_to(self._sun, origin.shape), _SUN_REACH_M)
+        sky = _sky_share(self._bvh, origin, normal, _WORLD_RINGS, _WORLD_SKY_REACH_M)
+        return np.stack([sunlit.astype(np.float32), sky], 1)
 
 
 def bake_hollows(mesh: Mesh) -> np.ndarray:
@@ -44,7 +56,7 @@ def bake_hollows(mesh: Mesh) -> np.ndarray:
     (x0, y0), (x1, y1) = low[:2] - 2, high[:2] + 2
     corners = np.array([(x0, y0, 0), (x1, y0, 0), (x1, y1, 0), (x0, y1, 0)])
     floor = Mesh.of(corners, np.array([(0, 1, 2), (0, 2, 3)]), "asphalt")
-    normal = _vertex_normals(mesh)
+    normal = vertex_normals(mesh)
     origin = mesh.vertices + _MODEL_LIFT_M * normal
     sky = _sky_share(Bvh(Mesh.merge([mesh, floor])), origin, normal, _MODEL_RINGS, _MODEL_SKY_REACH_M)
     sky = _spread(mesh, sky[mesh.faces].mean(1, keepdims=True))[:, 0]
@@ -74,7 +86,7 @@ def _spread(mesh: Mesh, values: np.ndarray) -> np.ndarray:
     return np.stack(total, 1) / np.maximum(np.bincount(corners, minlength=count), 1)[:, None]
 
 
-def _vertex_normals(mesh: Mesh) -> np.ndarray:
+def vertex_normals(mesh: Mesh) -> np.ndarray:
     """Mean of the adjoining faces' unit normals, (n, 3) float32 of unit length; up where they cancel."""
     mean = _spread(mesh, mesh.normals)
     length = np.linalg.norm(mean, axis=1, keepdims=True)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from OpenGL import GL
 from OpenGL.error import GLError
 
 from sensors.cameras import windowless  # noqa: F401 — before pyrender
@@ -15,6 +18,38 @@ from pyrender import OffscreenRenderer, Renderer  # isort: skip
 from pyrender.shader_program import ShaderProgram, ShaderProgramCache  # isort: skip
 
 SHADER_DIR = Path(__file__).parent / "shaders"
+
+
+class Program:
+    """A linked program that keeps its uniforms' places and values: setting what is set already costs nothing."""
+
+    def __init__(self, linked: ShaderProgram) -> None:
+        self._linked = linked
+        self._places: dict[str, int] = {}
+        self._values: dict[str, bytes] = {}
+
+    def use(self) -> None:
+        """Draw with it from now on."""
+        GL.glUseProgram(self._linked._program_id)
+
+    def set(self, **values: np.ndarray | float) -> None:
+        """Set uniforms of the program in use: numbers, vectors (3,) and matrices (3, 3) or (4, 4)."""
+        for name, value in values.items():
+            array = np.array(value, np.float32, order="C")
+            if self._values.get(name) == (data := array.tobytes()):
+                continue
+            self._values[name] = data
+            if name not in self._places:
+                self._places[name] = GL.glGetUniformLocation(self._linked._program_id, name)
+            _SETTERS[array.shape](self._places[name], array)
+
+
+_SETTERS: dict[tuple[int, ...], Callable[[int, np.ndarray], None]] = {
+    (): lambda place, value: GL.glUniform1f(place, float(value)),
+    (3,): lambda place, value: GL.glUniform3fv(place, 1, value),
+    (3, 3): lambda place, value: GL.glUniformMatrix3fv(place, 1, GL.GL_TRUE, value),
+    (4, 4): lambda place, value: GL.glUniformMatrix4fv(place, 1, GL.GL_TRUE, value),
+}
 
 
 class SteadyProgramCache(ShaderProgramCache):
@@ -81,6 +116,13 @@ class OffscreenContext(OffscreenRenderer):
 
     programs: SteadyProgramCache
 
+    def program(self, vertex_shader: str, fragment_shader: str, **defines: int) -> Program:
+        """The program of two shader files, linked when first asked for."""
+        key = (vertex_shader, fragment_shader, *sorted(defines.items()))
+        if key not in self._own:
+            self._own[key] = Program(self.programs.get_program(vertex_shader, fragment_shader, defines=defines))
+        return self._own[key]
+
     def make_current(self) -> None:
         """Direct this thread's OpenGL calls to this context."""
         platform: Any = self._platform
@@ -88,6 +130,7 @@ class OffscreenContext(OffscreenRenderer):
 
     def _create(self) -> None:
         super()._create()
+        self._own: dict[tuple, Program] = {}
         renderer = _Programs(self.viewport_width, self.viewport_height)
         self._renderer = renderer
         self.programs = renderer._program_cache

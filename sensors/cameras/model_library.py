@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from assets.mesh import Mesh
-from sensors.cameras.buffers import InstanceBuffer, MeshBuffer, back_faces
+from sensors.cameras.buffers import GrowingBuffer, InstanceBuffer, back_faces
 from sensors.cameras.detail import CELLS_M, coarsened, level_of
 from sensors.cameras.occlusion import box_corners
 from sensors.cameras.packed_model import PackedModel, pack_model
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    buffer: MeshBuffer
-    closed: slice  # faces of closed surfaces
-    rest: slice  # all other faces
+    first: int  # face in the buffer; those of closed surfaces come first
+    n_closed: int
+    n_faces: int
 
 
 class ModelLibrary:
@@ -41,6 +41,7 @@ class ModelLibrary:
         self._models: dict[tuple[str, int], _Model] = {}
         self._bounds: dict[str, np.ndarray] = {}
         self._instances = InstanceBuffer()
+        self._buffer = GrowingBuffer(self._instances)
         self._boxed: tuple[Instances, np.ndarray] | None = None
 
     def in_view(self, instances: Instances, planes: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -85,16 +86,15 @@ class ModelLibrary:
         kinds = [(instances.models[row], level) for row, level in zip(rows, levels, strict=True)]
         order = sorted(range(len(kinds)), key=kinds.__getitem__)
         self._instances.fill(matrices[order])
-        groups, start = [], 0
+        closed, rest, start = [], [], 0
         for kind, members in groupby(order, key=kinds.__getitem__):
-            stop = start + len(list(members))
-            groups.append((self._model(*kind), slice(start, stop)))
-            start = stop
+            model, count = self._model(*kind), len(list(members))
+            closed.append((model.first, model.n_closed, start, count))
+            rest.append((model.first + model.n_closed, model.n_faces - model.n_closed, start, count))
+            start += count
         with back_faces(drawn=False):
-            for model, members in groups:
-                model.buffer.draw_instances(model.closed, members)
-        for model, members in groups:
-            model.buffer.draw_instances(model.rest, members)
+            self._buffer.draw_instances(np.array(closed))
+        self._buffer.draw_instances(np.array(rest))
 
     def _box(self, name: str) -> np.ndarray:
         if name not in self._bounds:
@@ -106,10 +106,8 @@ class ModelLibrary:
         if key not in self._models:
             if key not in self._packed:
                 self._packed[key] = pack_model(coarsened(self._load(name), CELLS_M[level]))
-            mesh, n_closed = self._packed[key].mesh, self._packed[key].n_closed
-            self._models[key] = _Model(
-                MeshBuffer(mesh, self._instances), slice(0, n_closed), slice(n_closed, len(mesh.faces))
-            )
+            packed = self._packed[key]
+            self._models[key] = _Model(self._buffer.add(packed.mesh), packed.n_closed, len(packed.mesh.faces))
         return self._models[key]
 
 

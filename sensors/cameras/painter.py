@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
 from OpenGL import GL
 
 from assets.mesh import Mesh
-from sensors.cameras.context import ShaderProgram, open_context
+from sensors.cameras.baking import Shade
+from sensors.cameras.context import Program, open_context
+from sensors.cameras.images import Content
 from sensors.cameras.light import Light
 from sensors.cameras.model_library import ModelLibrary
 from sensors.cameras.occlusion import Horizon, box_corners
@@ -17,6 +19,7 @@ from sensors.cameras.packed_model import PackedModel
 from sensors.cameras.projection import View
 from sensors.cameras.static_world import StaticWorld
 from sensors.cameras.target import RenderTarget
+from sensors.cameras.tiles import Tiles
 
 if TYPE_CHECKING:
     from sensors.scene import Instances
@@ -31,23 +34,26 @@ class Painter:
 
     def __init__(
         self,
-        static: Mesh,
         load: Callable[[str], Mesh],
-        light: Light,
         width: int,
         height: int,
-        static_shade: np.ndarray | None,
         packed: dict[tuple[str, int], PackedModel],
     ) -> None:
-        self._light = light
+        self._light = Light()
         self._context = open_context(width, height)
         self._target = RenderTarget(width, height)
-        self._static = StaticWorld(static, static_shade)
+        self._static = StaticWorld(Tiles.of(Mesh.empty()), None)
         self._models = ModelLibrary(load, packed)
         self._nothing = GL.glGenVertexArrays(1)
 
-    def paint(self, view: View, instances: Instances) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Draw everything and read it back: RGBA, instance number, near / depth, each (h, w, …).
+    def enter(self, tiles: Tiles, light: Light, shade: Shade | None) -> None:
+        """Draw another static world, or the same in another light, from now on."""
+        self._context.make_current()
+        self._static.close()
+        self._light, self._static = light, StaticWorld(tiles, shade)
+
+    def paint(self, view: View, instances: Instances, wanted: Collection[Content]) -> dict[Content, np.ndarray]:
+        """Draw everything and read back what is wanted, as `RenderTarget.read` gives it.
 
         What is near goes first; of the rest, only what it does not hide.
         """
@@ -65,7 +71,7 @@ class Painter:
             self._draw_static(view, far[~horizon.hides(box_corners(self._static.tiles.bounds[far]))])
             self._draw_instances(view, instances, actors[~horizon.hides(corners)])
         self._draw_sky(view)
-        return self._target.read()
+        return self._target.read(wanted)
 
     def close(self) -> None:
         """Destroy the context and all it holds."""
@@ -74,10 +80,11 @@ class Painter:
     def _draw_static(self, view: View, tiles: np.ndarray) -> None:
         if not len(tiles):
             return
-        program = self._surface_program(view)
-        program.set_uniform("view", view.camera_from_world[:3, :3])
-        program.set_uniform("eye", view.eye)
-        program.set_uniform("eye_rest", view.eye - view.eye.astype(np.float32))
+        self._surface_program(view).set(
+            view=view.camera_from_world[:3, :3],
+            eye=view.eye,
+            eye_rest=view.eye - view.eye.astype(np.float32),
+        )
         self._static.draw(tiles)
 
     def _draw_instances(self, view: View, instances: Instances, rows: np.ndarray) -> None:
@@ -85,28 +92,32 @@ class Painter:
             self._surface_program(view, INSTANCED=1)
             self._models.draw(instances, rows, view)
 
-    def _surface_program(self, view: View, **defines: int) -> ShaderProgram:
+    def _surface_program(self, view: View, **defines: int) -> Program:
         light, rotation = self._light, view.camera_from_world[:3, :3]
-        program = self._context.programs.get_program("surface.vert", "surface.frag", defines=defines)
-        program._bind()
-        program.set_uniform("clip", view.clip)
-        program.set_uniform("sun", rotation @ np.array(light.sun_direction))
-        program.set_uniform("up", rotation[:, 2].copy())
-        program.set_uniform("sun_rgb", np.array(light.sun_rgb) * light.exposure)
-        program.set_uniform("sky_rgb", np.array(light.sky_rgb) * light.exposure)
-        program.set_uniform("ground_rgb", np.array(light.ground_rgb) * light.exposure)
-        program.set_uniform("haze_rgb", np.array(light.horizon_rgb) * light.exposure)
-        program.set_uniform("haze_per_m", float(light.haze_per_m))
+        program = self._context.program("surface.vert", "surface.frag", **defines)
+        program.use()
+        program.set(
+            clip=view.clip,
+            sun=rotation @ np.array(light.sun_direction),
+            up=rotation[:, 2],
+            sun_rgb=np.array(light.sun_rgb) * light.exposure,
+            sky_rgb=np.array(light.sky_rgb) * light.exposure,
+            ground_rgb=np.array(light.ground_rgb) * light.exposure,
+            haze_rgb=np.array(light.horizon_rgb) * light.exposure,
+            haze_per_m=light.haze_per_m,
+        )
         return program
 
     def _draw_sky(self, view: View) -> None:
         light = self._light
-        program = self._context.programs.get_program("sky.vert", "sky.frag")
-        program._bind()
-        program.set_uniform("ray", np.linalg.inv(view.clip[[0, 1, 3], :3]))
-        program.set_uniform("up", view.camera_from_world[:3, 2].copy())
-        program.set_uniform("zenith_rgb", np.array(light.zenith_rgb) * light.exposure)
-        program.set_uniform("horizon_rgb", np.array(light.horizon_rgb) * light.exposure)
+        program = self._context.program("sky.vert", "sky.frag")
+        program.use()
+        program.set(
+            ray=np.linalg.inv(view.clip[[0, 1, 3], :3]),
+            up=view.camera_from_world[:3, 2],
+            zenith_rgb=np.array(light.zenith_rgb) * light.exposure,
+            horizon_rgb=np.array(light.horizon_rgb) * light.exposure,
+        )
         GL.glDepthFunc(GL.GL_GEQUAL)
         GL.glBindVertexArray(self._nothing)
         GL.glDrawArrays(GL.GL_TRIANGLES, 0, 3)

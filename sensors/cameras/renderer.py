@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from assets.mesh import Mesh
 from sensors.cameras.backend import select_backend
+from sensors.cameras.baking import Shade
 from sensors.cameras.errors import CameraError
-from sensors.cameras.images import Images
+from sensors.cameras.images import CONTENTS, Content, Images
 from sensors.cameras.light import Light
 from sensors.cameras.packed_model import PackedModel
 from sensors.cameras.projection import View
+from sensors.cameras.tiles import Tiles
 
 if TYPE_CHECKING:
+    from sensors.cameras.painter import Painter
     from sensors.scene import Instances
 
 NEAR_M = 0.2
@@ -35,13 +38,13 @@ class CameraRenderer:
     beyond 400 m are left out.
 
     Args:
-        static: the static world, world axes.
+        static: the static world, world axes; or its tiles, where they are cut already.
         models: mesh of each model name, or a function that gives it; asked once a name, when first met.
         light: sun, sky and haze.
         width, height: image size [px].
         backend: `osmesa` or `egl`.
-        static_shade: (n, 2) float32 share of sun and of sky, 0–1, that reaches each vertex of `static`,
-            as `bake_sun_shadows` gives it; None for none in shadow.
+        shade: gives the share of sun and of sky at rows of the static world's vertices, as `SunShadows` does; asked
+            for those that are seen; None for none in shadow.
         packed: models made ready already, by name and level of detail, shared with other renderers of the same
             models and added to.
 
@@ -51,45 +54,56 @@ class CameraRenderer:
 
     def __init__(
         self,
-        static: Mesh,
+        static: Mesh | Tiles,
         models: Mapping[str, Mesh] | Callable[[str], Mesh],
         light: Light,
         *,
         width: int,
         height: int,
         backend: str = "osmesa",
-        static_shade: np.ndarray | None = None,
+        shade: Shade | None = None,
         packed: dict[tuple[str, int], PackedModel] | None = None,
     ) -> None:
-        if static_shade is not None and static_shade.shape != (len(static.vertices), 2):
-            raise CameraError(
-                f"static_shade has shape {static_shade.shape}: give ({len(static.vertices)}, 2), "
-                "sun and sky for each vertex of the static mesh"
-            )
         select_backend(backend)
         from sensors.cameras.painter import Painter
 
         load = models if callable(models) else models.__getitem__
         self.width, self.height = width, height
-        self._painter: Painter | None = Painter(
-            static, load, light, width, height, static_shade, {} if packed is None else packed
-        )
+        self._painter: Painter | None = Painter(load, width, height, {} if packed is None else packed)
+        self.enter(static, light, shade)
 
-    def render(self, camera_pose_world: np.ndarray, P: np.ndarray, instances: Instances) -> Images:
+    def enter(self, static: Mesh | Tiles, light: Light, shade: Shade | None = None) -> None:
+        """Draw another static world, or the same in another light, from now on; arguments as of the class."""
+        tiles = Tiles.of(static) if isinstance(static, Mesh) else static
+        self._open_painter.enter(tiles, light, shade)
+
+    @property
+    def _open_painter(self) -> Painter:
+        if self._painter is None:
+            raise CameraError("the renderer is closed: make a new one")
+        return self._painter
+
+    def render(
+        self,
+        camera_pose_world: np.ndarray,
+        P: np.ndarray,
+        instances: Instances,
+        wanted: Collection[Content] = CONTENTS,
+    ) -> Images:
         """Images of one instant.
 
         Args:
             camera_pose_world: (4, 4) world-from-camera-0, axes x right, y down, z forward [m].
             P: (3, 4) projection from camera-0 axes to pixels.
             instances: what stands where; at most 65 535.
+            wanted: what is read back of `colour` (with materials), `number` (of instances) and `depth`.
         """
-        if self._painter is None:
-            raise CameraError("the renderer is closed: make a new one")
+        painter = self._open_painter
         if len(instances.models) > _MAX_INSTANCES:
             raise CameraError(f"{len(instances.models)} instances: numbers reach {_MAX_INSTANCES}; give fewer")
         view = View.of(camera_pose_world, P, (self.width, self.height), (NEAR_M, FAR_M))
-        rgba, number, inverse_depth = self._painter.paint(view, instances)
-        return _images(rgba, number, inverse_depth)
+        read = painter.paint(view, instances, wanted)
+        return Images(NEAR_M, read.get("colour"), read.get("number"), read.get("depth"))
 
     def close(self) -> None:
         """Free the OpenGL context; the renderer cannot draw afterwards."""
@@ -102,12 +116,3 @@ class CameraRenderer:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _images(rgba: np.ndarray, number: np.ndarray, inverse_depth: np.ndarray) -> Images:
-    import cv2
-
-    depth = np.zeros_like(inverse_depth)
-    np.divide(np.float32(NEAR_M), inverse_depth, out=depth, where=inverse_depth > 0)
-    rgb = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB)
-    return Images(rgb, cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), depth, number, cv2.extractChannel(rgba, 3))

@@ -1,37 +1,50 @@
-"""The static world in graphics memory, drawn tile by tile. Imports OpenGL."""
+"""The static world in graphics memory, made ready and drawn tile by tile. Imports OpenGL."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from assets.mesh import Mesh
-from sensors.cameras.buffers import MeshBuffer, back_faces
-from sensors.cameras.closed import closed_faces
-from sensors.cameras.packing import drawable, pack
-from sensors.cameras.tiles import sort_into_tiles, tiles_of
-
-_TILE_M = 24.0
+from sensors.cameras.baking import Shade
+from sensors.cameras.buffers import GrowingBuffer, back_faces
+from sensors.cameras.packing import pack
+from sensors.cameras.tiles import Tiles
 
 
 class StaticWorld:
-    """One buffer holding two sets of tiles: closed surfaces, whose backs are left out, and the rest.
+    """One buffer that holds the tiles seen so far: most of a town is never seen from one drive through it.
 
     Args:
-        static: world axes.
-        shade: (n, 2) share of sun and sky per vertex of `static`, or None.
+        tiles: of the world.
+        shade: gives the share of sun and of sky at rows of the world's vertices; None for none in shadow.
     """
 
-    def __init__(self, static: Mesh, shade: np.ndarray | None) -> None:
-        mesh = drawable(static)
-        closed = closed_faces(mesh)
-        order, tile = sort_into_tiles(mesh, closed, _TILE_M)
-        packed = pack(Mesh(mesh.vertices, mesh.faces[order], mesh.materials[order]), shade)
-        self.tiles = tiles_of(packed.vertices["position"], packed.faces, tile, closed[order])
-        self._buffer = MeshBuffer(packed)
+    def __init__(self, tiles: Tiles, shade: Shade | None) -> None:
+        self.tiles = tiles
+        self._shade = shade
+        self._first = np.full(len(tiles.first), -1, np.int64)  # in the buffer
+        self._buffer = GrowingBuffer()
 
     def draw(self, rows: np.ndarray) -> None:
         """Draw some tiles (k,) in the order given, closed surfaces first; the program must be in use."""
+        new = rows[self._first[rows] < 0]
+        if len(new):
+            self._make_ready(new)
         for closed in (True, False):
             chosen = rows[self.tiles.closed[rows] == closed]
             with back_faces(drawn=not closed):
-                self._buffer.draw_runs(self.tiles.first[chosen], self.tiles.count[chosen])
+                self._buffer.draw_runs(self._first[chosen], self.tiles.count[chosen])
+
+    def close(self) -> None:
+        """Free the graphics memory."""
+        self._buffer.close()
+
+    def _make_ready(self, rows: np.ndarray) -> None:
+        mesh, faces, count = self.tiles.mesh, self.tiles.faces_of(rows), self.tiles.count[rows]
+        # Tiles share no vertices, so that each is packed alike whichever others are made ready with it.
+        own = np.repeat(np.arange(len(rows)), count)[:, None] * len(mesh.vertices) + mesh.faces[faces]
+        used, corners = np.unique(own, return_inverse=True)
+        used %= len(mesh.vertices)
+        shade = None if self._shade is None else self._shade(used)
+        packed = pack(Mesh(mesh.vertices[used], corners.reshape(-1, 3), mesh.materials[faces]), shade)
+        self._first[rows] = self._buffer.add(packed) + np.cumsum(count) - count

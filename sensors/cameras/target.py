@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from OpenGL import GL
 from OpenGL.GL.ARB.clip_control import glClipControl
 
 from sensors.cameras.errors import CameraError
+from sensors.cameras.images import Content
 
 
 class RenderTarget:
@@ -31,7 +34,6 @@ class RenderTarget:
             GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
             GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, form, width, height)
             GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, attachment, GL.GL_RENDERBUFFER, buffer)
-        self._rgba = np.empty((height, width, 4), np.uint8)
 
     def begin(self) -> None:
         """Bind, clear, and set the state every draw of a pass shares: reversed depth, no blending."""
@@ -56,12 +58,24 @@ class RenderTarget:
         GL.glReadPixels(0, 0, self.width, self.height, GL.GL_DEPTH_COMPONENT, GL.GL_FLOAT, array=depth)
         return depth
 
-    def read(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Colour (h, w, 4) uint8, valid until the next read, number (h, w) uint16, depth buffer (h, w) float32."""
-        number = np.empty((self.height, self.width), np.uint16)
-        window = (0, 0, self.width, self.height)
-        GL.glReadBuffer(GL.GL_COLOR_ATTACHMENT0)
-        GL.glReadPixels(*window, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, array=self._rgba)
-        GL.glReadBuffer(GL.GL_COLOR_ATTACHMENT1)
-        GL.glReadPixels(*window, GL.GL_RED_INTEGER, GL.GL_UNSIGNED_SHORT, array=number)
-        return self._rgba, number, self.read_depth()
+    def read(self, wanted: Collection[Content]) -> dict[Content, np.ndarray]:
+        """What is wanted of colour (h, w, 4) uint8, number (h, w) uint16, and depth buffer (h, w) float32.
+
+        Raises:
+            CameraError: the graphics library could not draw or read.
+        """
+        window, found = (0, 0, self.width, self.height), {}
+        if "colour" in wanted:
+            found["colour"] = np.empty((self.height, self.width, 4), np.uint8)
+            GL.glReadBuffer(GL.GL_COLOR_ATTACHMENT0)
+            GL.glReadPixels(*window, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, array=found["colour"])
+        if "number" in wanted:
+            found["number"] = np.empty((self.height, self.width), np.uint16)
+            GL.glReadBuffer(GL.GL_COLOR_ATTACHMENT1)
+            GL.glReadPixels(*window, GL.GL_RED_INTEGER, GL.GL_UNSIGNED_SHORT, array=found["number"])
+        if "depth" in wanted:
+            found["depth"] = self.read_depth()
+        fault = GL.glGetError()
+        if fault != GL.GL_NO_ERROR:
+            raise CameraError(f"OpenGL reports error {fault:#06x} while drawing: try the other backend, or less memory")
+        return found

@@ -1,4 +1,4 @@
-"""The static world cut into square tiles, so that only those in view are drawn."""
+"""The static world cut into square tiles, so that only those in view are made ready and drawn."""
 
 from __future__ import annotations
 
@@ -7,24 +7,46 @@ from dataclasses import dataclass
 import numpy as np
 
 from assets.mesh import Mesh
+from sensors.cameras.closed import closed_faces
+from sensors.cameras.packing import drawable
 from sensors.cameras.projection import boxes_inside
+
+_TILE_M = 24.0
 
 
 @dataclass(frozen=True, eq=False)
 class Tiles:
-    """Runs of consecutive faces and their boxes.
+    """A static world whose faces lie sorted by tile: squares of the ground plan, closed surfaces apart from the rest.
 
     Attributes:
+        mesh: the drawable faces, sorted; vertices are those of the whole world.
         first: (t,) int64 first face of each tile.
         count: (t,) int64 number of faces.
         bounds: (t, 2, 3) float64 corners of each box, world axes [m].
         closed: (t,) bool, all faces belong to closed surfaces.
     """
 
+    mesh: Mesh
     first: np.ndarray
     count: np.ndarray
     bounds: np.ndarray
     closed: np.ndarray
+
+    @classmethod
+    def of(cls, static: Mesh) -> Tiles:
+        """Cut a world, in world axes, into tiles of 24 m."""
+        mesh = drawable(static)
+        closed = closed_faces(mesh)
+        order, tile = sort_into_tiles(mesh, closed, _TILE_M)
+        mesh, closed = Mesh(mesh.vertices, mesh.faces[order], mesh.materials[order]), closed[order]
+        first = np.flatnonzero(np.diff(tile, prepend=-1))
+        count = np.diff(np.append(first, len(tile)))
+        bounds = np.zeros((len(first), 2, 3))
+        if len(first):
+            triangles = mesh.triangles
+            bounds[:, 0] = np.minimum.reduceat(triangles.min(1), first)
+            bounds[:, 1] = np.maximum.reduceat(triangles.max(1), first)
+        return cls(mesh, first, count, bounds, closed[first])
 
     def in_view(self, planes: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rows (k,) of the tiles inside the frustum `planes` (6, 4), nearest first, and distances from `eye` [m]."""
@@ -34,25 +56,22 @@ class Tiles:
         order = np.argsort(distance, kind="stable")
         return rows[order], distance[order]
 
+    def faces_of(self, rows: np.ndarray) -> np.ndarray:
+        """Rows of `mesh` of all faces of some tiles (k,), tile after tile."""
+        count = self.count[rows]
+        start = np.repeat(self.first[rows] - (np.cumsum(count) - count), count)
+        return start + np.arange(len(start))
+
 
 def sort_into_tiles(mesh: Mesh, closed: np.ndarray, side_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Order of faces (m,) that puts those of a tile together, and each sorted face's tile number (m,).
 
     A tile is a square of the ground plan; its closed faces (`closed`, (m,) bool) and the others make two.
     """
+    if not len(mesh.faces):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
     cell = np.floor(mesh.triangles[:, :, :2].mean(1) / side_m).astype(np.int64)
-    _, tile = np.unique(np.column_stack([cell, closed]), axis=0, return_inverse=True)
-    order = np.argsort(tile.ravel(), kind="stable")
-    return order, tile.ravel()[order]
-
-
-def tiles_of(positions: np.ndarray, faces: np.ndarray, tile: np.ndarray, closed: np.ndarray) -> Tiles:
-    """Tiles of faces (m, 3) already sorted by their tile number (m,)."""
-    first = np.flatnonzero(np.diff(tile, prepend=-1))
-    count = np.diff(np.append(first, len(tile)))
-    if not len(first):
-        return Tiles(first, count, np.zeros((0, 2, 3)), closed)
-    triangles = positions[faces]
-    low = np.minimum.reduceat(triangles.min(1), first)
-    high = np.maximum.reduceat(triangles.max(1), first)
-    return Tiles(first, count, np.stack([low, high], 1).astype(np.float64), closed[first])
+    cell -= cell.min(0)
+    key = (cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]) * 2 + closed
+    order = np.argsort(key, kind="stable")
+    return order, np.cumsum(np.diff(key[order], prepend=key[order[0]]) != 0)

@@ -10,7 +10,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from sensors.effects.base import BeamEffect, EchoEffect, Effect, LabelEffect, PointEffect, ScanEffect
-from sensors.effects.catalogue import BUILT_IN
+from sensors.effects.catalogue import built_in_effects
 from sensors.errors import SensorError
 
 GROUP = "cosim.effects"
@@ -38,7 +38,7 @@ def effect_classes() -> dict[str, type[Effect]]:
     Raises:
         SensorError: an installed one does not load or takes a built-in name.
     """
-    classes = dict(BUILT_IN)
+    classes = dict(built_in_effects())
     for entry in entry_points(group=GROUP):
         try:
             loaded = entry.load()

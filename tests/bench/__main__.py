@@ -7,14 +7,15 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from rich.console import Console
 
-from tests.bench import effects, frames, growth, lidar, loop, memory
+from tests.bench import effects, frames, growth, lidar, loop, memory, rates
 from tests.bench.rows import Row, one_table
 
 _SECTIONS = {
     "lidar": ("LiDAR stage: from the posed scene to points, both hits, normals, incidence", lidar.rows),
-    "growth": ("First-hit trace as things grow", growth.rows),
+    "growth": ("As things grow", growth.rows),
     "stages": ("A frame of the default drive, one process, its own time", frames.stage_rows),
-    "rates": ("The default drive: LiDAR with hits, gray, depth, colour, labels, files", frames.rate_rows),
+    "rates": ("Default settings, start included: LiDAR with hits, gray, depth, colour, labels, files", rates.rows),
+    "sizes": ("What a frame takes on disk, and variants of it", frames.size_rows),
     "memory": ("A long drive by two workers", memory.rows),
     "loop": ("Comparing and diagnosing, one process, its own time", loop.rows),
 }

@@ -17,6 +17,7 @@ from rich.table import Table
 
 from cosim.traffic.behaviour import BehaviourConfig, Event
 from cosim.traffic.driven_traffic import DrivenTraffic
+from cosim.traffic.ego import draw_ego
 from cosim.traffic.simulation import Traffic
 from sumo_nets import TOWNS, read_town
 from tests.cosim.inspector import Inspector, Touch
@@ -69,7 +70,7 @@ def stay(town: str, config: BehaviourConfig, seconds: float, seed: int, toleranc
         for number in range(steps):
             actors = living.step()
             if not ego and actors.time_s > _EGO_FROM_S:
-                ego = traffic.draw_ego(actors, rng)
+                ego = draw_ego(traffic, actors, rng)
                 living.protect(ego)
             if ego in actors.ids and number % 10 == 0:
                 traffic.prolong_route(ego, rng)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.table import Table
 
-from sensors.effects.catalogue import BUILT_IN
+from sensors.effects.catalogue import built_in_effects
 from tests.sensors.effects.alone import Change, change_by
 
 _CHANNELS = ("range", "intensity", "drop", "spurious", "label")
@@ -19,7 +19,7 @@ def table() -> Table:
     )
     for column in ("effect", "about", "scene", *_CHANNELS, "median |ΔR|", "median |ΔI|", "alone"):
         found.add_column(column, justify="left" if column in ("effect", "about", "scene") else "right", no_wrap=True)
-    changes = [change_by(name) for name in BUILT_IN]
+    changes = [change_by(name) for name in built_in_effects()]
     for change in changes:
         found.add_row(*_cells(change))
     found.add_section()
@@ -28,7 +28,7 @@ def table() -> Table:
 
 
 def _cells(change: Change) -> list[str]:
-    kind = BUILT_IN[change.name]
+    kind = built_in_effects()[change.name]
     about = kind.channel + (f" ({', '.join(kind.also)})" if kind.also else "")
     shares = [_percent(share) for share in (change.shares[channel] for channel in _CHANNELS)]
     sizes = [

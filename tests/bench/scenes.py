@@ -13,6 +13,7 @@ from assets import Mesh, build_model
 from assets.world import build_world
 from cosim.scene.bridge import Bridge
 from cosim.scene.ground import Ground
+from cosim.traffic.ego import draw_ego
 from cosim.traffic.simulation import Traffic
 from sensors.cameras.kitti_rig import lidar_pose_ego
 from sensors.motion import EgoMotion
@@ -63,7 +64,7 @@ def shown_frames(count: int, threads: int) -> Iterator[Shown]:
     bridge = Bridge(Ground(world.ground), 1)
     rng = np.random.default_rng(1)
     with Traffic(town.sumocfg, seed=1) as traffic:
-        ego = traffic.draw_ego(traffic.advance(600), rng)
+        ego = draw_ego(traffic, traffic.advance(600), rng)
         for _ in range(count):
             traffic.prolong_route(ego, rng)
             actors = traffic.advance(50)

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from cosim.variants import make_variants
 from tests.cosim.conftest import cosim
 from tests.docs.blocks import given
 from tests.docs.folder import PageFolder, Provide
+from tests.sharing import made_once
 
 _BELIEVED = "pattern: hdl64e\neffects:\n  - {effect: range_noise, sigma_m: 0.02}\n"
 _TRUE = _BELIEVED + "  - {effect: range_walk, amplitude_m: 0.05, decay: 4}\n"
@@ -34,11 +36,13 @@ def providers(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
 
     def measured(target: Path) -> None:
         """What stands for measurements: the same drive by a sensor whose weak echoes come late."""
-        scratch = tmp_path_factory.mktemp("measured")
-        (scratch / "true.yaml").write_text(_TRUE)
         source = request.getfixturevalue("drive_folder")
-        cosim("variants", source, "--variant", scratch / "true.yaml", "--out", scratch / "made", "--quiet")
-        shutil.copytree(scratch / "made/true", target)
+
+        def measure(folder: Path) -> None:
+            (folder / "true.yaml").write_text(_TRUE)
+            make_variants(source, str(folder / "true.yaml"), folder / "made")
+
+        shutil.copytree(made_once(tmp_path_factory, "measured", measure) / "made/true", target)
 
     def tracks(target: Path) -> None:
         """What stands for measured trajectories: drivers who keep 0.3 m beside the middle of their lanes."""

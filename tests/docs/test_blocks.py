@@ -10,18 +10,23 @@ from tests.docs.blocks import LANGUAGES, Block, pages, read_blocks
 ALL = [block for page in pages() for block in read_blocks(page)]
 
 
-def _case(block: Block) -> object:
-    marks = {
-        "quick": (pytest.mark.xdist_group("drive"),),
-        "slow": (pytest.mark.slow, pytest.mark.xdist_group(block.page)),
-        "never": (pytest.mark.skip(reason=f"not run, because {block.reason}"),),
-    }
-    return pytest.param(block, marks=marks[block.when], id=f"{block.page}:{block.line}")
+def _cases(when: str) -> list[object]:
+    marks = (pytest.mark.slow,) if when == "slow" else ()
+    here = [page for page in pages() if any(block.acts and block.when == when for block in ALL if block.page == page)]
+    return [pytest.param(page, when, marks=marks, id=f"{page}-{when}") for page in here]
 
 
-@pytest.mark.parametrize("block", [_case(block) for block in ALL if block.acts])
-def test_a_block_works_as_written(block: Block, page_folder):
-    page_folder(block.page).reach(block)
+@pytest.mark.parametrize(("page", "when"), [*_cases("quick"), *_cases("slow")])
+def test_blocks_work_as_written(page: str, when: str, page_folder):
+    """A page's blocks are one test, because later ones need what earlier ones leave."""
+    for block in read_blocks(page):
+        if block.acts and block.when == when:
+            page_folder(page).reach(block)
+
+
+@pytest.mark.parametrize("block", [pytest.param(b, id=f"{b.page}:{b.line}") for b in ALL if b.when == "never"])
+def test_blocks_that_are_not_run_say_why(block: Block):
+    assert len(block.reason.split()) > 2, f"{block.page}:{block.line}"
 
 
 @pytest.mark.parametrize("page", pages())

@@ -13,7 +13,7 @@ import pytest
 from cosim.capture.config import RunConfig
 from cosim.cli.main import make_parser
 from cosim.traffic.behaviour import BehaviourConfig
-from sensors.effects.catalogue import BUILT_IN
+from sensors.effects.catalogue import built_in_effects
 from tests.docs.blocks import ROOT
 from tests.docs.folder import environment
 from tools.reference_pages import arguments, commands_page, effects_page, subcommands
@@ -67,8 +67,8 @@ def test_the_readme_tells_of_every_command():
 
 
 def test_every_effect_is_on_its_page():
-    page = effects_page(BUILT_IN.values())
-    for name, effect in BUILT_IN.items():
+    page = effects_page(built_in_effects().values())
+    for name, effect in built_in_effects().items():
         assert f"### {name}\n" in page
         assert all(f"`{one.name}`" in page for one in effect.parameters())
 

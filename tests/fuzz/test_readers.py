@@ -25,7 +25,6 @@ from tests.fuzz.material import make_material
 from tests.fuzz.readers import READERS, Reader
 from tests.fuzz.trying import try_reader
 
-pytestmark = pytest.mark.xdist_group("drive")
 _TRIALS = {"net": 4, "parking": 4, "town": 15}
 
 

@@ -89,38 +89,3 @@ def test_a_parking_area_that_cannot_be_placed_is_named(tmp_path, town, area):
     (tmp_path / "p.add.xml").write_text(f"<additional>{area}</additional>", encoding="utf-8")
     config = '<configuration><net-file value="a.net.xml"/><additional-files value="p.add.xml"/></configuration>'
     assert "parkingArea 'p'" in _message(_town(tmp_path, town.net.read_bytes(), config))
-
-
-@pytest.mark.parametrize(
-    "option",
-    [
-        '<summary-output value="../written.xml"/>',
-        '<output><fcd-output value="../x"/></output>',
-        '<report><log value="x"/></report>',
-        '<save-state.prefix value="x"/>',
-        '<save-configuration value="x"/>',
-        '<configuration-file value="other.sumocfg"/>',
-        '<gui_only><gui-settings-file value="x"/></gui_only>',
-        '<remote-port value="9999"/>',
-        '<load-state value="x"/>',
-    ],
-)
-def test_a_configuration_that_writes_files_is_refused(tmp_path, town, option):
-    config = f'<configuration><net-file value="a.net.xml"/>{option}</configuration>'
-    assert "lets SUMO read or write other files" in _message(_town(tmp_path, town.net.read_bytes(), config))
-
-
-@pytest.mark.parametrize(
-    ("key", "element"),
-    [
-        ("additional-files", '<edgeData id="e" file="../written.xml"/>'),
-        ("additional-files", '<inductionLoop id="e" lane="A0_A1_1" pos="1" freq="1" file="x"/>'),
-        ("additional-files", '<timedEvent type="SaveTLSStates" source="A0" dest="x"/>'),
-        ("route-files", '<include href="/etc/passwd"/>'),
-    ],
-)
-def test_elements_that_write_files_are_refused(tmp_path, town, key, element):
-    root = "routes" if key == "route-files" else "additional"
-    (tmp_path / "p.xml").write_text(f"<{root}>{element}</{root}>", encoding="utf-8")
-    config = f'<configuration><net-file value="a.net.xml"/><{key} value="p.xml"/></configuration>'
-    assert "lets SUMO read or write other files" in _message(_town(tmp_path, town.net.read_bytes(), config))

@@ -23,15 +23,20 @@ from training.experiments.run import Row
 
 @pytest.fixture
 def drives(tiny_drive: Path, tmp_path: Path) -> Path:
+    return lay_out(tiny_drive, tmp_path)
+
+
+def lay_out(tiny_drive: Path, folder: Path) -> Path:
+    """Simulated and real frames, one drive under two names, and a configuration of a training of seconds."""
     for name, lists in (("variants/dual", ("train", "val")), ("real", ("fit", "test"))):
-        folder = tmp_path / name
-        shutil.copytree(tiny_drive, folder)
-        frames = (folder / "ImageSets" / "train.txt").read_text()
+        drive = folder / name
+        shutil.copytree(tiny_drive, drive)
+        frames = (drive / "ImageSets" / "train.txt").read_text()
         for split in lists:
-            (folder / "ImageSets" / f"{split}.txt").write_text(frames)
+            (drive / "ImageSets" / f"{split}.txt").write_text(frames)
     config = {"model": _TINY, "epochs": 1, "batch_size": 2, "precision": "float32"}
-    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
-    return tmp_path
+    (folder / "config.yaml").write_text(yaml.safe_dump(config))
+    return folder
 
 
 def run(folder: Path, table: str, *further: object) -> dict:
@@ -69,22 +74,30 @@ def test_two_rows_that_answer_alike_do_not_differ_and_a_perfect_one_is_above_a_b
     assert said["blind"].verdict == "more than chance"
 
 
-def test_finished_rows_and_trainings_are_taken_up(drives):
-    first = run(drives, "few_shot")
-    checkpoints = {path: path.stat().st_mtime_ns for path in (drives / "out").rglob("*.pt")}
+@pytest.fixture(scope="module")
+def few_shot(tiny_drive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the table of few real frames was run."""
+    folder = lay_out(tiny_drive, tmp_path_factory.mktemp("few_shot"))
+    run(folder, "few_shot")
+    return folder
+
+
+def test_finished_rows_and_trainings_are_taken_up(few_shot):
+    first = json.loads((few_shot / "table.json").read_text())
+    checkpoints = {path: path.stat().st_mtime_ns for path in (few_shot / "out").rglob("*.pt")}
     assert {path.parent.name for path in checkpoints} == {"dual", "few-dual", "real-fit"}
-    assert run(drives, "few_shot") == first
-    run(drives, "synthetic")
+    assert run(few_shot, "few_shot") == first
+    run(few_shot, "synthetic")
     assert all(path.stat().st_mtime_ns == before for path, before in checkpoints.items())
 
 
-def test_fine_tuning_stands_beside_what_was_before_and_the_few_frames_alone(drives):
-    rows = {row["name"]: row for row in run(drives, "few_shot")["rows"]}
-    before = {row["name"]: row for row in run(drives, "synthetic_to_real")["rows"]}
+def test_fine_tuning_stands_beside_what_was_before_and_the_few_frames_alone(few_shot):
+    rows = {row["name"]: row for row in run(few_shot, "few_shot")["rows"]}
+    before = {row["name"]: row for row in run(few_shot, "synthetic_to_real", "--only", "dual")["rows"]}
     assert rows["dual"]["before"]["3d"] == before["dual"]["3d"]
     assert set(rows["dual"]["gain_ci95"]) <= {"3d", "bev"}
     assert rows["real"]["before"] is None and len(rows["real"]["3d"]) == 3
-    assert "before fine-tuning" in (drives / "out" / "tables" / "few_shot" / "index.html").read_text()
+    assert "before fine-tuning" in (few_shot / "out" / "tables" / "few_shot" / "index.html").read_text()
 
 
 def test_what_fine_tuning_changes_can_be_given_and_is_checked_first(drives, capsys):

@@ -38,15 +38,14 @@ DETECTORS: dict[str, tuple[dict[str, Any], int]] = {
 }
 
 
-@pytest.mark.parametrize("name", DETECTORS)
-def test_a_few_frames_are_learnt_by_heart(name: str, tiny_drive: Path, tmp_path: Path):
-    model, epochs = DETECTORS[name]
-    source = {"drive": str(tiny_drive), "split": "train"}
+def trained(name: str, epochs: int, drive: Path, folder: Path) -> tuple[list[float], Evaluation]:
+    """Losses step by step, and the scores on the frames that were learnt."""
+    source = {"drive": str(drive), "split": "train"}
     config = parse_train_config(
         {
             "train": source,
             "validate_on": source,
-            "model": {"name": name, **_SMALL, **model},
+            "model": {"name": name, **_SMALL, **DETECTORS[name][0]},
             "augment": {"flip": 0, "rotation_deg": 0, "scale": 0, "samples": {}},
             "epochs": epochs,
             "batch_size": 4,
@@ -58,7 +57,25 @@ def test_a_few_frames_are_learnt_by_heart(name: str, tiny_drive: Path, tmp_path:
         name,
     )
     last: list[Evaluation] = []
-    run_training(config, tmp_path, Watcher(on_scores=lambda _, evaluation: last.append(evaluation)))
-    totals = [entry["losses"]["total"] for entry in read_log(tmp_path) if "losses" in entry]
+    run_training(config, folder, Watcher(on_scores=lambda _, evaluation: last.append(evaluation)))
+    return [entry["losses"]["total"] for entry in read_log(folder) if "losses" in entry], last[-1]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "pillars_small",
+        pytest.param("voxel_rcnn", marks=pytest.mark.slow),
+        pytest.param("pointpillars", marks=pytest.mark.slow),
+    ],
+)
+def test_a_few_frames_are_learnt_by_heart(name: str, tiny_drive: Path, tmp_path: Path):
+    totals, scores = trained(name, DETECTORS[name][1], tiny_drive, tmp_path)
     assert np.mean(totals[-5:]) < 0.2 * np.mean(totals[:5])
-    assert last[-1].results["Car"]["3d"][2].continuous > 95
+    assert scores.results["Car"]["3d"][2].continuous > 95
+
+
+@pytest.mark.parametrize("name", ["voxel_rcnn", "pointpillars"])
+def test_a_loss_falls_by_a_third_within_six_epochs(name: str, tiny_drive: Path, tmp_path: Path):
+    totals, _ = trained(name, 6, tiny_drive, tmp_path)
+    assert len(totals) == 6 and totals[-1] < 0.67 * totals[0]

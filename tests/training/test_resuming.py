@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -128,3 +129,16 @@ def test_two_processes_train_one_detector(tiny_drive, tmp_path):
     )
     assert result.returncode == 0, result.stderr[-2000:]
     assert [number for number, _ in curve(tmp_path / "out")] == [1, 2]
+
+
+def test_the_script_trains_as_the_command_does(tiny_drive, tmp_path, capsys):
+    from training.train import main as script
+
+    config = write_config(tmp_path, tiny_drive, epochs=1)
+    assert main(["train", str(config), "--out", str(tmp_path / "command"), "--quiet"]) == 0
+    assert script([str(config), "--out", str(tmp_path / "script"), "--json", str(tmp_path / "scores.json")]) == 0
+    assert curve(tmp_path / "script") == curve(tmp_path / "command")
+    assert json.loads((tmp_path / "scores.json").read_text()) == {"out": str(tmp_path / "script"), "scores": {}}
+    capsys.readouterr()
+    assert script([str(tmp_path / "none.yaml"), "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

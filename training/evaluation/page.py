@@ -7,8 +7,8 @@ from html import escape
 
 import numpy as np
 
-from cosim.report.style import STYLE
 from cosim.report.html import document
+from cosim.report.style import STYLE
 from cosim.stats.plot import Axis, Plot
 from training.evaluation.as_json import Intervals
 from training.evaluation.evaluate import Evaluation, Result

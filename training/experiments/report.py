@@ -9,10 +9,10 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from cosim.report.style import STYLE
 from cosim.drives.kitti import Drive
 from cosim.drives.writer import explained
 from cosim.report.html import document
+from cosim.report.style import STYLE
 from training.evaluation import evaluate, read_results
 from training.evaluation.page import pr_plot
 from training.evaluation.pictures import CAPTION, detection_pictures

@@ -91,13 +91,13 @@ class TracedFrame:
         around = [np.cos(turn) * across + np.sin(turn) * upward for turn in turns]
         shots = np.concatenate([direction + (part * angle)[:, None] * one for part in (0.5, 1.0) for one in around])
         shots /= np.linalg.norm(shots, axis=1, keepdims=True)
-        count = len(shots) // max(len(rows), 1)
+        count = 2 * _ASIDE
         time_s = np.broadcast_to(traced.time_s, len(measured))[rows]
         origin = np.tile(traced.origin[rows], (count, 1))
         met = world.shoot(origin, shots, np.tile(time_s, count), self.shot.pattern.range_m[1])
         same = np.abs(met.range_m - np.tile(measured[rows], count)) < _SAME_M
         found = np.zeros(len(measured), bool)
-        found[rows] = same.reshape(count, -1).any(0)
+        found[rows] = same.reshape(count, len(rows)).any(0)
         return found
 
 

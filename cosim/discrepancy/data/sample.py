@@ -85,8 +85,8 @@ class Sample:
         kind, model: (n,) int rows of `kinds` and `models`, what is met; 0 for the static world and nothing.
         kinds, models: names.
         reflectance: (n,) of the surface.
-        beside: by name, (n,) what beams beside each measured: `previous` of its ring, `above` and `below` it; ranges [m] and intensities are 0
-            where nothing returned, `lost` is 1 where a surface should have been seen.
+        beside: by name, (n,) what beams beside each measured: `previous` of its ring, `above` and `below` it; ranges
+            [m] and intensities are 0 where nothing returned, `lost` is 1 where a surface should have been seen.
         leaning: (scans, 6) pose errors that were traced with, see `TracedFrame`.
         own_axes: whether scans stand where their twins were made, so that poses have no errors.
         scan_values: by name, (scans,) pose time, and the ego vehicle's speed, acceleration and yaw rate.
@@ -179,8 +179,9 @@ class Sample:
         return np.concatenate(found)
 
     def moved(self, effects: Sequence[Effect]) -> tuple[float, float]:
-        """How far effects turn [rad] and shift [m] beams from where they were traced, at most."""
-        found = [replay.moved(effects) for replay in self.replays]
+        """How far effects turn [rad] and shift [m] beams from where they were traced: nearly all that returned."""
+        used = self.compared & self.returned
+        found = [replay.moved(effects, used[rows]) for replay, rows in self._frames()]
         return max(turn for turn, _ in found), max(shift for _, shift in found)
 
     def predict(self, effects: Sequence[Effect]) -> Prediction:

@@ -27,6 +27,7 @@ from sensors.shot import Shot
 from sensors.world import Traced
 
 _GRAZING = 1e-3
+_NEARLY_ALL = 0.97  # a laser or two that see next to nothing may be bent anywhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,15 +152,17 @@ class FrameReplay:
         along = along_m - np.einsum("ij,ij->i", origin, rays.direction)
         return np.hypot(along, above_m - np.einsum("ij,ij->i", origin, upwards(rays.direction)))
 
-    def moved(self, effects: Sequence[Effect]) -> tuple[float, float]:
-        """How far effects turn [rad] and shift [m] beams from where they were traced, at most."""
+    def moved(self, effects: Sequence[Effect], used: np.ndarray) -> tuple[float, float]:
+        """How far effects turn [rad] and shift [m] nearly all of the beams used (n,) from where they were traced."""
         now, then, rows = self.shot(effects).traced, self._shot.traced, self._rows
         assert now is not None and then is not None  # frames are traced
         turn = np.linalg.norm(now.direction - then.direction[rows], axis=1)
         shift = np.linalg.norm(now.origin - then.origin[rows], axis=1)
         later = now.time_s - np.broadcast_to(then.time_s, len(self._shot.rays))[rows]
         shift += np.abs(later) * np.linalg.norm(self._met.velocity_mps, axis=1)
-        return float(turn.max(initial=0.0)), float(shift.max(initial=0.0))
+        if not np.any(used):
+            return 0.0, 0.0
+        return float(np.quantile(turn[used], _NEARLY_ALL)), float(np.quantile(shift[used], _NEARLY_ALL))
 
     def shot(self, effects: Sequence[Effect]) -> Shot:
         """The sample as beams bent by the beam effects among `effects` meet it."""

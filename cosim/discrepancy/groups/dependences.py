@@ -124,10 +124,11 @@ _LEAST_NOISE = {"range": 3e-3, "intensity": 5e-3}
 def _deviates(fitter: Fitter, fitted: Fitted) -> Iterator[tuple[Channel, np.ndarray, np.ndarray]]:
     """Residuals of ranges and intensities over their own spread, and which tell of noise."""
     fit = fitted.fit
-    for channel, z, clean, sigma in (
-        ("range", fit.range_z, fit.matched > 0.9, fit.range_sigma_m),
-        ("intensity", fit.intensity_z, (fit.bright > 0.9) & fit.whole, fit.intensity_sigma),
-    ):
+    of_channel: dict[Channel, tuple[np.ndarray, np.ndarray, np.ndarray]] = {
+        "range": (fit.range_z, fit.matched > 0.9, fit.range_sigma_m),
+        "intensity": (fit.intensity_z, (fit.bright > 0.9) & fit.whole, fit.intensity_sigma),
+    }
+    for channel, (z, clean, sigma) in of_channel.items():
         used = clean & fitter.sample.returned & (sigma > _LEAST_NOISE[channel]) & (fitter.sample.unsure_m <= 0)
         if used.sum() > _FEWEST_RESIDUALS:
             middle = z - np.median(z[used])

@@ -9,7 +9,7 @@ import numpy as np
 from cosim.discrepancy.candidates import unknowns, weak_forms, with_values
 from cosim.discrepancy.data.sample import Prediction, Sample
 from cosim.discrepancy.groups.group import Group, Strays
-from cosim.discrepancy.inference.columns import Column
+from cosim.discrepancy.inference.columns import Column, SparseMatrix
 from cosim.discrepancy.inference.fit import Fitted, Fitter
 from cosim.discrepancy.inference.likelihood import STRAY_SHARE, judge
 from cosim.discrepancy.inference.score import Quantity, change
@@ -92,7 +92,7 @@ def _told(
         free = next(unknown for unknown in unknowns(type(weak)) if unknown.name == amplitude)
         column = Column(delta, sample.ring if free.rings > 1 else None, free.rings)
         at_bound = place is None and free.rings == 1 and (weak.neutral or {})[amplitude] <= free.low
-        columns = {name: column.matrix(name, len(sample)) for name in delta}
+        columns: dict[Quantity, SparseMatrix] = {name: column.matrix(name, len(sample)) for name in delta}
         yield Group(
             weak.name, weak.channel, columns, free.rings, one_sided=at_bound, start=weak, amplitude=amplitude,
             label=label, place=place,

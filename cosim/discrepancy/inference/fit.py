@@ -275,7 +275,9 @@ class LinearModel:
         random = fitter.random
         used = np.flatnonzero(random.active(estimate))
         designs = random.designs(prediction, estimate)
-        z = {name: one.tocsc()[:, used].tocsr() for name, one in designs.items() if name in evidence.score}
+        z: dict[Quantity, SparseMatrix] = {
+            name: one.tocsc()[:, used].tocsr() for name, one in designs.items() if name in evidence.score
+        }
         known = sparse.csr_matrix((len(used), len(used)))
         for name, one in z.items():
             if one.nnz:
@@ -310,8 +312,9 @@ class LinearModel:
         """The same with further parameters, (n, k) columns by quantity."""
         rows = len(next(iter(self.evidence.score.values())))
         width = next(iter(columns.values())).shape[1]
-        x = {}
-        for name in {*self.x, *columns}:
+        x: dict[Quantity, SparseMatrix] = {}
+        both: set[Quantity] = {*self.x, *columns}
+        for name in both:
             own = self.x.get(name, sparse.csr_matrix((rows, self.parameters)))
             more = columns.get(name, sparse.csr_matrix((rows, width)))
             x[name] = sparse.hstack([own, more], format="csr")

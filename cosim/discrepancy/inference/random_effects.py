@@ -193,6 +193,13 @@ class RandomEffects:
         u[poses] = self.sample.leaning.ravel()[: poses.stop - poses.start]
         return Estimate(u, variance)
 
+    def begun_from(self, other: Estimate | None) -> Estimate:
+        """Variances of another sample of the same drive, and its random effects where they are the same."""
+        start = self.start()
+        if other is None or len(other.variance) != len(start.variance):
+            return start
+        return other if len(other.u) == self.size else Estimate(start.u, other.variance)
+
     def transferred(self, other: RandomEffects, estimate: Estimate, scan: int) -> Estimate:
         """The random effects of a sample of one scan, as they were estimated from another sample with that scan.
 

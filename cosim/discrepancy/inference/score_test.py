@@ -129,7 +129,7 @@ class Projector:
         by_track = np.where(track >= 0, track, tracks + scan)
         by_part = np.where(track >= 0, parts + scans + track, parts + scan)
         at = np.arange(len(told))
-        self._rows = [
+        self._rows: list[SparseMatrix] = [
             sparse.csr_matrix((told, (by_track, at)), (tracks + scans, len(told))),
             sparse.csr_matrix((told, (by_part, at)), (parts + scans + tracks, len(told))),
         ]
@@ -165,7 +165,7 @@ class Projector:
         by_cluster = self._summed(columns, random, known)
         weighted = {name: scaled(one, self._model.evidence.information[name]) for name, one in columns.items()}
         shared = self._model.shared_with(columns)
-        squares = {name: _product(columns[name], weighted[name]) for name in columns}
+        squares: dict[Quantity, SparseMatrix] = {name: _product(columns[name], weighted[name]) for name in columns}
         share = [_padded(hot, squares, rows.shape[0]) for hot, rows in zip(self._hot, self._rows, strict=True)]
         found = []
         for one, end in zip(groups, ends, strict=True):
@@ -289,7 +289,7 @@ def _bounded(score: np.ndarray, information: np.ndarray) -> np.ndarray:
 
 
 def _joined(groups: Sequence[Group], rows: int) -> dict[Quantity, SparseMatrix]:
-    names = {name for one in groups for name in one.columns}
+    names: set[Quantity] = {name for one in groups for name in one.columns}
     return {
         name: sparse.hstack(
             [one.columns.get(name, sparse.csr_matrix((rows, one.size))) for one in groups], format="csc"

@@ -12,7 +12,7 @@ from cosim.discrepancy.labelled_twin.scatter import ground_scatter
 from cosim.discrepancy.labelled_twin.trust import CELL_M, Trust
 
 _FOLLOWS_M = 0.05  # a cell farther from the surface with its cone is a kerb's or a wall's foot
-_WIDEST_GAP = 0.012  # times distance squared [1/m]: rings farther apart leave the ground between unseen
+_WIDEST_GAP_M, _WIDEST_GAP_PER_M = 0.3, 0.012  # rings farther apart leave the ground between unseen
 _STANDS_M = (0.15, 2.5)  # heights of what stands on the ground; branches hang higher
 _SAMPLE_M = 0.2
 _MESH_M = 1.0
@@ -66,6 +66,11 @@ def ground_mesh(trust: Trust, surface: GroundSurface, sensor_m: np.ndarray) -> M
     return mesh.select(np.ones(len(faces), bool))
 
 
+def widest_gap_m(reach_m: np.ndarray) -> np.ndarray:
+    """How far apart neighbouring rings may meet the ground at distances (n,) from the sensor and still be bridged."""
+    return _WIDEST_GAP_M + _WIDEST_GAP_PER_M * reach_m**2
+
+
 def _occupied(
     surface: GroundSurface, others: np.ndarray, sensor_m: np.ndarray, corner: np.ndarray, shape: tuple[int, ...]
 ) -> np.ndarray:
@@ -88,7 +93,7 @@ def _covered(cells: RoadCells) -> np.ndarray:
     below, under_it = (row[cells.ring + step, cells.sector] for step in (1, 2))
     below = np.where(below >= 0, below, under_it)  # a weak laser's ring may be missing: its losses are to be counted
     gap = np.where(below >= 0, polar[:, 0] - polar[below, 0], 0)
-    depth = np.where((gap > 0) & (gap < 0.3 + _WIDEST_GAP * polar[:, 0] ** 2), gap, 0)
+    depth = np.where((gap > 0) & (gap < widest_gap_m(polar[:, 0])), gap, 0)
     middle = -np.pi + (cells.sector + 0.5) * 2 * np.pi / cells.sectors
     places = []
     for inward in np.arange(0, max(float(depth.max(initial=0)), _SAMPLE_M), _SAMPLE_M):

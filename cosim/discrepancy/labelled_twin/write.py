@@ -6,7 +6,7 @@ import contextlib
 import os
 import shutil
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -17,9 +17,11 @@ from assets import MATERIALS, build_model
 from cosim.discrepancy.labelled_twin.frame_twin import FrameTwin, check_labelled, make_frame_twin
 from cosim.discrepancy.labelled_twin.trust import encode_trust
 from cosim.discrepancy.labelled_twin.trusted_ground import GROUND_MATERIAL
+from cosim.discrepancy.labelled_twin.untrusted import why_untrusted
 from cosim.drives.kitti import Drive, Frame
 from cosim.drives.twin import encode_glb, format_materials
 from cosim.drives.writer import DriveWriter, OutputError, explained
+from cosim.errors import FormatError
 from sensors.pattern import Pattern, load_pattern
 
 KITTI_PATTERN = "hdl64e_kitti"
@@ -75,28 +77,50 @@ def write_labelled_twin(
         drive: measured, with labels.
         names: of the frames.
         folder: of the new drive; its scans and images are links to the old ones where the disk allows.
-        pattern: name or path of the beam pattern; by default the drive's own, or that of KITTI's sensor.
+        pattern: name or path of the beam pattern, which also tells rings apart where there are no `rays/`; by default
+            the drive's own, or that of KITTI's sensor.
         on_frame: called after each frame.
 
     Raises:
-        CosimError: a frame lacks labels or is broken, or the folder cannot be used.
+        CosimError: a frame lacks labels or is broken, no point of any frame can be trusted, or the folder cannot be
+            used.
         SensorError: no such pattern.
     """
     if folder.resolve() == drive.root.resolve():
         raise OutputError(f"{folder} is the measured drive itself; choose another --out")
     beams = load_pattern(pattern or drive.pattern or KITTI_PATTERN)
-    for name in names:
-        check_labelled(drive[name])
+    frames = [_frame(drive, name, beams if pattern else None) for name in names]
+    for frame in frames:
+        check_labelled(frame)
+    notes = _notes(drive, names, pattern)
     writer = DriveWriter(folder)
     settings = {"kind": "measured", "source": str(drive.root.resolve()), "twin": "labels", "pattern": beams.name}
     writer.open(yaml.safe_dump(settings | {"cosim": version("cosim")}, sort_keys=False))
     done = writer.manifest()
-    for name in names:
-        if name not in done:
-            _write_frame(writer, drive[name], make_frame_twin(drive[name], beams))
-        on_frame(name)
-    notes = _notes(drive, names)
+    for frame in frames:
+        if frame.name not in done:
+            _write_frame(writer, frame, make_frame_twin(frame, beams))
+        on_frame(frame.name)
+    _demand_trust(writer, drive, frames, beams)
     return _finish(writer, list(names), beams, settings, notes)
+
+
+def _frame(drive: Drive, name: str, beams: Pattern | None) -> Frame:
+    """A frame whose rings are told apart by a pattern other than the drive's, if one is given."""
+    frame = drive[name]
+    return frame if beams is None else replace(frame, elevations_rad=np.radians(np.array(beams.elevation_deg)))
+
+
+def _demand_trust(writer: DriveWriter, drive: Drive, frames: Sequence[Frame], beams: Pattern) -> None:
+    """Raise FormatError where no point of these frames is of anything that the twin holds."""
+    entries = writer.manifest()
+    if any(entries[frame.name]["counts"]["points_trusted"] for frame in frames):
+        return
+    fullest = max(frames, key=lambda frame: entries[frame.name]["counts"]["points"])
+    raise FormatError(
+        f"{drive.root}: the twin holds nothing that {len(frames)} scans show, so nothing could be compared with it; "
+        f"{why_untrusted(fullest, beams)}. {writer.folder} is left unfinished: remove it"
+    )
 
 
 def _write_frame(writer: DriveWriter, frame: Frame, made: FrameTwin) -> None:
@@ -146,12 +170,12 @@ def _link(source: Path, target: Path) -> None:
         partial.replace(target)
 
 
-def _notes(drive: Drive, names: Sequence[str]) -> tuple[str, ...]:
+def _notes(drive: Drive, names: Sequence[str], pattern: str | None) -> tuple[str, ...]:
     made_good = ("twin/", "the beam pattern is not given", "sweep_s is not given")
     notes = [note for note in drive.notes(names) if not note.startswith(made_good)]
     notes.append("labels hold no motion: ego vehicle and objects stand still in the twin")
     notes.append("labels hold no reflectances: road and objects are as bright as their points are on average")
-    if drive.pattern is None:
+    if drive.pattern is None and pattern is None:
         notes.append(f"the beam pattern is not given: taken to be {KITTI_PATTERN}, KITTI's own sensor, and its sweep")
     return tuple(notes)
 

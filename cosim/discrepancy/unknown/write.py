@@ -83,7 +83,8 @@ def effect_source(shape: Shape) -> str:
     parameters, example, neutral, fields, law = _law(shape)
     base = _BASES[shape.channel]
     imports = "from dataclasses import replace\n" if "replace(" in body else ""
-    return f'''"""An effect that measurements show and no known one explains: {shape.channel} by {" and ".join(shape.covariates)}.
+    what = f"{shape.channel} by {' and '.join(shape.covariates)}"
+    return f'''"""An effect that measurements show and no known one explains: {what}.
 
 Shape found: {shape.text} (x: {shape.covariate}{f" [{shape.unit}]" if shape.unit else ""}), R² {shape.r2:.2f}.
 Give it a name and a cause when you know them; parameters can be fitted anew with `cosim add`.
@@ -165,7 +166,8 @@ def _table(shape: Shape) -> str:
         )
     if shape.covariate in ("kind", "model"):
         table = dict(zip(shape.names, values, strict=True))
-        return f"        table = {table}\n        return self.amplitude * np.array([table.get(key, 0.0) for key in x.tolist()])"
+        values = "np.array([table.get(key, 0.0) for key in x.tolist()])"
+        return f"        table = {table}\n        return self.amplitude * {values}"
     codes = {
         "ring": lambda name: name,
         "block": lambda name: str(("upper", "lower").index(name)),

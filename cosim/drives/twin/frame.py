@@ -8,7 +8,8 @@ trace exactly what a reader will trace, traces `TwinFrame.from_json(frame.to_jso
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import struct
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -91,6 +92,33 @@ class Instance:
     paint: float
 
 
+class InstanceTexts:
+    """JSON of instances, kept while they do not stir: most of a town is parked, and stays as it is."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, tuple[bytes, str]] = {}
+
+    def of(self, instances: Sequence[Instance]) -> list[str]:
+        """The text of each instance.
+
+        Raises:
+            ValueError: a value is NaN or infinite.
+        """
+        before, self._known = self._known, {}
+        keys = [_state(instance) for instance in instances]
+        texts: list[str | None] = []
+        for instance, key in zip(instances, keys, strict=True):
+            known = before.get(instance.id)
+            texts.append(known[1] if known is not None and known[0] == key else None)
+        stirring = [row for row, text in enumerate(texts) if text is None]
+        for row, entry in zip(stirring, _instances_json([instances[row] for row in stirring]), strict=True):
+            texts[row] = _dumps(entry)
+        found = [text for text in texts if text is not None]
+        for instance, key, text in zip(instances, keys, found, strict=True):
+            self._known[instance.id] = key, text
+        return found
+
+
 @dataclass(frozen=True, eq=False)
 class TwinFrame:
     """Everything at the pose time of one frame.
@@ -114,8 +142,11 @@ class TwinFrame:
     instances: tuple[Instance, ...]
     static: str | None = None
 
-    def to_json(self) -> str:
+    def to_json(self, instances: InstanceTexts | None = None) -> str:
         """The text of the file; equal frames give equal text.
+
+        Args:
+            instances: texts of earlier frames, of which those are taken that still hold, and added to.
 
         Raises:
             FormatError: a value is NaN or infinite.
@@ -135,9 +166,10 @@ class TwinFrame:
         }
         document["lidar"] = {"pose_ego": matrix_json(self.lidar.pose_ego), "pattern": self.lidar.pattern}
         document["cameras"] = {name: _camera_json(camera) for name, camera in self.cameras.items()}
-        document["instances"] = _instances_json(self.instances)
         try:
-            return json.dumps(document, separators=(",", ":"), allow_nan=False, ensure_ascii=False) + "\n"
+            head = _dumps(document)
+            entries = (instances or InstanceTexts()).of(self.instances)
+            return f'{head[:-1]},"instances":[{",".join(entries)}]}}\n'
         except ValueError:
             raise FormatError(f"twin frame {self.frame}: a value is NaN or infinite; poses must be finite") from None
 
@@ -190,7 +222,19 @@ def _camera_json(camera: Camera) -> dict[str, Any]:
     }
 
 
-def _instances_json(instances: tuple[Instance, ...]) -> list[dict[str, Any]]:
+def _state(instance: Instance) -> bytes:
+    """All that may change of an instance with a given id, and its looks."""
+    one = instance
+    numbers = struct.pack("5d", one.yaw_rate_radps, one.length_m, one.width_m, one.height_m, one.paint)
+    looks = f"{one.kind} {one.model}".encode()
+    return b"".join([one.pose.tobytes(), one.velocity_mps.tobytes(), one.scale.tobytes(), numbers, looks])
+
+
+def _dumps(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+
+
+def _instances_json(instances: Sequence[Instance]) -> list[dict[str, Any]]:
     """All at once: one by one, hundreds of parked cars take longer than a scan."""
     if not instances:
         return []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -35,6 +35,16 @@ _PRESETS: dict[str, dict[str, Any]] = {
         "pull_outs_per_min": 0.0,
         "parked_yaw_deg": {"kind": "constant", "value": 0.0},
     },
+    "sumo": {
+        "speeding_kmh": {"kind": "constant", "value": 0.0},
+        "lane_offset_m": {"kind": "constant", "value": 0.0},
+        "lane_change_share": {"kind": "constant", "value": 0.0},
+        "u_turns_per_min": 0.0,
+        "collisions_per_min": 0.0,
+        "pull_ins_per_min": 0.0,
+        "pull_outs_per_min": 0.0,
+        "parked_yaw_deg": {"kind": "constant", "value": 0.0},
+    },
 }
 
 
@@ -43,8 +53,9 @@ class BehaviourConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    preset: Literal["paper", "reference", "calm"] = Field(
-        default="paper", description="where values come from by default"
+    preset: Literal["paper", "reference", "calm", "sumo"] = Field(
+        default="paper",
+        description="where values come from by default; `sumo`: drivers as the scenario has them",
     )
     speeding_kmh: Annotated[Distribution, within(0, 60)] = Field(
         default=Uniform(min=0.0, max=30.0), description="how much a driver exceeds the limit on free roads [km/h]"
@@ -99,3 +110,20 @@ class BehaviourConfig(BaseModel):
             preset = values.get("preset", "paper")
             return {**(_PRESETS.get(preset, {}) if isinstance(preset, str) else {}), **values}
         return values
+
+    @model_validator(mode="after")
+    def _stands_alone(self) -> Self:
+        if self.preset == "sumo":
+            plain = {**BehaviourConfig().model_dump(mode="json"), **_PRESETS["sumo"], "preset": "sumo"}
+            for key, value in self.model_dump(mode="json").items():
+                if value != plain[key]:
+                    raise ValueError(
+                        f"the preset sumo leaves drivers as the scenario's vTypes have them, but {key} would change "
+                        f"them; write it into the vTypes, or take another preset"
+                    )
+        return self
+
+    @property
+    def as_given(self) -> bool:
+        """Whether drivers, lanes and vehicle types stay as the scenario has them."""
+        return self.preset == "sumo"

@@ -35,6 +35,9 @@ class Drivers:
         roads: the network.
         exempt: vehicles (the ego) that neither park nor collide, now or from a later step on.
         sight_m: nobody vanishes this near to an exempt vehicle.
+
+    Attributes:
+        share: of the town's drivers, those that are given; as large a share of the incidents falls to them.
     """
 
     def __init__(self, config: BehaviourConfig, seed: int, roads: Roads, exempt: set[str], sight_m: float) -> None:
@@ -46,25 +49,35 @@ class Drivers:
         self._roads = roads
         self._sight_m = sight_m
         self._behaviours = (
-            driving,
-            LaneChanges(rng("lane changes"), driving),
-            PullOut(rng("pull-outs")),
-            PullIn(rng("pull-ins")),
-            UTurns(rng("U-turns")),
-            Collisions(rng("collisions")),
-            Turnarounds(),
-            Onward(rng("onward")),
-            Gridlock(),
-            Patience(),
-            Contacts(rng("contacts")),
+            (Patience(),)  # only keeps SUMO's vehicles with their bodies
+            if config.as_given
+            else (
+                driving,
+                LaneChanges(rng("lane changes"), driving),
+                PullOut(rng("pull-outs")),
+                PullIn(rng("pull-ins")),
+                UTurns(rng("U-turns")),
+                Collisions(rng("collisions")),
+                Turnarounds(),
+                Onward(rng("onward")),
+                Gridlock(),
+                Patience(),
+                Contacts(rng("contacts")),
+            )
         )
         self._stage: Stage | None = None
         self._exempt = exempt
+        self.share = 1.0
 
     @property
     def events(self) -> list[Event]:
         """What has happened so far, in order of time."""
         return [] if self._stage is None else self._stage.events
+
+    @property
+    def acting(self) -> set[str]:
+        """Vehicles in a manoeuvre, which must be seen to its end."""
+        return set() if self._stage is None else self._stage.busy | self._stage.steered
 
     def apply(self, traffic: Traffic, motion: Motion, actors: Actors) -> None:
         """Act after a step.
@@ -87,6 +100,7 @@ class Drivers:
                 exempt=self._exempt,
                 sight_m=self._sight_m,
             )
+        self._stage.share = self.share
         self._stage.see(actors)
         for behaviour in self._behaviours:
             behaviour.step(self._stage)

@@ -41,6 +41,8 @@ class FreeDriving:
     def step(self, stage: Stage) -> None:
         """Look after everyone's speed."""
         actors, api = stage.actors, stage.api
+        for vehicle in stage.left:  # SUMO does with them as it likes, until they come again
+            self._drivers.pop(vehicle, None)
         positions, speeds = actors.lane_position_m.tolist(), actors.speed_mps.tolist()
         parked = actors.parked.tolist()
         for row, (vehicle, kind, lane) in enumerate(zip(actors.ids, actors.kinds, actors.lanes, strict=True)):

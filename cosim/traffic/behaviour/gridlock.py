@@ -49,8 +49,25 @@ class Gridlock:
             if late > 0:
                 junction = name[1:].rsplit("_", 2)[0] if inside else stage.api.edge.getToJunction(lane.edge)
                 longest[junction] = max(longest.get(junction, (0.0, "")), (late, vehicle))
+        self._look_far(stage, longest)
         for junction, (_, vehicle) in sorted(longest.items()):
             if junction not in {at for at, _ in self._goes.values()}:
                 api.setSpeedMode(vehicle, _GOES_FIRST)
                 self._goes[vehicle] = junction, actors.time_s + _GOES_FIRST_S
                 self._stands[vehicle] = actors.time_s  # then it is another's turn
+
+    def _look_far(self, stage: Stage, longest: dict[str, tuple[float, str]]) -> None:
+        """The same of those whom SUMO alone moves."""
+        api = stage.api.vehicle
+        for vehicle in sorted(stage.traffic.far):
+            waits_s = api.getWaitingTime(vehicle)
+            if waits_s < _INSIDE_S or api.isStopped(vehicle):
+                continue
+            name = api.getLaneID(vehicle)
+            lane, inside = stage.roads.lanes.get(name), name.startswith(":")
+            if lane is None or not (inside or lane.length_m - api.getLanePosition(vehicle) < _AT_THE_LINE_M):
+                continue
+            late = waits_s - (_INSIDE_S if inside else _BEFORE_S)
+            if late > 0:
+                junction = name[1:].rsplit("_", 2)[0] if inside else stage.api.edge.getToJunction(lane.edge)
+                longest[junction] = max(longest.get(junction, (0.0, "")), (late, vehicle))

@@ -33,24 +33,19 @@ class Kerbside:
         self._seed = seed
         self._poses: dict[str, tuple[np.ndarray, float]] = {}  # front (2,) and heading
         self._settled = False
-        self._names: list[str] = []  # of the parked
-        self._places = np.zeros((0, 3))  # of those among them who have a pose
 
     def arrange(self, traffic: Traffic, roads: Roads, actors: Actors) -> Actors:
-        """The actors of a step with their parked ones as they stand."""
-        if not self._settled and actors.parked.any():
-            self._settled = True
-            actors = actors.without(self._settle(traffic, roads, actors))
-        if not self._poses:
+        """The actors of a step; once some are parked these take their places, and those without one leave."""
+        if self._settled or not actors.parked.any():
             return actors
-        rows = np.flatnonzero(actors.parked)
-        if (names := [actors.ids[row] for row in rows.tolist()]) != self._names:
-            self._poses = {name: self._poses[name] for name in names if name in self._poses}
-            self._names = names
-            self._places = np.array([[*front, angle] for front, angle in self._poses.values()]).reshape(-1, 3)
+        self._settled = True
+        actors = actors.without(self._settle(traffic, roads, actors))
+        rows = [row for row, name in enumerate(actors.ids) if name in self._poses]
         front, heading = actors.front.copy(), actors.heading_rad.copy()
-        rows = rows[[name in self._poses for name in names]]
-        front[rows, :2], heading[rows] = self._places[:, :2], self._places[:, 2]
+        for row in rows:
+            front[row, :2], heading[row] = self._poses[actors.ids[row]]
+            traffic.stand(actors.ids[row], *self._poses[actors.ids[row]])
+        self._poses.clear()
         return replace(actors, front=front, heading_rad=heading)
 
     def _settle(self, traffic: Traffic, roads: Roads, actors: Actors) -> set[str]:

@@ -21,6 +21,8 @@ class Onward:
         actors = stage.actors
         if round(actors.time_s / stage.step_s) % _EVERY_STEPS:
             return
+        for vehicle in sorted(stage.traffic.far):
+            stage.traffic.prolong_route(vehicle, self._rng)
         for row, vehicle in enumerate(actors.ids):
             drives = actors.kinds[row] in MOTORISED and actors.lanes[row] and not actors.parked[row]
             if drives and vehicle not in stage.busy:

@@ -30,6 +30,8 @@ class Stage:
         busy: vehicles in a manoeuvre, which no other may begin with.
         exempt: vehicles that neither park nor collide nor are taken away (the ego).
         sight_m: nobody may vanish this near to one of them.
+        share: of the town's drivers, those among `actors`.
+        left: who was among `actors` a step before and is no more.
         steered: vehicles whose speed in SUMO a manoeuvre sets.
         pace: speed that others are sent on with [m/s]; who is missing goes as SUMO likes.
         collided: pairs, in alphabetical order, that have collided as drawn.
@@ -46,6 +48,8 @@ class Stage:
     busy: set[str] = field(default_factory=set)
     exempt: set[str] = field(default_factory=set)
     sight_m: float = 120.0
+    share: float = 1.0
+    left: tuple[str, ...] = ()
     steered: set[str] = field(default_factory=set)
     pace: dict[str, float] = field(default_factory=dict)
     collided: set[tuple[str, str]] = field(default_factory=set)
@@ -58,7 +62,9 @@ class Stage:
 
     def see(self, actors: Actors) -> None:
         """Go on to the next step."""
+        self.left = ()
         if actors.ids != self.actors.ids:
+            self.left = tuple(sorted(self.rows.keys() - set(actors.ids)))
             self.rows = {name: row for row, name in enumerate(actors.ids)}
         self.actors = actors
 
@@ -71,8 +77,7 @@ class Stage:
         if vehicle in self.exempt or self._in_sight(vehicle):
             return False
         self.record("taken_away", vehicle)
-        self.api.vehicle.unsubscribe(vehicle)
-        self.api.vehicle.remove(vehicle)
+        self.traffic.remove(vehicle)
         self.busy.add(vehicle)
         return True
 
@@ -83,8 +88,8 @@ class Stage:
         return bool((np.hypot(away[:, 0], away[:, 1]) < self.sight_m).any())
 
     def due(self, per_min: float, rng: np.random.Generator) -> bool:
-        """Whether an incident of a rate falls into this step."""
-        return per_min > 0 and bool(rng.random() < per_min / 60 * self.step_s)
+        """Whether an incident of a rate in the whole town falls into this step, and to those among `actors`."""
+        return per_min > 0 and bool(rng.random() < per_min / 60 * self.step_s * self.share)
 
     def boxes_near(self, place: np.ndarray, but: str) -> np.ndarray:
         """Boxes (k, 5) of vehicles near a place (2,): x, y, heading, length, width; without one vehicle."""

@@ -9,10 +9,10 @@ from cosim.capture.disk_estimate import DiskError, demand_space, estimate_bytes,
 from sensors.sensor_model import load_sensor
 
 
-def test_the_estimate_is_within_a_third_of_what_a_drive_takes(drive_folder, run_config):
+def test_the_estimate_is_within_a_fifth_of_what_a_drive_takes(drive_folder, run_config):
     config = load_config(run_config)
     taken = sum(path.stat().st_size for path in drive_folder.rglob("*") if path.is_file())
-    assert estimate_bytes(config, load_sensor(config.sensor)) == pytest.approx(taken, rel=1 / 3)
+    assert estimate_bytes(config, load_sensor(config.sensor)) == pytest.approx(taken, rel=0.2)
 
 
 def test_more_frames_fewer_images_and_no_hits_show(run_config):

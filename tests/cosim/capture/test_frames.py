@@ -16,7 +16,6 @@ from sensors.pattern import load_pattern
 from sensors.scene import Instances, Scene
 from sensors.tracing import Tracer
 
-pytestmark = pytest.mark.xdist_group("drive")
 INTERIOR = [MATERIAL_NAMES.index(name) for name in ("car_interior", "car_seat")]
 
 

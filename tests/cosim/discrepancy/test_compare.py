@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.cli.frame_choice import chosen_frames
 from cosim.discrepancy import compare
-from cosim.discrepancy.chosen import chosen_frames
 from cosim.discrepancy.data.checks import opened
 from cosim.errors import CosimError, DriveError
 from sensors.effects.registry import find_effect

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cosim.discrepancy.settling import Settled, settle
 
 from cosim.discrepancy import diagnose
 from cosim.discrepancy.data.frames import FrameTracer
 from cosim.discrepancy.inference.fit import all_free
 from cosim.discrepancy.labelled_twin import write_labelled_twin
-from cosim.discrepancy.settling import Settled, settle
 from cosim.drives.kitti import Drive
 from sensors.effects.base import Effect
 from sensors.effects.dual_block import DualBlock

@@ -12,7 +12,7 @@ from cosim.discrepancy.candidates import as_known, for_rings, with_rings
 from cosim.discrepancy.groups.covariates import covariates
 from cosim.discrepancy.unknown.formulas import best_formula
 from cosim.discrepancy.unknown.plug_in import shape_effect
-from cosim.discrepancy.unknown.shape import Factor, Shape
+from cosim.discrepancy.unknown.shape import Shape
 from cosim.discrepancy.unknown.write import class_name, effect_source
 from sensors.effects.registry import find_effect
 from tests.cosim.discrepancy.small_drive import make_yard, viewed_yard

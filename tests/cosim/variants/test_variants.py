@@ -11,9 +11,10 @@ import yaml
 from cosim.drives.kitti import Drive, points_in_boxes
 from cosim.engine import LocalEngine
 from cosim.variants import PAPER, make_variants
+from sensors.sensor_model import load_sensor
 from tests.cosim.conftest import cosim
 
-pytestmark = pytest.mark.xdist_group("drive")
+_MANY = 20  # points, of some boxes and not of others
 TRACED = ("dual", "noise", "intensity", "raydrop")
 
 
@@ -31,8 +32,8 @@ def by_beam(frame, pattern):
 
 
 @pytest.mark.parametrize("name", PAPER)
-def test_a_variant_is_a_drive_that_detectors_read(variants_folder, drive_folder, name):
-    drive, source = Drive(variants_folder / name), Drive(drive_folder)
+def test_a_variant_is_a_drive_that_detectors_read(variants_folder, source_drive, name):
+    drive, source = Drive(variants_folder / name), Drive(source_drive)
     assert drive.frames == source.frames and drive.kind == "simulated"
     assert drive.split("train") == source.split("train") and drive.split("val") == source.split("val")
     for frame in drive:
@@ -49,37 +50,38 @@ def test_a_variant_is_a_drive_that_detectors_read(variants_folder, drive_folder,
     assert listed == {file: digest for file, digest in checksums(drive.root).items() if file in listed}
 
 
-def test_images_are_shared_with_the_drive_and_not_copied(variants_folder, drive_folder):
-    for part in ("image_0/000000.png", "image_2/000003.png", "calib/000001.txt", "twin/static.glb"):
-        assert (variants_folder / "dual" / part).samefile(drive_folder / part)
+def test_images_are_shared_with_the_drive_and_not_copied(variants_folder, source_drive):
+    for part in ("image_0/000000.png", "image_2/000002.png", "calib/000004.txt", "twin/static.glb"):
+        assert (variants_folder / "dual" / part).samefile(source_drive / part)
 
 
-def test_the_drive_s_own_sensor_gives_the_drive_again(drive_folder, tmp_path):
-    cosim("variants", drive_folder, "--variant", drive_folder / "sensor.yaml", "--out", tmp_path / "v", "--quiet")
+def test_the_drive_s_own_sensor_gives_the_drive_again(source_drive, tmp_path):
+    make_variants(source_drive, str(source_drive / "sensor.yaml"), tmp_path / "v")
     parts = ("velodyne", "rays", "label_2")
-    assert checksums(tmp_path / "v" / "sensor", *parts) == checksums(drive_folder, *parts)
+    assert checksums(tmp_path / "v" / "sensor", *parts) == checksums(source_drive, *parts)
 
 
-def test_label_effects_of_a_run_and_of_a_variant_of_it_are_the_same(run_config, tmp_path):
+def test_label_effects_of_a_run_and_of_a_variant_of_it_are_the_same(hamlet_config, tmp_path):
     own = tmp_path / "tight.yaml"
     shrink = "{effect: box_shrink, a_m: [0.2, 0.05, 0.05], b: [0.25, 0.25, 0.05]}"
-    own.write_text(f"pattern: hdl64e\neffects: [{shrink}, {{effect: few_points, points: 400}}]\n")
-    cosim("run", run_config, "--frames", 2, "--sensor", own, "--out", tmp_path / "run", "--quiet")
-    cosim("variants", tmp_path / "run", "--variant", own, "--out", tmp_path / "v", "--quiet")
+    pattern = hamlet_config.with_name("small.yaml")
+    own.write_text(f"pattern: {pattern}\neffects: [{shrink}, {{effect: few_points, points: {_MANY}}}]\n")
+    cosim("run", hamlet_config, "--frames", 2, "--sensor", own, "--out", tmp_path / "run", "--quiet")
+    make_variants(tmp_path / "run", str(own), tmp_path / "v")
     parts = ("velodyne", "label_2", "label_2_exact")
     assert checksums(tmp_path / "v" / "tight", *parts) == checksums(tmp_path / "run", *parts)
     for frame in Drive(tmp_path / "run"):
         held = points_in_boxes(frame.points, frame.labels.cared_for.boxes_velo(frame.calibration), margin_m=1e-3).sum(1)
-        assert len(frame.labels) == len(frame.exact_labels) and (held >= 400).all()
+        assert len(frame.labels) == len(frame.exact_labels) and (held >= _MANY).all()
 
 
-def test_a_fan_traced_again_in_the_twin_meets_what_was_stored(drive_folder, tmp_path):
+def test_a_fan_traced_again_in_the_twin_meets_what_was_stored(source_drive, tmp_path):
     """A shift of nothing makes new rays necessary and changes none."""
     own = tmp_path / "traced.yaml"
     own.write_text("pattern: hdl64e\neffects: [{effect: mount_translation, x_m: 0, y_m: 0, z_m: 0}]\n")
-    make_variants(drive_folder, str(own), tmp_path / "v")
+    make_variants(source_drive, str(own), tmp_path / "v")
     for frame in Drive(tmp_path / "v" / "traced"):
-        stored = Drive(drive_folder)[frame.name].points
+        stored = Drive(source_drive)[frame.name].points
         assert abs(len(stored) - len(frame.points)) < 30
         if len(stored) == len(frame.points):
             away = np.linalg.norm(stored[:, :3] - frame.points[:, :3], axis=1)
@@ -139,14 +141,14 @@ def test_shrunken_boxes_are_smaller_and_hold_what_the_scan_shows_of_the_vehicle(
     assert shrunk > 5
 
 
-def test_the_star_keeps_the_vehicles_own_boxes_and_shares_its_points(variants_folder, drive_folder):
+def test_the_star_keeps_the_vehicles_own_boxes_and_shares_its_points(variants_folder, source_drive):
     star = variants_folder / "strongest_star"
-    assert checksums(star, "label_2") == checksums(drive_folder, "label_2")
+    assert checksums(star, "label_2") == checksums(source_drive, "label_2")
     assert checksums(star, "velodyne") == checksums(variants_folder / "strongest", "velodyne")
     assert not (star / "label_2_exact").exists()
 
 
-def test_an_interrupted_job_is_taken_up_and_gives_the_same_bytes(variants_folder, drive_folder, tmp_path):
+def test_an_interrupted_job_is_taken_up_and_gives_the_same_bytes(variants_folder, source_drive, tmp_path):
     class StopError(Exception):
         pass
 
@@ -155,22 +157,26 @@ def test_an_interrupted_job_is_taken_up_and_gives_the_same_bytes(variants_folder
             raise StopError
 
     with pytest.raises(StopError):
-        make_variants(drive_folder, "strongest,raydrop", tmp_path / "v", on_event=stop)
+        make_variants(source_drive, "strongest,raydrop", tmp_path / "v", on_event=stop)
     assert not (tmp_path / "v/raydrop/drive.yaml").exists()
-    result = make_variants(drive_folder, "strongest,raydrop", tmp_path / "v", engine=LocalEngine(2))
-    assert 0 < result.made < 16
+    result = make_variants(source_drive, "strongest,raydrop", tmp_path / "v", engine=LocalEngine(2))
+    assert 0 < result.made < 8
     for name in ("strongest", "raydrop"):
         assert checksums(tmp_path / "v" / name) == checksums(variants_folder / name)
-    assert make_variants(drive_folder, "strongest,raydrop", tmp_path / "v").made == 0
+    assert make_variants(source_drive, "strongest,raydrop", tmp_path / "v").made == 0
 
 
-def test_a_run_with_a_variant_s_sensor_measures_what_the_variant_of_a_run_does(run_config, variants_folder, tmp_path):
+def test_a_run_with_a_variant_s_sensor_measures_what_the_variant_of_a_run_does(hamlet_config, hamlet_drive, tmp_path):
     """The same world, seed and frames; the twin's files hold poses to a micrometre."""
-    cosim("run", run_config, "--out", tmp_path / "run", "--sensor", "raydrop", "--workers", 2, "--quiet")
+    own = tmp_path / "raydrop.yaml"
+    own.write_text(load_sensor("raydrop").to_yaml().replace("hdl64e", str(hamlet_config.with_name("small.yaml"))))
+    cosim("run", hamlet_config, "--out", tmp_path / "run", "--sensor", own, "--quiet")
+    make_variants(hamlet_drive, str(own), tmp_path / "v")
+    away = []
     for frame in Drive(tmp_path / "run"):
-        other = Drive(variants_folder / "raydrop")[frame.name]
+        other = Drive(tmp_path / "v" / "raydrop")[frame.name]
         assert len(frame.points) == pytest.approx(len(other.points), rel=2e-3)
         assert frame.points[:, 3].mean() == pytest.approx(other.points[:, 3].mean(), abs=2e-3)
         assert frame.labels.type == other.labels.type and frame.has("label_2_exact")
-        away = np.abs(frame.labels.cared_for.dimensions - other.labels.cared_for.dimensions)
-        assert np.quantile(away, 0.9) < 0.1  # the outermost noisy points decide
+        away += [np.abs(frame.labels.cared_for.dimensions - other.labels.cared_for.dimensions)]
+    assert np.quantile(np.concatenate(away), 0.9) < 0.1  # the outermost noisy points decide

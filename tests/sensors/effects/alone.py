@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sensors.effects.catalogue import BUILT_IN
+from sensors.effects.catalogue import built_in_effects
 from sensors.hits import NOTHING
 from sensors.label_boxes import LabelBoxes
 from sensors.motion import EgoMotion
@@ -46,12 +46,12 @@ class Change:
     @property
     def own(self) -> str:
         """The channel that the effect is about, as it shows in one scan."""
-        return _SHOWS_AS.get(BUILT_IN[self.name].channel, BUILT_IN[self.name].channel)
+        return _SHOWS_AS.get(built_in_effects()[self.name].channel, built_in_effects()[self.name].channel)
 
     @property
     def allowed(self) -> set[str]:
         """Its own channel, and those that it says it cannot but touch."""
-        return {self.own, *(_SHOWS_AS.get(channel, channel) for channel in BUILT_IN[self.name].also)}
+        return {self.own, *(_SHOWS_AS.get(channel, channel) for channel in built_in_effects()[self.name].also)}
 
     @property
     def holds(self) -> bool:
@@ -61,7 +61,7 @@ class Change:
 
 def change_by(name: str) -> Change:
     """What the effect changes with its example's parameters."""
-    kind = BUILT_IN[name]
+    kind = built_in_effects()[name]
     # Beams that turn meet other things: only where all is alike do they show in the range alone.
     where = "room" if kind.stage == "beam" else "street"
     before, _ = bare(where)

@@ -8,7 +8,7 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.shapes import box
-from sensors.effects.catalogue import BUILT_IN
+from sensors.effects.catalogue import built_in_effects
 from sensors.motion import EgoMotion
 from sensors.pattern import Pattern, load_pattern
 from sensors.scene import Scene
@@ -25,7 +25,7 @@ NOBODY = instances([])
 
 def effect(name, **parameters):
     """A built-in effect, by default with the parameters of its example."""
-    kind = BUILT_IN[name]
+    kind = built_in_effects()[name]
     return kind.model_validate(parameters or kind.example)
 
 

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from sensors.effects.catalogue import BUILT_IN
+from sensors.effects.catalogue import built_in_effects
 from tests.sensors.effects.alone import EGO, bare, change_by
 from tests.sensors.effects.scenes import LIDAR, cars, effect, sensor, shoot, street
 
 
-@pytest.mark.parametrize("name", BUILT_IN)
+@pytest.mark.parametrize("name", built_in_effects())
 def test_it_changes_its_own_channel_and_no_other(name):
     change = change_by(name)
     assert change.own in change.channels
     assert change.channels <= change.allowed
 
 
-@pytest.mark.parametrize("name", [name for name, kind in BUILT_IN.items() if kind.neutral is not None])
+@pytest.mark.parametrize("name", [name for name, kind in built_in_effects().items() if kind.neutral is not None])
 def test_its_neutral_parameters_change_nothing(name):
-    after, _ = shoot(sensor(effect(name, **BUILT_IN[name].neutral)), street(), placed=cars(), ego=EGO)
+    after, _ = shoot(sensor(effect(name, **built_in_effects()[name].neutral)), street(), placed=cars(), ego=EGO)
     before, _ = bare("street")
     if name == "detection_threshold":
         return  # a threshold of zero still loses half of what is black
@@ -28,7 +28,7 @@ def test_its_neutral_parameters_change_nothing(name):
     np.testing.assert_allclose(after.intensity, before.intensity, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", [name for name, kind in BUILT_IN.items() if not kind.needs_new_rays])
+@pytest.mark.parametrize("name", [name for name, kind in built_in_effects().items() if not kind.needs_new_rays])
 def test_traced_anew_or_from_stored_hits_it_is_the_same(name):
     from tests.sensors.effects.scenes import of_hits
 

@@ -1,19 +1,26 @@
 """Sensor files: what is read, and what is refused in one clear line."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+import sensors.effects
 from cosim.cli.main import main
-from sensors.effects.catalogue import BUILT_IN
+from sensors.effects.catalogue import built_in_effects
 from sensors.errors import SensorError
 from sensors.sensor_file import model_names
 from sensors.sensor_model import load_sensor
 
 NUMBERS = [
-    (name, parameter) for name, kind in BUILT_IN.items() for parameter in kind.parameters() if not parameter.choices
+    (name, parameter)
+    for name, kind in built_in_effects().items()
+    for parameter in kind.parameters()
+    if not parameter.choices
 ]
 
 
@@ -55,9 +62,9 @@ def test_effects_act_by_phase_whatever_their_order_in_the_file(tmp_path):
     assert one._ordered == two._ordered
 
 
-@pytest.mark.parametrize("name", BUILT_IN)
+@pytest.mark.parametrize("name", built_in_effects())
 def test_effects_survive_their_file(tmp_path, name):
-    kind = BUILT_IN[name]
+    kind = built_in_effects()[name]
     effect = kind.model_validate(kind.example)
     entry = {"effect": name, **effect.model_dump(mode="json")}
     assert load_sensor(sensor_file(tmp_path, [entry])).effects == (effect,)
@@ -71,6 +78,27 @@ def test_built_in_sensors_load_and_survive_their_file(tmp_path, name):
     assert load_sensor(copy).effects == model.effects
 
 
+def test_a_sensor_that_was_renamed_keeps_its_old_name_and_says_so(caplog):
+    old, new = load_sensor("hdl64e_dual"), load_sensor("hdl64e_two_blocks")
+    assert old.effects == new.effects and old.pattern == new.pattern and old.origin == new.origin
+    assert caplog.messages == ["sensor hdl64e_dual is called hdl64e_two_blocks now; write that"]
+    assert "hdl64e_dual" not in model_names()
+
+
+def test_every_file_that_defines_an_effect_is_in_the_catalogue():
+    folder = Path(sensors.effects.__file__).parent
+    named = {
+        name
+        for file in folder.glob("*.py")
+        for name in re.findall(
+            r'^    name: ClassVar(?:\[str\])? = "(\w+)"', file.read_text(encoding="utf-8"), re.MULTILINE
+        )
+    }
+    assert named == set(built_in_effects())
+    phases = [kind.phase for kind in built_in_effects().values()]
+    assert phases == sorted(phases)
+
+
 def test_a_drive_s_own_pattern_stands_beside_its_sensor(tmp_path):
     pattern = load_sensor("vlp16").pattern.model_copy(update={"name": "mine"})
     (tmp_path / "pattern.yaml").write_text(pattern.to_yaml())
@@ -78,11 +106,11 @@ def test_a_drive_s_own_pattern_stands_beside_its_sensor(tmp_path):
     assert load_sensor(tmp_path / "sensor.yaml").pattern == pattern
 
 
-@pytest.mark.parametrize("name", BUILT_IN)
+@pytest.mark.parametrize("name", built_in_effects())
 def test_every_effect_tells_what_it_is(name):
-    kind = BUILT_IN[name]
+    kind = built_in_effects()[name]
     assert kind.name == name and kind.equation and kind.reference and kind.__doc__
-    assert set(kind.confusable_with) <= set(BUILT_IN) - {name}
+    assert set(kind.confusable_with) <= set(built_in_effects()) - {name}
     assert all(p.description for p in kind.parameters())
     for parameter in kind.parameters():
         if parameter.name.endswith("_per_m"):
@@ -99,10 +127,10 @@ def test_no_parameter_leaves_its_bounds(which, excess, above):
     name, parameter = which
     edge = parameter.high if above else parameter.low
     outside = edge + excess * (1 if above else -1) * max(1.0, abs(edge))
-    good = dict(BUILT_IN[name].example)
+    good = dict(built_in_effects()[name].example)
     good[parameter.name] = (outside,) * 64 if parameter.per_ring else outside
     with pytest.raises(ValidationError):
-        BUILT_IN[name].model_validate(good)
+        built_in_effects()[name].model_validate(good)
 
 
 @settings(max_examples=60, deadline=None)
@@ -110,14 +138,14 @@ def test_no_parameter_leaves_its_bounds(which, excess, above):
 def test_every_value_within_bounds_is_taken(which, share):
     name, parameter = which
     value = min(max(parameter.low + share * (parameter.high - parameter.low), parameter.low), parameter.high)
-    good = dict(BUILT_IN[name].example)
+    good = dict(built_in_effects()[name].example)
     good[parameter.name] = (value,) * 64 if parameter.per_ring else value
-    assert np.allclose(getattr(BUILT_IN[name].model_validate(good), parameter.name), value)
+    assert np.allclose(getattr(built_in_effects()[name].model_validate(good), parameter.name), value)
 
 
 def test_the_command_lists_the_whole_catalogue(capsys, tmp_path):
     assert main(["effects", "--json", str(tmp_path / "all.json")]) == 0
     listed = capsys.readouterr().out
-    assert all(name in listed for name in BUILT_IN)
+    assert all(name in listed for name in built_in_effects())
     assert main(["effects", "range_walc"]) == 2
     assert "did you mean range_walk" in capsys.readouterr().err

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cosim.discrepancy.settling import settle
 
 from cosim.discrepancy import diagnose
 from cosim.discrepancy.data.frames import FrameTracer
 from cosim.discrepancy.inference.fit import all_free
 from cosim.discrepancy.labelled_twin import write_labelled_twin
-from cosim.discrepancy.settling import settle
 from cosim.drives.kitti import Calibration, Drive, Labels, write_calibration, write_labels, write_points
 from sensors.effects.elevation_offset import ElevationOffset
 from sensors.effects.range_noise import RangeNoise

@@ -23,7 +23,7 @@ PARSE = TypeAdapter(Distribution).validate_python
         ("lane_offset_m: {kind: choice, values: [0.1], weights: [1, 2]}", "1 values have 2 weights"),
         ("lane_offset_m: {kind: constant, value: 2}", "only -0.3 to 0.3"),
         ("u_turns_per_min: -1", "u_turns_per_min.*greater than or equal to 0"),
-        ("preset: wild", "preset.*'paper', 'reference' or 'calm'"),
+        ("preset: wild", "preset.*'reference', 'calm' or 'sumo'"),
         ("tailgating: 3", "unknown key"),
     ],
 )

@@ -15,7 +15,7 @@ from tests.cosim.traffic.behaviour.scenario import CAR, write_scenario
 
 ROADS = 90
 LIMIT_MPS = 13.89
-LENGTH_M, STOP_M = 700.0, 650.0
+LENGTH_M, STOP_M = 500.0, 450.0
 
 
 @pytest.fixture(scope="module")
@@ -42,11 +42,11 @@ def observe(sumocfg: Path, config: BehaviourConfig) -> tuple[np.ndarray, ...]:
     with Traffic(sumocfg, seed=3) as traffic:
         middle = {name: 20 * i - 1.6 for i, name in enumerate(f"r{i}_0" for i in range(ROADS))}
         living = DrivenTraffic(traffic, config, seed=5)
-        for _ in range(800):
+        for _ in range(600):
             actors = living.step()
             for row, name in enumerate(actors.ids):
                 fastest[name] = max(fastest.get(name, 0.0), actors.speed_mps[row])
-                if 300 < actors.front[row, 0] < 320:
+                if 250 < actors.front[row, 0] < 270:
                     aside[name] = actors.front[row, 1] - middle[actors.lanes[row]]
         gap = [STOP_M - 4.3 - actors.front[row, 0] for row, name in enumerate(actors.ids) if name.startswith("drives")]
     excess = [(fastest[f"drives{i}"] - LIMIT_MPS) * 3.6 for i in range(ROADS)]

@@ -17,6 +17,7 @@ STEP_S = 0.1
 LENGTH_M = 4.3
 STRAIGHT_M = 12.0
 FASTEST_MPS = 10.0
+QUICK = ("town03", "town05", "town06")  # random, wide grid, ring road
 
 
 def ways_across(net: Path) -> dict[str, np.ndarray]:
@@ -83,7 +84,7 @@ def drive(courses: list[Course]) -> tuple[np.ndarray, np.ndarray]:
     return off, np.degrees(turned)
 
 
-@pytest.mark.parametrize("name", TOWNS)
+@pytest.mark.parametrize("name", [t if t in QUICK else pytest.param(t, marks=pytest.mark.slow) for t in TOWNS])
 def test_a_car_can_follow_every_way_across_every_junction(name):
     ways = ways_across(read_town(name).net)
     off, turned = drive([Course(line) for line in ways.values()])

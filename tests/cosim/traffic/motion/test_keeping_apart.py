@@ -39,7 +39,7 @@ def meet(angle: float, speeds: tuple[float, float], late_s: float, allowed: bool
 
 
 @given(st.floats(0.6, 2 * np.pi - 0.6), st.floats(2, 14), st.floats(2, 14), st.floats(-0.6, 0.6))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_vehicles_on_crossing_ways_stop_before_they_touch(angle, one, other, late_s):
     deepest, _ = meet(angle, (one, other), late_s)
     assert deepest == 0.0

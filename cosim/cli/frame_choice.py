@@ -1,4 +1,4 @@
-"""Which frames of a drive take part."""
+"""Which frames of a drive a command takes."""
 
 from __future__ import annotations
 

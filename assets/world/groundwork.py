@@ -1,0 +1,91 @@
+"""What all worlds of a town have in common: the shape of the land, its roads and kerbs. It takes longest to make."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from shapely import Geometry
+
+from assets.mesh import Mesh
+from assets.streets import Streets
+from assets.world.ground import CARRIAGEWAY, TERRAIN, Plan, triangulate
+from assets.world.height_field import HeightField, fit_height_field
+from assets.world.kerbside import Kerbside, kerbside
+from assets.world.markings import markings_mesh
+from assets.world.relief import Relief, ground_mesh, kerb_stones
+from assets.world.surfaces import Outlines, open_roads, outline
+
+_MARGIN_M = 120.0  # land beyond the streets
+
+
+@dataclass(frozen=True, eq=False)
+class Groundwork:
+    """Everything in a town's worlds that no seed changes; world axes, metres.
+
+    Attributes:
+        streets: the network it was made of.
+        town: (2, 2) lower and upper corner of the streets, x and y.
+        bounds: (2, 2) the same of the land.
+        height: the smooth base surface.
+        outlines: what is paved.
+        paved: all of that together.
+        open_roads: along which nobody lives.
+        relief: heights of carriageway, pavement and terrain.
+        plan: the land in triangles.
+        ground: the same with heights; its first faces are the plan's, of which those of terrain carry any material.
+        kerb_stones, markings: meshes upon it.
+        edge: stations along the kerbs.
+    """
+
+    streets: Streets
+    town: np.ndarray
+    bounds: np.ndarray
+    height: HeightField
+    outlines: Outlines
+    paved: Geometry
+    open_roads: Geometry
+    relief: Relief
+    plan: Plan
+    ground: Mesh
+    kerb_stones: Mesh
+    markings: Mesh
+    edge: Kerbside
+
+    @classmethod
+    def of(cls, streets: Streets) -> Groundwork:
+        """Lay the groundwork of a town.
+
+        Raises:
+            ValueError: the network has no lanes.
+        """
+        if not streets.lanes:
+            raise ValueError(f"town {streets.name!r} has no lanes: nothing to build a world around")
+        places = np.concatenate([lane.centre[:, :2] for lane in streets.lanes])
+        low, high = places.min(0), places.max(0)
+        bounds = np.stack([low - _MARGIN_M, high + _MARGIN_M])
+        height = fit_height_field(streets, *bounds)
+        outlines = outline(streets)
+        relief = Relief(height, outlines.crossings)
+        plan = triangulate(outlines, *bounds)
+        return cls(
+            streets=streets,
+            town=np.stack([low, high]),
+            bounds=bounds,
+            height=height,
+            outlines=outlines,
+            paved=outlines.paved,
+            open_roads=open_roads(streets),
+            relief=relief,
+            plan=plan,
+            ground=ground_mesh(plan, relief, np.full(int((plan.zone == TERRAIN).sum()), CARRIAGEWAY, np.uint8)),
+            kerb_stones=kerb_stones(plan, relief),
+            markings=markings_mesh(streets, outlines.carriageway, height),
+            edge=kerbside(streets, outlines),
+        )
+
+    def surfaced(self, terrain_materials: np.ndarray) -> Mesh:
+        """The ground with terrain of given materials, (t,) rows in the plan's order."""
+        materials = self.ground.materials.copy()
+        materials[: len(self.plan.zone)][self.plan.zone == TERRAIN] = terrain_materials
+        return Mesh(self.ground.vertices, self.ground.faces, materials)

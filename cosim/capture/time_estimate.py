@@ -1,0 +1,69 @@
+"""How long a run will take, told before it begins."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+
+import numpy as np
+
+from cosim.capture.config import RunConfig
+from cosim.capture.plan import plan_episodes, world_count
+from cosim.capture.products import cameras_of
+from sensors.sensor_model import SensorModel
+
+# Processor time [s], measured on drives of all towns on a machine that takes _PROBE_S for the probe below.
+_PROCESS = 3.0  # imports, models, shaders
+_TOWN = 2.2  # streets and groundwork, once a process
+_WORLD = 2.0
+_EPISODE = 1.6  # population, warm-up, lead-in, light
+_STEP = 0.006  # of the simulation, with bodies and behaviour near the ego vehicle
+_STEPS = 1.5  # between two frames, over the fewest: red lights and empty roads
+_FRAME = 0.06  # poses, labels, text, checksums
+_CAMERA = 0.05
+_IMAGE = 0.006
+_BEAM = 0.55e-6
+_HIT = 0.08e-6
+_PROBE_S = 0.037
+
+
+def estimate_s(config: RunConfig, sensor: SensorModel, workers: int, slowness: float = 1.0) -> float:
+    """Time on the clock that a run takes, to within about a fifth where nothing else runs [s].
+
+    Args:
+        config: of the run.
+        sensor: the LiDAR.
+        workers: processes asked for; more than there are processors or episodes do not help.
+        slowness: of this machine, as `machine_slowness` measures it.
+    """
+    plans = plan_episodes(config)
+    busy = max(1, min(workers, os.cpu_count() or 1, len(plans)))
+    beams = len(sensor.pattern.elevation_deg) * sensor.pattern.firings
+    cameras = len(cameras_of([*config.images, "instance_2", *(["image_0"] if sensor.needs_camera else [])]))
+    steps = _STEPS * max(1.0, config.collection.every_s / config.step_s)
+    frame = _FRAME + steps * _STEP + cameras * _CAMERA + len(config.images) * _IMAGE
+    frame += beams * (_BEAM + (_HIT if config.store_hits else 0.0))
+    towns = math.ceil(len(config.towns) / busy) * busy  # processes keep to their towns
+    begun = busy * _PROCESS + max(towns, busy) * _TOWN + world_count(plans) * _WORLD + len(plans) * _EPISODE
+    return slowness * (begun + config.frames * frame) / busy
+
+
+def machine_slowness() -> float:
+    """Time that this machine takes now for a little of such work, over that of the machine the estimate is from."""
+    rng, begun = np.random.default_rng(0), time.perf_counter()
+    for _ in range(10):
+        values = rng.random(50_000)
+        np.sort(values)
+        known = {number: str(number) for number in range(10_000)}
+        sum(len(known[number]) for number in range(10_000))
+    return (time.perf_counter() - begun) / _PROBE_S
+
+
+def time_in_words(seconds: float) -> str:
+    """A time as people say it."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    if seconds < 90 * 60:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"

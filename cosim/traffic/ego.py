@@ -1,0 +1,45 @@
+"""Which vehicle carries the sensors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cosim.traffic.actors import Actors
+from cosim.traffic.simulation import Traffic
+from cosim.traffic.starting import TrafficError
+
+_RIDDEN = ("car", "van", "truck", "bus", "motorcycle", "cyclist")  # the first of these kinds that drives
+_MOVES_MPS = 1.0
+
+
+def draw_ego(traffic: Traffic, actors: Actors, rng: np.random.Generator) -> str:
+    """The id of a vehicle to ride in: a car that drives, drawn at random; without cars, one of the next kind.
+
+    Raises:
+        TrafficError: nothing drives.
+    """
+    driving = _ridable(traffic, actors)
+    if not driving:
+        raise TrafficError(f"no road vehicle drives after {actors.time_s:.0f} s; lengthen warm_up_s or add traffic")
+    kind = min((actors.kinds[row] for row in driving), key=_RIDDEN.index)
+    driving = [row for row in driving if actors.kinds[row] == kind]
+    moving = [row for row in driving if actors.speed_mps[row] > _MOVES_MPS]
+    return str(rng.choice(sorted(actors.ids[row] for row in moving or driving)))
+
+
+def anybody_drives(traffic: Traffic, actors: Actors) -> bool:
+    """Whether there is a vehicle to ride in."""
+    return bool(_ridable(traffic, actors))
+
+
+def anybody_comes(traffic: Traffic) -> bool:
+    """Whether SUMO still expects somebody, on the road or later."""
+    return traffic.api.simulation.getMinExpectedNumber() > 0
+
+
+def _ridable(traffic: Traffic, actors: Actors) -> list[int]:
+    """Rows of who is on the road without a stop ahead; of who moves, if all have one (buses, shared taxis)."""
+    kinds, lanes = actors.kinds, actors.lanes
+    on_road = [row for row in range(len(actors)) if kinds[row] in _RIDDEN and lanes[row] and not actors.parked[row]]
+    free = [row for row in on_road if not traffic.api.vehicle.getStops(actors.ids[row], 1)]
+    return free or [row for row in on_road if actors.speed_mps[row] > _MOVES_MPS]

@@ -1,0 +1,124 @@
+"""Starting SUMO: at a scenario's beginning, or where a quick warm-up has brought it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+from cosim.errors import CosimError
+
+_SUBLANE_M = 0.8  # lane changes take their time; SUMO's own default is a jump
+_QUICK_STEP_S = 0.5
+
+
+class TrafficError(CosimError):
+    """SUMO refuses the scenario, or the simulation cannot go on."""
+
+
+@dataclass(frozen=True)
+class SavedState:
+    """A simulation to go on with: the file, and its time [s]."""
+
+    path: Path
+    time_s: float
+
+
+def warmed_up(sumocfg: Path, seed: int, seconds: float, folder: Path) -> SavedState:
+    """Let a scenario run where nobody looks, in long steps and with changes of lane at once; gives its saved state.
+
+    Args:
+        sumocfg: scenario file.
+        seed: SUMO's seed.
+        seconds: simulated time.
+        folder: where the state is written.
+
+    Raises:
+        TrafficError: SUMO refuses the scenario or gives up, or another simulation runs in this process.
+    """
+    path = folder / "warm.xml"
+    sumo = start_sumo(sumocfg, seed, _QUICK_STEP_S, sublane=False)
+    try:
+        for _ in range(round(seconds / _QUICK_STEP_S)):
+            sumo.simulationStep()
+        sumo.simulation.saveState(str(path))
+        return SavedState(path, float(sumo.simulation.getTime()))
+    except sumo.TraCIException as error:
+        raise TrafficError(f"SUMO stopped at {sumo.simulation.getTime():.1f} s: {error}") from error
+    finally:
+        sumo.close()
+
+
+def start_sumo(
+    sumocfg: Path, seed: int, step_s: float, *, state: SavedState | None = None, sublane: bool = True
+) -> ModuleType:
+    """The running libsumo.
+
+    Args:
+        sumocfg: scenario file.
+        seed: SUMO's seed.
+        step_s: step length [s].
+        state: saved state to begin with.
+        sublane: whether changes of lane take their time, at twice the cost of a step.
+
+    Raises:
+        TrafficError: SUMO refuses the scenario, or another simulation runs in this process.
+    """
+    command = [
+        "sumo",
+        *("-c", str(sumocfg)),
+        *("--seed", str(seed % 2**31)),
+        *("--step-length", str(step_s)),
+        *("--time-to-teleport", "-1"),
+        *("--collision.action", "warn"),
+        *("--collision.mingap-factor", "0"),
+        "--save-state.transportables",
+        "--no-step-log",
+        "--no-warnings",
+    ]
+    if sublane:
+        command += ["--lateral-resolution", str(_SUBLANE_M)]
+    if state is not None:
+        command += ["--load-state", str(state.path), "--begin", str(state.time_s)]
+    return _start(command)
+
+
+def _start(command: list[str]) -> ModuleType:
+    """Start libsumo; what it complains of becomes the error's line instead of noise on the terminal."""
+    try:
+        import libsumo
+    except ImportError as error:
+        raise TrafficError(f"SUMO's library cannot be loaded: {error}; run `sh tools/setup.sh`") from error
+
+    if libsumo.simulation.isLoaded():
+        raise TrafficError("a SUMO simulation already runs in this process; close it first or use another process")
+    with _captured_stderr() as complaints:
+        try:
+            libsumo.start(command)
+        except (libsumo.TraCIException, libsumo.FatalTraCIError, RuntimeError) as error:
+            lines = [line.strip() for line in complaints().splitlines() if line.strip()]
+            errors = [line for line in lines if line.startswith("Error")] or lines or [str(error)]
+            raise TrafficError(f"SUMO refuses {command[2]}: {errors[0].removeprefix('Error: ')}") from error
+    return libsumo
+
+
+@contextlib.contextmanager
+def _captured_stderr() -> Iterator:
+    """Collect what native code writes to the standard error stream."""
+    with tempfile.TemporaryFile() as sink:
+        kept = os.dup(2)
+        os.dup2(sink.fileno(), 2)
+
+        def text() -> str:
+            sink.seek(0)
+            return sink.read().decode(errors="replace")
+
+        try:
+            yield text
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)

@@ -1,0 +1,70 @@
+"""What `cosim doctor` says is what holds when the parts are used."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from importlib.metadata import version
+
+import pytest
+
+from cosim import doctor
+from cosim.cli import main
+from cosim.doctor import Finding, can_record, examine
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory) -> dict[str, dict]:
+    file = tmp_path_factory.mktemp("doctor") / "found.json"
+    assert main(["doctor", "--quiet", "--json", str(file)]) == 0
+    found = json.loads(file.read_text())
+    assert found["can_record"]
+    return {part["name"]: part for part in found["parts"]}
+
+
+def test_every_part_is_looked_at_in_ten_lines(told):
+    assert list(told) == ["Python", "SUMO", "Embree", "OSMesa", "EGL", "torch", "GPU", "rerun", "Dask", "chromium"]
+    assert all(bool(part["found"]) == part["works"] for part in told.values())
+    assert all(part["remedy"] for name, part in told.items() if name != "Python")
+
+
+def test_what_these_tests_themselves_use_works(told):
+    assert version("libsumo") in told["SUMO"]["found"]
+    assert told["Embree"]["found"] == f"embreex {version('embreex')}"
+    assert told["OSMesa"]["works"] or told["EGL"]["works"]
+    assert told["Python"]["works"]
+
+
+def test_a_part_that_fails_or_prints_nothing_is_missing_with_its_remedy(monkeypatch):
+    monkeypatch.setattr(doctor, "_SUMO", "raise SystemExit('no library')")
+    monkeypatch.setattr(doctor, "_RAYS", "pass")
+    findings = {}
+    for finding in examine():
+        findings[finding.name] = finding
+        if finding.name == "Embree":
+            break
+    assert findings["SUMO"].line() == "missing  SUMO: pip install eclipse-sumo libsumo sumolib (traffic)"
+    assert not findings["Embree"].works
+
+
+def test_a_program_that_hangs_counts_as_missing(monkeypatch):
+    def hangs(*_, timeout, **__):
+        raise subprocess.TimeoutExpired("sumo", timeout)
+
+    monkeypatch.setattr(subprocess, "run", hangs)
+    assert not any(one.works for one in examine() if one.name in ("SUMO", "Embree", "OSMesa", "EGL"))
+
+
+def test_one_way_to_draw_is_enough_and_none_is_too_few(monkeypatch, capsys):
+    def part(name: str, works: bool, needed: bool = False) -> Finding:
+        return Finding(name, works, "1.0" if works else "", "images", "apt-get install it", needed)
+
+    sumo, osmesa, egl = part("SUMO", True, True), part("OSMesa", False), part("EGL", True)
+    assert can_record([sumo, osmesa, egl])
+    assert not can_record([sumo, osmesa, part("EGL", False)])
+    assert not can_record([part("SUMO", False, True), osmesa, egl])
+    monkeypatch.setattr(doctor, "examine", lambda: iter([sumo, osmesa, part("EGL", False)]))
+    assert main(["doctor"]) == 2
+    said = capsys.readouterr()
+    assert "missing  OSMesa: apt-get install it (images)" in said.out
+    assert "cosim run will not work here: OSMesa is missing" in said.err

@@ -1,0 +1,28 @@
+"""What costs seconds to make is made once a test run, however many processes run the tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from filelock import FileLock
+
+
+def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
+    """A folder that one of the test processes fills and all read; nobody may change what is in it.
+
+    Args:
+        factory: pytest's; its base is a process's own, and the folder above it that of the whole run.
+        name: of the folder.
+        make: is given the folder, which exists and is empty unless an earlier attempt failed.
+    """
+    base = factory.getbasetemp()
+    whole_run = base.parent if base.name.startswith("popen-") else base
+    folder, done = whole_run / "shared" / name, whole_run / "shared" / f"{name}.done"
+    folder.mkdir(parents=True, exist_ok=True)
+    with FileLock(whole_run / f"{name}.lock"):
+        if not done.exists():
+            make(folder)
+            done.touch()
+    return folder
