@@ -184,9 +184,7 @@ def _effects(case: Case, state: State, sure: Sequence[Tested], most: int | None 
     names = list(dict.fromkeys(names))
     case.say(f"fitting {', '.join(names)}")
     for name in names:
-        tried = [_fitted(case, state, one) for one in best[name][: 2 if best[name][0].group.gain is None else 1]]
-        beams = len(state.view.fitter.sample)
-        found.append(max(tried, key=lambda one: one.worth(beams)))
+        found.append(_fitted(case, state, best[name][0]))
     return found
 
 
