@@ -123,11 +123,10 @@ def added(case: Case, state: State) -> State:
             if after is not None:
                 return after
     tested = screened(case, state)
+    sure = [one for one in tested if one.p_value <= case.settings.level]
+    if not sure or not all(one.group.is_effect for one in sure):  # a dependence on one may be a part of one on two
+        tested = sorted([*tested, *screened_pairs(case, state)], key=lambda one: (one.p_value, -one.value))
     found = candidates(case, state, tested)
-    if not found:
-        pairs = screened_pairs(case, state)
-        found = candidates(case, state, pairs)
-        tested = sorted([*tested, *pairs], key=lambda one: (one.p_value, -one.value))
     state.screened[:] = tested
     state.ranking[:] = state.ranking or _ranking(found, tested)
     refused = state.refused
@@ -145,7 +144,7 @@ def accepted(case: Case, state: State, one: Candidate, found: Sequence[Candidate
     view = viewed(case, case.split.fit, one.model, case.settings.rows, replace(state.view, fitted=one.fitted))
     model = replace(one.model, effects=view.fitted.effects)
     judges = judged(case, state.judges, model)
-    if one.lattice is None and case.split.is_held_out:
+    if not one.is_fact and case.split.is_held_out:
         same = judges.fitter is state.judges.fitter
         before = state.judges.fitted if same else seen_by(judges, state.model.effects)
         told = gain(judges.fitter, before, judges.fitted, of_noise=one.of_noise)
