@@ -145,7 +145,7 @@ def chosen(case: Case, state: State, found: Sequence[Candidate]) -> list[Candida
 
 
 def _is_clearly_better(state: State, one: Candidate, other: Candidate) -> bool:
-    """Whether one explains more than another does, for what each costs, beyond what chance makes of such a difference."""
+    """Whether one explains more than another does, for what each costs, and chance does not make the difference."""
     fitter = state.view.fitter
     beams = len(fitter.sample)
     apart = one.worth(beams) - other.worth(beams)
