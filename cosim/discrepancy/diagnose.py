@@ -233,7 +233,7 @@ def concluded(case: Case, state: State) -> Diagnosis:
         effects=tuple(findings),
         ranking=tuple(Alternative(*row) for row in state.ranking),
         unknowns=tuple(unknowns),
-        unexplained=unexplained(tested, state.view.fitter, case.settings),
+        unexplained=unexplained(tested, state.view.fitted, case.settings),
         smallest_detectable=_smallest(tested, case),
         budget=budget,
         sensor=SensorModel(case.sensor.pattern, as_known(state.model.effects), case.sensor.origin),
