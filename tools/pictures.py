@@ -18,6 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import yaml
+from PIL import Image
 
 from cosim.drives.kitti import Drive
 from cosim.town_map import write_town_page
@@ -181,12 +182,11 @@ def numbered(image: np.ndarray, marks: Sequence[tuple[int, int]]) -> None:
         cv2.putText(image, str(number), corner, cv2.FONT_HERSHEY_SIMPLEX, 0.8, (255, 255, 255), 2, cv2.LINE_AA)
 
 
-def write_png(path: Path, image: np.ndarray, levels: int = 10) -> None:
-    """Write RGB pixels (h, w, 3) with few levels a colour: sharp letters in a small file."""
+def write_png(path: Path, image: np.ndarray, colours: int = 160) -> None:
+    """Write RGB pixels (h, w, 3) with a palette of few colours: sharp letters in a small file."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    step = 255 / (levels - 1)
-    few = (np.rint(np.rint(image / step) * step)).astype(np.uint8)
-    cv2.imwrite(str(path), cv2.cvtColor(few, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    few = Image.fromarray(image).quantize(colours, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    few.save(path, optimize=True)
 
 
 def write_jpeg(path: Path, image: np.ndarray, quality: int = 88) -> None:
