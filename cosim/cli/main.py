@@ -21,6 +21,7 @@ from cosim.cli import (
     evaluate,
     experiment,
     export,
+    pattern,
     run,
     stats,
     towns,
@@ -51,6 +52,7 @@ _COMMANDS = (
     detect,
     experiment,
     export,
+    pattern,
     doctor,
 )
 _TRAFFIC = (traffic_compare, traffic_diagnose, traffic_record)

@@ -1,0 +1,35 @@
+"""Options of the commands that read recordings."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cosim.recordings import Recording
+
+
+def add_recording(parser: argparse.ArgumentParser, *, path: bool = True) -> None:
+    """The recording, and what its files do not say."""
+    if path:
+        parser.add_argument("recording", type=Path, metavar="RECORDING", help="folder of scans, bag or Ouster capture")
+    parser.add_argument("--scans", metavar="GLOB", help="which files of the folder are scans, as 'raw_*.bin'")
+    parser.add_argument("--topic", metavar="NAME", help="topic of a bag, where several hold clouds")
+    parser.add_argument("--intensity-scale", type=float, metavar="X", help="what full intensity reads, as 255")
+    parser.add_argument("--sweep-s", type=float, metavar="S", help="duration of one revolution [s]")
+    parser.add_argument(
+        "--poses", metavar="FILE", help="poses in KITTI's or TUM's format (default: found, or odometry)"
+    )
+
+
+def opened(options: argparse.Namespace, path: Path) -> Recording:
+    """The recording that the options describe.
+
+    Raises:
+        CosimError: it cannot be read.
+    """
+    from cosim.recordings import open_recording
+
+    names = ("scans", "topic", "intensity_scale", "sweep_s", "poses")
+    return open_recording(path, **{name: getattr(options, name) for name in names})

@@ -1,0 +1,96 @@
+"""Where the scans of a folder lie, in which order, and when they were taken."""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from cosim.drives.files import numbers, read_text
+from cosim.recordings.reading import SUFFIXES, suffix_of
+from cosim.recordings.scan import RecordingError
+
+_USUAL = ("velodyne", "velodyne_points/data", "velodyne_points", "lidar", "points", "scans", "pcd", "training/velodyne")
+_BESIDE = ("times.txt", "timestamps.txt")
+_EPOCH_DIGITS = {13: 1e-3, 16: 1e-6, 17: 1e-6, 18: 1e-9, 19: 1e-9}  # digits of a stamp in a name → its unit [s]
+_LEAST_EPOCH_DIGITS = min(_EPOCH_DIGITS)
+
+
+def find_scans(root: Path, pattern: str | None = None) -> tuple[Path, ...]:
+    """The files of a folder's scans in natural order: the folder's own, or those of the one below that has any.
+
+    Args:
+        root: the folder.
+        pattern: which files, as `raw_*.bin`; all that a reader knows by default.
+
+    Raises:
+        RecordingError: none, several folders or several formats of scans.
+    """
+    here = _scans_in(root, pattern)
+    if not here:
+        usual = [root / name for name in _USUAL if (root / name).is_dir() and _scans_in(root / name, pattern)]
+        below = usual[:1] or [item for item in sorted(root.iterdir()) if item.is_dir() and _scans_in(item, pattern)]
+        if len(below) > 1:
+            raise RecordingError(f"{root}: scans in {_named(below)}; give one of these folders")
+        here = _scans_in(below[0], pattern) if below else ()
+    if not here:
+        wanted = f"that match {pattern!r}" if pattern else f"({', '.join(SUFFIXES)}, bags, Ouster .pcap or .osf)"
+        raise RecordingError(f"{root}: no scans {wanted}; give the folder that holds them")
+    kinds = {suffix: sum(suffix_of(file) == suffix for file in here) for suffix in {suffix_of(file) for file in here}}
+    if len(kinds) > 1:
+        held = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
+        raise RecordingError(f"{here[0].parent}: files of several formats ({held}); say which are scans with --scans")
+    return here
+
+
+def natural_order(name: str) -> list[tuple[int, int, str]]:
+    """A key that sorts numbers in names by value."""
+    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in re.split(r"(\d+)", name) if part]
+
+
+def find_stamps(root: Path, files: tuple[Path, ...]) -> np.ndarray | None:
+    """When the scans were taken (n,) [s]: from `times.txt` or `timestamps.txt` beside them, or from their names.
+
+    Raises:
+        RecordingError: such a file has another number of lines than there are scans, or a line is no time.
+    """
+    folder = files[0].parent
+    for place in dict.fromkeys((folder, folder.parent, root)):
+        for name in _BESIDE:
+            if (place / name).is_file():
+                return _listed(place / name, len(files))
+    found = [max(re.findall(r"\d+", file.name) or [""], key=len) for file in files]
+    digits = {len(number) for number in found}
+    if len(digits) == 1 and digits <= _EPOCH_DIGITS.keys() and len(files) > 1:
+        whole = np.array([int(number) for number in found], np.int64)
+        return (whole - whole[0]).astype(np.float64) * _EPOCH_DIGITS[digits.pop()]
+    return None
+
+
+def _listed(file: Path, count: int) -> np.ndarray:
+    lines = [line.strip() for line in read_text(file).splitlines() if line.strip()]
+    if len(lines) != count:
+        raise RecordingError(f"{file}: {len(lines)} times for {count} scans; give one a scan, or remove the file")
+    return np.array([_seconds(line, f"{file}:{row}") for row, line in enumerate(lines, 1)])
+
+
+def _seconds(line: str, where: str) -> float:
+    """Seconds of a number, or of a date as KITTI writes it (nanoseconds behind the point)."""
+    if ":" not in line:
+        return numbers(line.split()[:1], where)[0]
+    try:
+        whole, _, part = line.partition(".")
+        return datetime.fromisoformat(whole + "+00:00").timestamp() + float(f"0.{part or 0}")
+    except ValueError:
+        raise RecordingError(f"{where}: {line!r} is no time; write seconds, or 2011-09-26 13:02:44.3") from None
+
+
+def _scans_in(folder: Path, pattern: str | None) -> tuple[Path, ...]:
+    files = (item for item in folder.glob(pattern or "*") if item.is_file() and suffix_of(item))
+    return tuple(sorted(files, key=lambda file: natural_order(file.name)))
+
+
+def _named(folders: list[Path]) -> str:
+    return ", ".join(folder.name for folder in folders[:6]) + (" …" if len(folders) > 6 else "")

@@ -1,0 +1,6 @@
+"""The beam pattern of a sensor, from its points alone."""
+
+from cosim.recordings.pattern.find import FoundPattern, find_pattern
+from cosim.recordings.pattern.page import format_page
+
+__all__ = ["FoundPattern", "find_pattern", "format_page"]

@@ -1,0 +1,250 @@
+"""Which lasers a sensor has: the cones that its points lie on, whatever order they come in.
+
+A laser that spins draws a cone z = z0 + ρ·tan(e) about the sensor's axis: e is its elevation and z0 the height of its
+optical centre. Range noise moves points along the cone and not off it, so they gather on lines in the plane of ρ and z.
+The lines are found by a Hough transform (Duda and Hart, Comm. ACM 15, 1972) over e and z0, the strongest first, each
+refined by a robust fit and its points taken away before the next is looked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_CELL_DEG = 0.02
+_CENTRES_M = np.arange(-0.30, 0.3001, 0.01)
+_LOWEST_DEG, _HIGHEST_DEG = -90.0, 90.0
+_NEAREST_M = 1.0  # from the axis; nearer points tell elevations badly
+_MOST_POINTS = 600_000
+_MOST_LASERS = 256
+_HALF_WIDTH_DEG = 0.06  # of the strip about a peak whose points are fitted
+_SAME_DEG = 0.05  # two lines nearer than this at ten metres are one laser and its outskirts
+_AT_M = 10.0
+_LEAST_SHARE = 0.003  # of the points of a usual laser
+_LEAST_POINTS = 12
+_ABOVE_BACKGROUND = 6.0  # times what usual cells about a peak hold
+_BACKGROUND_DEG = 2.0
+_WEAK, _BESIDE_DEG = 0.4, 0.6  # a line with less than this share of one so near on either side is of stray points
+
+
+@dataclass(frozen=True, eq=False)
+class Lasers:
+    """The lasers of a sensor, top first.
+
+    Attributes:
+        elevation_deg: (k,) elevations.
+        elevation_sd_deg: (k,) standard errors, from how scans differ.
+        centre_m: (k,) heights of the optical centres on the axis.
+        misfit_deg: (k,) how far points lie off the cone, as a robust standard deviation of the angle.
+        points: (k,) points on each.
+        share: of all points that lie on a cone, 0–1.
+    """
+
+    elevation_deg: np.ndarray
+    elevation_sd_deg: np.ndarray
+    centre_m: np.ndarray
+    misfit_deg: np.ndarray
+    points: np.ndarray
+    share: float
+
+    def __len__(self) -> int:
+        return len(self.elevation_deg)
+
+    @property
+    def lines(self) -> np.ndarray:
+        """(k, 2) elevations [rad] and heights of the centres [m]."""
+        return np.column_stack([np.radians(self.elevation_deg), self.centre_m])
+
+
+def find_lasers(flat_range_m: np.ndarray, height_m: np.ndarray, scan: np.ndarray) -> Lasers:
+    """The lasers that points come from.
+
+    Args:
+        flat_range_m: (n,) distance from the sensor's axis.
+        height_m: (n,) height above its origin.
+        scan: (n,) int number of the scan of each point.
+    """
+    near = flat_range_m > _NEAREST_M
+    rho, z, scan = flat_range_m[near], height_m[near], scan[near]
+    step = max(1, -(-len(rho) // _MOST_POINTS))
+    lines = _peel(rho[::step], z[::step])
+    if not len(lines):
+        return _none()
+    found = fit_lasers(rho, z, scan, lines)
+    for _ in range(3):
+        kept = _kept(found)
+        if kept.all():
+            break
+        found = fit_lasers(rho, z, scan, found.lines[kept])
+    return found
+
+
+def ring_lasers(flat_range_m: np.ndarray, height_m: np.ndarray, scan: np.ndarray, ring: np.ndarray) -> Lasers:
+    """The lasers where the recording numbers them: one line through the points of each number (n,) int."""
+    near = flat_range_m > _NEAREST_M
+    rho, z, scan, ring = flat_range_m[near], height_m[near], scan[near], ring[near]
+    numbers = np.flatnonzero(np.bincount(ring) >= _LEAST_POINTS) if len(ring) else np.zeros(0, int)
+    if not len(numbers):
+        return _none()
+    lines = []
+    for number in numbers:
+        mine = ring == number
+        start = np.array([np.median(np.arctan2(z[mine], rho[mine])), 0.0])
+        lines.append(_robust_line(rho[mine], z[mine], start))
+    table = np.array(lines)
+    order = np.argsort(-table[:, 0])
+    row_of = np.full(int(ring.max()) + 1, -1)
+    row_of[numbers[order]] = np.arange(len(order))
+    which = row_of[ring]
+    known = which >= 0
+    table = table[order]
+    off = np.arctan2(z - table[which, 1], rho) - table[which, 0]
+    return _described(table, which[known], off[known], scan[known])
+
+
+def fit_lasers(rho: np.ndarray, z: np.ndarray, scan: np.ndarray, lines: np.ndarray, rounds: int = 3) -> Lasers:
+    """Lasers refined on all points: each point to its nearest line, each line through its points.
+
+    Args:
+        rho, z, scan: (n,) as in `find_lasers`.
+        lines: (k, 2) elevations [rad] and centres [m] to begin with.
+        rounds: of assigning and fitting.
+    """
+    lines = lines[np.argsort(-lines[:, 0])]
+    off, which = np.zeros(0), np.zeros(0, int)
+    for _ in range(rounds):
+        which, off = nearest_laser(rho, z, lines)
+        for row in range(len(lines)):
+            mine = np.flatnonzero((which == row) & (np.abs(off) < np.radians(_HALF_WIDTH_DEG)))
+            if len(mine) >= _LEAST_POINTS:
+                lines[row] = _robust_line(rho[mine], z[mine], lines[row])
+    which, off = nearest_laser(rho, z, lines)
+    return _described(lines, which, off, scan)
+
+
+def nearest_laser(rho: np.ndarray, z: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Row of the line (k, 2) that each point lies nearest to in angle, and how far above it [rad], (n,) each."""
+    order = np.argsort(lines[:, 0])
+    elevation, centre = lines[order, 0], lines[order, 1]
+    rough = np.arctan2(z - np.median(centre), rho)
+    slot = np.clip(np.searchsorted(elevation, rough), 0, len(order) - 1)
+    best, off = np.zeros(len(rho), int), np.full(len(rho), np.inf)
+    for aside in range(-3, 3):  # centres that differ carry near points past their neighbours
+        candidate = np.clip(slot + aside, 0, len(order) - 1)
+        angle = np.arctan2(z - centre[candidate], rho) - elevation[candidate]
+        nearer = np.abs(angle) < np.abs(off)
+        best, off = np.where(nearer, order[candidate], best), np.where(nearer, angle, off)
+    return best, off
+
+
+def _peel(rho: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Lines (k, 2), the strongest first."""
+    votes = _votes(rho, z)
+    lines: list[np.ndarray] = []
+    counts: list[int] = []
+    refused = 0
+    while len(lines) < _MOST_LASERS and len(rho) >= _LEAST_POINTS and refused < 20:
+        height = votes[:, :-2] + votes[:, 1:-1] + votes[:, 2:]
+        row, cell = np.unravel_index(int(height.argmax()), height.shape)
+        peak = int(height[row, cell])
+        floor = max(_LEAST_POINTS, _LEAST_SHARE * float(np.median(counts)) if counts else 0.0)
+        if peak < floor:
+            break
+        elevation = np.radians(_LOWEST_DEG + (cell + 1.5) * _CELL_DEG)
+        guess = np.array([elevation, _CENTRES_M[row]])
+        strip = np.flatnonzero(np.abs(np.arctan2(z - guess[1], rho) - elevation) < np.radians(_HALF_WIDTH_DEG))
+        line = _robust_line(rho[strip], z[strip], guess) if len(strip) >= _LEAST_POINTS else guess
+        mine = np.abs(np.arctan2(z - line[1], rho) - line[0]) < np.radians(_HALF_WIDTH_DEG)
+        mine[strip] |= np.abs(np.arctan2(z[strip] - guess[1], rho[strip]) - elevation) < np.radians(2 * _CELL_DEG)
+        if _is_new(line, lines) and _stands_out(votes[row], int(cell) + 1, peak):
+            lines.append(line)
+            counts.append(int(mine.sum()))
+        else:
+            refused += 1
+        votes -= _votes(rho[mine], z[mine])
+        rho, z = rho[~mine], z[~mine]
+    return np.array(lines).reshape(-1, 2)
+
+
+def _kept(lasers: Lasers) -> np.ndarray:
+    """Which lasers have points of their own, and not a few strays beside a strong one, (k,) bool."""
+    apart = lasers.elevation_deg[:, None] - lasers.elevation_deg
+    below = np.where((apart > 0) & (apart < _BESIDE_DEG), lasers.points, 0).max(1)
+    above = np.where((apart < 0) & (apart > -_BESIDE_DEG), lasers.points, 0).max(1)
+    return (lasers.points >= _LEAST_POINTS) & (lasers.points >= _WEAK * np.minimum(below, above))
+
+
+def _votes(rho: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Points by centre and elevation, (centres, cells) int64."""
+    cells = round((_HIGHEST_DEG - _LOWEST_DEG) / _CELL_DEG)
+    votes = np.empty((len(_CENTRES_M), cells), np.int64)
+    for row, centre in enumerate(_CENTRES_M):
+        cell = (np.degrees(np.arctan2(z - centre, rho)) - _LOWEST_DEG) / _CELL_DEG
+        votes[row] = np.bincount(np.clip(cell.astype(np.int64), 0, cells - 1), minlength=cells)
+    return votes
+
+
+def _is_new(line: np.ndarray, lines: list[np.ndarray]) -> bool:
+    if not lines:
+        return True
+    known = np.array(lines)
+    heights = known[:, 1] + _AT_M * np.tan(known[:, 0])
+    apart = np.abs(heights - line[1] - _AT_M * np.tan(line[0])) / _AT_M
+    return bool(np.degrees(apart.min()) > _SAME_DEG)
+
+
+def _stands_out(row: np.ndarray, cell: int, peak: int) -> bool:
+    half = round(_BACKGROUND_DEG / _CELL_DEG)
+    about = row[max(cell - half, 0) : cell + half + 1]
+    return peak > _ABOVE_BACKGROUND * 3 * float(np.quantile(about, 0.3))
+
+
+def _robust_line(rho: np.ndarray, z: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Elevation [rad] and centre [m] of the line through points: least squares in the angle, outliers left out.
+
+    Where all points are about as far, the centre cannot be told and stays as it was.
+    """
+    elevation, centre = float(start[0]), float(start[1])
+    for _ in range(4):
+        off = np.arctan2(z - centre, rho) - elevation
+        middle = float(np.median(off))
+        spread = max(1.4826 * float(np.median(np.abs(off - middle))), 1e-5)
+        good = np.abs(off - middle) < 3 * spread
+        lever = np.cos(elevation) ** 2 / rho[good]  # how the angle changes with the centre
+        level = lever - lever.mean()
+        known = float(level @ level)
+        raised = float(level @ off[good]) / known if known * 0.005**2 > spread**2 else 0.0
+        raised = float(np.clip(raised, -0.05, 0.05))
+        centre = float(np.clip(centre + raised, _CENTRES_M[0], _CENTRES_M[-1]))
+        elevation += float(np.mean(off[good])) - raised * float(lever.mean())
+    return np.array([elevation, centre])
+
+
+def _described(lines: np.ndarray, which: np.ndarray, off: np.ndarray, scan: np.ndarray) -> Lasers:
+    count = len(lines)
+    on = np.abs(off) < np.radians(_HALF_WIDTH_DEG)
+    misfit, error = np.zeros(count), np.zeros(count)
+    for row in range(count):
+        mine = np.flatnonzero(on & (which == row))
+        if not len(mine):
+            continue
+        misfit[row] = 1.4826 * np.degrees(np.median(np.abs(off[mine])))
+        scans = scan[mine]
+        per = np.bincount(scans)
+        means = np.bincount(scans, off[mine])[per > 0] / per[per > 0]
+        sd = float(np.std(means, ddof=1)) / np.sqrt(len(means)) if len(means) > 2 else np.radians(misfit[row])
+        error[row] = np.degrees(sd)
+    return Lasers(
+        elevation_deg=np.degrees(lines[:, 0]),
+        elevation_sd_deg=error,
+        centre_m=lines[:, 1].copy(),
+        misfit_deg=misfit,
+        points=np.bincount(which[on], minlength=count),
+        share=float(on.mean()) if len(on) else 0.0,
+    )
+
+
+def _none() -> Lasers:
+    nothing = np.zeros(0)
+    return Lasers(nothing, nothing, nothing, nothing, np.zeros(0, int), 0.0)

@@ -1,0 +1,135 @@
+"""The page of a pattern: lasers, their steps, their fan, how well points lie on them."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from cosim.recordings.pattern.find import FoundPattern
+from cosim.report import document, facts, figure, notes_section, section, table
+from cosim.stats.plot import Axis, Plot, nice_top
+
+
+def format_page(found: FoundPattern, title: str) -> str:
+    """The HTML text.
+
+    Args:
+        found: to be told.
+        title: plain text.
+    """
+    lasers = found.lasers
+    head = (
+        f"<header><h1>{escape(title)}</h1><p class='verdict'>{len(lasers)} lasers from "
+        f"{lasers.elevation_deg[0]:+.2f}° to {lasers.elevation_deg[-1]:+.2f}°, {found.turning.firings} firings a turn; "
+        f"{lasers.share:.1%} of the points lie on a laser's cone.</p>{_facts(found)}</header>"
+    )
+    charts = "".join((_elevations(found), _spacing(found), _misfit(found), _fan(found), _centres(found), _share(found)))
+    parts = [
+        head,
+        section("What the points show", f'<div class="charts">{charts}</div>'),
+        notes_section(found.notes, "What to know"),
+        section("Lasers", _table(found)),
+    ]
+    return document(title, parts, generator="cosim pattern")
+
+
+def _facts(found: FoundPattern) -> str:
+    lasers, turning = found.lasers, found.turning
+    firings = f"{turning.firings}" if turning.fixed else f"{turning.firings} ± {turning.firings_sd:.1f}"
+    return facts(
+        [
+            ("Scans looked at", f"{found.scans}"),
+            ("Points", f"{found.points:,}"),
+            ("On a beam", f"{lasers.share:.2%}"),
+            ("Spread about it, median", f"{np.median(lasers.misfit_deg):.4f}°"),
+            ("Standard error of elevations, largest", f"{max(lasers.elevation_sd_deg.max(), 5e-5):.4f}°"),
+            ("Firings a turn", firings),
+            ("Azimuth step", f"{360 / max(turning.firings, 1):.4f}°"),
+            ("Sweep", f"{found.pattern.sweep_s:g} s"),
+            ("Order of points", turning.order),
+            ("Fan known from", turning.fan_known),
+        ]
+    )
+
+
+def _rings(found: FoundPattern) -> Axis:
+    return Axis(-0.5, len(found.lasers) - 0.5, "laser, top first")
+
+
+def _elevations(found: FoundPattern) -> str:
+    values = found.lasers.elevation_deg
+    plot = Plot(_rings(found), Axis(*_padded(values), "elevation [°]"), "elevations by laser")
+    plot.line(np.arange(len(values)), values, "a", dots=True)
+    return figure("Elevation", "of each laser", plot.svg())
+
+
+def _spacing(found: FoundPattern) -> str:
+    gap = -np.diff(found.lasers.elevation_deg)
+    if not len(gap):
+        return ""
+    plot = Plot(_rings(found), Axis(0, nice_top(float(gap.max())), "to the next laser [°]"), "spacing of lasers")
+    plot.line(np.arange(len(gap)) + 0.5, gap, "b", dots=True)
+    return figure(
+        "Spacing",
+        "between neighbours; an even sensor shows a level line, a laser that was missed a doubled step",
+        plot.svg(),
+    )
+
+
+def _misfit(found: FoundPattern) -> str:
+    misfit, error = found.lasers.misfit_deg, found.lasers.elevation_sd_deg
+    top = nice_top(1.2 * float(max(misfit.max(), error.max(), 1e-4)))
+    plot = Plot(_rings(found), Axis(0, top, "[°]"), "misfit by laser")
+    rows = np.arange(len(misfit))
+    plot.line(rows, misfit, "a", dots=True)
+    plot.line(rows, error, "c", dots=True)
+    return figure(
+        "Misfit", "spread of points about their cone (yellow), standard error of its elevation (green)", plot.svg()
+    )
+
+
+def _fan(found: FoundPattern) -> str:
+    fan = np.array(found.pattern.azimuth_offset_deg, float)
+    plot = Plot(_rings(found), Axis(*_padded(fan), "azimuth offset [°]"), "fan of the lasers")
+    plot.line(np.arange(len(fan)), fan, "b", dots=True)
+    known = {"within a step": "only its part of an azimuth step is known", "not at all": "not told by these scans"}
+    return figure("Fan", known.get(found.turning.fan_known, f"from {found.turning.fan_known}"), plot.svg())
+
+
+def _centres(found: FoundPattern) -> str:
+    centre = 100 * found.lasers.centre_m
+    plot = Plot(_rings(found), Axis(*_padded(centre), "height of the centre [cm]"), "optical centres")
+    plot.line(np.arange(len(centre)), centre, "a", dots=True)
+    return figure("Optical centre", "of each laser along the axis; two levels are two blocks", plot.svg())
+
+
+def _share(found: FoundPattern) -> str:
+    points = found.lasers.points / max(found.scans, 1)
+    plot = Plot(_rings(found), Axis(0, nice_top(float(points.max())), "points a scan"), "points by laser")
+    plot.line(np.arange(len(points)), points, "b", dots=True)
+    return figure("Points", f"of each laser; {found.turning.firings} would be every firing", plot.svg())
+
+
+def _table(found: FoundPattern) -> str:
+    lasers, fan = found.lasers, found.pattern.azimuth_offset_deg
+    heads = ["laser", "elevation [°]", "±", "fan [°]", "centre [m]", "spread [°]", "points"]
+    rows = (
+        [
+            str(row),
+            f"{lasers.elevation_deg[row]:+.4f}",
+            f"{lasers.elevation_sd_deg[row]:.4f}",
+            f"{fan[row]:+.3f}",
+            f"{lasers.centre_m[row]:+.4f}",
+            f"{lasers.misfit_deg[row]:.4f}",
+            f"{lasers.points[row]:,}",
+        ]
+        for row in range(len(lasers))
+    )
+    return f"<details><summary>{len(lasers)} lasers</summary>{table(heads, rows)}</details>"
+
+
+def _padded(values: np.ndarray) -> tuple[float, float]:
+    low, high = float(np.min(values)), float(np.max(values))
+    pad = 0.08 * (high - low) or 0.5
+    return low - pad, high + pad

@@ -1,0 +1,91 @@
+"""Ouster's own recordings, through Ouster's SDK: packet captures (`.pcap` with their `.json`) and `.osf`."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.recordings.fields import Columns
+from cosim.recordings.libraries import needed
+from cosim.recordings.reading.source import Source
+from cosim.recordings.scan import RecordingError
+
+OUSTER_SUFFIXES = (".pcap", ".osf")
+
+
+def ouster_sources(path: Path) -> tuple[Source, ...]:
+    """Scans of a capture, in order.
+
+    Raises:
+        RecordingError: the SDK is absent, there are no metadata, several sensors, or no scan.
+    """
+    sdk = needed("ouster.sdk", f"{path.name} (Ouster)")
+    try:
+        opened = sdk.open_source(str(path))
+        stamps = [_stamp_s(_only(path, frames)) for frames in opened]
+    except RecordingError:
+        raise
+    except Exception as error:  # noqa: BLE001 - the SDK raises whatever it meets
+        reason = " ".join(str(error).split())[:160]
+        raise RecordingError(
+            f"{path}: Ouster's SDK cannot read it ({reason}); its metadata, NAME.json, must lie beside it"
+        ) from None
+    if not stamps:
+        raise RecordingError(f"{path}: no whole scan in it; record longer than a revolution")
+    capture = _Capture(path)
+    return tuple(
+        Source(f"{number:06d}", partial(capture.columns, number), stamp) for number, stamp in enumerate(stamps)
+    )
+
+
+class _Capture:
+    """Reads scans by number, going forward."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._frames: Any = None
+        self._next = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"_path": self._path, "_frames": None, "_next": 0}
+
+    def columns(self, number: int) -> Columns:
+        """The columns of one scan, its lasers numbered from the top."""
+        if self._frames is None or number < self._next:
+            sdk = needed("ouster.sdk", f"{self._path.name} (Ouster)")
+            self._frames, self._next = iter(sdk.open_source(str(self._path))), 0
+        for frames in self._frames:
+            self._next += 1
+            if self._next > number:
+                return _columns(_only(self._path, frames))
+        raise RecordingError(f"{self._path}: ends before scan {number}")
+
+
+def _only(path: Path, frames: Any) -> Any:
+    found = [frame for frame in frames if frame is not None] if hasattr(frames, "__iter__") else [frames]
+    if len(found) != 1:
+        raise RecordingError(f"{path}: {len(found)} sensors in one capture; give a capture of one")
+    return found[0]
+
+
+def _stamp_s(frame: Any) -> float:
+    stamps = np.asarray(frame.timestamp, np.float64)
+    return float(stamps[stamps > 0].min(initial=np.inf)) / 1e9 if (stamps > 0).any() else 0.0
+
+
+def _columns(frame: Any) -> Columns:
+    core = needed("ouster.sdk.core", "an Ouster capture")
+    xyz = np.asarray(core.XYZLut(frame.sensor_info)(frame), np.float64)  # (h, w, 3), a column a firing
+    rows, firings = xyz.shape[:2]
+    columns = {axis: xyz[..., number].T.reshape(-1) for number, axis in enumerate("xyz")}
+    columns["ring"] = np.tile(np.arange(rows), firings)
+    stamps = np.asarray(frame.timestamp, np.int64)
+    columns["t"] = np.repeat(np.where(stamps > 0, stamps, stamps[stamps > 0].min(initial=stamps.max())), rows)
+    for name in ("REFLECTIVITY", "SIGNAL"):
+        if name in list(frame.fields):
+            columns["intensity"] = np.asarray(frame.field(name)).T.reshape(-1)
+            break
+    return columns

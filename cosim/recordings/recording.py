@@ -1,0 +1,185 @@
+"""`Recording`: scans in order, from a folder, a bag or a capture, read one at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from cosim.recordings.fields import Columns, Units, find_units, make_scan
+from cosim.recordings.folder import find_scans, find_stamps
+from cosim.recordings.poses import find_poses, read_poses
+from cosim.recordings.reading import (
+    OUSTER_SUFFIXES,
+    Source,
+    bag_sources,
+    file_sources,
+    is_bag,
+    ouster_sources,
+    suffix_of,
+)
+from cosim.recordings.scan import RecordingError, Scan
+from cosim.recordings.settings import RecordingSettings, read_settings
+
+_SAMPLES = 5  # scans that tell units and fields
+_GAP = 1.5  # times the usual interval between scans
+_LABELS = ("label_2", "tracking_labels.txt", "labels")
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Scans of one sensor, in order of time. `recording[3]` reads the fourth; iterating reads one after the other.
+
+    Attributes:
+        path: as given.
+        sources: where each scan lies.
+        units: what the numbers of the files mean.
+        settings: what the user said.
+        stamp_s: (n,) when each was taken, from any epoch [s]; None where nothing says so.
+        poses: (n, 4, 4) of the sensor in the axes of its first pose; None where there are none.
+        notes: what was guessed, is missing or looks wrong, a sentence each.
+    """
+
+    path: Path
+    sources: tuple[Source, ...]
+    units: Units
+    settings: RecordingSettings
+    stamp_s: np.ndarray | None = None
+    poses: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.sources)
+
+    def __iter__(self) -> Iterator[Scan]:
+        return (self[number] for number in range(len(self)))
+
+    def __getitem__(self, number: int) -> Scan:
+        """Read a scan.
+
+        Raises:
+            RecordingError: its file is damaged.
+        """
+        source = self.sources[number]
+        stamp = None if self.stamp_s is None else float(self.stamp_s[number])
+        return make_scan(source.read(), source.name, self.units, stamp)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the scans."""
+        return tuple(source.name for source in self.sources)
+
+    @property
+    def interval_s(self) -> float | None:
+        """Usual time from scan to scan [s]; None where nothing tells it."""
+        if self.stamp_s is None or len(self) < 2:
+            return None
+        return float(np.median(np.diff(self.stamp_s)))
+
+    def gaps(self) -> tuple[int, ...]:
+        """Numbers of the scans before which time is missing."""
+        usual = self.interval_s
+        if usual is None or self.stamp_s is None or len(self) < 3:
+            return ()
+        return tuple(int(row) + 1 for row in np.flatnonzero(np.diff(self.stamp_s) > _GAP * usual))
+
+    def between(self, first: int, last: int) -> Recording:
+        """The scans of an interval, the last excluded."""
+        rows = slice(first, last)
+        return replace(
+            self,
+            sources=self.sources[rows],
+            stamp_s=None if self.stamp_s is None else self.stamp_s[rows],
+            poses=None if self.poses is None else self.poses[rows],
+        )
+
+
+def open_recording(path: str | Path, **options: object) -> Recording:
+    """Find the scans of a recording, their units, stamps and poses.
+
+    Args:
+        path: a folder of scans, one file of them, a bag, an Ouster capture.
+        options: fields of RecordingSettings, which go before those of `recording.yaml`.
+
+    Raises:
+        RecordingError: no scans, several formats or topics, different fields from scan to scan, or a damaged file.
+        FormatError: a file cannot be read.
+    """
+    place = Path(path)
+    if not place.exists():
+        raise RecordingError(f"{place}: no such file or folder; give a folder of scans, a bag or a capture")
+    settings = read_settings(place).with_options(**options)
+    sources, stamp_s = _sources(place, settings)
+    samples = _samples(sources)
+    units, notes = find_units([columns for _, columns in samples], settings.intensity_scale)
+    recording = Recording(place, sources, units, settings, stamp_s)
+    poses, said = _poses(recording)
+    recording = replace(recording, poses=poses)
+    return replace(recording, notes=(*notes, *said, *_absences(recording, samples)))
+
+
+def _sources(place: Path, settings: RecordingSettings) -> tuple[tuple[Source, ...], np.ndarray | None]:
+    if is_bag(place):
+        sources = bag_sources(place, settings.topic)
+    elif place.is_file() and place.suffix.lower() in OUSTER_SUFFIXES:
+        sources = ouster_sources(place)
+    elif place.is_file():
+        if not suffix_of(place):
+            raise RecordingError(f"{place}: no reader for {place.suffix or 'such files'}; see docs/recordings.md")
+        sources = file_sources([place])
+    else:
+        files = find_scans(place, settings.scans)
+        return file_sources(files), _rising(find_stamps(place, files), place)
+    if not sources:
+        raise RecordingError(f"{place}: holds no scan; record longer")
+    stamps = np.array([source.stamp_s for source in sources], np.float64)
+    return sources, _rising(None if np.isnan(stamps).any() else stamps, place)
+
+
+def _rising(stamp_s: np.ndarray | None, place: Path) -> np.ndarray | None:
+    if stamp_s is not None and np.any(np.diff(stamp_s) <= 0):
+        row = int(np.argmax(np.diff(stamp_s) <= 0)) + 1
+        raise RecordingError(f"{place}: scan {row} is stamped no later than the one before; put scans in order of time")
+    return stamp_s
+
+
+def _samples(sources: tuple[Source, ...]) -> list[tuple[str, Columns]]:
+    rows = np.unique(np.linspace(0, len(sources) - 1, min(_SAMPLES, len(sources))).round().astype(int))
+    found = [(sources[row].name, sources[row].read()) for row in rows]
+    first = set(found[0][1])
+    for name, columns in found[1:]:
+        if set(columns) != first:
+            raise RecordingError(
+                f"scans {found[0][0]} and {name} have different fields ({', '.join(sorted(first))} and "
+                f"{', '.join(sorted(columns))}), as of several sensors; give the scans of one, as with --scans"
+            )
+    return found
+
+
+def _poses(recording: Recording) -> tuple[np.ndarray | None, list[str]]:
+    file = find_poses(recording.path, recording.settings.poses)
+    if file is None:
+        return None, []
+    poses, said = read_poses(file, len(recording), recording.stamp_s)
+    return poses, [said]
+
+
+def _absences(recording: Recording, samples: list[tuple[str, Columns]]) -> list[str]:
+    notes = []
+    scan = make_scan(samples[0][1], samples[0][0], recording.units)
+    if not len(scan):
+        notes.append(f"scan {scan.name} holds no point")
+    if scan.intensity is None:
+        notes.append("no intensities: reflectances and what dims them cannot be told")
+    if recording.stamp_s is None:
+        notes.append("no stamps: scans are taken to follow each other at the rate of the sensor")
+    for row in recording.gaps():
+        assert recording.stamp_s is not None
+        missing = recording.stamp_s[row] - recording.stamp_s[row - 1]
+        notes.append(f"{missing:.2f} s between scans {recording.names[row - 1]} and {recording.names[row]}: a gap")
+    labels = [name for name in _LABELS if recording.path.is_dir() and (recording.path / name).exists()]
+    if labels:
+        notes.append(f"{labels[0]} is there and not used: what is made here needs no labels")
+    return notes

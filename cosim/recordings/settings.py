@@ -1,0 +1,59 @@
+"""What a user may say of a recording: `recording.yaml` in its folder, or options of the commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from cosim.drives.files import read_mapping
+from cosim.recordings.scan import RecordingError
+from sensors.pattern import first_problem
+
+SETTINGS = "recording.yaml"
+
+
+class Mount(BaseModel):
+    """How the LiDAR sits above level ground, where the ground in the scans is not to tell."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    height_m: float = Field(gt=0, lt=30, description="of the optical centre above the ground [m]")
+    pitch_deg: float = Field(default=0.0, gt=-90, lt=90, description="about y (left): positive is nose down [°]")
+    roll_deg: float = Field(default=0.0, gt=-90, lt=90, description="about x (forward) [°]")
+
+
+class RecordingSettings(BaseModel):
+    """All optional: what is not said is found in the files."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    scans: str | None = Field(default=None, description="which files are scans, a pattern such as `raw_*.bin`")
+    topic: str | None = Field(default=None, description="topic of a bag that holds the clouds")
+    intensity_scale: float | None = Field(default=None, gt=0, description="what full intensity reads, as 255")
+    sweep_s: float | None = Field(default=None, gt=0, le=10, description="duration of one revolution [s]")
+    poses: str | None = Field(default=None, description="file of poses, relative to the folder: KITTI or TUM")
+    mount: Mount | None = Field(default=None, description="height and tilt of the sensor above level ground")
+
+    def with_options(self, **options: object) -> RecordingSettings:
+        """The settings with what was given on the command line in their place; None gives nothing."""
+        given = {name: value for name, value in options.items() if value is not None}
+        return _validated({**self.model_dump(exclude_none=True), **given}, "options")
+
+
+def read_settings(recording: Path) -> RecordingSettings:
+    """The settings in a recording's folder; all found in the files where there are none.
+
+    Raises:
+        RecordingError: an unknown key or a value out of bounds.
+        FormatError: the file is no YAML.
+    """
+    file = recording / SETTINGS
+    return _validated(read_mapping(file), str(file)) if recording.is_dir() and file.is_file() else RecordingSettings()
+
+
+def _validated(values: dict, origin: str) -> RecordingSettings:
+    try:
+        return RecordingSettings.model_validate(values)
+    except ValidationError as error:
+        raise RecordingError(f"{origin}: {first_problem(error)}") from None

@@ -1,0 +1,125 @@
+"""The pattern that scans were taken with is found in their points, in whatever order they come."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.cli import main
+from cosim.recordings import Scan
+from cosim.recordings.pattern.lasers import find_lasers
+from sensors.pattern import load_pattern, pattern_names
+from tests.cosim.conftest import refused
+from tests.cosim.recordings.simulated import scans
+
+SPINNING = [name for name in pattern_names() if name not in ("at128_like", "depth_camera", "rosette_like_mid40")]
+SAMPLES = Path(os.environ.get("COSIM_SCAN_SAMPLES", "samples"))
+
+
+def written(folder: Path, found: list[Scan]) -> Path:
+    folder.mkdir(parents=True)
+    for scan in found:
+        np.column_stack([scan.xyz, np.full(len(scan), 0.5)]).astype("<f4").tofile(folder / f"{scan.name}.bin")
+    return folder
+
+
+def found_in(folder: Path, out: Path) -> dict:
+    file = out / "found.json"
+    assert main(["pattern", str(folder), "--out", str(out / "found.yaml"), "--json", str(file), "--quiet"]) == 0
+    return json.loads(file.read_text())
+
+
+@pytest.mark.parametrize("name", SPINNING)
+def test_lasers_of_every_built_in_pattern_are_counted_and_placed(name: str, tmp_path: Path) -> None:
+    pattern = load_pattern(name)
+    result = found_in(written(tmp_path / "scans", scans(pattern, "shuffled")), tmp_path)
+    assert result["lasers"] == pattern.rings and result["points_on_a_beam_share"] > 0.99
+    np.testing.assert_allclose(result["elevation_deg"], pattern.elevation_deg, atol=0.02)
+    assert result["firings"] == pattern.firings and result["order"] == "unordered"
+
+
+@pytest.mark.parametrize("order", ["rings", "firings", "shuffled"])
+def test_the_order_of_points_changes_no_elevation_and_tells_the_fan(order: str, tmp_path: Path) -> None:
+    pattern = load_pattern("hdl64e_kitti")
+    result = found_in(written(tmp_path / "scans", scans(pattern, order)), tmp_path)
+    np.testing.assert_allclose(result["elevation_deg"], pattern.elevation_deg, atol=0.001)
+    off = np.array(result["azimuth_offset_deg"]) - np.array(pattern.azimuth_offset_deg)
+    step = 360 / pattern.firings
+    if order == "shuffled":
+        off = (off + step / 2) % step - step / 2  # known but to whole steps
+        assert any("fan is not told" in note for note in result["notes"])
+    assert np.ptp(off) < 1.01 * step
+    again = load_pattern(str(tmp_path / "found.yaml"))
+    assert again.rings == 64 and again.firings == 2157
+
+
+def test_two_optical_centres_are_two_blocks(tmp_path: Path) -> None:
+    pattern = load_pattern("hdl64e")
+    raised = []
+    for scan in scans(pattern, "shuffled"):
+        elevation = np.arctan2(scan.xyz[:, 2], scan.flat_range_m)
+        lower = np.degrees(elevation) < -8.7
+        xyz = scan.xyz + np.where(lower, 0.12, 0.20)[:, None] * [0, 0, 1]
+        raised.append(Scan(scan.name, xyz))
+    result = found_in(written(tmp_path / "scans", raised), tmp_path)
+    np.testing.assert_allclose(result["block_centre_m"], [0.20, 0.12], atol=0.002)
+    np.testing.assert_allclose(result["elevation_deg"], pattern.elevation_deg, atol=0.02)
+    assert load_pattern(str(tmp_path / "found.yaml")).block == pattern.block
+    assert any("dual_block, upper_m: 0.200" in note for note in result["notes"])
+
+
+def test_the_page_tells_what_was_found(tmp_path: Path) -> None:
+    folder = written(tmp_path / "scans", scans(load_pattern("vlp16"), "firings", count=2))
+    assert main(["pattern", str(folder), "--out", str(tmp_path / "v.yaml"), "--page", str(tmp_path / "page")]) == 0
+    page = (tmp_path / "page/index.html").read_text()
+    for words in ("16 lasers from +15.00° to -15.00°", "1808 firings a turn", "Misfit", "Fan", "Spacing"):
+        assert words in page
+
+
+def test_noise_across_the_beams_becomes_misfit_and_not_lasers() -> None:
+    pattern = load_pattern("vlp16")
+    rng = np.random.default_rng(1)
+    scan = scans(pattern, "shuffled", count=1)[0]
+    turned = np.arctan2(scan.xyz[:, 2], scan.flat_range_m) + rng.normal(0, np.radians(0.01), len(scan))
+    height = scan.flat_range_m * np.tan(turned)
+    found = find_lasers(scan.flat_range_m, height, np.zeros(len(scan), int))
+    assert len(found) == 16
+    np.testing.assert_allclose(found.misfit_deg, 0.01, rtol=0.4)
+
+
+def test_what_is_no_spinning_sensor_is_refused(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    cloud = rng.uniform(-20, 20, (20000, 3))
+    said = refused("pattern", written(tmp_path / "cloud", [Scan("0", cloud)]), "--out", tmp_path / "p.yaml")
+    assert "cones about z" in said and "raster:" in said
+    table = load_pattern("rosette_like_mid40")
+    said = refused("pattern", written(tmp_path / "rosette", scans(table, "firings", 1)), "--out", tmp_path / "p.yaml")
+    assert "cones about z" in said
+
+
+def test_scans_of_several_sensors_are_refused(tmp_path: Path) -> None:
+    one = scans(load_pattern("vlp16"), "firings", count=3)
+    other = scans(load_pattern("os1_64"), "firings", count=1)[0]
+    said = refused(
+        "pattern", written(tmp_path / "both", [*one, Scan("000009", other.xyz)]), "--out", tmp_path / "p.yaml"
+    )
+    assert "as of several sensors" in said and "000009" in said
+
+
+def test_too_few_points_are_refused(tmp_path: Path) -> None:
+    folder = written(tmp_path / "few", [Scan("0", np.ones((50, 3)))])
+    assert "50 points" in refused("pattern", folder, "--out", tmp_path / "p.yaml")
+
+
+@pytest.mark.skipif(not (SAMPLES / "nebula/velodyne_vlp16.pcd").is_file(), reason="COSIM_SCAN_SAMPLES has no samples")
+def test_a_real_vlp16_agrees_with_its_own_columns(tmp_path: Path) -> None:
+    file = SAMPLES / "nebula/velodyne_vlp16.pcd"
+    result = found_in(file, tmp_path)
+    data = pytest.importorskip("pypcd4").PointCloud.from_path(file).pc_data
+    own = np.unique(np.degrees(np.arcsin(data["elevation"])).round(3))  # the driver stores the sine
+    nearest = np.abs(np.array(result["elevation_deg"])[:, None] - own).min(1)
+    assert nearest.max() < 0.02
