@@ -153,11 +153,6 @@ class Sample:
         return ~np.isnan(self.along_m)
 
     @cached_property
-    def map_is_unsure(self) -> bool:
-        """Whether the twin says itself that it is not sure of its map."""
-        return bool(np.any(self.unsure_m[self.instance == STATIC] > 0))
-
-    @cached_property
     def has_intensity(self) -> bool:
         """Whether the drive has intensities at all."""
         return bool(np.nanmax(np.append(self.intensity, 0.0)) > 0)
