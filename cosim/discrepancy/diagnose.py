@@ -18,7 +18,7 @@ from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told
 from cosim.discrepancy.data.split import split_drive, split_frames
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.inference.comparison import gain
-from cosim.discrepancy.inference.intervals import intervals
+from cosim.discrepancy.inference.intervals import intervals, plainly_on
 from cosim.discrepancy.inference.score_test import Tested
 from cosim.discrepancy.labels import with_labels
 from cosim.discrepancy.select import (
@@ -32,7 +32,7 @@ from cosim.discrepancy.select import (
     simpler_than,
 )
 from cosim.discrepancy.settings import DEFAULT, Settings
-from cosim.discrepancy.state import Case, Model, State, View, seen_by, viewed
+from cosim.discrepancy.state import Case, Found, Model, State, View, seen_by, viewed
 from cosim.discrepancy.unexplained import unexplained
 from cosim.drives.kitti import Drive
 from sensors.effects.base import Effect
@@ -180,20 +180,23 @@ def simplified(case: Case, state: State) -> State:
                 case, case.split.fit, simpler.model, case.settings.rows, replace(state.view, fitted=simpler.fitted)
             )
             model = replace(simpler.model, effects=view.fitted.effects)
-            kept = tuple(
-                replace(other, effect=simpler.name, place=simpler.place) if other is one else other
-                for other in state.found
-            )
+            kept = tuple(_renamed(other, simpler) if other is one else other for other in state.found)
             judges = judged(case, state.judges, model)
             state = replace(state, model=model, view=view, judges=judges, found=kept, screened=[])
     return state
+
+
+def _renamed(found: Found, simpler: Candidate) -> Found:
+    """A finding in whose place something simpler stands, which is then not beside itself."""
+    rest = tuple(name for name in found.also_possible if name != simpler.name)
+    return replace(found, effect=simpler.name, place=simpler.place, also_possible=rest)
 
 
 def eliminated(case: Case, state: State) -> State:
     """Without findings that others have made superfluous: removed one by one, the rest fitted anew."""
     for one in reversed(state.found[:-1]):
         place = _place(state, one.effect)
-        if place is None or one.interval is not None:
+        if place is None or one.interval is not None or place in plainly_on(state.view.fitter, state.view.fitted):
             continue
         case.say(f"asking whether {one.effect} is still needed")
         less = state.model.without(place, given(case))

@@ -111,9 +111,14 @@ def roundings(case: Case, state: State) -> list[Candidate]:
 
 
 def candidates(case: Case, state: State, tested: Sequence[Tested]) -> list[Candidate]:
-    """Effects among what is significant, fitted, the best first."""
+    """Effects among what is significant, fitted, the best first; of those that are as good, the simplest."""
     beams = len(state.view.fitter.sample)
-    return sorted(_effects(case, state, _significant(case, state, tested)), key=lambda one: -one.worth(beams))
+    found = sorted(_effects(case, state, _significant(case, state, tested)), key=lambda one: -one.worth(beams))
+    if not found:
+        return []
+    alike = [one for one in found[1:] if one.numbers < found[0].numbers and _is_as_good(case, state, one, found[0])]
+    first = min(alike, key=lambda one: one.numbers, default=found[0])
+    return [first, *(one for one in found if one is not first)]
 
 
 def chosen(case: Case, state: State, tested: Sequence[Tested], named: Sequence[Candidate]) -> Iterator[Candidate]:
@@ -169,19 +174,19 @@ def _is_clearly_better(state: State, one: Candidate, other: Candidate) -> bool:
 
 
 def also_possible(case: Case, state: State, best: Candidate, found: Sequence[Candidate]) -> tuple[str, ...]:
-    """Effects that explain the data as well as the best candidate: the difference of gains is within its error."""
-    alike = []
-    for one in found:
-        if one.name == best.name or one.shape is not None or best.shape is not None or one.lattice or best.lattice:
-            continue
-        apart = gain(state.view.fitter, one.fitted, best.fitted)
-        price = 0.5 * (best.numbers - one.numbers) * float(np.log(len(state.view.fitter.sample)))
-        if (
-            apart.value - price < case.settings.alike_sigmas * max(apart.error, 1.0)
-            and one.gain.value > 0.5 * best.gain.value
-        ):
-            alike.append(one.name)
+    """Effects that explain the data as well as the best candidate."""
+    alike = [one.name for one in found if one.name != best.name and _is_as_good(case, state, one, best)]
     return tuple(dict.fromkeys(alike))
+
+
+def _is_as_good(case: Case, state: State, one: Candidate, best: Candidate) -> bool:
+    """Whether the difference between the gains of two effects, less what numbers cost, is within its error."""
+    if one.shape is not None or best.shape is not None or one.lattice or best.lattice:
+        return False
+    apart = gain(state.view.fitter, one.fitted, best.fitted)
+    price = 0.5 * (best.numbers - one.numbers) * float(np.log(len(state.view.fitter.sample)))
+    within = case.settings.alike_sigmas * max(apart.error, 1.0)
+    return apart.value - price < within and one.gain.value > 0.5 * best.gain.value
 
 
 def _same_channel(one: Candidate, group: Group) -> bool:

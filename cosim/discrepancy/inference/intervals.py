@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from cosim.discrepancy.candidates import Unknown, with_values
+from cosim.discrepancy.candidates import Unknown, amplitudes, with_values
 from cosim.discrepancy.inference.cluster_bootstrap import Redrawn, redrawn_interval
 from cosim.discrepancy.inference.columns import Column, stacked
 from cosim.discrepancy.inference.fit import Fitted, Fitter, LinearModel
@@ -15,6 +15,7 @@ from cosim.discrepancy.inference.score_test import Projector
 from cosim.discrepancy.inference.search import is_searched, likely_interval, widening
 
 _LEVEL = 0.975
+_PLAINLY = 15.0  # half widths
 
 
 def covariances(fitter: Fitter, fitted: Fitted) -> list[np.ndarray]:
@@ -40,6 +41,22 @@ def half_widths(fitter: Fitter, fitted: Fitted) -> np.ndarray:
     freedom = max(len(fitter.sample.names) - 1, 1)
     widest = np.max([np.diag(one) for one in covariances(fitter, fitted)], axis=0)
     return np.sqrt(np.maximum(widest, 0)) * stats.t.ppf(_LEVEL, freedom)
+
+
+def plainly_on(fitter: Fitter, fitted: Fitted) -> frozenset[int]:
+    """Places of effects so surely on that nothing else that is fitted can make up for them."""
+    widths, found, at = half_widths(fitter, fitted), set(), 0
+    for one, column in zip(fitted.free, fitted.columns, strict=True):
+        part = widths[at : at + one.unknown.rings]
+        at += one.unknown.rings
+        effect = fitted.effects[one.effect]
+        off = type(effect).neutral
+        if off is None or one.unknown.name not in amplitudes(type(effect)) or is_searched(effect, one.unknown, column):
+            continue
+        away = np.subtract(getattr(effect, one.unknown.name), off[one.unknown.name])
+        if np.any(np.abs(away) > _PLAINLY * part):
+            found.add(one.effect)
+    return frozenset(found)
 
 
 def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:

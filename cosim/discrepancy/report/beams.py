@@ -67,7 +67,7 @@ class Side:
     """One frame as one model sees it.
 
     Attributes:
-        error: of the frame.
+        error: of the frame; NaN where nothing can be compared.
         state: (n,) uint8, one of MATCHED … SILENT.
         residuals: by channel, as in `Rows`, of range, intensity and drop.
     """
@@ -126,14 +126,14 @@ class Beams:
             errors.append(Totals.of(before.frame, before.scores).error)
         kept = _shown(errors, shown)
         scans = [_scan(before, after) for number, (before, after) in enumerate(judged.pairs()) if number in kept]
-        scans.sort(key=lambda scan: -scan.before.error)
+        scans.sort(key=lambda scan: -np.nan_to_num(scan.before.error))
         same = judged.before is judged.after and judged.before_parts == PARTS
         return cls(_joined(parts), tuple(scans), same)
 
 
 def _shown(errors: Sequence[float], count: int) -> Collection[int]:
-    """Numbers of the worst frame and of others evenly spread."""
-    worst = int(np.argmax(errors))
+    """Numbers of the worst frame and of others evenly spread; a frame with nothing to compare has no error."""
+    worst = int(np.argmax(np.nan_to_num(np.array(errors))))
     spread = np.unique(np.linspace(0, len(errors) - 1, max(count, 1)).round().astype(int)).tolist()
     others = [number for number in spread if number != worst]
     return {worst, *others[: count - 1]}

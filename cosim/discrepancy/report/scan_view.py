@@ -105,7 +105,9 @@ def _packed(scan: Scan, bins: Mapping[str, Bins], sides: int) -> dict[str, Any]:
         "turn": 2 * np.pi * every / scan.firings,
         "elevation": np.round(scan.elevation_rad, 5).tolist(),
         "azimuth": np.round(scan.azimuth_rad, 5).tolist(),
-        "errors": [round(side.error, 3) for side in (scan.before, scan.after)[-sides:]],
+        "errors": [
+            round(side.error, 3) if np.isfinite(side.error) else None for side in (scan.before, scan.after)[-sides:]
+        ],
         "arrays": [[name, values.dtype.str[1:]] for name, values in arrays],
         "data": base64.b64encode(
             gzip.compress(b"".join(values.tobytes() for _, values in arrays), 9, mtime=0)
