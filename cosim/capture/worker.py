@@ -39,10 +39,10 @@ class RecordJob:
     def open(self, threads: int) -> Iterator[Do]:
         """A rig that records `Recording`s."""
         from cosim.capture.recorder import Recorder
-        from sensors.sensor_model import load_sensor
+        from cosim.capture.rig_sensors import rig_sensors
 
         with shared(self.folder):
-            recorder = Recorder(self.config, load_sensor(self.config.sensor), DriveWriter(self.folder), threads=threads)
+            recorder = Recorder(self.config, rig_sensors(self.config), DriveWriter(self.folder), threads=threads)
 
             def record(task: Recording, tell: Tell) -> None:
                 town = recorder.move_to(task.plan)

@@ -96,7 +96,7 @@ def needed(module: str) -> ModuleType:
 
 def sequences(drive: Drive) -> list[Sequence]:
     """A drive cut where its simulations begin; a recording is one."""
-    entries = DriveWriter(drive.root).manifest() if (drive.root / "manifest.jsonl").is_file() else {}
+    entries = DriveWriter(drive.base).manifest() if (drive.base / "manifest.jsonl").is_file() else {}
     cut: list[list[str]] = []
     times: list[list[float]] = []
     last: tuple[object, float] | None = None
