@@ -115,6 +115,12 @@ def sequences(drive: Drive) -> list[Sequence]:
     ]
 
 
+def lidar_frames(drive: Drive, frame: Frame) -> dict[str, Frame]:
+    """A frame as each of a drive's LiDARs saw it, by the LiDAR's name; a first one without a name is `top`."""
+    first = frame.twin.lidar.name or "top"
+    return {first: frame} | {name: drive.of_lidar(name)[frame.name] for name in drive.lidars}
+
+
 def instance_boxes(twin: TwinFrame) -> Boxes:
     """Boxes of all instances of a frame in LiDAR axes, upright there, in the twin's order."""
     to_lidar = np.linalg.inv(twin.ego.pose @ twin.lidar.pose_ego)

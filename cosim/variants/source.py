@@ -107,7 +107,9 @@ class Source:
             named = _LINKED
         else:
             folders = (path.name for path in self.drive.base.iterdir() if path.is_dir())
-            images = sorted(name for name in folders if name.partition("_")[0] in _IMAGES and not name.startswith("label_2"))
+            images = sorted(
+                name for name in folders if name.partition("_")[0] in _IMAGES and not name.startswith("label_2")
+            )
             named = (*images, "calib", "oxts", "twin/frames")
         return tuple(part for part in named if not (self.drive.lidar and part == "twin/frames"))
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from cosim.drives.files import is_safe_name, read_mapping
 from cosim.drives.kitti.frame import Frame
-from cosim.drives.kitti.layout import find_layout, list_scans, read_manifest, read_split
+from cosim.drives.kitti.layout import LIDARS, find_layout, lidar_folder, list_scans, read_manifest, read_split
 from cosim.drives.kitti.points import POINT_COLUMNS
 from cosim.drives.kitti.scan_notes import scan_notes
 from cosim.errors import DriveError
@@ -100,6 +100,22 @@ class Drive:
             self.lidar,
             self._reference,
         )
+
+    @property
+    def lidars(self) -> tuple[str, ...]:
+        """Names of the LiDARs beside the first; `of_lidar` opens theirs. None of such a LiDAR's own drive."""
+        folder = self.base / LIDARS
+        if self.lidar or not folder.is_dir():
+            return ()
+        return tuple(sorted(item.name for item in folder.iterdir() if (item / "velodyne").is_dir()))
+
+    def of_lidar(self, name: str) -> Drive:
+        """The drive as another of its LiDARs saw it.
+
+        Raises:
+            DriveError: there is no such LiDAR.
+        """
+        return Drive(lidar_folder(self.base, name))
 
     @property
     def splits(self) -> tuple[str, ...]:
