@@ -20,6 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cosim.drives.kitti import Drive, Frame, points_in_boxes
+from cosim.drives.kitti.level import levelled
 from cosim.drives.twin.frame import Camera, Instance
 from cosim.export.source import Sequence, demand, instance_boxes, lidar_frames, sequences
 
@@ -193,6 +194,7 @@ class _Tables:
         return token
 
     def _annotations(self, frame: Frame, sample: str, scene: str, tracks: dict[str, list[dict[str, Any]]]) -> None:
+        frame = levelled(frame)
         boxes = instance_boxes(frame.twin)
         points = points_in_boxes(frame.points, boxes).sum(1)
         near = np.linalg.norm(boxes.centre[:, :2], axis=1) < _FARTHEST_M

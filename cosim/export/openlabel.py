@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cosim.drives.kitti import Drive, Frame, points_in_boxes
+from cosim.drives.kitti.level import levelled
 from cosim.export.source import Sequence, Tracks, demand, instance_boxes, lidar_frames, sequences
 
 _WORLD, _EGO, _LIDAR = "world", "vehicle-iso8855", "lidar"
@@ -78,7 +79,8 @@ def _document(drive: Drive, sequence: Sequence, on_frame: Callable[[], None]) ->
 def _cuboids(frame: Frame) -> list[tuple[list[float], int]]:
     """Cuboid of each instance in LiDAR axes, and how many points lie in its box."""
     boxes = instance_boxes(frame.twin)
-    points = points_in_boxes(frame.points, boxes).sum(1)
+    upright = levelled(frame)
+    points = points_in_boxes(upright.points, instance_boxes(upright.twin)).sum(1)
     to_lidar = np.linalg.inv(frame.twin.ego.pose @ frame.twin.lidar.pose_ego)
     cuboids = []
     for row, thing in enumerate(frame.twin.instances):

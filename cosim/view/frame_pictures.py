@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.drives.kitti import Boxes, Drive, Frame, PointRays, read_depth
+from cosim.drives.kitti.level import levelled
 from cosim.errors import FormatError
 from cosim.view import captions
 from cosim.view.birds_eye import GroundPlan, draw_from_above, draw_outlines, name_boxes
@@ -60,7 +61,7 @@ class FramePictures:
     """
 
     def __init__(self, drive: Drive, name: str, intensity: Scale) -> None:
-        self.frame: Frame = drive[name]
+        self.frame: Frame = levelled(drive[name])
         self._drive = drive
         self._intensity = intensity
         self.objects: Objects = find_objects(self.frame)

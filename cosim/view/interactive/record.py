@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from cosim.drives.kitti import Boxes, Drive, Frame
+from cosim.drives.kitti.level import levelled
 from cosim.errors import CosimError
 from cosim.view.camera_images import camera_parts, straight_image
 from cosim.view.facts import Facts
@@ -53,11 +54,11 @@ class FrameRecords:
         Raises:
             CosimError: no such frame, or its points or a part that all else needs are broken.
         """
-        return self._record(self.drive[name], *self._traced(name), deferred=())
+        return self._record(levelled(self.drive[name]), *self._traced(name), deferred=())
 
     def quick(self, name: str) -> bytes:
         """The same without what the twin must be traced for; `extra` gives that."""
-        frame = self.drive[name]
+        frame = levelled(self.drive[name])
         return self._record(frame, None, self._why_not, () if self._residuals is None else _traced_modes(frame))
 
     def extra(self, name: str) -> bytes:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import rq
 
 from cosim.drives.kitti import Boxes, Drive, Frame
+from cosim.drives.kitti.level import levelled
 from cosim.drives.writer import explained
 from cosim.errors import CosimError
 from cosim.view.camera_images import KITTI_CAMERAS, camera_parts, straight_image
@@ -63,7 +64,7 @@ def log_to_rerun(shown: ShownDrives, file: Path | None, on_frame: Callable[[str]
         on_frame(step[0])
         rr.set_time(_TIMELINE, sequence=number)
         for root, drive, name in zip(roots, drives, step, strict=True):
-            _log_frame(rr, root, drive, drive[name], scale)
+            _log_frame(rr, root, drive, levelled(drive[name]), scale)
     rr.disconnect()
 
 
