@@ -27,6 +27,9 @@ class ConfigError(CosimError):
     """A configuration breaks its rules."""
 
 
+_HEAD_BYTES = 4096
+
+
 class MastPlace(BaseModel):
     """Where the mast of a roadside rig stands; axes of the town, as SUMO has them."""
 
@@ -80,6 +83,10 @@ class RunConfig(BaseModel):
     external_vehicles: Path | None = Field(
         default=None, description="folder of vehicle meshes with a vehicles.yaml, drawn beside the built-in models"
     )
+    trajectories: Path | None = Field(
+        default=None, description="who drives where, from a file: FCD output, CommonRoad or a table; none: SUMO's"
+    )
+    ego: str | None = Field(default=None, description="id of the vehicle of the trajectories that carries the sensors")
     behaviour: BehaviourConfig = Field(default=BehaviourConfig(), description="how drivers behave; or a preset's name")
     store_hits: bool = Field(default=True, description="keep hits/, from which sensor variants can be made again")
     images: tuple[str, ...] = Field(
@@ -106,6 +113,29 @@ class RunConfig(BaseModel):
         elif isinstance(rig, str):
             rig = load_rig(rig)
         return {**values, "rig": values["rig"], "images": rig.default_images} if isinstance(rig, Rig) else values
+
+    @model_validator(mode="before")
+    @classmethod
+    def _own_streets(cls, values: Any) -> Any:
+        """CommonRoad scenarios hold their streets."""
+        if not isinstance(values, dict) or "town" in values or not values.get("trajectories"):
+            return values
+        path = Path(str(values["trajectories"]))
+        try:
+            begins = path.open("rb").read(_HEAD_BYTES)
+        except OSError:
+            return values  # whoever reads it says so
+        return {**values, "town": str(path)} if b"<commonRoad" in begins else values
+
+    @model_validator(mode="after")
+    def _has_trajectories(self) -> RunConfig:
+        if self.ego is not None and self.trajectories is None:
+            raise ValueError("ego names a vehicle of trajectories; give `trajectories`, or leave ego out")
+        if self.trajectories is not None and len(self.towns) > 1:
+            raise ValueError("trajectories belong to one town; name it")
+        if self.ego is not None and self.rig_used.carrier == "mast":
+            raise ValueError("a mast carries the sensors; leave ego out, or give a rig on a vehicle")
+        return self
 
     @model_validator(mode="after")
     def _fits_its_rig(self) -> RunConfig:

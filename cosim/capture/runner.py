@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
 import yaml
 
 from assets.external import load_external
 from cosim.capture.config import RunConfig
 from cosim.capture.disk_estimate import demand_space, estimate_bytes
 from cosim.capture.plan import EpisodePlan, plan_episodes
+from cosim.capture.replayed import replay_of
 from cosim.capture.rig_sensors import folder_of, rig_sensors
 from cosim.capture.worker import Recording, RecordJob
 from cosim.drives.writer import DriveWriter
@@ -70,9 +72,14 @@ def run(
         AssetError, TownError, SensorError, CameraError: likewise.
     """
     sensors = rig_sensors(config)
-    for town in config.towns:
-        for note in read_town(town).notes:
+    for name in config.towns:
+        town = read_town(name)
+        for note in town.notes:
             _log.warning("%s", note)
+        if config.trajectories is not None:
+            replay_of(config.trajectories, town).draw_ego(config.ego, 0.0, np.random.default_rng(0))
+        elif town.streets_only:
+            raise RunError(f"{name}: holds streets, but nobody drives; give --trajectories, or a .sumocfg with routes")
     load_external(config.external_vehicles)
     writer = DriveWriter(folder)
     left = 1 - len(writer.manifest()) / config.frames
