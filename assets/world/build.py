@@ -14,7 +14,8 @@ from assets.world.enclosures import enclose
 from assets.world.entrances import entrances_mesh
 from assets.world.environment import Environment
 from assets.world.furnishing import furnish
-from assets.world.greenery import hedgerow_trees, trees_mesh
+from assets.world.given import given_buildings
+from assets.world.greenery import hedgerow_trees, planted_trees, trees_mesh
 from assets.world.ground import TERRAIN
 from assets.world.groundwork import Groundwork
 from assets.world.height_field import HeightField
@@ -69,13 +70,14 @@ def build_world(
     rng = np.random.default_rng(seed)
     outlines, relief, edge = base.outlines, base.relief, base.edge
     ground = base.surfaced(terrain_materials(base.plan, style, base.town[0], base.town[1], rng))
-    plots = lay_out(base.paved, style, rng, base.open_roads)
+    plots = [] if streets.buildings else lay_out(base.paved, style, rng, base.open_roads)
     houses = design(plots, style, lambda xy: relief.z(xy, TERRAIN), rng)
 
     def stand_z(xy: np.ndarray) -> np.ndarray:
         return relief.z_of_land(xy, outlines.pavement)
 
     blocked = Obstacles(streets, outlines, base.paved, plots)
+    planted = planted_trees(streets.trees, blocked, stand_z, style, rng) if streets.trees else Mesh.empty()
     parts = [
         ground,
         base.kerb_stones,
@@ -88,7 +90,11 @@ def build_world(
         entrances_mesh(houses, stand_z, rng),
     ]
     gardens = garden_borders(houses, blocked, style, rng)
-    fronts, rows = enclose(streets, outlines, houses, gardens, blocked, style, rng)
-    parts += [gardens.mesh(stand_z, rng), fronts.mesh(stand_z, rng)]
-    parts.append(hedgerow_trees(rows, blocked, stand_z, style, rng))
+    if streets.buildings:  # who says what stands there says nothing of hedges
+        parts.append(given_buildings(streets.buildings, lambda xy: relief.z(xy, TERRAIN), style, rng))
+    else:
+        fronts, rows = enclose(streets, outlines, houses, gardens, blocked, style, rng)
+        parts += [gardens.mesh(stand_z, rng), fronts.mesh(stand_z, rng)]
+        parts.append(hedgerow_trees(rows, blocked, stand_z, style, rng))
+    parts.append(planted)
     return World(Mesh.merge(parts), ground, base.height, base.bounds)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from assets.mesh import Mesh
@@ -14,6 +16,7 @@ from assets.world.styles import Style
 from assets.world.trees import broadleaf, bush, conifer
 
 _VARIANTS = 6
+_TREE_TAKES_M = 1.8
 _VERGE_M = 2.2  # from the kerb to street trees where there is no pavement
 _OPEN_LAND_PER_M2 = 4e-4
 _OPEN_LAND_MOST = 220
@@ -56,6 +59,15 @@ def _street_trees(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: S
         crown = (radius * rng.uniform(0.85, 1.15), radius * rng.uniform(0.85, 1.15))
         templates.append(broadleaf(rng, rng.uniform(8.5, 11.0), crown, rng.uniform(4.3, 4.9), clusters=72))
     return _scatter(templates, spots[keep], stand_z, rng)
+
+
+def planted_trees(
+    spots: Sequence[tuple[float, float]], blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
+) -> Mesh:
+    """Trees exactly where a town's files have them; others keep away."""
+    places = np.array(spots, np.float64).reshape(-1, 2)
+    blocked.take(places, _TREE_TAKES_M)
+    return _scatter(_mixed(rng, style.conifer_share, 84), places, stand_z, rng)
 
 
 def _garden_plants(

@@ -17,6 +17,7 @@ from cosim.capture.products import check_products
 from cosim.capture.rig_jitter import RigJitter
 from cosim.errors import CosimError
 from cosim.labels.annotators import Annotators
+from cosim.scene.world_file import WorldFile
 from cosim.traffic.behaviour.config import BehaviourConfig
 from sensors.pattern import first_problem
 from sensors.rig import KITTI, Rig, load_rig, rig_names
@@ -61,6 +62,11 @@ class RunConfig(BaseModel):
     population: DemandConfig = Field(default=DemandConfig(), description="who is about in built-in towns")
     environment: EnvironmentConfig = Field(
         default=EnvironmentConfig(), description="how built-in and own towns are furnished"
+    )
+    world: WorldFile | None = Field(
+        default=None,
+        description="a glTF file with the static world of the town, in place of what is built; or `file` "
+        "and `materials`",
     )
     episodes_per_world: int | None = Field(
         default=None,
@@ -131,6 +137,8 @@ class RunConfig(BaseModel):
     def _has_trajectories(self) -> RunConfig:
         if self.ego is not None and self.trajectories is None:
             raise ValueError("ego names a vehicle of trajectories; give `trajectories`, or leave ego out")
+        if self.world is not None and len(self.towns) > 1:
+            raise ValueError("world is that of one town; name it")
         if self.trajectories is not None and len(self.towns) > 1:
             raise ValueError("trajectories belong to one town; name it")
         if self.ego is not None and self.rig_used.carrier == "mast":

@@ -36,6 +36,8 @@ def plan_episodes(config: RunConfig) -> list[EpisodePlan]:
     starts = range(0, config.frames, size)
     short = len(towns) == 1 and len(starts) <= _SHORT_DRIVE
     shared = config.episodes_per_world or (_SHORT_DRIVE if short else 1)
+    if config.world is not None:
+        shared = len(names)  # it is what it is
     return [
         EpisodePlan(
             number=number,

@@ -25,6 +25,7 @@ from cosim.drives.writer import DriveWriter
 from cosim.labels.effects import EXACT, relabelled
 from cosim.labels.labelling import Labeller
 from cosim.scene.bridge import Bridge
+from cosim.scene.ground import Ground
 from cosim.scene.site import Land, Models, Site, light_of
 from cosim.traffic.actors import Actors
 from sensors.scene import Instances
@@ -81,7 +82,8 @@ class Recorder:
                 self._writer.write(path, encode_glb(self._place.mesh, land.town.name))
         self._cameras.enter(self._place, light_of(self._config, plan.number))
         self._labellers = {name: self._labeller(name, plan.number) for name in self._cameras.labelled}
-        self._bridge = Bridge(land.ground, self._config.seed + plan.number, self._external)
+        self._ground = land.ground if self._config.world is None else Ground(self._place.mesh)
+        self._bridge = Bridge(self._ground, self._config.seed + plan.number, self._external)
         return land.town
 
     def note(self, entry: dict[str, object]) -> None:
@@ -98,7 +100,7 @@ class Recorder:
         assert self._place is not None
         placed = self._bridge.place(actors)
         if isinstance(carrier, Mast):
-            ego, others = carrier.ego(self._place.land.ground), placed
+            ego, others = carrier.ego(self._ground), placed
         else:
             row = actors.ids.index(carrier)
             ego, others = _ego(actors, row, placed.poses[row]), placed.take(np.delete(np.arange(len(placed)), row))

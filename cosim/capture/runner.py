@@ -76,6 +76,8 @@ def run(
         town = read_town(name)
         for note in town.notes:
             _log.warning("%s", note)
+        if config.world is not None:
+            config.world.read(town.streets)
         if config.trajectories is not None:
             replay_of(config.trajectories, town).draw_ego(config.ego, 0.0, np.random.default_rng(0))
         elif town.streets_only:

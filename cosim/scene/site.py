@@ -82,6 +82,9 @@ class Site:
     def build(cls, config: RunConfig, land: Land, world: int, *, models: Models, threads: int) -> Site:
         """Build the world that the run's seed, the town and the world's number determine."""
         town, groundwork = land.town, land.groundwork
+        if config.world is not None:
+            mesh = config.world.read(town.streets)
+            return cls(land, world, mesh, Scene(mesh, models.load, threads, models=models.traced), Tiles.of(mesh))
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
         static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment, groundwork)

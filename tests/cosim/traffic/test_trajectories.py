@@ -177,7 +177,8 @@ def commonroad(folder: Path) -> Path:
     path = folder / "two_lanes.xml"
     path.write_text(
         f'<commonRoad timeStepSize="0.1">{lanes}<dynamicObstacle id="42">{shape}{first}'
-        f'<trajectory>{states}</trajectory></dynamicObstacle><staticObstacle id="43">{shape}{still}</staticObstacle></commonRoad>'
+        f"<trajectory>{states}</trajectory></dynamicObstacle>"
+        f'<staticObstacle id="43">{shape}{still}</staticObstacle></commonRoad>'
     )
     return path
 
