@@ -36,7 +36,7 @@ def _lane(path: Path, element: ET.Element) -> StreetLane:
     name = element.get("id", "")
     left, right = (_evenly(_bound(path, element, name, side)) for side in ("leftBound", "rightBound"))
     kinds = {kind.text for kind in element.findall("laneletType")}
-    use = next((_USES[kind] for kind in sorted(kinds & _USES.keys(), key=str)), "drive")  # type: ignore[index]
+    use: LaneUse = next((_USES[kind] for kind in _USES if kind in kinds), "drive")
     width = float(np.median(np.linalg.norm((left - right)[:, :2], axis=1)))
     if width < 0.5:
         raise TownError(f"{path}: lanelet {name} is {width:.2f} m wide; bounds lie at least 0.5 m apart")

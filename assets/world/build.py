@@ -23,7 +23,7 @@ from assets.world.houses import design
 from assets.world.markings import repairs_mesh
 from assets.world.obstacles import Obstacles
 from assets.world.plots import lay_out
-from assets.world.props import props_mesh
+from assets.world.props import SignalHead, props_mesh
 from assets.world.styles import style_of
 from assets.world.terrain import terrain_materials
 
@@ -39,12 +39,14 @@ class World:
         ground: what wheels and feet stand on: carriageway, kerbs, pavement and terrain, without markings.
         height: the smooth base surface z = H(x, y), (n, 2) → (n,); the carriageway lies on it.
         bounds: (2, 2) lower and upper corner of the land, x and y.
+        signals: heads of traffic signals, whose lamps are dark in the mesh.
     """
 
     mesh: Mesh
     ground: Mesh
     height: HeightField
     bounds: np.ndarray
+    signals: tuple[SignalHead, ...] = ()
 
 
 def build_world(
@@ -78,13 +80,16 @@ def build_world(
 
     blocked = Obstacles(streets, outlines, base.paved, plots)
     planted = planted_trees(streets.trees, blocked, stand_z, style, rng) if streets.trees else Mesh.empty()
+    repairs = repairs_mesh(streets, outlines.carriageway, base.height, rng)
+    walls = buildings_mesh(houses, rng)
+    props, signals = props_mesh(streets, edge, blocked, stand_z, style, rng)
     parts = [
         ground,
         base.kerb_stones,
         base.markings,
-        repairs_mesh(streets, outlines.carriageway, base.height, rng),
-        buildings_mesh(houses, rng),
-        props_mesh(streets, edge, blocked, stand_z, style, rng),
+        repairs,
+        walls,
+        props,
         furnish(edge, blocked, stand_z, style, environment, rng),
         trees_mesh(edge, plots, base.bounds, blocked, stand_z, style, rng),
         entrances_mesh(houses, stand_z, rng),
@@ -97,4 +102,4 @@ def build_world(
         parts += [gardens.mesh(stand_z, rng), fronts.mesh(stand_z, rng)]
         parts.append(hedgerow_trees(rows, blocked, stand_z, style, rng))
     parts.append(planted)
-    return World(Mesh.merge(parts), ground, base.height, base.bounds)
+    return World(Mesh.merge(parts), ground, base.height, base.bounds, signals)

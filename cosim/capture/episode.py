@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -17,6 +17,7 @@ from cosim.capture.plan import EpisodePlan
 from cosim.traffic.actors import Actors
 from cosim.traffic.driven_traffic import DrivenTraffic
 from cosim.traffic.ego import anybody_comes, anybody_drives, draw_ego
+from cosim.traffic.signals import SignalStates
 from cosim.traffic.simulation import Traffic
 from cosim.traffic.starting import warmed_up
 from sumo_nets import RECIPES, Town, write_demand
@@ -29,8 +30,10 @@ _LONGEST_WAIT_S = 900.0  # for the first vehicle of a scenario
 class FrameRecorder(Protocol):
     """What takes a frame."""
 
-    def record(self, name: str, plan: EpisodePlan, actors: Actors, carrier: str | Mast) -> None:
-        """Measure the world at one step, from a vehicle or a mast, and write the frame."""
+    def record(
+        self, name: str, plan: EpisodePlan, actors: Actors, carrier: str | Mast, signals: Mapping[str, str]
+    ) -> None:
+        """Measure the world at one step, from a vehicle or a mast, and write the frame; `signals` tells by lane."""
 
     def note(self, entry: dict[str, object]) -> None:
         """Write a remark about the episode."""
@@ -100,6 +103,7 @@ def _simulate(
                 living.follow(carrier)
             if state:
                 actors = living.advance(round(seen_s / config.step_s))
+            states = SignalStates(traffic.api)
             watch, reason = _watch(config, actors, carrier, own=own), None
             while left and reason is None:
                 if isinstance(carrier, str):
@@ -109,7 +113,7 @@ def _simulate(
                 if reason is None and watch.wants(actors):
                     name = left.pop(0)
                     if name not in done:
-                        recorder.record(name, plan, living.everyone(actors), carrier)
+                        recorder.record(name, plan, living.everyone(actors), carrier, states.now())
                         on_frame(name)
             recorder.note(
                 {

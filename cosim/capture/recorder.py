@@ -26,6 +26,7 @@ from cosim.labels.effects import EXACT, relabelled
 from cosim.labels.labelling import Labeller
 from cosim.scene.bridge import Bridge
 from cosim.scene.ground import Ground
+from cosim.scene.lamps import base_of, lit_mesh, signal_models, with_lamps, with_signals
 from cosim.scene.site import Land, Models, Site, light_of
 from cosim.traffic.actors import Actors
 from sensors.scene import Instances
@@ -35,6 +36,7 @@ from sumo_nets import Town
 LABEL_DECIMALS = 4
 _RIG_STREAM = 2  # keeps the rig's random numbers apart from those of the measurement
 _LABELS = "label_2"
+_OF_WORLDS = tuple(name for name, material in MATERIALS.items() if not material.glow)
 
 
 class Recorder:
@@ -55,7 +57,7 @@ class Recorder:
         self._threads = threads
         self._behind = BackgroundWriter()  # waiting for the disk would cost as much again as a fast frame
         self._external = load_external(config.external_vehicles)
-        self._meshes: dict[str, Mesh] = dict(self._external.meshes)
+        self._meshes: dict[str, Mesh] = {**self._external.meshes, **signal_models()}
         self._models = Models(self._mesh)
         self._written_models: set[str] = set()
         self._instance_texts = InstanceTexts()
@@ -67,7 +69,7 @@ class Recorder:
         self._cameras = RigCameras(self._rig, config.images, self._models, config.backend, lit=lit)
         self._land: tuple[str, Land] | None = None
         self._place: Site | None = None
-        writer.write_once("twin/materials.yaml", format_materials(MATERIALS).encode())
+        writer.write_once("twin/materials.yaml", format_materials(_OF_WORLDS).encode())
 
     def move_to(self, plan: EpisodePlan) -> Town:
         """Make an episode's place ready in its light; gives its town. A place is not built twice in a row."""
@@ -91,23 +93,29 @@ class Recorder:
         self._behind.settle()
         self._writer.write_note(entry)
 
-    def record(self, name: str, plan: EpisodePlan, actors: Actors, carrier: str | Mast) -> None:
+    def record(
+        self, name: str, plan: EpisodePlan, actors: Actors, carrier: str | Mast, signals: Mapping[str, str]
+    ) -> None:
         """Measure one instant, from a vehicle by its id or from a mast, and begin to write the frame.
 
+        `signals` holds SUMO's letter for every lane with a traffic signal.
         It is on disk when the next frame is taken, a remark is written or the recorder is closed, all of which raise
         what went wrong.
         """
         assert self._place is not None
         placed = self._bridge.place(actors)
         if isinstance(carrier, Mast):
-            ego, others = carrier.ego(self._ground), placed
+            ego, others, bits = carrier.ego(self._ground), placed, actors.signals
         else:
             row = actors.ids.index(carrier)
-            ego, others = _ego(actors, row, placed.poses[row]), placed.take(np.delete(np.arange(len(placed)), row))
+            rest = np.delete(np.arange(len(placed)), row)
+            ego, others, bits = _ego(actors, row, placed.poses[row]), placed.take(rest), actors.signals[rest]
         jitter = np.random.default_rng([self._config.seed, int(name), _RIG_STREAM])
         lidar_pose_ego = self._config.rig_jitter.turned(self._rig.lidar_pose, jitter)
 
-        seen = self._cameras.look(ego.pose, lidar_pose_ego, others)
+        lit = with_lamps(others, bits, actors.time_s)
+        lit = with_signals(lit, self._place.signals, signals, ego.pose[:3, 3], actors.time_s)
+        seen = self._cameras.look(ego.pose, lidar_pose_ego, others, lit)
         scans = self._lidars.scan(name, self._place.scene, lidar_pose_ego, others, ego, seen.view)
         returns = self._lidars.returns(scans, len(others))
         exact = {
@@ -196,7 +204,8 @@ class Recorder:
 
     def _mesh(self, name: str) -> Mesh:
         if name not in self._meshes:
-            self._meshes[name] = build_model(name)
+            base, lamps = base_of(name)
+            self._meshes[name] = lit_mesh(self._mesh(base), lamps) if lamps else build_model(name)
         return self._meshes[name]
 
     def _write_models(self, names: tuple[str, ...]) -> None:

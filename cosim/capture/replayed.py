@@ -78,7 +78,7 @@ def _attempt(
         if reason is None and watch.wants(actors):
             name = left.pop(0)
             if name not in done:
-                recorder.record(name, plan, actors, carrier)
+                recorder.record(name, plan, actors, carrier, {})
                 on_frame(name)
     recorder.note(
         {

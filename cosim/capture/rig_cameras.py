@@ -12,6 +12,7 @@ from cosim.capture.camera_views import seeing_camera, view_of_images
 from cosim.capture.placed_rig import PlacedCamera, PlacedRig
 from cosim.capture.products import cameras_of, wanted_of
 from cosim.drives.twin import Camera
+from cosim.scene.lamps import without_signals
 from cosim.scene.site import Models, Site
 from sensors.camera_view import CameraView
 from sensors.cameras import CameraRenderer, Images, Light
@@ -62,13 +63,20 @@ class RigCameras:
         for renderer in self._renderers.values():
             site.show(renderer, light)
 
-    def look(self, ego_pose: np.ndarray, lidar_pose_ego: np.ndarray, instances: Instances) -> Seen:
-        """What they see from a vehicle at `ego_pose` with the first LiDAR at `lidar_pose_ego` on it, both (4, 4)."""
+    def look(self, ego_pose: np.ndarray, lidar_pose_ego: np.ndarray, instances: Instances, lit: Instances) -> Seen:
+        """What they see from a vehicle at `ego_pose` with the first LiDAR at `lidar_pose_ego` on it, both (4, 4).
+
+        Args:
+            ego_pose, lidar_pose_ego: of the instant.
+            instances: what moves.
+            lit: the same with its lamps, and after them the lamps of signals.
+        """
         images, straight = {}, {}
         for name, camera in self.used.items():
             pose = ego_pose @ (lidar_pose_ego @ camera.in_lidar)
             P = camera.P if camera.lens is None else camera.lens.source_projection
-            found = self._renderer(camera).render(pose, P, instances, self._wanted[name])
+            found = self._renderer(camera).render(pose, P, lit, self._wanted[name])
+            found = without_signals(found, len(instances))
             images[name] = found if camera.lens is None else camera.lens.bent(found)
             straight[name] = found if camera.lens is None else camera.lens.straight(found)
         return Seen(images, straight, self._view(ego_pose, lidar_pose_ego, straight))

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from assets.streets import Streets
 from cosim.traffic.trajectories.commonroad import read_commonroad
@@ -53,7 +53,7 @@ def read_trajectories(path: Path, streets: Streets, type_files: Iterable[Path] =
 def _on_streets(path: Path, tracks: RoadTracks, streets: Streets) -> RoadTracks:
     """Tracks with heights; refuses those that lie elsewhere."""
     points = np.concatenate([_dense(lane.centre) for lane in streets.lanes])
-    away, nearest = cKDTree(points[:, :2]).query(tracks.front[:, :2])
+    away, nearest = KDTree(points[:, :2]).query(tracks.front[:, :2])
     if (away < _BESIDE_M).mean() < _FEWEST_SHARE:
         middle, town = np.median(tracks.front[:, :2], axis=0), np.median(points[:, :2], axis=0)
         raise TrajectoryError(
