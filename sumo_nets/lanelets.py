@@ -36,12 +36,19 @@ def _lane(path: Path, element: ET.Element) -> StreetLane:
     name = element.get("id", "")
     left, right = (_evenly(_bound(path, element, name, side)) for side in ("leftBound", "rightBound"))
     kinds = {kind.text for kind in element.findall("laneletType")}
-    use: LaneUse = next((_USES[kind] for kind in _USES if kind in kinds), "drive")
+    use = _use(kinds)
     width = float(np.median(np.linalg.norm((left - right)[:, :2], axis=1)))
     if width < 0.5:
         raise TownError(f"{path}: lanelet {name} is {width:.2f} m wide; bounds lie at least 0.5 m apart")
     internal = bool(kinds & {"intersection"})
     return StreetLane(f"{name}_0", name, use, (left + right) / 2, width, _SPEED_MPS, internal)
+
+
+def _use(kinds: set[str | None]) -> LaneUse:
+    for kind, use in _USES.items():
+        if kind in kinds:
+            return use
+    return "drive"
 
 
 def _bound(path: Path, element: ET.Element, name: str, side: Literal["leftBound", "rightBound"]) -> np.ndarray:

@@ -15,7 +15,8 @@ from cosim.drives.twin import Camera
 from cosim.scene.lamps import without_signals
 from cosim.scene.site import Models, Site
 from sensors.camera_view import CameraView
-from sensors.cameras import CameraRenderer, Images, Light
+from sensors.cameras import CameraRenderer, Content, Images, Light
+from sensors.cameras.cast_shadows import CastShadows
 from sensors.scene import Instances
 
 
@@ -53,7 +54,7 @@ class RigCameras:
         if self._seeing is not None:
             needed += [f"image_{self._seeing}", f"depth_{self._seeing}"]
         self.used = {name: rig.cameras[name] for name in cameras_of(needed)}
-        self._wanted = {name: wanted_of(name, needed) for name in self.used}
+        self._wanted = {name: _with_shadows(wanted_of(name, needed)) for name in self.used}
         self._renderers: dict[tuple[int, int], CameraRenderer] = {}
 
     def enter(self, site: Site, light: Light) -> None:
@@ -62,6 +63,7 @@ class RigCameras:
             self._renderer(camera)
         for renderer in self._renderers.values():
             site.show(renderer, light)
+        self._shadows = CastShadows(self._models.load, light, site.scene.static)
 
     def look(self, ego_pose: np.ndarray, lidar_pose_ego: np.ndarray, instances: Instances, lit: Instances) -> Seen:
         """What they see from a vehicle at `ego_pose` with the first LiDAR at `lidar_pose_ego` on it, both (4, 4).
@@ -77,6 +79,8 @@ class RigCameras:
             P = camera.P if camera.lens is None else camera.lens.source_projection
             found = self._renderer(camera).render(pose, P, lit, self._wanted[name])
             found = without_signals(found, len(instances))
+            if "colour" in self._wanted[name]:
+                found = self._shadows.onto(found, pose, P, instances)
             images[name] = found if camera.lens is None else camera.lens.bent(found)
             straight[name] = found if camera.lens is None else camera.lens.straight(found)
         return Seen(images, straight, self._view(ego_pose, lidar_pose_ego, straight))
@@ -122,3 +126,8 @@ class RigCameras:
                 packed=self._models.packed,
             )
         return self._renderers[size]
+
+
+def _with_shadows(wanted: frozenset[Content]) -> frozenset[Content]:
+    """What must be read back so that shadows can be put into colours."""
+    return wanted | {"number", "depth"} if "colour" in wanted else wanted
