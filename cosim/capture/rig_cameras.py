@@ -17,6 +17,7 @@ from cosim.scene.site import Models, Site
 from sensors.camera_view import CameraView
 from sensors.cameras import CameraRenderer, Content, Images, Light
 from sensors.cameras.cast_shadows import CastShadows
+from sensors.cameras.images import CONTENTS
 from sensors.scene import Instances
 
 
@@ -130,4 +131,4 @@ class RigCameras:
 
 def _with_shadows(wanted: frozenset[Content]) -> frozenset[Content]:
     """What must be read back so that shadows can be put into colours."""
-    return wanted | {"number", "depth"} if "colour" in wanted else wanted
+    return frozenset(CONTENTS) if "colour" in wanted else wanted
