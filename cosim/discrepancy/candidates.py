@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import create_model
 
-from sensors.effects.base import Effect, LabelEffect, RoundingEffect
+from sensors.effects.base import Effect, RoundingEffect
 from sensors.effects.registry import effect_classes
 
 _SMALL = 0.02
@@ -85,11 +85,6 @@ def with_values(effect: Effect, values: Mapping[str, Any]) -> Effect:
             value = tuple(value.tolist()) if np.ndim(value) else float(value)
         clipped[name] = value
     return kind.model_validate({**effect.model_dump(), **clipped})
-
-
-def can_be_fitted(kind: type[Effect]) -> bool:
-    """Whether the comparison of points can tell of it."""
-    return bool(kind.neutral) and bool(kind.example) and not issubclass(kind, LabelEffect)
 
 
 def candidate_kinds(extra: Sequence[type[Effect]] = (), rings: int = 64) -> tuple[type[Effect], ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -130,7 +131,7 @@ def added(case: Case, state: State) -> State:
     state.screened[:] = tested
     state.ranking[:] = state.ranking or _ranking(found, tested)
     refused = state.refused
-    for one in chosen(case, state, found)[:_TRIED]:
+    for one in islice(chosen(case, state, tested, found), _TRIED):
         case.say(f"adding {one.name}")
         after = accepted(case, state, one, found)
         if after is not None:

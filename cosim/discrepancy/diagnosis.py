@@ -137,11 +137,6 @@ class Diagnosis:
         """By what share the aligned error stands above the noise floor in the end; None if that is not known."""
         return self.budget.error_aligned / self.noise_floor - 1 if self.noise_floor else None
 
-    @property
-    def is_at_floor(self) -> bool:
-        """Whether the aligned error is what noise alone makes."""
-        return self.above_floor is not None and self.above_floor <= _AT_FLOOR
-
     def to_json(self) -> dict[str, Any]:
         """What `cosim diagnose --json` writes."""
         return {

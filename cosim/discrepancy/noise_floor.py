@@ -15,7 +15,6 @@ import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.forward.expectation import Expectation
-from cosim.discrepancy.inference.score import spread_excess
 from cosim.discrepancy.scores import CLIP_M, MEMBERS, SCALES, FrameScores
 
 
@@ -104,9 +103,3 @@ def estimate_floor(beside: Neighbours, scores: FrameScores, expected: Expectatio
     found["drop"] = (max(float(apart[beside.pair].sum()), 0.0) / 2, int(beside.pair.sum()))
     found["spurious"] = scores.foreseen, int((~scores.ambiguous).sum())
     return found
-
-
-def excess_scatter(beside: Neighbours) -> dict[str, float]:
-    """By what share neighbours differ more than is stated, in squares, by channel; none where no noise is stated."""
-    stated = {name: one for name, one in beside.gaps.items() if len(one[1]) and np.all(one[1] > 0)}
-    return {name: float(spread_excess(gap / np.sqrt(variance)).mean()) for name, (gap, variance) in stated.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -110,38 +110,52 @@ def roundings(case: Case, state: State) -> list[Candidate]:
 
 
 def candidates(case: Case, state: State, tested: Sequence[Tested]) -> list[Candidate]:
-    """Effects and shapes among what is significant, fitted, the best first."""
-    level = case.settings.level
-    sure = [one for one in tested if one.p_value <= level and one.group.name not in state.refused]
-    found = [*_effects(case, state, sure), *_shapes(case, state, sure)]
+    """Effects among what is significant, fitted, the best first."""
     beams = len(state.view.fitter.sample)
-    return sorted(found, key=lambda one: -one.worth(beams))
+    return sorted(_effects(case, state, _significant(case, state, tested)), key=lambda one: -one.worth(beams))
 
 
-def chosen(case: Case, state: State, found: Sequence[Candidate]) -> list[Candidate]:
+def chosen(case: Case, state: State, tested: Sequence[Tested], named: Sequence[Candidate]) -> Iterator[Candidate]:
     """Candidates in the order in which they are tried: channels do not compete, but for one thing a round.
 
     An unknown shape goes first only where it explains clearly more than the best effect, and than that with the best
-    further one.
+    further one. No shape explains more than the dependence that it is drawn from: where even that is less than what the
+    best effect explains, it is drawn only once effects have failed.
+
+    Args:
+        case, state: of the diagnosis.
+        tested: what the screen says.
+        named: effects, fitted, the best first.
     """
     beams = len(state.view.fitter.sample)
-    found = [one for one in found if one.worth(beams) > 0]
-    named = [one for one in found if one.shape is None]
-    shapes = [one for one in found if one.shape is not None]
-    if not named or not shapes:
-        return [*named, *shapes]
-    if not _same_channel(named[0], shapes[0]) or not _is_clearly_better(state, shapes[0], named[0]):
-        return [*named, *shapes]
-    case.say(f"asking whether {named[0].name} and one more explain as much as a shape over {shapes[0].shape.covariate}")  # type: ignore[union-attr]
-    with_first = replace(state, model=named[0].model, view=replace(state.view, fitted=named[0].fitted))
-    further = _effects(
-        case,
-        with_first,
-        [one for one in screened(case, with_first) if one.p_value <= case.settings.level],
-        most=1,
-    )
-    both = named[0].worth(beams) + max((one.worth(beams) for one in further), default=0.0)
-    return [*named, *shapes] if both >= shapes[0].worth(beams) else [shapes[0], *named, *shapes[1:]]
+    named = [one for one in named if one.worth(beams) > 0]
+    waiting = _dependences(_significant(case, state, tested))
+    if named:
+        best = named[0]
+        rivals = [one for one in waiting if one.gain > best.worth(beams) and _same_channel(best, one.group)]
+        waiting = [one for one in waiting if one not in rivals]
+        shapes = _shapes(state, rivals)
+        if shapes and _is_clearly_better(state, shapes[0], best) and not _two_are_enough(case, state, best, shapes[0]):
+            yield shapes.pop(0)
+        yield from named
+        yield from shapes
+    yield from _shapes(state, waiting)
+
+
+def _two_are_enough(case: Case, state: State, best: Candidate, shape: Candidate) -> bool:
+    """Whether the best effect and one more explain as much as a shape."""
+    beams = len(state.view.fitter.sample)
+    assert shape.shape is not None  # a shape
+    case.say(f"asking whether {best.name} and one more explain as much as a shape over {shape.shape.covariate}")
+    with_first = replace(state, model=best.model, view=replace(state.view, fitted=best.fitted))
+    further = _effects(case, with_first, _significant(case, with_first, screened(case, with_first)), most=1)
+    both = best.worth(beams) + max((one.worth(beams) for one in further), default=0.0)
+    return both >= shape.worth(beams)
+
+
+def _significant(case: Case, state: State, tested: Sequence[Tested]) -> list[Tested]:
+    """What the screen is sure of and judging frames have not refused."""
+    return [one for one in tested if one.p_value <= case.settings.level and one.group.name not in state.refused]
 
 
 def _is_clearly_better(state: State, one: Candidate, other: Candidate) -> bool:
@@ -169,12 +183,10 @@ def also_possible(case: Case, state: State, best: Candidate, found: Sequence[Can
     return tuple(dict.fromkeys(alike))
 
 
-def _same_channel(one: Candidate, other: Candidate) -> bool:
-    shape = other.shape
-    assert shape is not None  # a shape
+def _same_channel(one: Candidate, group: Group) -> bool:
     kind = type(one.fitted.effects[one.place])
     channels = {kind.channel, *kind.also}
-    return shape.channel in channels or (shape.channel == "range" and "pose" in channels)
+    return group.channel in channels or (group.channel == "range" and "pose" in channels)
 
 
 def _effects(case: Case, state: State, sure: Sequence[Tested], most: int | None = None) -> list[Candidate]:
@@ -248,10 +260,9 @@ def best_fit(case: Case, state: State, groups: Sequence[Group]) -> Effect | None
     return None if best is None else best.fitted.effects[best.place]
 
 
-def _shapes(case: Case, state: State, sure: Sequence[Tested]) -> list[Candidate]:
-    """Shapes of the dependences that promise most, in each channel, as plug-ins fitted like any effect."""
-    fitter, fitted = state.view.fitter, state.view.fitted
-    found: list[Candidate] = []
+def _dependences(sure: Sequence[Tested]) -> list[Tested]:
+    """Those dependences that promise most, of each channel: some on one covariate, some on two."""
+    found: list[Tested] = []
     for channel in ("range", "intensity", "drop"):
         rows = [one for one in sure if not one.group.is_effect and one.group.channel == channel and one.group.columns]
         if any("scan" in one.group.covariates for one in rows):
@@ -266,12 +277,21 @@ def _shapes(case: Case, state: State, sure: Sequence[Tested]) -> list[Candidate]
         rows = sorted(rows, key=lambda one: -(one.gain - 2.0 * one.group.size))
         plain = [one for one in rows if len(one.group.covariates) < 2]
         of_two = [one for one in rows if len(one.group.covariates) > 1]
-        for one in [*plain[:_SHAPES], *of_two[:_SHAPES]]:
-            shape = shape_of(fitter, fitted, one.group, one.p_value)
-            candidate = None if shape is None else _with_shape(state, fitter, fitted, shape, one)
-            if candidate is not None:
-                found.append(candidate)
+        found += [*plain[:_SHAPES], *of_two[:_SHAPES]]
     return found
+
+
+def _shapes(state: State, dependences: Sequence[Tested]) -> list[Candidate]:
+    """Shapes of dependences that are worth their numbers, as plug-ins fitted like any effect, the best first."""
+    fitter, fitted = state.view.fitter, state.view.fitted
+    found: list[Candidate] = []
+    for one in dependences:
+        shape = shape_of(fitter, fitted, one.group, one.p_value)
+        candidate = None if shape is None else _with_shape(state, fitter, fitted, shape, one)
+        if candidate is not None:
+            found.append(candidate)
+    beams = len(fitter.sample)
+    return sorted((one for one in found if one.worth(beams) > 0), key=lambda one: -one.worth(beams))
 
 
 def _with_shape(state: State, fitter: Fitter, fitted: Fitted, shape: Shape, tested: Tested) -> Candidate | None:

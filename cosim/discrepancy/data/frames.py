@@ -81,7 +81,8 @@ class TracedFrame:
         """
         traced, world, measured = self.shot.traced, self.shot.world, self.observed.range_from(self.shot.rays.origin)
         assert traced is not None and world is not None  # frames are traced
-        far = self.observed.returned & ~(np.abs(measured - self.shot.hits.solid.range_m) < _SAME_M)
+        asked = self.observed.returned & self.observed.trusted
+        far = asked & ~(np.abs(measured - self.shot.hits.solid.range_m) < _SAME_M)
         rows = np.flatnonzero(far)
         direction, upwards_m = traced.direction[rows], traced.hits.pose[:3, 2]
         across = np.cross(direction, upwards_m)

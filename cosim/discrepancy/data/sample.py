@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
+from cosim.discrepancy.forward.joined import Replay
 from cosim.discrepancy.forward.replay import FrameReplay
 from sensors.effects.base import Effect
 from sensors.hits import NOTHING, STATIC
@@ -55,7 +56,7 @@ class Sample:
     """n beams of some frames.
 
     Attributes:
-        replays: one a frame, of its beams.
+        replay: of the beams.
         frame: (n,) int row of `names`.
         beam: (n,) int row of the frame's beams.
         names: of the frames, in order of time.
@@ -93,7 +94,7 @@ class Sample:
         azimuth, time_s, range_m, cos_incidence: (n,) of the beams as traced.
     """
 
-    replays: tuple[FrameReplay, ...]
+    replay: Replay
     frame: np.ndarray
     beam: np.ndarray
     names: tuple[str, ...]
@@ -152,11 +153,6 @@ class Sample:
         return ~np.isnan(self.along_m)
 
     @cached_property
-    def map_is_unsure(self) -> bool:
-        """Whether the twin says itself that it is not sure of its map."""
-        return bool(np.any(self.unsure_m[self.instance == STATIC] > 0))
-
-    @cached_property
     def has_intensity(self) -> bool:
         """Whether the drive has intensities at all."""
         return bool(np.nanmax(np.append(self.intensity, 0.0)) > 0)
@@ -187,9 +183,19 @@ class Sample:
     def predict(self, effects: Sequence[Effect]) -> Prediction:
         """What effects let expect of the sample's beams."""
         effects = tuple(sorted(effects, key=lambda effect: effect.phase))
-        parts = [_predict(replay, effects, self.along_m[rows]) for replay, rows in self._frames()]
-        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-        return Prediction(*[*columns, self.unsure_m, self.unsure_intensity])
+        found = self.replay.expect(effects)
+        return Prediction(
+            range_m=found.of.range_m + found.along_m,
+            range_sigma_m=found.of.range_sigma_m,
+            rise_m=found.above_m,
+            intensity=found.of.intensity,
+            intensity_sigma=found.of.intensity_sigma,
+            seen=found.of.seen,
+            silent=found.of.silent,
+            stray=found.stray,
+            unsure_m=self.unsure_m,
+            unsure_intensity=self.unsure_intensity,
+        )
 
     def clear_of(self, ambiguous: Sequence[np.ndarray]) -> Sample:
         """The same without beams that are ambiguous: (n,) bool of every frame's beams."""
@@ -201,28 +207,8 @@ class Sample:
         return replace(self, compared=self.compared & ~off, edge=self.edge | off, partner=partner)
 
     def _frames(self) -> Iterator[tuple[FrameReplay, np.ndarray]]:
-        for number, replay in enumerate(self.replays):
+        for number, replay in enumerate(self.replay.frames):
             yield replay, self.frame == number
-
-
-def _predict(replay: FrameReplay, effects: tuple[Effect, ...], measured_m: np.ndarray) -> tuple[np.ndarray, ...]:
-    found, along, above = replay.expect(effects)
-    shot = replay.shot(effects)
-    stray = np.zeros(len(measured_m))
-    rows = np.flatnonzero(~np.isnan(measured_m))
-    for effect in effects:
-        if type(effect).density is not Effect.density:
-            stray[rows] += effect.density(rows, measured_m[rows] - along[rows], shot)
-    return (
-        found.range_m + along,
-        found.range_sigma_m,
-        above,
-        found.intensity,
-        found.intensity_sigma,
-        found.seen,
-        found.silent,
-        stray,
-    )
 
 
 def draw_sample(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, *, edges: bool = False) -> Sample:
@@ -274,7 +260,7 @@ def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, 
         model=model,
         models=models,
         beside=beside,
-        replays=tuple(replays),
+        replay=Replay(replays),
         names=tuple(one.name for one in frames),
         track=track,
         track_names=names,

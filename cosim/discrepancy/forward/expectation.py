@@ -11,7 +11,7 @@ from cosim.discrepancy.forward.rounding import rounded
 from sensors.effects.base import EchoEffect, Effect, NoiseEffect, PointEffect, RoundingEffect, ScanEffect
 from sensors.effects.phases import CLIP_BEFORE
 from sensors.returns import Returns
-from sensors.shot import Shot, returns_of
+from sensors.shot import Shot
 
 _DRAWS = 8
 
@@ -47,7 +47,7 @@ def expect(effects: Sequence[Effect], shot: Shot, unsure: tuple[np.ndarray, np.n
             on what the twin says. The spreads of the expectation are the sensor's alone.
     """
     beams = len(shot.rays)
-    returns = returns_of(shot.hits)
+    returns = shot.solids
     seen, silent = np.ones(beams), None
     range_variance, intensity_variance = np.zeros(beams), np.zeros(beams)
     more = (np.zeros(beams), np.zeros(beams)) if unsure is None else (np.square(unsure[0]), np.square(unsure[1]))

@@ -14,7 +14,6 @@ import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.data.observation import upwards
-from cosim.discrepancy.forward.expectation import Expectation, expect
 from cosim.discrepancy.forward.ray_origins import leaving
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
@@ -103,14 +102,19 @@ class FrameReplay:
         frame: the frame.
         beams: (n,) rows of its beams, sorted.
         measured: what beams beside them returned, see `Shot.beside`.
+
+    Attributes:
+        along_m: (n,) what was measured along the beams [m]; NaN where nothing returned.
+        unsure: (n,) each, how far the twin's ranges [m] and reflectances may be off.
+        measured: see above.
     """
 
     def __init__(self, frame: TracedFrame, beams: np.ndarray, measured: Mapping[str, np.ndarray] | None = None) -> None:
         self._shot, self._ego, self._rows = frame.shot, frame.ego, beams
         self._nominal = _rows(frame.observed.rays, beams)
         self._calibrated = frame.observed.recovered
-        self._along_m = frame.observed.along_m[beams].astype(np.float64)
-        self._unsure = (frame.unsure_m[beams].astype(np.float64), frame.unsure_intensity[beams].astype(np.float64))
+        self.along_m = frame.observed.along_m[beams].astype(np.float64)
+        self.unsure = (frame.unsure_m[beams].astype(np.float64), frame.unsure_intensity[beams].astype(np.float64))
         hits = frame.shot.hits
         self._solid = hits.solid.take(beams)
         self._met = Planes.of(frame, beams, self._solid)
@@ -119,31 +123,22 @@ class FrameReplay:
         self._pane_beam = np.searchsorted(beams, hits.pane_beam[behind]).astype(np.int32)
         self._paned = Planes.of(frame, hits.pane_beam[behind], self._pane)
         self._paint, self._table = hits.paint, hits.table
-        self._measured = measured
+        self.measured = measured
         self._last: tuple[tuple[Effect, ...], Shot] | None = None
         self._looks: tuple[tuple[Effect, ...], np.ndarray] | None = None
         self._found: dict[str, Any] = {}
 
-    def expect(self, effects: Sequence[Effect]) -> tuple[Expectation, np.ndarray, np.ndarray]:
-        """What effects, in the order in which they act, let expect.
+    def looks(self, effects: Sequence[Effect]) -> np.ndarray | None:
+        """Where the unit's own calibration has its lasers look, (n, 3) float64, where points stand along these.
 
-        Returns:
-            The expectation; how far the reported optical centre stands along and above each beam, (n,) each [m].
+        None where they stand along the beams of the pattern.
         """
-        shot = self.shot(effects)
-        origin, direction = shot.rays.origin.astype(np.float64), shot.rays.direction
-        along = np.einsum("ij,ij->i", origin, direction)
-        above = np.einsum("ij,ij->i", origin, upwards(direction))
-        found = expect(effects, shot, self._unsure)
-        if self._calibrated:
-            # Points stand where the unit's calibration has its lasers look, not along the pattern's beams; how far
-            # above these follows from the measured range, whatever surface it was.
-            looks = self._calibrated_looks(tuple(effect for effect in effects if isinstance(effect, RingElevation)))
-            ahead = np.einsum("ij,ij->i", looks, direction)
-            above = above + (self._along_m - along) / ahead * np.einsum("ij,ij->i", looks, upwards(direction))
-            reach = np.nan_to_num(found.range_m)  # a beam into the sky may return all the same: of a drop, at its range
-            along = along + reach * (ahead - 1)
-        return found, along, above
+        if not self._calibrated:
+            return None
+        known = tuple(effect for effect in effects if isinstance(effect, RingElevation))
+        if self._looks is None or self._looks[0] != known:
+            self._looks = (known, self._left(known).direction.astype(np.float64))
+        return self._looks[1]
 
     def ranges(self, effects: Sequence[Effect], along_m: np.ndarray, above_m: np.ndarray) -> np.ndarray:
         """Distances (n,) of points, said along and above their beams, from the reported optical centres."""
@@ -170,12 +165,6 @@ class FrameReplay:
         if self._last is None or self._last[0] != bending:
             self._last = (bending, self._bent(bending))
         return self._last[1]
-
-    def _calibrated_looks(self, known: tuple[RingElevation, ...]) -> np.ndarray:
-        """Where the unit's own calibration has its lasers look, (n, 3) float64."""
-        if self._looks is None or self._looks[0] != known:
-            self._looks = (known, self._left(known).direction.astype(np.float64))
-        return self._looks[1]
 
     def _left(self, effects: tuple[Effect, ...]) -> Beams:
         """The sample's beams as beam effects let them leave."""
@@ -206,7 +195,7 @@ class FrameReplay:
             traced=Traced(hits, moving),
             world=world,
             frame_time_s=time_s,
-            measured=self._measured,
+            measured=self.measured,
             whole=self._shot,
             rows=self._rows,
             found=self._found,

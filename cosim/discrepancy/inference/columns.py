@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from cosim.discrepancy.inference.score import QUANTITIES, ROUNDED_M, Quantity
+from cosim.discrepancy.inference.score import QUANTITIES, Quantity
 
 SparseMatrix = Any  # scipy's sparse matrices; their types do not tell what products give
 
@@ -27,13 +27,6 @@ class Column:
     delta: dict[Quantity, np.ndarray]
     ring: np.ndarray | None = None
     rings: int = 1
-
-    def resolved(self, quantity: str) -> float:
-        """Amplitude below which points do not leave the grid of what is stored: of the component across beams alone."""
-        if quantity != "rise":
-            return 0.0
-        size = np.abs(self.delta["rise"])
-        return ROUNDED_M / float(np.median(size[size > 0])) if size.any() else 0.0
 
     def matrix(self, quantity: Quantity, rows: int) -> SparseMatrix:
         """(n, rings) of one quantity."""

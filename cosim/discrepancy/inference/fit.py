@@ -16,9 +16,9 @@ from scipy import sparse
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
 from cosim.discrepancy.data.sample import Prediction, Sample
 from cosim.discrepancy.inference.columns import Column, SparseMatrix, scaled, stacked
-from cosim.discrepancy.inference.likelihood import Fit, judge, range_spread_m
+from cosim.discrepancy.inference.likelihood import RISE_SIGMA_M, Fit, judge, range_spread_m
 from cosim.discrepancy.inference.random_effects import Estimate, Factored, RandomEffects
-from cosim.discrepancy.inference.score import Evidence, Quantity, change
+from cosim.discrepancy.inference.score import Evidence, Quantity, change, dispersion
 from cosim.discrepancy.inference.search import is_searched, searched
 from cosim.discrepancy.settings import DEFAULT, Settings
 from sensors.effects.base import Effect, RoundingEffect, ScanEffect
@@ -61,10 +61,6 @@ class Fitted:
     fit: Fit
     evidence: Evidence
     columns: tuple[Column, ...]
-
-    def free_of(self, effect: int) -> list[Free]:
-        """What was fitted of one of the effects."""
-        return [free for free in self.free if free.effect == effect]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,20 +146,26 @@ class Fitter:
         return tuple(found)
 
     def system(self, fitted: Fitted) -> LinearModel:
-        """The linear mixed model at a fit."""
-        return LinearModel.of(self, fitted.columns, fitted.evidence, fitted.prediction, fitted.estimate)
+        """The linear mixed model at a fit, residuals as wide as they are."""
+        wider = dispersion(self.sample, fitted.fit)
+        evidence = fitted.evidence if wider == (1.0, 1.0) else Evidence.of(self.sample, fitted.fit, wider=wider)
+        return LinearModel.of(self, fitted.columns, evidence, fitted.prediction, fitted.estimate)
 
     def roughness(self, prediction: Prediction) -> float:
-        """How far off ranges are where they are far off [m]; 0 where all are within a few standard deviations."""
-        gap = np.where(self.sample.compared, np.abs(self.sample.along_m - prediction.range_m), np.nan)
+        """How far off ranges or rises are where they are far off [m]; 0 where all are within a few spreads."""
+        compared = np.where(self.sample.compared, self.sample.along_m - prediction.range_m, np.nan)
+        stated = float(np.median(range_spread_m(prediction)))
+        return max(self._rough(compared, stated), self._rough(self.sample.above_m - prediction.rise_m, RISE_SIGMA_M))
+
+    def _rough(self, residual_m: np.ndarray, stated_m: float) -> float:
+        gap = np.abs(residual_m)
         near = np.isfinite(gap) & (gap < _FAR_M)
         if not near.any():
             return 0.0
         order = np.argsort(gap[near])
         below = np.cumsum(self.sample.weight[near][order])
         wide = float(gap[near][order][np.searchsorted(below, _ROUGH_SHARE * below[-1])])
-        stated = float(np.median(range_spread_m(prediction)[near]))
-        return wide if wide > _ROUGH * max(stated, _FINE_M) else 0.0
+        return wide if wide > _ROUGH * max(stated_m, _FINE_M) else 0.0
 
     def _state(self, effects: tuple[Effect, ...], estimate: Estimate, blur: float = 0.0) -> _State:
         with np.errstate(over="ignore", invalid="ignore"):  # a trial may ask for the impossible, and be refused

@@ -14,17 +14,8 @@ from scipy import sparse
 
 from cosim.discrepancy.inference.columns import SparseMatrix
 
-_MOST_LIKE = 0.9
 _SAME_SURFACE = 0.5  # of its range is what a beam may be bent away on it
 _FLATTEST = 0.5  # of the slope between a beam and its plane must outlive a turn
-
-
-def independent_share(errors: np.ndarray) -> float:
-    """How many facts errors (scans, k) of a series are to each of them: (1 − ρ)/(1 + ρ) of autocorrelation ρ."""
-    square = float((errors**2).sum())
-    likeness = float((errors[1:] * errors[:-1]).sum()) / square if square > 0 else 0.0
-    likeness = float(np.clip(likeness, 0.0, _MOST_LIKE))
-    return (1 - likeness) / (1 + likeness)
 
 
 class PoseErrors:

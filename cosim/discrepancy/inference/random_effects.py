@@ -152,11 +152,6 @@ class RandomEffects:
         """How many random effects there are."""
         return int(self._ends[-1])
 
-    @property
-    def pose_errors(self) -> PoseErrors:
-        """How pose errors move what beams meet."""
-        return self._pose_errors
-
     @cached_property
     def apart(self) -> np.ndarray:
         """(m,) bool: those of which a beam knows one at most, so that no two share anything."""

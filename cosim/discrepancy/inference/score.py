@@ -22,10 +22,10 @@ from cosim.discrepancy.inference.likelihood import (
 
 Quantity = Literal["range", "rise", "intensity", "range_variance", "intensity_variance", "drop"]
 QUANTITIES: tuple[Quantity, ...] = ("range", "rise", "intensity", "range_variance", "intensity_variance", "drop")
-ROUNDED_M = 6e-4  # to which coordinates may be stored
 _SPREAD_INFORMATION = 2.0  # of a Gaussian: of d log σ, E[(z² − 1)²]; and E[z² − 1] grows by 2 a unit of it
 _MOST_SQUARED = 100.0
 _FAR_OFF = 3.0  # standard deviations
+_MEDIAN_SIZE = 0.6745  # of a standard normal deviate
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +36,24 @@ class Evidence:
     information: dict[Quantity, np.ndarray]
 
     @classmethod
-    def of(cls, sample: Sample, fit: Fit, rise_blur: float = 0.0, rounded_m: float = 0.0) -> Evidence:
+    def of(
+        cls,
+        sample: Sample,
+        fit: Fit,
+        rise_blur: float = 0.0,
+        wider: tuple[float, float] = (1.0, 1.0),
+    ) -> Evidence:
         """The evidence in a fit; weighted so that beams of the sample stand for all.
 
-        Points within `rounded_m` of their beam count as on it: coordinates are stored to so much.
+        Args:
+            sample, fit: the measurements, and how a model fits them.
+            rise_blur: a standard deviation [m] added to every rise.
+            wider: by how much ranges and rises scatter more than is stated, see `dispersion`.
         """
         weight = sample.share
         matched, returned = weight * fit.matched, weight * sample.returned
-        rise_sigma = np.hypot(RISE_SIGMA_M, rise_blur)
+        range_z, range_sigma = fit.range_z / wider[0], fit.range_sigma_m * wider[0]
+        rise_z, rise_sigma = fit.rise_z / wider[1], np.hypot(RISE_SIGMA_M, rise_blur) * wider[1]
         variance = fit.seen * (1 - fit.seen)
         possible = variance > 0
         pair = np.maximum(sample.partner, 0)
@@ -52,13 +62,13 @@ class Evidence:
         intensity_gap = (fit.intensity_z - fit.intensity_z[pair]) / np.sqrt(2)
         binary = np.where(possible, weight / np.where(possible, variance, 1), 0.0)
         score: dict[Quantity, np.ndarray] = {
-            "range": matched * pull(fit.range_z) / fit.range_sigma_m,
-            "rise": returned * pull(fit.rise_z) / rise_sigma * (np.abs(fit.rise_z) * rise_sigma > rounded_m),
+            "range": matched * pull(range_z) / range_sigma,
+            "rise": returned * pull(rise_z) / rise_sigma,
             "range_variance": paired * spread_excess(range_gap),
             "drop": binary * (fit.matched - fit.expected_seen),
         }
         information: dict[Quantity, np.ndarray] = {
-            "range": matched * MEAN_INFORMATION / fit.range_sigma_m**2,
+            "range": matched * MEAN_INFORMATION / range_sigma**2,
             "rise": returned * MEAN_INFORMATION / rise_sigma**2,
             "range_variance": paired * _SPREAD_INFORMATION,
             "drop": binary,
@@ -99,6 +109,25 @@ def change(before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:
         "drop": after.seen - before.seen,
     }
     return {name: values for name, values in found.items() if np.any(np.abs(values) > 1e-12)}
+
+
+def dispersion(sample: Sample, fit: Fit) -> tuple[float, float]:
+    """By how much ranges and rises scatter more than is stated, at least 1 (McCullagh and Nelder 1989, § 9.2).
+
+    Heavy tails hardly pull where everything is far off; beside the scatter that there is, it does. The median of the
+    residuals' sizes tells of it.
+    """
+
+    def of(z: np.ndarray, weight: np.ndarray) -> float:
+        used = weight > 0
+        if not used.any():
+            return 1.0
+        size, share = np.abs(z[used]), weight[used]
+        order = np.argsort(size)
+        below = np.cumsum(share[order])
+        return max(float(size[order][np.searchsorted(below, 0.5 * below[-1])]) / _MEDIAN_SIZE, 1.0)
+
+    return of(fit.range_z, sample.share * fit.matched), of(fit.rise_z, sample.share * sample.returned)
 
 
 def spread_excess(gap: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from cosim.discrepancy.inference.score import Quantity
 from cosim.discrepancy.unknown.formulas import Formula, with_parameters
 
 _MOST_NAMED = 6
+_REGULAR = 0.1  # of the time between scans, by which it may vary in a regular drive
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,7 @@ class Shape:
         names: (b,) of categories.
         factor: by what it is multiplied.
         period: of a phase along the firings, in firings; 0 for others.
+        aliases: further periods [s] of an oscillation that scans so far apart cannot tell from its own.
         p_value: its own, family-wise.
         params, ci95: of the effect that it makes, as fitted together with everything else; empty before.
     """
@@ -58,6 +60,7 @@ class Shape:
     names: tuple[str, ...] = ()
     factor: Factor | None = None
     period: float = 0.0
+    aliases: tuple[float, ...] = ()
     p_value: float = 0.0
     params: Mapping[str, float] = field(default_factory=dict)
     ci95: Mapping[str, list[float]] = field(default_factory=dict)
@@ -80,6 +83,9 @@ class Shape:
             said = self.formula.text
             if self.period:
                 return f"{said}, x the phase in a period of {self.period:.4g} firings"
+            if self.aliases:
+                others = " or ".join(f"{one:.3g} s" for one in self.aliases)
+                return f"{said}; between scans so far apart a period of {others} looks the same"
             return f"({said})·({self.factor.formula.text.replace('x', 'y')})" if self.factor else said
         if self.covariate == "scan":
             return f"a level of its own for each scan, {self.y.std():.3g} about {self.y.mean():.3g}"
@@ -91,6 +97,15 @@ class Shape:
     def name(self) -> str:
         """Of the effect that it makes, in sensor files."""
         return f"unknown_{self.channel}_by_{'_and_'.join(self.covariates)}"
+
+    def with_aliases(self) -> Shape:
+        """With the periods that regular scans may take its oscillation in time for (Nyquist)."""
+        wave = self.formula.parameters.get("wave", 0.0) if self.formula and self.formula.family == "sine" else 0.0
+        apart = np.diff(np.sort(self.x))
+        if wave <= 0 or len(apart) < 2 or np.ptp(apart) > _REGULAR * np.median(apart):
+            return self
+        each, own = 1 / float(np.median(apart)), wave / (2 * np.pi)
+        return replace(self, aliases=tuple(1 / abs(one) for one in (each - own, each + own) if abs(one) > 0))
 
     def refitted(self, params: Mapping[str, float], ci95: Mapping[str, list[float]]) -> Shape:
         """With the parameters of a later fit and their intervals, which its formula takes over."""

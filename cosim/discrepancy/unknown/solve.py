@@ -123,7 +123,7 @@ def _over_scans(fitter: Fitter, fitted: Fitted, channel: Quantity, p_value: floa
             told = x[order], y[order], sigma[order]
             best = chance, Shape(channel, covariate.name, covariate.unit, *told, formula, p_value=p_value)
     if best is not None:
-        return best[1]
+        return best[1].with_aliases() if best[1].covariate == "frame_time" else best[1]
     names = tuple(f"{value:.6f}" for value in time_s)
     return Shape(channel, "scan", "s", time_s, y, sigma, None, names, p_value=p_value)
 

@@ -11,6 +11,7 @@ from rich.console import Console
 from cosim.cli import main
 from cosim.cli.progress import FrameReport, ProgressReport, duration
 from cosim.engine import Event
+from cosim.stats import collect
 
 
 def redirected(quiet: bool = False) -> tuple[Console, io.StringIO]:
@@ -103,7 +104,12 @@ def test_durations_are_coarse(seconds, words):
 
 
 def test_a_command_whose_output_is_redirected_tells_of_its_work(tiny_scans, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("cosim.cli.progress.LINE_EVERY_S", 0.001)
+    def slowly(*args, **keywords):
+        time.sleep(0.3)
+        return collect(*args, **keywords)
+
+    monkeypatch.setattr("cosim.cli.progress.LINE_EVERY_S", 0.01)
+    monkeypatch.setattr("cosim.stats.collect", slowly)
     assert main(["stats", str(tiny_scans), "--out", str(tmp_path / "page")]) == 0
     assert "reading drive, " in capsys.readouterr().err
     assert main(["stats", str(tiny_scans), "--out", str(tmp_path / "page"), "--quiet"]) == 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cosim.discrepancy.inference.pose_errors import PoseErrors, independent_share
+from cosim.discrepancy.inference.pose_errors import PoseErrors
 
 _HEIGHT_M = 1.73
 
@@ -64,9 +64,3 @@ def test_a_beam_that_meets_nothing_is_not_moved() -> None:
     errors = _errors(derivative, np.array([5.0, np.nan]))
     assert errors.shift(_pitched(0.1))[1] == 0
     assert not errors.slopes(_pitched(0.1)).toarray()[1].any()
-
-
-def test_a_drift_is_fewer_facts_than_errors_of_their_own() -> None:
-    steps = np.random.default_rng(4).normal(size=(40, 6))
-    assert independent_share(steps) > 0.7
-    assert independent_share(steps.cumsum(0)) < 0.15

@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy import Diagnosis, diagnose
+from cosim.discrepancy.data.checks import opened
+from cosim.discrepancy.diagnose import begun, case_of
+from cosim.discrepancy.inference import score_test
 from cosim.discrepancy.inference.search import widening
 from cosim.discrepancy.inference.sector import crowded_sector
+from cosim.discrepancy.select import screened
 from sensors.effects.backscatter import Backscatter
 from sensors.effects.base import Effect
 from sensors.effects.false_alarms import FalseAlarms
@@ -58,6 +62,22 @@ def _diagnosed(folder: Path, *hidden: Effect) -> Diagnosis:
     return diagnose(yard.drive, yard.sensor)
 
 
+def _screened(folder: Path, *hidden: Effect) -> dict[str, score_test.Tested]:
+    """What the first screen says of each effect."""
+    yard = make_yard(folder, (RangeNoise(sigma_m=0.01, sigma_per_m=0.0), *hidden), known=(NOISE,), frames=16)
+    case = case_of(opened(yard.drive), yard.sensor)
+    tested = screened(case, begun(case))
+    return {one.group.name: one for one in reversed(tested) if one.group.is_effect}
+
+
+def test_the_screen_sees_what_it_says_it_would_see(tmp_path: Path):
+    none = _screened(tmp_path / "none")["false_alarms"]
+    assert none.p_value > 0.05 and 2 < none.smallest < 8
+    truth = FalseAlarms(rate_per_frame=2 * none.smallest, azimuth_deg=60.0, width_deg=60.0)
+    assert _screened(tmp_path / "some", truth)["false_alarms"].p_value < 0.05
+
+
+@pytest.mark.slow
 def test_a_few_false_alarms_a_scan_are_found_and_fewer_are_not_claimed_to_show(tmp_path: Path):
     least = _diagnosed(tmp_path / "none").smallest_detectable["false_alarms"]["rate_per_frame"]
     assert 2 < least < 8
@@ -71,6 +91,7 @@ def test_a_few_false_alarms_a_scan_are_found_and_fewer_are_not_claimed_to_show(t
         assert params["width_deg"] == pytest.approx(60, abs=16)
 
 
+@pytest.mark.slow
 def test_thin_fog_is_told_by_how_far_it_reaches(tmp_path: Path):
     truth = Backscatter(density_per_m=4e-4, mean_range_m=6.0)
     found = _diagnosed(tmp_path, truth)

@@ -87,3 +87,19 @@ def test_who_drives_straight_on_does_not_turn(tmp_path: Path) -> None:
         sample = found.fitter.sample
         sample = replace(sample, scan_values=sample.scan_values | {"yaw_rate_radps": rates})
         assert ("yaw_rate" in {one.name for one in covariates(sample, found.fitted.prediction, 10)}) is there
+
+
+def test_an_oscillation_between_regular_scans_says_which_others_look_the_same() -> None:
+    time_s = np.arange(24) * 0.5
+    y = 0.03 * np.sin(2 * np.pi / 3.2 * time_s)
+    sigma = np.full(24, 0.002)
+    formula = best_formula(time_s, y, sigma)
+    shape = Shape("range", "frame_time", "s", time_s, y, sigma, formula).with_aliases()
+    assert formula.family == "sine"
+    np.testing.assert_allclose(shape.aliases, [1 / (2 - 1 / 3.2), 1 / (2 + 1 / 3.2)], rtol=0.03)
+    for period_s in shape.aliases:
+        wave = 2 * np.pi / period_s
+        parts = np.stack([np.sin(wave * time_s), np.cos(wave * time_s)], 1)
+        left = y - parts @ np.linalg.lstsq(parts, y, rcond=None)[0]
+        assert np.std(left) < 0.2 * np.std(y)
+    assert "a period of" in shape.text

@@ -17,6 +17,7 @@ from tests.cosim.conftest import refused
 from tests.cosim.recordings.simulated import scans
 
 SPINNING = [name for name in pattern_names() if name not in ("at128_like", "depth_camera", "rosette_like_mid40")]
+QUICK = ("vlp16", "hdl32e", "hdl64e_kitti", "os1_64", "pandar128")  # one of each way to space lasers
 SAMPLES = Path(os.environ.get("COSIM_SCAN_SAMPLES", "samples"))
 
 
@@ -33,7 +34,9 @@ def found_in(folder: Path, out: Path) -> dict:
     return json.loads(file.read_text())
 
 
-@pytest.mark.parametrize("name", SPINNING)
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SPINNING]
+)
 def test_lasers_of_every_built_in_pattern_are_counted_and_placed(name: str, tmp_path: Path) -> None:
     pattern = load_pattern(name)
     result = found_in(written(tmp_path / "scans", scans(pattern, "shuffled")), tmp_path)
