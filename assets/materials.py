@@ -112,6 +112,11 @@ _TABLE = (
     Material("clothing_dark", 0.30, (0.07, 0.08, 0.12)),
     Material("shoe", 0.12, (0.05, 0.04, 0.04)),
     Material("helmet", 0.50, (0.55, 0.10, 0.08)),
+    # print on signs
+    Material("sign_red", 0.75, (0.55, 0.02, 0.02), retro=True),
+    Material("sign_blue", 0.60, (0.02, 0.08, 0.35), retro=True),
+    Material("sign_yellow", 0.80, (0.80, 0.55, 0.03), retro=True),
+    Material("sign_black", 0.15, (0.02, 0.02, 0.02)),
     # lit lamps
     Material("lamp_brake", 0.55, (1.0, 0.06, 0.04), retro=True, glow=True),
     Material("lamp_red", 0.30, (1.0, 0.05, 0.04), glow=True),

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from assets.documents import DocumentError, parse_yaml
+from sensors.cameras.imaging import Imaging
 from sensors.cameras.lens import Distortion
 from sensors.errors import SensorError
 from sensors.mount import Place
@@ -64,6 +65,7 @@ class RigCamera(BaseModel):
     K: Rows | None = Field(default=None, description="3 × 3 camera matrix [px]; or give P")
     P: Rows | None = Field(default=None, description="3 × 4 projection, K with −f·b beside it [px, px·m]; or give K")
     distortion: Distortion | None = Field(default=None, description="of its lens; none: a pinhole")
+    imaging: Imaging = Field(default=Imaging(), description="its exposure, vignetting, blur and noise; none by default")
     mount: Place | None = Field(default=None, description="where it sits; or give from_lidar")
     from_lidar: Rows | None = Field(
         default=None, description="3 × 4, the camera's axes from the first LiDAR's, as calib/ has it; or give mount"

@@ -102,7 +102,7 @@ def _speed_signs(streets: Streets, blocked: Obstacles, stand_z: Heights, rng: np
     for lane in streets.lanes:
         if lane.use == "drive" and not lane.internal:
             first_lanes.setdefault(lane.edge, lane)
-    placed: dict[str, list[np.ndarray]] = {}
+    placed: dict[tuple[str, str], list[np.ndarray]] = {}
     for lane in first_lanes.values():
         total = polylines.stations(lane.centre)[-1]
         for station in rng.uniform(8.0, max(total - 15.0, 9.0), rng.poisson(0.9)):
@@ -111,8 +111,11 @@ def _speed_signs(streets: Streets, blocked: Obstacles, stand_z: Heights, rng: np
             heading = float(np.arctan2(ahead[1], ahead[0]))
             spot = _beside(polylines.at(lane.centre, np.array([station]))[0], heading, streets.left_hand, blocked)
             if spot is not None:
-                placed.setdefault(kind, []).append(poses(np.column_stack([spot, stand_z(spot)]), heading))
-    return Mesh.merge([instances(signs.sign(kind), np.concatenate(placed[kind])) for kind in sorted(placed)])
+                limit = str(round(lane.speed_mps * 3.6 / 10) * 10) if kind == "speed" else ""
+                placed.setdefault((kind, limit), []).append(poses(np.column_stack([spot, stand_z(spot)]), heading))
+    return Mesh.merge(
+        [instances(signs.sign(kind, text=limit), np.concatenate(placed[kind, limit])) for kind, limit in sorted(placed)]
+    )
 
 
 def _lamps(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator) -> Mesh:

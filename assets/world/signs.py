@@ -7,6 +7,7 @@ import numpy as np
 from assets.mesh import Mesh
 from assets.shapes import box, extrude, tube
 from assets.world.furniture import pole
+from assets.world.sign_faces import sign_face
 
 _PLATE_M = 0.02
 _POST_M = 0.03
@@ -29,12 +30,13 @@ _SHAPES = {
 SIGN_KINDS = tuple(_SHAPES)
 
 
-def sign(kind: str, clear_m: float = 2.2) -> Mesh:
+def sign(kind: str, clear_m: float = 2.2, text: str = "50") -> Mesh:
     """A sign on a post: retro-reflecting face towards −x, bare metal behind.
 
     Args:
         kind: one of `SIGN_KINDS`.
         clear_m: height of the plate's middle less 0.4 m.
+        text: what a speed sign says.
     """
     outline = _SHAPES[kind]
     if kind in ("yield", "warning"):
@@ -43,8 +45,8 @@ def sign(kind: str, clear_m: float = 2.2) -> Mesh:
     plate = extrude(outline, _PLATE_M, "sign_back", axis="x").moved(middle)
     faces_driver = plate.normals[:, 0] < -0.5
     back = plate.select(~faces_driver)
-    front = plate.select(faces_driver)
-    face = Mesh.of(front.vertices, front.faces, "sign_face")
+    front = plate.vertices[plate.faces[faces_driver]].reshape(-1, 3)
+    face = sign_face(kind, outline, text).moved((float(front[:, 0].min()), 0.0, middle[2]))
     post = pole(_POST_M, _POST_M, clear_m + 0.4 + 0.2, "steel_galvanised", segments=5)
     return Mesh.merge([post, back, face])
 

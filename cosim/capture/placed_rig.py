@@ -10,6 +10,7 @@ import numpy as np
 
 from cosim.capture.mounts import Mounts
 from cosim.drives.kitti.calibration import Calibration
+from sensors.cameras.imaging import Imaging
 from sensors.cameras.kitti_rig import nearest_rotation
 from sensors.cameras.lens import Lens
 from sensors.mount import CAMERA_AXES
@@ -32,6 +33,7 @@ class PlacedCamera:
         P: (3, 4) from its axes to pixels.
         in_lidar: (4, 4) the first LiDAR's axes from its own, x right, y down, z forward.
         lens: bends its image; None for a pinhole.
+        imaging: what it makes of the light.
         calibration: the first LiDAR's axes to this camera's level ones, its projection as P2: labels drawn in it refer
             to these. None where none are drawn.
     """
@@ -43,6 +45,7 @@ class PlacedCamera:
     P: np.ndarray
     in_lidar: np.ndarray
     lens: Lens | None
+    imaging: Imaging
     calibration: Calibration | None
 
 
@@ -96,6 +99,7 @@ def place_rig(config: RunConfig) -> PlacedRig:
             P=camera.projection,
             in_lidar=poses[camera.name],
             lens=_lens(camera),
+            imaging=camera.imaging,
             calibration=_labelled(camera, reference, calibration, lidar_pose, poses[camera.name]),
         )
         for camera in rig.cameras

@@ -66,7 +66,7 @@ class Recorder:
         self._sensor = sensors[self._rig.first]
         self._lidars = RigLidars(self._rig, sensors, config.seed)
         lit = any(sensor.needs_camera for sensor in sensors.values())
-        self._cameras = RigCameras(self._rig, config.images, self._models, config.backend, lit=lit)
+        self._cameras = RigCameras(self._rig, config.images, self._models, config.backend, lit=lit, seed=config.seed)
         self._land: tuple[str, Land] | None = None
         self._place: Site | None = None
         writer.write_once("twin/materials.yaml", format_materials(_OF_WORLDS).encode())
@@ -115,7 +115,7 @@ class Recorder:
 
         lit = with_lamps(others, bits, actors.time_s)
         lit = with_signals(lit, self._place.signals, signals, ego.pose[:3, 3], actors.time_s)
-        seen = self._cameras.look(ego.pose, lidar_pose_ego, others, lit)
+        seen = self._cameras.look(name, ego.pose, lidar_pose_ego, others, lit)
         scans = self._lidars.scan(name, self._place.scene, lidar_pose_ego, others, ego, seen.view)
         returns = self._lidars.returns(scans, len(others))
         exact = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -19,6 +20,8 @@ from sensors.cameras import CameraRenderer, Content, Images, Light
 from sensors.cameras.cast_shadows import CastShadows
 from sensors.cameras.images import CONTENTS
 from sensors.scene import Instances
+
+_IMAGE_STREAM = 5  # keeps the noise of images apart from other random numbers of a frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +48,13 @@ class RigCameras:
         models: as renderers need them.
         backend: `osmesa` or `egl`.
         lit: whether an effect takes its light from an image.
+        seed: of the run.
     """
 
-    def __init__(self, rig: PlacedRig, products: Sequence[str], models: Models, backend: str, *, lit: bool) -> None:
-        self._rig, self._models, self._backend = rig, models, backend
+    def __init__(
+        self, rig: PlacedRig, products: Sequence[str], models: Models, backend: str, *, lit: bool, seed: int
+    ) -> None:
+        self._rig, self._models, self._backend, self._seed = rig, models, backend, seed
         self._seeing = seeing_camera(tuple(rig.cameras), rig.reference) if lit else None
         self.labelled = tuple(name for name, camera in rig.cameras.items() if camera.calibration is not None)
         needed = [*products, *(f"instance_{name}" for name in self.labelled)]
@@ -66,10 +72,13 @@ class RigCameras:
             site.show(renderer, light)
         self._shadows = CastShadows(self._models.load, light, site.scene.static)
 
-    def look(self, ego_pose: np.ndarray, lidar_pose_ego: np.ndarray, instances: Instances, lit: Instances) -> Seen:
+    def look(
+        self, frame: str, ego_pose: np.ndarray, lidar_pose_ego: np.ndarray, instances: Instances, lit: Instances
+    ) -> Seen:
         """What they see from a vehicle at `ego_pose` with the first LiDAR at `lidar_pose_ego` on it, both (4, 4).
 
         Args:
+            frame: its name.
             ego_pose, lidar_pose_ego: of the instant.
             instances: what moves.
             lit: the same with its lamps, and after them the lamps of signals.
@@ -82,8 +91,10 @@ class RigCameras:
             found = without_signals(found, len(instances))
             if "colour" in self._wanted[name]:
                 found = self._shadows.onto(found, pose, P, instances)
-            images[name] = found if camera.lens is None else camera.lens.bent(found)
-            straight[name] = found if camera.lens is None else camera.lens.straight(found)
+            bent = found if camera.lens is None else camera.lens.bent(found)
+            rng = np.random.default_rng([self._seed, int(frame), zlib.crc32(name.encode()), _IMAGE_STREAM])
+            images[name] = camera.imaging.seen(bent, rng)
+            straight[name] = images[name] if camera.lens is None else camera.lens.straight(found)
         return Seen(images, straight, self._view(ego_pose, lidar_pose_ego, straight))
 
     def twins(self, lidar_pose_ego: np.ndarray) -> dict[str, Camera]:

@@ -49,7 +49,7 @@ MATERIAL_CLASSES = MappingProxyType(
         ),
         "vegetation": ("bark", "foliage", "foliage_dark", "hedge"),
         "pole": ("steel_galvanised", "steel_painted"),
-        "traffic_sign": ("sign_face", "sign_back"),
+        "traffic_sign": ("sign_face", "sign_back", "sign_red", "sign_blue", "sign_yellow", "sign_black"),
         "traffic_light": ("signal_housing", "signal_lens", "lamp_red", "lamp_amber", "lamp_green"),
     }
 )
