@@ -14,6 +14,7 @@ GAP_S = 2.1  # who is not seen for longer was away, and is not put in between
 _FASTEST_MPS = 90.0
 _JITTER_M = 3.0  # of positions, which no speed explains
 _MOVES_M = 0.3
+_LARGEST = 1e12  # of times, which may count from 1970, and of places
 
 
 class TrajectoryError(CosimError):
@@ -147,11 +148,13 @@ def gather(path: Path, samples: Sequence[Sample], users: Mapping[str, User], *, 
 
 
 def _check_numbers(path: Path, samples: Sequence[Sample], time_s: np.ndarray, place: np.ndarray) -> None:
-    bad = np.flatnonzero(~(np.isfinite(time_s) & np.isfinite(place[:, :2]).all(1) & ~np.isinf(place[:, 2])))
+    sound = (np.abs(time_s) < _LARGEST) & (np.abs(place[:, :2]) < _LARGEST).all(1)
+    bad = np.flatnonzero(~(sound & ~(np.abs(place[:, 2]) >= _LARGEST)))
     if len(bad):
         one = samples[int(bad[0])]
         raise TrajectoryError(
-            f"{path}: {one.user!r} is at ({one.x_m:g}, {one.y_m:g}) m at {one.time_s:g} s; times and places are finite"
+            f"{path}: {one.user!r} is at ({one.x_m:g}, {one.y_m:g}) m at {one.time_s:g} s; times and places are finite "
+            f"numbers below {_LARGEST:g}"
         )
 
 
