@@ -103,12 +103,11 @@ def _open_land(
     groups = rng.uniform(bounds[0] + 4.0, bounds[1] - 4.0, (max(1, count // 3), 2))
     spots = np.repeat(groups, 3, axis=0) + rng.normal(0.0, 6.0, (len(groups) * 3, 2))
     spots = np.clip(spots, bounds[0] + 2.0, bounds[1] - 2.0)
-    return _scatter(
-        _mixed(rng, max(style.conifer_share, 0.15), 48), _rooted(spots, 2.5, 4.2, 2.2, blocked), stand_z, rng
-    )
+    templates = _mixed(rng, max(style.conifer_share, 0.15), 48, fine=False)
+    return _scatter(templates, _rooted(spots, 2.5, 4.2, 2.2, blocked), stand_z, rng)
 
 
-def _mixed(rng: np.random.Generator, conifer_share: float, clusters: int) -> list[Mesh]:
+def _mixed(rng: np.random.Generator, conifer_share: float, clusters: int, *, fine: bool = True) -> list[Mesh]:
     """Garden and field trees: round, oval and columnar crowns and some spruces."""
     templates = []
     for _ in range(2 * _VARIANTS):
@@ -118,7 +117,7 @@ def _mixed(rng: np.random.Generator, conifer_share: float, clusters: int) -> lis
             continue
         radius = min(height * rng.uniform(0.16, 0.30), 2.4)
         crown = (radius, radius * rng.uniform(0.85, 1.15))
-        templates.append(broadleaf(rng, height, crown, height * rng.uniform(0.18, 0.3), clusters=clusters))
+        templates.append(broadleaf(rng, height, crown, height * rng.uniform(0.18, 0.3), clusters, fine=fine))
     return templates
 
 

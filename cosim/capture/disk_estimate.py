@@ -20,7 +20,7 @@ _RAY = 0.6
 _HIT = 1.0
 _PIXEL = {"gray": 0.15, "image": 0.36, "depth": 0.5, "semantic": 0.02, "instance": 0.03}
 _TEXT = 250_000  # poses, labels, calibration
-_WORLD = 11_000_000
+_WORLD = 13_000_000
 _MODELS = 3_500_000
 
 
