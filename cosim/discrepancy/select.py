@@ -27,6 +27,7 @@ from sensors.effects.base import Effect, NoiseEffect, RoundingEffect
 _SHAPES = 2  # dependences that are solved a round
 _STEPS = 10
 _CLEAR = 2.0  # standard errors
+_MUCH = 0.5
 _STRENGTHS = (1.0, 5.0, 25.0, -1.0, -5.0, -25.0)
 
 
@@ -241,7 +242,7 @@ def simpler_than(case: Case, state: State, place: int) -> Candidate | None:
     reduced = replace(state, model=less, view=replace(state.view, fitted=without))
     found: list[Candidate] = []
     for group in effect_groups(fitter, without, alike, range(len(less.effects))):
-        if group.size < numbers and group.name != effect.name:
+        if group.size < numbers and group.name != effect.name and _regains(fitter, without, fitted, group):
             one = _fitted(case, reduced, Tested(group, 0.0, 1.0, 0.0, np.zeros(group.size), np.nan, np.nan))
             if one.numbers < numbers:
                 found.append(one)
@@ -250,6 +251,13 @@ def simpler_than(case: Case, state: State, place: int) -> Candidate | None:
     if best is None or best.fitted.loglik - 0.5 * best.numbers * float(np.log(beams)) < own:
         return None
     return best
+
+
+def _regains(fitter: Fitter, without: Fitted, whole: Fitted, group: Group) -> bool:
+    """Whether an effect by itself explains much of what another one does."""
+    effects, place = _started(fitter, without, group)
+    alone = fitter.fit(effects, all_free(effects, [place], fitter.rings), without.estimate, steps=4, roughly=True)
+    return alone.loglik - without.loglik > _MUCH * (whole.loglik - without.loglik)
 
 
 def best_fit(case: Case, state: State, groups: Sequence[Group]) -> Effect | None:

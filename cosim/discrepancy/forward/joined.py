@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from cosim.discrepancy.data.observation import upwards
 from cosim.discrepancy.forward.expectation import Expectation, expect
-from cosim.discrepancy.forward.replay import FrameReplay
-from sensors.effects.base import Effect
+from cosim.discrepancy.forward.ray_origins import leaving
+from cosim.discrepancy.forward.replay import FrameReplay, reached
+from sensors.beams import Beams
+from sensors.effects.acting import Streams, act_on_beams
+from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.ring_elevation import RingElevation
+from sensors.errors import SensorError
 from sensors.hits import Hits, Surface
 from sensors.rays import Rays
 from sensors.returns import Returns
 from sensors.shot import Shot
 from sensors.world import Traced
+
+_KEPT = 3
 
 
 class NeedsOneFrameError(Exception):
@@ -48,7 +56,6 @@ class Replay:
 
     def __init__(self, frames: Sequence[FrameReplay]) -> None:
         self.frames = tuple(frames)
-        self._joined: tuple[list[Shot], _JoinedShot] | None = None
         self._alone: set[frozenset[type[Effect]]] = set()
 
     def expect(self, effects: tuple[Effect, ...]) -> Expected:
@@ -59,8 +66,8 @@ class Replay:
         kinds = frozenset(type(effect) for effect in effects)
         if len(self.frames) > 1 and kinds not in self._alone:
             try:
-                return self._at_once(effects)
-            except NeedsOneFrameError:
+                return self._together.expect(effects)
+            except (NeedsOneFrameError, SensorError):
                 self._alone.add(kinds)
         found = [
             _expected(effects, one.shot(effects), one.unsure, one.looks(effects), one.along_m) for one in self.frames
@@ -70,18 +77,78 @@ class Replay:
             *(np.concatenate([getattr(one, name) for one in found]) for name in ("along_m", "above_m", "stray")),
         )
 
-    def _at_once(self, effects: tuple[Effect, ...]) -> Expected:
-        shots = [one.shot(effects) for one in self.frames]
-        looks = [one.looks(effects) for one in self.frames]
-        told = [one for one in looks if one is not None]
-        if self._joined is None or any(a is not b for a, b in zip(self._joined[0], shots, strict=True)):
-            self._joined = shots, _JoinedShot(shots, [one.measured for one in self.frames])
-        if len(told) not in (0, len(looks)):
-            raise NeedsOneFrameError("only some frames are calibrated")
-        unsure = tuple(np.concatenate([one.unsure[which] for one in self.frames]) for which in (0, 1))
-        along_m = np.concatenate([one.along_m for one in self.frames])
-        joined = np.concatenate(told) if told else None
-        return _expected(effects, self._joined[1], (unsure[0], unsure[1]), joined, along_m)
+    @cached_property
+    def _together(self) -> _Together:
+        return _Together(self.frames)
+
+
+class _Together:
+    """The beams of several frames in one array.
+
+    Raises:
+        NeedsOneFrameError: the frames differ in more than what they met.
+    """
+
+    def __init__(self, frames: Sequence[FrameReplay]) -> None:
+        if len({(id(one.table), one.is_calibrated, one.measured is None) for one in frames}) > 1:
+            raise NeedsOneFrameError("frames differ in their materials or points")
+        sizes = [len(one.along_m) for one in frames]
+        first, things = np.cumsum([0, *sizes[:-1]]), np.cumsum([0, *(len(one.paint) for one in frames[:-1])])
+        self._frames, self._frame = frames, np.repeat(np.arange(len(frames)), sizes)
+        self._nominal = _joined([one.nominal for one in frames])
+        self._met, self._paned = _joined([one.met for one in frames]), _joined([one.paned for one in frames])
+        self._solid = _surfaces([one.solid for one in frames], things)
+        self._pane = _surfaces([one.pane for one in frames], things)
+        self._pane_beam = np.concatenate([one.pane_beam + row for one, row in zip(frames, first, strict=True)])
+        self._paint = np.concatenate([one.paint for one in frames])
+        self._along_m = np.concatenate([one.along_m for one in frames])
+        self._unsure = tuple(np.concatenate([one.unsure[which] for one in frames]) for which in (0, 1))
+        told = [one.measured for one in frames if one.measured is not None]
+        self._measured = {name: np.concatenate([one[name] for one in told]) for name in told[0]} if told else None
+        self._shots: list[tuple[tuple[Effect, ...], _JoinedShot]] = []
+        self._looks: tuple[tuple[Effect, ...], np.ndarray] | None = None
+
+    def expect(self, effects: tuple[Effect, ...]) -> Expected:
+        """As of `Replay`."""
+        bending = tuple(effect for effect in effects if isinstance(effect, BeamEffect))
+        unsure = self._unsure[0], self._unsure[1]
+        return _expected(effects, self._shot(bending), unsure, self._looked(effects), self._along_m)
+
+    def _shot(self, bending: tuple[Effect, ...]) -> _JoinedShot:
+        """The beams bent; those of the latest few are kept, as fits come back to what they moved away from."""
+        kept = next((shot for known, shot in self._shots if known == bending), None)
+        if kept is None:
+            kept = self._bent(bending)
+            self._shots = [*self._shots[1 - _KEPT :], (bending, kept)]
+        return kept
+
+    def _looked(self, effects: tuple[Effect, ...]) -> np.ndarray | None:
+        """As of `FrameReplay.looks`."""
+        if not self._frames[0].is_calibrated:
+            return None
+        known = tuple(effect for effect in effects if isinstance(effect, RingElevation))
+        if self._looks is None or self._looks[0] != known:
+            self._looks = known, self._left(known).direction.astype(np.float64)
+        return self._looks[1]
+
+    def _left(self, bending: tuple[Effect, ...]) -> Beams:
+        before = _JoinedShot(self._frames, self._nominal, self._measured)
+        return act_on_beams(
+            bending, Beams.nominal(self._nominal), before, Streams(np.random.default_rng(0)), "replayed"
+        )
+
+    def _bent(self, bending: tuple[Effect, ...]) -> _JoinedShot:
+        beams = self._left(bending)
+        egos, poses = [one.ego for one in self._frames], [one.pose for one in self._frames]
+        origin, direction, time_s = leaving(beams, egos, poses, self._frame)
+        solid = reached(self._solid, self._met.ranges(origin, direction, time_s))
+        rows = self._pane_beam
+        pane = reached(self._pane, self._paned.ranges(origin[rows], direction[rows], time_s[rows]))
+        directions = direction.astype(np.float32)
+        table = self._frames[0].table
+        hits = Hits(beams.rays, np.eye(4), solid, rows, pane, self._paint, table, directions)
+        traced = Traced(hits, (origin, directions, time_s.astype(np.float32)))
+        return _JoinedShot(self._frames, beams.rays, self._measured, traced)
 
 
 def _expected(
@@ -137,42 +204,19 @@ class _JoinedShot(Shot):
     It knows nothing that each frame has of its own: no world, no camera, no time, no revolution.
     """
 
-    def __init__(self, shots: Sequence[Shot], measured: Sequence[Any]) -> None:
-        hits = [shot.hits for shot in shots]
-        tables = {id(one.table) for one in hits}
-        if len(tables) > 1 or any(one is None for one in measured):
-            raise NeedsOneFrameError("frames differ in their materials")
-        beams = np.cumsum([0, *(len(shot.rays) for shot in shots[:-1])])
-        things = np.cumsum([0, *(len(one.paint) for one in hits[:-1])])
-        rays = _joined([shot.rays for shot in shots])
-        traced = [shot.traced for shot in shots if shot.traced is not None]
-        origin = np.concatenate([one.origin for one in traced])
-        direction = np.concatenate([one.direction for one in traced])
-        time_s = np.concatenate(
-            [np.broadcast_to(one.time_s, len(shot.rays)) for one, shot in zip(traced, shots, strict=True)]
-        )
-        together = Hits(
-            rays,
-            np.eye(4),
-            _surfaces([one.solid for one in hits], things),
-            np.concatenate([one.pane_beam + first for one, first in zip(hits, beams, strict=True)]),
-            _surfaces([one.pane for one in hits], things),
-            np.concatenate([one.paint for one in hits]),
-            hits[0].table,
-            direction,
-        )
-        self.pattern, self.rays = shots[0].pattern, rays
-        self.traced = Traced(together, (origin, direction, time_s))
-        self.measured = {name: np.concatenate([one[name] for one in measured]) for name in measured[0]}
-        self._kept, self._found = {}, {}
-        self._names = {
-            what: [name for shot in shots for name in getattr(shot.world.instances, what)]  # type: ignore[union-attr]
-            for what in ("kinds", "models")
-        }
+    def __init__(
+        self,
+        frames: Sequence[FrameReplay],
+        rays: Rays,
+        measured: Mapping[str, np.ndarray] | None,
+        traced: Traced | None = None,
+    ) -> None:
+        self.pattern, self.rays, self.traced, self.measured = frames[0].pattern, rays, traced, measured
+        self._kept, self._found, self._frames = {}, {}, frames
 
     def named(self, what: str, returns: Returns) -> np.ndarray:
         """As of one frame."""
-        names = np.array((*self._names[what], ""))
+        names = np.array([*(name for one in self._frames for name in getattr(one.instances, what)), ""])
         return names[np.where(returns.instance >= 0, returns.instance, -1)]
 
     def __getattr__(self, name: str) -> Any:

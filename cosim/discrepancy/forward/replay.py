@@ -21,7 +21,9 @@ from sensors.effects.base import BeamEffect, Effect
 from sensors.effects.ring_elevation import RingElevation
 from sensors.hits import NOTHING, Hits, Surface
 from sensors.motion import yaw_matrices
+from sensors.pattern import Pattern
 from sensors.rays import Rays
+from sensors.scene import Instances
 from sensors.shot import Shot
 from sensors.world import Traced
 
@@ -104,36 +106,59 @@ class FrameReplay:
         measured: what beams beside them returned, see `Shot.beside`.
 
     Attributes:
+        ego: the vehicle at the pose time.
+        nominal: the beams as the pattern has them.
+        is_calibrated: whether points stand where the unit's own calibration has its lasers look.
+        solid, met: the surface that each meets, and its plane.
+        pane_beam, pane, paned: (k,) rows of beams that pass a pane first, the panes, and their planes.
+        paint, table: of `Hits`.
         along_m: (n,) what was measured along the beams [m]; NaN where nothing returned.
         unsure: (n,) each, how far the twin's ranges [m] and reflectances may be off.
         measured: see above.
     """
 
     def __init__(self, frame: TracedFrame, beams: np.ndarray, measured: Mapping[str, np.ndarray] | None = None) -> None:
-        self._shot, self._ego, self._rows = frame.shot, frame.ego, beams
-        self._nominal = _rows(frame.observed.rays, beams)
-        self._calibrated = frame.observed.recovered
+        self._shot, self.ego, self._rows = frame.shot, frame.ego, beams
+        self.nominal = _rows(frame.observed.rays, beams)
+        self.is_calibrated = frame.observed.recovered
         self.along_m = frame.observed.along_m[beams].astype(np.float64)
         self.unsure = (frame.unsure_m[beams].astype(np.float64), frame.unsure_intensity[beams].astype(np.float64))
         hits = frame.shot.hits
-        self._solid = hits.solid.take(beams)
-        self._met = Planes.of(frame, beams, self._solid)
+        self.solid = hits.solid.take(beams)
+        self.met = Planes.of(frame, beams, self.solid)
         behind = np.isin(hits.pane_beam, beams)
-        self._pane = hits.pane.take(np.flatnonzero(behind))
-        self._pane_beam = np.searchsorted(beams, hits.pane_beam[behind]).astype(np.int32)
-        self._paned = Planes.of(frame, hits.pane_beam[behind], self._pane)
-        self._paint, self._table = hits.paint, hits.table
+        self.pane = hits.pane.take(np.flatnonzero(behind))
+        self.pane_beam = np.searchsorted(beams, hits.pane_beam[behind]).astype(np.int32)
+        self.paned = Planes.of(frame, hits.pane_beam[behind], self.pane)
+        self.paint, self.table = hits.paint, hits.table
         self.measured = measured
         self._last: tuple[tuple[Effect, ...], Shot] | None = None
         self._looks: tuple[tuple[Effect, ...], np.ndarray] | None = None
         self._found: dict[str, Any] = {}
+
+    @property
+    def pose(self) -> np.ndarray:
+        """(4, 4) nominal world pose of the LiDAR."""
+        assert self._shot.world is not None  # frames are traced
+        return self._shot.world.pose
+
+    @property
+    def instances(self) -> Instances:
+        """What moves in the frame."""
+        assert self._shot.world is not None  # frames are traced
+        return self._shot.world.instances
+
+    @property
+    def pattern(self) -> Pattern:
+        """Of the beams."""
+        return self._shot.pattern
 
     def looks(self, effects: Sequence[Effect]) -> np.ndarray | None:
         """Where the unit's own calibration has its lasers look, (n, 3) float64, where points stand along these.
 
         None where they stand along the beams of the pattern.
         """
-        if not self._calibrated:
+        if not self.is_calibrated:
             return None
         known = tuple(effect for effect in effects if isinstance(effect, RingElevation))
         if self._looks is None or self._looks[0] != known:
@@ -154,7 +179,7 @@ class FrameReplay:
         turn = np.linalg.norm(now.direction - then.direction[rows], axis=1)
         shift = np.linalg.norm(now.origin - then.origin[rows], axis=1)
         later = now.time_s - np.broadcast_to(then.time_s, len(self._shot.rays))[rows]
-        shift += np.abs(later) * np.linalg.norm(self._met.velocity_mps, axis=1)
+        shift += np.abs(later) * np.linalg.norm(self.met.velocity_mps, axis=1)
         if not np.any(used):
             return 0.0, 0.0
         return float(np.quantile(turn[used], _NEARLY_ALL)), float(np.quantile(shift[used], _NEARLY_ALL))
@@ -169,20 +194,20 @@ class FrameReplay:
     def _left(self, effects: tuple[Effect, ...]) -> Beams:
         """The sample's beams as beam effects let them leave."""
         whole = self._shot
-        before = Shot(whole.pattern, self._nominal, world=whole.world, frame_time_s=whole.frame_time_s, whole=whole)
+        before = Shot(whole.pattern, self.nominal, world=whole.world, frame_time_s=whole.frame_time_s, whole=whole)
         streams = Streams(np.random.default_rng(0))
-        return act_on_beams(effects, Beams.nominal(self._nominal), before, streams, "replayed")
+        return act_on_beams(effects, Beams.nominal(self.nominal), before, streams, "replayed")
 
     def _bent(self, effects: tuple[Effect, ...]) -> Shot:
-        pattern, world = self._shot.pattern, self._shot.world
+        pattern, world, pose = self._shot.pattern, self._shot.world, self.pose
         time_s = self._shot.frame_time_s
         beams = self._left(effects)
-        pose = _nominal_pose(self._shot)
-        origin, direction, firing_s = leaving(beams, self._ego, pose)
-        solid = self._surface(self._solid, self._met.ranges(origin, direction, firing_s))
-        rows = self._pane_beam
-        pane = self._surface(self._pane, self._paned.ranges(origin[rows], direction[rows], firing_s[rows]))
-        hits = Hits(beams.rays, pose, solid, rows, pane, self._paint, self._table)
+        one = np.zeros(len(beams.rays), int)
+        origin, direction, firing_s = leaving(beams, [self.ego], [pose], one)
+        solid = reached(self.solid, self.met.ranges(origin, direction, firing_s))
+        rows = self.pane_beam
+        pane = reached(self.pane, self.paned.ranges(origin[rows], direction[rows], firing_s[rows]))
+        hits = Hits(beams.rays, pose, solid, rows, pane, self.paint, self.table)
         moving = (
             (origin - pose[:3, 3]).astype(np.float32),
             direction.astype(np.float32),
@@ -201,21 +226,17 @@ class FrameReplay:
             found=self._found,
         )
 
-    @staticmethod
-    def _surface(met: Surface, ranges: np.ndarray) -> Surface:
-        there = np.isfinite(ranges) & (met.instance != NOTHING)
-        return Surface(
-            range_m=np.where(there, ranges, np.inf).astype(np.float32),
-            normal_code=met.normal_code,
-            material=met.material,
-            instance=np.where(there, met.instance, np.int16(NOTHING)),
-        )
+
+def reached(met: Surface, ranges: np.ndarray) -> Surface:
+    """Surfaces (n,) at other ranges (n,); nothing where these are not finite."""
+    there = np.isfinite(ranges) & (met.instance != NOTHING)
+    return Surface(
+        range_m=np.where(there, ranges, np.inf).astype(np.float32),
+        normal_code=met.normal_code,
+        material=met.material,
+        instance=np.where(there, met.instance, met.instance.dtype.type(NOTHING)),
+    )
 
 
 def _rows(rays: Rays, rows: np.ndarray) -> Rays:
     return Rays(*(getattr(rays, field.name)[rows] for field in fields(Rays)))
-
-
-def _nominal_pose(shot: Shot) -> np.ndarray:
-    assert shot.world is not None  # frames are traced
-    return shot.world.pose

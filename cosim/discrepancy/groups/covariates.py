@@ -89,7 +89,8 @@ def covariates(sample: Sample, expected: Prediction, bins: int) -> Iterator[Cova
         "world_x": ("m", sample.place[:, 0], 0.0),
         "world_y": ("m", sample.place[:, 1], 0.0),
     }
-    for name in BESIDE:
+    beside = _of_neighbours(sample)
+    for name in beside:
         values = sample.beside[name]
         numbers[name] = ("m" if name.endswith("_range") else "", values, 0.0)
     for name, (unit, values, period) in numbers.items():
@@ -104,7 +105,7 @@ def covariates(sample: Sample, expected: Prediction, bins: int) -> Iterator[Cova
         "material": (np.where(sample.instance >= -1, sample.material, -1), MATERIAL_NAMES),
         "kind": (np.where(sample.kind > 0, sample.kind, -1), sample.kinds),
         "model": (np.where(sample.kind > 0, sample.model, -1), sample.models),
-        **{name: (sample.beside[name].astype(int), ("seen", "lost")) for name in BESIDE if name.endswith("_lost")},
+        **{name: (sample.beside[name].astype(int), ("seen", "lost")) for name in beside if name.endswith("_lost")},
     }
     for name, (codes, names) in groups.items():
         used = np.unique(codes[codes >= 0])
@@ -113,8 +114,17 @@ def covariates(sample: Sample, expected: Prediction, bins: int) -> Iterator[Cova
             place[used] = np.arange(len(used))
             row = np.where(codes >= 0, place[np.maximum(codes, 0)], -1)
             words = tuple(names[code] if code < len(names) else str(code) for code in used.tolist())
-            beside = name.endswith("_lost")
-            yield Covariate(name, "", codes.astype(float), row, used.astype(float), words, of_neighbours=beside)
+            yield Covariate(name, "", codes.astype(float), row, used.astype(float), words, of_neighbours=name in beside)
+
+
+def _of_neighbours(sample: Sample) -> tuple[str, ...]:
+    """Names of what neighbouring beams measured, as far as it tells of the sensor.
+
+    Neighbours meet the same surfaces. Where the twin is not sure how far or how bright these are, what neighbours
+    measured tells of that.
+    """
+    unsure_m, unsure_intensity = np.any(sample.unsure_m > 0), np.any(sample.unsure_intensity > 0)
+    return tuple(name for name in BESIDE if not (unsure_intensity if name.endswith("_intensity") else unsure_m))
 
 
 def _binned(name: str, unit: str, values: np.ndarray, period: float, bins: int) -> Covariate | None:

@@ -112,8 +112,7 @@ class Fitter:
         state = self._state(tuple(effects), self.random.start() if start is None else start)
         sought = [one.by_search or isinstance(one, ScanEffect) for one in state.effects]
         gradual = tuple(one for one in free if not sought[one.effect])
-        for blur in self._blurs(state):
-            state = self._descended(state, gradual, blur, steps)
+        state = self._settled(state, gradual, steps)
         found = self._searched(state, free, roughly)
         if found != state.effects:
             state = self._descended(self._state(found, state.estimate), (), 0.0, 3)
@@ -193,14 +192,18 @@ class Fitter:
             return state.effects
         return searched(state.effects, which, self.loss(state.estimate), self.sample, state.fit, roughly=roughly)
 
-    def _blurs(self, state: _State) -> list[float]:
-        """Widths of ranges to fit with one after the other, down to none."""
+    def _settled(self, start: _State, free: tuple[Free, ...], steps: int) -> _State:
+        """Where Gauss–Newton steps lead; where that is still far off, or where they lead through widened ranges."""
+        state = self._descended(start, free, 0.0, steps)
         wide = self.roughness(self.random.adjusted(state.prediction, state.estimate))
-        blurs = []
+        if not wide or not free:
+            return state
+        other = start
         while wide > 0:
-            blurs.append(wide)
+            other = self._descended(other, free, wide, steps)
             wide = wide / 4 if wide / 4 > _FINE_M else 0.0
-        return [*blurs, 0.0]
+        other = self._descended(other, free, 0.0, steps)
+        return max(state, other, key=lambda one: self._marginal(one, Evidence.of(self.sample, one.fit)))
 
     def _descended(self, state: _State, free: tuple[Free, ...], blur: float, steps: int) -> _State:
         """Gauss–Newton steps at one blur, variances updated along."""

@@ -92,12 +92,15 @@ def budget_words(found: Diagnosis, *, is_complete: bool) -> str:
         found: the diagnosis.
         is_complete: whether nothing is missing, which is said then.
     """
-    budget, fall = found.budget, f"{error_words(found)} {_fall(found.error_before, found.error_after)}"
+    budget, said = found.budget, f"{error_words(found)} {found.error_before:.3f}"
     if not budget.floor:
-        return f"{fall}; what noise alone would make is not known"
+        fall = _fall(found.error_before, found.error_after)
+        return f"{error_words(found)} {fall}; what noise alone would make is not known"
     made = source_words(budget.parts, budget.floor, is_complete=is_complete)
     aligned = _fall(budget.given_aligned, budget.error_aligned)
-    said = f"{fall}, {times(budget.error / budget.floor)} the noise floor{made and f': {made}'}"
+    said += f", {times(budget.error / budget.floor)} the noise floor{made and f': {made}'}"
+    if found.effects or found.unknowns:
+        said += f"; {found.error_after:.3f} with what was found"
     return f"{said}; aligned {aligned}, {floor_words(found)}"
 
 
