@@ -16,6 +16,7 @@ from cosim.traffic.actors import Actors
 from cosim.traffic.trajectories import Replay, TrajectoryError, read_trajectories
 from sumo_nets import Town
 
+_DRIVES_MPS = 1.0
 _SETTLES_S = 0.2  # the first samples of a track tell no acceleration
 
 
@@ -101,7 +102,7 @@ def _carrier(
     """What carries the sensors, and from when to when."""
     times = replay.tracks.time_s
     if config.rig_used.carrier == "mast":
-        driven = replay.tracks.front[:, :2]
+        driven = replay.tracks.front[replay.tracks.speed_mps > _DRIVES_MPS, :2]
         mast = stand_mast(town.streets, config.mast, driven, rng)
         return mast, float(times.min()), float(times.max())
     ego = replay.draw_ego(config.ego, needed_s, rng)

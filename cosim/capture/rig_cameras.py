@@ -88,7 +88,8 @@ class RigCameras:
             pose = ego_pose @ (lidar_pose_ego @ camera.in_lidar)
             P = camera.P if camera.lens is None else camera.lens.source_projection
             found = self._renderer(camera).render(pose, P, lit, self._wanted[name])
-            found = without_signals(found, len(instances))
+            if len(lit) > len(instances):
+                found = without_signals(found, len(instances))
             if "colour" in self._wanted[name]:
                 found = self._shadows.onto(found, pose, P, instances)
             bent = found if camera.lens is None else camera.lens.bent(found)

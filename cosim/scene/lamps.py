@@ -18,7 +18,7 @@ from sensors.scene import Instances
 
 _RIGHT, _LEFT, _EMERGENCY, _BRAKE = 1, 2, 4, 8  # SUMO user documentation, TraCI/Vehicle Signalling
 _BLINKS_HZ = 1.5  # UN Regulation No. 48, 6.5.9.1: 90 ± 30 a minute
-_MARK = "+"  # between a model's name and its lit lamps
+_MARK = "!"  # between a model's name, which cannot hold it, and its lit lamps
 _INDICATOR_M = (0.05, 0.16, 0.07)
 _LENSES = {"red": 0.3, "amber": 0.0, "green": -0.3}  # heights in the head
 _SHOWS: dict[str, tuple[str, ...]] = {
