@@ -26,6 +26,7 @@ class Material:
         metal: bare metal, able to mirror a beam.
         road: part of the carriageway, wetted by rain.
         paint: takes the instance's paint.
+        glow: shines by itself: a lit lamp, which cameras alone see.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Material:
     metal: bool = False
     road: bool = False
     paint: bool = False
+    glow: bool = False
 
     @property
     def albedo(self) -> float:
@@ -86,7 +88,7 @@ _TABLE = (
     Material("sign_face", 0.80, (0.75, 0.75, 0.78), retro=True),
     Material("sign_back", 0.40, (0.40, 0.41, 0.42), metal=True),
     Material("signal_housing", 0.10, (0.04, 0.045, 0.04)),
-    Material("signal_lens", 0.30, (0.45, 0.12, 0.08)),
+    Material("signal_lens", 0.30, (0.07, 0.065, 0.06)),
     # vehicles
     Material("car_paint", 0.45, (0.35, 0.35, 0.36), paint=True),
     Material("car_trim", 0.08, (0.035, 0.035, 0.035)),
@@ -110,6 +112,16 @@ _TABLE = (
     Material("clothing_dark", 0.30, (0.07, 0.08, 0.12)),
     Material("shoe", 0.12, (0.05, 0.04, 0.04)),
     Material("helmet", 0.50, (0.55, 0.10, 0.08)),
+    # print on signs
+    Material("sign_red", 0.75, (0.55, 0.02, 0.02), retro=True),
+    Material("sign_blue", 0.60, (0.02, 0.08, 0.35), retro=True),
+    Material("sign_yellow", 0.80, (0.80, 0.55, 0.03), retro=True),
+    Material("sign_black", 0.15, (0.02, 0.02, 0.02)),
+    # lit lamps
+    Material("lamp_brake", 0.55, (1.0, 0.06, 0.04), retro=True, glow=True),
+    Material("lamp_red", 0.30, (1.0, 0.05, 0.04), glow=True),
+    Material("lamp_amber", 0.30, (1.0, 0.50, 0.04), glow=True),
+    Material("lamp_green", 0.30, (0.10, 0.95, 0.50), glow=True),
 )
 
 

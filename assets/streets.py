@@ -81,6 +81,21 @@ class StopLine:
 
 
 @dataclass(frozen=True)
+class StreetBuilding:
+    """A building that the town's files tell of.
+
+    Attributes:
+        id: SUMO id.
+        outline: (k, 2) float64 corners, world metres, not closed.
+        height_m: of its walls; None where it is not told.
+    """
+
+    id: str
+    outline: np.ndarray
+    height_m: float | None
+
+
+@dataclass(frozen=True)
 class Streets:
     """A street network.
 
@@ -90,6 +105,8 @@ class Streets:
         style: what the town looks like, read by the world builder: `village`, `hamlet`, `suburb`,
             `urban`, `industrial` or `boulevard`.
         left_hand: whether one drives on the left.
+        buildings: those the town's files tell of; where there are any, no others are built.
+        trees: (x, y) of trees that they tell of [m].
     """
 
     name: str
@@ -99,3 +116,5 @@ class Streets:
     stop_lines: tuple[StopLine, ...]
     style: str = "suburb"
     left_hand: bool = False
+    buildings: tuple[StreetBuilding, ...] = ()
+    trees: tuple[tuple[float, float], ...] = ()

@@ -52,6 +52,14 @@ class Instances:
             columns[field.name] = tuple(column[row] for row in rows) if isinstance(column, tuple) else column[rows]
         return Instances(**columns)
 
+    def and_then(self, others: Instances) -> Instances:
+        """These and after them others of the same instant."""
+        columns: dict[str, Any] = {}
+        for field in fields(self):
+            ones, more = getattr(self, field.name), getattr(others, field.name)
+            columns[field.name] = (*ones, *more) if isinstance(ones, tuple) else np.concatenate([ones, more])
+        return Instances(**columns)
+
 
 @dataclass(frozen=True, eq=False)
 class TracedModel:

@@ -15,6 +15,7 @@ from sumo_nets import polyline
 from sumo_nets.errors import TownError
 from sumo_nets.lanes import points, use_of
 from sumo_nets.outline import simple_outlines
+from sumo_nets.scenery import read_scenery
 from sumo_nets.stop_lines import stop_lines
 from sumo_nets.xml_guard import read_xml
 
@@ -51,7 +52,8 @@ def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], 
     except ValueError as error:
         raise TownError(f"{net_path}: {error}; make the network anew") from error
     parking = [bay for path in additional_paths for bay in _parking(path, net, left_hand)]
-    return Streets(name, tuple(lanes), tuple(areas), tuple(parking), tuple(stops), style, left_hand)
+    buildings, trees = read_scenery(additional_paths)
+    return Streets(name, tuple(lanes), tuple(areas), tuple(parking), tuple(stops), style, left_hand, buildings, trees)
 
 
 def not_drawn(net_path: Path) -> tuple[str, ...]:

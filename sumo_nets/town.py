@@ -9,12 +9,14 @@ from typing import Any
 
 from assets.streets import Streets
 from sumo_nets.errors import TownError
+from sumo_nets.lanelets import read_lanelets
 from sumo_nets.parking import Lot, read_parking
 from sumo_nets.reader import not_drawn, read_network, read_streets
 from sumo_nets.recipes import RECIPES, TOWNS
 from sumo_nets.scenario import Scenario, read_scenario
 from sumo_nets.tools import run_tool
 from sumo_nets.type_table import TypeTable, read_types
+from sumo_nets.xml_guard import read_xml
 
 _BUILT = Path(__file__).parent / "towns"
 _OWN_STYLE = "suburb"
@@ -34,6 +36,7 @@ class Town:
         streets: its geometry, world metres (x east, y north, z up).
         scenario: what of the user's own configuration is simulated; none for a built-in town.
         notes: what a user's own scenario holds that is left out, a line each.
+        streets_only: whether there is no traffic to simulate: trajectories say who drives.
     """
 
     name: str
@@ -45,6 +48,13 @@ class Town:
     streets: Streets
     scenario: Scenario | None = None
     notes: tuple[str, ...] = ()
+    streets_only: bool = False
+
+    @property
+    def type_files(self) -> tuple[Path, ...]:
+        """Files that may define vehicle types."""
+        routes = () if self.scenario is None else self.scenario.files.get("route-files", ())
+        return (*self.additional, *routes)
 
     def runnable(self, folder: Path) -> Path:
         """A configuration that SUMO may be started with; that of a user's scenario is written to a folder."""
@@ -77,6 +87,8 @@ class Town:
 def read_town(name_or_path: str | Path) -> Town:
     """Read a built-in town by name, or any town by the path of its `.sumocfg` or of the folder that holds it.
 
+    The path of a SUMO network or of a CommonRoad scenario gives its streets alone.
+
     Raises:
         TownError: there is no such town, or its files cannot be used.
     """
@@ -87,7 +99,10 @@ def read_town(name_or_path: str | Path) -> Town:
         style = RECIPES[name].style
         streets = read_streets(name, net, additional, style)
         return Town(name, folder, folder / f"{name}.sumocfg", net, additional, style, streets)
-    scenario = read_scenario(_find_config(Path(name_or_path)))
+    path = Path(name_or_path)
+    if path.is_file() and path.name.removesuffix(".gz").endswith(".xml"):
+        return _read_streets_only(path)
+    scenario = read_scenario(_find_config(path))
     config, net, additional = scenario.config, scenario.net, scenario.files.get("additional-files", ())
     _try_in_sumo(net)
     streets = read_streets(config.stem, net, additional, _OWN_STYLE)
@@ -97,6 +112,19 @@ def read_town(name_or_path: str | Path) -> Town:
         )
     notes = (*scenario.notes, *not_drawn(net))
     return Town(config.stem, config.parent, config, net, additional, _OWN_STYLE, streets, scenario, notes)
+
+
+def _read_streets_only(path: Path) -> Town:
+    """Streets from a SUMO network or a CommonRoad scenario."""
+    path = path.resolve()
+    root = read_xml(path, "net", "commonRoad")
+    name = path.name.partition(".")[0]
+    if root.tag == "commonRoad":
+        streets, notes = read_lanelets(path, root, _OWN_STYLE), ()
+    else:
+        _try_in_sumo(path)
+        streets, notes = read_streets(name, path, (), _OWN_STYLE), not_drawn(path)
+    return Town(name, path.parent, path, path, (), _OWN_STYLE, streets, notes=notes, streets_only=True)
 
 
 def built_in_folder(name: str) -> Path:

@@ -41,6 +41,8 @@ MOVING = {
     "collection": {"every_s": 0.4, "min_travel_m": 0.5, "company_m": 25},
     "store_hits": False,
 }
+RIGGED = {"town": "town01", "frames": 3, "seed": 3, "warm_up_s": 30, "store_hits": False}
+_LIDAR_COLOURS = ((64, 190, 255), (255, 210, 60), (255, 90, 200))
 _ROW_PX = (1600, 450)
 _GAP_PX = 8
 _DISC_PX, _DISC = 19, (192, 57, 125)
@@ -79,6 +81,8 @@ def main(arguments: list[str] | None = None) -> None:
     write_scan(still, options.frame, IMAGES / "objects.jpg")
     write_animation(moving, IMAGES / "drive.webp")
     write_towns(options.drives / "towns", IMAGES / "towns.jpg")
+    rigs = [record(options.drives / name, {**RIGGED, "rig": name}) for name in ("nuscenes_like", "roof_three", "mast")]
+    write_rigs(rigs, IMAGES / "rigs.jpg")
 
 
 def record(folder: Path, config: dict[str, object]) -> Drive:
@@ -131,6 +135,30 @@ def write_towns(folder: Path, path: Path) -> None:
     """The nine towns as `cosim towns show` draws them."""
     page = write_town_page([read_town(name) for name in TOWNS], folder)
     write_page_picture(page, path, width=1500, height=1240)
+
+
+def write_rigs(drives: Sequence[Drive], path: Path, width: int = 1500) -> None:
+    """Camera images of rigs with the points of all their LiDARs, a colour each: six in two rows, then two beside."""
+    tiles = [
+        _seen(drive, drive.frames[-1], name) for drive in drives for name in drive[drive.frames[-1]].calibration.named
+    ]
+    around, others = tiles[:6], tiles[6:]
+    rows = [around[1::-1] + around[2:3], [around[4], around[3], around[5]], others]  # left, ahead, right
+    height = width // len(rows[0]) * 9 // 16
+    fitted = [[_filling(tile, width // len(row), height * len(rows[0]) // len(row)) for tile in row] for row in rows]
+    write_jpeg(path, np.concatenate([np.concatenate(row, 1) for row in fitted]))
+
+
+def _seen(drive: Drive, name: str, camera: str) -> np.ndarray:
+    """A camera's image with points."""
+    image = drive[name].image(f"image_{camera}").copy()
+    for colour, one in zip(_LIDAR_COLOURS, (drive, *map(drive.of_lidar, drive.lidars)), strict=False):
+        frame = one[name]
+        u, v, depth = frame.calibration.to_pixels(camera) @ np.c_[frame.points[:, :3], np.ones(len(frame.points))].T
+        before = depth > 0.5
+        for x, y in np.rint(np.stack([u, v])[:, before] / depth[before]).T.astype(int).tolist():
+            cv2.circle(image, (x, y), max(1, image.shape[1] // 640), colour, -1, cv2.LINE_AA)
+    return image
 
 
 def stacked(pictures: dict[Caption, np.ndarray], width: int) -> np.ndarray:

@@ -3,5 +3,15 @@
 from assets.world.build import World, build_world
 from assets.world.environment import PROP_KINDS, Environment, EnvironmentConfig, PropDensities
 from assets.world.groundwork import Groundwork
+from assets.world.props import SignalHead
 
-__all__ = ["PROP_KINDS", "Environment", "EnvironmentConfig", "Groundwork", "PropDensities", "World", "build_world"]
+__all__ = [
+    "PROP_KINDS",
+    "Environment",
+    "EnvironmentConfig",
+    "Groundwork",
+    "PropDensities",
+    "SignalHead",
+    "World",
+    "build_world",
+]

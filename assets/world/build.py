@@ -14,7 +14,8 @@ from assets.world.enclosures import enclose
 from assets.world.entrances import entrances_mesh
 from assets.world.environment import Environment
 from assets.world.furnishing import furnish
-from assets.world.greenery import hedgerow_trees, trees_mesh
+from assets.world.given import given_buildings
+from assets.world.greenery import hedgerow_trees, planted_trees, trees_mesh
 from assets.world.ground import TERRAIN
 from assets.world.groundwork import Groundwork
 from assets.world.height_field import HeightField
@@ -22,7 +23,7 @@ from assets.world.houses import design
 from assets.world.markings import repairs_mesh
 from assets.world.obstacles import Obstacles
 from assets.world.plots import lay_out
-from assets.world.props import props_mesh
+from assets.world.props import SignalHead, props_mesh
 from assets.world.styles import style_of
 from assets.world.terrain import terrain_materials
 
@@ -38,12 +39,14 @@ class World:
         ground: what wheels and feet stand on: carriageway, kerbs, pavement and terrain, without markings.
         height: the smooth base surface z = H(x, y), (n, 2) → (n,); the carriageway lies on it.
         bounds: (2, 2) lower and upper corner of the land, x and y.
+        signals: heads of traffic signals, whose lamps are dark in the mesh.
     """
 
     mesh: Mesh
     ground: Mesh
     height: HeightField
     bounds: np.ndarray
+    signals: tuple[SignalHead, ...] = ()
 
 
 def build_world(
@@ -69,26 +72,34 @@ def build_world(
     rng = np.random.default_rng(seed)
     outlines, relief, edge = base.outlines, base.relief, base.edge
     ground = base.surfaced(terrain_materials(base.plan, style, base.town[0], base.town[1], rng))
-    plots = lay_out(base.paved, style, rng, base.open_roads)
+    plots = [] if streets.buildings else lay_out(base.paved, style, rng, base.open_roads)
     houses = design(plots, style, lambda xy: relief.z(xy, TERRAIN), rng)
 
     def stand_z(xy: np.ndarray) -> np.ndarray:
         return relief.z_of_land(xy, outlines.pavement)
 
     blocked = Obstacles(streets, outlines, base.paved, plots)
+    planted = planted_trees(streets.trees, blocked, stand_z, style, rng) if streets.trees else Mesh.empty()
+    repairs = repairs_mesh(streets, outlines.carriageway, base.height, rng)
+    walls = buildings_mesh(houses, rng)
+    props, signals = props_mesh(streets, edge, blocked, stand_z, style, rng)
     parts = [
         ground,
         base.kerb_stones,
         base.markings,
-        repairs_mesh(streets, outlines.carriageway, base.height, rng),
-        buildings_mesh(houses, rng),
-        props_mesh(streets, edge, blocked, stand_z, style, rng),
+        repairs,
+        walls,
+        props,
         furnish(edge, blocked, stand_z, style, environment, rng),
         trees_mesh(edge, plots, base.bounds, blocked, stand_z, style, rng),
         entrances_mesh(houses, stand_z, rng),
     ]
     gardens = garden_borders(houses, blocked, style, rng)
-    fronts, rows = enclose(streets, outlines, houses, gardens, blocked, style, rng)
-    parts += [gardens.mesh(stand_z, rng), fronts.mesh(stand_z, rng)]
-    parts.append(hedgerow_trees(rows, blocked, stand_z, style, rng))
-    return World(Mesh.merge(parts), ground, base.height, base.bounds)
+    if streets.buildings:  # who says what stands there says nothing of hedges
+        parts.append(given_buildings(streets.buildings, lambda xy: relief.z(xy, TERRAIN), style, rng))
+    else:
+        fronts, rows = enclose(streets, outlines, houses, gardens, blocked, style, rng)
+        parts += [gardens.mesh(stand_z, rng), fronts.mesh(stand_z, rng)]
+        parts.append(hedgerow_trees(rows, blocked, stand_z, style, rng))
+    parts.append(planted)
+    return World(Mesh.merge(parts), ground, base.height, base.bounds, signals)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from assets.mesh import Mesh
@@ -14,6 +16,7 @@ from assets.world.styles import Style
 from assets.world.trees import broadleaf, bush, conifer
 
 _VARIANTS = 6
+_TREE_TAKES_M = 1.8
 _VERGE_M = 2.2  # from the kerb to street trees where there is no pavement
 _OPEN_LAND_PER_M2 = 4e-4
 _OPEN_LAND_MOST = 220
@@ -58,6 +61,15 @@ def _street_trees(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: S
     return _scatter(templates, spots[keep], stand_z, rng)
 
 
+def planted_trees(
+    spots: Sequence[tuple[float, float]], blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
+) -> Mesh:
+    """Trees exactly where a town's files have them; others keep away."""
+    places = np.array(spots, np.float64).reshape(-1, 2)
+    blocked.take(places, _TREE_TAKES_M)
+    return _scatter(_mixed(rng, style.conifer_share, 84), places, stand_z, rng)
+
+
 def _garden_plants(
     plots: list[Plot], blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
 ) -> Mesh:
@@ -91,12 +103,11 @@ def _open_land(
     groups = rng.uniform(bounds[0] + 4.0, bounds[1] - 4.0, (max(1, count // 3), 2))
     spots = np.repeat(groups, 3, axis=0) + rng.normal(0.0, 6.0, (len(groups) * 3, 2))
     spots = np.clip(spots, bounds[0] + 2.0, bounds[1] - 2.0)
-    return _scatter(
-        _mixed(rng, max(style.conifer_share, 0.15), 48), _rooted(spots, 2.5, 4.2, 2.2, blocked), stand_z, rng
-    )
+    templates = _mixed(rng, max(style.conifer_share, 0.15), 48, fine=False)
+    return _scatter(templates, _rooted(spots, 2.5, 4.2, 2.2, blocked), stand_z, rng)
 
 
-def _mixed(rng: np.random.Generator, conifer_share: float, clusters: int) -> list[Mesh]:
+def _mixed(rng: np.random.Generator, conifer_share: float, clusters: int, *, fine: bool = True) -> list[Mesh]:
     """Garden and field trees: round, oval and columnar crowns and some spruces."""
     templates = []
     for _ in range(2 * _VARIANTS):
@@ -106,7 +117,7 @@ def _mixed(rng: np.random.Generator, conifer_share: float, clusters: int) -> lis
             continue
         radius = min(height * rng.uniform(0.16, 0.30), 2.4)
         crown = (radius, radius * rng.uniform(0.85, 1.15))
-        templates.append(broadleaf(rng, height, crown, height * rng.uniform(0.18, 0.3), clusters=clusters))
+        templates.append(broadleaf(rng, height, crown, height * rng.uniform(0.18, 0.3), clusters, fine=fine))
     return templates
 
 

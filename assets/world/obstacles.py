@@ -9,6 +9,7 @@ from shapely import Geometry, STRtree
 
 from assets.streets import Streets
 from assets.world import polylines
+from assets.world.given import outline_polygon
 from assets.world.plots import Plot
 from assets.world.surfaces import Outlines
 
@@ -25,7 +26,8 @@ class Obstacles:
         self._paved = paved
         self._crossings = outlines.crossings
         shapely.prepare([self._carriageway, self._paved, self._crossings])
-        self._houses = STRtree([shapely.Polygon(plot.corners()) for plot in plots])
+        given = [outline_polygon(building) for building in streets.buildings]
+        self._houses = STRtree([*(shapely.Polygon(plot.corners()) for plot in plots), *given])
         lines = [lane.centre for lane in streets.lanes if lane.use == "sidewalk"]
         walked = [polylines.at(line, np.arange(0.0, polylines.stations(line)[-1], 0.4)) for line in lines]
         self._walked = KDTree(np.concatenate(walked)) if walked else None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from assets.mesh import Mesh
@@ -18,26 +20,36 @@ _MAST_ARM_FROM_LANES = 2
 _SEARCH_M = np.arange(0.35, 12.0, 0.35)
 
 
+@dataclass(frozen=True, eq=False)
+class SignalHead:
+    """Three lamps of a signal.
+
+    Attributes:
+        lane: SUMO id of the lane whose signal it shows.
+        pose: (4, 4) world pose of its middle; who it is for looks along its x.
+    """
+
+    lane: str
+    pose: np.ndarray
+
+
 def props_mesh(
     streets: Streets, edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
-) -> Mesh:
-    """Signals, signs and lamps; `stand_z` gives the height of whatever ground is at a point."""
-    return Mesh.merge(
-        [
-            _controls(streets, blocked, stand_z),
-            _speed_signs(streets, blocked, stand_z, rng),
-            _lamps(edge, blocked, stand_z, style, rng),
-        ]
-    )
+) -> tuple[Mesh, tuple[SignalHead, ...]]:
+    """Signals, signs and lamps, and the heads of the signals; `stand_z` gives the height of the ground at a point."""
+    controls, heads = _controls(streets, blocked, stand_z)
+    rest = [_speed_signs(streets, blocked, stand_z, rng), _lamps(edge, blocked, stand_z, style, rng)]
+    return Mesh.merge([controls, *rest]), heads
 
 
-def _controls(streets: Streets, blocked: Obstacles, stand_z: Heights) -> Mesh:
+def _controls(streets: Streets, blocked: Obstacles, stand_z: Heights) -> tuple[Mesh, tuple[SignalHead, ...]]:
     """A signal, stop or yield sign on the kerb's side of every controlled approach."""
     lanes = {lane.id: lane for lane in streets.lanes}
     approaches: dict[str, list[StopLine]] = {}
     for stop in streets.stop_lines:
         approaches.setdefault(lanes[stop.lane].edge if stop.lane in lanes else stop.lane, []).append(stop)
     placed: dict[tuple[str, float], list[np.ndarray]] = {}
+    heads: list[SignalHead] = []
     for stops in approaches.values():
         stop = min(stops, key=_lane_number)
         width = sum(lanes[s.lane].width_m if s.lane in lanes else 3.2 for s in stops)
@@ -49,11 +61,23 @@ def _controls(streets: Streets, blocked: Obstacles, stand_z: Heights) -> Mesh:
             reach = round(float(np.linalg.norm(spot[0] - stop.position[:2])) + width / 2 - 1.6)
         pose = poses(np.column_stack([spot, stand_z(spot)]), stop.heading_rad)
         placed.setdefault((stop.control, reach), []).append(pose)
+        if stop.control == "signal":
+            heads += _heads(stop.lane, pose[0], reach, streets.left_hand)
     parts = []
     for control, reach in sorted(placed):
         model = signs.signal_pole(reach, left_hand=streets.left_hand) if control == "signal" else signs.sign(control)
         parts.append(instances(model, np.concatenate(placed[control, reach])))
-    return Mesh.merge(parts)
+    return Mesh.merge(parts), tuple(heads)
+
+
+def _heads(lane: str, pole: np.ndarray, reach_m: float, left_hand: bool) -> list[SignalHead]:
+    """The heads on a pole with a world pose (4, 4)."""
+    found = []
+    for place in signs.head_places(reach_m, left_hand=left_hand):
+        pose = pole.copy()
+        pose[:3, 3] += pole[:3, :3] @ place
+        found.append(SignalHead(lane, pose))
+    return found
 
 
 def _lane_number(stop: StopLine) -> int:
@@ -78,7 +102,7 @@ def _speed_signs(streets: Streets, blocked: Obstacles, stand_z: Heights, rng: np
     for lane in streets.lanes:
         if lane.use == "drive" and not lane.internal:
             first_lanes.setdefault(lane.edge, lane)
-    placed: dict[str, list[np.ndarray]] = {}
+    placed: dict[tuple[str, str], list[np.ndarray]] = {}
     for lane in first_lanes.values():
         total = polylines.stations(lane.centre)[-1]
         for station in rng.uniform(8.0, max(total - 15.0, 9.0), rng.poisson(0.9)):
@@ -87,8 +111,11 @@ def _speed_signs(streets: Streets, blocked: Obstacles, stand_z: Heights, rng: np
             heading = float(np.arctan2(ahead[1], ahead[0]))
             spot = _beside(polylines.at(lane.centre, np.array([station]))[0], heading, streets.left_hand, blocked)
             if spot is not None:
-                placed.setdefault(kind, []).append(poses(np.column_stack([spot, stand_z(spot)]), heading))
-    return Mesh.merge([instances(signs.sign(kind), np.concatenate(placed[kind])) for kind in sorted(placed)])
+                limit = str(round(lane.speed_mps * 3.6 / 10) * 10) if kind == "speed" else ""
+                placed.setdefault((kind, limit), []).append(poses(np.column_stack([spot, stand_z(spot)]), heading))
+    return Mesh.merge(
+        [instances(signs.sign(kind, text=limit), np.concatenate(placed[kind, limit])) for kind, limit in sorted(placed)]
+    )
 
 
 def _lamps(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator) -> Mesh:

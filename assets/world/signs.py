@@ -7,9 +7,11 @@ import numpy as np
 from assets.mesh import Mesh
 from assets.shapes import box, extrude, tube
 from assets.world.furniture import pole
+from assets.world.sign_faces import sign_face
 
 _PLATE_M = 0.02
 _POST_M = 0.03
+_LOW_HEAD_M = (-0.2, 0.0, 2.9)
 
 
 def _polygon(corners: int, radius_m: float, turn_rad: float) -> np.ndarray:
@@ -28,12 +30,13 @@ _SHAPES = {
 SIGN_KINDS = tuple(_SHAPES)
 
 
-def sign(kind: str, clear_m: float = 2.2) -> Mesh:
+def sign(kind: str, clear_m: float = 2.2, text: str = "50") -> Mesh:
     """A sign on a post: retro-reflecting face towards −x, bare metal behind.
 
     Args:
         kind: one of `SIGN_KINDS`.
         clear_m: height of the plate's middle less 0.4 m.
+        text: what a speed sign says.
     """
     outline = _SHAPES[kind]
     if kind in ("yield", "warning"):
@@ -42,8 +45,8 @@ def sign(kind: str, clear_m: float = 2.2) -> Mesh:
     plate = extrude(outline, _PLATE_M, "sign_back", axis="x").moved(middle)
     faces_driver = plate.normals[:, 0] < -0.5
     back = plate.select(~faces_driver)
-    front = plate.select(faces_driver)
-    face = Mesh.of(front.vertices, front.faces, "sign_face")
+    front = plate.vertices[plate.faces[faces_driver]].reshape(-1, 3)
+    face = sign_face(kind, outline, text).moved((float(front[:, 0].min()), 0.0, middle[2]))
     post = pole(_POST_M, _POST_M, clear_m + 0.4 + 0.2, "steel_galvanised", segments=5)
     return Mesh.merge([post, back, face])
 
@@ -53,10 +56,21 @@ def signal_head() -> Mesh:
     parts = [box((0.22, 0.30, 0.95), (0, 0, 0), "signal_housing")]
     parts.append(box((0.02, 0.46, 1.12), (0.06, 0, 0), "signal_housing"))
     for z in (-0.3, 0.0, 0.3):
-        lens = extrude(_polygon(8, 0.10, 0.0), 0.02, "signal_lens", axis="x")
-        parts.append(lens.select(lens.normals[:, 0] < -0.5).moved((-0.115, 0, z)))
+        parts.append(lens(z, "signal_lens"))
         parts.append(_visor(z + 0.125))
     return Mesh.merge(parts)
+
+
+def lens(height_m: float, material: str, lifted_m: float = 0.0) -> Mesh:
+    """A lens of a signal head at a height from its middle, `lifted_m` towards who looks at it."""
+    disc = extrude(_polygon(8, 0.10, 0.0), 0.02, material, axis="x")
+    return disc.select(disc.normals[:, 0] < -0.5).moved((-0.115 - lifted_m, 0, height_m))
+
+
+def head_places(arm_m: float = 0.0, *, left_hand: bool = False) -> np.ndarray:
+    """Middles (k, 3) of the heads of a `signal_pole`, in its axes."""
+    side = -1.0 if left_hand else 1.0
+    return np.array([_LOW_HEAD_M] + ([(-0.2, side * (arm_m - 0.1), 5.55)] if arm_m > 0 else []))
 
 
 def _visor(z_m: float) -> Mesh:
@@ -73,10 +87,10 @@ def signal_pole(arm_m: float = 0.0, *, left_hand: bool = False) -> Mesh:
     """
     side = -1.0 if left_hand else 1.0
     mast = pole(0.06, 0.06, 3.6 if arm_m == 0 else 5.9, "steel_painted", segments=8)
-    parts = [mast, signal_head().moved((-0.2, 0, 2.9)), box((0.12, 0.05, 0.05), (-0.06, 0, 2.9), "steel_painted")]
+    parts = [mast, signal_head().moved(_LOW_HEAD_M), box((0.12, 0.05, 0.05), (-0.06, 0, 2.9), "steel_painted")]
     parts.append(box((0.09, 0.10, 0.15), (0, 0.09, 1.05), "plastic_bright"))  # push button
     if arm_m > 0:
         path = np.array([[0, 0, 5.6], [0, side * arm_m * 0.5, 5.85], [0, side * arm_m, 5.9]])
         parts.append(tube(path, [0.06, 0.05, 0.04], "steel_painted", segments=6))
-        parts.append(signal_head().moved((-0.2, side * (arm_m - 0.1), 5.55)))
+        parts.append(signal_head().moved(tuple(head_places(arm_m, left_hand=left_hand)[1])))
     return Mesh.merge(parts)

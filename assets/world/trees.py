@@ -12,7 +12,13 @@ _FOLIAGE = ("foliage", "foliage_dark")
 
 
 def broadleaf(
-    rng: np.random.Generator, height_m: float, crown_m: tuple[float, float], clear_m: float, clusters: int = 135
+    rng: np.random.Generator,
+    height_m: float,
+    crown_m: tuple[float, float],
+    clear_m: float,
+    clusters: int = 135,
+    *,
+    fine: bool = True,
 ) -> Mesh:
     """A deciduous tree.
 
@@ -21,7 +27,8 @@ def broadleaf(
         height_m: full height.
         crown_m: crown radius at mid-height in x and y.
         clear_m: height of the lowest leaves.
-        clusters: leaf clusters, one triangle each.
+        clusters: leaf clusters.
+        fine: whether a cluster is three leaves, for trees that are seen from near, or one.
     """
     radii = np.array([*crown_m, (height_m - clear_m) / 2])
     middle = np.array([0.0, 0.0, clear_m + radii[2]])
@@ -32,7 +39,7 @@ def broadleaf(
         fork = np.array([0.0, 0.0, clear_m * rng.uniform(0.85, 1.05)])
         branches.append(spike(fork, tip, 0.008 * height_m, sides=3))
     leaves = leaf_clusters(rng, middle, radii, clusters, 2.9 / np.sqrt(clusters) * float(radii.mean()))
-    return Mesh.merge([trunk, *branches, leaves])
+    return Mesh.merge([trunk, *branches, leaflets(leaves) if fine else leaves])
 
 
 def conifer(rng: np.random.Generator, height_m: float, radius_m: float, tiers: int = 7) -> Mesh:
@@ -61,7 +68,7 @@ def conifer(rng: np.random.Generator, height_m: float, radius_m: float, tiers: i
 def bush(rng: np.random.Generator, height_m: float, radius_m: float) -> Mesh:
     """A shrub down to the ground."""
     radii = np.array([radius_m, radius_m, height_m / 2])
-    return leaf_clusters(rng, np.array([0, 0, height_m * 0.48]), radii, 40, 0.48 * radius_m)
+    return leaflets(leaf_clusters(rng, np.array([0, 0, height_m * 0.48]), radii, 40, 0.48 * radius_m))
 
 
 def hedge(rng: np.random.Generator, length_m: float, width_m: float, height_m: float) -> Mesh:
@@ -78,7 +85,34 @@ def hedge(rng: np.random.Generator, length_m: float, width_m: float, height_m: f
         ]
     )
     normal = np.column_stack([np.zeros(count), np.where(top, 0, side), np.where(top, 1.0, 0.2)])
-    return Mesh.merge([core, _leaves(rng, centre, normal, np.full(count, 0.31), rng.random(count) < 0.3)])
+    leaves = _leaves(rng, centre, normal, np.full(count, 0.31), rng.random(count) < 0.3)
+    return Mesh.merge([core, leaflets(Mesh(leaves.vertices, leaves.faces, _shaded(leaves.materials)))])
+
+
+def leaflets(leaves: Mesh) -> Mesh:
+    """Each leaf as three smaller ones at its corners, bent out of its plane, with a gap between them.
+
+    Their shapes follow from the number of leaves alone, so that what grows where stays as it is.
+    """
+    rng = np.random.default_rng(len(leaves.faces))
+    corners = leaves.triangles.astype(np.float64)
+    count = len(corners)
+    reach = np.linalg.norm(corners - corners.mean(1, keepdims=True), axis=2).mean(1)
+    pieces = []
+    for corner in range(3):
+        share = rng.uniform(0.5, 0.72, (count, 1, 1))
+        piece = corners[:, corner : corner + 1] + share * (corners - corners[:, corner : corner + 1])
+        bend = rng.uniform(-0.35, 0.35, (count, 3)) * reach[:, None]
+        pieces.append(piece + bend[..., None] * leaves.normals[:, None, :])
+    return Mesh(
+        np.concatenate(pieces).reshape(-1, 3), np.arange(9 * count).reshape(-1, 3), np.tile(leaves.materials, 3)
+    )
+
+
+def _shaded(materials: np.ndarray) -> np.ndarray:
+    """Most leaves of a hedge as dark as it is: its bright ones are few."""
+    few = np.arange(len(materials)) % 4 == 0
+    return np.where(few, materials, material_index(_FOLIAGE[1])).astype(materials.dtype)
 
 
 def spike(root: np.ndarray, tip: np.ndarray, radius_m: float, sides: int) -> Mesh:

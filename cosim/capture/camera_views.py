@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
+import cv2
 import numpy as np
 
 from cosim.drives.kitti.calibration import Calibration
 from cosim.drives.kitti.frame import Frame
-from cosim.drives.kitti.images import DEPTH_SCALE_PER_M, depth_to_png16
+from cosim.drives.kitti.images import DEPTH_SCALE_PER_M, depth_to_png16, read_depth
 from sensors.camera_view import CameraView
 from sensors.cameras import Images
 
-CAMERA = 0
-"""Number of the camera that effects see by: the left grayscale one."""
+_GRAY = "0"
+
+
+def seeing_camera(names: Collection[str], reference: str) -> str:
+    """Name of the camera that effects see by: the left grayscale one of KITTI's row, else that of the labels."""
+    return _GRAY if _GRAY in names else reference
 
 
 def view_of_images(images: Images, P: np.ndarray, pose: np.ndarray) -> CameraView:
@@ -26,7 +33,15 @@ def view_of_frame(frame: Frame, calibration: Calibration, lidar_pose: np.ndarray
     Raises:
         CosimError: an image is broken.
     """
-    if not frame.has(f"image_{CAMERA}") or not frame.has(f"depth_{CAMERA}") or calibration.P0 is None:
+    camera = frame.reference or _GRAY
+    if not frame.has(f"image_{camera}") or not frame.has(f"depth_{camera}") or calibration.P0 is None:
         return None
-    gray = frame.image(f"image_{CAMERA}")
-    return CameraView(gray, frame.depth, calibration.P0, lidar_pose @ calibration.rect_to_velo_matrix)
+    gray, depth = frame.image(f"image_{camera}"), read_depth(frame.path(f"depth_{camera}"))
+    if gray.ndim == 3:
+        gray = cv2.cvtColor(gray, cv2.COLOR_RGB2GRAY)
+    seen = frame.twin.cameras.get(f"image_{camera}") if frame.reference else None
+    if seen is None:
+        return CameraView(gray, depth, calibration.P0, lidar_pose @ calibration.rect_to_velo_matrix)
+    if seen.distortion is not None:
+        return None  # what it saw lies elsewhere than its matrix says
+    return CameraView(gray, depth, seen.P, frame.twin.ego.pose @ seen.pose_ego)

@@ -73,11 +73,44 @@ class Watch:
         return actors.front[actors.ids.index(self._ego), :2]
 
     def _has_company(self, actors: Actors, here: np.ndarray) -> bool:
-        if self._company_m == 0:
-            return True
         heading = actors.heading_rad[actors.ids.index(self._ego)]
-        way = actors.front[:, :2] - here
-        along = way @ np.array([np.cos(heading), np.sin(heading)])
-        distance = np.linalg.norm(way, axis=1)
-        ahead = (distance > 0) & (along >= np.cos(_AHEAD_RAD) * distance)
-        return bool((ahead & (distance < self._company_m)).any())
+        return _in_company(actors, here, float(heading), self._company_m)
+
+
+class StillWatch:
+    """Watches from a place that does not move, as a mast's.
+
+    Args:
+        rules: when to record; nobody has to travel.
+        time_s: now.
+        place: (2,) axes of the town [m].
+        heading_rad: which way it looks, counter-clockwise from east.
+    """
+
+    def __init__(self, rules: Collection, time_s: float, place: np.ndarray, heading_rad: float) -> None:
+        self._rules, self._place, self._heading_rad = rules, place, heading_rad
+        self._company_m = COMPANY_M if rules.company_m is None else rules.company_m
+        self._last_time_s = time_s
+
+    def wants(self, actors: Actors) -> bool:
+        """Whether this instant is worth a frame; what it says yes to counts as recorded."""
+        if not _in_company(actors, self._place, self._heading_rad, self._company_m):
+            return False
+        self._last_time_s = actors.time_s
+        return True
+
+    def end_reason(self, actors: Actors) -> str | None:
+        """Why the episode cannot go on, if so."""
+        waited = actors.time_s - self._last_time_s
+        return None if waited <= self._rules.patience_s else f"empty roads: no frame for {waited:.0f} s"
+
+
+def _in_company(actors: Actors, here: np.ndarray, heading_rad: float, company_m: float) -> bool:
+    """Whether somebody ahead of a place is near enough."""
+    if company_m == 0:
+        return True
+    way = actors.front[:, :2] - here
+    along = way @ np.array([np.cos(heading_rad), np.sin(heading_rad)])
+    distance = np.linalg.norm(way, axis=1)
+    ahead = (distance > 0) & (along >= np.cos(_AHEAD_RAD) * distance)
+    return bool((ahead & (distance < company_m)).any())

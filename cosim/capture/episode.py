@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from cosim.capture.collection import COMPANY_M, Watch
+from cosim.capture.collection import COMPANY_M, StillWatch, Watch
 from cosim.capture.config import RunConfig
+from cosim.capture.mast import Mast, stand_mast
 from cosim.capture.plan import EpisodePlan
 from cosim.traffic.actors import Actors
 from cosim.traffic.driven_traffic import DrivenTraffic
 from cosim.traffic.ego import anybody_comes, anybody_drives, draw_ego
+from cosim.traffic.signals import SignalStates
 from cosim.traffic.simulation import Traffic
 from cosim.traffic.starting import warmed_up
 from sumo_nets import RECIPES, Town, write_demand
@@ -28,8 +30,10 @@ _LONGEST_WAIT_S = 900.0  # for the first vehicle of a scenario
 class FrameRecorder(Protocol):
     """What takes a frame."""
 
-    def record(self, name: str, plan: EpisodePlan, actors: Actors, ego: str) -> None:
-        """Measure the world at one step and write the frame."""
+    def record(
+        self, name: str, plan: EpisodePlan, actors: Actors, carrier: str | Mast, signals: Mapping[str, str]
+    ) -> None:
+        """Measure the world at one step, from a vehicle or a mast, and write the frame; `signals` tells by lane."""
 
     def note(self, entry: dict[str, object]) -> None:
         """Write a remark about the episode."""
@@ -91,19 +95,25 @@ def _simulate(
             )
             actors = living.step() if state else living.advance(max(2, round(seen_s / config.step_s)))
             actors = _until_somebody_drives(traffic, living, actors, config)
-            ego = draw_ego(traffic, actors, rng)
-            living.follow(ego)
+            carrier: str | Mast = draw_ego(traffic, actors, rng)
+            if config.rig_used.carrier == "mast":
+                carrier = stand_mast(town.streets, config.mast, _driven_places(actors), rng)
+                living.attend(np.array([carrier.x_m, carrier.y_m]))
+            else:
+                living.follow(carrier)
             if state:
                 actors = living.advance(round(seen_s / config.step_s))
-            watch, reason = Watch(rules, actors, ego, 0.0 if own else COMPANY_M), None
+            states = SignalStates(traffic.api)
+            watch, reason = _watch(config, actors, carrier, own=own), None
             while left and reason is None:
-                traffic.prolong_route(ego, rng)
+                if isinstance(carrier, str):
+                    traffic.prolong_route(carrier, rng)
                 actors = living.advance(max(1, round(rules.every_s / config.step_s)))
                 reason = watch.end_reason(actors)
                 if reason is None and watch.wants(actors):
                     name = left.pop(0)
                     if name not in done:
-                        recorder.record(name, plan, living.everyone(actors), ego)
+                        recorder.record(name, plan, living.everyone(actors), carrier, states.now())
                         on_frame(name)
             recorder.note(
                 {
@@ -118,6 +128,19 @@ def _simulate(
                 }
             )
     return left
+
+
+def _watch(config: RunConfig, actors: Actors, carrier: str | Mast, *, own: bool) -> Watch | StillWatch:
+    if isinstance(carrier, Mast):
+        place = np.array([carrier.x_m, carrier.y_m])
+        return StillWatch(config.collection, actors.time_s, place, carrier.heading_rad)
+    return Watch(config.collection, actors, carrier, 0.0 if own else COMPANY_M)
+
+
+def _driven_places(actors: Actors) -> np.ndarray:
+    """Where somebody drives, (n, 2)."""
+    drives = [bool(lane) and not parked for lane, parked in zip(actors.lanes, actors.parked, strict=True)]
+    return actors.front[np.array(drives, bool), :2]
 
 
 def _until_somebody_drives(traffic: Traffic, living: DrivenTraffic, actors: Actors, config: RunConfig) -> Actors:

@@ -31,9 +31,13 @@ def plan_episodes(config: RunConfig) -> list[EpisodePlan]:
     names = [f"{number:06d}" for number in range(config.frames)]
     towns = config.towns
     size = min(config.frames_per_episode, -(-config.frames // len(towns)))
+    if config.ego is not None:
+        size = config.frames  # one ride in one vehicle
     starts = range(0, config.frames, size)
     short = len(towns) == 1 and len(starts) <= _SHORT_DRIVE
     shared = config.episodes_per_world or (_SHORT_DRIVE if short else 1)
+    if config.world is not None:
+        shared = len(names)  # it is what it is
     return [
         EpisodePlan(
             number=number,

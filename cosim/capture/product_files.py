@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
-from cosim.capture.products import camera_of, content_of
+from cosim.capture.products import camera_of, kind_of
 from cosim.drives.kitti.images import encode_depth, encode_gray, encode_instances, encode_rgb
 from sensors.cameras import Images, semantic_image
 
 _ENCODERS: Mapping[str, Callable[[Images, tuple[str, ...]], bytes]] = {
     "gray": lambda images, _: encode_gray(images.gray),
-    "colour": lambda images, _: encode_rgb(images.rgb),
+    "image": lambda images, _: encode_rgb(images.rgb),
     "depth": lambda images, _: encode_depth(images.depth_m),
     "semantic": lambda images, kinds: encode_gray(semantic_image(images, kinds)),
     "instance": lambda images, _: encode_instances(images.instance),
@@ -18,17 +18,20 @@ _ENCODERS: Mapping[str, Callable[[Images, tuple[str, ...]], bytes]] = {
 
 
 def encode_products(
-    products: Sequence[str], images: Mapping[int, Images], kinds: tuple[str, ...], name: str
+    products: Sequence[str], images: Mapping[str, Images], gray: Collection[str], kinds: tuple[str, ...], name: str
 ) -> dict[str, bytes]:
     """Files of a frame, by path.
 
     Args:
-        products: folders, as `cosim.capture.products.PRODUCTS` lists them.
-        images: by number of camera.
+        products: folders.
+        images: by camera.
+        gray: cameras that see no colour.
         kinds: of the instances in them.
         name: of the frame.
     """
-    return {
-        f"{product}/{name}.png": _ENCODERS[content_of(product)](images[camera_of(product)], kinds)
-        for product in products
-    }
+    files = {}
+    for product in products:
+        kind, camera = kind_of(product), camera_of(product)
+        encode = _ENCODERS["gray" if kind == "image" and camera in gray else kind]
+        files[f"{product}/{name}.png"] = encode(images[camera], kinds)
+    return files

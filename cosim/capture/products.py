@@ -1,54 +1,48 @@
-"""Which images a frame keeps: of what, seen by which of the four cameras of KITTI's rig."""
+"""Which images a frame keeps: of what, seen by which camera of the rig."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from sensors.cameras import Content
 
-PRODUCTS = tuple(f"{kind}_{camera}" for kind in ("image", "depth", "semantic", "instance") for camera in range(4))
-"""The folders. Cameras 0 (left) and 1 (right) are grayscale, 2 (left) and 3 (right) see colour."""
+_KINDS = ("image", "depth", "semantic", "instance")
 
 
-_GRAY_CAMERAS = (0, 1)
-
-
-def check_products(products: Sequence[str]) -> None:
-    """Raise ValueError where a name is no image folder, or is there twice."""
+def check_products(products: Sequence[str], cameras: Sequence[str]) -> None:
+    """Raise ValueError where a name is no image folder of these cameras, or is there twice."""
     for product in products:
-        if product not in PRODUCTS:
+        kind, _, camera = product.partition("_")
+        if kind not in _KINDS or camera not in cameras:
             raise ValueError(
-                f"{product!r} is no image: give image_, depth_, semantic_ or instance_ with a camera's number, 0 to 3"
+                f"{product!r} is no image: give image_, depth_, semantic_ or instance_ with a camera's name, one of "
+                f"{', '.join(cameras)}"
             )
         if products.count(product) > 1:
             raise ValueError(f"{product!r} is there twice; keep one")
 
 
-def cameras_of(products: Sequence[str]) -> tuple[int, ...]:
-    """Numbers of the cameras that some products need, sorted."""
+def cameras_of(products: Collection[str]) -> tuple[str, ...]:
+    """Names of the cameras that some products need, sorted."""
     return tuple(sorted({camera_of(product) for product in products}))
 
 
-def camera_of(product: str) -> int:
-    """Number of the camera that a product shows."""
-    return int(product.rpartition("_")[2])
+def camera_of(product: str) -> str:
+    """Name of the camera that a product shows."""
+    return product.partition("_")[2]
 
 
-def wanted_of(number: int, products: Sequence[str]) -> frozenset[Content]:
+def wanted_of(camera: str, products: Collection[str]) -> frozenset[Content]:
     """What a camera must read back for those of some products that it shows."""
     read: dict[str, tuple[Content, ...]] = {
-        "gray": ("colour",),
-        "colour": ("colour",),
+        "image": ("colour",),
         "depth": ("depth",),
         "semantic": ("colour", "number"),
         "instance": ("number",),
     }
-    return frozenset(part for name in products if camera_of(name) == number for part in read[content_of(name)])
+    return frozenset(part for name in products if camera_of(name) == camera for part in read[kind_of(name)])
 
 
-def content_of(product: str) -> str:
-    """What a product shows: `gray`, `colour`, `depth`, `semantic` or `instance`."""
-    kind = product.rpartition("_")[0]
-    if kind != "image":
-        return kind
-    return "gray" if camera_of(product) in _GRAY_CAMERAS else "colour"
+def kind_of(product: str) -> str:
+    """What a product shows: `image`, `depth`, `semantic` or `instance`."""
+    return product.partition("_")[0]

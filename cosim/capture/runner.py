@@ -8,17 +8,20 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
 import yaml
 
 from assets.external import load_external
 from cosim.capture.config import RunConfig
 from cosim.capture.disk_estimate import demand_space, estimate_bytes
 from cosim.capture.plan import EpisodePlan, plan_episodes
+from cosim.capture.replayed import replay_of
+from cosim.capture.rig_sensors import folder_of, rig_sensors
 from cosim.capture.worker import Recording, RecordJob
 from cosim.drives.writer import DriveWriter
 from cosim.engine import Engine, Event, LocalEngine, Skipped
 from cosim.errors import CosimError
-from sensors.sensor_model import SensorModel, load_sensor
+from sensors.sensor_model import SensorModel
 from sumo_nets import read_town
 
 _log = logging.getLogger(__name__)
@@ -68,21 +71,28 @@ def run(
             episode fails; frames already written stay.
         AssetError, TownError, SensorError, CameraError: likewise.
     """
-    sensor = load_sensor(config.sensor)
-    for town in config.towns:
-        for note in read_town(town).notes:
+    sensors = rig_sensors(config)
+    for name in config.towns:
+        town = read_town(name)
+        for note in town.notes:
             _log.warning("%s", note)
+        if config.world is not None:
+            config.world.read(town.streets)
+        if config.trajectories is not None:
+            replay_of(config.trajectories, town).draw_ego(config.ego, 0.0, np.random.default_rng(0))
+        elif town.streets_only:
+            raise RunError(f"{name}: holds streets, but nobody drives; give --trajectories, or a .sumocfg with routes")
     load_external(config.external_vehicles)
     writer = DriveWriter(folder)
     left = 1 - len(writer.manifest()) / config.frames
-    demand_space(round(estimate_bytes(config, sensor) * left), folder)
+    demand_space(round(estimate_bytes(config, list(sensors.values())) * left), folder)
     with writer.alone():
         if not writer.open(_settings(config)):
             done = frozenset(writer.manifest())
             on_start(len(done), config.frames)
             _record(writer, config, engine or LocalEngine(), on_event)
             _demand_frames(writer)
-            _finish(writer, config, sensor)
+            _finish(writer, config, sensors)
             recorded = len(writer.manifest()) - len(done)
         else:
             on_start(config.frames, config.frames)
@@ -154,7 +164,9 @@ def _settings(config: RunConfig) -> str:
     return yaml.safe_dump(document, sort_keys=False)
 
 
-def _finish(writer: DriveWriter, config: RunConfig, sensor: SensorModel) -> None:
+def _finish(writer: DriveWriter, config: RunConfig, sensors: Mapping[str, SensorModel]) -> None:
+    first = next(iter(sensors))
+    sensor, rig = sensors[first], config.rig_used
     entries = writer.manifest()
     names = sorted(entries)
     middle = (len(names) + 1) // 2
@@ -162,10 +174,12 @@ def _finish(writer: DriveWriter, config: RunConfig, sensor: SensorModel) -> None
         "ImageSets/train.txt": _lines(names[:middle]),
         "ImageSets/val.txt": _lines(names[middle:]),
         "ImageSets/trainval.txt": _lines(names),
-        "pattern.yaml": sensor.pattern.to_yaml().encode(),
-        "sensor.yaml": sensor.to_yaml().encode(),
     }
-    summary = {
+    for name, one in sensors.items():
+        folder = folder_of("" if name == first else name)
+        files[f"{folder}pattern.yaml"] = one.pattern.to_yaml().encode()
+        files[f"{folder}sensor.yaml"] = one.to_yaml().encode()
+    summary = ({} if rig.kitti_row else {"label_camera": rig.reference.name}) | {
         "pattern": sensor.pattern.name,
         "sweep_s": sensor.pattern.sweep_s,
         "seed": config.seed,

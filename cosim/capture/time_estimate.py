@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 import os
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
+from cosim.capture.camera_views import seeing_camera
 from cosim.capture.config import RunConfig
 from cosim.capture.plan import plan_episodes, world_count
-from cosim.capture.products import cameras_of
+from cosim.capture.products import camera_of, cameras_of
+from cosim.capture.rig_sensors import beams_of
 from sensors.sensor_model import SensorModel
 
 # Processor time [s], measured on drives of all towns on a machine that takes _PROBE_S for the probe below.
@@ -26,23 +29,29 @@ _IMAGE = 0.006
 _BEAM = 0.55e-6
 _HIT = 0.08e-6
 _PROBE_S = 0.037
+_KITTI_PX = 1242 * 375  # of a camera's image
 
 
-def estimate_s(config: RunConfig, sensor: SensorModel, workers: int, slowness: float = 1.0) -> float:
+def estimate_s(config: RunConfig, sensors: Sequence[SensorModel], workers: int, slowness: float = 1.0) -> float:
     """Time on the clock that a run takes, to within about a fifth where nothing else runs [s].
 
     Args:
         config: of the run.
-        sensor: the LiDAR.
+        sensors: the LiDARs.
         workers: processes asked for; more than there are processors or episodes do not help.
         slowness: of this machine, as `machine_slowness` measures it.
     """
     plans = plan_episodes(config)
     busy = max(1, min(workers, os.cpu_count() or 1, len(plans)))
-    beams = len(sensor.pattern.elevation_deg) * sensor.pattern.firings
-    cameras = len(cameras_of([*config.images, "instance_2", *(["image_0"] if sensor.needs_camera else [])]))
+    beams, rig = beams_of(sensors), config.rig_used
+    products = [*config.images, f"instance_{rig.reference.name}"]
+    if any(sensor.needs_camera for sensor in sensors):
+        products.append(f"image_{seeing_camera([one.name for one in rig.cameras], rig.reference.name)}")
+    sizes = {camera.name: camera.width_px * camera.height_px / _KITTI_PX for camera in rig.cameras}
+    cameras = sum(sizes[name] for name in cameras_of(products))
+    images = sum(sizes[camera_of(product)] for product in config.images)
     steps = _STEPS * max(1.0, config.collection.every_s / config.step_s)
-    frame = _FRAME + steps * _STEP + cameras * _CAMERA + len(config.images) * _IMAGE
+    frame = _FRAME + steps * _STEP + cameras * _CAMERA + images * _IMAGE
     frame += beams * (_BEAM + (_HIT if config.store_hits else 0.0))
     towns = math.ceil(len(config.towns) / busy) * busy  # processes keep to their towns
     begun = busy * _PROCESS + max(towns, busy) * _TOWN + world_count(plans) * _WORLD + len(plans) * _EPISODE

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypedDict
 
 from cosim.capture.config import RunConfig
 from cosim.capture.episode import run_episode
 from cosim.capture.plan import EpisodePlan
+from cosim.capture.replayed import replay_episode, replay_of
 from cosim.drives.lock import shared
 from cosim.drives.writer import DriveWriter
 from cosim.engine import Do, Event, Tell
+
+
+class Told(TypedDict):
+    """What an episode is told of its frames."""
+
+    done: frozenset[str]
+    on_frame: Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -39,22 +48,23 @@ class RecordJob:
     def open(self, threads: int) -> Iterator[Do]:
         """A rig that records `Recording`s."""
         from cosim.capture.recorder import Recorder
-        from sensors.sensor_model import load_sensor
+        from cosim.capture.rig_sensors import rig_sensors
 
         with shared(self.folder):
-            recorder = Recorder(self.config, load_sensor(self.config.sensor), DriveWriter(self.folder), threads=threads)
+            replay = None
+            recorder = Recorder(self.config, rig_sensors(self.config), DriveWriter(self.folder), threads=threads)
 
             def record(task: Recording, tell: Tell) -> None:
+                nonlocal replay
                 town = recorder.move_to(task.plan)
+                if replay is None and self.config.trajectories is not None:
+                    replay = replay_of(self.config.trajectories, town)
                 tell(Event("ready"))
-                run_episode(
-                    task.plan,
-                    self.config,
-                    town,
-                    recorder,
-                    done=task.done,
-                    on_frame=lambda name: tell(Event("frame", name)),
-                )
+                told: Told = {"done": task.done, "on_frame": lambda name: tell(Event("frame", name))}
+                if replay is not None:
+                    replay_episode(task.plan, self.config, town, replay, recorder, **told)
+                else:
+                    run_episode(task.plan, self.config, town, recorder, **told)
 
             try:
                 yield record

@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.console import Console
 
-from cosim.cli.options import add_common, without_nan, write_json
+from cosim.cli.options import add_common, add_lidar, chosen_lidar, without_nan, write_json
 from cosim.cli.progress import ProgressReport
 from cosim.drives.writer import explained
 
@@ -25,6 +25,7 @@ def add_command(commands: Any) -> None:
     )
     parser.add_argument("--sensor", required=True, metavar="IN.yaml", help="sensor file, or the name of a built-in one")
     parser.add_argument("--drive", type=Path, required=True, metavar="DRIVE", help="measured points with a twin")
+    add_lidar(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="OUT.yaml", help="the sensor file to write")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
@@ -40,7 +41,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
     kind = find_effect(options.effect)
     fixed = known_parameters(kind, _given(options.param))
-    sensor, drive = load_sensor(options.sensor), opened(options.drive)
+    sensor, drive = load_sensor(options.sensor), opened(chosen_lidar(options.drive, options))
     with explained(options.out):
         options.out.parent.mkdir(parents=True, exist_ok=True)
         if options.out.is_dir():

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from cosim.cli.options import add_common, add_frames, beside, say_notes, without_nan, write_json
+from cosim.cli.options import (
+    add_common,
+    add_frames,
+    add_lidar,
+    beside,
+    chosen_lidar,
+    say_notes,
+    without_nan,
+    write_json,
+)
 from cosim.cli.progress import ProgressReport
 from cosim.drives.writer import explained
 
@@ -24,6 +33,7 @@ def add_command(commands: Any) -> None:
     )
     parser.add_argument("drive", type=Path, metavar="DRIVE", help="measured points with a twin")
     parser.add_argument("--sensor", required=True, metavar="FILE", help="sensor file, or the name of a built-in one")
+    add_lidar(parser)
     add_frames(parser)
     parser.add_argument("--out", type=Path, metavar="PAGE_DIR", help="folder of the page (default: DRIVE-compare)")
     add_common(parser, computes=True)
@@ -39,9 +49,10 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from cosim.report import write_page
     from sensors.sensor_model import load_sensor
 
-    sensor, drive = load_sensor(options.sensor), opened(options.drive)
+    path = chosen_lidar(options.drive, options)
+    sensor, drive = load_sensor(options.sensor), opened(path)
     names = chosen_frames(drive, options.frames) if options.frames else drive.frames
-    folder = options.out or beside(options.drive, "compare")
+    folder = options.out or beside(path, "compare")
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
     with ProgressReport(console, "comparing", len(names)) as report:
@@ -50,7 +61,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             report.advance()
 
         found = compare(drive, sensor, frames=names, on_frame=on_frame)
-    command = f"cosim diagnose {options.drive} --sensor {options.sensor}"
+    command = f"cosim diagnose {path} --sensor {options.sensor}"
     page = write_page(folder, format_comparison(found, command))
     if not options.quiet:
         print(found)

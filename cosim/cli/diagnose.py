@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from cosim.cli.options import add_common, add_frames, beside, say_notes, without_nan, write_json
+from cosim.cli.options import (
+    add_common,
+    add_frames,
+    add_lidar,
+    beside,
+    chosen_lidar,
+    say_notes,
+    without_nan,
+    write_json,
+)
 from cosim.cli.progress import ProgressReport
 from cosim.drives.writer import explained
 
@@ -32,6 +41,7 @@ def add_command(commands: Any) -> None:
         metavar="PATH.py:CLASS",
         help="an effect of your own to ask for beside the catalogue; may be given more than once",
     )
+    add_lidar(parser)
     add_frames(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the page (default: DRIVE-diagnosis)")
     parser.add_argument(
@@ -51,10 +61,11 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from cosim.report import write_page
     from sensors.sensor_model import load_sensor
 
-    sensor, drive = load_sensor(options.sensor), opened(options.drive)
+    path = chosen_lidar(options.drive, options)
+    sensor, drive = load_sensor(options.sensor), opened(path)
     extra = [_asked_for(text) for text in options.effect]
     names = tuple(sorted(chosen_frames(drive, options.frames))) if options.frames else None
-    folder = options.out or beside(options.drive, "diagnosis")
+    folder = options.out or beside(path, "diagnosis")
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
     with ProgressReport(console, "reading the drive") as report:
@@ -63,7 +74,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     found = replace(found, sensor_out=os.path.relpath(sensor_out))
     words = Vocabulary(extra)
     explored = explored_of(found)
-    page = write_page(folder, format_diagnosis(found, words, str(options.drive), str(options.sensor), explored))
+    page = write_page(folder, format_diagnosis(found, words, str(path), str(options.sensor), explored))
     if not options.quiet:
         print(headline(found, words, left_words(explored)))
     say_notes(found.notes, console)

@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
-from cosim.cli.options import add_common, write_json
+from cosim.cli.options import add_common, add_lidar, chosen_lidar, write_json
 from cosim.cli.progress import ProgressReport
 
 
@@ -22,6 +22,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument("format", choices=("openpcdet", *FORMATS), help="whose layout or format to write")
     parser.add_argument("drive", type=Path, metavar="DIR", help="a finished drive, simulated or real")
     parser.add_argument("--out", type=Path, metavar="DIR2", help="folder to write (default: DIR-FORMAT beside DIR)")
+    add_lidar(parser)
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
@@ -32,8 +33,9 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from cosim.export import export
     from cosim.export.source import open_finished
 
-    drive, name = open_finished(options.drive), options.format
-    folder = options.out or beside(options.drive, name)
+    path, name = chosen_lidar(options.drive, options), options.format
+    drive = open_finished(path)
+    folder = options.out or beside(path, name)
     with ProgressReport(console, "exporting", len(drive)) as report:
         if name == "openpcdet":
             from training.openpcdet import export_openpcdet

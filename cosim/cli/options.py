@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cosim.drives.kitti.layout import LIDARS, lidar_folder
 from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
@@ -20,6 +21,22 @@ def add_common(parser: argparse.ArgumentParser, *, computes: bool = False) -> No
     parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
     if computes:
         parser.add_argument("--json", type=Path, metavar="FILE", help="also write the result as JSON")
+
+
+def add_lidar(parser: argparse.ArgumentParser) -> None:
+    """`--lidar`: which LiDAR of a drive with several; `chosen_lidar` obeys."""
+    parser.add_argument(
+        "--lidar", metavar="NAME", help="of a drive with several LiDARs, one beside the first (lidars/NAME/)"
+    )
+
+
+def chosen_lidar(drive: Path, options: argparse.Namespace) -> Path:
+    """The folder of the LiDAR that was asked for.
+
+    Raises:
+        DriveError: the drive has no such LiDAR.
+    """
+    return lidar_folder(drive, options.lidar)
 
 
 def add_frames(parser: argparse.ArgumentParser) -> None:
@@ -52,6 +69,9 @@ def without_nan(value: Any) -> Any:
 
 
 def beside(drive: Path, word: str) -> Path:
-    """The folder of a drive's results: its name and a word, beside it."""
+    """The folder of a drive's results: its name, that of its LiDAR where it is not the first, and a word, beside it."""
     given = drive.resolve()
+    if given.parent.name == LIDARS:
+        base = given.parent.parent
+        return base.with_name(f"{base.name}-{given.name}-{word}")
     return given.with_name(f"{given.name}-{word}")

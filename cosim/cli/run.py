@@ -23,9 +23,13 @@ def add_command(commands: Any) -> None:
     parser.add_argument("config", nargs="?", type=Path, metavar="CONFIG.yaml", help="settings; options below win")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the drive to write or to go on with")
     parser.add_argument("--town", metavar="T", help="built-in towns (town01,town02 or all) or a .sumocfg")
+    parser.add_argument(
+        "--trajectories", type=Path, metavar="FILE", help="who drives where: FCD output, CommonRoad, or a table (CSV)"
+    )
     parser.add_argument("--frames", type=int, metavar="N", help="frames to record")
     parser.add_argument("--seed", type=int, metavar="S", help="seed of everything random")
     parser.add_argument("--sensor", metavar="FILE", help="sensor file, or a pattern's name")
+    parser.add_argument("--rig", metavar="FILE", help="rig file, or the name of a built-in rig")
     parser.add_argument("--workers", type=int, default=1, metavar="W", help="processes that share the episodes")
     parser.add_argument(
         "--engine", choices=("local", "dask"), default="local", help="processes of this machine, or a Dask cluster's"
@@ -45,13 +49,19 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Record the drive, with a progress bar."""
     from cosim.capture.disk_estimate import estimate_bytes, in_words
+    from cosim.capture.rig_sensors import rig_sensors
     from cosim.capture.runner import run
     from cosim.capture.time_estimate import estimate_s, machine_slowness, time_in_words
     from cosim.cli.progress import FrameReport
-    from sensors.sensor_model import load_sensor
 
     config = load_config(
-        options.config, town=_towns(options.town), frames=options.frames, seed=options.seed, sensor=options.sensor
+        options.config,
+        town=_towns(options.town),
+        frames=options.frames,
+        seed=options.seed,
+        sensor=options.sensor,
+        rig=options.rig,
+        trajectories=options.trajectories,
     )
     engine = _engine(options)
     begun = time.monotonic()
@@ -59,9 +69,9 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
         def start(done: int, total: int) -> None:
             if done < total and options.engine == "local":  # how many a cluster has, only time tells
-                sensor, left, workers = load_sensor(config.sensor), 1 - done / total, options.workers
-                size = in_words(estimate_bytes(config, sensor) * left)
-                takes = time_in_words(estimate_s(config, sensor, workers, machine_slowness()) * left)
+                sensors, left, workers = list(rig_sensors(config).values()), 1 - done / total, options.workers
+                size = in_words(estimate_bytes(config, sensors) * left)
+                takes = time_in_words(estimate_s(config, sensors, workers, machine_slowness()) * left)
                 with_whom = "1 worker" if workers == 1 else f"{workers} workers"
                 console.print(f"{total - done} frames to record: about {size}, {takes} with {with_whom}")
             report.start(done, total)

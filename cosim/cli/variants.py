@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.console import Console
 
-from cosim.cli.options import add_common, write_json
+from cosim.cli.options import add_common, add_lidar, chosen_lidar, write_json
 
 
 def add_command(commands: Any) -> None:
@@ -29,6 +29,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="also draw one frame of all of them")
     parser.add_argument("--frame", metavar="NAME", help="the frame to draw (default: one with large objects)")
     parser.add_argument("--beside", type=Path, metavar="KITTI", help="a measured drive, whose frame is drawn too")
+    add_lidar(parser)
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
@@ -43,7 +44,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     begun = time.monotonic()
     with FrameReport(console, starting="reading the drive", working="measuring") as report:
         result = make_variants(
-            options.drive,
+            chosen_lidar(options.drive, options),
             options.variant,
             options.out,
             engine=engine,

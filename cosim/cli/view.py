@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from cosim.cli.options import add_common, say_notes
+from cosim.cli.options import add_common, add_lidar, beside, chosen_lidar, say_notes
 from cosim.cli.progress import ProgressReport
 from cosim.errors import DriveError
 
@@ -53,6 +53,7 @@ def add_command(commands: Any) -> None:
         "--port", type=int, default=_PORT, metavar="N", help=f"where to serve, 0: any that is free (default: {_PORT})"
     )
     parser.add_argument("--rerun", action="store_true", help="show the frames in Rerun's viewer; --out FILE.rrd saves")
+    add_lidar(parser)
     add_common(parser)
     parser.set_defaults(execute=execute)
 
@@ -64,7 +65,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
     if options.serve and (options.rerun or options.out):
         raise DriveError("--serve writes nothing and opens a browser; leave out --rerun and --out")
-    drives = [Drive(path) for path in (options.drive, options.other) if path is not None]
+    drives = [Drive(chosen_lidar(path, options)) for path in (options.drive, options.other) if path is not None]
     for_file = not (options.serve or options.rerun)
     most = _MOST_IN_A_FILE if for_file else None
     shown = show_drives(drives, options.frames, most, options.sensor, for_file=for_file)
@@ -81,8 +82,7 @@ def _write(drives: list[Drive], shown: ShownDrives, options: argparse.Namespace,
     from cosim.view import richest_frames, write_view
     from cosim.view.interactive import write_interactive
 
-    given = options.drive.resolve()
-    out: Path = options.out or given.with_name(f"{given.name}-view")
+    out: Path = options.out or beside(chosen_lidar(options.drive, options), "view")
     alone = out.suffix.lower() in (".html", ".htm")
     pictured = (
         () if alone or len(drives) > 1 else richest_frames(drives[0], tuple(s[0] for s in shown.steps), _PICTURED)

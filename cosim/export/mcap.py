@@ -1,7 +1,8 @@
 """ROS 2 messages in MCAP files: scans, images with their calibration, and poses; a file a sequence.
 
 sensor_msgs/PointCloud2, CompressedImage and CameraInfo, tf2_msgs/TFMessage as ROS 2 Humble defines them. Frames of
-reference are `map`, `base_link`, `lidar` and the cameras' names; stamps count from the beginning of the simulation.
+reference are `map`, `base_link`, `lidar`, `lidar_NAME` of those beside the first and the cameras' names; stamps count
+from the beginning of the simulation.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from cosim.drives.kitti import Drive, Frame
 from cosim.drives.twin.frame import Camera
-from cosim.export.source import Sequence, demand, needed, sequences
+from cosim.export.source import Sequence, demand, lidar_frames, needed, sequences
 
 _POINT = np.dtype(
     [
@@ -31,6 +32,7 @@ _POINT = np.dtype(
 )
 _ROS_TYPE = {"<f4": 7, "<u2": 4, "|u1": 2}  # sensor_msgs/PointField
 _NS = 1_000_000_000
+_MODELS = {"brown": "plumb_bob", "fisheye": "equidistant"}
 
 
 def export_mcap(drive: Drive, folder: Path, on_frame: Callable[[], None]) -> dict[str, int]:
@@ -40,11 +42,11 @@ def export_mcap(drive: Drive, folder: Path, on_frame: Callable[[], None]) -> dic
     for sequence in found:
         target = folder / sequence.name
         shutil.rmtree(target, ignore_errors=True)  # a bag is written whole or not at all
-        messages += _write(sequence, target, on_frame)
+        messages += _write(drive, sequence, target, on_frame)
     return {"frames": len(drive), "sequences": len(found), "messages": messages}
 
 
-def _write(sequence: Sequence, target: Path, on_frame: Callable[[], None]) -> int:
+def _write(drive: Drive, sequence: Sequence, target: Path, on_frame: Callable[[], None]) -> int:
     rosbag2, typesys = needed("rosbags.rosbag2"), needed("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     count = 0
@@ -52,7 +54,7 @@ def _write(sequence: Sequence, target: Path, on_frame: Callable[[], None]) -> in
         connections: dict[str, Any] = {}
         for frame in sequence:
             stamp = round(frame.twin.time_s * _NS)
-            for topic, message in _Messages(store, frame, stamp).all():
+            for topic, message in _Messages(store, drive, frame, stamp).all():
                 kind = message.__msgtype__
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=store)
@@ -65,12 +67,15 @@ def _write(sequence: Sequence, target: Path, on_frame: Callable[[], None]) -> in
 class _Messages:
     """The messages of one frame."""
 
-    def __init__(self, store: Any, frame: Frame, stamp: int) -> None:
+    def __init__(self, store: Any, drive: Drive, frame: Frame, stamp: int) -> None:
         self._types, self._frame, self._stamp = store.types, frame, stamp
+        others = list(lidar_frames(drive, frame).items())[1:]
+        self._lidars = {"lidar": frame} | {f"lidar_{name}": seen for name, seen in others}
 
     def all(self) -> list[tuple[str, Any]]:
         """Topics and messages."""
-        found = [("/lidar/points", self._cloud()), ("/tf", self._transforms())]
+        found = [(f"/{name}/points", self._cloud(name, seen)) for name, seen in self._lidars.items()]
+        found.append(("/tf", self._transforms()))
         for part, camera in self._frame.twin.cameras.items():
             source = self._frame.find(part)
             if source is not None:
@@ -82,20 +87,20 @@ class _Messages:
         time = self._types["builtin_interfaces/msg/Time"](sec=self._stamp // _NS, nanosec=self._stamp % _NS)
         return self._types["std_msgs/msg/Header"](stamp=time, frame_id=frame_id)
 
-    def _cloud(self) -> Any:
-        points, rays = self._frame.points, self._frame.rays
+    def _cloud(self, name: str, frame: Frame) -> Any:
+        points, rays = frame.points, frame.rays
         rows = np.zeros(len(points), _POINT)
         rows["x"], rows["y"], rows["z"], rows["intensity"] = points.T
         rows["ring"], rows["time"], rows["return_no"] = rays.ring, rays.time_s, rays.return_no
         field = self._types["sensor_msgs/msg/PointField"]
         fields = _POINT.fields or {}
         return self._types["sensor_msgs/msg/PointCloud2"](
-            header=self._header("lidar"),
+            header=self._header(name),
             height=1,
             width=len(rows),
             fields=[
-                field(name=name, offset=int(where[1]), datatype=_ROS_TYPE[where[0].str], count=1)
-                for name, where in fields.items()
+                field(name=column, offset=int(where[1]), datatype=_ROS_TYPE[where[0].str], count=1)
+                for column, where in fields.items()
             ],
             is_bigendian=False,
             point_step=_POINT.itemsize,
@@ -107,7 +112,8 @@ class _Messages:
     def _transforms(self) -> Any:
         twin = self._frame.twin
         found = [self._transform("map", "base_link", twin.ego.pose)]
-        found.append(self._transform("base_link", "lidar", twin.lidar.pose_ego))
+        for name, seen in self._lidars.items():
+            found.append(self._transform("base_link", name, seen.twin.lidar.pose_ego))
         for part, camera in twin.cameras.items():
             found.append(self._transform("base_link", part, camera.pose_ego))
         return self._types["tf2_msgs/msg/TFMessage"](transforms=found)
@@ -133,8 +139,8 @@ class _Messages:
             header=self._header(part),
             height=camera.height,
             width=camera.width,
-            distortion_model="plumb_bob",
-            d=np.zeros(5),
+            distortion_model=_MODELS[camera.distortion.model] if camera.distortion else "plumb_bob",
+            d=np.array(camera.distortion.coefficients if camera.distortion else (0.0,) * 5),
             k=camera.P[:, :3].reshape(-1).astype(np.float64),
             r=np.eye(3).reshape(-1),
             p=camera.P.reshape(-1).astype(np.float64),

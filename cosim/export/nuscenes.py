@@ -20,8 +20,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cosim.drives.kitti import Drive, Frame, points_in_boxes
+from cosim.drives.kitti.level import levelled
 from cosim.drives.twin.frame import Camera, Instance
-from cosim.export.source import Sequence, demand, instance_boxes, sequences
+from cosim.export.source import Sequence, demand, instance_boxes, lidar_frames, sequences
 
 _CATEGORIES = {
     "car": "vehicle.car",
@@ -37,7 +38,6 @@ _MOVING |= {"pedestrian": ("pedestrian.standing", "pedestrian.moving")}
 _CHANNELS = {"image_0": "CAM_FRONT_LEFT_GRAY", "image_1": "CAM_FRONT_RIGHT_GRAY", "image_2": "CAM_FRONT"}
 _CHANNELS |= {"image_3": "CAM_FRONT_RIGHT"}
 _VISIBILITY = (("1", 0.0), ("2", 0.4), ("3", 0.6), ("4", 0.8))
-_LIDAR = "LIDAR_TOP"
 _US = 1e6
 _FARTHEST_M = 100.0
 VERSION = "v1.0-mini"
@@ -136,17 +136,17 @@ class _Tables:
     def _data(self, frame: Frame, sample: str, stamp: int, data: dict[str, list[dict[str, Any]]]) -> None:
         ego = frame.twin.ego.pose
         pose = self._row("ego_pose", f"pose-{frame.name}", timestamp=stamp, **_placed(ego))
-        cloud = np.column_stack([frame.points[:, :3], frame.points[:, 3] * 255, frame.rays.ring]).astype("<f4")
-        path = self._folder / "samples" / _LIDAR / f"{frame.name}.pcd.bin"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        cloud.tofile(path)
-        sensor = self._sensor(_LIDAR, "lidar", frame.twin.lidar.pose_ego, [])
-        files = [(_LIDAR, sensor, f"samples/{_LIDAR}/{path.name}", "pcd", 0, 0)]
+        files = []
+        for name, seen in lidar_frames(self._drive, frame).items():
+            channel = f"LIDAR_{name.upper()}"
+            file = self._cloud(seen, channel)
+            sensor = self._sensor(channel, "lidar", seen.twin.lidar.pose_ego, [])
+            files.append((channel, sensor, file, "pcd", 0, 0))
         for part, camera in frame.twin.cameras.items():
-            source = frame.find(part) if part in _CHANNELS else None
+            source = frame.find(part)
             if source is None:
                 continue
-            channel = _CHANNELS[part]
+            channel = _CHANNELS.get(part) or f"CAM_{part.removeprefix('image_').upper()}"
             pose_ego, intrinsic = _pinhole(camera)
             token = self._sensor(channel, "camera", pose_ego, intrinsic.tolist())
             target = self._folder / "samples" / channel / source.name
@@ -172,6 +172,14 @@ class _Tables:
             )
             data.setdefault(channel, []).append(self.rows["sample_data"][-1])
 
+    def _cloud(self, frame: Frame, channel: str) -> str:
+        """Write a scan; its path in the folder."""
+        cloud = np.column_stack([frame.points[:, :3], frame.points[:, 3] * 255, frame.rays.ring]).astype("<f4")
+        path = self._folder / "samples" / channel / f"{frame.name}.pcd.bin"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        cloud.tofile(path)
+        return f"samples/{channel}/{path.name}"
+
     def _sensor(self, channel: str, modality: str, pose_ego: np.ndarray, intrinsic: list) -> str:
         """The token of a sensor at its place, entered when it is new."""
         sensor = _token(f"sensor-{channel}")
@@ -186,6 +194,7 @@ class _Tables:
         return token
 
     def _annotations(self, frame: Frame, sample: str, scene: str, tracks: dict[str, list[dict[str, Any]]]) -> None:
+        frame = levelled(frame)
         boxes = instance_boxes(frame.twin)
         points = points_in_boxes(frame.points, boxes).sum(1)
         near = np.linalg.norm(boxes.centre[:, :2], axis=1) < _FARTHEST_M

@@ -15,7 +15,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cosim.drives.kitti import Drive, Frame, points_in_boxes
-from cosim.export.source import Sequence, Tracks, demand, instance_boxes, sequences
+from cosim.drives.kitti.level import levelled
+from cosim.export.source import Sequence, Tracks, demand, instance_boxes, lidar_frames, sequences
 
 _WORLD, _EGO, _LIDAR = "world", "vehicle-iso8855", "lidar"
 
@@ -55,8 +56,15 @@ def _document(drive: Drive, sequence: Sequence, on_frame: Callable[[], None]) ->
     return {
         "openlabel": {
             "metadata": {"schema_version": "1.0.0", "name": drive.root.name, "annotator": "cosim"},
-            "coordinate_systems": _coordinate_systems(first),
-            "streams": {_LIDAR: {"type": "lidar", "uri": "velodyne", "description": first.twin.lidar.pattern}}
+            "coordinate_systems": _coordinate_systems(drive, first),
+            "streams": {
+                name: {
+                    "type": "lidar",
+                    "uri": str(seen.path("velodyne").parent.relative_to(drive.base)),
+                    "description": seen.twin.lidar.pattern,
+                }
+                for name, seen in _lidars(drive, first).items()
+            }
             | {part: {"type": "camera", "uri": part} for part in first.twin.cameras if first.has(part)},
             "frame_intervals": [{"frame_start": 0, "frame_end": len(sequence) - 1}],
             "objects": {
@@ -71,7 +79,8 @@ def _document(drive: Drive, sequence: Sequence, on_frame: Callable[[], None]) ->
 def _cuboids(frame: Frame) -> list[tuple[list[float], int]]:
     """Cuboid of each instance in LiDAR axes, and how many points lie in its box."""
     boxes = instance_boxes(frame.twin)
-    points = points_in_boxes(frame.points, boxes).sum(1)
+    upright = levelled(frame)
+    points = points_in_boxes(upright.points, instance_boxes(upright.twin)).sum(1)
     to_lidar = np.linalg.inv(frame.twin.ego.pose @ frame.twin.lidar.pose_ego)
     cuboids = []
     for row, thing in enumerate(frame.twin.instances):
@@ -83,10 +92,13 @@ def _cuboids(frame: Frame) -> list[tuple[list[float], int]]:
 def _properties(drive: Drive, frame: Frame) -> dict[str, Any]:
     """When a frame was taken, where its vehicle was, and which files belong to it."""
     pose = frame.twin.ego.pose
-    streams = {_LIDAR: {"uri": str(frame.path("velodyne").relative_to(drive.root))}}
+    streams = {
+        name: {"uri": str(seen.path("velodyne").relative_to(drive.base))}
+        for name, seen in _lidars(drive, frame).items()
+    }
     for part in frame.twin.cameras:
         if frame.has(part):
-            streams[part] = {"uri": str(frame.path(part).relative_to(drive.root))}
+            streams[part] = {"uri": str(frame.path(part).relative_to(drive.base))}
     transform = {"src": _WORLD, "dst": _EGO, "transform_src_to_dst": {"matrix4x4": pose.reshape(-1).tolist()}}
     return {
         "timestamp": frame.twin.time_s,
@@ -95,9 +107,15 @@ def _properties(drive: Drive, frame: Frame) -> dict[str, Any]:
     }
 
 
-def _coordinate_systems(frame: Frame) -> dict[str, Any]:
+def _lidars(drive: Drive, frame: Frame) -> dict[str, Frame]:
+    """A frame by LiDAR; the first one, in whose axes cuboids are, is `lidar`."""
+    others = list(lidar_frames(drive, frame).items())[1:]
+    return {_LIDAR: frame} | {f"{_LIDAR}_{name}": seen for name, seen in others}
+
+
+def _coordinate_systems(drive: Drive, frame: Frame) -> dict[str, Any]:
     """World, vehicle and sensors, each with its pose in its parent."""
-    sensors = {_LIDAR: frame.twin.lidar.pose_ego}
+    sensors = {name: seen.twin.lidar.pose_ego for name, seen in _lidars(drive, frame).items()}
     sensors |= {part: camera.pose_ego for part, camera in frame.twin.cameras.items() if frame.has(part)}
     systems: dict[str, Any] = {
         _WORLD: {"type": "scene_cs", "parent": "", "children": [_EGO]},

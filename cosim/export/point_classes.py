@@ -25,7 +25,10 @@ _STATIC = {
     71: ("bark",),
     72: ("grass", "soil"),
     80: ("steel_galvanised", "steel_painted"),
-    81: ("sign_face", "sign_back", "signal_housing", "signal_lens"),
+    81: (
+        *("sign_face", "sign_back", "sign_red", "sign_blue", "sign_yellow", "sign_black"),
+        *("signal_housing", "signal_lens"),
+    ),
 }
 _OTHER_OBJECT = 99
 # kind → class standing, class moving

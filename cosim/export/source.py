@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment
 
 from cosim.drives.kitti import Drive, Frame, points_in_boxes
 from cosim.drives.kitti.boxes import Boxes
+from cosim.drives.kitti.level import levelled
 from cosim.drives.twin import TwinFrame
 from cosim.drives.writer import DriveWriter
 from cosim.errors import CosimError
@@ -96,7 +97,7 @@ def needed(module: str) -> ModuleType:
 
 def sequences(drive: Drive) -> list[Sequence]:
     """A drive cut where its simulations begin; a recording is one."""
-    entries = DriveWriter(drive.root).manifest() if (drive.root / "manifest.jsonl").is_file() else {}
+    entries = DriveWriter(drive.base).manifest() if (drive.base / "manifest.jsonl").is_file() else {}
     cut: list[list[str]] = []
     times: list[list[float]] = []
     last: tuple[object, float] | None = None
@@ -115,6 +116,12 @@ def sequences(drive: Drive) -> list[Sequence]:
     ]
 
 
+def lidar_frames(drive: Drive, frame: Frame) -> dict[str, Frame]:
+    """A frame as each of a drive's LiDARs saw it, by the LiDAR's name; a first one without a name is `top`."""
+    first = frame.twin.lidar.name or "top"
+    return {first: frame} | {name: drive.of_lidar(name)[frame.name] for name in drive.lidars}
+
+
 def instance_boxes(twin: TwinFrame) -> Boxes:
     """Boxes of all instances of a frame in LiDAR axes, upright there, in the twin's order."""
     to_lidar = np.linalg.inv(twin.ego.pose @ twin.lidar.pose_ego)
@@ -126,6 +133,7 @@ def instance_boxes(twin: TwinFrame) -> Boxes:
 
 def labelled_instances(frame: Frame) -> list[int]:
     """Row of the twin's instance that each label of a frame is of; −1 for `DontCare` and where there is none."""
+    frame = levelled(frame)
     labels = frame.labels
     found = [-1] * len(labels)
     rows = [row for row, kind in enumerate(labels.type) if kind.lower() != "dontcare"]
@@ -144,6 +152,7 @@ def labelled_instances(frame: Frame) -> list[int]:
 
 def point_instances(frame: Frame, margin_m: float = 0.1) -> np.ndarray:
     """Row of the twin's instance in whose box each point lies, (n,) int64; −1 for none."""
+    frame = levelled(frame)
     found = np.full(len(frame.points), -1)
     inside = points_in_boxes(frame.points, instance_boxes(frame.twin), margin_m)
     for row in np.flatnonzero(inside.any(1)):

@@ -119,7 +119,7 @@ class Labeller:
         for i, row in enumerate(rows):
             camera_from_model = camera_from_world @ instances.poses[row]
             points = _carried(camera_from_model, self._hull(instances.models[row]) * instances.scales[row])
-            if points[:, 2].min() > NEAR_M:
+            if self._depth(points).min() > NEAR_M:
                 uv = self._project(points)
                 full = np.array([*uv.min(0), *uv.max(0)])
                 boxes[i] = clip_boxes(full, width, height)
@@ -129,9 +129,13 @@ class Labeller:
                 boxes[i] = u.min(), v.min(), u.max(), v.max()
                 volume = _carried(camera_from_model, _FILLED_BOX * instances.sizes[row])
                 uv = self._project(volume)
-                inside = (uv >= 0).all(1) & (uv <= [width - 1, height - 1]).all(1) & (volume[:, 2] > NEAR_M)
+                inside = (uv >= 0).all(1) & (uv <= [width - 1, height - 1]).all(1) & (self._depth(volume) > NEAR_M)
                 truncated[i] = 1 - inside.mean()
         return boxes, truncated.clip(0, 1)
+
+    def _depth(self, points: np.ndarray) -> np.ndarray:
+        """Depths (n,) along the camera's optical axis [m]."""
+        return points @ self._P[2, :3] + self._P[2, 3]
 
     def _project(self, points: np.ndarray) -> np.ndarray:
         """Pixels (n, 2) of points in camera axes; those behind the camera give nonsense."""

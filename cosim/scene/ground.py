@@ -30,8 +30,15 @@ class Ground:
         Returns:
             (n,) float64 world z; the point's own z where no surface is found.
         """
+        surface, found = self._below(points)
+        return np.where(found, surface, np.asarray(points)[:, 2])
+
+    def lies_under(self, points: np.ndarray) -> np.ndarray:
+        """Whether there is a surface where `height` looks for one, (n,) bool."""
+        return self._below(points)[1]
+
+    def _below(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         start = np.asarray(points, np.float32) + np.array([0, 0, _ABOVE_M], np.float32)
         down = np.tile(np.array([[0, 0, -1]], np.float32), (len(start), 1))
         distance, triangle = self._bvh.first_hit(start, down, np.full(len(start), _BELOW_M, np.float32))
-        surface = start[:, 2].astype(np.float64) - distance
-        return np.where(triangle >= 0, surface, np.asarray(points)[:, 2])
+        return start[:, 2].astype(np.float64) - distance, triangle >= 0

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from assets import Mesh
-from assets.world import Groundwork, build_world
+from assets.world import Groundwork, SignalHead, build_world
 from cosim.capture.config import RunConfig
 from cosim.scene.ground import Ground
 from sensors.cameras import CameraRenderer, Light, PackedModel, SunShadows, Tiles
@@ -70,6 +70,7 @@ class Site:
         mesh: the static world.
         scene: the world as rays meet it.
         tiles: the world as cameras draw it.
+        signals: heads of its traffic signals.
     """
 
     land: Land
@@ -77,16 +78,20 @@ class Site:
     mesh: Mesh
     scene: Scene
     tiles: Tiles
+    signals: tuple[SignalHead, ...] = ()
 
     @classmethod
     def build(cls, config: RunConfig, land: Land, world: int, *, models: Models, threads: int) -> Site:
         """Build the world that the run's seed, the town and the world's number determine."""
         town, groundwork = land.town, land.groundwork
+        if config.world is not None:
+            mesh = config.world.read(town.streets)
+            return cls(land, world, mesh, Scene(mesh, models.load, threads, models=models.traced), Tiles.of(mesh))
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
         static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment, groundwork)
         scene = Scene(static.mesh, models.load, threads, models=models.traced)
-        return cls(land, world, static.mesh, scene, Tiles.of(static.mesh))
+        return cls(land, world, static.mesh, scene, Tiles.of(static.mesh), static.signals)
 
     def show(self, renderer: CameraRenderer, light: Light) -> None:
         """Let a renderer draw this place in a light."""

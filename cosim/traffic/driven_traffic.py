@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from cosim.traffic.actors import Actors
 from cosim.traffic.admission import Admission
 from cosim.traffic.behaviour import BehaviourConfig, Drivers, Event
@@ -55,6 +57,10 @@ class DrivenTraffic:
         """Protect a vehicle, and from now on give only those who are near it or act; `everyone` adds the others."""
         self.protect(vehicle)
         self._vicinity = Vicinity(self._traffic, vehicle, self._sight_m)
+
+    def attend(self, place: np.ndarray) -> None:
+        """From now on give only those who are near a place (2,) in the town's axes, or act."""
+        self._vicinity = Vicinity(self._traffic, place, self._sight_m)
 
     def everyone(self, actors: Actors) -> Actors:
         """The actors of the last step, and after them all whom only SUMO moves."""

@@ -18,14 +18,14 @@ class Vicinity:
 
     Args:
         traffic: the simulation.
-        centre: the vehicle that is followed (the ego).
+        centre: the vehicle that is followed (the ego), or a place (2,) in the town's axes.
         sight_m: who comes so near has been attended to for a while.
 
     Attributes:
         share: of all vehicles that drive, those attended to.
     """
 
-    def __init__(self, traffic: Traffic, centre: str, sight_m: float) -> None:
+    def __init__(self, traffic: Traffic, centre: str | np.ndarray, sight_m: float) -> None:
         self._traffic = traffic
         self._centre = centre
         self._reach_m = sight_m + _MARGIN_M
@@ -44,9 +44,10 @@ class Vicinity:
         if (self._steps - 1) % self._every_steps:
             return
         driving, parked, walking, places = self._traffic.places()
-        if self._centre not in driving:
+        if isinstance(self._centre, str) and self._centre not in driving:
             return
-        away = np.hypot(*(places - places[driving.index(self._centre)]).T).tolist()
+        here = places[driving.index(self._centre)] if isinstance(self._centre, str) else self._centre
+        away = np.hypot(*(places - here).T).tolist()
         names = [*driving, *parked, *walking]
         reach_m, stays_m = self._reach_m, self._reach_m + _LEAVES_M
         near = {
@@ -58,4 +59,4 @@ class Vicinity:
         self._traffic.attend(
             driven, [name for name in parked if name in near], [name for name in walking if name in near]
         )
-        self.share = len(driven) / len(driving)
+        self.share = len(driven) / max(len(driving), 1)

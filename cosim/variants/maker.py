@@ -84,6 +84,8 @@ class _FrameWork:
             labels = relabelled(exact, sensor, cloud.xyz, calibration, rng)
             files[f"{EXACT}/{name}.txt"] = self._exact_file
         files[f"label_2/{name}.txt"] = format_labels(labels, LABEL_DECIMALS).encode()
+        if self._source.drive.lidar:
+            files[f"twin/frames/{name}.json"] = self._frame.frame.twin.to_json().encode()
         cared = sum(kind != DONT_CARE for kind in labels.type)
         return VariantFrame(files, {"points": len(cloud), "labels": cared, **difficulties(labels)})
 

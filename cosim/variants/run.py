@@ -163,6 +163,8 @@ def _settings(source: Source, variant: Variant) -> str:
         "sensor": yaml.safe_load(variant.sensor.to_yaml()),
         "versions": {name: version(name) for name in _VERSIONS},
     }
+    if "label_camera" in source.drive.info:
+        document["label_camera"] = source.drive.info["label_camera"]
     return yaml.safe_dump(document, sort_keys=False)
 
 

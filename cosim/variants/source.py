@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import zlib
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 
 from assets.documents import parse_json
 from cosim.capture.camera_views import view_of_frame
+from cosim.capture.rig_sensors import folder_of, measuring_rng
 from cosim.drives.files import read_text
 from cosim.drives.kitti.drive import Drive
 from cosim.drives.kitti.frame import Frame
@@ -26,6 +26,8 @@ from sensors.pattern import Pattern, load_pattern
 from sensors.scene import Instances, Scene
 
 _LINKED = ("image_0", "image_1", "image_2", "image_3", "depth_0", "calib", "oxts", "twin/frames")
+_IMAGES = ("image", "depth", "label")  # what folders of rigs with cameras of their own begin with
+_OF_LIDAR = ("velodyne", "rays", "hits", "calib")
 
 
 class Source:
@@ -61,12 +63,12 @@ class Source:
 
     def rng(self, name: str) -> np.random.Generator:
         """The generator with which `cosim run` measures a frame."""
-        return np.random.default_rng([self.seed, int(name) if name.isdigit() else zlib.crc32(name.encode())])
+        return measuring_rng(self.seed, name, self.drive.lidar)
 
     @cached_property
     def identity(self) -> dict[str, str | int]:
         """What tells this drive from others."""
-        manifest = self.drive.root / "manifest.jsonl"
+        manifest = self.drive.base / "manifest.jsonl"
         content = manifest.read_bytes() if manifest.is_file() else "\n".join(self.drive.frames).encode()
         digest = hashlib.sha256(content).hexdigest()
         return {"drive": self.drive.root.resolve().name, "frames": len(self.drive), "manifest_sha256": digest}
@@ -74,16 +76,19 @@ class Source:
     @cached_property
     def sha256(self) -> Mapping[str, str]:
         """Checksums of the drive's files, as its manifest lists them."""
-        return {
-            file: digest
-            for entry in DriveWriter(self.drive.root).manifest().values()
-            for file, digest in zip(entry.get("files", ()), entry.get("sha256", ()), strict=False)
-        }
+        prefix, found = folder_of(self.drive.lidar), {}
+        for entry in DriveWriter(self.drive.base).manifest().values():
+            for file, digest in zip(entry.get("files", ()), entry.get("sha256", ()), strict=False):
+                if prefix and file.startswith(prefix):
+                    found[file.removeprefix(prefix)] = digest
+                elif not prefix or file.partition("/")[0] not in _OF_LIDAR:
+                    found[file] = digest
+        return found
 
     def world(self, name: str) -> str:
         """Which static world a frame stands in; the empty name where there is only one."""
         path = self.drive[name].find("twin/frames")
-        if path is None or not (self.drive.root / "twin/worlds").is_dir():
+        if path is None or not (self.drive.base / "twin/worlds").is_dir():
             return ""
         try:
             return str(parse_json(read_text(path)).get("static", ""))
@@ -92,12 +97,25 @@ class Source:
 
     def linked_files(self, name: str) -> dict[str, Path]:
         """Files of a frame that variants share with it, by path in the drive."""
-        found = {part: self.drive[name].find(part) for part in _LINKED}
+        found = {part: self.drive[name].find(part) for part in self._linked}
         return {f"{part}/{path.name}": path for part, path in found.items() if path is not None}
+
+    @cached_property
+    def _linked(self) -> tuple[str, ...]:
+        """Folders that variants share: not the twin of LiDARs beside the first, which names that in its place."""
+        if not self.drive[self.drive.frames[0]].reference:
+            named = _LINKED
+        else:
+            folders = (path.name for path in self.drive.base.iterdir() if path.is_dir())
+            images = sorted(
+                name for name in folders if name.partition("_")[0] in _IMAGES and not name.startswith("label_2")
+            )
+            named = (*images, "calib", "oxts", "twin/frames")
+        return tuple(part for part in named if not (self.drive.lidar and part == "twin/frames"))
 
     def common_files(self) -> dict[str, Path]:
         """Files of the whole drive that variants share, by path in the drive."""
-        root = self.drive.root
+        root = self.drive.base
         places = (*(root / "ImageSets").glob("*.txt"), root / "twin/materials.yaml", root / "twin/static.glb")
         below = (path for folder in ("static", "worlds", "models") for path in (root / "twin" / folder).glob("*.glb"))
         return {path.relative_to(root).as_posix(): path for path in (*places, *below) if path.is_file()}

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.drives.kitti import Boxes, Drive, Frame, PointRays
+from cosim.drives.kitti import Boxes, Drive, Frame, PointRays, read_depth
+from cosim.drives.kitti.level import levelled
 from cosim.errors import FormatError
 from cosim.view import captions
 from cosim.view.birds_eye import GroundPlan, draw_from_above, draw_outlines, name_boxes
 from cosim.view.camera import ENLARGED, draw_depth, draw_labels, draw_points, enlarge
+from cosim.view.camera_images import straight_image
 from cosim.view.captions import Caption
 from cosim.view.close_ups import FEWEST_POINTS, best_seen, draw_close_ups
 from cosim.view.colours import BACKGROUND, Scale, colour_by_instance
@@ -59,7 +61,7 @@ class FramePictures:
     """
 
     def __init__(self, drive: Drive, name: str, intensity: Scale) -> None:
-        self.frame: Frame = drive[name]
+        self.frame: Frame = levelled(drive[name])
         self._drive = drive
         self._intensity = intensity
         self.objects: Objects = find_objects(self.frame)
@@ -146,7 +148,7 @@ class FramePictures:
             yield Absent(captions.CAMERA_DEPTH, "there is no image_2/ or image_0/")
             yield Absent(captions.CAMERA_BOXES, "there is no image_2/ or image_0/")
             return
-        image = self.frame.image(folder)
+        image = straight_image(self.frame, folder)
         view = View.of_camera(self.frame.calibration, int(folder[-1]), image.shape[1], image.shape[0])
         view, image = view.enlarged(ENLARGED), enlarge(image)
         if self.frame.has("label_2"):
@@ -156,9 +158,10 @@ class FramePictures:
         yield Picture(captions.CAMERA_DEPTH, draw_points(image, self.frame.points, view, DISTANCE))
 
     def _depth(self) -> Picture | Absent:
-        if not self.frame.has("depth_0"):
-            return Absent(captions.DEPTH, "there is no depth_0/")
-        return Picture(captions.DEPTH, draw_depth(self.frame.depth, DISTANCE))
+        part = f"depth_{self.frame.reference or 0}"
+        if not self.frame.has(part):
+            return Absent(captions.DEPTH, f"there is no {part}/")
+        return Picture(captions.DEPTH, draw_depth(read_depth(self.frame.path(part)), DISTANCE))
 
     def _with_bar(self, image: np.ndarray) -> np.ndarray:
         bottom = image.shape[0]

@@ -13,6 +13,7 @@ import numpy as np
 from cosim.drives.kitti import Drive, encode_rgb
 from cosim.drives.writer import explained
 from cosim.view.birds_eye import GroundPlan, draw_from_above
+from cosim.view.camera_images import straight_image
 from cosim.view.captions import Caption
 from cosim.view.colours import Scale
 from cosim.view.facts import drive_facts, frame_facts
@@ -93,7 +94,7 @@ def _draw_thumbnail(drive: Drive, name: str, intensity: Scale, folder: Path, *, 
     frame = drive[name]
     folder_name = next((part for part in ("image_2", "image_0") if frame.has(part)), None)
     if folder_name is not None:
-        image = frame.image(folder_name)
+        image = straight_image(frame, folder_name)
         image = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
     else:
         width, height = _THUMBNAIL_PX

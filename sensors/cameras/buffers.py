@@ -19,7 +19,7 @@ _ATTRIBUTES = (
     ("position", 3, GL.GL_FLOAT, GL.GL_FALSE),
     ("normal", 3, GL.GL_BYTE, GL.GL_TRUE),
     ("colour", 4, GL.GL_UNSIGNED_BYTE, GL.GL_TRUE),
-    ("shade", 3, GL.GL_UNSIGNED_BYTE, GL.GL_TRUE),
+    ("shade", 4, GL.GL_UNSIGNED_BYTE, GL.GL_TRUE),
 )
 
 

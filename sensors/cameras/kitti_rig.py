@@ -73,8 +73,8 @@ def _projection(stereo_px_m: float) -> np.ndarray:
     return _frozen(np.array([[f, 0.0, u, stereo_px_m], [0.0, f, v, 0.0], [0.0, 0.0, 1.0, 0.0]]))
 
 
-def _rigid(rows: tuple[tuple[float, ...], ...]) -> np.ndarray:
-    """The nearest rotation to the printed digits (polar decomposition), and their translation."""
+def nearest_rotation(rows: tuple[tuple[float, ...], ...]) -> np.ndarray:
+    """[R | t] (3, 4), the nearest rotation to printed digits (polar decomposition), and their translation."""
     matrix = np.array(rows)
     left, _, right = np.linalg.svd(matrix[:, :3])
     matrix[:, :3] = left @ right
@@ -89,6 +89,6 @@ def _frozen(array: np.ndarray) -> np.ndarray:
 KITTI_CALIBRATION = KittiCalibration(
     *(_projection(offset) for offset in _STEREO_PX_M),
     R0_rect=_frozen(np.eye(3)),
-    Tr_velo_to_cam=_rigid(_VELO_TO_CAM),
-    Tr_imu_to_velo=_rigid(_IMU_TO_VELO),
+    Tr_velo_to_cam=nearest_rotation(_VELO_TO_CAM),
+    Tr_imu_to_velo=nearest_rotation(_IMU_TO_VELO),
 )

@@ -14,7 +14,7 @@ VERTEX = np.dtype(
         ("position", "<f4", 3),  # metres, mesh axes
         ("normal", "i1", 4),  # unit normal × 127 of the face the vertex speaks for
         ("colour", "u1", 4),  # square root of the linear albedo × 255; alpha 255 takes the instance's paint
-        ("shade", "u1", 4),  # share of sun and of sky that reaches the vertex × 255; material row + 1
+        ("shade", "u1", 4),  # share of sun and of sky that reaches the vertex × 255; material row + 1; 255 if it glows
     ]
 )
 
@@ -68,6 +68,7 @@ def pack(mesh: Mesh, shade: np.ndarray | None = None) -> PackedMesh:
     row = codes[:, 3].view(np.uint8)
     vertices["colour"] = palette[row]
     vertices["shade"][:, 2] = row + 1
+    vertices["shade"][:, 3] = material_column("glow")[row] * np.uint8(255)
     return PackedMesh(vertices, faces.astype(np.uint32))
 
 

@@ -49,8 +49,8 @@ MATERIAL_CLASSES = MappingProxyType(
         ),
         "vegetation": ("bark", "foliage", "foliage_dark", "hedge"),
         "pole": ("steel_galvanised", "steel_painted"),
-        "traffic_sign": ("sign_face", "sign_back"),
-        "traffic_light": ("signal_housing", "signal_lens"),
+        "traffic_sign": ("sign_face", "sign_back", "sign_red", "sign_blue", "sign_yellow", "sign_black"),
+        "traffic_light": ("signal_housing", "signal_lens", "lamp_red", "lamp_amber", "lamp_green"),
     }
 )
 """Materials of the static world by class; all others are `static`."""

@@ -42,6 +42,7 @@ class Phase(IntEnum):
     THRESHOLD = auto()
     DROPOUT = auto()
     MAX_RANGE = auto()
+    FOLIAGE = auto()
     RANGE_BIAS = auto()
     RANGE_SCALE = auto()
     RING_OFFSET = auto()

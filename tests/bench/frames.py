@@ -17,6 +17,8 @@ from cosim.capture.config import RunConfig
 from cosim.capture.episode import run_episode
 from cosim.capture.plan import plan_episodes
 from cosim.capture.recorder import Recorder
+from cosim.capture.rig_lidars import RigLidars
+from cosim.capture.rig_sensors import rig_sensors
 from cosim.capture.runner import run
 from cosim.drives.writer import DriveWriter
 from cosim.labels.labelling import Labeller
@@ -24,7 +26,7 @@ from cosim.scene.bridge import Bridge
 from cosim.traffic.driven_traffic import DrivenTraffic
 from cosim.variants import PAPER, make_variants
 from sensors.cameras import CameraRenderer
-from sensors.sensor_model import SensorModel, load_sensor
+from sensors.sensor_model import SensorModel
 from sensors.tracing import Tracer
 from tests.bench.rows import Row
 
@@ -37,9 +39,9 @@ _STAGES: dict[str, tuple[Any, str]] = {
     "LiDAR points": (SensorModel, "measure"),
     "cameras": (CameraRenderer, "render"),
     "labels": (Labeller, "label"),
-    "points, rays, labels, twin": (Recorder, "_files"),
+    "points, rays, calibration": (RigLidars, "files"),
     "image files": (recording, "encode_products"),
-    "hits file": (recording, "encode_hits"),
+    "hits file": (RigLidars, "hit_files"),
     "checksums and writing": (DriveWriter, "write_frame"),
 }
 
@@ -59,7 +61,7 @@ def stage_rows() -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder, ExitStack() as patches:
         for stage, (owner, name) in _STAGES.items():
             patches.enter_context(patch.object(owner, name, _counted(getattr(owner, name), stage, spent)))
-        recorder = Recorder(config, load_sensor(config.sensor), DriveWriter(Path(folder)))
+        recorder = Recorder(config, rig_sensors(config), DriveWriter(Path(folder)))
         run_episode(plan, config, recorder.move_to(plan), recorder, done=(), on_frame=follow)
         recorder.close()
     frames = len(begun) - 2

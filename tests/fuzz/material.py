@@ -9,10 +9,12 @@ from pathlib import Path
 import trimesh
 
 from assets import build_model
+from assets.shapes import box
 from cosim.drives.kitti.labels import read_labels
 from cosim.drives.twin import encode_glb
 from sumo_nets.tools import run_tool
 
+_RIG = Path(__file__).parents[2] / "sensors/rigs/roof_three.yaml"
 SENSOR = """pattern: hdl64e
 effects:
   - {effect: dual_block, upper_m: 0.0405, lower_m: -0.0405}
@@ -51,10 +53,37 @@ def make_material(drive: Path, folder: Path) -> None:
     ]
     header = "time_s,id,x_m,y_m,speed_mps,heading_deg,lane,type"
     (folder / "tracks.csv").write_text("\n".join([header, *rows]) + "\n")
+    _make_motion(folder)
     (folder / "detections").mkdir()
     labels = (folder / "drive/label_2/000000.txt").read_text().splitlines()
     seen = [f"{line} 0.9" for line in labels if not line.startswith("DontCare")]
     (folder / "detections/000000.txt").write_text("\n".join(seen) + "\n")
+
+
+def _make_motion(folder: Path) -> None:
+    """Trajectories in other formats, a rig and a world."""
+    rows = [f"{k},1,vehicle,{k},{0.8 * k:.2f},0.5,0.0,8.0,0.0" for k in range(30)]
+    header = "scenario_id,track_id,object_type,timestep,position_x,position_y,heading,velocity_x,velocity_y"
+    (folder / "motion.csv").write_text("\n".join([header, *rows]) + "\n")
+    vehicle = '<vehicle id="a" x="{1}" y="0" angle="90" type="car" speed="8" pos="1" lane="e_0"/>'
+    step = f'<timestep time="{{0}}">{vehicle}</timestep>'
+    (folder / "fcd.xml").write_text(f"<fcd-export>{''.join(step.format(k, 8 * k) for k in range(9))}</fcd-export>")
+    state = (
+        "<{0}><position><point><x>{1}</x><y>0</y></point></position><orientation><exact>0</exact></orientation>"
+        "<time><exact>{2}</exact></time><velocity><exact>8</exact></velocity></{0}>"
+    )
+    bounds = "".join(
+        f"<{side}Bound><point><x>0</x><y>{y}</y></point><point><x>90</x><y>{y}</y></point></{side}Bound>"
+        for side, y in (("left", 2), ("right", -2))
+    )
+    states = "".join(state.format("state", 5 + k, k) for k in range(1, 9))
+    (folder / "lanes.xml").write_text(
+        f'<commonRoad timeStepSize="0.1"><lanelet id="1">{bounds}</lanelet><dynamicObstacle id="2"><type>car</type>'
+        "<shape><rectangle><length>4</length><width>2</width></rectangle></shape>"
+        f"{state.format('initialState', 5, 0)}<trajectory>{states}</trajectory></dynamicObstacle></commonRoad>"
+    )
+    shutil.copyfile(_RIG, folder / "rig.yaml")
+    (folder / "road.glb").write_bytes(encode_glb(box((200, 30, 0.2), (50, 0, -0.1), "asphalt"), "road"))
 
 
 def _copy_one_frame(drive: Path, target: Path) -> None:
@@ -87,5 +116,7 @@ def _make_town(folder: Path) -> None:
     )
     (folder / "town.add.xml").write_text(
         '<additional><vType id="car" length="4.5"/><parkingArea id="p" lane="A0A1_0" startPos="10" endPos="40" '
-        'roadsideCapacity="4"><space x="1" y="2" length="5" width="2"/></parkingArea></additional>\n'
+        'roadsideCapacity="4"><space x="1" y="2" length="5" width="2"/></parkingArea>'
+        '<poly id="b" type="building" shape="10,10 20,10 20,20"><param key="height" value="8"/></poly>'
+        '<poi id="t" type="natural.tree" x="5" y="5"/></additional>\n'
     )

@@ -6,7 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from assets.external import load_external
+from assets.streets import StreetLane, Streets
 from cosim.capture.config import load_config
 from cosim.driver_discrepancy.tracks import read_tracks
 from cosim.drives.check import check_drive
@@ -18,8 +21,11 @@ from cosim.drives.kitti.oxts import read_oxts
 from cosim.drives.kitti.points import read_points, read_points_lenient
 from cosim.drives.kitti.rays import read_rays
 from cosim.drives.twin import read_frame, read_glb, read_materials
+from cosim.scene.world_file import WorldFile
+from cosim.traffic.trajectories import read_trajectories
 from sensors.hits_file import load_hits
 from sensors.pattern import load_pattern
+from sensors.rig import load_rig
 from sensors.sensor_model import load_sensor
 from sumo_nets import read_town
 from tests.fuzz.mutations import Mutation, spoil_bytes, spoil_glb, spoil_json, spoil_text, spoil_zip
@@ -56,6 +62,23 @@ def _results(path: Path) -> object:
     return read_results(path.parent, path.parent.parent / "drive/label_2")
 
 
+_ROAD = Streets(
+    "road", (StreetLane("e_0", "e", "drive", np.array([[-10.0, 0, 0], [110, 0, 0]]), 7.0, 14.0, False),), (), (), ()
+)
+
+
+def _trajectories(path: Path) -> object:
+    return read_trajectories(path, _ROAD, [path])
+
+
+def _scenario(path: Path) -> object:
+    return read_trajectories(path, read_town(path).streets)
+
+
+def _world(path: Path) -> object:
+    return WorldFile(file=path).read(_ROAD)
+
+
 def _above(read: Callable[[Path], object]) -> Callable[[Path], object]:
     """What reads the folder that a file is in."""
     return lambda path: read(path.parent)
@@ -89,5 +112,11 @@ READERS = (
     Reader("vehicle obj", "vehicles/box.obj", spoil_text, _above(load_external)),
     Reader("vehicle dae", "vehicles/box.dae", spoil_text, _above(load_external)),
     Reader("trajectories", "tracks.csv", spoil_text, read_tracks),
+    Reader("replayed table", "tracks.csv", spoil_text, lambda path: read_trajectories(path, _ROAD)),
+    Reader("tracks of a data set", "motion.csv", spoil_text, lambda path: read_trajectories(path, _ROAD)),
+    Reader("FCD output", "fcd.xml", spoil_text, _trajectories),
+    Reader("CommonRoad", "lanes.xml", spoil_text, _scenario),
+    Reader("rig", "rig.yaml", spoil_text, load_rig),
+    Reader("world", "road.glb", spoil_glb, _world),
     Reader("detections", "detections/000000.txt", spoil_text, _results),
 )

@@ -7,7 +7,8 @@ Geiger et al., "Vision meets Robotics: The KITTI Dataset", IJRR 2013, section IV
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -27,6 +28,7 @@ _SHAPES = {
 }
 _SPELLINGS = {"R_rect": "R0_rect", "Tr_velo_cam": "Tr_velo_to_cam", "Tr_imu_velo": "Tr_imu_to_velo"}
 _MANDATORY = ("P2", "R0_rect", "Tr_velo_to_cam")
+_NAMED_P, _NAMED_TR = "P_", "Tr_velo_to_rect_"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -39,6 +41,8 @@ class Calibration:
         R0_rect: (3, 3) rotation from camera 0 to rectified axes.
         Tr_velo_to_cam: (3, 4) LiDAR to camera 0.
         Tr_imu_to_velo: (3, 4) IMU to LiDAR.
+        named: of cameras that are not of KITTI's row, by name: (3, 4) projection from their own level axes to pixels,
+            and (4, 4) LiDAR to those axes.
     """
 
     P2: np.ndarray
@@ -48,6 +52,7 @@ class Calibration:
     P1: np.ndarray | None = None
     P3: np.ndarray | None = None
     Tr_imu_to_velo: np.ndarray | None = None
+    named: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, shape in _SHAPES.items():
@@ -98,6 +103,26 @@ class Calibration:
         """Numbers of the cameras that have a projection."""
         return tuple(camera for camera in range(4) if getattr(self, f"P{camera}") is not None)
 
+    def to_pixels(self, camera: str) -> np.ndarray:
+        """(3, 4) that carries homogeneous LiDAR axes to (u·d, v·d, d), d the depth [m].
+
+        Args:
+            camera: as in the folder `image_CAMERA`: a number, or a name.
+
+        Raises:
+            FormatError: the calibration has no such camera.
+        """
+        if camera in self.named:
+            P, to_rect = self.named[camera]
+            return P @ to_rect
+        if not camera.isdecimal():
+            raise FormatError(f"calibration has no P_{camera}; named cameras: {', '.join(self.named) or 'none'}")
+        return self.projection(int(camera)) @ self.velo_to_rect_matrix
+
+    def knows(self, camera: str) -> bool:
+        """Whether there is a projection of a camera, see `to_pixels`."""
+        return camera in self.named or (camera.isdecimal() and int(camera) in self.cameras)
+
     def project_rect(self, points_rect: np.ndarray, camera: int = 2) -> tuple[np.ndarray, np.ndarray]:
         """Pixels and depth of points (n, ≥ 3) in rectified camera axes; see `project`."""
         homogeneous = _carry(self.projection(camera), points_rect)
@@ -127,24 +152,45 @@ def parse_calibration(text: str, source: str | Path = "calibration") -> Calibrat
         FormatError: a matrix is missing, twice there, of the wrong size, not numeric or not finite.
     """
     matrices: dict[str, np.ndarray] = {}
+    named: dict[str, np.ndarray] = {}
     for number, line in enumerate(text.splitlines(), 1):
         key, _, rest = line.strip().replace(":", " ", 1).partition(" ")
         name = _SPELLINGS.get(key, key)
+        if name.startswith((_NAMED_P, _NAMED_TR)):
+            named[name] = _matrix(rest.split(), (3, 4), f"{source}:{number}: {key}")
+            continue
         if name not in _SHAPES:
             continue
-        where, shape, words = f"{source}:{number}: {key}", _SHAPES[name], rest.split()
-        if len(words) != shape[0] * shape[1]:
-            raise FormatError(f"{where} has {len(words)} numbers; expected {shape[0]} × {shape[1]}")
+        where = f"{source}:{number}: {key}"
         if name in matrices:
             raise FormatError(f"{where} is there twice; keep one")
-        matrices[name] = np.reshape(numbers(words, where), shape)
+        matrices[name] = _matrix(rest.split(), _SHAPES[name], where)
     missing = [name for name in _MANDATORY if name not in matrices]
     if missing:
         raise FormatError(f"{source}: lacks {', '.join(missing)}; a calibration needs {', '.join(_MANDATORY)}")
     try:
-        return Calibration(**matrices)
+        return Calibration(**matrices, named=_pairs(named))
     except FormatError as error:
         raise FormatError(f"{source}: {error}") from None
+
+
+def _matrix(words: list[str], shape: tuple[int, int], where: str) -> np.ndarray:
+    if len(words) != shape[0] * shape[1]:
+        raise FormatError(f"{where} has {len(words)} numbers; expected {shape[0]} × {shape[1]}")
+    return np.reshape(numbers(words, where), shape)
+
+
+def _pairs(matrices: Mapping[str, np.ndarray]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Projection and place of named cameras."""
+    found = {}
+    for key, P in matrices.items():
+        name = key.removeprefix(_NAMED_P)
+        if not key.startswith(_NAMED_P):
+            continue
+        if _NAMED_TR + name not in matrices:
+            raise FormatError(f"P_{name} has no {_NAMED_TR}{name}; give both")
+        found[name] = P, np.vstack([matrices[_NAMED_TR + name], [0, 0, 0, 1]])
+    return found
 
 
 def format_calibration(calibration: Calibration) -> str:
@@ -153,8 +199,14 @@ def format_calibration(calibration: Calibration) -> str:
     for name in _SHAPES:
         matrix = getattr(calibration, name)
         if matrix is not None:
-            lines.append(f"{name}: " + " ".join(f"{value:.12e}" for value in matrix.ravel()) + "\n")
+            lines.append(_line(name, matrix))
+    for name, (P, to_rect) in calibration.named.items():
+        lines += [_line(_NAMED_P + name, P), _line(_NAMED_TR + name, to_rect[:3])]
     return "".join(lines) + "\n"
+
+
+def _line(name: str, matrix: np.ndarray) -> str:
+    return f"{name}: " + " ".join(f"{value:.12e}" for value in matrix.ravel()) + "\n"
 
 
 def read_calibration(path: str | Path) -> Calibration:

@@ -12,13 +12,14 @@ import numpy as np
 
 from cosim.drives.files import is_safe_name, read_mapping
 from cosim.drives.kitti.frame import Frame
-from cosim.drives.kitti.layout import find_layout, list_scans, read_manifest, read_split
+from cosim.drives.kitti.layout import LIDARS, find_layout, lidar_folder, list_scans, read_manifest, read_split
 from cosim.drives.kitti.points import POINT_COLUMNS
 from cosim.drives.kitti.scan_notes import scan_notes
 from cosim.errors import DriveError
 
 _LOG = logging.getLogger(__name__)
 _SWEEP_S = 0.1  # HDL-64E at 10 Hz, as in KITTI
+_OF_FIRST = ("pattern", "sweep_s", "sensor", "columns")  # keys of drive.yaml that tell of the first LiDAR
 _CONSEQUENCES = {
     "rays": "rings and firing times are recovered from the order of the points",
     "image_0": "no grayscale images",
@@ -37,6 +38,8 @@ class Drive:
 
     Attributes:
         root: the folder that holds `velodyne/` and `calib/`.
+        base: the folder that holds what a drive's LiDARs share: the root, or for `lidars/NAME` that above.
+        lidar: name of the LiDAR beside the first whose scans these are; empty for the first.
         frames: names of all frames, sorted. Where there is a `manifest.jsonl`, those it lists as finished.
         info: what `drive.yaml` says; empty without one.
         kind: `simulated` or `measured`.
@@ -52,10 +55,10 @@ class Drive:
             FormatError: `drive.yaml`, the pattern or the manifest cannot be read.
         """
         layout = find_layout(Path(path))
-        self.root = layout.root
+        self.root, self.base, self.lidar = layout.root, layout.base, layout.lidar
         self._image_sets = layout.image_sets
         scans = list_scans(self.root)
-        manifest = self.root / "manifest.jsonl"
+        manifest = self.base / "manifest.jsonl"
         finished = set(read_manifest(manifest)) if manifest.is_file() else set(scans)
         self.frames: tuple[str, ...] = tuple(name for name in scans if name in finished)
         if not self.frames:
@@ -63,7 +66,7 @@ class Drive:
             raise DriveError(f"{self.root / 'velodyne'}: {state}; a drive needs at least one frame")
         self._lost = len(finished - set(scans))
         self._known = frozenset(self.frames)
-        self.info: Mapping[str, Any] = self._content(self.root / "drive.yaml")
+        self.info: Mapping[str, Any] = self._said()
         self.kind: Literal["simulated", "measured"] = self._find_kind()
         self.sweep_s = self._find_sweep()
         self._columns = self._find_columns()
@@ -87,7 +90,32 @@ class Drive:
             raise DriveError(
                 f"{self.root}: no frame {name!r}; it has {len(self)}, {self.frames[0]} to {self.frames[-1]}"
             )
-        return Frame(name, self.root, self.sweep_s, self._elevations_rad, self._columns)
+        return Frame(
+            name,
+            self.root,
+            self.sweep_s,
+            self._elevations_rad,
+            self._columns,
+            self.base if self.lidar else None,
+            self.lidar,
+            self._reference,
+        )
+
+    @property
+    def lidars(self) -> tuple[str, ...]:
+        """Names of the LiDARs beside the first; `of_lidar` opens theirs. None of such a LiDAR's own drive."""
+        folder = self.base / LIDARS
+        if self.lidar or not folder.is_dir():
+            return ()
+        return tuple(sorted(item.name for item in folder.iterdir() if (item / "velodyne").is_dir()))
+
+    def of_lidar(self, name: str) -> Drive:
+        """The drive as another of its LiDARs saw it.
+
+        Raises:
+            DriveError: there is no such LiDAR.
+        """
+        return Drive(lidar_folder(self.base, name))
 
     @property
     def splits(self) -> tuple[str, ...]:
@@ -133,12 +161,13 @@ class Drive:
     @property
     def materials_path(self) -> Path | None:
         """`twin/materials.yaml`, if there is one."""
-        return self._file("twin/materials.yaml")
+        path = self.base / "twin/materials.yaml"
+        return path if path.is_file() else None
 
     @property
     def model_names(self) -> tuple[str, ...]:
         """Names of the models in `twin/models/`."""
-        return tuple(sorted(file.stem for file in (self.root / "twin/models").glob("*.glb")))
+        return tuple(sorted(file.stem for file in (self.base / "twin/models").glob("*.glb")))
 
     def model_path(self, name: str) -> Path:
         """The glTF file of a model.
@@ -146,7 +175,7 @@ class Drive:
         Raises:
             DriveError: there is none of that name.
         """
-        file = self.root / "twin/models" / f"{name}.glb"
+        file = self.base / "twin/models" / f"{name}.glb"
         if not is_safe_name(name) or not file.is_file():
             raise DriveError(f"{self.root}: no twin/models/{name}.glb; add the model, or change the frames that use it")
         return file
@@ -154,8 +183,8 @@ class Drive:
     @cached_property
     def missing(self) -> tuple[str, ...]:
         """What is absent and what follows from it, a sentence each; empty for a complete drive."""
-        said = [self._absence(part, then) for part, then in _CONSEQUENCES.items()]
-        if not any((self.root / "twin" / place).exists() for place in ("static.glb", "static", "worlds")):
+        said = [self._absence(part, then) for part, then in _CONSEQUENCES.items() if self._expects(part)]
+        if not any((self.base / "twin" / place).exists() for place in ("static.glb", "static", "worlds")):
             said.append("twin/static.glb is absent: no static world")
         if self.pattern is None:
             said.append("the beam pattern is not given: name one, or it is taken to be KITTI's")
@@ -183,6 +212,23 @@ class Drive:
         """
         return (*self.missing, *scan_notes([self[name] for name in (self.frames if names is None else names)]))
 
+    @property
+    def _reference(self) -> str:
+        """Name of the camera that labels refer to, where the rig is not KITTI's."""
+        name = self.info.get("label_camera", "")
+        if not isinstance(name, str) or (name and not is_safe_name(name)):
+            raise DriveError(f"{self.base / 'drive.yaml'}: label_camera is {name!r}; give a camera's name")
+        return name
+
+    def _expects(self, part: str) -> bool:
+        """Whether KITTI's camera 0 is worth a word: rigs of their own have none."""
+        return not (self._reference and part.endswith("_0"))
+
+    def _said(self) -> Mapping[str, Any]:
+        """What `drive.yaml` says; of LiDARs beside the first, without what it says of that."""
+        info = self._content(self.base / "drive.yaml")
+        return {key: info[key] for key in info if key not in _OF_FIRST} if self.lidar else info
+
     def _absence(self, part: str, consequence: str) -> str:
         absent = sum(not frame.has(part) for frame in self)
         if not absent:
@@ -193,7 +239,7 @@ class Drive:
     def _find_kind(self) -> Literal["simulated", "measured"]:
         kind = self.info.get("kind")
         if kind is None:
-            unfinished = (self.root / "manifest.jsonl").is_file() or (self.root / "hits").is_dir()
+            unfinished = (self.base / "manifest.jsonl").is_file() or (self.root / "hits").is_dir()
             return "simulated" if unfinished else "measured"
         if kind not in ("simulated", "measured"):
             raise DriveError(f"{self.root / 'drive.yaml'}: kind is {kind!r}; write simulated or measured")

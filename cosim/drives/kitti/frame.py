@@ -40,6 +40,21 @@ PARTS = {
 }
 
 
+_OF_LIDAR = ("velodyne", "calib", "rays", "hits")
+_OF_REFERENCE = ("image_2", "depth_2", "semantic_2", "instance_2")
+_OF_CAMERAS = {"image": (".png", ".jpg"), "depth": (".png",), "semantic": (".png",), "instance": (".png",)}
+_OF_CAMERAS |= {"label": (".txt",)}
+
+
+def suffixes(part: str) -> tuple[str, ...]:
+    """What files of a part may end in, the one we write first.
+
+    Raises:
+        KeyError: there is no such part.
+    """
+    return PARTS[part] if part in PARTS else _OF_CAMERAS[part.partition("_")[0]]
+
+
 @dataclass(frozen=True, eq=False)
 class Frame:
     """The parts of one frame, each read once, at its first use. All raise `CosimError` on broken files.
@@ -50,6 +65,9 @@ class Frame:
         sweep_s: duration of a turn, to make up firing times with.
         elevations_rad: (k,) of the pattern's rings, if the drive tells; helps to recover rings.
         columns: floats a point in the file: 4, or 3 where intensity was not recorded.
+        base: holds what LiDARs share, where a drive has several; None: the root.
+        lidar: name of the LiDAR, where it is not the drive's first.
+        reference: name of the camera that labels refer to, where the rig is not KITTI's.
     """
 
     name: str
@@ -57,10 +75,19 @@ class Frame:
     sweep_s: float = 0.1
     elevations_rad: np.ndarray | None = None
     columns: int = 4
+    base: Path | None = None
+    lidar: str = ""
+    reference: str = ""
 
     def find(self, part: str) -> Path | None:
-        """The file of a part (a folder such as `label_2`), or None if it is absent."""
-        candidates = [self.root / part / (self.name + suffix) for suffix in PARTS[part]]
+        """The file of a part (a folder such as `label_2`), or None if it is absent.
+
+        `image_2` and its like are those of the camera that labels refer to, whatever it is called.
+        """
+        if self.reference and part in _OF_REFERENCE:
+            part = f"{part[:-2]}_{self.reference}"
+        root = self.root if self.base is None or part in _OF_LIDAR else self.base
+        candidates = [root / part / (self.name + suffix) for suffix in suffixes(part)]
         return next((path for path in candidates if path.is_file()), None)
 
     def has(self, part: str) -> bool:
@@ -75,7 +102,7 @@ class Frame:
         """
         found = self.find(part)
         if found is None:
-            file = f"{part}/{self.name}{PARTS[part][0]}"
+            file = f"{part}/{self.name}{suffixes(part)[0]}"
             raise DriveError(f"{self.root}: no {file}; add it, or leave out what needs {part}/")
         return found
 
@@ -131,8 +158,9 @@ class Frame:
 
     @cached_property
     def twin(self) -> TwinFrame:
-        """Poses and motion of everything at the pose time."""
-        return self._read("twin/frames", read_frame)
+        """Poses and motion of everything at the pose time; its `lidar` is this frame's."""
+        twin = self._read("twin/frames", read_frame)
+        return twin.seen_by(self.lidar) if self.lidar else twin
 
     @cached_property
     def depth(self) -> np.ndarray:
@@ -159,7 +187,7 @@ class Frame:
         Raises:
             DriveError: there are none.
         """
-        twin = self.root / "twin"
+        twin = (self.base or self.root) / "twin"
         named = self.twin.static if self.has("twin/frames") else None
         wanted = [twin / named] if named else [twin / "static.glb", twin / "static"]
         for place in wanted:
@@ -167,7 +195,7 @@ class Frame:
             if files:
                 return tuple(files)
         raise DriveError(
-            f"{self.root}: no static world at {' or '.join(str(p.relative_to(self.root)) for p in wanted)}; "
+            f"{self.root}: no static world at {' or '.join(f'twin/{p.relative_to(twin)}' for p in wanted)}; "
             "write one, or make a twin from labels with `cosim twin`"
         )
 

@@ -10,6 +10,8 @@ from cosim.drives.files import is_safe_name, read_text
 from cosim.errors import DriveError
 
 _BELOW = ("", "training", "testing")
+LIDARS = "lidars"
+"""Folder of the LiDARs beside a drive's first: each holds `velodyne/` and `calib/` and is a drive by itself."""
 
 
 @dataclass(frozen=True)
@@ -19,10 +21,14 @@ class Layout:
     Attributes:
         root: holds `velodyne/` and `calib/`.
         image_sets: holds the lists of frames, beside the root or above it; None if there are none.
+        base: holds what all LiDARs of a drive share; the root but for LiDARs beside the first.
+        lidar: name of such a LiDAR; empty for the first.
     """
 
     root: Path
     image_sets: Path | None
+    base: Path
+    lidar: str = ""
 
 
 def find_layout(path: Path) -> Layout:
@@ -41,9 +47,38 @@ def find_layout(path: Path) -> Layout:
         )
     if not (root / "calib").is_dir():
         raise DriveError(f"{root}: no calib/; every scan needs calib/NAME.txt: add them in KITTI's format")
-    above = [path, root.parent] if root.name in _BELOW[1:] else [path]
+    base, lidar = _base_of(root)
+    above = [path, root.parent] if root.name in _BELOW[1:] else [base]
     image_sets = next((folder / "ImageSets" for folder in above if (folder / "ImageSets").is_dir()), None)
-    return Layout(root, image_sets)
+    return Layout(root, image_sets, base, lidar)
+
+
+def lidar_folder(path: Path, name: str | None) -> Path:
+    """The folder of one of a drive's LiDARs beside the first; the drive itself where no name is given.
+
+    Raises:
+        DriveError: there is no such LiDAR.
+    """
+    if name is None:
+        return path
+    found = path / LIDARS / name
+    if not is_safe_name(name) or not (found / "velodyne").is_dir():
+        folder = path / LIDARS
+        known = sorted(item.name for item in folder.iterdir() if item.is_dir()) if folder.is_dir() else []
+        raise DriveError(
+            f"{path}: no LiDAR {name!r} in {LIDARS}/; there: {', '.join(known) or 'none'}, and the first, which needs "
+            "no --lidar"
+        )
+    return found
+
+
+def _base_of(root: Path) -> tuple[Path, str]:
+    """Where a LiDAR's drive keeps what its LiDARs share, and the LiDAR's name; the root itself for a first one."""
+    place = root.absolute()
+    base = place.parent.parent
+    if place.parent.name == LIDARS and (base / "velodyne").is_dir():
+        return root.parent.parent if len(root.parts) > 2 else base, place.name
+    return root, ""
 
 
 def list_scans(root: Path) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,7 +23,7 @@ def scan_notes(frames: Sequence[Frame]) -> tuple[str, ...]:
     bad = points = empty = dark = unordered = 0
     highest = 0.0
     for kept in frames:
-        frame = Frame(kept.name, kept.root, kept.sweep_s, kept.elevations_rad, kept.columns)  # forgets its points
+        frame = replace(kept)  # forgets its points
         bad += frame.bad_points
         points += len(frame.points)
         if not len(frame.points):

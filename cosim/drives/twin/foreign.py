@@ -44,7 +44,7 @@ def twin_materials(drive: Drive) -> MaterialTable:
             )
             for name, entry in entries.items()
         )
-    colours = {name: value for file in sorted((drive.root / "twin").rglob("*.glb")) for name, value in _colours(file)}
+    colours = {name: value for file in sorted((drive.base / "twin").rglob("*.glb")) for name, value in _colours(file)}
     if not colours:
         return TABLE
     _LOG.warning(

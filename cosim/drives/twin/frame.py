@@ -10,16 +10,19 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from assets.documents import parse_json
 from cosim.drives.files import read_text
 from cosim.drives.twin.json_values import Reader, arrays, matrix_json, number_json, poses, positives, vector_json
 from cosim.errors import FormatError
+from sensors.cameras.lens import Distortion
+from sensors.pattern import first_problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +44,19 @@ class Ego:
 
 @dataclass(frozen=True, eq=False)
 class Lidar:
-    """The LiDAR: pose_ego (4, 4) carries its axes into the ego's; pattern is the name of the beam pattern."""
+    """A LiDAR.
+
+    Attributes:
+        pose_ego: (4, 4) carries its axes into the ego's.
+        pattern: name of the beam pattern.
+        sweep_s: duration of a turn of its head, where it differs from the frame's; else None.
+        name: in a rig of its own; else empty.
+    """
 
     pose_ego: np.ndarray
     pattern: str
+    sweep_s: float | None = None
+    name: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +67,14 @@ class Camera:
         pose_ego: (4, 4) carries its axes into the ego's.
         P: (3, 4) projection of rectified camera axes to pixels.
         width, height: image size [px].
+        distortion: of its lens, in pixels after P's own matrix; None for a pinhole.
     """
 
     pose_ego: np.ndarray
     P: np.ndarray
     width: int
     height: int
+    distortion: Distortion | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +145,7 @@ class TwinFrame:
         cameras: by image folder, as `image_0`.
         instances: see there.
         static: the static world of this frame relative to `twin/`, where a drive has several; else None.
+        lidars: those beside the first, by name.
     """
 
     frame: str
@@ -141,6 +156,19 @@ class TwinFrame:
     cameras: Mapping[str, Camera]
     instances: tuple[Instance, ...]
     static: str | None = None
+    lidars: Mapping[str, Lidar] = field(default_factory=dict)
+
+    def seen_by(self, lidar: str) -> TwinFrame:
+        """The frame with another of its LiDARs in the first one's place.
+
+        Raises:
+            FormatError: it has none of that name.
+        """
+        if lidar not in self.lidars:
+            known = ", ".join(self.lidars) or "none beside the first"
+            raise FormatError(f"twin frame {self.frame}: no LiDAR {lidar!r} under lidars; there: {known}")
+        chosen = self.lidars[lidar]
+        return replace(self, lidar=chosen, lidars={}, sweep_s=chosen.sweep_s or self.sweep_s)
 
     def to_json(self, instances: InstanceTexts | None = None) -> str:
         """The text of the file; equal frames give equal text.
@@ -164,7 +192,9 @@ class TwinFrame:
             "yaw_rate_radps": number_json(self.ego.yaw_rate_radps),
             "acceleration_mps2": vector_json(self.ego.acceleration_mps2),
         }
-        document["lidar"] = {"pose_ego": matrix_json(self.lidar.pose_ego), "pattern": self.lidar.pattern}
+        document["lidar"] = _lidar_json(self.lidar)
+        if self.lidars:
+            document["lidars"] = {name: _lidar_json(lidar) for name, lidar in self.lidars.items()}
         document["cameras"] = {name: _camera_json(camera) for name, camera in self.cameras.items()}
         try:
             head = _dumps(document)
@@ -196,10 +226,11 @@ class TwinFrame:
                 yaw_rate_radps=ego.number("yaw_rate_radps"),
                 acceleration_mps2=ego.array("acceleration_mps2", (3,)),
             ),
-            lidar=Lidar(pose_ego=lidar.pose("pose_ego"), pattern=lidar.text("pattern")),
+            lidar=_lidar(lidar),
             cameras={name: _camera(cameras.child(name)) for name in cameras.keys},
             instances=_instances(root.children("instances")),
             static=root.path("static") if "static" in root.keys else None,
+            lidars=_lidars(root.child("lidars")) if "lidars" in root.keys else {},
         )
 
 
@@ -213,13 +244,20 @@ def write_frame(path: str | Path, frame: TwinFrame) -> None:
     Path(path).write_text(frame.to_json(), encoding="utf-8", newline="\n")
 
 
+def _lidar_json(lidar: Lidar) -> dict[str, Any]:
+    entry: dict[str, Any] = {"name": lidar.name} if lidar.name else {}
+    entry |= {"pose_ego": matrix_json(lidar.pose_ego), "pattern": lidar.pattern}
+    return entry if lidar.sweep_s is None else {**entry, "sweep_s": number_json(lidar.sweep_s)}
+
+
 def _camera_json(camera: Camera) -> dict[str, Any]:
-    return {
+    entry = {
         "pose_ego": matrix_json(camera.pose_ego),
         "P": matrix_json(camera.P),
         "width": int(camera.width),
         "height": int(camera.height),
     }
+    return entry if camera.distortion is None else {**entry, "distortion": camera.distortion.model_dump(mode="json")}
 
 
 def _state(instance: Instance) -> bytes:
@@ -264,9 +302,28 @@ def _instances_json(instances: Sequence[Instance]) -> list[dict[str, Any]]:
     ]
 
 
+def _lidar(entry: Reader) -> Lidar:
+    return Lidar(
+        pose_ego=entry.pose("pose_ego"),
+        pattern=entry.text("pattern"),
+        sweep_s=entry.number("sweep_s", above=0) if "sweep_s" in entry.keys else None,
+        name=entry.name("name") if "name" in entry.keys else "",
+    )
+
+
+def _lidars(entries: Reader) -> dict[str, Lidar]:
+    return {name: _lidar(entries.child(name)) for name in entries.keys}
+
+
 def _camera(entry: Reader) -> Camera:
     width, height = entry.number("width", above=0), entry.number("height", above=0)
-    return Camera(entry.pose("pose_ego"), entry.array("P", (3, 4)), int(width), int(height))
+    distortion = None
+    if "distortion" in entry.keys:
+        try:
+            distortion = Distortion.model_validate(entry.value("distortion"))
+        except ValidationError as error:
+            raise FormatError(f"{entry.where}: distortion: {first_problem(error)}") from None
+    return Camera(entry.pose("pose_ego"), entry.array("P", (3, 4)), int(width), int(height), distortion)
 
 
 def _instances(entries: list[Reader]) -> tuple[Instance, ...]:

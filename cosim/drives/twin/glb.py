@@ -66,24 +66,8 @@ def read_glb(path: str | Path, materials: Mapping[str, str] | None = None, table
     Raises:
         FormatError: the file cannot be read, or has material names that are neither in the table nor mapped.
     """
-    import trimesh  # slow to import, and needed for reading only
-
-    file = Path(path)
-    data = read_bytes(file)
-    kind = file.suffix.lower().lstrip(".")
-    if kind == "glb" and data[:4] != _MAGIC:
-        raise FormatError(f"{path}: not a binary glTF file (begins with {data[:4]!r}); export it as .glb")
-    try:
-        scene = trimesh.load_scene(io.BytesIO(data), process=False, file_type=kind, resolver=buffers_beside(file))
-        shapes = [scene.graph[node] for node in scene.graph.nodes_geometry]
-    except Exception as error:  # noqa: BLE001 - trimesh raises whatever its parsers meet in a broken file
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise FormatError(f"{path}: not a readable glTF file ({reason})") from None
     parts, unknown = [], set()
-    for pose, key in reversed(shapes):  # trimesh lists the last node first
-        shape = scene.geometry[key]
-        if not isinstance(shape, trimesh.Trimesh):
-            continue  # lines and points have no surface
+    for pose, shape in _shapes(path):
         label = _material_name(shape)
         material = (materials or {}).get(label, label)
         if material not in table:
@@ -99,6 +83,34 @@ def read_glb(path: str | Path, materials: Mapping[str, str] | None = None, table
             "rename them in the file, or give a mapping to names of the table (assets/materials.py)"
         )
     return Mesh.merge(parts)
+
+
+def material_names(path: str | Path) -> tuple[str, ...]:
+    """Names of the materials that faces of a `.glb` or `.gltf` file wear, sorted; empty for those without.
+
+    Raises:
+        FormatError: the file cannot be read.
+    """
+    return tuple(sorted({_material_name(shape) for _, shape in _shapes(path)}))
+
+
+def _shapes(path: str | Path) -> list[tuple[np.ndarray, Any]]:
+    """Poses (4, 4) and trimesh's meshes of a file, in its order."""
+    import trimesh  # slow to import, and needed for reading only
+
+    file = Path(path)
+    data = read_bytes(file)
+    kind = file.suffix.lower().lstrip(".")
+    if kind == "glb" and data[:4] != _MAGIC:
+        raise FormatError(f"{path}: not a binary glTF file (begins with {data[:4]!r}); export it as .glb")
+    try:
+        scene = trimesh.load_scene(io.BytesIO(data), process=False, file_type=kind, resolver=buffers_beside(file))
+        shapes = [scene.graph[node] for node in scene.graph.nodes_geometry]
+    except Exception as error:  # noqa: BLE001 - trimesh raises whatever its parsers meet in a broken file
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise FormatError(f"{path}: not a readable glTF file ({reason})") from None
+    found = ((pose, scene.geometry[key]) for pose, key in reversed(shapes))  # trimesh lists the last node first
+    return [(pose, shape) for pose, shape in found if isinstance(shape, trimesh.Trimesh)]  # lines have no surface
 
 
 class _Document:

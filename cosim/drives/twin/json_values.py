@@ -40,6 +40,15 @@ class Reader:
         self._where = where
 
     @property
+    def where(self) -> str:
+        """File and place, for messages."""
+        return self._where
+
+    def value(self, key: str) -> Any:
+        """What stands under a key, unchecked."""
+        return self._get(key)
+
+    @property
     def keys(self) -> tuple[str, ...]:
         """The keys of the object."""
         return tuple(self._values)

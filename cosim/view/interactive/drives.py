@@ -8,9 +8,10 @@ from typing import Any
 
 from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
+from cosim.view.camera_images import camera_parts
 from cosim.view.colours import CLASS_COLOURS, OTHER_CLASS
 from cosim.view.frame_pictures import intensity_scale
-from cosim.view.interactive.record import CAMERAS, FrameRecords
+from cosim.view.interactive.record import FrameRecords
 from cosim.view.interactive.residual import ResidualTracer
 from cosim.view.selection import spread_evenly
 from cosim.view.titles import drive_title
@@ -19,6 +20,7 @@ from sensors.sensor_model import SensorModel, load_sensor
 
 MOST_IN_A_FILE = 200
 _SCALED_FRAMES = 6
+_MOST_CAMERAS = 32
 _BARE = "hdl64e_kitti"  # measured drives that name no pattern are KITTI's
 
 
@@ -40,7 +42,7 @@ class ShownDrives:
         """What the page's script must know before any frame, as JSON values."""
         drives = [one.drive for one in self.records]
         tops = [intensity_scale(drive, self._scaled(row)).high for row, drive in enumerate(drives)]
-        cameras = [sum(drive[self.steps[0][row]].has(part) for part in CAMERAS) for row, drive in enumerate(drives)]
+        cameras = [len(camera_parts(drive[self.steps[0][row]])) for row, drive in enumerate(drives)]
         return {
             "served": served,
             "drives": [drive_title(drive) for drive in drives],
@@ -89,7 +91,7 @@ def show_drives(
     for drive in drives:
         tracer, why_not = _tracer(drive, steps[0][len(records)], sensor)
         records.append(
-            FrameRecords(drive, tracer, why_not, most_cameras=1 if for_file else len(CAMERAS), thorough=for_file)
+            FrameRecords(drive, tracer, why_not, most_cameras=1 if for_file else _MOST_CAMERAS, thorough=for_file)
         )
     if sensor is not None and not any(one.traces for one in records):
         raise DriveError(f"--sensor needs a twin to trace, and {drives[0].root} has none; leave it out, or make one")

@@ -10,7 +10,9 @@ import cv2
 import numpy as np
 
 from cosim.drives.kitti import Boxes, Drive, Frame
+from cosim.drives.kitti.level import levelled
 from cosim.errors import CosimError
+from cosim.view.camera_images import camera_parts, straight_image
 from cosim.view.facts import Facts
 from cosim.view.interactive.columns import point_columns, residual_column
 from cosim.view.interactive.packing import Column, pack
@@ -18,7 +20,6 @@ from cosim.view.interactive.residual import PointResiduals, ResidualTracer
 from cosim.view.objects import Objects, PointInstances, find_objects, labelled_boxes
 from sensors.errors import SensorError
 
-CAMERAS = ("image_2", "image_0", "image_3", "image_1")
 _JPEG_QUALITY = 88
 _SENSOR_HEIGHT_M = 1.73  # of KITTI's LiDAR, where a drive does not tell its own
 _MOST_CLASSES = 4
@@ -53,11 +54,11 @@ class FrameRecords:
         Raises:
             CosimError: no such frame, or its points or a part that all else needs are broken.
         """
-        return self._record(self.drive[name], *self._traced(name), deferred=())
+        return self._record(levelled(self.drive[name]), *self._traced(name), deferred=())
 
     def quick(self, name: str) -> bytes:
         """The same without what the twin must be traced for; `extra` gives that."""
-        frame = self.drive[name]
+        frame = levelled(self.drive[name])
         return self._record(frame, None, self._why_not, () if self._residuals is None else _traced_modes(frame))
 
     def extra(self, name: str) -> bytes:
@@ -75,7 +76,8 @@ class FrameRecords:
     def _record(self, frame: Frame, residuals: PointResiduals | None, why_not: str, deferred: tuple[str, ...]) -> bytes:
         objects = find_objects(frame)
         found = point_columns(self.drive, frame, objects, residuals, why_not)
-        images = {part: _jpeg(frame.image(part)) for part in self._cameras(frame)}
+        parts = camera_parts(frame)[: self._most_cameras]
+        images = {part: _jpeg(straight_image(frame, part)) for part in parts}
         header = {
             "name": frame.name,
             "facts": _facts(frame, moves=self.drive.info.get("twin") != "labels"),
@@ -87,10 +89,6 @@ class FrameRecords:
             "ground_m": -_sensor_height(frame),
         }
         return pack(header, found.columns, images, thorough=self._thorough)
-
-    def _cameras(self, frame: Frame) -> list[str]:
-        known = {f"image_{camera}" for camera in frame.calibration.cameras}
-        return [part for part in CAMERAS if part in known and frame.has(part)][: self._most_cameras]
 
     def _traced(self, name: str) -> tuple[PointResiduals | None, str]:
         if self._residuals is None:
@@ -113,7 +111,7 @@ def _jpeg(image: np.ndarray) -> bytes:
 
 def _camera(frame: Frame, part: str) -> dict[str, Any]:
     """The projection of homogeneous LiDAR axes to (u·d, v·d, d), row by row."""
-    matrix = frame.calibration.projection(int(part[-1])) @ frame.calibration.velo_to_rect_matrix
+    matrix = frame.calibration.to_pixels(part.removeprefix("image_"))
     return {"name": part, "matrix": [float(f"{value:.9g}") for value in matrix.ravel()]}
 
 

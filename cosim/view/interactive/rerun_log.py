@@ -8,14 +8,16 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from scipy.linalg import rq
 
 from cosim.drives.kitti import Boxes, Drive, Frame
+from cosim.drives.kitti.level import levelled
 from cosim.drives.writer import explained
 from cosim.errors import CosimError
+from cosim.view.camera_images import KITTI_CAMERAS, camera_parts, straight_image
 from cosim.view.colours import Scale, class_colour
 from cosim.view.frame_pictures import intensity_scale
 from cosim.view.interactive.drives import ShownDrives
-from cosim.view.interactive.record import CAMERAS
 from cosim.view.objects import find_objects, labelled_boxes
 from cosim.view.titles import drive_title
 
@@ -62,7 +64,7 @@ def log_to_rerun(shown: ShownDrives, file: Path | None, on_frame: Callable[[str]
         on_frame(step[0])
         rr.set_time(_TIMELINE, sequence=number)
         for root, drive, name in zip(roots, drives, step, strict=True):
-            _log_frame(rr, root, drive, drive[name], scale)
+            _log_frame(rr, root, drive, levelled(drive[name]), scale)
     rr.disconnect()
 
 
@@ -89,10 +91,11 @@ def _log_frame(rr: Any, root: str, drive: Drive, frame: Frame, scale: Scale) -> 
     objects = find_objects(frame)
     if objects.source == "twin":
         _log_boxes(rr, f"{lidar}/objects", objects.boxes, objects.kinds)
-    for part in CAMERAS:
-        if frame.has(part) and int(part[-1]) in frame.calibration.cameras:
-            _log_camera(rr, f"{lidar}/{part}", frame, part)
-        elif (drive.root / part).is_dir():
+    shown = camera_parts(frame)
+    for part in shown:
+        _log_camera(rr, f"{lidar}/{part}", frame, part)
+    for part in KITTI_CAMERAS:
+        if part not in shown and (drive.root / part).is_dir():
             rr.log(f"{lidar}/{part}", rr.Clear(recursive=False))  # or the last frame's would stay
 
 
@@ -111,11 +114,14 @@ def _log_boxes(rr: Any, path: str, boxes: Boxes, kinds: tuple[str, ...]) -> None
 
 
 def _log_camera(rr: Any, path: str, frame: Frame, part: str) -> None:
-    """The image, and where it was taken: P = K·[I | t] in rectified axes, so that the camera stands at −t."""
-    projection, image = frame.calibration.projection(int(part[-1])), frame.image(part)
-    matrix = projection[:, :3]
-    pose = frame.calibration.rect_to_velo_matrix.copy()
-    pose[:3, 3] -= pose[:3, :3] @ np.linalg.solve(matrix, projection[:, 3])
+    """The image, and where it was taken: K·[R | t] carries LiDAR axes into pixels."""
+    image = straight_image(frame, part)
+    to_pixels = frame.calibration.to_pixels(part.removeprefix("image_"))
+    matrix, rotation = rq(to_pixels[:, :3])
+    signs = np.sign(np.diag(matrix))
+    matrix, rotation = matrix * signs, rotation * signs[:, None]
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation.T, -np.linalg.solve(to_pixels[:, :3], to_pixels[:, 3])
     height, width = image.shape[:2]
     rr.log(path, _transform(rr, pose))
     rr.log(path, rr.Pinhole(image_from_camera=matrix, width=width, height=height, camera_xyz=rr.ViewCoordinates.RDF))

@@ -3,7 +3,7 @@
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec4 colour;   // square root of albedo; alpha 1 takes the instance's paint
-layout(location = 3) in vec3 shade;    // share of sun and of sky; material number / 255
+layout(location = 3) in vec4 shade;    // share of sun and of sky; material number / 255; 1 for what glows
 #ifdef INSTANCED
 layout(location = 4) in vec4 row_x;    // camera-from-model matrix, by rows
 layout(location = 5) in vec4 row_y;
@@ -47,7 +47,7 @@ void main() {
     vec3 from_sun = albedo * sun_rgb * max(dot(n, sun), 0.0);
     vec3 from_sky = albedo * mix(ground_rgb, sky_rgb, 0.5 + 0.5 * dot(n, up));
 #ifdef INSTANCED
-    lit = vec4(from_sun * shade.x + from_sky * shade.y, label.a + 65536.0 * floor(shade.z * 255.0 + 0.5));
+    lit = vec4(mix(from_sun * shade.x + from_sky * shade.y, albedo, shade.w), label.a + 65536.0 * floor(shade.z * 255.0 + 0.5));
 #else
     sun_part = vec4(from_sun, shade.z);
     sky_part = from_sky;

@@ -12,14 +12,14 @@ from sensors.sensor_model import load_sensor
 def test_the_estimate_is_within_a_fifth_of_what_a_drive_takes(drive_folder, run_config):
     config = load_config(run_config)
     taken = sum(path.stat().st_size for path in drive_folder.rglob("*") if path.is_file())
-    assert estimate_bytes(config, load_sensor(config.sensor)) == pytest.approx(taken, rel=0.2)
+    assert estimate_bytes(config, [load_sensor(config.sensor)]) == pytest.approx(taken, rel=0.2)
 
 
 def test_more_frames_fewer_images_and_no_hits_show(run_config):
     sensor = load_sensor("hdl64e")
 
     def estimate(**changes):
-        return estimate_bytes(load_config(run_config, **changes), sensor)
+        return estimate_bytes(load_config(run_config, **changes), [sensor])
 
     assert estimate(frames=8000) > 100 * estimate(frames=8)
     assert estimate(frames=1000, images=()) < estimate(frames=1000, images=("image_2",)) < estimate(frames=1000)

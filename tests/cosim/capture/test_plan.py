@@ -6,7 +6,7 @@ import pytest
 from cosim.capture.collection import Collection, Watch
 from cosim.capture.config import ConfigError, RunConfig, load_config
 from cosim.capture.plan import plan_episodes, world_count
-from cosim.capture.rig import RigJitter
+from cosim.capture.rig_jitter import RigJitter
 from cosim.scene.site import light_of
 from cosim.traffic.actors import Actors
 from tests.cosim.road_users import road_users

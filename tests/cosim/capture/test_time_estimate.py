@@ -9,7 +9,7 @@ from sensors.sensor_model import load_sensor
 
 def estimated(workers: int = 1, slowness: float = 1.0, **changes) -> float:
     config = RunConfig(**{"town": "town01", "frames": 1000, **changes})
-    return estimate_s(config, load_sensor(config.sensor), workers, slowness)
+    return estimate_s(config, [load_sensor(config.sensor)], workers, slowness)
 
 
 def test_more_work_takes_longer():

@@ -43,10 +43,10 @@ def room(half_m: float = 30.0) -> Scene:
 
 
 def street() -> Scene:
-    """Wet-able road, a wall, a metal wall, a window, a sign and models: everything that an effect may care for."""
+    """Wet-able road, walls, a metal wall, a window, a sign, a hedge and models: all that an effect may care for."""
     parts = [plane(), wall(40.0), box((0.2, 30, 8), (-25, 0, 4), "cladding_metal")]
     parts += [box((8, 0.02, 4), (0, 10, 2), "window_glass"), box((20, 0.2, 6), (0, 14, 3), "brick")]
-    parts += [box((0.02, 0.8, 0.8), (12, -5, 1.7), "sign_face")]
+    parts += [box((0.02, 0.8, 0.8), (12, -5, 1.7), "sign_face"), box((6, 0.8, 1.8), (-16, 9, 0.9), "hedge")]
     return Scene(Mesh.merge(parts), lambda name: block((4.0, 1.7, 1.5)))
 
 

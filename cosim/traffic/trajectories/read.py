@@ -1,0 +1,72 @@
+"""Trajectories from files: SUMO's FCD output, CommonRoad scenarios, and tables of many names."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from assets.streets import Streets
+from cosim.traffic.trajectories.commonroad import read_commonroad
+from cosim.traffic.trajectories.fcd import read_fcd
+from cosim.traffic.trajectories.table import read_table
+from cosim.traffic.trajectories.tracks import RoadTracks, TrajectoryError
+from sumo_nets.xml_guard import read_xml
+
+_LOG = logging.getLogger(__name__)
+_BESIDE_M, _FEWEST_SHARE = 30.0, 0.5
+
+
+def read_trajectories(path: Path, streets: Streets, type_files: Iterable[Path] = ()) -> RoadTracks:
+    """Trajectories of a file, on the streets they belong to.
+
+    Args:
+        path: XML of SUMO's `--fcd-output` or of CommonRoad, plain or gzipped; else a table, CSV.
+        streets: give heights where the file has none.
+        type_files: SUMO's files with the vTypes that FCD output names.
+
+    Raises:
+        TrajectoryError: the file cannot be read, holds no road user, somebody jumps, or most are not on the streets.
+        TownError: it is no safe, whole XML.
+    """
+    if not path.is_file():
+        raise TrajectoryError(f"trajectories {path}: no such file; give FCD output, CommonRoad XML or a table (CSV)")
+    left_out: Counter[str] = Counter()
+    if path.name.removesuffix(".gz").endswith(".xml"):
+        root = read_xml(path, "fcd-export", "commonRoad")
+        if root.tag == "fcd-export":
+            tracks = read_fcd(path, root, type_files, left_out)
+        else:
+            tracks = read_commonroad(path, root, left_out)
+    else:
+        tracks = read_table(path, type_files, left_out)
+    if left_out:
+        said = ", ".join(f"{count} of {name!r}" for name, count in sorted(left_out.items()))
+        _LOG.warning("%s: left out, as they are no road users: %s", path, said)
+    return _on_streets(path, tracks, streets)
+
+
+def _on_streets(path: Path, tracks: RoadTracks, streets: Streets) -> RoadTracks:
+    """Tracks with heights; refuses those that lie elsewhere."""
+    points = np.concatenate([_dense(lane.centre) for lane in streets.lanes])
+    away, nearest = KDTree(points[:, :2]).query(tracks.front[:, :2])
+    if (away < _BESIDE_M).mean() < _FEWEST_SHARE:
+        middle, town = np.median(tracks.front[:, :2], axis=0), np.median(points[:, :2], axis=0)
+        raise TrajectoryError(
+            f"{path}: most places lie off the streets of {streets.name} (median {np.median(away):.0f} m away; tracks "
+            f"about ({middle[0]:.0f}, {middle[1]:.0f}) m, streets about ({town[0]:.0f}, {town[1]:.0f}) m); give the "
+            "network they were recorded in, in the same axes"
+        )
+    tracks.front[:, 2] = np.where(np.isfinite(tracks.front[:, 2]), tracks.front[:, 2], points[nearest, 2])
+    return tracks
+
+
+def _dense(centre: np.ndarray, step_m: float = 4.0) -> np.ndarray:
+    """Points (n, 3) along a line, a few metres apart."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(centre[:, :2], axis=0), axis=1))])
+    at = np.linspace(0, along[-1], max(2, int(along[-1] / step_m) + 1))
+    return np.column_stack([np.interp(at, along, centre[:, axis]) for axis in range(3)])

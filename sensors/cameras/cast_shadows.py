@@ -1,0 +1,141 @@
+"""Shadows that what moves casts on the ground, put into an image after it is drawn.
+
+The static world's own shadows are baked (`SunShadows`). A vehicle's is the projection of its convex hull along the
+sunlight onto the plane it stands on; ground within it loses the sun's part of its light, where it has that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from assets.materials import material_index
+from assets.mesh import Mesh
+from sensors.bvh import Bvh
+from sensors.cameras.images import Images
+from sensors.cameras.light import Light
+from sensors.scene import Instances
+
+_GROUND = ("asphalt", "asphalt_patch", "road_marking", "manhole", "kerb", "paving", "cobble", "gravel", "grass", "soil")
+_REACH_M = 80.0
+_LOWEST_SUN = 0.08  # sine of its elevation; shadows grow without bound below
+_NEAR_M = 0.5
+_BEHIND_M = 12.0  # who stands farther back casts nothing into the image
+_FARTHEST_PX = 20_000.0
+_OFF_PLANE_M = 0.4  # kerbs and slopes within this of the plane take the shadow
+_SUN_REACH_M, _LIFT_M = 150.0, 0.05
+
+
+class CastShadows:
+    """Darkens the ground where instances keep the sun off it.
+
+    Args:
+        load: gives the mesh of a model's name.
+        light: of the scene.
+        static: what keeps the sun off the ground anyway.
+    """
+
+    def __init__(self, load: Callable[[str], Mesh], light: Light, static: Bvh) -> None:
+        self._load, self._static = load, static
+        self._sun = np.array(light.sun_direction)
+        sun, sky = np.array(light.sun_rgb) * max(float(self._sun[2]), 0.0), np.array(light.sky_rgb)
+        self._left = np.sqrt(sky / (sun + sky))  # images hold the square root of light
+        self._hulls: dict[str, np.ndarray] = {}
+        self._outlines: tuple[Instances | None, dict[int, np.ndarray]] = (None, {})
+        self._is_ground = np.zeros(256, bool)
+        self._is_ground[[material_index(name) + 1 for name in _GROUND]] = True
+
+    def onto(self, images: Images, pose: np.ndarray, P: np.ndarray, instances: Instances) -> Images:
+        """Images with shadows.
+
+        Args:
+            images: with colour, number and depth.
+            pose: (4, 4) world-from-camera.
+            P: (3, 4) projection.
+            instances: what stands where.
+        """
+        if self._sun[2] < _LOWEST_SUN or images.rgba is None or not len(instances):
+            return images
+        owner = self._fallen(images.rgba.shape[:2], pose, P, instances)
+        rows, columns = np.nonzero(owner)
+        here = self._is_ground[images.rgba[rows, columns, 3]] & (images.instance[rows, columns] == 0)
+        rows, columns = rows[here], columns[here]
+        points = _points(rows, columns, images.depth_m[rows, columns], pose, P)
+        stands = instances.poses[owner[rows, columns] - 1]
+        above = np.einsum("ij,ij->i", points - stands[:, :3, 3], stands[:, :3, 2])
+        on_plane = np.abs(above) < _OFF_PLANE_M
+        rows, columns, points = rows[on_plane], columns[on_plane], points[on_plane]
+        if not len(rows):
+            return images
+        points[:, 2] += _LIFT_M
+        towards = np.broadcast_to(self._sun.astype(np.float32), points.shape)
+        reach = np.full(len(points), _SUN_REACH_M, np.float32)
+        _, blocked = self._static.first_hit(points.astype(np.float32), np.ascontiguousarray(towards), reach)
+        lit = blocked < 0
+        rgba = images.rgba.copy()
+        rows, columns = rows[lit], columns[lit]
+        rgba[rows, columns, :3] = np.rint(rgba[rows, columns, :3] * self._left).astype(np.uint8)
+        return replace(images, rgba=rgba)
+
+    def _fallen(self, shape: tuple[int, ...], pose: np.ndarray, P: np.ndarray, instances: Instances) -> np.ndarray:
+        """Row + 1 of the instance whose shadow each pixel would see on the plane it stands on, (h, w) int32; else 0."""
+        owner = np.zeros(shape, np.int32)
+        into_camera = (instances.poses[:, :3, 3] - pose[:3, 3]) @ pose[:3, :3]
+        away = np.linalg.norm(into_camera, axis=1)
+        near = (away < _REACH_M) & (into_camera[:, 2] > -_BEHIND_M)
+        for row in sorted(np.flatnonzero(near).tolist(), key=lambda row: -away[row]):
+            outline = _seen(self._kept_outline(instances, row), pose, P)
+            if len(outline):
+                cv2.fillConvexPoly(owner, np.rint(outline).astype(np.int32), row + 1)
+        return owner
+
+    def _kept_outline(self, instances: Instances, row: int) -> np.ndarray:
+        """`_outline`, kept for the next camera that sees the same instances."""
+        if self._outlines[0] is not instances:
+            self._outlines = instances, {}
+        kept = self._outlines[1]
+        if row not in kept:
+            kept[row] = self._outline(instances, row)
+        return kept[row]
+
+    def _outline(self, instances: Instances, row: int) -> np.ndarray:
+        """Corners (k, 3) round an instance's shadow on the plane it stands on."""
+        stands = instances.poses[row]
+        foot, normal = stands[:3, 3], stands[:3, 2]
+        corners = (self._hull(instances.models[row]) * instances.scales[row]) @ stands[:3, :3].T + foot
+        fallen = corners - np.outer((corners - foot) @ normal / (self._sun @ normal), self._sun)
+        flat = (fallen - foot) @ stands[:3, :2]
+        return fallen[ConvexHull(flat).vertices]
+
+    def _hull(self, name: str) -> np.ndarray:
+        """Corners of a model's convex hull, (k, 3) in its own axes."""
+        if name not in self._hulls:
+            vertices = self._load(name).vertices.astype(np.float64)
+            self._hulls[name] = vertices[ConvexHull(vertices).vertices]
+        return self._hulls[name]
+
+
+def _points(v: np.ndarray, u: np.ndarray, depth_m: np.ndarray, pose: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """World points (n, 3) of pixels with depths along the optical axis."""
+    pixels = np.column_stack([u, v, np.ones(len(u))]) * depth_m[:, None] - P[:, 3]
+    return np.linalg.solve(P[:, :3], pixels.T).T @ pose[:3, :3].T + pose[:3, 3]
+
+
+def _seen(outline: np.ndarray, pose: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """Pixels (k, 2) round a convex outline (n, 3), cut where it passes the camera; none of one behind it."""
+    projected = ((outline - pose[:3, 3]) @ pose[:3, :3]) @ P[:, :3].T + P[:, 3]
+    if projected[:, 2].min() >= _NEAR_M:
+        return np.clip(projected[:, :2] / projected[:, 2:], -_FARTHEST_PX, _FARTHEST_PX)
+    ends = np.roll(projected, -1, axis=0)
+    kept = []
+    for start, end in zip(projected, ends, strict=True):
+        if start[2] >= _NEAR_M:
+            kept.append(start)
+        if (start[2] >= _NEAR_M) != (end[2] >= _NEAR_M):
+            kept.append(start + (end - start) * (_NEAR_M - start[2]) / (end[2] - start[2]))
+    cut = np.reshape(kept, (-1, 3))
+    return np.clip(cut[:, :2] / cut[:, 2:], -_FARTHEST_PX, _FARTHEST_PX)
