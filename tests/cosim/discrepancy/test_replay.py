@@ -1,0 +1,53 @@
+"""Beams of several frames replayed at once expect what each frame's expect alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cosim.discrepancy.forward.joined import Expected, Replay
+from sensors.effects.base import Effect
+from sensors.effects.registry import effect_classes
+from tests.cosim.discrepancy.small_drive import make_yard, viewed_yard
+
+
+@pytest.fixture(scope="module")
+def replay(tmp_path_factory: pytest.TempPathFactory) -> Replay:
+    yard = make_yard(tmp_path_factory.mktemp("yard"), (), frames=3)
+    return viewed_yard(yard).fitter.sample.replay
+
+
+def one_by_one(replay: Replay, effects: tuple[Effect, ...]) -> Expected:
+    parts = [Replay([one]).expect(effects) for one in replay.frames]
+    columns = {
+        name: np.concatenate([getattr(part.of, name) for part in parts])
+        for name in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent")
+    }
+    rest = (np.concatenate([getattr(part, name) for part in parts]) for name in ("along_m", "above_m", "stray"))
+    return Expected(type(parts[0].of)(**columns), *rest)
+
+
+DRAWN = ("intensity_floor",)  # its mean is one of a few draws, which differ
+NAMES = sorted(kind.name for kind in effect_classes().values() if kind.neutral and kind.name not in DRAWN)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_frames_at_once_and_one_by_one_agree(replay: Replay, name: str) -> None:
+    kind = effect_classes()[name]
+    effects = (kind.model_validate(kind.example),)
+    if any(np.ndim(value) for value in kind.example.values()):
+        pytest.skip("its example is for another number of lasers")
+    found, expected = replay.expect(effects), one_by_one(replay, effects)
+    for part in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent"):
+        np.testing.assert_allclose(getattr(found.of, part), getattr(expected.of, part), atol=1e-5, err_msg=part)
+    for part in ("along_m", "above_m", "stray"):
+        np.testing.assert_allclose(getattr(found, part), getattr(expected, part), atol=1e-6, err_msg=part)
+
+
+def test_what_was_moved_away_from_is_come_back_to(replay: Replay) -> None:
+    kinds = effect_classes()
+    turned = kinds["elevation_offset"](offset_deg=0.3)
+    before = replay.expect(())
+    moved = replay.expect((turned,))
+    assert np.nanmax(np.abs(moved.of.range_m - before.of.range_m)) > 0.05
+    np.testing.assert_array_equal(replay.expect(()).of.range_m, before.of.range_m)
