@@ -2,6 +2,7 @@
 
 python -m tools.pictures                                      all pictures of recorded drives, into docs/img/
 python -m tools.pictures page PAGE.html PICTURE.jpg           a page of cosim compare or diagnose, as a browser shows it
+python -m tools.pictures page PAGE.html PICTURE.png --mark 20,60 ...   the same, with a number at each such place
 """
 
 from __future__ import annotations
@@ -11,11 +12,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 import yaml
+from PIL import Image
 
 from cosim.drives.kitti import Drive
 from cosim.town_map import write_town_page
@@ -40,6 +43,7 @@ MOVING = {
 }
 _ROW_PX = (1600, 450)
 _GAP_PX = 8
+_DISC_PX, _DISC = 19, (192, 57, 125)
 RINGS, RING_PX = 64, 6  # of the sensor that records, and rows of pixels each has in a range image
 _CHROMIUMS = ("chromium", "chromium-browser", "google-chrome")
 
@@ -53,6 +57,8 @@ def main(arguments: list[str] | None = None) -> None:
     page.add_argument("picture", type=Path)
     page.add_argument("--width", type=int, default=1100)
     page.add_argument("--height", type=int, default=1400)
+    page.add_argument("--mark", action="append", default=[], metavar="X,Y", help="where the next number stands [px]")
+    page.add_argument("--scale", type=float, default=1.0, help="of the picture, 1 as the browser shows it")
     scan = commands.add_parser("scan", help="a frame of a drive")
     scan.add_argument("drive", type=Path)
     scan.add_argument("picture", type=Path)
@@ -60,7 +66,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--frame", help="of the drive (default: the one that shows most)")
     options = parser.parse_args(arguments)
     if options.what == "page":
-        write_page_picture(options.page, options.picture, options.width, options.height)
+        marks = [(int(x), int(y)) for x, y in (mark.split(",") for mark in options.mark)]
+        write_page_picture(options.page, options.picture, options.width, options.height, marks, options.scale)
         return
     if options.what == "scan":
         drive = Drive(options.drive)
@@ -138,8 +145,10 @@ def drawn(drive: Drive, name: str, scale: object = None) -> dict[Caption, np.nda
     return {one.caption: one.image for one in FramePictures(drive, name, scale) if isinstance(one, Picture)}
 
 
-def write_page_picture(page: Path, picture: Path, width: int, height: int) -> None:
-    """The top of a page, as chromium shows it.
+def write_page_picture(
+    page: Path, picture: Path, width: int, height: int, marks: Sequence[tuple[int, int]] = (), scale: float = 1.0
+) -> None:
+    """The top of a page, as chromium shows it, with numbers at some places; scaled at last.
 
     Raises:
         FileNotFoundError: there is no such page, or no chromium.
@@ -154,7 +163,30 @@ def write_page_picture(page: Path, picture: Path, width: int, height: int) -> No
         flags = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--window-size={width},{height}"]
         command = [program, *flags, f"--screenshot={shot}", page.resolve().as_uri()]
         subprocess.run(command, check=True, capture_output=True, timeout=120)
-        write_jpeg(picture, cv2.cvtColor(cv2.imread(str(shot)), cv2.COLOR_BGR2RGB))
+        image = cv2.cvtColor(cv2.imread(str(shot)), cv2.COLOR_BGR2RGB)
+    numbered(image, marks)
+    image = _scaled(image, round(scale * width))
+    if picture.suffix == ".png":
+        write_png(picture, image)
+    else:
+        write_jpeg(picture, image)
+
+
+def numbered(image: np.ndarray, marks: Sequence[tuple[int, int]]) -> None:
+    """Draw numbers from 1 on discs about places (x, y) [px] into an image (h, w, 3)."""
+    for number, place in enumerate(marks, 1):
+        cv2.circle(image, place, _DISC_PX, _DISC, -1, cv2.LINE_AA)
+        cv2.circle(image, place, _DISC_PX, (255, 255, 255), 2, cv2.LINE_AA)
+        (wide, high), _ = cv2.getTextSize(str(number), cv2.FONT_HERSHEY_SIMPLEX, 0.8, 2)
+        corner = place[0] - wide // 2, place[1] + high // 2
+        cv2.putText(image, str(number), corner, cv2.FONT_HERSHEY_SIMPLEX, 0.8, (255, 255, 255), 2, cv2.LINE_AA)
+
+
+def write_png(path: Path, image: np.ndarray, colours: int = 160) -> None:
+    """Write RGB pixels (h, w, 3) with a palette of few colours: sharp letters in a small file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    few = Image.fromarray(image).quantize(colours, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    few.save(path, optimize=True)
 
 
 def write_jpeg(path: Path, image: np.ndarray, quality: int = 88) -> None:

@@ -129,7 +129,9 @@ class Comparison:
 
     def __str__(self) -> str:
         if self.at_floor and self.floor:
-            return f"error {self.error:.3f}: at the floor ({self.floor.error:.3f})"
+            as_given = self.error <= 2 * self.floor.error
+            floor = f": at the floor ({self.floor.error:.3f})" if as_given else self._sources()
+            return f"error {self.error:.3f}{floor}"
         worst = f"; worst: {self.slices[0]}" if self.slices else ""
         if next(iter(self.excess), "") == "spurious":
             worst = f"; worst: {self.totals.spurious / self.totals.frames:,.0f} spurious points a frame"
@@ -143,7 +145,8 @@ class Comparison:
             floor, aligned = self.budget.floor, self.budget.error_aligned / self.budget.floor
             made = source_words(self.parts, floor, is_complete=False)
             said = f", {times(self.error / floor)} the noise floor ({floor:.3f}){made and f': {made}'}"
-            return f"{said}; aligned {times(aligned)}"
+            ends = "at the floor" if aligned <= 1 + DEFAULT.at_floor else f"{times(aligned)} the floor"
+            return f"{said}; aligned {self.budget.error_aligned:.3f}, {ends}"
         return f", noise floor {self.floor.error:.3f}" if self.floor else ""
 
 

@@ -13,7 +13,7 @@ from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.candidates import as_known, candidate_kinds, with_rings
 from cosim.discrepancy.data.checks import check_fit, opened
 from cosim.discrepancy.data.frames import FrameTracer, in_order
-from cosim.discrepancy.data.notes import drive_notes, fit_notes
+from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told
 from cosim.discrepancy.data.split import split_drive, split_frames
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.inference.comparison import gain
@@ -91,7 +91,8 @@ def case_of(
     """What stays the same throughout a diagnosis; see `diagnose`."""
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
     split = split_drive(drive) if frames is None else split_frames(tuple(frames))
-    kinds = candidate_kinds(extra, model.pattern.rings)
+    hidden = not_told(len(split.fit))
+    kinds = tuple(one for one in candidate_kinds(extra, model.pattern.rings) if one.name not in hidden)
     return Case(model, FrameTracer(drive, model), split, kinds, settings, seed, say)
 
 
@@ -122,11 +123,10 @@ def added(case: Case, state: State) -> State:
             if after is not None:
                 return after
     tested = screened(case, state)
+    sure = [one for one in tested if one.p_value <= case.settings.level]
+    if not sure or not all(one.group.is_effect for one in sure):  # a dependence on one may be a part of one on two
+        tested = sorted([*tested, *screened_pairs(case, state)], key=lambda one: (one.p_value, -one.value))
     found = candidates(case, state, tested)
-    if not found:
-        pairs = screened_pairs(case, state)
-        found = candidates(case, state, pairs)
-        tested = sorted([*tested, *pairs], key=lambda one: (one.p_value, -one.value))
     state.screened[:] = tested
     state.ranking[:] = state.ranking or _ranking(found, tested)
     refused = state.refused
@@ -144,7 +144,7 @@ def accepted(case: Case, state: State, one: Candidate, found: Sequence[Candidate
     view = viewed(case, case.split.fit, one.model, case.settings.rows, replace(state.view, fitted=one.fitted))
     model = replace(one.model, effects=view.fitted.effects)
     judges = judged(case, state.judges, model)
-    if one.lattice is None and case.split.is_held_out:
+    if not one.is_fact and case.split.is_held_out:
         same = judges.fitter is state.judges.fitter
         before = state.judges.fitted if same else seen_by(judges, state.model.effects)
         told = gain(judges.fitter, before, judges.fitted, of_noise=one.of_noise)
@@ -233,7 +233,7 @@ def concluded(case: Case, state: State) -> Diagnosis:
         effects=tuple(findings),
         ranking=tuple(Alternative(*row) for row in state.ranking),
         unknowns=tuple(unknowns),
-        unexplained=unexplained(tested, state.view.fitter, case.settings),
+        unexplained=unexplained(tested, state.view.fitted, case.settings),
         smallest_detectable=_smallest(tested, case),
         budget=budget,
         sensor=SensorModel(case.sensor.pattern, as_known(state.model.effects), case.sensor.origin),

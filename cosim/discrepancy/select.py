@@ -26,6 +26,7 @@ from sensors.effects.base import Effect, NoiseEffect, RoundingEffect
 
 _SHAPES = 2  # dependences that are solved a round
 _STEPS = 10
+_CLEAR = 2.0  # standard errors
 _STRENGTHS = (1.0, 5.0, 25.0, -1.0, -5.0, -25.0)
 
 
@@ -59,6 +60,11 @@ class Candidate:
         """Gain less what its numbers, and the choice of a shape, cost (half the BIC's penalty)."""
         chosen = 2 if self.shape is not None else 0
         return self.gain.value - 0.5 * (self.numbers + chosen) * float(np.log(beams))
+
+    @property
+    def is_fact(self) -> bool:
+        """Whether other frames cannot deny it: a step of the file, or levels of the very scans that were fitted."""
+        return self.lattice is not None or (self.shape is not None and self.shape.covariate == "scan")
 
     @property
     def of_noise(self) -> bool:
@@ -124,8 +130,7 @@ def chosen(case: Case, state: State, found: Sequence[Candidate]) -> list[Candida
     shapes = [one for one in found if one.shape is not None]
     if not named or not shapes:
         return [*named, *shapes]
-    margin = case.settings.unknown_margin
-    if shapes[0].worth(beams) <= margin * named[0].worth(beams) or not _same_channel(named[0], shapes[0]):
+    if not _same_channel(named[0], shapes[0]) or not _is_clearly_better(state, shapes[0], named[0]):
         return [*named, *shapes]
     case.say(f"asking whether {named[0].name} and one more explain as much as a shape over {shapes[0].shape.covariate}")  # type: ignore[union-attr]
     with_first = replace(state, model=named[0].model, view=replace(state.view, fitted=named[0].fitted))
@@ -136,7 +141,16 @@ def chosen(case: Case, state: State, found: Sequence[Candidate]) -> list[Candida
         most=1,
     )
     both = named[0].worth(beams) + max((one.worth(beams) for one in further), default=0.0)
-    return [*named, *shapes] if both * margin >= shapes[0].worth(beams) else [shapes[0], *named, *shapes[1:]]
+    return [*named, *shapes] if both >= shapes[0].worth(beams) else [shapes[0], *named, *shapes[1:]]
+
+
+def _is_clearly_better(state: State, one: Candidate, other: Candidate) -> bool:
+    """Whether one explains more than another does, for what each costs, and chance does not make the difference."""
+    fitter = state.view.fitter
+    beams = len(fitter.sample)
+    apart = one.worth(beams) - other.worth(beams)
+    error = gain(fitter, other.fitted, one.fitted).error
+    return apart > _CLEAR * error
 
 
 def also_possible(case: Case, state: State, best: Candidate, found: Sequence[Candidate]) -> tuple[str, ...]:
@@ -184,9 +198,7 @@ def _effects(case: Case, state: State, sure: Sequence[Tested], most: int | None 
     names = list(dict.fromkeys(names))
     case.say(f"fitting {', '.join(names)}")
     for name in names:
-        tried = [_fitted(case, state, one) for one in best[name][: 2 if best[name][0].group.gain is None else 1]]
-        beams = len(state.view.fitter.sample)
-        found.append(max(tried, key=lambda one: one.worth(beams)))
+        found.append(_fitted(case, state, best[name][0]))
     return found
 
 
@@ -252,7 +264,9 @@ def _shapes(case: Case, state: State, sure: Sequence[Tested]) -> list[Candidate]
             if of_scan.gain - 2 * of_scan.group.size > best_other:
                 rows = [of_scan, *rows]
         rows = sorted(rows, key=lambda one: -(one.gain - 2.0 * one.group.size))
-        for one in rows[:_SHAPES]:
+        plain = [one for one in rows if len(one.group.covariates) < 2]
+        of_two = [one for one in rows if len(one.group.covariates) > 1]
+        for one in [*plain[:_SHAPES], *of_two[:_SHAPES]]:
             shape = shape_of(fitter, fitted, one.group, one.p_value)
             candidate = None if shape is None else _with_shape(state, fitter, fitted, shape, one)
             if candidate is not None:

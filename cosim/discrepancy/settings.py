@@ -16,7 +16,6 @@ class Settings:
         most_findings: effects and unknowns that are added at most.
         fitted_candidates: catalogue effects that are fitted a round, the best by foreseen gain.
         nearly: share of the best candidate's foreseen gain from which another one is fitted, too.
-        unknown_margin: how many times the gain of catalogue effects an unknown shape must have to be preferred.
         alike_sigmas: standard errors of a difference of gains below which two candidates cannot be told apart.
         edge_sigmas: standard deviations of pose and object errors by which edges are widened.
         sharp_m, sharp_rad: spreads of poses and objects below which edges are as sharp as they were traced.
@@ -35,7 +34,6 @@ class Settings:
     most_findings: int = 8
     fitted_candidates: int = 4
     nearly: float = 0.4
-    unknown_margin: float = 1.1
     alike_sigmas: float = 1.0
     edge_sigmas: float = 3.5
     sharp_m: float = 2e-3

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.discrepancy.inference.fit import Fitter
+from cosim.discrepancy.groups.dependences import scale
+from cosim.discrepancy.inference.fit import Fitted
 from cosim.discrepancy.inference.score_test import Tested
 from cosim.discrepancy.settings import Settings
 
@@ -47,7 +48,7 @@ class Unexplained:
         }
 
 
-def unexplained(tested: Sequence[Tested], fitter: Fitter, settings: Settings) -> tuple[Unexplained, ...]:
+def unexplained(tested: Sequence[Tested], fitted: Fitted, settings: Settings) -> tuple[Unexplained, ...]:
     """Everything that is significant, the surest first; of an effect its channel."""
     found: list[Unexplained] = []
     seen = set[tuple[str, ...]]()
@@ -61,7 +62,7 @@ def unexplained(tested: Sequence[Tested], fitter: Fitter, settings: Settings) ->
             Unexplained(
                 one.group.channel,
                 one.group.covariates,
-                _size(one),
+                _size(one, fitted),
                 _UNITS.get(one.group.channel, ""),
                 one.p_value,
                 name,
@@ -71,11 +72,15 @@ def unexplained(tested: Sequence[Tested], fitter: Fitter, settings: Settings) ->
     return tuple(found[:_MOST])
 
 
-def _size(one: Tested) -> float:
-    """Root mean square of the change that the linear model foresees."""
-    columns = next(iter(one.group.columns.values()), None)
-    if columns is None:
+def _size(one: Tested, fitted: Fitted) -> float:
+    """Root mean square of the change that beams tell of, what random effects and parameters take up left out.
+
+    With information I of every beam a change of d everywhere gains ½ Σ I d².
+    """
+    found = next(iter(one.group.columns.items()), None)
+    if found is None:
         return float("nan")
-    change = np.asarray(columns @ one.step)
-    used = change != 0
-    return float(np.sqrt(np.mean(change[used] ** 2))) if used.any() else 0.0
+    quantity, columns = found
+    told = fitted.evidence.information[quantity] * (np.diff(columns.tocsr().indptr) > 0)
+    known = float(told @ scale(fitted, quantity) ** 2)
+    return float(np.sqrt(2 * max(one.gain, 0.0) / known)) if known > 0 else 0.0

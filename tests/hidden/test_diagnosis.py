@@ -9,7 +9,6 @@ import pytest
 
 from tests.hidden.drive import Hidden, Made, make_drive
 
-pytestmark = pytest.mark.xdist_group("hidden")
 _SMALL = Hidden(firings=500, every_ring=2)
 
 

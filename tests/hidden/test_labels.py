@@ -8,8 +8,6 @@ import pytest
 
 from tests.hidden.labels import shrink_labels
 
-pytestmark = pytest.mark.xdist_group("hidden")
-
 
 def test_a_hidden_shrinking_of_labels_is_found(base: Path, tmp_path: Path) -> None:
     from cosim.discrepancy.labels import diagnose_labels

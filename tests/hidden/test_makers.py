@@ -24,7 +24,6 @@ from tests.hidden.twin_files import read_frames, read_pattern
 from tests.hidden.twin_tracing import Twin
 from tests.hidden.unnamed import COVARIATES, UNNAMED
 
-pytestmark = pytest.mark.xdist_group("hidden")
 _SMALL = Hidden(firings=400, every_ring=2, noise=False)
 
 # Columns that an effect changes among the beams that return, and those it leaves alone.

@@ -17,7 +17,6 @@ from tests.hidden.twin_files import read_frames, read_pattern
 from tests.hidden.twin_tracing import Twin
 from tests.hidden.unknowns import KINDS, draw_two, noise_law
 
-pytestmark = pytest.mark.xdist_group("hidden")
 _SMALL = Hidden(firings=400, every_ring=2, noise=False)
 _DRAWS = 30
 

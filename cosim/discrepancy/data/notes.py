@@ -5,7 +5,8 @@ from __future__ import annotations
 from cosim.discrepancy.data.observation import intensity_unit
 from cosim.drives.kitti import Drive
 
-FEWEST_SCANS = 3  # of which the spread of pose errors tells anything
+_FEWEST_SCANS = 3  # of which the spread of pose errors tells anything
+_OF_POSES = ("mount_rotation", "mount_translation", "suspension_pitch")
 _NO_MATTER = ("image_", "depth_", "semantic_", "instance_", "label_2", "oxts", "hits")
 
 
@@ -34,14 +35,19 @@ def drive_notes(drive: Drive, *, frames: int, bad: int, strays: int, has_intensi
     return tuple(said)
 
 
+def not_told(fitted: int) -> tuple[str, ...]:
+    """Effects that so many scans cannot tell from errors of their poses."""
+    return _OF_POSES if fitted < _FEWEST_SCANS else ()
+
+
 def fit_notes(fitted: int, is_held_out: bool) -> tuple[str, ...]:
     """Of how many frames were fitted, and whether others judged."""
     said = []
-    if fitted < FEWEST_SCANS:
+    if fitted < _FEWEST_SCANS:
         count = "one frame is" if fitted == 1 else f"{fitted} frames are"
         said.append(
             f"{count} too few to tell a sensor that is off as a whole from poses that are: "
-            "mount_rotation, mount_translation and suspension_pitch do not show"
+            f"{', '.join(_OF_POSES[:-1])} and {_OF_POSES[-1]} do not show"
         )
     if not is_held_out:
         said.append("no frame was left to judge by: errors after a fit are flattering")

@@ -62,6 +62,13 @@ class Covariate:
         return replace(found, of_scans=self.of_scans, of_neighbours=self.of_neighbours)
 
 
+def over_a_turn(name: str, values: np.ndarray, bins: int) -> Covariate:
+    """A covariate that comes round: angles (n,) [rad] from −π to π."""
+    found = _binned(name, "rad", values, 2 * np.pi, bins)
+    assert found is not None  # phases are many
+    return found
+
+
 def covariates(sample: Sample, expected: Prediction, bins: int) -> Iterator[Covariate]:
     """All that vary over a sample."""
     scan = sample.scan_values

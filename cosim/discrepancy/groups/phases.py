@@ -14,6 +14,7 @@ from cosim.discrepancy.settings import Settings
 
 _SLOWEST = 8  # waves a revolution below which it is a dependence on azimuth
 _DRAWS = 499
+_FINE = 81
 
 
 def of_phases(fitter: Fitter, fitted: Fitted, settings: Settings, rng: np.random.Generator) -> Iterator[Group]:
@@ -35,16 +36,25 @@ def of_phases(fitter: Fitter, fitted: Fitted, settings: Settings, rng: np.random
         lines = np.fft.rfft(table, axis=1)[:, _SLOWEST:]
         own = (np.abs(lines) ** 2).sum(0)
         smooth = np.maximum(own, np.median(own))
+        if not smooth.any():
+            continue
         power = np.abs(lines.sum(0)) ** 2 / smooth
         drawn = (np.abs(signs @ lines) ** 2 / smooth).max(1)
         best = int(np.argmax(power))
         chance = (1 + np.count_nonzero(drawn >= power[best])) / (_DRAWS + 1)
         if chance > settings.level / len(MEANS):
             continue
-        waves = best + _SLOWEST
+        waves = _refined(table.sum(0), best + _SLOWEST)
         turn = 2 * np.pi * waves / firings * sample.firing
         table = np.stack([np.cos(turn), np.sin(turn)], 1) * size[:, None]
         columns = sparse.csr_matrix(table)
         yield Group(
             f"{channel} by phase", channel, {channel: columns}, 2, ("phase",), label=f"{firings / waves:.6g}",
         )  # fmt: skip
+
+
+def _refined(sums: np.ndarray, waves: int) -> float:
+    """Waves a revolution where the periodogram of sums (firings,) is highest about a line."""
+    fine = waves + np.linspace(-1, 1, _FINE)
+    turns = np.exp(-2j * np.pi * np.outer(fine, np.arange(len(sums))) / len(sums))
+    return float(fine[np.argmax(np.abs(turns @ sums))])

@@ -166,7 +166,8 @@ class Fitter:
         return wide if wide > _ROUGH * max(stated, _FINE_M) else 0.0
 
     def _state(self, effects: tuple[Effect, ...], estimate: Estimate, blur: float = 0.0) -> _State:
-        prediction = self.sample.predict(effects)
+        with np.errstate(over="ignore", invalid="ignore"):  # a trial may ask for the impossible, and be refused
+            prediction = self.sample.predict(effects)
         return _State(effects, estimate, prediction, self._judged(prediction, estimate, blur))
 
     def _judged(self, prediction: Prediction, estimate: Estimate, blur: float = 0.0) -> Fit:

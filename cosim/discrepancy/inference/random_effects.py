@@ -23,7 +23,7 @@ from cosim.discrepancy.inference.score import Evidence, Quantity
 _PROBES = 12
 _MOST_STEP = 30.0  # times that a variance may change in one update
 _AXES = 6
-_FEWEST_PARTS = 12
+_FEWEST_PARTS = 16
 _POSE_LEAST = (3e-4,) * 3 + (2e-5,) * 3
 _LEAST = {  # standard deviations below which there is none: [m], [rad], or a share
     "poses": _POSE_LEAST,

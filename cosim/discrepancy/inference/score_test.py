@@ -179,10 +179,11 @@ class Projector:
                 continue
             outlived = np.maximum(np.diag(left), 0) / np.maximum(np.diag(whole), 1e-300)
             slope = by_cluster[0][:, mine].sum(0)
-            track, scan = (
-                _bounded(table[:, mine], of_each[:, mine] * outlived)
-                for table, of_each in zip(by_cluster, share, strict=True)
-            )
+            with np.errstate(invalid="ignore"):  # what random effects say has no bound, however little outlives them
+                track, scan = (
+                    _bounded(table[:, mine], of_each[:, mine] * outlived)
+                    for table, of_each in zip(by_cluster, share, strict=True)
+                )
             found.append(_Sums(one, track, scan if one.by_scan else track, slope, left))
         return found
 

@@ -78,6 +78,8 @@ class Shape:
         """The formula, or the categories that stand out."""
         if self.formula is not None:
             said = self.formula.text
+            if self.period:
+                return f"{said}, x the phase in a period of {self.period:.4g} firings"
             return f"({said})·({self.factor.formula.text.replace('x', 'y')})" if self.factor else said
         if self.covariate == "scan":
             return f"a level of its own for each scan, {self.y.std():.3g} about {self.y.mean():.3g}"

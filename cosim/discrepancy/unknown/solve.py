@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse, stats
 
 from cosim.discrepancy.data.sample import Prediction
-from cosim.discrepancy.groups.covariates import OF_SCANS, Covariate, covariates
+from cosim.discrepancy.groups.covariates import OF_SCANS, Covariate, covariates, over_a_turn
 from cosim.discrepancy.groups.dependences import binned_group, scale
 from cosim.discrepancy.groups.group import Group
 from cosim.discrepancy.inference.columns import SparseMatrix
@@ -18,7 +18,7 @@ from cosim.discrepancy.inference.score import Evidence, Quantity
 from cosim.discrepancy.unknown.formulas import best_formula
 from cosim.discrepancy.unknown.shape import Factor, Shape
 
-_BINS, _PAIR_BINS = 40, 12
+_BINS, _PAIR_BINS, _PHASE_BINS = 40, 12, 24
 _STEPS = 6
 _SETTLED = 0.1  # of a standard error
 _MOST_LOST = 0.9
@@ -128,22 +128,13 @@ def _over_scans(fitter: Fitter, fitted: Fitted, channel: Quantity, p_value: floa
     return Shape(channel, "scan", "s", time_s, y, sigma, None, names, p_value=p_value)
 
 
-def _of_phase(fitter: Fitter, fitted: Fitted, channel: Quantity, group: Group, p_value: float) -> Shape:
-    """A sine along the firings."""
+def _of_phase(fitter: Fitter, fitted: Fitted, channel: Quantity, group: Group, p_value: float) -> Shape | None:
+    """A shape over the phase, from −π to π, of a period of firings."""
     firings = float(group.label)
-    y, covariance = _solved(fitter, fitted, channel, group.columns[channel])
-    wave = 2 * np.pi / firings
-    x = np.linspace(0, firings, _BINS, endpoint=False)
-    basis = np.stack([np.cos(wave * x), np.sin(wave * x)], 1)
-    curve, sigma = basis @ y, np.sqrt(np.einsum("ij,jk,ik->i", basis, covariance, basis))
-    amplitude, shift = float(np.hypot(*y)), float(np.arctan2(y[0], y[1]))
-    from cosim.discrepancy.unknown.formulas import Formula
-
-    formula = Formula(
-        "sine", "sin({wave:.4g}·x + {shift:.2f})", "amplitude * np.sin(wave * x + shift)",
-        {"amplitude": amplitude, "wave": wave, "shift": shift}, 1.0, 0.0,
-    )  # fmt: skip
-    return Shape(channel, "phase", "", x, curve, sigma, formula, period=firings, p_value=p_value)
+    phase = np.mod(fitter.sample.firing, firings) / firings * 2 * np.pi - np.pi
+    covariate = over_a_turn("phase", phase, _PHASE_BINS)
+    found = _of_one(fitter, fitted, channel, covariate, p_value)
+    return None if found is None else replace(found, period=firings)
 
 
 def _solved(fitter: Fitter, fitted: Fitted, channel: Quantity, columns: SparseMatrix) -> tuple[np.ndarray, np.ndarray]:

@@ -115,13 +115,20 @@ class {class_name(shape)}({base}):
 {fields}
     def error(self, returns: Returns, shot: Shot) -> np.ndarray:
         """What is added at each return, (m,)."""
-        x = np.broadcast_to({_COVARIATES[shape.covariate]}, len(returns))
+        x = np.broadcast_to({_covariate(shape)}, len(returns))
 {law}
 
     def {signature}:
         """{says}"""
         {body}
 '''
+
+
+def _covariate(shape: Shape) -> str:
+    """Python that gives x; phases from −π to π."""
+    if shape.covariate == "phase":
+        return f"np.mod({_COVARIATES['phase']}, {shape.period!r}) / {shape.period!r} * 2 * np.pi - np.pi"
+    return _COVARIATES[shape.covariate]
 
 
 def _law(shape: Shape) -> tuple[str, str, str, str, str]:

@@ -67,7 +67,11 @@ def test_compare_writes_its_json_and_page_and_says_a_line(
     assert len(said) == 1
     assert said[0].startswith("error ")
     found = read(file)
-    assert set(found) == {"frames", "points", "channels", "error", "noise_floor", "slices", "notes"}
+    assert set(found) == {
+        "frames", "points", "channels", "error", "error_aligned", "budget", "noise_floor", "slices", "notes",
+    }  # fmt: skip
+    assert set(found["budget"]) == {"noise", "poses", "objects", "map", "missing", "unexplained"}
+    assert sum(found["budget"].values()) == pytest.approx(found["error"])
     assert found["frames"] == 3
     assert {name: set(values) for name, values in found["channels"].items()} == {
         "range": {"rmse_m", "mae_m", "bias_m"},
@@ -136,11 +140,15 @@ def test_diagnose_writes_its_json_page_and_sensor(
         "effects",
         "ranking",
         "unknown",
+        "unknowns",
+        "unexplained",
         "smallest_detectable",
         "error_before",
         "error_after",
+        "error_aligned",
+        "budget",
         "noise_floor",
-        "map_off_m",
+        "spreads",
         "notes",
         "sensor_out",
     }
@@ -149,6 +157,7 @@ def test_diagnose_writes_its_json_page_and_sensor(
         keys = {"effect", "params", "ci95", "p_value", "error_before", "error_after", "also_possible"}
         assert set(one) == keys
     assert found["noise_floor"] > 0
+    assert sum(found["budget"].values()) == pytest.approx(found["error_before"])
     assert found["sensor_out"] == "d/sensor.yaml"
     load_sensor(found["sensor_out"])
     assert (tmp_path / "d/index.html").is_file()

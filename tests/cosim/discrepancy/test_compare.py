@@ -167,3 +167,22 @@ def test_the_floor_of_drops_knows_that_chances_differ(tmp_path: Path) -> None:
     assert found.floor is not None
     assert found.totals.parts()["drop"] > 0.02
     assert found.floor.parts["drop"] == pytest.approx(found.totals.parts()["drop"], rel=0.12)
+
+
+def test_a_drive_in_bytes_has_the_figures_of_the_same_drive_in_shares(tmp_path: Path) -> None:
+    noise = (effect("range_noise", sigma_m=0.02), effect("intensity_noise", sigma_rel=0.1))
+    byte = np.array([1, 1, 1, 255], np.float32)
+    shares = make_yard(tmp_path / "shares", noise)
+    in_bytes = make_yard(tmp_path / "bytes", noise, change=lambda points: points * byte)
+    one, other = (compare(yard.drive, SensorModel(PATTERN, noise, "true")) for yard in (shares, in_bytes))
+    assert other.error == pytest.approx(one.error, rel=1e-5)
+    for name, values in one.to_json()["channels"].items():
+        assert other.to_json()["channels"][name] == pytest.approx(values, rel=1e-5, abs=1e-7)
+    assert any("divided by 255" in note for note in other.notes)
+    assert not any("255" in note for note in one.notes)
+
+
+def test_intensities_beyond_bytes_are_refused(tmp_path: Path) -> None:
+    yard = make_yard(tmp_path, change=lambda points: points * np.array([1, 1, 1, 65535], np.float32))
+    with pytest.raises(DriveError, match="0–1 or bytes"):
+        compare(yard.drive, yard.sensor)

@@ -1,53 +1,97 @@
-"""Pages hold everything in one file, open without script errors, and say first what to do."""
+"""Pages hold everything in one file, open without script errors, say what was found, and show its beams."""
 
 from __future__ import annotations
 
+import base64
+import gzip
+import json
 import re
 import shutil
 import subprocess
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from cosim.discrepancy import compare
+from cosim.discrepancy import compare, diagnose
+from cosim.discrepancy.budget import Budget
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
-from cosim.discrepancy.report import Gathered, format_comparison, format_diagnosis, write_page
-from cosim.discrepancy.report.binned import binned, in_quantiles
+from cosim.discrepancy.report import explored_of, format_comparison, format_diagnosis, left_words
+from cosim.discrepancy.report.binned import binned, quantile_edges
 from cosim.discrepancy.report.confusions import CONFUSIONS, separations
-from cosim.discrepancy.report.sentences import Vocabulary, headline
+from cosim.discrepancy.report.sentences import Vocabulary, headline, source_words
 from cosim.discrepancy.report.waterfall import waterfall
+from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.validation import HeldOut
+from cosim.report import Piece, stacked_bar, write_page
 from sensors.effects.registry import effect_classes, find_effect
 from sensors.sensor_model import SensorModel, load_sensor
 from tests.cosim.discrepancy.small_drive import PATTERN, Yard
 
 NASTY = "<script>alert(1)</script>\"'&"
+MOST_MB = 4
 
 
-def opened_in_chromium(page: Path) -> str:
+def opened_in_chromium(page: Path, address: str = "") -> str:
     """The document after its scripts ran; fails on a script error, skips where there is no chromium."""
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:
         pytest.skip("no chromium here")
     command = [browser, "--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader", "--enable-logging=stderr"]
-    command += [f"--user-data-dir={page.parent / 'profile'}", "--virtual-time-budget=4000", "--dump-dom", page.as_uri()]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    command += [f"--user-data-dir={page.parent / 'profile'}", "--virtual-time-budget=4000", "--dump-dom"]
+    result = subprocess.run([*command, page.as_uri() + address], capture_output=True, text=True, timeout=120)
     assert not re.findall(r"Uncaught|CONSOLE.*[Ee]rror", result.stderr)
     return result.stdout
 
 
 def is_self_contained(text: str) -> bool:
-    return not re.search(r'(?:src|href)="(?!data:|#)', text)
+    return not re.search(r'(?:src|href)="(?!data:|#)', text) and len(text.encode()) < MOST_MB * 1e6
 
 
-def comparison(yard: Yard, title: str = "my.yaml") -> str:
-    sensor = load_sensor(yard.sensor)
-    gathered = Gathered(sensor.effects, ("000000", "000004"))
-    found = compare(yard.drive, SensorModel(sensor.pattern, sensor.effects, title), on_frame=gathered)
-    return format_comparison(found, gathered.rows(), gathered.scans(), "cosim diagnose")
+def scan_data(text: str) -> dict[str, Any]:
+    """What a page draws its scans from."""
+    found = re.search(r'<script type="application/json" id="scan-data">(.*?)</script>', text, re.DOTALL)
+    assert found
+    return json.loads(found[1])
+
+
+def arrays_of(scan: dict[str, Any]) -> dict[str, np.ndarray]:
+    """The arrays of one scan, each (rings · columns,)."""
+    buffer, offset, found = gzip.decompress(base64.b64decode(scan["data"])), 0, {}
+    count = scan["rings"] * scan["columns"]
+    for name, kind in scan["arrays"]:
+        found[name] = np.frombuffer(buffer, np.dtype(kind).newbyteorder("<"), count, offset)
+        offset += found[name].nbytes
+    assert offset == len(buffer)
+    return found
+
+
+def targets(text: str, channel: str, covariate: str) -> dict[int, str]:
+    """What each bin of a chart says, by its number."""
+    pattern = rf'aria-label="([^"]*)" data-channel="{channel}" data-covariate="{covariate}" data-bin="(\d+)"'
+    return {int(number): unescape(words) for words, number in re.findall(pattern, text)}
+
+
+@pytest.fixture(scope="module")
+def compared(biased_yard: Yard) -> str:
+    """The page of a comparison with a sensor that lacks a bias of 4 cm."""
+    return format_comparison(compare(biased_yard.drive, biased_yard.sensor), "cosim diagnose")
+
+
+@pytest.fixture(scope="module")
+def diagnosed(biased_yard: Yard) -> Diagnosis:
+    """The diagnosis of the same."""
+    return diagnose(biased_yard.drive, biased_yard.sensor)
+
+
+@pytest.fixture(scope="module")
+def diagnosed_page(diagnosed: Diagnosis) -> str:
+    """Its page."""
+    return format_diagnosis(diagnosed, Vocabulary(), "drive", "my.yaml")
 
 
 def finding(effect: str = "range_walk", also: tuple[str, ...] = ("incidence_bias",)) -> Finding:
@@ -56,60 +100,124 @@ def finding(effect: str = "range_walk", also: tuple[str, ...] = ("incidence_bias
         params={"amplitude_m": 0.031, "decay": 4.0},
         ci95={"amplitude_m": [0.029, 0.033], "decay": [3.5, 4.5]},
         p_value=0.0004,
-        error_before=HeldOut(1.83, np.array([1.8, 1.86]), np.ones(2), 1.02),
-        error_after=HeldOut(1.04, np.array([1.02, 1.06]), np.ones(2), 1.02),
+        error_before=held_out(1.83),
+        error_after=held_out(1.04),
         also_possible=also,
-        delta_bic=900.0,
     )
 
 
-def diagnosis(*effects: Finding) -> Diagnosis:
+def held_out(error: float) -> HeldOut:
+    return HeldOut(error, error * np.array([0.98, 1.02]), np.ones(2), None)
+
+
+def diagnosis(*effects: Finding, aligned: float = 1.03, first: float = 1.2) -> Diagnosis:
+    ends = [first, *np.linspace(first, aligned, len(effects) + 1)[1:]] if effects else [aligned]
+    missing = ends[0] - ends[-1]
+    parts = {"noise": 1.02, "poses": 2.0, "objects": 0.2, "map": 0.0, "missing": missing, "unexplained": aligned - 1.02}
+    steps = tuple(held_out(2.2 + end) for end in ends)
+    budget = Budget(sum(parts.values()), aligned, ends[0], 1.02, parts, steps, tuple(held_out(end) for end in ends))
     return Diagnosis(
-        verdict="ambiguous" if effects else "none",
         effects=effects,
         ranking=(Alternative("range_walk", 900.0, 0.0004), Alternative("incidence_bias", 895.0, 0.001)),
-        unknown=None,
+        unknowns=(),
+        unexplained=(),
         smallest_detectable={"range_bias": {"offset_m": 0.004}, "encoder_eccentricity": {"amplitude_deg": 0.02}},
-        error_before=1.83,
-        error_after=1.04 if effects else 1.83,
-        noise_floor=1.02,
+        budget=budget,
         sensor=SensorModel(PATTERN),
         split=Split(("000000", "000001"), ("000002",)),
+        spreads={"pose_shift_m": 0.009, "pose_turn_deg": 0.02, "object_albedo": 0.05},
         sensor_out="d/sensor.yaml",
     )
 
 
-def test_the_page_of_a_comparison_opens_and_draws_its_points(biased_yard: Yard, tmp_path: Path) -> None:
-    text = comparison(biased_yard)
-    assert is_self_contained(text)
-    assert "Above the noise floor" in text
-    document = opened_in_chromium(write_page(tmp_path / "page", text))
+def test_the_page_of_a_comparison_opens_and_draws_its_points(compared: str, tmp_path: Path) -> None:
+    assert is_self_contained(compared)
+    assert "Above the noise floor" in compared
+    document = opened_in_chromium(write_page(tmp_path / "page", compared))
     drawn = re.search(r'data-points="(\d+)"', document)
     assert drawn and int(drawn[1]) > 3000
 
 
 def test_the_page_survives_any_name(biased_yard: Yard) -> None:
-    assert NASTY not in comparison(biased_yard, NASTY)
+    sensor = load_sensor(biased_yard.sensor)
+    found = compare(biased_yard.drive, SensorModel(sensor.pattern, sensor.effects, NASTY), frames=("000000",))
+    assert NASTY not in format_comparison(found, NASTY)
     assert NASTY not in format_diagnosis(diagnosis(finding()), Vocabulary(), NASTY, NASTY)
 
 
-def test_a_bias_is_seen_against_every_covariate_but_depends_on_none(biased_yard: Yard) -> None:
-    text = comparison(biased_yard)
-    assert "+4.0" in text or "+3.9" in text
-    ranges = text[text.index("Range: what the residual depends on") : text.index("Intensity: what")]
-    assert "no dependence beyond chance" in ranges
+def test_a_bias_that_was_found_is_gone_from_every_chart(diagnosed: Diagnosis, diagnosed_page: str) -> None:
+    assert [one.effect for one in diagnosed.effects] == ["range_bias"]
+    assert is_self_contained(diagnosed_page)
+    said = targets(diagnosed_page, "range", "range")
+    assert len(said) > 10
+    for words in said.values():
+        before, after = (
+            float(re.findall(rf"{side} ([+−][\d.]+)", words)[0].replace("−", "-")) for side in ("before", "after")
+        )
+        assert before == pytest.approx(4.0, abs=0.4)
+        assert after == pytest.approx(0.0, abs=0.4)
+
+
+def test_beams_of_a_bin_are_those_that_the_chart_tells_of(diagnosed: Diagnosis, diagnosed_page: str) -> None:
+    explored, data = explored_of(diagnosed), scan_data(diagnosed_page)
+    assert explored is not None
+    for packed, scan in zip(data["scans"], explored.beams.scans, strict=True):
+        assert packed["name"] == scan.name
+        arrays = arrays_of(packed)
+        values, bins = scan.covariates["range"].values, explored.bins["range"]
+        low, high = np.concatenate([[-np.inf], bins.edges]), np.concatenate([bins.edges, [np.inf]])
+        for number in targets(diagnosed_page, "range", "range"):
+            inside = arrays["bin:range"] == number
+            assert np.array_equal(inside, (values >= low[number]) & (values < high[number]))
+        # Ranges and residuals of the picture are those of the frame, to the millimetre.
+        told = arrays["1:range"] != -32768
+        assert np.array_equal(told, np.isfinite(scan.after.residuals["range"]))
+        assert arrays["1:range"][told] / 1000 == pytest.approx(scan.after.residuals["range"][told], abs=6e-4)
+        change = (arrays["0:range"][told].astype(int) - arrays["1:range"][told]) / 1000
+        assert np.median(change) == pytest.approx(0.04, abs=0.003)
+
+
+def test_a_bin_that_was_picked_is_shown_with_and_without_the_finding(diagnosed_page: str, tmp_path: Path) -> None:
+    page = write_page(tmp_path / "page", diagnosed_page)
+    document = opened_in_chromium(page, "#channel=range&side=0&slice=material:0")
+    scan = scan_data(diagnosed_page)["scans"][0]
+    inside = re.search(r'data-inside="(\d+)"', document)
+    assert inside and int(inside[1]) == np.count_nonzero(arrays_of(scan)["bin:material"] == 0)
+    means = re.search(r'data-means="([-\d.]+) ([-\d.]+)"', document)
+    assert means
+    assert float(means[1]) == pytest.approx(4.0, abs=0.4)
+    assert float(means[2]) == pytest.approx(0.0, abs=0.4)
+    assert re.search(r'<button[^>]*data-side="0"[^>]*aria-pressed="true"', document)
+    assert 'class="target picked"' in document
+    assert "show all beams" in document
+
+
+def test_the_bar_shows_the_parts_of_the_error(diagnosed: Diagnosis, diagnosed_page: str) -> None:
+    widths = {
+        name: float(share) for name, share in re.findall(r'data-part="([^"]+)" style="width:([\d.]+)%', diagnosed_page)
+    }
+    parts = {name: max(value, 0) for name, value in diagnosed.budget.parts.items()}
+    assert sum(widths.values()) == pytest.approx(100, abs=0.1)
+    assert widths["missing effects"] == pytest.approx(100 * parts["missing"] / sum(parts.values()), abs=0.01)
+    assert sum(diagnosed.budget.parts.values()) == pytest.approx(diagnosed.error_before)
+
+
+def test_a_part_below_zero_is_told_and_has_no_width() -> None:
+    html = stacked_bar([Piece("noise", 0.9, "gray"), Piece("poses", -0.1, "blue")], "error")
+    assert 'data-part="poses"' not in html
+    assert "−0.100" in html
 
 
 def test_the_page_of_a_diagnosis_names_effect_interval_rivals_and_the_drive_that_tells(tmp_path: Path) -> None:
     text = format_diagnosis(diagnosis(finding()), Vocabulary(), "drive", "my.yaml")
     assert is_self_contained(text)
     for words in (
-        "range_walk",
+        '<span class="warn">either</span> <b>range_walk</b> or <b>incidence_bias</b>',
         "3.1 cm",
         "2.9 cm to 3.3 cm",
         "&lt; 0.001",
-        "incidence_bias",
         "asphalt beside road marking",
+        "poses of scans by 0.9 cm and 0.02° and brightness of objects by 5 %",
     ):
         assert words in text, words
     opened_in_chromium(write_page(tmp_path / "page", text))
@@ -124,8 +232,7 @@ def test_of_two_that_look_alike_and_are_both_there_none_is_in_doubt() -> None:
 
 @pytest.mark.parametrize(("before", "decades"), [(1.83, False), (134.0, True)])
 def test_an_error_that_falls_far_is_drawn_in_decades(before: float, decades: bool) -> None:
-    found = replace(finding(), error_before=HeldOut(before, np.array([0.9, 1.1]) * before, np.ones(2), 1.02))
-    svg = waterfall(replace(diagnosis(found), error_before=before))
+    svg = waterfall(diagnosis(finding(), first=before))
     assert (">10<" in svg and ">100<" in svg) == decades
     assert "noise floor" in svg
 
@@ -134,29 +241,54 @@ def test_a_step_that_is_exact_to_a_billionth_has_no_row_of_zeros() -> None:
     assert Vocabulary().quantity("intensity_quantization", "step", 0.01, [0.01 - 2e-10, 0.01 + 2e-10]) == "0.01 ± 2e-10"
 
 
-def test_when_nothing_is_missing_the_page_says_what_would_have_shown() -> None:
-    text = format_diagnosis(diagnosis(), Vocabulary(), "drive", "my.yaml")
+def test_when_nothing_is_missing_page_and_line_say_so_and_what_would_have_shown() -> None:
+    found = replace(diagnosis(), notes=("rays/ is <absent>",))
+    text, line = format_diagnosis(found, Vocabulary(), "drive", "my.yaml"), headline(found, Vocabulary())
     assert "Nothing is missing that would show" in text
-    assert "range_bias from 4 mm" in text or "range_bias from 0.4 cm" in text
     assert "encoder_eccentricity from 0.02°" in text
-    assert "Yet the held-out error, 1.830, is 79% above the noise floor (1.020)" in text
-
-
-def test_nothing_missing_at_the_floor_is_no_reason_to_doubt() -> None:
-    found = replace(diagnosis(), error_before=1.03, error_after=1.03, notes=("rays/ is <absent>",))
-    text = format_diagnosis(found, Vocabulary(), "drive", "my.yaml")
-    assert "The held-out error is 1.030, at the noise floor (1.020)." in text
     assert "rays/ is &lt;absent&gt;" in text
-    assert "noise floor" not in headline(found, Vocabulary())
+    assert line.startswith("nothing missing that would show")
+    for said in (text, line):
+        assert (
+            "3.2 × the noise floor: 2.0 of it poses, 0.2 objects, nothing missing; aligned 1.030, at the floor" in said
+        )
+
+
+def test_nothing_missing_never_stands_beside_what_is_left() -> None:
+    left = Unexplained("range", ("incidence", "range"), 0.004, "m", 0.003)
+    found = replace(diagnosis(), unexplained=(left,))
+    text = format_diagnosis(found, Vocabulary(), "drive", "my.yaml")
+    assert "othing is missing" not in text
+    assert "nothing missing" not in text + headline(found, Vocabulary())
+    assert "0.4 cm" in text
+    assert "range by incidence and range" in headline(found, Vocabulary())
+    shown = headline(diagnosis(), Vocabulary(), ["returns by azimuth (±2.0 %)"])
+    assert "nothing missing" not in shown
+    assert "returns by azimuth" in shown
+
+
+def test_nothing_missing_never_stands_beside_a_chart_that_shows_otherwise(diagnosed: Diagnosis) -> None:
+    assert diagnosed.judged is not None
+    given = replace(diagnosed.judged, after=diagnosed.judged.before)
+    denied = replace(diagnosed, effects=(), unexplained=(), judged=given)
+    assert denied.verdict == "none"
+    explored = explored_of(denied)
+    text = format_diagnosis(denied, Vocabulary(), "drive", "my.yaml", explored)
+    assert any(words.startswith("range by") for words in left_words(explored))
+    assert "Judging frames show more" in text
+    assert "othing is missing" not in text
+    assert "nothing missing" not in text
 
 
 def test_the_line_of_a_diagnosis() -> None:
     line = headline(diagnosis(finding(also=())), Vocabulary())
     assert "range_walk (amplitude 3.10 cm ± 0.20, decay 4.00 ± 0.50), p < 0.001" in line
-    assert "1.830 → 1.040" in line
-    nothing = headline(diagnosis(), Vocabulary())
-    assert nothing.startswith("nothing missing")
-    assert nothing.endswith("yet the held-out error, 1.830, is 79% above the noise floor (1.020)")
+    assert "aligned 1.200 → 1.030, at the floor" in line
+
+
+def test_sources_are_told_in_floors() -> None:
+    parts = {"noise": 0.5, "poses": 1.55, "objects": 0.1, "map": 0.0, "missing": 0.3, "unexplained": 0.001}
+    assert source_words(parts, 0.5, is_complete=False) == "3.1 of it poses, 0.2 objects, 0.6 missing effects"
 
 
 def test_confusions_name_effects_that_exist() -> None:
@@ -184,7 +316,7 @@ def test_bands_grow_when_beams_of_a_frame_share_an_error() -> None:
     x = rng.uniform(0, 1, len(frame))
     alone = rng.normal(0, 1, len(frame))
     shared = alone + rng.normal(0, 1, 20)[frame]
-    bins = in_quantiles(x, 5)
+    bins = np.searchsorted(quantile_edges(x, 5), x)
     narrow, wide = binned(x, bins, alone, frame), binned(x, bins, shared, frame)
     assert np.all(narrow.count == pytest.approx(2000, abs=1))
     assert np.median(wide.half) > 5 * np.median(narrow.half)
@@ -194,6 +326,10 @@ def test_bands_grow_when_beams_of_a_frame_share_an_error() -> None:
 def test_a_dependence_has_the_strength_of_its_means() -> None:
     rng = np.random.default_rng(1)
     x, frame = rng.uniform(-1, 1, 20_000), rng.integers(0, 10, 20_000)
-    found = binned(x, in_quantiles(x, 20), 3 * x + rng.normal(0, 1, len(x)), frame)
+    bins = np.searchsorted(quantile_edges(x, 20), x)
+    found = binned(x, bins, 3 * x + rng.normal(0, 1, len(x)), frame)
     assert found.strength == pytest.approx(3 / np.sqrt(3), rel=0.03)
-    assert binned(x, in_quantiles(x, 20), rng.normal(0, 1, len(x)), frame).strength < 0.03
+    assert found.p_value < 1e-6
+    nothing = binned(x, bins, rng.normal(0, 1, len(x)), frame)
+    assert nothing.size < 0.03
+    assert nothing.p_value > 0.01

@@ -9,12 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cosim.discrepancy.settling import Settled, settle
 
 from cosim.discrepancy import diagnose
-from cosim.discrepancy.data.frames import FrameTracer
-from cosim.discrepancy.inference.fit import all_free
+from cosim.discrepancy.diagnose import case_of
 from cosim.discrepancy.labelled_twin import write_labelled_twin
+from cosim.discrepancy.state import Model, View, viewed
 from cosim.drives.kitti import Drive
 from sensors.effects.base import Effect
 from sensors.effects.dual_block import DualBlock
@@ -60,18 +59,13 @@ def check_lasers(blocks: DualBlock, rings: RingElevation, known_deg: np.ndarray)
 
 
 class Fits:
-    """Joint fits to one drive, each from where the last one ended."""
+    """Joint fits to one drive."""
 
     def __init__(self, drive: Drive) -> None:
-        self.tracer, self.names = FrameTracer(drive, PLAIN), drive.frames
-        self.frames = [self.tracer.trace(name, ()) for name in self.names]
+        self.case, self.names = case_of(drive, PLAIN), drive.frames
 
-    def fit(self, effects: tuple[Effect, ...]) -> Settled:
-        free = all_free(effects, range(len(effects)), PLAIN.pattern.rings)
-        trace = lambda bent, leaning: self.tracer.trace_all(self.names, bent, leaning)  # noqa: E731
-        found = settle(self.frames, trace, effects, free, seed=0)
-        self.frames = found.frames
-        return found
+    def fit(self, effects: tuple[Effect, ...]) -> View:
+        return viewed(self.case, self.names, Model(effects, tuple(range(len(effects)))), self.case.settings.rows)
 
 
 def test_where_lasers_stand_and_look_and_how_much_all_look_too_low(kitti_source: Path, tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ import yaml
 from tests.hidden.traffic.town import BEHAVIOUR, build_town
 
 _ROOT = Path(__file__).resolve().parents[3]
-pytestmark = pytest.mark.xdist_group("traffic")
 
 
 def measured(folder: Path, hidden: dict, seed: int, seconds: float = 40, drivers: int = 24) -> tuple[Path, Path]:

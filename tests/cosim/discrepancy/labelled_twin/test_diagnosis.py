@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cosim.discrepancy.settling import settle
 
 from cosim.discrepancy import diagnose
-from cosim.discrepancy.data.frames import FrameTracer
-from cosim.discrepancy.inference.fit import all_free
+from cosim.discrepancy.diagnose import case_of
 from cosim.discrepancy.labelled_twin import write_labelled_twin
+from cosim.discrepancy.state import Model, viewed
 from cosim.drives.kitti import Calibration, Drive, Labels, write_calibration, write_labels, write_points
 from sensors.effects.elevation_offset import ElevationOffset
 from sensors.effects.range_noise import RangeNoise
@@ -59,13 +58,11 @@ def _recorded(folder: Path, scans: int) -> Drive:
 
 def test_such_scans_have_no_pose_errors_that_could_make_up_for_the_sensor(tmp_path: Path) -> None:
     drive, effects = _recorded(tmp_path, 4), (ElevationOffset(offset_deg=0.0), NOISE)
-    tracer = FrameTracer(drive, SensorModel(PATTERN, effects, "plain"))
-    trace = lambda bent, leaning: tracer.trace_all(drive.frames, bent, leaning)  # noqa: E731
-    frames = tracer.trace_all(drive.frames, ())
-    for free in ((), all_free(effects, [0], PATTERN.rings)):
-        found = settle(frames, trace, effects, free, seed=0)
+    case = case_of(drive, SensorModel(PATTERN, effects, "plain"))
+    for free in ((), (0,)):
+        found = viewed(case, drive.frames, Model(effects, free), case.settings.rows)
         assert found.fitter.sample.own_axes
-        assert not found.fitted.pose.any()
+        assert not found.fitter.random.poses(found.fitted.estimate).any()
     offset = found.fitted.effects[0]
     assert isinstance(offset, ElevationOffset)
     assert offset.offset_deg == pytest.approx(ERROR_DEG, abs=0.05)

@@ -1,0 +1,67 @@
+"""One comparison for everything: a gain by cluster, whatever the number of beams."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cosim.discrepancy.data.checks import opened
+from cosim.discrepancy.data.sample import draw_sample
+from cosim.discrepancy.diagnose import case_of, given
+from cosim.discrepancy.inference.comparison import Gain, gain
+from cosim.discrepancy.inference.fit import Fitter
+from cosim.discrepancy.state import Model, viewed
+from sensors.effects.range_bias import RangeBias
+from tests.cosim.discrepancy.small_drive import Yard
+
+
+def test_gain_per_beam_does_not_depend_on_how_many_beams_were_drawn(biased_yard: Yard) -> None:
+    case = case_of(opened(biased_yard.drive), biased_yard.sensor)
+    frames = case.tracer.trace_all(case.split.fit, ())
+    each, sure = [], []
+    for rows in (6_000, 24_000):
+        fitter = Fitter(draw_sample(frames, rows, np.random.default_rng(1)), case.settings)
+        without = fitter.fit(given(case), ())
+        biased = fitter.at((*given(case), RangeBias(offset_m=0.04)), without.estimate)
+        found = gain(fitter, without, biased)
+        each.append(found.value / len(fitter.sample))
+        sure.append(found.value / found.error)
+    assert each[0] == pytest.approx(each[1], rel=0.1)
+    assert sure[0] == pytest.approx(sure[1], rel=0.35), "clusters make it sure, not beams"
+
+
+def test_nothing_is_gained_by_nothing(biased_yard: Yard) -> None:
+    case = case_of(opened(biased_yard.drive), biased_yard.sensor)
+    view = viewed(case, case.split.fit, Model(given(case)), 6_000)
+    found = gain(view.fitter, view.fitted, view.fitted)
+    assert found.value == 0
+    assert found.p_value == 1
+
+
+def test_few_large_clusters_have_few_degrees_of_freedom() -> None:
+    rng = np.random.default_rng(0)
+    large, small = 100 + 30 * rng.standard_normal(4), rng.standard_normal(400)
+    both = Gain.of([large, small])
+    assert both.value == pytest.approx(large.sum() + small.sum())
+    assert 3 <= both.freedom < 20
+    assert Gain.of([small]).freedom == pytest.approx(399)
+
+
+@pytest.mark.parametrize("clusters", [12, 200])
+def test_its_test_holds_its_level(clusters: int) -> None:
+    rng = np.random.default_rng(7)
+    drawn = [Gain.of([rng.standard_t(5, clusters)]).p_value for _ in range(2000)]
+    assert np.mean(np.array(drawn) < 0.05) == pytest.approx(0.05, abs=0.015)
+
+
+def test_frames_that_took_no_part_deny_what_only_fits(biased_yard: Yard) -> None:
+    case = case_of(opened(biased_yard.drive), biased_yard.sensor)
+    judges = viewed(case, case.split.test, Model(given(case)), 6_000)
+    right, wrong = (
+        judges.fitter.fit((*given(case), RangeBias(offset_m=off)), (), judges.fitted.estimate) for off in (0.04, -0.04)
+    )
+    assert gain(judges.fitter, judges.fitted, right).p_value < 0.05
+    assert gain(judges.fitter, judges.fitted, wrong).p_value > 0.95
+    assert replace(right, effects=()).loglik > judges.fitted.loglik

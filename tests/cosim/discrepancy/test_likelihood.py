@@ -1,0 +1,81 @@
+"""Densities integrate to one, and scores are the slopes of the likelihood that is fitted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from cosim.discrepancy.data.sample import Prediction, Sample
+from cosim.discrepancy.inference.censored import NU, SCALE, censored, student
+from cosim.discrepancy.inference.likelihood import judge
+from cosim.discrepancy.inference.score import Evidence
+from cosim.discrepancy.state import View
+from sensors.effects.range_noise import RangeNoise
+from tests.cosim.discrepancy.small_drive import make_yard, viewed_yard
+
+STEP = {"range": 1e-6, "intensity": 1e-6, "drop": 1e-6}
+
+
+@pytest.fixture(scope="module")
+def view(tmp_path_factory: pytest.TempPathFactory) -> View:
+    """A yard whose model knows everything but a tenth of its range noise."""
+    noise = {"effect": "range_noise", "sigma_m": 0.01}
+    dim = {"effect": "intensity_noise", "sigma_rel": 0.1}
+    effects = (RangeNoise(sigma_m=0.011, sigma_per_m=0.0),)
+    return viewed_yard(make_yard(tmp_path_factory.mktemp("yard"), effects, known=(noise, dim), frames=4))
+
+
+def test_ranges_have_a_density_of_unit_variance() -> None:
+    whole, _ = integrate.quad(lambda z: np.exp(student(np.array([z])))[0], -np.inf, np.inf)
+    spread, _ = integrate.quad(lambda z: z * z * np.exp(student(np.array([z])))[0], -np.inf, np.inf)
+    assert (whole, spread) == (pytest.approx(1, abs=1e-7), pytest.approx(1, abs=1e-4))
+
+
+@pytest.mark.parametrize(("mean", "sigma"), [(0.02, 0.05), (0.5, 0.1), (0.97, 0.2)])
+def test_intensities_and_what_is_cut_off_make_one(mean: float, sigma: float) -> None:
+    def density(value: float) -> float:
+        return float(np.exp(censored(np.array([value]), np.array([mean]), np.array([sigma]), (0.0, 1.0)).loglik[0]))
+
+    inside, _ = integrate.quad(density, 1e-12, 1 - 1e-12, points=[mean])
+    assert inside + density(0.0) + density(1.0) == pytest.approx(1, abs=1e-6)
+
+
+def test_the_density_is_that_of_a_student() -> None:
+    z = np.linspace(-6, 6, 41)
+    np.testing.assert_allclose(student(z), stats.t.logpdf(z / SCALE, NU) - np.log(SCALE))
+
+
+def _moved(expected: Prediction, channel: str, by: float) -> Prediction:
+    if channel == "range":
+        return replace(expected, range_m=expected.range_m + by)
+    if channel == "intensity":
+        return replace(expected, intensity=expected.intensity + by)
+    return replace(expected, seen=expected.seen - by, silent=expected.silent + by)
+
+
+@pytest.mark.parametrize("channel", ["range", "intensity", "drop"])
+def test_scores_are_slopes_of_the_likelihood(view: View, channel: str) -> None:
+    sample, expected = view.fitter.sample, _away_from_bounds(view)
+    score = Evidence.of(sample, judge(sample, expected)).score[channel]  # type: ignore[index]
+    up, down = (judge(sample, _moved(expected, channel, by)).loglik for by in (STEP[channel], -STEP[channel]))
+    slope = sample.share * (up - down) / (2 * STEP[channel])
+    sign = -1 if channel == "drop" else 1
+    clean = _clean(sample, view)
+    assert np.count_nonzero(clean) > 1000
+    np.testing.assert_allclose(sign * slope[clean], score[clean], rtol=2e-3, atol=2e-3 * np.abs(score[clean]).max())
+
+
+def _away_from_bounds(view: View) -> Prediction:
+    """What is expected, every beam with some chance of not returning."""
+    expected = view.fitted.prediction
+    seen = np.minimum(expected.seen, 0.9)
+    return replace(expected, seen=seen, silent=expected.silent + expected.seen - seen)
+
+
+def _clean(sample: Sample, view: View) -> np.ndarray:
+    """Beams that certainly met their surface, or met nothing: between two surfaces responsibilities move, too."""
+    matched = view.fitted.fit.matched
+    return sample.compared & np.isfinite(view.fitted.prediction.range_m) & ((matched > 0.9999) | ~sample.returned)

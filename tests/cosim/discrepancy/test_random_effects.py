@@ -1,0 +1,95 @@
+"""What is merely not known of a drive is estimated with its spread, and does not take up what is missing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from cosim.discrepancy.budget import budget_of_view
+from cosim.discrepancy.data.checks import opened
+from cosim.discrepancy.diagnose import begun, case_of
+from cosim.discrepancy.groups.effects import effect_groups
+from cosim.discrepancy.inference.fit import LinearModel
+from cosim.discrepancy.inference.score_test import screen
+from cosim.discrepancy.state import View
+from cosim.drives.twin import write_frame
+from cosim.drives.twin.frame import read_frame
+from sensors.effects.base import Effect
+from sensors.effects.range_bias import RangeBias
+from sensors.effects.range_noise import RangeNoise
+from tests.cosim.discrepancy.conftest import NOISE
+from tests.cosim.discrepancy.small_drive import Yard, make_yard, viewed_yard
+
+SHIFT_M, TURN_DEG = 0.02, 0.1
+NOISY = (RangeNoise(sigma_m=0.01, sigma_per_m=0.0),)
+
+
+def shaken_yard(folder: Path, *effects: Effect) -> Yard:
+    """A yard whose twin has every pose of the vehicle off by a shift and a turn of its own."""
+    yard = make_yard(folder, (*effects, *NOISY), known=(NOISE,), frames=12)
+    rng = np.random.default_rng(3)
+    for path in sorted((yard.drive / "twin/frames").glob("*.json")):
+        twin = read_frame(path)
+        error = np.eye(4)
+        error[:3, :3] = Rotation.from_rotvec(np.radians(TURN_DEG) * rng.standard_normal(3) * (0, 0, 1)).as_matrix()
+        error[:3, 3] = SHIFT_M * rng.standard_normal(3) * (1, 1, 0)
+        write_frame(path, replace(twin, ego=replace(twin.ego, pose=twin.ego.pose @ error)))
+    return yard
+
+
+@pytest.fixture(scope="module")
+def exact(tmp_path_factory: pytest.TempPathFactory) -> Yard:
+    return make_yard(tmp_path_factory.mktemp("exact"), NOISY, known=(NOISE,), frames=8)
+
+
+@pytest.fixture(scope="module")
+def shaken(tmp_path_factory: pytest.TempPathFactory) -> Yard:
+    return shaken_yard(tmp_path_factory.mktemp("shaken"))
+
+
+def test_exact_poses_have_hardly_any_spread(exact: Yard) -> None:
+    view = viewed_yard(exact)
+    spread = view.fitter.random.spread(view.fitted.estimate, "poses")
+    assert np.all(spread[:3] < 2e-3)
+    assert np.all(np.degrees(spread[3:]) < 0.01)
+
+
+def test_the_spread_of_poses_is_found(shaken: Yard) -> None:
+    view = viewed_yard(shaken)
+    spread = view.fitter.random.spread(view.fitted.estimate, "poses")
+    assert spread[:2] == pytest.approx([SHIFT_M] * 2, rel=0.6)
+    assert spread[2] < SHIFT_M / 3
+    assert np.degrees(spread[5]) == pytest.approx(TURN_DEG, rel=0.6)
+
+
+def test_nothing_shows_where_only_poses_are_off(shaken: Yard) -> None:
+    assert min(one.p_value for one in _screened(viewed_yard(shaken), shaken)) > 0.01
+
+
+def test_what_all_scans_share_shows_all_the_same(tmp_path: Path) -> None:
+    yard = shaken_yard(tmp_path, RangeBias(offset_m=0.02))
+    found = _screened(viewed_yard(yard), yard)
+    assert next(one for one in found if one.group.name == "range_bias").p_value < 0.05
+    fitted = viewed_yard(yard, (RangeBias(offset_m=0.0), *NOISY), (0,)).fitted.effects
+    assert next(one for one in fitted if isinstance(one, RangeBias)).offset_m == pytest.approx(0.02, rel=0.1)
+
+
+def _screened(view: View, yard: Yard):
+    case = case_of(opened(yard.drive), yard.sensor)
+    model: LinearModel = view.fitter.system(view.fitted)
+    groups = effect_groups(view.fitter, view.fitted, case.kinds, ())
+    rng = np.random.default_rng(0)
+    return screen(model, view.fitted.estimate, groups, view.fitter.random.clusters, case.settings, rng)
+
+
+def test_the_budget_adds_up_and_tells_poses_from_noise(shaken: Yard) -> None:
+    case = case_of(opened(shaken.drive), shaken.sensor)
+    state = begun(case)
+    budget, _ = budget_of_view(case, state.judges, state.model.effects)
+    assert sum(budget.parts.values()) == pytest.approx(budget.error, rel=0.02)
+    assert budget.parts["poses"] > 0.3 * budget.error
+    assert budget.floor is not None and budget.error_aligned < 1.1 * budget.floor < 0.7 * budget.error
