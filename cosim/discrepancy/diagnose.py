@@ -13,6 +13,7 @@ from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.candidates import as_known, candidate_kinds, with_rings
 from cosim.discrepancy.data.checks import check_fit, opened
 from cosim.discrepancy.data.frames import FrameTracer, in_order
+from cosim.discrepancy.data.map_surfaces import is_own_map
 from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told
 from cosim.discrepancy.data.split import split_drive, split_frames
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
@@ -91,7 +92,7 @@ def case_of(
     """What stays the same throughout a diagnosis; see `diagnose`."""
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
     split = split_drive(drive) if frames is None else split_frames(tuple(frames))
-    hidden = not_told(len(split.fit))
+    hidden = not_told(len(split.fit), is_own_map(drive))
     kinds = tuple(one for one in candidate_kinds(extra, model.pattern.rings) if one.name not in hidden)
     return Case(model, FrameTracer(drive, model), split, kinds, settings, seed, say)
 
@@ -316,4 +317,4 @@ def _notes(case: Case, state: State) -> tuple[str, ...]:
         strays=sum(one.strays for one in seen),
         has_intensity=state.view.fitter.sample.has_intensity,
     )
-    return (*of_drive, *fit_notes(len(seen), case.split.is_held_out))
+    return (*of_drive, *fit_notes(len(seen), case.split.is_held_out, is_own_map(case.tracer.drive)))

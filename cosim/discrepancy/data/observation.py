@@ -12,6 +12,7 @@ from sensors.pattern import Pattern
 from sensors.rays import Rays
 
 _BRIGHTEST, _BYTE, _MOST_POINTS, _ASKED = 1.001, 255.0, 0.99, 3
+_ASIDE_RAD = 1e-5  # from the middle of its slot: a point that stands farther off says its own azimuth
 _HALF_SLOT = 0.5001  # of an azimuth step: farther from a firing's azimuth no point belongs to it
 
 
@@ -96,6 +97,10 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0) -> Ob
     xyz = points[used, :3].astype(np.float64)
     if of.recovered:
         rays = _turned(rays, first, np.arctan2(xyz[:, 1], xyz[:, 0]))
+    else:
+        said = of.azimuth[used].astype(np.float64)
+        aside = np.abs(np.angle(np.exp(1j * (said - rays.azimuth[first])))) > _ASIDE_RAD
+        rays = _turned(rays, first[aside], said[aside]) if aside.any() else rays
     direction = rays.direction[first].astype(np.float64)
     along = np.full(len(rays), np.nan, np.float32)
     above, intensity = along.copy(), along.copy()

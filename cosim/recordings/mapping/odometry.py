@@ -32,12 +32,16 @@ class Trajectory:
         motion: (n, 6) of the sensor in a sweep, in its own axes: rotation vector [rad], translation [m].
         doubtful: numbers of scans at which the path jumps.
         source: where the poses come from, in words.
+        rate: sweeps that the head makes from scan to scan.
+        from_odometry: whether the poses were found in the points.
     """
 
     poses: np.ndarray
     motion: np.ndarray
     doubtful: tuple[int, ...]
     source: str
+    rate: float = 1.0
+    from_odometry: bool = True
 
     @property
     def path_m(self) -> float:
@@ -70,7 +74,7 @@ def find_trajectory(recording: Recording, sweep_s: float, on_scan: Callable[[], 
     if recording.poses is not None:
         for _ in range(2 * len(recording)):
             on_scan()
-        return _described(recording.poses, rate, "given with the recording")
+        return _described(recording.poses, rate, "given with the recording", from_odometry=False)
     poses = _register(recording, sweep_s, rate, None, on_scan)
     poses = _register(recording, sweep_s, rate, poses, on_scan)
     return _described(poses, rate, "odometry (KISS-ICP)")
@@ -110,9 +114,9 @@ def _without_ground(xyz: np.ndarray) -> np.ndarray:
     return xyz[kept] if kept.mean() > _LEAST_LEFT else xyz
 
 
-def _described(poses: np.ndarray, rate: float, source: str) -> Trajectory:
+def _described(poses: np.ndarray, rate: float, source: str, *, from_odometry: bool = True) -> Trajectory:
     step = np.diff(poses[:, :3, 3], axis=0)
     change = np.linalg.norm(np.diff(step, axis=0), axis=1) if len(step) > 1 else np.zeros(0)
     limit = max(_LEAST_JUMP_M, _JUMP * float(np.median(change))) if len(change) else np.inf
     doubtful = tuple(int(row) + 2 for row in np.flatnonzero(change > limit))
-    return Trajectory(poses, motions(poses) * rate, doubtful, source)
+    return Trajectory(poses, motions(poses) * rate, doubtful, source, rate, from_odometry)

@@ -13,13 +13,11 @@ import yaml
 
 from assets.materials import MATERIALS
 from assets.mesh import Mesh
-from cosim.discrepancy.labelled_twin.trust import encode_trust
 from cosim.drives.kitti.points import encode_points
 from cosim.drives.kitti.rays import PointRays, encode_rays
 from cosim.drives.twin import Ego, Lidar, TwinFrame, encode_glb, format_materials
 from cosim.drives.writer import DriveWriter, OutputError
 from cosim.recordings.mapping.build import SurfelMap, build_map, sweep_thickness
-from cosim.recordings.mapping.ground_trust import GroundTrust
 from cosim.recordings.mapping.motion import scan_times
 from cosim.recordings.mapping.odometry import Trajectory, find_trajectory
 from cosim.recordings.mapping.surfels import SurfelSettings, quads
@@ -118,18 +116,31 @@ def write_recording_twin(
     ring_of = _rings(found, beams, pattern)
     on_step("odometry")
     trajectory = find_trajectory(recording, beams.sweep_s)
-    on_step("map")
-    made = build_map(recording, trajectory, beams.sweep_s, mount=recording.settings.mount)
     on_step("sweep motion")
-    moving = not trajectory.standing
-    scales = _SWEEP_SCALES if moving else ()
+    scales = () if trajectory.standing else _SWEEP_SCALES
     sweep = sweep_thickness(recording, trajectory, beams.sweep_s, SurfelSettings(), scales)
+    sweep_scale = _likeliest_scale(sweep)
+    on_step("map")
+    made = build_map(
+        recording, trajectory, beams.sweep_s, mount=recording.settings.mount, sweep_scale=round(sweep_scale)
+    )
     names = tuple(f"{number:06d}" for number in range(len(recording)))
     notes = (*recording.notes, *found.notes, *_notes(recording, trajectory, made, sweep))
     twin = RecordingTwin(folder, names, beams, found, trajectory, made, sweep, notes)
     on_step("files")
     _write(twin, recording, ring_of)
     return twin
+
+
+def _likeliest_scale(sweep: dict[float, float]) -> float:
+    """How strong the sensor's motion in a sweep is where the map is thinnest, by a parabola; 1 if nothing tells."""
+    told = {scale: value for scale, value in sweep.items() if np.isfinite(value)}
+    if len(told) < 3:
+        return 1.0
+    scale, value = np.array(sorted(told.items())).T
+    curve, slope, _ = np.polyfit(scale, value, 2)
+    best = -slope / (2 * curve) if curve > 0 else scale[value.argmin()]
+    return float(np.clip(best, scale[0], scale[-1]))
 
 
 def _rings(found: FoundPattern, beams: Pattern, given: str | None) -> np.ndarray:
@@ -191,7 +202,6 @@ def _write(twin: RecordingTwin, recording: Recording, ring_of: np.ndarray) -> No
     writer.open(head)
     done = writer.manifest()
     writer.write_once("calib/README.txt", _CAMERALESS.encode())
-    trust = GroundTrust(twin.made)
     to_lidar = np.linalg.inv(twin.made.pose_ego)
     interval_s = recording.interval_s or twin.pattern.sweep_s
     for number, name in enumerate(twin.names):
@@ -200,7 +210,7 @@ def _write(twin: RecordingTwin, recording: Recording, ring_of: np.ndarray) -> No
         ego = twin.made.poses[number] @ to_lidar
         stamp = recording.stamp_s
         time_s = number * interval_s if stamp is None else float(stamp[number] - stamp[0])
-        frame = _frame(twin, name, ego, twin.trajectory.motion[number], time_s)
+        frame = _frame(twin, name, ego, twin.made.motion[number], time_s)
         scan = recording[number]
         which = beams_of(scan, twin.found.lasers.lines)
         points, rays = _ordered(scan, which, ring_of, twin.pattern)
@@ -208,7 +218,6 @@ def _write(twin: RecordingTwin, recording: Recording, ring_of: np.ndarray) -> No
             f"velodyne/{name}.bin": encode_points(points),
             f"rays/{name}.npz": encode_rays(rays),
             f"twin/frames/{name}.json": frame.to_json().encode(),
-            f"twin/trust/{name}.npz": encode_trust(trust.of(ego[:3, 3])),
         }
         held = int(number in twin.made.held_out)
         writer.write_frame(
