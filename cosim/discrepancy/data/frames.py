@@ -145,8 +145,8 @@ class FrameTracer:
         if self._map is None:
             trusted, unsure_m, unsure_intensity = _known(frame, shot, observed)
         else:
-            surface, trusted = _on_map(self._map, shot, observed)
-            unsure_m = unsure_intensity = np.zeros(len(observed.rays), np.float32)
+            surface, trusted, unsure_m = _on_map(self._map, shot, observed)
+            unsure_intensity = np.zeros(len(observed.rays), np.float32)
         border, seam = self._neighbours.at_border(traced.hits)
         edge, nearest_m = self._neighbours.at_edge(traced.hits)
         return TracedFrame(
@@ -201,11 +201,14 @@ def _known(frame: Frame, shot: Shot, observed: Observed) -> tuple[np.ndarray, np
     return trusted, away / np.maximum(steep, _GRAZING), bright
 
 
-def _on_map(surfaces: MapSurfaces, shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray]:
-    """Surfaces of a map that beams meet, and which beams may be compared."""
+def _on_map(surfaces: MapSurfaces, shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Surfaces of a map that beams meet, which beams may be compared, and how unsure roughness makes ranges."""
     met, measured = _places(shot, observed)
-    surface = surfaces.met(met, shot.hits.solid.instance).astype(np.int32)
-    return surface, observed.trusted & surfaces.compared(surface, measured)
+    solid, traced = shot.hits.solid, shot.traced
+    assert traced is not None  # frames are traced
+    surface = surfaces.met(met, solid.instance).astype(np.int32)
+    slope = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
+    return surface, observed.trusted & surfaces.compared(surface, measured), surfaces.unsure_m(surface, slope)
 
 
 def _places(shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray]:

@@ -20,10 +20,13 @@ from sensors.hits import STATIC
 from sensors.npz import NpzError, npz_arrays
 
 FILE = "twin/surfels.npz"
-_ARRAYS = ("centre", "normal", "range_m")
+_ARRAYS = {"centre": (3,), "normal": (3,), "sd_m": (), "range_m": (2,), "cos_incidence": (2,)}
 _MARGIN_M = 0.3  # across a surface, within which a return is its
 _ON_PLANE_M = 0.02
 _NEIGHBOURS = 6
+_GRAZING = 0.02
+_LEAST_ROUGH = 0.2  # of the scatter, that a surface has itself
+_LEVEL = 0.9  # |n·z| of what lies flat
 
 
 def is_own_map(drive: Drive) -> bool:
@@ -38,12 +41,15 @@ class MapSurfaces:
     Attributes:
         centre: (m, 3) world places [m].
         normal: (m, 3) unit normals.
+        rough_m: (m,) standard deviation of the surface itself about its plane: what scatter of points the noise of
+            ranges does not explain.
         range_m: (m, 2) nearest and farthest look.
         tree: of the centres.
     """
 
     centre: np.ndarray
     normal: np.ndarray
+    rough_m: np.ndarray
     range_m: np.ndarray
     tree: KDTree
 
@@ -64,10 +70,13 @@ class MapSurfaces:
         missing = [name for name in _ARRAYS if name not in found]
         if missing:
             raise FormatError(f"{file}: lacks {', '.join(missing)}; make the twin anew with `cosim twin`")
-        centre, normal, range_m = (np.asarray(found[name], np.float64) for name in _ARRAYS)
-        if not len(centre) or not centre.shape == normal.shape == (len(range_m), 3) or range_m.shape[1:] != (2,):
-            raise FormatError(f"{file}: {len(centre)} centres, {len(normal)} normals; make the twin anew")
-        return cls(centre, normal, range_m, KDTree(centre))
+        arrays = {name: np.asarray(found[name], np.float64) for name in _ARRAYS}
+        count = len(arrays["centre"])
+        odd = [name for name, shape in _ARRAYS.items() if arrays[name].shape != (count, *shape)]
+        if not count or odd:
+            raise FormatError(f"{file}: {odd[0] if odd else 'centre'} has no row a surface; make the twin anew")
+        rough = _roughness(arrays["sd_m"], arrays["cos_incidence"].mean(1))
+        return cls(arrays["centre"], arrays["normal"], rough, arrays["range_m"], KDTree(arrays["centre"]))
 
     def __len__(self) -> int:
         return len(self.centre)
@@ -102,6 +111,53 @@ class MapSurfaces:
         off = np.einsum("ij,ij->i", measured - self.centre[row], self.normal[row])
         return (met >= 0) & ~(np.abs(off) > _MARGIN_M)
 
-    def told(self) -> np.ndarray:
-        """(m,) how much each tells by being looked at from near and far: logarithm of its ranges' ratio."""
-        return np.log(np.maximum(self.range_m[:, 1], 1.0) / np.maximum(self.range_m[:, 0], 0.5))
+    def unsure_m(self, met: np.ndarray, slope: np.ndarray) -> np.ndarray:
+        """(n,) float32 standard deviation of ranges to rough surfaces.
+
+        Args:
+            met: (n,) rows of the surfaces that beams meet.
+            slope: (n,) cosines of incidence.
+        """
+        rough = np.where(met >= 0, self.rough_m[np.maximum(met, 0)], 0.0)
+        return (rough / np.maximum(slope, _GRAZING)).astype(np.float32)
+
+    def drawn(self, looks: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Rows of surfaces with `count` looks in all, half of them on what lies flat, half on the rest where it is.
+
+        Rather those that were looked at from near and far: with chances as the logarithms of their ranges' ratios.
+
+        Args:
+            looks: (m,) that each has; those with fewer than two tell nothing.
+            count: of looks.
+            rng: for the draw.
+        """
+        worth = np.log(np.maximum(self.range_m[:, 1], 1.0) / np.maximum(self.range_m[:, 0], 0.5))
+        worth = np.where(looks > 1, np.maximum(worth, 1e-3), 0.0)
+        keys = np.where(worth > 0, rng.random(len(worth)) ** (1 / np.maximum(worth, 1e-3)), -1.0)
+        order = np.argsort(-keys, kind="stable")[: np.count_nonzero(worth)]
+        flat = np.abs(self.normal[order, 2]) > _LEVEL
+        share = np.where(flat, *(_share_before(looks[order], mine, count / 2) for mine in (flat, ~flat)))
+        order = order[np.argsort(share, kind="stable")]
+        return order[np.cumsum(looks[order]) <= count]
+
+
+def _share_before(looks: np.ndarray, mine: np.ndarray, count: float) -> np.ndarray:
+    """(m,) looks of some surfaces up to each, as a share of a count."""
+    return np.cumsum(np.where(mine, looks, 0)) / count
+
+
+def _roughness(sd_m: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """(m,) square root of sd² − σ²cos²; σ, of the noise of ranges, from how lower quartiles of sd² grow with cos².
+
+    Args:
+        sd_m: (m,) scatter of points across the surfaces.
+        slope: (m,) usual cosines of incidence.
+    """
+    edges = np.quantile(slope**2, np.linspace(0, 1, 9))
+    slot = np.clip(np.searchsorted(edges, slope**2, side="right") - 1, 0, 7)
+    used = [k for k in range(8) if np.count_nonzero(slot == k) >= 5]
+    noise = 0.0
+    if len(used) > 2:
+        square = [float(np.quantile(sd_m[slot == k] ** 2, 0.25)) for k in used]
+        noise = max(float(np.polyfit([float(np.mean(slope[slot == k] ** 2)) for k in used], square, 1)[0]), 0.0)
+    return np.sqrt(np.maximum(sd_m**2 - noise * slope**2, (_LEAST_ROUGH * sd_m) ** 2))

@@ -340,14 +340,11 @@ def _of_map(
     surfaces = frames[0].map
     assert surfaces is not None  # asked before
     usable = [np.flatnonzero(one.observed.trusted & (edges | ~one.edge)) for one in frames]
-    looks = sum(
-        np.bincount(one.surface[rows], minlength=len(surfaces)) for one, rows in zip(frames, usable, strict=True)
-    )
-    worth = np.where(looks > 1, surfaces.told(), 0.0)
-    order = np.argsort(-(rng.random(len(worth)) ** (1 / np.maximum(worth, 1e-9))), kind="stable")
-    taken = order[np.cumsum(np.minimum(looks[order], _LOOKS)) <= count]
+    met = np.concatenate([one.surface[rows] for one, rows in zip(frames, usable, strict=True)])
+    looks = np.bincount(met, minlength=len(surfaces))
+    taken = surfaces.drawn(np.minimum(looks, _LOOKS), count, rng)
     chance = np.zeros(len(surfaces))
-    chance[taken] = np.minimum(_LOOKS / np.maximum(looks[taken], 1) / 2, 1.0) * (worth[taken] > 0)
+    chance[taken] = np.minimum(_LOOKS / looks[taken] / 2, 1.0)
     found = []
     for one, rows in zip(frames, usable, strict=True):
         first = rows[rng.random(len(rows)) < chance[one.surface[rows]]]

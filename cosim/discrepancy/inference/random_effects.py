@@ -268,10 +268,8 @@ class RandomEffects:
         return estimate.u[rows].reshape(-1, _AXES)
 
     def spread(self, estimate: Estimate, name: str) -> np.ndarray:
-        """Standard deviations of one kind, by law, as they turned out of those that are free; empty where there are none."""
-        count = np.maximum(np.bincount(self._law, minlength=len(self.laws)), 1)
-        shown = np.bincount(self._law, estimate.u**2, len(self.laws)) / count
-        variance = np.where(self._free, shown, estimate.variance)
+        """Standard deviations of one kind, by law, 0 where nothing is known of them; empty where there are none."""
+        variance = np.where(self._free, 0.0, estimate.variance)
         return np.sqrt([v for (of, _), v in zip(self.laws, variance, strict=True) if of == name])
 
     def precision(self, estimate: Estimate) -> np.ndarray:
