@@ -20,7 +20,7 @@ from sensors.hits import STATIC
 from sensors.npz import NpzError, npz_arrays
 
 FILE = "twin/surfels.npz"
-_ARRAYS = {"centre": (3,), "normal": (3,), "sd_m": (), "range_m": (2,), "cos_incidence": (2,)}
+_ARRAYS = {"centre": (3,), "normal": (3,), "sd_m": (), "range_m": (2,), "cos_incidence": (2,), "trusted": ()}
 _MARGIN_M = 0.3  # across a surface, within which a return is its
 _ON_PLANE_M = 0.02
 _NEIGHBOURS = 6
@@ -44,6 +44,7 @@ class MapSurfaces:
         rough_m: (m,) standard deviation of the surface itself about its plane: what scatter of points the noise of
             ranges does not explain.
         range_m: (m, 2) nearest and farthest look.
+        trusted: (m,) bool: seen well, and with little else about them.
         tree: of the centres.
     """
 
@@ -51,6 +52,7 @@ class MapSurfaces:
     normal: np.ndarray
     rough_m: np.ndarray
     range_m: np.ndarray
+    trusted: np.ndarray
     tree: KDTree
 
     @classmethod
@@ -76,7 +78,14 @@ class MapSurfaces:
         if not count or odd:
             raise FormatError(f"{file}: {odd[0] if odd else 'centre'} has no row a surface; make the twin anew")
         rough = _roughness(arrays["sd_m"], arrays["cos_incidence"].mean(1))
-        return cls(arrays["centre"], arrays["normal"], rough, arrays["range_m"], KDTree(arrays["centre"]))
+        return cls(
+            arrays["centre"],
+            arrays["normal"],
+            rough,
+            arrays["range_m"],
+            arrays["trusted"] > 0,
+            KDTree(arrays["centre"]),
+        )
 
     def __len__(self) -> int:
         return len(self.centre)
@@ -109,7 +118,7 @@ class MapSurfaces:
         """
         row = np.maximum(met, 0)
         off = np.einsum("ij,ij->i", measured - self.centre[row], self.normal[row])
-        return (met >= 0) & ~(np.abs(off) > _MARGIN_M)
+        return (met >= 0) & self.trusted[row] & ~(np.abs(off) > _MARGIN_M)
 
     def unsure_m(self, met: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """(n,) float32 standard deviation of ranges to rough surfaces.

@@ -13,7 +13,7 @@ from cosim.recordings.mapping.motion import applied, motions
 from cosim.recordings.mapping.moving import FreeSpace
 from cosim.recordings.mapping.odometry import Trajectory
 from cosim.recordings.mapping.scans import cloud_of, local_scans
-from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, cell_keys, make_surfels
+from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, cell_keys, make_surfels, solid_shares
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import RecordingError
 from cosim.recordings.settings import Mount
@@ -21,7 +21,8 @@ from cosim.recordings.settings import Mount
 _ROUNDS = 4  # of map and poses
 _HELD_SHARE, _HELD_FEWEST, _HELD_MOST = 0.1, 2, 20
 _FEWEST_SURFELS, _FEWEST_ON_MAP = 50, 50
-_SWEEP_SCANS = 30
+_SOLID, _WELL_SEEN = 0.9, 4  # share of the points about a surfel that lie on it, and scans, to be trusted
+_SWEEP_SCANS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +36,7 @@ class SurfelMap:
         motion: (n, 6) of the sensor in a sweep, see `motion.between`.
         pose_ego: (4, 4) of the sensor on the vehicle: x forward, z up, origin on the ground below it.
         ground: (m,) bool, which surfels are ground.
+        trusted: (m,) bool, which are seen so often, and have so little else about them, that beams may be compared.
         held_out: numbers of scans that took no part.
         error_m: (n,) robust standard deviation of each scan's points across the surfels; NaN without any.
         on_map: (n,) share of each scan's points that lie in a surfel's cell.
@@ -49,6 +51,7 @@ class SurfelMap:
     motion: np.ndarray
     pose_ego: np.ndarray
     ground: np.ndarray
+    trusted: np.ndarray
     held_out: tuple[int, ...]
     error_m: np.ndarray
     on_map: np.ndarray
@@ -101,9 +104,12 @@ def build_map(
         rounds.append(thickness(surfels))
         poses = adjusted(scans, poses, sweep_scale * motion, fitted, surfels, settings.cell_m)
     poses, pose_ego, known = levelled(surfels, poses, up(surfels, poses[fitted]), mount)
-    surfels, no_plane = make_surfels(cloud_of(scans, poses, sweep_scale * motion, fitted), settings)
+    cloud = cloud_of(scans, poses, sweep_scale * motion, fitted)
+    surfels, no_plane = make_surfels(cloud, settings)
     _demand_surfels(recording, surfels)
     rounds.append(thickness(surfels))
+    solid = (solid_shares(cloud, surfels, settings.cell_m) > _SOLID) & (surfels.scans >= _WELL_SEEN)
+    del cloud
     local = [scan.at_pose_time(sweep_scale * own) for scan, own in zip(scans, motion, strict=True)]
     space = FreeSpace(surfels)
     for number in fitted:
@@ -120,6 +126,7 @@ def build_map(
         motion=motions(poses) * trajectory.rate,
         pose_ego=pose_ego,
         ground=ground(still, poses, pose_ego[2, 3]),
+        trusted=solid[~moving],
         held_out=held,
         error_m=error,
         on_map=share,

@@ -12,7 +12,7 @@ from cosim.recordings.mapping.surfels import Cloud
 from cosim.recordings.recording import Recording
 
 _NEAREST_M, _FARTHEST_M = 2.0, 60.0
-_MOST_POINTS = 4_000_000  # in the map; more make it slower and hardly better
+_MOST_POINTS, _MOST_A_SCAN = 4_000_000, 30_000  # in the map; more make it slower and hardly better
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ def local_scans(recording: Recording, sweep_s: float, on_scan: Callable[[], obje
         on_scan: called after each is read.
     """
     scans: list[LocalScan] = []
-    most = _MOST_POINTS // max(len(recording), 1)
+    most = min(_MOST_POINTS // max(len(recording), 1), _MOST_A_SCAN)
     for scan in recording:
         reach = np.linalg.norm(scan.xyz, axis=1)
         rows = np.flatnonzero((reach > _NEAREST_M) & (reach < _FARTHEST_M))

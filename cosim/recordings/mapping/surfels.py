@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+_CHUNK = 1_000_000  # points at a time
+_SOLID_SIGMAS, _SOLID_LEAST_M, _ABOUT = 3.0, 0.03, 0.75
 _OFFSET = 1 << 20  # cells from the origin to the edge of what can be numbered
 
 
@@ -184,6 +186,35 @@ def _described(
         cos_incidence=np.stack([steep, flat], 1),
         reflectance=np.bincount(cell, cloud.intensity[rows], cells) / count,
     )
+
+
+def solid_shares(cloud: Cloud, surfels: Surfels, cell_m: float) -> np.ndarray:
+    """Share (m,) of the points about each surfel that lie on it: about 1 of a wall, less of a hedge.
+
+    About it are points over its box, within three quarters of a cell of its plane.
+    """
+    count = len(surfels)
+    on, about = np.zeros(count), np.zeros(count)
+    main = np.abs(surfels.normal).argmax(1)
+    near = np.maximum(_SOLID_SIGMAS * surfels.sd_m, _SOLID_LEAST_M)
+    for axis in range(3):
+        aside = np.delete(np.arange(3), axis)
+        for step in (-1, 0, 1):
+            shift = np.zeros(3)
+            shift[axis] = step * cell_m
+            for start in range(0, len(cloud), _CHUNK):
+                xyz = cloud.xyz[start : start + _CHUNK].astype(np.float64)
+                row = surfels.rows_of(cell_keys(xyz + shift, cell_m))
+                rows = np.flatnonzero((row >= 0) & (main[np.maximum(row, 0)] == axis))
+                row, xyz = row[rows], xyz[rows]
+                off = np.abs(np.einsum("ij,ij->i", xyz - surfels.centre[row], surfels.normal[row]))
+                over = (off < _ABOUT * cell_m) & np.all(
+                    (xyz[:, aside] >= surfels.low[row][:, aside]) & (xyz[:, aside] <= surfels.high[row][:, aside]),
+                    axis=1,
+                )
+                about += np.bincount(row[over], minlength=count)
+                on += np.bincount(row[over & (off < near[row])], minlength=count)
+    return on / np.maximum(about, 1)
 
 
 def quads(surfels: Surfels) -> tuple[np.ndarray, np.ndarray]:

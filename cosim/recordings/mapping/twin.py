@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -18,19 +18,21 @@ from cosim.drives.kitti.rays import PointRays, encode_rays
 from cosim.drives.twin import Ego, Lidar, TwinFrame, encode_glb, format_materials
 from cosim.drives.writer import DriveWriter, OutputError
 from cosim.recordings.mapping.build import SurfelMap, build_map, sweep_thickness
+from cosim.recordings.mapping.correction import Correction
 from cosim.recordings.mapping.motion import scan_times
 from cosim.recordings.mapping.odometry import Trajectory, find_trajectory
 from cosim.recordings.mapping.surfels import SurfelSettings, quads
 from cosim.recordings.pattern.find import FoundPattern, beams_of, find_pattern
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import RecordingError, Scan
+from sensors.effects.base import Effect
 from sensors.npz import npz_bytes
 from sensors.pattern import Pattern, load_pattern
 
 GROUND, WALL = "asphalt", "concrete"
 _SAME_LASER_DEG = 0.4  # between a laser of the given pattern and one that the points show
 _SWEEP_SCALES = (-1.0, 0.0, 0.5, 1.0, 1.5)
-_FEW_SCANS = 20
+_FEWEST_SCANS, _FEW_SCANS = 5, 20
 _LOST_SHARE = 0.5  # of the usual share of points on the map: below, a scan's pose is doubtful
 _CAMERALESS = "A recording has no cameras: there is no calibration here.\n"
 
@@ -71,6 +73,7 @@ class RecordingTwin:
             "lasers": len(self.found.lasers),
             "surfels": len(made.surfels),
             "surfels_ground": int(made.ground.sum()),
+            "surfels_trusted": int(made.trusted.sum()),
             "surfels_moving": len(made.left_out),
             "cells_without_plane": made.no_plane,
             "thickness_ground_m": round(_middle(made.surfels.sd_m[made.ground]), 5),
@@ -83,6 +86,59 @@ class RecordingTwin:
             "mount": {"height_m": round(float(made.pose_ego[2, 3]), 4), "from_ground": made.mount_known},
             "notes": list(self.notes),
         }
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What a map needs to know of a recording beside its points.
+
+    Attributes:
+        recording: as it is.
+        pattern: beams are told apart with.
+        found: what the points show of the pattern.
+        ring_of: (k,) ring of the pattern for each laser that the points show.
+        trajectory: of the sensor.
+        sweep_m: thickness of a map of some scans, with the sweep's motion taken so many times as strong.
+        sweep_scale: how strong it is, 0 or 1: whether points were freed of it before.
+    """
+
+    recording: Recording
+    pattern: Pattern
+    found: FoundPattern
+    ring_of: np.ndarray
+    trajectory: Trajectory
+    sweep_m: dict[float, float]
+    sweep_scale: float
+
+
+def prepare(
+    recording: Recording, pattern: str | None = None, on_step: Callable[[str], None] = lambda words: None
+) -> Prepared:
+    """Pattern, path and motion in a sweep of a recording.
+
+    Args:
+        recording: scans in order.
+        pattern: name or path of the beam pattern; found in the points by default.
+        on_step: told what is done next.
+
+    Raises:
+        RecordingError: fewer than five scans, no map in them, or another pattern than the given.
+        SensorError: no such pattern.
+    """
+    if len(recording) < _FEWEST_SCANS:
+        raise RecordingError(
+            f"{recording.path}: {len(recording)} scans; a map needs five at least, and some dozens to be good"
+        )
+    on_step("pattern")
+    found = find_pattern(recording, "recording")
+    beams = load_pattern(pattern) if pattern else found.pattern
+    ring_of = _rings(found, beams, pattern)
+    on_step("odometry")
+    trajectory = find_trajectory(recording, beams.sweep_s)
+    on_step("sweep motion")
+    scales = () if trajectory.standing else _SWEEP_SCALES
+    sweep = sweep_thickness(recording, trajectory, beams.sweep_s, SurfelSettings(), scales)
+    return Prepared(recording, beams, found, ring_of, trajectory, sweep, float(_likeliest_scale(sweep) > 0.5))
 
 
 def write_recording_twin(
@@ -106,29 +162,46 @@ def write_recording_twin(
     """
     if folder.resolve() == recording.path.resolve():
         raise OutputError(f"{folder} is the recording itself; choose another --out")
-    if len(recording) < 5:
-        raise RecordingError(
-            f"{recording.path}: {len(recording)} scans; a map needs five at least, and some dozens to be good"
-        )
-    on_step("pattern")
-    found = find_pattern(recording, "recording")
-    beams = load_pattern(pattern) if pattern else found.pattern
-    ring_of = _rings(found, beams, pattern)
-    on_step("odometry")
-    trajectory = find_trajectory(recording, beams.sweep_s)
-    on_step("sweep motion")
-    scales = () if trajectory.standing else _SWEEP_SCALES
-    sweep = sweep_thickness(recording, trajectory, beams.sweep_s, SurfelSettings(), scales)
-    sweep_scale = _likeliest_scale(sweep)
+    return write_map_twin(prepare(recording, pattern, on_step), folder, (), on_step)
+
+
+def write_map_twin(
+    prepared: Prepared,
+    folder: Path,
+    effects: Sequence[Effect] = (),
+    on_step: Callable[[str], None] = lambda words: None,
+) -> RecordingTwin:
+    """Make the map and write it with the scans as a drive.
+
+    Args:
+        prepared: the recording.
+        folder: of the new drive.
+        effects: of the sensor, as far as they are known: the map is made of points with these undone. The drive's
+            own points stay as they were measured.
+        on_step: told what is done next.
+
+    Raises:
+        RecordingError: no map in the scans.
+        OutputError: the folder cannot be used.
+    """
+    recording, trajectory = prepared.recording, prepared.trajectory
+    correction = Correction(prepared.pattern, prepared.found.lasers.lines, prepared.ring_of, tuple(effects))
+    told = correction.sweep_scale()
     on_step("map")
     made = build_map(
-        recording, trajectory, beams.sweep_s, mount=recording.settings.mount, sweep_scale=round(sweep_scale)
+        correction.of(recording),
+        trajectory,
+        prepared.pattern.sweep_s,
+        mount=recording.settings.mount,
+        sweep_scale=prepared.sweep_scale if told is None else told,
     )
     names = tuple(f"{number:06d}" for number in range(len(recording)))
-    notes = (*recording.notes, *found.notes, *_notes(recording, trajectory, made, sweep))
-    twin = RecordingTwin(folder, names, beams, found, trajectory, made, sweep, notes)
+    notes = (*recording.notes, *prepared.found.notes, *_notes(recording, trajectory, made, prepared.sweep_m))
+    twin = RecordingTwin(
+        folder, names, prepared.pattern, prepared.found, trajectory, made, prepared.sweep_m, tuple(notes)
+    )
     on_step("files")
-    _write(twin, recording, ring_of)
+    _write(twin, recording, prepared.ring_of)
     return twin
 
 
@@ -268,6 +341,7 @@ def _finish(twin: RecordingTwin, writer: DriveWriter, head: str) -> None:
             reflectance[material] = round(float(np.average(surfels.reflectance[rows], weights=surfels.points[rows])), 4)
     told = any(reflectance.values())
     arrays = {name: np.asarray(getattr(surfels, name)[order]) for name in surfels.__dataclass_fields__}
+    flags = {"ground": ground[order].astype(np.uint8), "trusted": twin.made.trusted[order].astype(np.uint8)}
     poses = {"pose": twin.made.poses, "error_m": twin.made.error_m, "on_map": twin.made.on_map}
     held = set(twin.made.held_out)
     lists = {
@@ -278,7 +352,7 @@ def _finish(twin: RecordingTwin, writer: DriveWriter, head: str) -> None:
     files = {
         "pattern.yaml": twin.pattern.to_yaml().encode(),
         "twin/static.glb": encode_glb(Mesh.merge(parts), "map"),
-        "twin/surfels.npz": npz_bytes({**arrays, "ground": ground[order].astype(np.uint8)}),
+        "twin/surfels.npz": npz_bytes({**arrays, **flags}),
         "twin/poses.npz": npz_bytes(poses),
         "twin/materials.yaml": format_materials(MATERIALS, reflectance if told else {}).encode(),
         **{
