@@ -30,6 +30,7 @@ from cosim.discrepancy.select import (
     screened,
     screened_pairs,
     simpler_than,
+    tiers,
 )
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.state import Case, Model, State, View, seen_by, viewed
@@ -127,16 +128,17 @@ def added(case: Case, state: State) -> State:
     sure = [one for one in tested if one.p_value <= case.settings.level]
     if not sure or not all(one.group.is_effect for one in sure):  # a dependence on one may be a part of one on two
         tested = sorted([*tested, *screened_pairs(case, state)], key=lambda one: (one.p_value, -one.value))
-    found = candidates(case, state, tested)
     state.screened[:] = tested
-    state.ranking[:] = state.ranking or _ranking(found, tested)
     refused = state.refused
-    for one in chosen(case, state, found)[:_TRIED]:
-        case.say(f"adding {one.name}")
-        after = accepted(case, state, one, found)
-        if after is not None:
-            return replace(after, refused=refused)
-        refused = refused | {one.name}
+    for some in tiers(state, tested):
+        found = candidates(case, replace(state, refused=refused), some)
+        state.ranking[:] = state.ranking or _ranking(found, tested)
+        for one in chosen(case, state, found)[:_TRIED]:
+            case.say(f"adding {one.name}")
+            after = accepted(case, state, one, found)
+            if after is not None:
+                return replace(after, refused=refused)
+            refused = refused | {one.name}
     return state
 
 

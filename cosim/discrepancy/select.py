@@ -24,6 +24,8 @@ from cosim.discrepancy.unknown.shape import Shape
 from cosim.discrepancy.unknown.solve import shape_of
 from sensors.effects.base import Effect, NoiseEffect, RoundingEffect
 
+_FEW_NUMBERS = 2
+_A_CHANNEL = 2  # candidates of a channel that are fitted at least on a map made of the scans
 _SHAPES = 2  # dependences that are solved a round
 _STEPS = 10
 _CLEAR = 2.0  # standard errors
@@ -109,6 +111,18 @@ def roundings(case: Case, state: State) -> list[Candidate]:
     return found
 
 
+def tiers(state: State, tested: Sequence[Tested]) -> list[list[Tested]]:
+    """What is tried first, and what if nothing of that helps.
+
+    On a map made of the scans a number a laser takes up whatever a few numbers would explain on the beams that a laser
+    has, so that effects of few numbers go first; what turns out to have been a part of the others is eliminated later.
+    """
+    if not state.view.fitter.sample.of_own_map:
+        return [list(tested)]
+    few = [one for one in tested if one.group.is_effect and one.group.size <= _FEW_NUMBERS]
+    return [few, list(tested)]
+
+
 def candidates(case: Case, state: State, tested: Sequence[Tested]) -> list[Candidate]:
     """Effects and shapes among what is significant, fitted, the best first."""
     level = case.settings.level
@@ -189,6 +203,8 @@ def _effects(case: Case, state: State, sure: Sequence[Tested], most: int | None 
     top = max(gains.values())
     names = [name for place, name in enumerate(best) if place < most or gains[name] > case.settings.nearly * top]
     names = names[: 2 * most]
+    if state.view.fitter.sample.of_own_map and most > 1:
+        names = _first_of_channels(best)
     if most > 1:
         names += list({one.group.name: 0 for one in sure if one.group.is_effect})[:2]
     kinds = {one.name: one for one in case.kinds}
@@ -199,6 +215,18 @@ def _effects(case: Case, state: State, sure: Sequence[Tested], most: int | None 
     case.say(f"fitting {', '.join(names)}")
     for name in names:
         found.append(_fitted(case, state, best[name][0]))
+    return found
+
+
+def _first_of_channels(best: dict[str, list[Tested]]) -> list[str]:
+    """The first names in each channel, the others' gains aside: residuals of a map are bounded far from it."""
+    count: dict[str, int] = {}
+    found = []
+    for name, rows in best.items():
+        channel = rows[0].group.channel
+        count[channel] = count.get(channel, 0) + 1
+        if count[channel] <= _A_CHANNEL:
+            found.append(name)
     return found
 
 

@@ -7,6 +7,7 @@ from cosim.drives.kitti import Drive
 
 _FEWEST_SCANS = 3  # of which the spread of pose errors tells anything
 _OF_OWN_MAP = ("mount_rotation", "mount_translation", "suspension_pitch", "time_offset", "range_scale")
+_OF_WHAT_IS_IN_NO_MAP = ("backscatter", "false_alarms", "mirror_ghost", "blooming")
 _OF_POSES = ("mount_rotation", "mount_translation", "suspension_pitch")
 _NO_MATTER = ("image_", "depth_", "semantic_", "instance_", "label_2", "oxts", "hits")
 
@@ -38,7 +39,10 @@ def drive_notes(drive: Drive, *, frames: int, bad: int, strays: int, has_intensi
 
 def not_told(fitted: int, of_own_map: bool) -> tuple[str, ...]:
     """Effects that so many scans cannot tell from errors of their poses, or a map made of them from its own."""
-    return (*(_OF_POSES if fitted < _FEWEST_SCANS else ()), *(_OF_OWN_MAP if of_own_map else ()))
+    return (
+        *(_OF_POSES if fitted < _FEWEST_SCANS else ()),
+        *((*_OF_OWN_MAP, *_OF_WHAT_IS_IN_NO_MAP) if of_own_map else ()),
+    )
 
 
 def fit_notes(fitted: int, is_held_out: bool, of_own_map: bool) -> tuple[str, ...]:
@@ -48,6 +52,10 @@ def fit_notes(fitted: int, is_held_out: bool, of_own_map: bool) -> tuple[str, ..
         said.append(
             "the twin is a map made of the scans: places and reflectances of surfaces and poses of scans are free, so "
             f"{', '.join(_OF_OWN_MAP)} and a constant offset along all normals are not told by this drive"
+        )
+        said.append(
+            "returns from what the map does not hold are left out, be it traffic, leaves or fog: "
+            f"{', '.join(_OF_WHAT_IS_IN_NO_MAP)} are not told by this drive"
         )
     if fitted < _FEWEST_SCANS:
         count = "one frame is" if fitted == 1 else f"{fitted} frames are"

@@ -20,8 +20,10 @@ from cosim.recordings.scan import Scan
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
 from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.dual_block import DualBlock
 from sensors.effects.range_bias import RangeBias
 from sensors.effects.range_walk import RangeWalk
+from sensors.effects.registry import effect_classes
 from sensors.effects.ring_range_offset import RingRangeOffset
 from sensors.effects.sweep_motion import SweepMotion
 from sensors.hits import STATIC
@@ -31,6 +33,12 @@ from sensors.returns import Returns
 from sensors.shot import Shot
 
 _OF_RANGES = (RangeBias, RangeWalk, RingRangeOffset)
+
+
+def moves_points(name: str) -> bool:
+    """Whether undoing an effect of the catalogue changes where points of a map come to lie."""
+    kind = effect_classes().get(name)
+    return kind is not None and issubclass(kind, (BeamEffect, *_OF_RANGES)) and kind is not DualBlock
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +75,7 @@ class Correction:
     @property
     def is_needed(self) -> bool:
         """Whether any of the effects moves points."""
-        return any(isinstance(one, (BeamEffect, *_OF_RANGES)) for one in self.effects)
+        return any(moves_points(one.name) for one in self.effects)
 
     def sweep_scale(self) -> float | None:
         """Share of a sweep that `sweep_motion` says the sensor moves in; None where that effect is not there."""

@@ -112,13 +112,13 @@ class Prepared:
 
 
 def prepare(
-    recording: Recording, pattern: str | None = None, on_step: Callable[[str], None] = lambda words: None
+    recording: Recording, pattern: Pattern | str | None = None, on_step: Callable[[str], None] = lambda words: None
 ) -> Prepared:
     """Pattern, path and motion in a sweep of a recording.
 
     Args:
         recording: scans in order.
-        pattern: name or path of the beam pattern; found in the points by default.
+        pattern: the beam pattern, its name or its path; found in the points by default.
         on_step: told what is done next.
 
     Raises:
@@ -131,8 +131,9 @@ def prepare(
         )
     on_step("pattern")
     found = find_pattern(recording, "recording")
-    beams = load_pattern(pattern) if pattern else found.pattern
-    ring_of = _rings(found, beams, pattern)
+    given = load_pattern(pattern) if isinstance(pattern, str) else pattern
+    beams = given or found.pattern
+    ring_of = _rings(found, beams, beams.name)
     on_step("odometry")
     trajectory = find_trajectory(recording, beams.sweep_s)
     on_step("sweep motion")
@@ -216,7 +217,7 @@ def _likeliest_scale(sweep: dict[float, float]) -> float:
     return float(np.clip(best, scale[0], scale[-1]))
 
 
-def _rings(found: FoundPattern, beams: Pattern, given: str | None) -> np.ndarray:
+def _rings(found: FoundPattern, beams: Pattern, given: str) -> np.ndarray:
     """Ring of the pattern for each laser that the points show (k,).
 
     Raises:
