@@ -25,7 +25,7 @@ from cosim.discrepancy.unknown.solve import shape_of
 from sensors.effects.base import Effect, NoiseEffect, RoundingEffect
 
 _FEW_NUMBERS = 2
-_A_CHANNEL = 2  # candidates of a channel that are fitted at least on a map made of the scans
+_OF_CHANNELS = {"range": 4}  # candidates of a channel that are fitted on a map made of the scans, 2 of others
 _SHAPES = 2  # dependences that are solved a round
 _STEPS = 10
 _CLEAR = 2.0  # standard errors
@@ -225,7 +225,7 @@ def _first_of_channels(best: dict[str, list[Tested]]) -> list[str]:
     for name, rows in best.items():
         channel = rows[0].group.channel
         count[channel] = count.get(channel, 0) + 1
-        if count[channel] <= _A_CHANNEL:
+        if count[channel] <= _OF_CHANNELS.get(channel, 2):
             found.append(name)
     return found
 

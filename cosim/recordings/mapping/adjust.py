@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import linalg, sparse
@@ -121,11 +122,12 @@ def adjusted(
         weight += np.bincount(met.row, met.weight, size)
         pulled += np.bincount(met.row, met.weight * met.off, size)
         shared.append(sparse.csr_matrix(np.stack([np.bincount(met.row, column, size) for column in weighted.T])))
-    matrix, across = linalg.block_diag(*own), sparse.vstack(shared).tocsc()
+    matrix: Any = linalg.block_diag(*own)
+    across: Any = sparse.vstack(shared).tocsc()
     right += across @ (pulled / weight)
-    scaled = across @ sparse.diags(1 / np.sqrt(weight))
+    scaled: Any = across @ sparse.diags(1 / np.sqrt(weight))
     for start in range(0, size, _CHUNK):
-        part = scaled[:, start : start + _CHUNK].toarray()
+        part = np.asarray(scaled[:, start : start + _CHUNK].todense())
         matrix -= part @ part.T
     matrix[:6, :6] += _HELD * np.eye(6)
     change = linalg.solve(matrix, right, assume_a="pos").reshape(-1, 6)

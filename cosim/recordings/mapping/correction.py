@@ -62,7 +62,7 @@ class Correction:
 
     Attributes:
         pattern: of the sensor.
-        lines: (k, 2) cones of the lasers that points show, see `Lasers.lines`.
+        lines: (k, 2) elevations and centres of the lasers that points show, see `Lasers.lines`.
         ring_of: (k,) ring of the pattern that each is.
         effects: all that are known of the sensor.
     """
