@@ -37,7 +37,7 @@ _BASE = {
     "collection": {"every_s": 0.1, "min_travel_m": 0, "company_m": 1000},
     "images": [],
 }
-_TOWNS = ("town04", "town01")
+_TOWNS = ("town01", "town07")
 
 
 @dataclass(frozen=True)

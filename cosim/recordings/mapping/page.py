@@ -28,9 +28,9 @@ def format_page(twin: RecordingTwin) -> str:
     )
     charts = "".join((_above(twin), _thick(twin), _by_scans(twin), _sweep(twin), _path_errors(twin), _rounds(twin)))
     return document(
-        f"Twin of {twin.folder.name}",
+        f"Twin of {twin.recording.name}",
         [
-            f"<header><h1>Twin of a recording: {escape(twin.folder.name)}</h1><p class='verdict'>{verdict}</p>"
+            f"<header><h1>Twin of a recording: {escape(twin.recording.name)}</h1><p class='verdict'>{verdict}</p>"
             f"{_facts(result, twin)}</header>",
             section("The map", f'<div class="charts">{charts}</div>'),
             _left_out(twin, result),

@@ -43,6 +43,7 @@ class RecordingTwin:
 
     Attributes:
         folder: the drive.
+        recording: what it was made of.
         names: of its frames, in order.
         pattern: beams were told apart with.
         found: what the points show of the pattern.
@@ -53,6 +54,7 @@ class RecordingTwin:
     """
 
     folder: Path
+    recording: Path
     names: tuple[str, ...]
     pattern: Pattern
     found: FoundPattern
@@ -199,7 +201,15 @@ def write_map_twin(
     names = tuple(f"{number:06d}" for number in range(len(recording)))
     notes = (*recording.notes, *prepared.found.notes, *_notes(recording, trajectory, made, prepared.sweep_m))
     twin = RecordingTwin(
-        folder, names, prepared.pattern, prepared.found, trajectory, made, prepared.sweep_m, tuple(notes)
+        folder,
+        recording.path,
+        names,
+        prepared.pattern,
+        prepared.found,
+        trajectory,
+        made,
+        prepared.sweep_m,
+        tuple(notes),
     )
     on_step("files")
     _write(twin, recording, prepared.ring_of)
