@@ -108,12 +108,12 @@ def made(case: Case, folder: Path) -> tuple[Path, Path, Path]:
     return place / "recording", drive, place / "drive.sensor.yaml"
 
 
-def calibrated(case: Case, folder: Path, sensor: bool) -> Answer:
+def calibrated(case: Case, folder: Path, sensor: bool, rounds: int) -> Answer:
     """What scans alone say, from the user's sensor file or from nothing."""
     recording, _, file = made(case, folder)
     out = folder / case.name / ("calibrated_from_file" if sensor else "calibrated")
     own = ["--sensor", file] if sensor else []
-    told, cpu_s = _told(out, "calibrate", recording, *own, "--out", out / "files")
+    told, cpu_s = _told(out, "calibrate", recording, *own, "--rounds", rounds, "--out", out / "files")
     latest: dict[str, dict[str, Any]] = {}
     for one in told["rounds"]:
         for finding in one["findings"]:
@@ -185,11 +185,12 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--only", nargs="*", default=[], help="names of cases")
     parser.add_argument("--from-file", action="store_true", help="begin with the user's sensor file, not with nothing")
     parser.add_argument("--true-twin", action="store_true", help="also diagnose with the true twin")
+    parser.add_argument("--rounds", type=int, default=5, help="of map and diagnosis at most")
     options = parser.parse_args(words)
     for case in cases():
         if options.only and case.name not in options.only:
             continue
-        answer = calibrated(case, options.folder, options.from_file)
+        answer = calibrated(case, options.folder, options.from_file, options.rounds)
         print("scans alone:", line(case, answer), flush=True)
         if options.true_twin:
             print("true twin:  ", line(case, diagnosed(case, options.folder)), flush=True)
