@@ -85,6 +85,10 @@ def screened(case: Case, state: State) -> list[Tested]:
         *of_phases(fitter, fitted, case.settings, rng),
         *of_noise(fitter, fitted),
     ]
+    if (
+        fitter.sample.of_own_map
+    ):  # how rough its surfaces are is only estimated, so what spreads depend on tells nothing
+        groups = [one for one in groups if one.is_effect or one.channel != "range_variance"]
     return screen(fitter.system(fitted), fitted.estimate, groups, fitter.random.clusters, case.settings, rng)
 
 

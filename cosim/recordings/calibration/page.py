@@ -52,7 +52,7 @@ def format_page(found: Calibration) -> str:
             section(
                 "What was found",
                 _findings(found),
-                text="Each effect with its latest parameters; errors are of scans that took no part.",
+                text="Each effect with its latest parameters and their 95 % intervals.",
             ),
             _unexplained(last),
             _history(found),
@@ -144,14 +144,13 @@ def _findings(found: Calibration) -> str:
             f"{number}",
             escape(said_params(one["params"], one["ci95"])),
             f"{one['p_value']:.2g}",
-            f"{one['error_before']:.3f} → {one['error_after']:.3f}",
             escape(", ".join(one["also_possible"]) or "–"),
         ]
         for name, (number, one) in latest.items()
     ]
     if not rows:
         return "<p>Nothing that the sensor file lacks.</p>"
-    return table(["effect", "round", "parameters", "p", "error", "or"], rows, words=(0, 2, 5))
+    return table(["effect", "round", "parameters", "p", "or"], rows, words=(0, 2, 4))
 
 
 def said_params(params: Mapping[str, Any], ci95: Mapping[str, Any]) -> str:
