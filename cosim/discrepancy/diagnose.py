@@ -52,6 +52,7 @@ def diagnose(
     extra: Sequence[type[Effect]] = (),
     seed: int = 0,
     settings: Settings = DEFAULT,
+    along: Sequence[str] = (),
     on_progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Find the effects that a sensor model lacks against a drive.
@@ -63,6 +64,7 @@ def diagnose(
         extra: effects of the user's own to ask for beside the catalogue and the installed ones.
         seed: of samples and signs.
         settings: numbers that decide.
+        along: names of the sensor's effects whose parameters are fitted anew along with whatever is found.
         on_progress: is told what is being done.
 
     Raises:
@@ -71,8 +73,9 @@ def diagnose(
     """
     asked = opened(drive)
     case = case_of(
-        asked, sensor, frames=frames, extra=extra, seed=seed, settings=settings, say=on_progress or _LOG.debug
-    )
+        asked, sensor, frames=frames, extra=extra, seed=seed, settings=settings, along=along,
+        say=on_progress or _LOG.debug,
+    )  # fmt: skip
     state = begun(case)
     before = None
     while state is not before and len(state.found) < settings.most_findings:
@@ -88,6 +91,7 @@ def case_of(
     extra: Sequence[type[Effect]] = (),
     seed: int = 0,
     settings: Settings = DEFAULT,
+    along: Sequence[str] = (),
     say: Callable[[str], None] = _LOG.debug,
 ) -> Case:
     """What stays the same throughout a diagnosis; see `diagnose`."""
@@ -95,19 +99,21 @@ def case_of(
     split = split_drive(drive) if frames is None else split_frames(tuple(frames))
     hidden = not_told(len(split.fit), is_own_map(drive))
     kinds = tuple(one for one in candidate_kinds(extra, model.pattern.rings) if one.name not in hidden)
-    return Case(model, FrameTracer(drive, model), split, kinds, settings, seed, say)
+    return Case(model, FrameTracer(drive, model), split, kinds, settings, seed, say, tuple(along))
 
 
 def begun(case: Case) -> State:
     """Everything traced, and what is merely not known fitted."""
     case.say("tracing the twin")
-    model = Model(given(case))
+    effects = given(case)
+    model = Model(effects, tuple(place for place, one in enumerate(effects) if one.name in case.along))
     first = case.tracer.trace(case.split.fit[0], ())
     check_fit(first, case.tracer.drive)
     view = viewed(case, case.split.fit, model, case.settings.rows)
+    model = replace(model, effects=view.fitted.effects)
     judges = view
     if case.split.is_held_out:
-        judges = viewed(case, case.split.test, model, case.settings.rows // 2)
+        judges = viewed(case, case.split.test, Model(model.effects), case.settings.rows // 2)
     return State(model, view, judges)
 
 
@@ -167,9 +173,10 @@ def judged(case: Case, before: View, model: Model) -> View:
 def simplified(case: Case, state: State) -> State:
     """With a simpler effect in place of each finding that says no more than it, now that everything else is known.
 
-    What was found first had to explain some of what was found later, too.
+    What was found first had to explain some of what was found later, too. On a map made of the scans effects of few
+    numbers went first anyway.
     """
-    if len(state.found) < 2:
+    if len(state.found) < 2 or state.view.fitter.sample.of_own_map:
         return state
     for one in state.found:
         place = _place(state, one.effect)
@@ -244,12 +251,18 @@ def concluded(case: Case, state: State) -> Diagnosis:
         spreads=_spreads(state),
         notes=_notes(case, state),
         judged=judged,
+        refitted={
+            one.name: {"params": one.model_dump(mode="json"), "ci95": told.get(one.name, {})}
+            for one in state.model.effects[: len(given(case))]
+            if one.name in case.along
+        },
     )
 
 
 def _steps(case: Case, state: State) -> list[tuple[Effect, ...]]:
     """The model after each finding, as it would be with the last values of those found so far."""
-    own, effects = given(case), state.model.effects
+    effects = state.model.effects
+    own = tuple(effects[place] if one.name in case.along else one for place, one in enumerate(given(case)))
     models = [own]
     there: set[str] = set()
     for one in state.found:

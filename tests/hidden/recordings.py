@@ -118,6 +118,9 @@ def calibrated(case: Case, folder: Path, sensor: bool, rounds: int) -> Answer:
     for one in told["rounds"]:
         for finding in one["findings"]:
             latest[finding["effect"]] = finding
+        for name, values in one["refitted"].items():
+            if name in latest:
+                latest[name] = {**latest[name], **values}
     last = told["rounds"][-1]
     return _answer(list(latest.values()), last, cpu_s)
 

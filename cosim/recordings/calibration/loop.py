@@ -6,7 +6,7 @@ import hashlib
 import json
 import logging
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
@@ -22,6 +22,7 @@ from cosim.drives.writer import OutputError, explained
 from cosim.recordings.calibration.history import Tried, noted
 from cosim.recordings.calibration.rounds import Round, read_round, round_of
 from cosim.recordings.calibration.start import first_sensor
+from cosim.recordings.mapping.correction import moves_points
 from cosim.recordings.mapping.page import format_page as format_map
 from cosim.recordings.mapping.twin import Prepared, RecordingTwin, prepare, write_map_twin
 from cosim.recordings.recording import Recording
@@ -111,7 +112,8 @@ def calibrate(
         if done is None:
             on_step(f"round {number}")
             before = folder / rounds[-1].sensor_out if rounds else start
-            done = _round(prepared(), folder, place, before, number, settings, on_step)
+            known = [finding["effect"] for one in rounds for finding in one.findings]
+            done = _round(prepared(), folder, place, before, known, number, settings, on_step)
         rounds.append(done)
         if not done.moved:
             break
@@ -124,16 +126,18 @@ def _round(
     folder: Path,
     place: Path,
     before: Path,
+    known: Sequence[str],
     number: int,
     settings: Settings,
     on_step: Callable[[str], None],
 ) -> Round:
-    """Map and diagnosis with one sensor file."""
+    """Map and diagnosis with one sensor file; effects that earlier rounds found are fitted along."""
     shutil.rmtree(place / "twin", ignore_errors=True)  # of a run that was stopped
     sensor = load_sensor(before)
     twin = write_map_twin(prepared, place / "twin", sensor.effects, on_step)
     write_page(place / "map", format_map(twin))
-    found = diagnose(place / "twin", sensor, settings=settings, on_progress=on_step)
+    along = [one for one in known if moves_points(one)]
+    found = diagnose(place / "twin", sensor, settings=settings, along=along, on_progress=on_step)
     after = found.write_sensor(place / "sensor.yaml")
     words = Vocabulary([type(one) for one in found.sensor.effects])
     page = format_diagnosis(found, words, str(place / "twin"), str(before), explored_of(found))

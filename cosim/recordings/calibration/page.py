@@ -138,6 +138,9 @@ def _findings(found: Calibration) -> str:
     for each in found.rounds:
         for one in each.findings:
             latest[one["effect"]] = (each.number, one)
+        for name, one in each.refitted.items():
+            if name in latest:
+                latest[name] = (latest[name][0], {**latest[name][1], **one})
     rows = [
         [
             escape(name),

@@ -28,6 +28,7 @@ class Round:
         sensor_out: file that it ended with.
         effects: of the sensor at its beginning, with parameters.
         findings: what was missing, as `diagnose --json` lists effects.
+        refitted: of effects that earlier rounds found, by name their `params` and `ci95` now.
         unknowns, unexplained: as there.
         not_told: smallest amplitude of each effect that would have been found.
         error, error_aligned, noise_floor: of the sensor it began with, on scans that took no part.
@@ -44,6 +45,7 @@ class Round:
     sensor_out: str
     effects: list[dict[str, Any]]
     findings: list[dict[str, Any]]
+    refitted: dict[str, dict[str, Any]]
     unknowns: list[dict[str, Any]]
     unexplained: list[dict[str, Any]]
     not_told: dict[str, Any]
@@ -101,6 +103,7 @@ def round_of(
         sensor_out=sensor_out,
         effects=[{"effect": one.name, **one.model_dump(mode="json")} for one in before],
         findings=told["effects"],
+        refitted={name: dict(one) for name, one in found.refitted.items()},
         unknowns=told["unknowns"],
         unexplained=told["unexplained"],
         not_told=told["smallest_detectable"],
@@ -113,7 +116,8 @@ def round_of(
         thickness_ground_m=made["thickness_ground_m"],
         thickness_walls_m=made["thickness_walls_m"],
         held_out_m=made["error_held_out_m"],
-        moved=any(_moves(one, before) for one in told["effects"]),
+        moved=any(_moves(one, before) for one in told["effects"])
+        or any(_moves({"effect": name, **one}, before) for name, one in found.refitted.items()),
         notes=list(dict.fromkeys((*made["notes"], *found.notes))),
     )
 

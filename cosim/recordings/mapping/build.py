@@ -23,6 +23,7 @@ _HELD_SHARE, _HELD_FEWEST, _HELD_MOST = 0.1, 2, 20
 _FEWEST_SURFELS, _FEWEST_ON_MAP = 50, 50
 _SOLID, _WELL_SEEN = 0.9, 4  # share of the points about a surfel that lie on it, and scans, to be trusted
 _SWEEP_SCANS = 20
+_SWEEP_THICKEST_M = 0.1  # so that cells are not left out where the motion is taken wrongly
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,9 +173,10 @@ def _errors(
 def sweep_thickness(
     recording: Recording, trajectory: Trajectory, sweep_s: float, settings: SurfelSettings, scales: tuple[float, ...]
 ) -> dict[float, float]:
-    """Thickness of walls and ground [m] with the sensor's motion in a sweep taken so many times as strong.
+    """Thickness of upright surfaces [m] with the sensor's motion in a sweep taken so many times as strong.
 
-    A map of some scans in the middle is made anew for each; it is thinnest where the motion is right.
+    A map of some scans in the middle is made anew for each; it is thinnest where the motion is right. Level ground does
+    not feel a motion along it, and tells where there is next to nothing else.
     """
     count = min(len(recording), _SWEEP_SCANS)
     first = (len(recording) - count) // 2
@@ -182,7 +184,7 @@ def sweep_thickness(
     scans = local_scans(recording.between(first, first + count), sweep_s)
     own = replace(trajectory, poses=trajectory.poses[rows], motion=trajectory.motion[rows])
     numbers = [number for number in range(count) if len(scans[number])]
-    found = {}
+    settings, found = replace(settings, thickest_m=_SWEEP_THICKEST_M), {}
     for scale in scales:
         motion, poses = scale * own.motion, own.poses
         if own.from_odometry:
@@ -193,5 +195,7 @@ def sweep_thickness(
                 break
             poses = adjusted(scans, poses, motion, numbers, surfels, settings.cell_m)
         surfels, _ = make_surfels(cloud_of(scans, poses, motion, numbers), settings)
-        found[scale] = float(np.median(surfels.sd_m)) if len(surfels) else float("nan")
+        upright = ~surfels.level()
+        rows = upright if upright.sum() >= _FEWEST_SURFELS else ~np.zeros(len(surfels), bool)
+        found[scale] = float(np.median(surfels.sd_m[rows])) if len(surfels) else float("nan")
     return found

@@ -161,7 +161,9 @@ def _sweep(twin: RecordingTwin) -> str:
     )
     plot.line(scale, 1000 * value, "a", dots=True)
     return figure(
-        "Motion within a sweep", "a map of the middle scans made anew: thinnest where the motion is right", plot.svg()
+        "Motion within a sweep",
+        "upright surfaces of a map of the middle scans, made anew: thinnest where the motion is right",
+        plot.svg(),
     )
 
 
