@@ -56,7 +56,7 @@ def split_frames(names: Sequence[str], poor: Collection[str] = ()) -> Split:
 def _spread(names: Sequence[str], most: int) -> tuple[str, ...]:
     """So many names, evenly spread."""
     rows = np.unique(np.linspace(0, len(names) - 1, min(most, len(names))).round().astype(int))
-    return tuple(names[row] for row in rows)
+    return tuple(names[int(row)] for row in rows)
 
 
 def _tells_of_ranges(frame: Frame) -> bool:
