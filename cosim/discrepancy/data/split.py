@@ -12,7 +12,7 @@ from cosim.discrepancy.labelled_twin.trust import read_trust
 from cosim.drives.kitti import Drive, Frame
 
 _SEGMENT = 3
-_MAP_SCANS, _MAP_JUDGES = 24, 10  # of a map that are fitted and that judge, evenly spread
+_MAP_SCANS, _MAP_JUDGES = 24, 8  # of a map that are fitted and that judge, evenly spread
 _HELD_OUT = "held_out"
 
 

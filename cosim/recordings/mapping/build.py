@@ -19,6 +19,7 @@ from cosim.recordings.scan import RecordingError
 from cosim.recordings.settings import Mount
 
 _ROUNDS = 4  # of map and poses
+_HELD_PARTS, _HELD_LONG = 3, 30
 _HELD_SHARE, _HELD_FEWEST, _HELD_MOST = 0.1, 2, 20
 _FEWEST_SURFELS, _FEWEST_ON_MAP = 50, 50
 _SOLID, _WELL_SEEN = 0.9, 4  # share of the points about a surfel that lie on it, and scans, to be trusted
@@ -62,10 +63,17 @@ class SurfelMap:
 
 
 def held_out_scans(count: int) -> tuple[int, ...]:
-    """The middle segment of a recording, where scans before and after show the same places."""
+    """Segments of a recording, where scans before and after show the same places: three of long ones, else the middle.
+
+    Places far from each other show one surface from near and far.
+    """
     size = min(max(round(_HELD_SHARE * count), _HELD_FEWEST), _HELD_MOST)
-    first = (count - size) // 2
-    return tuple(range(first, first + size)) if count >= 5 * _HELD_FEWEST else ()
+    if count < 5 * _HELD_FEWEST:
+        return ()
+    parts = _HELD_PARTS if count >= _HELD_LONG else 1
+    each = max(size // parts, 1)
+    firsts = [round((2 * part + 1) * count / (2 * parts) - each / 2) for part in range(parts)]
+    return tuple(first + step for first in firsts for step in range(each))
 
 
 def build_map(

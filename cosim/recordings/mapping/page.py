@@ -96,9 +96,8 @@ def _painted(twin: RecordingTwin, thick: bool) -> str:
             cv2.rectangle(image, (x, y), (x + size, y + size), _MOVING, -1)
     path = pixels(made.poses[:, :2, 3])
     cv2.polylines(image, [path.reshape(-1, 1, 2).astype(np.int32)], False, _PATH, 2, cv2.LINE_AA)
-    if made.held_out:
-        part = path[list(made.held_out)]
-        cv2.polylines(image, [part.reshape(-1, 1, 2).astype(np.int32)], False, _HELD, 3, cv2.LINE_AA)
+    for part in np.split(np.array(made.held_out, int), np.flatnonzero(np.diff(made.held_out) > 1) + 1):
+        cv2.polylines(image, [path[part].reshape(-1, 1, 2).astype(np.int32)], False, _HELD, 3, cv2.LINE_AA)
     plot = Plot(
         Axis(corner[0], corner[0] + side, "x [m]"),
         Axis(corner[1], corner[1] + side, "y [m]"),
