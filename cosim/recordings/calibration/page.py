@@ -26,7 +26,8 @@ def headline(found: Calibration) -> str:
     if last.unexplained:
         said += f" {len(last.unexplained)} things stay unexplained."
     said += (
-        f" Error of untouched scans {first.error:.2f} → {last.error_after:.2f}; ground of the map "
+        f" Error of untouched scans, poses and surfaces aligned, {first.error_aligned:.2f} → {last.aligned_after:.2f}; "
+        f"ground of the map "
         f"{1000 * first.thickness_ground_m:.1f} → {1000 * last.thickness_ground_m:.1f} mm thick."
     )
     if not found.settled:
@@ -101,8 +102,8 @@ def _errors(found: Calibration) -> str:
         plot.line(_numbers(found), np.array(values, float), style, dots=True)
     return figure(
         "Error by round",
-        "of the sensor that each round began with, on untouched scans: as poses are (yellow), poses and surfaces where "
-        "the fit has them (blue), noise alone (green)",
+        "of the sensor that each round began with, on untouched scans: as poses are (yellow; the map takes up some of "
+        "what is missing), poses and surfaces where the fit has them (blue), noise alone (green)",
         plot.svg(),
     )
 
@@ -120,7 +121,8 @@ def _links(found: Calibration) -> str:
     rows = []
     for one in found.rounds:
         place = one.sensor_out.rpartition("/")[0]
-        added = ", ".join(finding["effect"] for finding in one.findings) or "nothing more"
+        said = [finding["effect"] for finding in one.findings] + [f"{name} anew" for name in one.refitted]
+        added = ", ".join(said) or "nothing more"
         rows.append(
             [
                 f"{one.number}",
@@ -179,7 +181,7 @@ def _unexplained(last: Round) -> str:
     left = [
         [
             one["channel"],
-            escape(", ".join(one["covariates"]) or one.get("looks_like", "")),
+            escape(", ".join(one["covariates"]) or f"as {one.get('looks_like', '')} would make it"),
             f"{one['size']:.3g} {one['unit']}",
             f"{one['p_value']:.2g}",
         ]
