@@ -144,9 +144,8 @@ def test_surfels_lie_on_the_plane_and_know_its_scatter() -> None:
     xyz = rng.uniform(-3, 3, (40000, 3))
     xyz[:, 2] = 0.1 * xyz[:, 0] + 0.17 + rng.normal(0, 0.01, len(xyz))
     ray = np.tile([0, 0, -1.0], (len(xyz), 1))
-    cloud = Cloud(
-        *(a.astype(np.float32) for a in (xyz,)), rng.integers(0, 9, len(xyz)), np.ones(len(xyz)), ray, np.ones(len(xyz))
-    )
+    ones = np.ones(len(xyz))
+    cloud = Cloud(xyz.astype(np.float32), rng.integers(0, 9, len(xyz)), ones, ray, ones)
     surfels, _ = make_surfels(cloud, SurfelSettings())
     assert len(surfels) > 100 and np.median(surfels.sd_m) == pytest.approx(0.01, rel=0.1)
     normal = np.array([-0.1, 0, 1]) / np.hypot(1, 0.1)
