@@ -12,6 +12,7 @@ from rich.console import Console
 
 from cosim.cli import (
     add,
+    calibrate,
     check,
     compare,
     detect,
@@ -53,6 +54,7 @@ _COMMANDS = (
     experiment,
     export,
     pattern,
+    calibrate,
     doctor,
 )
 _TRAFFIC = (traffic_compare, traffic_diagnose, traffic_record)

@@ -1,4 +1,4 @@
-"""`cosim twin`: gives a measured drive a twin, made from its labels and points."""
+"""`cosim twin`: gives measurements a twin: from labels where there are any, else a map made of the scans themselves."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from cosim.cli.options import add_common, say_notes, write_json
+from cosim.cli.options import add_common, beside, say_notes, without_nan, write_json
 from cosim.cli.progress import ProgressReport
+from cosim.cli.recording_options import add_recording, opened
 
 if TYPE_CHECKING:
     from cosim.drives.kitti import Drive
@@ -18,20 +19,74 @@ if TYPE_CHECKING:
 def add_command(commands: Any) -> None:
     """Describe the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "twin", help="give a measured drive a twin made from its labels", description=__doc__
+        "twin",
+        help="give a measured drive a twin from its labels, or a recording one from its scans",
+        description=__doc__,
     )
-    parser.add_argument("drive", type=Path, metavar="KITTI_DIR", help="velodyne/, calib/ and label_2/, or their parent")
+    parser.add_argument(
+        "drive",
+        type=Path,
+        metavar="DIR",
+        help="velodyne/, calib/ and label_2/, or their parent; or a recording: folder of scans, bag, capture",
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the drive to write")
     parser.add_argument(
         "--frames", metavar="FILE", help="frames to take: a file with a name a line, or one of ImageSets/"
     )
-    parser.add_argument("--pattern", metavar="NAME", help="beam pattern (default: the drive's, or hdl64e_kitti)")
+    parser.add_argument(
+        "--pattern", metavar="NAME", help="beam pattern (default: the drive's, or hdl64e_kitti; found, for a recording)"
+    )
+    parser.add_argument("--page", type=Path, metavar="PAGE", help="folder of a recording's page (default: DIR-twin)")
+    add_recording(parser, path=False)
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """Make the twin frame by frame."""
+    """Make the twin, from labels where there are any."""
+    if _labelled(options.drive) or not options.drive.exists():
+        _from_labels(options, console)
+    else:
+        _from_scans(options, console)
+
+
+def _labelled(path: Path) -> bool:
+    """Whether a folder is laid out as a data set with a label a scan, or begins to be."""
+    roots = (path, path / "training", path / "testing")
+    return any(
+        (root / "velodyne").is_dir() and ((root / "calib").is_dir() or (root / "label_2").is_dir()) for root in roots
+    )
+
+
+def _from_scans(options: argparse.Namespace, console: Console) -> None:
+    from cosim.errors import CosimError
+    from cosim.recordings.mapping import write_recording_twin
+    from cosim.recordings.mapping.page import format_page
+    from cosim.report import write_page
+
+    if options.frames is not None:
+        raise CosimError("--frames chooses labelled frames; a map is made of all scans: leave it out, or use --scans")
+    recording = opened(options, options.drive)
+    steps = ("pattern", "odometry", "map", "sweep motion", "files")
+    with ProgressReport(console, "making the twin", len(steps)) as report:
+        twin = write_recording_twin(recording, options.out, options.pattern, lambda step: report.advance())
+    page = write_page(options.page or beside(options.out, "twin"), format_page(twin))
+    result = twin.as_json()
+    say_notes(twin.notes, console)
+    held = result["error_held_out_m"]
+    console.print(
+        f"{result['scans']} scans in {options.out}: {result['path_m']:.1f} m, {result['surfels']} surfaces, "
+        f"{1000 * result['thickness_ground_m']:.1f} mm thick on the ground"
+        + (f", scans held out within {1000 * held:.1f} mm" if held else "")
+        + f"; page {page}",
+        soft_wrap=True,
+        highlight=False,
+        markup=False,
+    )
+    write_json(options.json, without_nan({**result, "page": str(page)}))
+
+
+def _from_labels(options: argparse.Namespace, console: Console) -> None:
     from cosim.discrepancy.labelled_twin import write_labelled_twin
     from cosim.drives.kitti import Drive
 

@@ -14,6 +14,7 @@ from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.candidates import as_known, candidate_kinds, with_rings
 from cosim.discrepancy.data.checks import check_fit, opened
 from cosim.discrepancy.data.frames import FrameTracer, in_order
+from cosim.discrepancy.data.map_surfaces import is_own_map
 from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told
 from cosim.discrepancy.data.split import split_drive, split_frames
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
@@ -30,6 +31,7 @@ from cosim.discrepancy.select import (
     screened,
     screened_pairs,
     simpler_than,
+    tiers,
 )
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.state import Case, Found, Model, State, View, seen_by, viewed
@@ -51,6 +53,7 @@ def diagnose(
     extra: Sequence[type[Effect]] = (),
     seed: int = 0,
     settings: Settings = DEFAULT,
+    along: Sequence[str] = (),
     on_progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Find the effects that a sensor model lacks against a drive.
@@ -62,6 +65,7 @@ def diagnose(
         extra: effects of the user's own to ask for beside the catalogue and the installed ones.
         seed: of samples and signs.
         settings: numbers that decide.
+        along: names of the sensor's effects whose parameters are fitted anew along with whatever is found.
         on_progress: is told what is being done.
 
     Raises:
@@ -70,8 +74,9 @@ def diagnose(
     """
     asked = opened(drive)
     case = case_of(
-        asked, sensor, frames=frames, extra=extra, seed=seed, settings=settings, say=on_progress or _LOG.debug
-    )
+        asked, sensor, frames=frames, extra=extra, seed=seed, settings=settings, along=along,
+        say=on_progress or _LOG.debug,
+    )  # fmt: skip
     state = begun(case)
     before = None
     while state is not before and len(state.found) < settings.most_findings:
@@ -87,26 +92,29 @@ def case_of(
     extra: Sequence[type[Effect]] = (),
     seed: int = 0,
     settings: Settings = DEFAULT,
+    along: Sequence[str] = (),
     say: Callable[[str], None] = _LOG.debug,
 ) -> Case:
     """What stays the same throughout a diagnosis; see `diagnose`."""
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
     split = split_drive(drive) if frames is None else split_frames(tuple(frames))
-    hidden = not_told(len(split.fit))
+    hidden = not_told(len(split.fit), is_own_map(drive))
     kinds = tuple(one for one in candidate_kinds(extra, model.pattern.rings) if one.name not in hidden)
-    return Case(model, FrameTracer(drive, model), split, kinds, settings, seed, say)
+    return Case(model, FrameTracer(drive, model), split, kinds, settings, seed, say, tuple(along))
 
 
 def begun(case: Case) -> State:
     """Everything traced, and what is merely not known fitted."""
     case.say("tracing the twin")
-    model = Model(given(case))
+    effects = given(case)
+    model = Model(effects, tuple(place for place, one in enumerate(effects) if one.name in case.along))
     first = case.tracer.trace(case.split.fit[0], ())
     check_fit(first, case.tracer.drive)
     view = viewed(case, case.split.fit, model, case.settings.rows)
+    model = replace(model, effects=view.fitted.effects)
     judges = view
     if case.split.is_held_out:
-        judges = viewed(case, case.split.test, model, case.settings.rows // 2)
+        judges = viewed(case, case.split.test, Model(model.effects), case.settings.rows // 2)
     return State(model, view, judges)
 
 
@@ -127,16 +135,17 @@ def added(case: Case, state: State) -> State:
     sure = [one for one in tested if one.p_value <= case.settings.level]
     if not sure or not all(one.group.is_effect for one in sure):  # a dependence on one may be a part of one on two
         tested = sorted([*tested, *screened_pairs(case, state)], key=lambda one: (one.p_value, -one.value))
-    found = candidates(case, state, tested)
     state.screened[:] = tested
-    state.ranking[:] = state.ranking or _ranking(found, tested)
     refused = state.refused
-    for one in islice(chosen(case, state, tested, found), _TRIED):
-        case.say(f"adding {one.name}")
-        after = accepted(case, state, one, found)
-        if after is not None:
-            return replace(after, refused=refused)
-        refused = refused | {one.name}
+    for some in tiers(state, tested):
+        found = candidates(case, replace(state, refused=refused), some)
+        state.ranking[:] = state.ranking or _ranking(found, tested)
+        for one in islice(chosen(case, replace(state, refused=refused), some, found), _TRIED):
+            case.say(f"adding {one.name}")
+            after = accepted(case, state, one, found)
+            if after is not None:
+                return replace(after, refused=refused)
+            refused = refused | {one.name}
     return state
 
 
@@ -165,9 +174,10 @@ def judged(case: Case, before: View, model: Model) -> View:
 def simplified(case: Case, state: State) -> State:
     """With a simpler effect in place of each finding that says no more than it, now that everything else is known.
 
-    What was found first had to explain some of what was found later, too.
+    What was found first had to explain some of what was found later, too. On a map made of the scans effects of few
+    numbers went first anyway.
     """
-    if len(state.found) < 2:
+    if len(state.found) < 2 or state.view.fitter.sample.of_own_map:
         return state
     for one in state.found:
         place = _place(state, one.effect)
@@ -245,12 +255,18 @@ def concluded(case: Case, state: State) -> Diagnosis:
         spreads=_spreads(state),
         notes=_notes(case, state),
         judged=judged,
+        refitted={
+            one.name: {"params": one.model_dump(mode="json"), "ci95": told.get(one.name, {})}
+            for one in state.model.effects[: len(given(case))]
+            if one.name in case.along
+        },
     )
 
 
 def _steps(case: Case, state: State) -> list[tuple[Effect, ...]]:
     """The model after each finding, as it would be with the last values of those found so far."""
-    own, effects = given(case), state.model.effects
+    effects = state.model.effects
+    own = tuple(effects[place] if one.name in case.along else one for place, one in enumerate(given(case)))
     models = [own]
     there: set[str] = set()
     for one in state.found:
@@ -320,4 +336,4 @@ def _notes(case: Case, state: State) -> tuple[str, ...]:
         strays=sum(one.strays for one in seen),
         has_intensity=state.view.fitter.sample.has_intensity,
     )
-    return (*of_drive, *fit_notes(len(seen), case.split.is_held_out))
+    return (*of_drive, *fit_notes(len(seen), case.split.is_held_out, is_own_map(case.tracer.drive)))

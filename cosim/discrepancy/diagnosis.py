@@ -83,6 +83,7 @@ class Diagnosis:
         labels: what labelled boxes say, where there are any; a missing label effect is in the improved model.
         notes: what the drive does not let one know, a sentence each.
         judged: the judging frames under the model as given and as it ends, for pages.
+        refitted: of effects that were fitted along, by name their `params` and `ci95`.
     """
 
     effects: tuple[Finding, ...]
@@ -98,6 +99,7 @@ class Diagnosis:
     labels: LabelFinding | None = None
     notes: tuple[str, ...] = ()
     judged: Judged | None = None
+    refitted: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
     def verdict(self) -> Literal["none", "missing", "ambiguous", "unknown"]:

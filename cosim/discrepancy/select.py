@@ -24,6 +24,8 @@ from cosim.discrepancy.unknown.shape import Shape
 from cosim.discrepancy.unknown.solve import shape_of
 from sensors.effects.base import Effect, NoiseEffect, RoundingEffect
 
+_FEW_NUMBERS = 2
+_OF_CHANNELS = {"range": 4}  # candidates of a channel that are fitted on a map made of the scans, 2 of others
 _SHAPES = 2  # dependences that are solved a round
 _STEPS = 10
 _CLEAR = 2.0  # standard errors
@@ -84,6 +86,10 @@ def screened(case: Case, state: State) -> list[Tested]:
         *of_phases(fitter, fitted, case.settings, rng),
         *of_noise(fitter, fitted),
     ]
+    if (
+        fitter.sample.of_own_map
+    ):  # how rough its surfaces are is only estimated, so what spreads depend on tells nothing
+        groups = [one for one in groups if one.is_effect or one.channel != "range_variance"]
     return screen(fitter.system(fitted), fitted.estimate, groups, fitter.random.clusters, case.settings, rng)
 
 
@@ -108,6 +114,18 @@ def roundings(case: Case, state: State) -> list[Candidate]:
         told = Gain.of([np.bincount(fitter.sample.track, one.gain)])
         found.append(Candidate(one.effect.name, model, place, after, told, 1, 1 / case.settings.draws, lattice=one))
     return found
+
+
+def tiers(state: State, tested: Sequence[Tested]) -> list[list[Tested]]:
+    """What is tried first, and what if nothing of that helps.
+
+    On a map made of the scans a number a laser takes up whatever a few numbers would explain on the beams that a laser
+    has, so that effects of few numbers go first; what turns out to have been a part of the others is eliminated later.
+    """
+    if not state.view.fitter.sample.of_own_map:
+        return [list(tested)]
+    few = [one for one in tested if one.group.is_effect and one.group.size <= _FEW_NUMBERS]
+    return [few, list(tested)]
 
 
 def candidates(case: Case, state: State, tested: Sequence[Tested]) -> list[Candidate]:
@@ -207,6 +225,8 @@ def _effects(case: Case, state: State, sure: Sequence[Tested], most: int | None 
     top = max(gains.values())
     names = [name for place, name in enumerate(best) if place < most or gains[name] > case.settings.nearly * top]
     names = names[: 2 * most]
+    if state.view.fitter.sample.of_own_map and most > 1:
+        names = _first_of_channels(best)
     if most > 1:
         names += list({one.group.name: 0 for one in sure if one.group.is_effect})[:2]
     kinds = {one.name: one for one in case.kinds}
@@ -217,6 +237,18 @@ def _effects(case: Case, state: State, sure: Sequence[Tested], most: int | None 
     case.say(f"fitting {', '.join(names)}")
     for name in names:
         found.append(_fitted(case, state, best[name][0]))
+    return found
+
+
+def _first_of_channels(best: dict[str, list[Tested]]) -> list[str]:
+    """The first names in each channel, the others' gains aside: residuals of a map are bounded far from it."""
+    count: dict[str, int] = {}
+    found = []
+    for name, rows in best.items():
+        channel = rows[0].group.channel
+        count[channel] = count.get(channel, 0) + 1
+        if count[channel] <= _OF_CHANNELS.get(channel, 2):
+            found.append(name)
     return found
 
 

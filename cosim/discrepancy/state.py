@@ -34,6 +34,7 @@ class Case:
         settings: numbers that decide.
         seed: of samples and signs.
         say: is told what is being done.
+        along: names of the sensor's effects that are fitted along from the beginning.
     """
 
     sensor: SensorModel
@@ -43,6 +44,7 @@ class Case:
     settings: Settings
     seed: int
     say: Callable[[str], None]
+    along: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cosim.discrepancy.data.ambiguity import Neighbours, widened
+from cosim.discrepancy.data.map_surfaces import MapSurfaces
 from cosim.discrepancy.data.observation import Observed, intensity_unit, observe, upwards
 from cosim.discrepancy.labelled_twin.trust import read_trust
 from cosim.drives.kitti import Drive, Frame
@@ -47,6 +48,8 @@ class TracedFrame:
         leaning: (6,) error of the LiDAR's pose that was traced with: a shift [m], and a turn about its axes [rad].
         own_axes: whether its twin was made from its own points, so that its pose cannot be wrong.
         ego, instances: at the pose time.
+        map: of the drive's own scans, if the twin is one.
+        surface: (n,) int32 row of the map's surface that each beam meets; −1 for none, or no map.
     """
 
     name: str
@@ -64,6 +67,8 @@ class TracedFrame:
     own_axes: bool
     ego: EgoMotion
     instances: Instances
+    map: MapSurfaces | None
+    surface: np.ndarray
 
     def unsure(self, shift_m: float, turn_rad: float) -> np.ndarray:
         """(n,) bool: beams that meet something else, or another material, if poses are off by so much."""
@@ -121,6 +126,7 @@ class FrameTracer:
         self._rays: Rays = sensor.pattern.rays()
         self._neighbours = Neighbours(self._rays)
         self._tracers = TracerCache(sensor.pattern.range_m)
+        self._map = MapSurfaces.of(drive)
 
     def trace(self, name: str, effects: tuple[Effect, ...], leaning: np.ndarray | None = None) -> TracedFrame:
         """One frame, as beams changed by `effects` meet it, from a pose that is off by `leaning`, see `TracedFrame`."""
@@ -136,7 +142,12 @@ class FrameTracer:
         beams = act_on_beams(in_order(effects), Beams.nominal(observed.rays), before, streams, self.sensor.origin)
         traced = world.trace(beams)
         shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
-        trusted, unsure_m, unsure_intensity = _known(frame, shot, observed)
+        surface = np.full(len(observed.rays), -1, np.int32)
+        if self._map is None:
+            trusted, unsure_m, unsure_intensity = _known(frame, shot, observed)
+        else:
+            surface, trusted, unsure_m = _on_map(self._map, shot, observed)
+            unsure_intensity = np.zeros(len(observed.rays), np.float32)
         border, seam = self._neighbours.at_border(traced.hits)
         edge, nearest_m = self._neighbours.at_edge(traced.hits)
         return TracedFrame(
@@ -155,6 +166,8 @@ class FrameTracer:
             own_axes=frame.has("twin/trust"),
             ego=ego,
             instances=instances,
+            map=self._map,
+            surface=surface,
         )
 
     def trace_all(
@@ -181,14 +194,32 @@ def _known(frame: Frame, shot: Shot, observed: Observed) -> tuple[np.ndarray, np
     trust = read_trust(frame.path("twin/trust"))
     solid, traced = shot.hits.solid, shot.traced
     assert traced is not None  # frames are traced
-    met = traced.origin + traced.direction * np.where(solid.exists, solid.range_m, np.nan)[:, None]
-    pose, direction = shot.hits.pose, observed.rays.direction
-    point = observed.along_m[:, None] * direction + observed.above_m[:, None] * upwards(direction)
-    found = trust.beams(frame.twin.instances, met, solid.instance, point @ pose[:3, :3].T + pose[:3, 3])
+    met, measured = _places(shot, observed)
+    found = trust.beams(frame.twin.instances, met, solid.instance, measured)
     away, bright = trust.unsure(met, solid.instance)
     steep = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
     trusted = found & (trust.ground_range | (solid.instance >= 0))
     return trusted, away / np.maximum(steep, _GRAZING), bright
+
+
+def _on_map(surfaces: MapSurfaces, shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Surfaces of a map that beams meet, which beams may be compared, and how unsure roughness makes ranges."""
+    met, measured = _places(shot, observed)
+    solid, traced = shot.hits.solid, shot.traced
+    assert traced is not None  # frames are traced
+    surface = surfaces.met(met, solid.instance).astype(np.int32)
+    slope = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
+    return surface, observed.trusted & surfaces.compared(surface, measured), surfaces.unsure_m(surface, slope)
+
+
+def _places(shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray]:
+    """World places (n, 3) of the traced hits and of the measured returns; NaN where there are none."""
+    solid, traced = shot.hits.solid, shot.traced
+    assert traced is not None  # frames are traced
+    met = traced.origin + traced.direction * np.where(solid.exists, solid.range_m, np.nan)[:, None]
+    pose, direction = shot.hits.pose, observed.rays.direction
+    point = observed.along_m[:, None] * direction + observed.above_m[:, None] * upwards(direction)
+    return met, point @ pose[:3, :3].T + pose[:3, 3]
 
 
 def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:

@@ -6,6 +6,8 @@ from cosim.discrepancy.data.observation import intensity_unit
 from cosim.drives.kitti import Drive
 
 _FEWEST_SCANS = 3  # of which the spread of pose errors tells anything
+_OF_OWN_MAP = ("mount_rotation", "mount_translation", "suspension_pitch", "time_offset", "range_scale")
+_OF_WHAT_IS_IN_NO_MAP = ("backscatter", "false_alarms", "mirror_ghost", "blooming")
 _OF_POSES = ("mount_rotation", "mount_translation", "suspension_pitch")
 _NO_MATTER = ("image_", "depth_", "semantic_", "instance_", "label_2", "oxts", "hits")
 
@@ -35,14 +37,26 @@ def drive_notes(drive: Drive, *, frames: int, bad: int, strays: int, has_intensi
     return tuple(said)
 
 
-def not_told(fitted: int) -> tuple[str, ...]:
-    """Effects that so many scans cannot tell from errors of their poses."""
-    return _OF_POSES if fitted < _FEWEST_SCANS else ()
+def not_told(fitted: int, of_own_map: bool) -> tuple[str, ...]:
+    """Effects that so many scans cannot tell from errors of their poses, or a map made of them from its own."""
+    return (
+        *(_OF_POSES if fitted < _FEWEST_SCANS else ()),
+        *((*_OF_OWN_MAP, *_OF_WHAT_IS_IN_NO_MAP) if of_own_map else ()),
+    )
 
 
-def fit_notes(fitted: int, is_held_out: bool) -> tuple[str, ...]:
-    """Of how many frames were fitted, and whether others judged."""
+def fit_notes(fitted: int, is_held_out: bool, of_own_map: bool) -> tuple[str, ...]:
+    """Of how many frames were fitted, whether others judged, and whether the twin is a map made of them."""
     said = []
+    if of_own_map:
+        said.append(
+            "the twin is a map made of the scans: places and reflectances of surfaces and poses of scans are free, so "
+            f"{', '.join(_OF_OWN_MAP)} and a constant offset along all normals are not told by this drive"
+        )
+        said.append(
+            "returns from what the map does not hold are left out, be it traffic, leaves or fog: "
+            f"{', '.join(_OF_WHAT_IS_IN_NO_MAP)} are not told by this drive"
+        )
     if fitted < _FEWEST_SCANS:
         count = "one frame is" if fitted == 1 else f"{fitted} frames are"
         said.append(

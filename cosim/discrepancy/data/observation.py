@@ -12,6 +12,8 @@ from sensors.pattern import Pattern
 from sensors.rays import Rays
 
 _BRIGHTEST, _BYTE, _MOST_POINTS, _ASKED = 1.001, 255.0, 0.99, 3
+_ASIDE_RAD = 1e-5  # from the middle of its slot: a point that stands farther off says its own azimuth
+_AT_ONCE = 1.75  # azimuth steps: returns of a ring that are nearer to each other have no firing between them
 _HALF_SLOT = 0.5001  # of an azimuth step: farther from a firing's azimuth no point belongs to it
 
 
@@ -94,8 +96,15 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0) -> Ob
     used = np.flatnonzero(fits)[taken]
 
     xyz = points[used, :3].astype(np.float64)
+    unfired = np.zeros(0, np.int64)
     if of.recovered:
         rays = _turned(rays, first, np.arctan2(xyz[:, 1], xyz[:, 0]))
+    else:
+        said = of.azimuth[used].astype(np.float64)
+        aside = np.abs(np.angle(np.exp(1j * (said - rays.azimuth[first])))) > _ASIDE_RAD
+        if aside.any():
+            rays = _turned(rays, first[aside], said[aside])
+            unfired = _unfired(rays, first, pattern)
     direction = rays.direction[first].astype(np.float64)
     along = np.full(len(rays), np.nan, np.float32)
     above, intensity = along.copy(), along.copy()
@@ -107,6 +116,7 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0) -> Ob
     row_of[first] = used
     seconds = int(np.count_nonzero(of.return_no))
     trusted = np.ones(len(rays), bool)
+    trusted[unfired] = False
     if frame.bad_points and (lost := frame.bad_rays) is not None:
         beam, told = _beams(lost, pattern)
         trusted[beam[told]] = False  # it returned, nobody knows from where
@@ -134,6 +144,23 @@ def _beams(of: PointRays, pattern: Pattern) -> tuple[np.ndarray, np.ndarray]:
     slot = np.rint(place)
     fits = known & (np.abs(place - slot) < _HALF_SLOT) & (of.return_no == 0)
     return ring * pattern.firings + slot.astype(np.int64) % pattern.firings, fits
+
+
+def _unfired(rays: Rays, rows: np.ndarray, pattern: Pattern) -> np.ndarray:
+    """Beams between two returns of a ring that follow each other at once: a head that turns unevenly skips slots.
+
+    Args:
+        rays: of the pattern, those with returns turned to measured azimuths.
+        rows: (k,) which these are, rising.
+        pattern: of the sensor.
+    """
+    after = np.roll(rows, -1)
+    apart = np.angle(np.exp(1j * (rays.azimuth[rows].astype(float) - rays.azimuth[after])))
+    between = after - rows - 1
+    at_once = (rays.ring[rows] == rays.ring[after]) & (np.abs(apart) < _AT_ONCE * 2 * np.pi / pattern.firings)
+    start = rows[at_once & (between > 0)]
+    count = between[at_once & (between > 0)]
+    return np.repeat(start + 1, count) + np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
 
 
 def _turned(rays: Rays, rows: np.ndarray, azimuth: np.ndarray) -> Rays:

@@ -21,6 +21,7 @@ _ODD_SHARE = 0.3  # of the sample at most, for beams that return from where noth
 _RARE_SHARE = 0.2  # of the sample
 _LONE_SHARE = 0.25  # of the sample, for returns that tell of the sensor alone
 _GRAZING = 0.02
+_LOOKS = 16  # at each surface of a map that is taken: more tell hardly more than more surfaces would
 _ASIDE = {"previous": (0, -1), "above": (-1, 0), "below": (1, 0)}  # rings down, and firings along
 BESIDE = tuple(f"{name}_{what}" for name in _ASIDE for what in ("range", "intensity", "lost"))
 
@@ -70,7 +71,8 @@ class Sample:
         object_derivative: (n, 4) change of range by a shift of the object that is met, in world axes [m/m], and by its
             turn about the vertical through its origin [m/rad]; 0 elsewhere.
         object_scan: (n,) int number of the object in this scan; −1 elsewhere.
-        facing: (n,) int which of six directions the surface's normal is nearest to.
+        facing: (n,) int which of six directions the surface's normal is nearest to; the surface's row in a map that
+            was made of the scans.
         surface: (n,) int number of the cell of the static world: a square of the ground plan and a direction of its
             normal; −1 elsewhere.
         surface_derivative: (n,) change of range by a shift of that cell along its normal [m/m]; 0 elsewhere.
@@ -90,6 +92,7 @@ class Sample:
             [m] and intensities are 0 where nothing returned, `lost` is 1 where a surface should have been seen.
         leaning: (scans, 6) pose errors that were traced with, see `TracedFrame`.
         own_axes: whether scans stand where their twins were made, so that poses have no errors.
+        of_own_map: whether the twin is a map made of the scans: places of surfaces and scans are free.
         scan_values: by name, (scans,) pose time, and the ego vehicle's speed, acceleration and yaw rate.
         azimuth, time_s, range_m, cos_incidence: (n,) of the beams as traced.
     """
@@ -137,6 +140,7 @@ class Sample:
     beside: dict[str, np.ndarray]
     leaning: np.ndarray
     own_axes: bool
+    of_own_map: bool
     scan_values: dict[str, np.ndarray]
 
     def __len__(self) -> int:
@@ -223,6 +227,8 @@ def draw_sample(frames: Sequence[TracedFrame], count: int, rng: np.random.Genera
         rng: for the draw.
         edges: whether ambiguous beams take part.
     """
+    if frames and frames[0].map is not None:
+        return _gathered(frames, _of_map(frames, count, rng, edges))
     share = max(count // max(len(frames), 1), 1)
     return _gathered(frames, [_choose(frame, share, rng, edges) for frame in frames])
 
@@ -251,7 +257,7 @@ def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, 
     models, model = _named(frames, joined["frame"], joined["instance"], "models")
     thing = np.where(joined["instance"] >= 0, track * len(frames) + joined["frame"], -1)
     beside = {name: joined.pop(name) for name in BESIDE}
-    cell = joined["facing"] + 6 * track
+    cell = joined["facing"] + max(6, int(joined["facing"].max(initial=0)) + 1) * track
     return Sample(
         object_scan=_numbered(thing),
         surface=_numbered(np.where(joined["instance"] == STATIC, cell, -1)),
@@ -267,6 +273,7 @@ def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, 
         cells=cells,
         leaning=np.array([one.leaning for one in frames]),
         own_axes=all(one.own_axes for one in frames),
+        of_own_map=any(one.map is not None for one in frames),
         scan_values={
             "time_s": np.array([one.time_s for one in frames]),
             "speed_mps": np.array([float(np.linalg.norm(one.ego.velocity_mps)) for one in frames]),
@@ -310,6 +317,37 @@ def _choose(
     place = np.argsort(order)
     partner = np.append(np.where(partner >= 0, place[partner], -1), np.full(len(lone), -1))
     return np.append(beams, lone)[order], weight[order], partner[order]
+
+
+def _of_map(
+    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, edges: bool
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """As `_choose`, for each frame: several looks at each of some surfaces, rather at those seen from near and far."""
+    surfaces = frames[0].map
+    assert surfaces is not None  # asked before
+    usable = [np.flatnonzero(one.observed.trusted & (edges | ~one.edge)) for one in frames]
+    met = np.concatenate([one.surface[rows] for one, rows in zip(frames, usable, strict=True)])
+    looks = np.bincount(met, minlength=len(surfaces))
+    taken = surfaces.drawn(np.minimum(looks, _LOOKS), count, rng)
+    chance = np.zeros(len(surfaces))
+    chance[taken] = np.minimum(_LOOKS / looks[taken] / 2, 1.0)
+    found = []
+    for one, rows in zip(frames, usable, strict=True):
+        first = rows[rng.random(len(rows)) < chance[one.surface[rows]]]
+        beside = np.minimum(first + 1, len(one.surface) - 1)
+        pairs = one.surface[beside] == one.surface[first]
+        beams = np.intersect1d(np.append(first, beside[pairs]), rows)
+        found.append((beams, np.ones(len(beams)), _partners(beams, one)))
+    return found
+
+
+def _partners(beams: np.ndarray, frame: TracedFrame) -> np.ndarray:
+    """Row (n,) of the beam fired just before or after each at the same surface of a map; −1 where it is not taken."""
+    follows = (np.diff(beams) == 1) & (np.diff(frame.surface[beams]) == 0)
+    follows &= np.diff(frame.shot.rays.ring[beams].astype(int)) == 0
+    rows = np.arange(len(beams))
+    after, before = np.append(follows, False)[: len(beams)], np.append(False, follows)[: len(beams)]
+    return np.where(after, rows + 1, np.where(before, rows - 1, -1))
 
 
 def _rare(material: np.ndarray, usable: np.ndarray, wanted: float) -> np.ndarray:
@@ -360,7 +398,7 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
         "compared": observed.trusted[beams],
         "object_derivative": _of_object(frame, solid.instance, toward, place),
         "surface_derivative": np.where(solid.instance == STATIC, _steepness(slope), 0.0),
-        "facing": _facing(normal),
+        "facing": _facing(normal) if frame.map is None else np.maximum(frame.surface[beams], 0).astype(int),
         "ring": rays.ring[beams].astype(int),
         "firing": beams % frame.shot.pattern.firings,
         "block": shot.block[beams].astype(int),

@@ -5,10 +5,15 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from cosim.discrepancy.data.map_surfaces import is_own_map
 from cosim.discrepancy.labelled_twin.trust import read_trust
 from cosim.drives.kitti import Drive, Frame
 
 _SEGMENT = 3
+_MAP_SCANS, _MAP_JUDGES = 24, 8  # of a map that are fitted and that judge, evenly spread
+_HELD_OUT = "held_out"
 
 
 @dataclass(frozen=True)
@@ -25,7 +30,15 @@ class Split:
 
 
 def split_drive(drive: Drive) -> Split:
-    """The split of a drive's frames; of those whose ground tells nothing of ranges as many judge as of the others."""
+    """The split of a drive's frames; of those whose ground tells nothing of ranges as many judge as of the others.
+
+    Of a map made of the scans, those judge that took no part in it.
+    """
+    if is_own_map(drive) and _HELD_OUT in drive.splits:
+        held = drive.split(_HELD_OUT)
+        fit = [name for name in drive.frames if name not in set(held)]
+        if held and fit:
+            return Split(_spread(fit, _MAP_SCANS), _spread(held, _MAP_JUDGES))
     return split_frames(drive.frames, [name for name in drive.frames if not _tells_of_ranges(drive[name])])
 
 
@@ -38,6 +51,12 @@ def split_frames(names: Sequence[str], poor: Collection[str] = ()) -> Split:
     test = tuple(name for name in names if name in judges)
     fit = tuple(name for name in names if name not in judges)
     return Split(fit, test) if test and fit else Split(tuple(names), tuple(names))
+
+
+def _spread(names: Sequence[str], most: int) -> tuple[str, ...]:
+    """So many names, evenly spread."""
+    rows = np.unique(np.linspace(0, len(names) - 1, min(most, len(names))).round().astype(int))
+    return tuple(names[int(row)] for row in rows)
 
 
 def _tells_of_ranges(frame: Frame) -> bool:

@@ -24,6 +24,8 @@ _PROBES = 12
 _MOST_STEP = 30.0  # times that a variance may change in one update
 _AXES = 6
 _FEWEST_PARTS = 16
+_FREE_POSE = (0.2,) * 3 + (0.01,) * 3  # [m], [rad]: of scans and surfaces that a map made of the scans tells nothing of
+_FREE_MAP, _FREE_ALBEDO = (1.0,), (1.0,)  # [m], and as a share; wide, so that these laws add no knowledge
 _POSE_LEAST = (3e-4,) * 3 + (2e-5,) * 3
 _LEAST = {  # standard deviations below which there is none: [m], [rad], or a share
     "poses": _POSE_LEAST,
@@ -81,6 +83,7 @@ class Block:
         size: how many.
         group: (size,) int which of its variances each has.
         start: initial standard deviation by variance.
+        free: whether nothing is known of them, so that their variances stay as wide as they begin.
     """
 
     name: str
@@ -89,6 +92,7 @@ class Block:
     size: int
     group: np.ndarray
     start: tuple[float, ...]
+    free: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,19 +125,20 @@ class RandomEffects:
             self._track[things] -= 1
         tracks, seen = int(self._track.max(initial=-1)) + 1, int(sample.object_scan.max(initial=-1)) + 1
         cells = int(sample.surface.max(initial=-1)) + 1
-        axes = np.array([0, 0, 1, 2])
+        axes, free = np.array([0, 0, 1, 2]), sample.of_own_map
         blocks = []
         if pose_start is not None and not sample.own_axes:
-            start = (pose_start[0],) * 3 + (pose_start[1],) * 3
-            blocks.append(Block("poses", "poses", "range", 6 * scans, np.tile(np.arange(6), scans), start))
+            start = _FREE_POSE if free else (pose_start[0],) * 3 + (pose_start[1],) * 3
+            blocks.append(Block("poses", "poses", "range", 6 * scans, np.tile(np.arange(6), scans), start, free))
         blocks += [
             Block("objects", "objects", "range", 4 * tracks, np.tile(axes, tracks), (0.0, 0.0, 0.0)),
             Block("objects_by_scan", "objects", "range", 4 * seen, np.tile(axes, seen), (0.0, 0.0, 0.0)),
-            Block("map", "map", "range", cells, np.zeros(cells, int), (0.0,)),
+            Block("map", "map", "range", cells, np.zeros(cells, int), _FREE_MAP if free else (0.0,), free),
         ]
         if sample.has_intensity:
             blocks.append(Block("albedo", "objects", "intensity", tracks, np.zeros(tracks, int), (0.0,)))
-            blocks.append(Block("albedo_of_map", "map", "intensity", cells, np.zeros(cells, int), (0.0,)))
+            start = _FREE_ALBEDO if free else (0.0,)
+            blocks.append(Block("albedo_of_map", "map", "intensity", cells, np.zeros(cells, int), start, free))
         self.blocks: tuple[Block, ...] = tuple(one for one in blocks if one.size)
         sizes = [one.size for one in self.blocks]
         self._ends = np.cumsum([0, *sizes])
@@ -142,6 +147,7 @@ class RandomEffects:
             [one.group + first for one, first in zip(self.blocks, laws, strict=False)] or [np.zeros(0, int)]
         )
         self.laws = tuple((one.name, row) for one in self.blocks for row in range(len(one.start)))
+        self._free = np.array([one.free for one in self.blocks for _ in one.start], bool)
         self._least = np.array([_LEAST[name][row] ** 2 for name, row in self.laws])
         self._fixed = {
             one.name: self._matrix(one) for one in self.blocks if one.name != "poses" and one.quantity == "range"
@@ -257,8 +263,9 @@ class RandomEffects:
         return estimate.u[rows].reshape(-1, _AXES)
 
     def spread(self, estimate: Estimate, name: str) -> np.ndarray:
-        """Standard deviations of one kind, by law; empty where there are none."""
-        return np.sqrt([v for (of, _), v in zip(self.laws, estimate.variance, strict=True) if of == name])
+        """Standard deviations of one kind, by law, 0 where nothing is known of them; empty where there are none."""
+        variance = np.where(self._free, 0.0, estimate.variance)
+        return np.sqrt([v for (of, _), v in zip(self.laws, variance, strict=True) if of == name])
 
     def precision(self, estimate: Estimate) -> np.ndarray:
         """(m,) inverse variances; those of laws without variance are as good as infinite."""
@@ -332,6 +339,7 @@ class RandomEffects:
         variance[mine] = np.clip(new, variance[mine] / _MOST_STEP, variance[mine] * _MOST_STEP)
         poses = np.array([name == "poses" for name, _ in self.laws])
         variance = np.where(poses, np.maximum(variance, self._least), variance)
+        variance = np.where(self._free, estimate.variance, variance)
         gone = (variance < self._least) & ~poses
         return Estimate(np.where(gone[self._law], 0.0, estimate.u), np.where(gone, 0.0, variance))
 

@@ -1,0 +1,182 @@
+"""Pattern, map, diagnosis; points with what was found undone, map and diagnosis anew; until nothing changes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from cosim.discrepancy.diagnose import diagnose
+from cosim.discrepancy.report import explored_of, format_diagnosis
+from cosim.discrepancy.report.sentences import Vocabulary
+from cosim.discrepancy.sensor_out import write_sensor
+from cosim.discrepancy.settings import DEFAULT, Settings
+from cosim.drives.files import read_text
+from cosim.drives.writer import OutputError, explained
+from cosim.recordings.calibration.history import Tried, noted
+from cosim.recordings.calibration.rounds import Round, read_round, round_of
+from cosim.recordings.calibration.start import first_sensor
+from cosim.recordings.mapping.correction import moves_points
+from cosim.recordings.mapping.page import format_page as format_map
+from cosim.recordings.mapping.twin import Prepared, RecordingTwin, prepare, write_map_twin
+from cosim.recordings.recording import Recording
+from cosim.report import write_page
+from sensors.sensor_model import load_sensor
+
+_LOG = logging.getLogger(__name__)
+MOST_ROUNDS = 5
+_HEAD = "calibration.json"
+_OWN = "found"
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What a calibration gave.
+
+    Attributes:
+        folder: of everything.
+        recording: its path.
+        start: the sensor file that it began with, relative to the folder.
+        rounds: in order.
+        settled: whether the last round moved nothing any more.
+        tried: every sensor file that was tried on this recording so far.
+    """
+
+    folder: Path
+    recording: Path
+    start: str
+    rounds: tuple[Round, ...]
+    settled: bool
+    tried: tuple[Tried, ...]
+
+    @property
+    def sensor_out(self) -> Path:
+        """The sensor file to use."""
+        return self.folder / self.rounds[-1].sensor_out
+
+    def as_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {
+            "out": str(self.folder),
+            "sensor_out": str(self.sensor_out),
+            "settled": self.settled,
+            "rounds": [asdict(one) for one in self.rounds],
+            "history": [asdict(one) for one in self.tried],
+            "notes": self.rounds[-1].notes,
+        }
+
+
+def calibrate(
+    recording: Recording,
+    folder: Path,
+    sensor: str | Path | None = None,
+    *,
+    settings: Settings = DEFAULT,
+    most_rounds: int = MOST_ROUNDS,
+    on_step: Callable[[str], None] = _LOG.debug,
+) -> Calibration:
+    """Find what a sensor model lacks on a recording; rounds that an earlier run finished are kept.
+
+    Args:
+        recording: scans in order.
+        folder: to write.
+        sensor: file of the model to begin with; by default the pattern that the points show, and their noise.
+        settings: numbers that decide a diagnosis.
+        most_rounds: of map and diagnosis.
+        on_step: told what is done next.
+
+    Raises:
+        RecordingError: no pattern or no map in the scans, or another pattern than the sensor's.
+        OutputError: the folder cannot be written, or is another recording's.
+        SensorError: no such sensor file.
+    """
+    _claimed(folder, recording)
+    given = None if sensor is None else load_sensor(sensor)
+    prepared = cache(lambda: prepare(recording, None if given is None else given.pattern, on_step))
+    own = folder / f"from_{_OWN if sensor is None else Path(sensor).stem}"
+    start = own / "sensor.yaml"
+    if given is not None and start.is_file() and load_sensor(start).effects != given.effects:
+        raise OutputError(f"{own} began with another sensor file of that name; rename {sensor}, or remove the folder")
+    if not start.is_file():
+        write_sensor(first_sensor(prepared()) if given is None else given, start)
+    rounds: list[Round] = []
+    for number in range(1, most_rounds + 1):
+        place = own / f"round_{number}"
+        done = read_round(place)
+        if done is None:
+            on_step(f"round {number}")
+            before = folder / rounds[-1].sensor_out if rounds else start
+            known = [finding["effect"] for one in rounds for finding in one.findings]
+            done = _round(prepared(), folder, place, before, known, number, settings, on_step)
+        rounds.append(done)
+        if not done.moved:
+            break
+    tried = noted(folder, rounds)
+    return Calibration(folder, recording.path, _said(start, folder), tuple(rounds), not rounds[-1].moved, tried)
+
+
+def _round(
+    prepared: Prepared,
+    folder: Path,
+    place: Path,
+    before: Path,
+    known: Sequence[str],
+    number: int,
+    settings: Settings,
+    on_step: Callable[[str], None],
+) -> Round:
+    """Map and diagnosis with one sensor file; effects that earlier rounds found are fitted along."""
+    shutil.rmtree(place / "twin", ignore_errors=True)  # of a run that was stopped
+    sensor = load_sensor(before)
+    twin = write_map_twin(prepared, place / "twin", sensor.effects, on_step)
+    write_page(place / "map", format_map(twin))
+    along = [one for one in known if moves_points(one)]
+    found = diagnose(place / "twin", sensor, settings=settings, along=along, on_progress=on_step)
+    after = found.write_sensor(place / "sensor.yaml")
+    words = Vocabulary([type(one) for one in found.sensor.effects])
+    page = format_diagnosis(found, words, str(place / "twin"), str(before), explored_of(found))
+    write_page(place / "diagnosis", page)
+    told = round_of(number, _said(before, folder), _said(after, folder), sensor.effects, found, twin.as_json())
+    told.write(place)
+    _keep_small(twin)
+    return told
+
+
+def _keep_small(twin: RecordingTwin) -> None:
+    """Without the copies of scans, which the recording has."""
+    for name in ("velodyne", "rays"):
+        shutil.rmtree(twin.folder / name, ignore_errors=True)
+
+
+def _said(file: Path, folder: Path) -> str:
+    return file.resolve().relative_to(folder.resolve()).as_posix()
+
+
+def _claimed(folder: Path, recording: Recording) -> None:
+    """Say whose calibration the folder is.
+
+    Raises:
+        OutputError: it is another recording's, or the recording itself.
+    """
+    if folder.resolve() == recording.path.resolve():
+        raise OutputError(f"{folder} is the recording itself; choose another --out")
+    names = hashlib.sha256("\n".join(recording.names).encode()).hexdigest()[:16]
+    mine = {"recording": str(recording.path.resolve()), "scans": len(recording), "names": names}
+    file = folder / _HEAD
+    if file.is_file():
+        try:
+            theirs = json.loads(read_text(file))
+        except ValueError as error:
+            raise OutputError(f"{file}: {error}; choose another --out") from None
+        if theirs != mine:
+            raise OutputError(f"{folder} holds a calibration on {theirs.get('recording')}; choose another --out")
+        return
+    with explained(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        file.write_text(json.dumps(mine, indent=2) + "\n", encoding="utf-8")

@@ -1,0 +1,140 @@
+"""One round of a calibration: what a sensor file says on a map made with its effects undone, and what it lacks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from cosim.discrepancy.diagnosis import Diagnosis
+from cosim.drives.files import read_text
+from cosim.drives.writer import explained
+from cosim.errors import FormatError
+from sensors.effects.base import Effect
+
+FILE = "round.json"
+_STILL = 0.25  # of an interval's width: a parameter that moves by less has not moved
+
+
+@dataclass(frozen=True)
+class Round:
+    """What one round gave; paths are relative to the calibration's folder.
+
+    Attributes:
+        number: from 1.
+        sensor: file that the round began with.
+        sensor_out: file that it ended with.
+        effects: of the sensor at its beginning, with parameters.
+        findings: what was missing, as `diagnose --json` lists effects.
+        refitted: of effects that earlier rounds found, by name their `params` and `ci95` now.
+        unknowns, unexplained: as there.
+        not_told: smallest amplitude of each effect that would have been found.
+        error, error_aligned, noise_floor: of the sensor it began with, on scans that took no part.
+        error_after, aligned_after: of the one it ended with.
+        budget: what the error is made of.
+        thickness_ground_m, thickness_walls_m: of the map.
+        held_out_m: spread of untouched scans across the map.
+        moved: whether a finding moves points, so that the map is to be made anew.
+        notes: a sentence each.
+    """
+
+    number: int
+    sensor: str
+    sensor_out: str
+    effects: list[dict[str, Any]]
+    findings: list[dict[str, Any]]
+    refitted: dict[str, dict[str, Any]]
+    unknowns: list[dict[str, Any]]
+    unexplained: list[dict[str, Any]]
+    not_told: dict[str, Any]
+    error: float
+    error_aligned: float
+    noise_floor: float | None
+    error_after: float
+    aligned_after: float
+    budget: dict[str, float]
+    thickness_ground_m: float
+    thickness_walls_m: float
+    held_out_m: float | None
+    moved: bool
+    notes: list[str]
+
+    def write(self, folder: Path) -> None:
+        """Keep it, whole or not at all."""
+        with explained(folder):
+            new = folder / f"{FILE}.new"
+            new.write_text(json.dumps(asdict(self), indent=2) + "\n", encoding="utf-8")
+            new.replace(folder / FILE)
+
+
+def read_round(folder: Path) -> Round | None:
+    """A round that was finished; None where it was not.
+
+    Raises:
+        FormatError: its file is damaged.
+    """
+    file = folder / FILE
+    if not file.is_file():
+        return None
+    try:
+        return Round(**json.loads(read_text(file)))
+    except (ValueError, TypeError) as error:
+        raise FormatError(f"{file}: {error}; remove {folder} to have the round done again") from None
+
+
+def round_of(
+    number: int, sensor: str, sensor_out: str, before: Sequence[Effect], found: Diagnosis, made: Mapping[str, Any]
+) -> Round:
+    """A round in words and numbers.
+
+    Args:
+        number: from 1.
+        sensor, sensor_out: files, relative to the calibration's folder.
+        before: effects of the sensor that it began with.
+        found: the diagnosis.
+        made: `RecordingTwin.as_json` of its map.
+    """
+    told = found.to_json()
+    return Round(
+        number=number,
+        sensor=sensor,
+        sensor_out=sensor_out,
+        effects=[{"effect": one.name, **one.model_dump(mode="json")} for one in before],
+        findings=told["effects"],
+        refitted={name: dict(one) for name, one in found.refitted.items()},
+        unknowns=told["unknowns"],
+        unexplained=told["unexplained"],
+        not_told=told["smallest_detectable"],
+        error=told["error_before"],
+        error_aligned=found.budget.given_aligned,
+        noise_floor=found.noise_floor,
+        error_after=told["error_after"],
+        aligned_after=found.budget.error_aligned,
+        budget=told["budget"],
+        thickness_ground_m=made["thickness_ground_m"],
+        thickness_walls_m=made["thickness_walls_m"],
+        held_out_m=made["error_held_out_m"],
+        moved=any(_moves(one, before) for one in told["effects"])
+        or any(_moves({"effect": name, **one}, before) for name, one in found.refitted.items()),
+        notes=list(dict.fromkeys((*made["notes"], *found.notes))),
+    )
+
+
+def _moves(finding: Mapping[str, Any], before: Sequence[Effect]) -> bool:
+    """Whether a finding changes where points of the map come to lie."""
+    from cosim.recordings.mapping.correction import moves_points
+
+    if not moves_points(finding["effect"]):
+        return False
+    known = next((one.model_dump(mode="json") for one in before if one.name == finding["effect"]), None)
+    if known is None:
+        return True
+    for name, value in finding["params"].items():
+        interval = finding["ci95"].get(name)
+        if isinstance(value, list) or interval is None:
+            return True
+        if abs(value - known[name]) > _STILL * (interval[1] - interval[0]):
+            return True
+    return False

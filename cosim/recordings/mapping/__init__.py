@@ -1,0 +1,5 @@
+"""A twin of a recording: odometry, a map of surfels, what moves, untouched scans."""
+
+from cosim.recordings.mapping.twin import RecordingTwin, write_recording_twin
+
+__all__ = ["RecordingTwin", "write_recording_twin"]

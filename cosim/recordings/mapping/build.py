@@ -1,0 +1,209 @@
+"""From scans and a trajectory to a map: surfels, poses refined on them, gravity, what moves, and untouched scans."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cosim.recordings.mapping.adjust import OUTLIER_M, adjusted, place, placed_in_turn
+from cosim.recordings.mapping.level import ground, levelled, up
+from cosim.recordings.mapping.motion import applied, motions
+from cosim.recordings.mapping.moving import FreeSpace
+from cosim.recordings.mapping.odometry import Trajectory
+from cosim.recordings.mapping.scans import cloud_of, local_scans
+from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, cell_keys, make_surfels, solid_shares
+from cosim.recordings.recording import Recording
+from cosim.recordings.scan import RecordingError
+from cosim.recordings.settings import Mount
+
+_ROUNDS = 4  # of map and poses
+_HELD_PARTS, _HELD_LONG = 3, 30
+_HELD_SHARE, _HELD_FEWEST, _HELD_MOST = 0.1, 2, 20
+_FEWEST_SURFELS, _FEWEST_ON_MAP = 50, 50
+_SOLID, _WELL_SEEN = 0.9, 4  # share of the points about a surfel that lie on it, and scans, to be trusted
+_SWEEP_SCANS = 20
+_SWEEP_THICKEST_M = 0.1  # so that cells are not left out where the motion is taken wrongly
+
+
+@dataclass(frozen=True, eq=False)
+class SurfelMap:
+    """A map and how well it fits.
+
+    Attributes:
+        surfels: of what stands still, world axes: z up, ground about 0 under the first pose.
+        left_out: surfels of what moves.
+        poses: (n, 4, 4) of the sensor, all scans.
+        motion: (n, 6) of the sensor in a sweep, see `motion.between`.
+        pose_ego: (4, 4) of the sensor on the vehicle: x forward, z up, origin on the ground below it.
+        ground: (m,) bool, which surfels are ground.
+        trusted: (m,) bool, which are seen so often, and have so little else about them, that beams may be compared.
+        held_out: numbers of scans that took no part.
+        error_m: (n,) robust standard deviation of each scan's points across the surfels; NaN without any.
+        on_map: (n,) share of each scan's points that lie in a surfel's cell.
+        no_plane: cells with points enough that are no plane.
+        rounds: thickness of ground and of walls [m] after each round of poses and map.
+        mount_known: whether height and tilt come from the ground or the settings.
+    """
+
+    surfels: Surfels
+    left_out: Surfels
+    poses: np.ndarray
+    motion: np.ndarray
+    pose_ego: np.ndarray
+    ground: np.ndarray
+    trusted: np.ndarray
+    held_out: tuple[int, ...]
+    error_m: np.ndarray
+    on_map: np.ndarray
+    no_plane: int
+    rounds: tuple[tuple[float, float], ...]
+    mount_known: bool
+
+
+def held_out_scans(count: int) -> tuple[int, ...]:
+    """Segments of a recording, where scans before and after show the same places: three of long ones, else the middle.
+
+    Places far from each other show one surface from near and far.
+    """
+    size = min(max(round(_HELD_SHARE * count), _HELD_FEWEST), _HELD_MOST)
+    if count < 5 * _HELD_FEWEST:
+        return ()
+    parts = _HELD_PARTS if count >= _HELD_LONG else 1
+    each = max(size // parts, 1)
+    firsts = [round((2 * part + 1) * count / (2 * parts) - each / 2) for part in range(parts)]
+    return tuple(first + step for first in firsts for step in range(each))
+
+
+def build_map(
+    recording: Recording,
+    trajectory: Trajectory,
+    sweep_s: float,
+    settings: SurfelSettings | None = None,
+    mount: Mount | None = None,
+    sweep_scale: float = 1.0,
+    on_scan: Callable[[], object] = lambda: None,
+) -> SurfelMap:
+    """Make the map.
+
+    Args:
+        recording: scans in order.
+        trajectory: their poses and motion.
+        sweep_s: duration of a turn.
+        settings: of surfels.
+        mount: where the user says how the sensor sits.
+        sweep_scale: share of the sensor's motion in a sweep that points are freed of; 0 where they are already.
+        on_scan: called after each scan is read.
+
+    Raises:
+        RecordingError: the scans have no planes in common.
+    """
+    settings = settings or SurfelSettings()
+    scans = local_scans(recording, sweep_s, on_scan)
+    held = held_out_scans(len(scans))
+    fitted = [number for number in range(len(scans)) if number not in held and len(scans[number])]
+    poses, motion, rounds = trajectory.poses, trajectory.motion, []
+    if trajectory.from_odometry:
+        poses = placed_in_turn(scans, poses, sweep_scale * motion, fitted)
+    for _ in range(_ROUNDS):
+        motion = motions(poses) * trajectory.rate
+        surfels, _ = make_surfels(cloud_of(scans, poses, sweep_scale * motion, fitted), settings)
+        _demand_surfels(recording, surfels)
+        rounds.append(thickness(surfels))
+        poses = adjusted(scans, poses, sweep_scale * motion, fitted, surfels, settings.cell_m)
+    poses, pose_ego, known = levelled(surfels, poses, up(surfels, poses[fitted]), mount)
+    cloud = cloud_of(scans, poses, sweep_scale * motion, fitted)
+    surfels, no_plane = make_surfels(cloud, settings)
+    _demand_surfels(recording, surfels)
+    rounds.append(thickness(surfels))
+    solid = (solid_shares(cloud, surfels, settings.cell_m) > _SOLID) & (surfels.scans >= _WELL_SEEN)
+    del cloud
+    local = [scan.at_pose_time(sweep_scale * own) for scan, own in zip(scans, motion, strict=True)]
+    space = FreeSpace(surfels)
+    for number in fitted:
+        space.add(local[number], poses[number])
+    moving = space.moving()
+    still = surfels[~moving]
+    for number in held:
+        poses[number] = place(local[number], poses[number], still, settings.cell_m, rounds=6)
+    error, share = _errors(local, poses, still, settings.cell_m)
+    return SurfelMap(
+        surfels=still,
+        left_out=surfels[moving],
+        poses=poses,
+        motion=motions(poses) * trajectory.rate,
+        pose_ego=pose_ego,
+        ground=ground(still, poses, pose_ego[2, 3]),
+        trusted=solid[~moving],
+        held_out=held,
+        error_m=error,
+        on_map=share,
+        no_plane=no_plane,
+        rounds=tuple(rounds),
+        mount_known=known,
+    )
+
+
+def thickness(surfels: Surfels) -> tuple[float, float]:
+    """Median standard deviation across flat surfels, as of ground, and across all others, as of walls [m]."""
+    level = surfels.level()
+    return tuple(  # type: ignore[return-value]
+        float(np.median(surfels.sd_m[rows])) if rows.any() else float("nan") for rows in (level, ~level)
+    )
+
+
+def _demand_surfels(recording: Recording, surfels: Surfels) -> None:
+    if len(surfels) < _FEWEST_SURFELS:
+        raise RecordingError(
+            f"{recording.path}: {len(surfels)} surfaces that three scans or more show as planes; a map needs "
+            "hundreds: record ten scans or more among buildings or on a road, or give poses if odometry went astray"
+        )
+
+
+def _errors(
+    local: Sequence[np.ndarray], poses: np.ndarray, surfels: Surfels, cell_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    error, share = np.full(len(local), np.nan), np.zeros(len(local))
+    for number, xyz in enumerate(local):
+        world = applied(poses[number], xyz)
+        row = surfels.rows_of(cell_keys(world, cell_m))
+        on = row >= 0
+        if on.sum() < _FEWEST_ON_MAP:
+            continue
+        off = np.einsum("ij,ij->i", world[on] - surfels.centre[row[on]], surfels.normal[row[on]])
+        off = off[np.abs(off) < OUTLIER_M]
+        error[number] = 1.4826 * np.median(np.abs(off))
+        share[number] = on.mean()
+    return error, share
+
+
+def sweep_thickness(
+    recording: Recording, trajectory: Trajectory, sweep_s: float, settings: SurfelSettings, scales: tuple[float, ...]
+) -> dict[float, float]:
+    """Thickness of upright surfaces [m] with the sensor's motion in a sweep taken so many times as strong.
+
+    A map of some scans in the middle is made anew for each; it is thinnest where the motion is right. Level ground does
+    not feel a motion along it, and tells where there is next to nothing else.
+    """
+    count = min(len(recording), _SWEEP_SCANS)
+    first = (len(recording) - count) // 2
+    rows = slice(first, first + count)
+    scans = local_scans(recording.between(first, first + count), sweep_s)
+    own = replace(trajectory, poses=trajectory.poses[rows], motion=trajectory.motion[rows])
+    numbers = [number for number in range(count) if len(scans[number])]
+    settings, found = replace(settings, thickest_m=_SWEEP_THICKEST_M), {}
+    for scale in scales:
+        motion, poses = scale * own.motion, own.poses
+        if own.from_odometry:
+            poses = placed_in_turn(scans, poses, motion, numbers)
+        for _ in range(2):
+            surfels, _ = make_surfels(cloud_of(scans, poses, motion, numbers), settings)
+            if len(surfels) < _FEWEST_SURFELS:
+                break
+            poses = adjusted(scans, poses, motion, numbers, surfels, settings.cell_m)
+        surfels, _ = make_surfels(cloud_of(scans, poses, motion, numbers), settings)
+        upright = ~surfels.level()
+        rows = upright if upright.sum() >= _FEWEST_SURFELS else ~np.zeros(len(surfels), bool)
+        found[scale] = float(np.median(surfels.sd_m[rows])) if len(surfels) else float("nan")
+    return found

@@ -1,0 +1,239 @@
+"""Surfels: small planes that the points of many scans lie on, a cell each.
+
+A cell's plane goes through the mean of its points, along the two larger axes of their scatter (Pauly, Gross, Kobbelt,
+Efficient simplification of point-sampled surfaces, IEEE Visualization 2002). A cell is left out where its points lie on
+no one plane: an edge, a bush, two surfaces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_CHUNK = 1_000_000  # points at a time
+_SOLID_SIGMAS, _SOLID_LEAST_M, _ABOUT = 3.0, 0.03, 0.75
+_OFFSET = 1 << 20  # cells from the origin to the edge of what can be numbered
+
+
+@dataclass(frozen=True)
+class SurfelSettings:
+    """Which cells are surfaces.
+
+    Attributes:
+        cell_m: size of a cell [m].
+        least_points: of a cell; fewer tell no plane.
+        least_scans: that saw it; fewer tell no thickness.
+        thickest_m: standard deviation of points across the plane, at most [m].
+        flattest: variance across the plane over the smaller one along it, at most; above, points form no plane.
+    """
+
+    cell_m: float = 0.4
+    least_points: int = 12
+    least_scans: int = 3
+    thickest_m: float = 0.05
+    flattest: float = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Points of many scans in world axes.
+
+    Attributes:
+        xyz: (n, 3) float32 [m].
+        scan: (n,) int32 number of the scan.
+        range_m: (n,) float32 measured.
+        ray: (n, 3) float32 unit directions of the beams, world axes.
+        intensity: (n,) float32; zeros where there is none.
+    """
+
+    xyz: np.ndarray
+    scan: np.ndarray
+    range_m: np.ndarray
+    ray: np.ndarray
+    intensity: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.xyz)
+
+
+@dataclass(frozen=True, eq=False)
+class Surfels:
+    """The surfaces of a map.
+
+    Attributes:
+        key: (m,) int64 numbers of the cells, rising.
+        centre: (m, 3) float64 world places [m].
+        normal: (m, 3) float64 unit normals, towards the sensor.
+        low, high: (m, 3) float64 corners of the box about the points of each.
+        sd_m: (m,) standard deviation of points across the plane.
+        points, scans: (m,) how many lie on it, and how many scans saw it.
+        range_m: (m, 2) nearest and farthest look.
+        cos_incidence: (m, 2) steepest and flattest look.
+        reflectance: (m,) mean intensity.
+    """
+
+    key: np.ndarray
+    centre: np.ndarray
+    normal: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    sd_m: np.ndarray
+    points: np.ndarray
+    scans: np.ndarray
+    range_m: np.ndarray
+    cos_incidence: np.ndarray
+    reflectance: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.key)
+
+    def __getitem__(self, rows: np.ndarray) -> Surfels:
+        """Some of them, by mask or index array."""
+        return Surfels(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    def rows_of(self, key: np.ndarray) -> np.ndarray:
+        """Row of the surfel in each cell (n,) int64; −1 where there is none."""
+        if not len(self):
+            return np.full(len(key), -1)
+        row = np.minimum(np.searchsorted(self.key, key), len(self) - 1)
+        return np.where(self.key[row] == key, row, -1)
+
+    def level(self) -> np.ndarray:
+        """(m,) bool: which lie flat, as ground does."""
+        return np.abs(self.normal[:, 2]) > 0.95
+
+
+def cell_keys(xyz: np.ndarray, cell_m: float) -> np.ndarray:
+    """Numbers of the cells of places (n, 3), (n,) int64."""
+    cell = np.floor(np.asarray(xyz, np.float64) / cell_m).astype(np.int64) + _OFFSET
+    return (cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2]
+
+
+def make_surfels(cloud: Cloud, settings: SurfelSettings) -> tuple[Surfels, int]:
+    """The planes of a cloud, and how many cells with enough points are none."""
+    key = cell_keys(cloud.xyz, settings.cell_m)
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    start = np.flatnonzero(np.diff(key, prepend=key[:1] - 1))
+    count = np.diff(start, append=len(key))
+    enough = count >= settings.least_points
+    start, count = start[enough], count[enough]
+    rows = order[np.repeat(start - np.concatenate([[0], np.cumsum(count)[:-1]]), count) + np.arange(count.sum())]
+    cell = np.repeat(np.arange(len(count)), count)
+    kept = np.ones(len(rows), bool)
+    for _ in range(2):  # the second time without what lies off the plane
+        centre, normal, variance = _planes(cloud.xyz[rows[kept]], cell[kept], len(count))
+        off = np.einsum("ij,ij->i", cloud.xyz[rows] - centre[cell], normal[cell])
+        sd = np.sqrt(np.maximum(variance[:, 0], 1e-8))
+        kept = np.abs(off) < 3 * sd[cell]
+    good = (np.sqrt(variance[:, 0]) < settings.thickest_m) & (variance[:, 0] < settings.flattest * variance[:, 1])
+    rows, cell, off = rows[kept], cell[kept], off[kept]
+    surfels = _described(cloud, rows, cell, key[start], centre, normal, off)
+    good &= (surfels.scans >= settings.least_scans) & (surfels.points >= settings.least_points)
+    return surfels[good], int((~good).sum())
+
+
+def _planes(xyz: np.ndarray, cell: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean (m, 3), normal (m, 3) and variances along the axes (m, 3), the smallest first, of the points of cells."""
+    count = np.maximum(np.bincount(cell, minlength=cells), 1)
+    centre = np.stack([np.bincount(cell, xyz[:, axis], cells) for axis in range(3)], 1) / count[:, None]
+    rest = xyz - centre[cell]
+    scatter = np.empty((cells, 3, 3))
+    for a in range(3):
+        for b in range(a, 3):
+            scatter[:, a, b] = scatter[:, b, a] = np.bincount(cell, rest[:, a] * rest[:, b], cells) / count
+    variance, axes = np.linalg.eigh(scatter)
+    return centre, axes[:, :, 0], np.maximum(variance, 0.0)
+
+
+def _described(
+    cloud: Cloud,
+    rows: np.ndarray,
+    cell: np.ndarray,
+    keys: np.ndarray,
+    centre: np.ndarray,
+    normal: np.ndarray,
+    off: np.ndarray,
+) -> Surfels:
+    cells = len(keys)
+    count = np.maximum(np.bincount(cell, minlength=cells), 1)
+    facing = np.stack([np.bincount(cell, cloud.ray[rows, axis], cells) for axis in range(3)], 1)
+    normal = np.where(np.einsum("ij,ij->i", facing, normal)[:, None] > 0, -normal, normal)
+    seen = np.unique(cell.astype(np.int64) << 32 | cloud.scan[rows])
+    cos = np.abs(np.einsum("ij,ij->i", cloud.ray[rows], normal[cell]))
+    start = np.flatnonzero(np.diff(cell, prepend=-1))
+    present = cell[start]
+
+    def ends(values: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+        low, high = np.zeros((cells, *shape)), np.zeros((cells, *shape))
+        low[present], high[present] = np.minimum.reduceat(values, start), np.maximum.reduceat(values, start)
+        return low, high
+
+    low, high = ends(cloud.xyz[rows].astype(np.float64), (3,))
+    near, far = ends(cloud.range_m[rows].astype(np.float64), ())
+    flat, steep = ends(cos, ())
+    return Surfels(
+        key=keys,
+        centre=centre,
+        normal=normal,
+        low=low,
+        high=high,
+        sd_m=np.sqrt(np.bincount(cell, off**2, cells) / count),
+        points=np.bincount(cell, minlength=cells),
+        scans=np.bincount((seen >> 32).astype(np.int64), minlength=cells),
+        range_m=np.stack([near, far], 1),
+        cos_incidence=np.stack([steep, flat], 1),
+        reflectance=np.bincount(cell, cloud.intensity[rows], cells) / count,
+    )
+
+
+def solid_shares(cloud: Cloud, surfels: Surfels, cell_m: float) -> np.ndarray:
+    """Share (m,) of the points about each surfel that lie on it: about 1 of a wall, less of a hedge.
+
+    About it are points over its box, within three quarters of a cell of its plane.
+    """
+    count = len(surfels)
+    on, about = np.zeros(count), np.zeros(count)
+    main = np.abs(surfels.normal).argmax(1)
+    near = np.maximum(_SOLID_SIGMAS * surfels.sd_m, _SOLID_LEAST_M)
+    for axis in range(3):
+        aside = np.delete(np.arange(3), axis)
+        for step in (-1, 0, 1):
+            shift = np.zeros(3)
+            shift[axis] = step * cell_m
+            for start in range(0, len(cloud), _CHUNK):
+                xyz = cloud.xyz[start : start + _CHUNK].astype(np.float64)
+                row = surfels.rows_of(cell_keys(xyz + shift, cell_m))
+                rows = np.flatnonzero((row >= 0) & (main[np.maximum(row, 0)] == axis))
+                row, xyz = row[rows], xyz[rows]
+                off = np.abs(np.einsum("ij,ij->i", xyz - surfels.centre[row], surfels.normal[row]))
+                over = (off < _ABOUT * cell_m) & np.all(
+                    (xyz[:, aside] >= surfels.low[row][:, aside]) & (xyz[:, aside] <= surfels.high[row][:, aside]),
+                    axis=1,
+                )
+                about += np.bincount(row[over], minlength=count)
+                on += np.bincount(row[over & (off < near[row])], minlength=count)
+    return on / np.maximum(about, 1)
+
+
+def quads(surfels: Surfels) -> tuple[np.ndarray, np.ndarray]:
+    """Two triangles a surfel: vertices (4 m, 3) and faces (2 m, 3), in the order of the surfels.
+
+    A quad spans its points' box along the two axes that its normal leans to least, so that neighbours meet.
+    """
+    count = len(surfels)
+    main = np.abs(surfels.normal).argmax(1)
+    first, second = (main + 1) % 3, (main + 2) % 3
+    every = np.arange(count)
+    vertices = np.empty((count, 4, 3))
+    for corner, (a_high, b_high) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
+        a = (surfels.high if a_high else surfels.low)[every, first]
+        b = (surfels.high if b_high else surfels.low)[every, second]
+        along = surfels.normal[every, first] * (a - surfels.centre[every, first])
+        along += surfels.normal[every, second] * (b - surfels.centre[every, second])
+        vertices[every, corner, first], vertices[every, corner, second] = a, b
+        vertices[every, corner, main] = surfels.centre[every, main] - along / surfels.normal[every, main]
+    base = 4 * every[:, None]
+    faces = (base + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
+    return vertices.reshape(-1, 3), faces

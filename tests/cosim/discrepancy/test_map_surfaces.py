@@ -1,0 +1,83 @@
+"""Maps made of a drive's own scans: which beams may be compared, and what stays free."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.discrepancy.data.map_surfaces import FILE, MapSurfaces, is_own_map
+from cosim.drives.kitti import Drive
+from cosim.errors import FormatError
+from sensors.hits import NOTHING, STATIC
+from sensors.npz import npz_bytes
+
+
+def wall(count: int = 40, **changed: np.ndarray) -> dict[str, np.ndarray]:
+    """Surfaces of 40 cm side by side on the plane x = 5, seen from 4 to 9 metres."""
+    place = np.arange(count) * 0.4
+    arrays = {
+        "centre": np.column_stack([np.full(count, 5.0), place, np.ones(count)]),
+        "normal": np.tile([-1.0, 0, 0], (count, 1)),
+        "sd_m": np.full(count, 0.02),
+        "range_m": np.tile([4.0, 9.0], (count, 1)),
+        "cos_incidence": np.tile([0.4, 0.9], (count, 1)),
+        "trusted": np.ones(count, np.uint8),
+    }
+    return arrays | changed
+
+
+def drive_with(folder: Path, arrays: dict[str, np.ndarray]) -> Drive:
+    (folder / "velodyne").mkdir(parents=True)
+    (folder / "twin").mkdir()
+    (folder / "calib").mkdir()
+    np.ones((3, 4), "<f4").tofile(folder / "velodyne/000000.bin")
+    (folder / FILE).write_bytes(npz_bytes(arrays))
+    return Drive(folder)
+
+
+def test_a_beam_meets_the_surface_that_it_lies_on(tmp_path: Path) -> None:
+    drive = drive_with(tmp_path / "drive", wall())
+    surfaces = MapSurfaces.of(drive)
+    assert surfaces is not None and is_own_map(drive)
+    place = np.array([[5.0, 0.83, 1.1], [5.01, 4.0, 0.9], [5.2, 4.0, 1.0], [5.0, 4.0, 1.0]])
+    met = surfaces.met(place, np.array([STATIC, STATIC, STATIC, NOTHING]))
+    np.testing.assert_array_equal(met, [2, 10, -1, -1])
+
+
+def test_beams_are_compared_where_they_return_from_about_a_trusted_surface_or_not_at_all(tmp_path: Path) -> None:
+    surfaces = MapSurfaces.of(drive_with(tmp_path / "drive", wall(trusted=np.array([1] * 39 + [0], np.uint8))))
+    assert surfaces is not None
+    measured = np.array([[4.9, 0, 1], [4.5, 0, 1], [np.nan] * 3, [5.0, 15.6, 1], [5.0, 0, 1]])
+    compared = surfaces.compared(np.array([0, 0, 0, 39, -1]), measured)
+    np.testing.assert_array_equal(compared, [True, False, True, False, False])
+
+
+def test_roughness_is_what_noise_of_ranges_does_not_explain(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    slope = rng.uniform(0.05, 1, 4000)
+    sd = np.hypot(0.006, 0.02 * slope)
+    arrays = wall(4000, sd_m=sd, cos_incidence=np.stack([slope, slope], 1))
+    surfaces = MapSurfaces.of(drive_with(tmp_path / "drive", arrays))
+    assert surfaces is not None
+    assert np.median(surfaces.rough_m) == pytest.approx(0.006, rel=0.25)
+
+
+def test_surfaces_are_drawn_up_to_a_number_of_looks_half_of_them_flat(tmp_path: Path) -> None:
+    normal = np.where(np.arange(400)[:, None] < 300, [[0.0, 0, 1]], [[1.0, 0, 0]])
+    surfaces = MapSurfaces.of(drive_with(tmp_path / "drive", wall(400, normal=normal)))
+    assert surfaces is not None
+    looks = np.where(np.arange(400) % 10 == 0, 1, 10)
+    drawn = surfaces.drawn(looks, 1000, np.random.default_rng(0))
+    assert len(np.unique(drawn)) == len(drawn) == 100 and (looks[drawn] > 1).all()
+    assert np.count_nonzero(drawn < 300) == pytest.approx(50, abs=1)
+
+
+def test_a_damaged_map_is_refused(tmp_path: Path) -> None:
+    arrays = wall()
+    del arrays["normal"]
+    with pytest.raises(FormatError, match="lacks normal"):
+        MapSurfaces.of(drive_with(tmp_path / "lacks", arrays))
+    with pytest.raises(FormatError, match="no row a surface"):
+        MapSurfaces.of(drive_with(tmp_path / "short", wall(sd_m=np.ones(3))))

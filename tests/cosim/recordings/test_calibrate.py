@@ -1,0 +1,98 @@
+"""From scans alone to what a sensor model lacks."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.cli import main
+from cosim.drives.twin.scene import scene_instances
+from sensors.beams import Beams
+from sensors.pattern import Pattern, load_pattern
+from sensors.sensor_model import load_sensor
+from sensors.tracing import Tracer
+from tests.cosim.conftest import refused
+from tests.cosim.recordings.simulated import yard
+from tests.cosim.recordings.test_twin import carried, path
+from tests.sharing import made_once
+
+OFFSET_DEG = 0.6
+SCANS = 24
+
+
+def record(folder: Path, poses: np.ndarray, pattern: Pattern) -> Path:
+    """Scans of the yard by a moving sensor whose beams look higher than it believes."""
+    folder.mkdir(parents=True)
+    rng, nominal, moving = np.random.default_rng(0), pattern.rays(), carried(pattern)
+    raised = Beams.nominal(moving).raised(np.radians(OFFSET_DEG)).direction
+    tracer = Tracer(replace(moving, direction=raised), pattern.range_m)
+    for number, pose in enumerate(poses):
+        reach = tracer.trace(yard(), pose, scene_instances(())).solid.range_m.astype(float)
+        rows = np.flatnonzero(reach < pattern.range_m[1])
+        away = reach[rows] + rng.normal(0, 0.01, len(rows))
+        xyz = nominal.direction[rows].astype(float) * away[:, None]
+        light = np.clip(0.3 * (1 + rng.normal(0, 0.1, len(rows))), 0, 1)
+        np.column_stack([xyz, light]).astype("<f4").tofile(folder / f"{number:06d}.bin")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A calibration on twenty-four scans: `scans/`, `out/` and `told.json` in one folder."""
+    pytest.importorskip("kiss_icp")
+
+    def make(folder: Path) -> None:
+        record(folder / "scans", path(SCANS), load_pattern("vlp32c"))
+        command = ["calibrate", str(folder / "scans"), "--out", str(folder / "out"), "--rounds", "2"]
+        assert main([*command, "--json", str(folder / "told.json"), "--quiet"]) == 0
+
+    return made_once(tmp_path_factory, "calibration", make)
+
+
+@pytest.mark.slow
+def test_every_round_comes_nearer_to_the_true_sweep_and_makes_the_map_thinner(calibrated: Path) -> None:
+    rounds = json.loads((calibrated / "told.json").read_text())["rounds"]
+    found = {one["effect"]: one["params"] for one in rounds[0]["findings"]}
+    again = rounds[1]["refitted"]["sweep_motion"]["params"]
+    assert abs(again["sweep_s"] - 0.1) < abs(found["sweep_motion"]["sweep_s"] - 0.1)
+    for name in ("thickness_ground_m", "thickness_walls_m", "held_out_m"):
+        assert rounds[1][name] < rounds[0][name]
+    sensor = load_sensor(calibrated / "out" / rounds[1]["sensor_out"])
+    assert "sweep_motion" in {one.name for one in sensor.effects}
+
+
+@pytest.mark.slow
+def test_the_page_tells_of_every_round_and_the_history_of_every_sensor_file(calibrated: Path) -> None:
+    page = (calibrated / "out/index.html").read_text()
+    for words in ("Thickness of the map", "Error by round", "What was found", "Every sensor file tried"):
+        assert words in page
+    history = json.loads((calibrated / "out/history.json").read_text())
+    assert len(history) == 2 and all(one["error"] > 0 for one in history)
+    for place in ("map", "diagnosis"):
+        assert (calibrated / f"out/from_found/round_1/{place}/index.html").is_file()
+
+
+@pytest.mark.slow
+def test_what_was_done_is_not_done_again_and_another_recording_is_refused(calibrated: Path, tmp_path: Path) -> None:
+    out = shutil.copytree(calibrated / "out", tmp_path / "out")
+    files = {file: file.stat().st_mtime_ns for file in out.rglob("round.json")}
+    assert main(["calibrate", str(calibrated / "scans"), "--out", str(out), "--rounds", "2", "--quiet"]) == 0
+    assert files == {file: file.stat().st_mtime_ns for file in out.rglob("round.json")}
+    other = tmp_path / "other"
+    other.mkdir()
+    for file in sorted((calibrated / "scans").iterdir())[:6]:
+        shutil.copy(file, other)
+    assert "holds a calibration on" in refused("calibrate", other, "--out", out)
+
+
+def test_bad_input_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "scans").mkdir()
+    np.ones((100, 4), "<f4").tofile(tmp_path / "scans/000000.bin")
+    assert "a map needs five" in refused("calibrate", tmp_path / "scans", "--out", tmp_path / "out")
+    assert "--rounds 0" in refused("calibrate", tmp_path / "scans", "--out", tmp_path / "out", "--rounds", "0")
+    assert "recording itself" in refused("calibrate", tmp_path / "scans", "--out", tmp_path / "scans")

@@ -1,0 +1,182 @@
+"""A recording's scans become a drive whose twin traces back to them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from cosim.cli import main
+from cosim.drives.kitti import Drive
+from cosim.drives.twin.scene import TwinScenes, lidar_pose, scene_instances
+from cosim.drives.writer import OutputError
+from cosim.recordings import RecordingError, open_recording
+from cosim.recordings.mapping import write_recording_twin
+from cosim.recordings.mapping.motion import deskewed, motions
+from cosim.recordings.mapping.odometry import find_trajectory
+from cosim.recordings.mapping.surfels import Cloud, SurfelSettings, make_surfels, quads
+from sensors.pattern import Pattern, load_pattern
+from sensors.rays import Rays
+from sensors.tracing import Tracer
+from tests.cosim.conftest import refused
+from tests.cosim.recordings.simulated import HEIGHT_M, yard
+from tests.sharing import made_once
+
+SCANS, STEP_M, TURN_RAD = 14, 0.5, 0.01
+
+
+def path(count: int = SCANS) -> np.ndarray:
+    """Poses (n, 4, 4) of a sensor that drives ahead and turns a little."""
+    step = np.eye(4)
+    step[:2, :2] = [[np.cos(TURN_RAD), -np.sin(TURN_RAD)], [np.sin(TURN_RAD), np.cos(TURN_RAD)]]
+    step[0, 3] = STEP_M
+    poses = [np.eye(4)]
+    for _ in range(count - 1):
+        poses.append(poses[-1] @ step)
+    return np.array(poses)
+
+
+def carried(pattern: Pattern) -> Rays:
+    """The beams of a revolution as the moving sensor sends them, in its axes at the pose time."""
+    rays, motion = pattern.rays(), motions(path())[0]
+    share = rays.time_s.astype(float)[:, None] / pattern.sweep_s
+    turned = Rotation.from_rotvec(share * motion[:3]).apply(rays.direction.astype(float))
+    return replace(rays, origin=(share * motion[3:]).astype(np.float32), direction=turned.astype(np.float32))
+
+
+def record(folder: Path, poses: np.ndarray, pattern: Pattern) -> Path:
+    """Scans of the yard on the way, each beam from where the sensor is at its time, with 2 cm of noise."""
+    folder.mkdir(parents=True)
+    rng, rays = np.random.default_rng(0), pattern.rays()
+    tracer = Tracer(carried(pattern), pattern.range_m)
+    for number, pose in enumerate(poses):
+        reach = tracer.trace(yard(), pose, scene_instances(())).solid.range_m.astype(float)
+        rows = np.flatnonzero(reach < pattern.range_m[1])
+        away = reach[rows] + rng.normal(0, 0.02, len(rows))
+        xyz = rays.direction[rows].astype(float) * away[:, None]
+        np.column_stack([xyz, np.full(len(rows), 0.3)]).astype("<f4").tofile(folder / f"{number:06d}.bin")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A twin of fourteen scans; `scans/`, `twin/`, `page/` and `twin.json` in one folder."""
+    pytest.importorskip("kiss_icp")
+
+    def make(folder: Path) -> None:
+        record(folder / "scans", path(), load_pattern("vlp32c"))
+        out = ["--out", str(folder / "twin"), "--json", str(folder / "twin.json"), "--page", str(folder / "page")]
+        assert main(["twin", str(folder / "scans"), *out, "--quiet"]) == 0
+
+    return made_once(tmp_path_factory, "recording_twin", make)
+
+
+def test_the_path_and_the_height_of_the_sensor_are_found(twin: Path) -> None:
+    result = json.loads((twin / "twin.json").read_text())
+    assert result["path_m"] == pytest.approx(STEP_M * (SCANS - 1), rel=0.03)
+    assert result["mount"]["height_m"] == pytest.approx(HEIGHT_M, abs=0.03) and result["mount"]["from_ground"]
+    assert result["lasers"] == 32
+    assert 0.001 < result["thickness_ground_m"] < 0.03
+    assert result["error_held_out_m"] < 0.04
+
+
+def test_poses_of_the_twin_are_those_of_the_drive(twin: Path) -> None:
+    drive = Drive(twin / "twin")
+    found = np.array([lidar_pose(frame.twin) for frame in drive])
+    found = np.linalg.inv(found[0]) @ found
+    np.testing.assert_allclose(found[:, :3, 3], path()[:, :3, 3], atol=0.08)
+
+
+def test_the_twin_traces_back_to_the_scans(twin: Path) -> None:
+    drive = Drive(twin / "twin")
+    frame = drive["000004"]
+    pattern = load_pattern(str(drive.pattern))
+    scene = TwinScenes(drive).of(frame)
+    hits = Tracer(carried(pattern), pattern.range_m).trace(scene, lidar_pose(frame.twin), scene_instances(()))
+    reach = hits.solid.range_m.reshape(pattern.rings, pattern.firings).astype(float)
+    turned = frame.rays.azimuth - np.radians(np.array(pattern.azimuth_offset_deg))[frame.rays.ring]
+    column = np.round((np.pi - turned) / (2 * np.pi) * pattern.firings - 0.5).astype(int) % pattern.firings
+    measured = np.linalg.norm(frame.points[:, :3], axis=1)
+    off = reach[frame.rays.ring, column] - measured
+    met = np.isfinite(off) & (measured < 20) & (measured > 2.5)
+    assert np.median(np.abs(off[met])) < 0.06
+    assert np.mean(np.abs(off[met]) < 0.3) > 0.6
+
+
+def test_points_are_stored_ring_by_ring_with_their_beams(twin: Path) -> None:
+    frame = Drive(twin / "twin")["000000"]
+    assert not frame.rays.recovered and (np.diff(frame.rays.ring.astype(int)) >= 0).all()
+    elevation = np.degrees(np.arctan2(frame.points[:, 2], np.hypot(frame.points[:, 0], frame.points[:, 1])))
+    named = np.array(load_pattern("vlp32c").elevation_deg)[frame.rays.ring]
+    assert np.abs(elevation - named).max() < 0.07
+    assert np.abs(frame.rays.time_s).max() <= 0.0501
+
+
+def test_the_page_and_the_lists_of_scans_are_there(twin: Path) -> None:
+    page = (twin / "page/index.html").read_text()
+    for words in ("From above", "Thickness by place", "Thickness by number of scans", "Left out", "Error by scan"):
+        assert words in page
+    drive = Drive(twin / "twin")
+    assert set(drive.split("held_out")) | set(drive.split("fit")) == set(drive.frames)
+    assert "scans only" in " ".join(json.loads((twin / "twin.json").read_text())["notes"])
+
+
+def test_a_sweep_is_undone_by_the_motion_that_made_it() -> None:
+    rng = np.random.default_rng(0)
+    world, share = rng.uniform(-20, 20, (500, 3)), rng.uniform(-0.5, 0.5, 500)
+    motion = np.array([0.0, 0.0, 0.02, 1.0, 0.1, 0.0])
+    turn = Rotation.from_rotvec(share[:, None] * motion[:3])
+    measured = turn.inv().apply(world - share[:, None] * motion[3:])
+    np.testing.assert_allclose(deskewed(measured, share, motion), world, atol=1e-9)
+
+
+def test_motion_of_a_steady_drive_is_its_step() -> None:
+    for motion in motions(path()):
+        np.testing.assert_allclose(motion, [0, 0, TURN_RAD, STEP_M, 0, 0], atol=0.006)
+
+
+def test_surfels_lie_on_the_plane_and_know_its_scatter() -> None:
+    rng = np.random.default_rng(0)
+    xyz = rng.uniform(-3, 3, (40000, 3))
+    xyz[:, 2] = 0.1 * xyz[:, 0] + 0.17 + rng.normal(0, 0.01, len(xyz))
+    ray = np.tile([0, 0, -1.0], (len(xyz), 1))
+    ones = np.ones(len(xyz))
+    cloud = Cloud(xyz.astype(np.float32), rng.integers(0, 9, len(xyz)), ones, ray, ones)
+    surfels, _ = make_surfels(cloud, SurfelSettings())
+    assert len(surfels) > 100 and np.median(surfels.sd_m) == pytest.approx(0.01, rel=0.1)
+    normal = np.array([-0.1, 0, 1]) / np.hypot(1, 0.1)
+    assert np.median(surfels.normal @ normal) > 0.9995
+    vertices, faces = quads(surfels)
+    assert faces.shape == (2 * len(surfels), 3)
+    assert np.median(np.abs(vertices[:, 2] - 0.1 * vertices[:, 0] - 0.17)) < 0.01
+
+
+def test_standing_scans_are_said_to_tell_little(tmp_path: Path) -> None:
+    pytest.importorskip("kiss_icp")
+    still = np.repeat(np.eye(4)[None], 6, 0)
+    recording = open_recording(record(tmp_path / "scans", still, load_pattern("vlp16")))
+    assert find_trajectory(recording, 0.1).standing
+    made = write_recording_twin(recording, tmp_path / "twin")
+    assert any("seen from one place" in note for note in made.notes)
+
+
+def test_bad_input_is_refused(tmp_path: Path) -> None:
+    folder = record(tmp_path / "scans", path(4), load_pattern("vlp16"))
+    assert "4 scans; a map needs five" in refused("twin", folder, "--out", tmp_path / "out")
+    recording = open_recording(record(tmp_path / "more", path(5), load_pattern("vlp16")))
+    with pytest.raises(RecordingError, match="leave --pattern out"):
+        write_recording_twin(recording, tmp_path / "out", pattern="hdl64e")
+    with pytest.raises(OutputError, match="the recording itself"):
+        write_recording_twin(recording, tmp_path / "more")
+    assert "no PointCloud2" in refused_bag(tmp_path)
+
+
+def refused_bag(folder: Path) -> str:
+    from tests.cosim.recordings.test_readers import write_bag
+
+    (folder / "bags").mkdir()
+    return refused("twin", write_bag(folder / "bags", "sqlite3", {}), "--out", folder / "out")

@@ -1,0 +1,204 @@
+"""Recordings with hidden physics: scans alone, to be calibrated blind, and beside it the same drive with its true twin.
+
+`python -m tests.hidden.recordings` simulates a drive of scans that follow each other, hides one effect after the other
+in it, takes everything but `velodyne/` away, lets `cosim calibrate` and, on the drive with its twin, `cosim diagnose`
+say what they find, and prints the table. Finished cases lie in `out/hidden/recordings/` and are not done again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from tests.hidden.amplitudes import parameters
+from tests.hidden.drive import Hidden, make_drive
+
+FOLDER = Path("out/hidden/recordings")
+EFFECTS = (
+    "sweep_motion", "elevation_offset", "range_walk", "incidence_falloff", "random_dropout", "ring_gain",
+    "encoder_eccentricity", "dual_block", "incidence_bias", "range_falloff", "ring_elevation", "detection_threshold",
+)  # fmt: skip
+NULLS = 4
+_BASE = {
+    "frames": 60,
+    "frames_per_episode": 60,
+    "collection": {"every_s": 0.1, "min_travel_m": 0, "company_m": 1000},
+    "images": [],
+}
+_TOWNS = ("town01", "town07")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A recording to be calibrated.
+
+    Attributes:
+        name: the hidden effect, or `null` with a number.
+        town: where.
+        effects: hidden, by name with parameters.
+        seed: of noise and parameters.
+    """
+
+    name: str
+    town: str
+    effects: Mapping[str, Mapping]
+    seed: int
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was said of one case.
+
+    Attributes:
+        found: effects with parameters and intervals, in order.
+        shapes: channels of unknown shapes.
+        unexplained: channels and covariates of what is left.
+        cpu_s: user and system time.
+    """
+
+    found: list[dict[str, Any]]
+    shapes: list[str]
+    unexplained: list[str]
+    cpu_s: float
+
+
+def cases() -> list[Case]:
+    """Twelve effects, strongly, and drives with nothing hidden."""
+    found = []
+    for seed, name in enumerate(EFFECTS):
+        drawn = parameters(name, "strong", np.random.default_rng([7, seed]))
+        found.append(Case(name, _TOWNS[0], {name: drawn}, seed))
+    return found + [Case(f"null{number}", _TOWNS[number % 2], {}, 100 + number) for number in range(NULLS)]
+
+
+def base_drive(town: str, folder: Path) -> Path:
+    """Sixty scans, ten a second, of a moving car; simulated now if they are not there."""
+    drive = folder / "base" / town
+    if not (drive / "drive.yaml").exists():
+        drive.parent.mkdir(parents=True, exist_ok=True)
+        settings = folder / "base.yaml"
+        settings.write_text(yaml.safe_dump(_BASE))
+        _cosim("run", settings, "--town", town, "--seed", "3", "--sensor", "hdl64e", "--workers", "1", "--out", drive)
+    return drive
+
+
+def made(case: Case, folder: Path) -> tuple[Path, Path, Path]:
+    """The recording, the drive with its true twin, and the sensor file that its user has."""
+    place = folder / case.name
+    drive = place / "drive"
+    if not (place / "made").exists():
+        shutil.rmtree(place, ignore_errors=True)
+        place.mkdir(parents=True)
+        make_drive(base_drive(case.town, folder), drive, Hidden(effects=case.effects, seed=case.seed))
+        (place / "recording").mkdir()
+        shutil.copytree(drive / "velodyne", place / "recording" / "velodyne")
+        (place / "made").touch()
+    return place / "recording", drive, place / "drive.sensor.yaml"
+
+
+def calibrated(case: Case, folder: Path, sensor: bool, rounds: int) -> Answer:
+    """What scans alone say, from the user's sensor file or from nothing."""
+    recording, _, file = made(case, folder)
+    out = folder / case.name / ("calibrated_from_file" if sensor else "calibrated")
+    own = ["--sensor", file] if sensor else []
+    told, cpu_s = _told(out, "calibrate", recording, *own, "--rounds", rounds, "--out", out / "files")
+    latest: dict[str, dict[str, Any]] = {}
+    for one in told["rounds"]:
+        for finding in one["findings"]:
+            latest[finding["effect"]] = finding
+        for name, values in one["refitted"].items():
+            if name in latest:
+                latest[name] = {**latest[name], **values}
+    last = told["rounds"][-1]
+    return _answer(list(latest.values()), last, cpu_s)
+
+
+def diagnosed(case: Case, folder: Path) -> Answer:
+    """What the same points say with the true twin."""
+    _, drive, file = made(case, folder)
+    out = folder / case.name / "diagnosed"
+    told, cpu_s = _told(out, "diagnose", drive, "--sensor", file, "--out", out / "files")
+    return _answer(told["effects"], told, cpu_s)
+
+
+def _answer(effects: list[dict[str, Any]], told: Mapping[str, Any], cpu_s: float) -> Answer:
+    shapes = [f"{one['channel']} by {'+'.join(one['covariates'])}" for one in told["unknowns"]]
+    left = [f"{one['channel']} by {'+'.join(one['covariates'])}" for one in told["unexplained"]]
+    return Answer(effects, shapes, left, cpu_s)
+
+
+def _told(out: Path, *command: object) -> tuple[dict[str, Any], float]:
+    """The JSON of a command, run now if it has not been, and its CPU seconds."""
+    file, cost = out / "told.json", out / "cpu_s.json"
+    if not cost.exists():
+        out.mkdir(parents=True, exist_ok=True)
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        _cosim(*command, "--json", file)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        cost.write_text(json.dumps(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime))
+    return json.loads(file.read_text()), json.loads(cost.read_text())
+
+
+def _cosim(*words: object) -> None:
+    command = [sys.executable, "-c", "import sys; from cosim.cli import main; sys.exit(main())", *map(str, words)]
+    one_thread = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    subprocess.run([*command, "--quiet"], check=True, env=one_thread)
+
+
+def line(case: Case, answer: Answer) -> str:
+    """A row of the table."""
+    names = [one["effect"] for one in answer.found]
+    right = names[:1] == list(case.effects)[:1]
+    words = [f"{case.name:22s}", "right" if right else "WRONG", f"{answer.cpu_s:6.0f} s", ", ".join(names) or "nothing"]
+    for one in answer.found:
+        if one["effect"] in case.effects:
+            words.append(_beside(case.effects[one["effect"]], one))
+    return "  ".join([*words, f"shapes {answer.shapes}" if answer.shapes else "", f"left {len(answer.unexplained)}"])
+
+
+def _beside(true: Mapping[str, Any], found: Mapping[str, Any]) -> str:
+    said = []
+    for name, value in true.items():
+        told = found["params"].get(name)
+        if isinstance(value, list):
+            away = np.subtract(told, value)
+            said.append(f"{name} sd of error {np.std(away):.3g} of {np.std(value):.3g}")
+        elif isinstance(value, float | int) and told is not None:
+            interval = found["ci95"].get(name) or ["", ""]
+            said.append(f"{name} {told:.4g} {interval} true {value:.4g}")
+    return "; ".join(said)
+
+
+def main(words: list[str] | None = None) -> None:
+    """Make, calibrate, diagnose, print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--folder", type=Path, default=FOLDER)
+    parser.add_argument("--only", nargs="*", default=[], help="names of cases")
+    parser.add_argument("--from-file", action="store_true", help="begin with the user's sensor file, not with nothing")
+    parser.add_argument("--true-twin", action="store_true", help="also diagnose with the true twin")
+    parser.add_argument("--rounds", type=int, default=5, help="of map and diagnosis at most")
+    options = parser.parse_args(words)
+    for case in cases():
+        if options.only and case.name not in options.only:
+            continue
+        answer = calibrated(case, options.folder, options.from_file, options.rounds)
+        print("scans alone:", line(case, answer), flush=True)
+        if options.true_twin:
+            print("true twin:  ", line(case, diagnosed(case, options.folder)), flush=True)
+        (options.folder / f"{case.name}.json").write_text(json.dumps(asdict(answer)))
+
+
+if __name__ == "__main__":
+    main()
