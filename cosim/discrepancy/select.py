@@ -30,6 +30,7 @@ _SHAPES = 2  # dependences that are solved a round
 _STEPS = 10
 _CLEAR = 2.0  # standard errors
 _MUCH = 0.5
+_LOOKS = 2
 _STRENGTHS = (1.0, 5.0, 25.0, -1.0, -5.0, -25.0)
 
 
@@ -94,11 +95,12 @@ def screened(case: Case, state: State) -> list[Tested]:
 
 
 def screened_pairs(case: Case, state: State) -> list[Tested]:
-    """Pairs of covariates, beside the smooth parts of each alone."""
+    """Pairs of covariates, beside the smooth parts of each alone: a second look at the same data (Bonferroni)."""
     fitter, fitted = state.view.fitter, state.view.fitted
     rng = np.random.default_rng([case.seed, 2])
     beside, groups = main_effects(fitter, fitted, case.settings), list(of_pairs(fitter, fitted, case.settings))
-    return screen(fitter.system(fitted), fitted.estimate, groups, fitter.random.clusters, case.settings, rng, beside)
+    found = screen(fitter.system(fitted), fitted.estimate, groups, fitter.random.clusters, case.settings, rng, beside)
+    return [replace(one, p_value=min(_LOOKS * one.p_value, 1.0)) for one in found]
 
 
 def roundings(case: Case, state: State) -> list[Candidate]:

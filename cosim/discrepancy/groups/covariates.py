@@ -86,9 +86,9 @@ def covariates(sample: Sample, expected: Prediction, bins: int) -> Iterator[Cova
         "speed": ("m/s", scan["speed_mps"][sample.frame], 0.0),
         "acceleration": ("m/s²", scan["acceleration_mps2"][sample.frame], 0.0),
         "yaw_rate": ("rad/s", scan["yaw_rate_radps"][sample.frame], 0.0),
-        "world_x": ("m", sample.place[:, 0], 0.0),
-        "world_y": ("m", sample.place[:, 1], 0.0),
     }
+    if not sample.own_axes:  # of a world that scans share
+        numbers |= {"world_x": ("m", sample.place[:, 0], 0.0), "world_y": ("m", sample.place[:, 1], 0.0)}
     beside = _of_neighbours(sample)
     for name in beside:
         values = sample.beside[name]
