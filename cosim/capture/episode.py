@@ -115,18 +115,9 @@ def _simulate(
                     if name not in done:
                         recorder.record(name, plan, living.everyone(actors), carrier, states.now())
                         on_frame(name)
-            recorder.note(
-                {
-                    "episode": plan.number,
-                    "attempt": attempt,
-                    "town": town.name,
-                    "world": plan.world,
-                    "frames": len(frames) - len(left),
-                    "ended": reason or "complete",
-                    "time_s": round(actors.time_s, 6),
-                    "events": dict(sorted(Counter(event.kind for event in living.events).items())),
-                }
-            )
+            events = Counter(event.kind for event in living.events)
+            taken = len(frames) - len(left)
+            recorder.note(plan.note(attempt, town.name, taken, reason, actors.time_s, events))
     return left
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cosim.capture.config import RunConfig
@@ -24,6 +25,21 @@ class EpisodePlan:
     town: str
     world: int
     frames: tuple[str, ...]
+
+    def note(
+        self, attempt: int, town: str, frames: int, ended: str | None, time_s: float, events: Mapping[str, int]
+    ) -> dict[str, object]:
+        """What the manifest says of one ride: its town's name, how many frames it gave, and why and when it ended."""
+        return {
+            "episode": self.number,
+            "attempt": attempt,
+            "town": town,
+            "world": self.world,
+            "frames": frames,
+            "ended": ended or "complete",
+            "time_s": round(time_s, 6),
+            "events": dict(sorted(events.items())),
+        }
 
 
 def plan_episodes(config: RunConfig) -> list[EpisodePlan]:

@@ -81,18 +81,7 @@ def _attempt(
             if name not in done:
                 recorder.record(name, plan, actors, carrier, {})
                 on_frame(name)
-    recorder.note(
-        {
-            "episode": plan.number,
-            "attempt": attempt,
-            "town": town.name,
-            "world": plan.world,
-            "frames": len(frames) - len(left),
-            "ended": reason or "complete",
-            "time_s": round(time_s, 6),
-            "events": {},
-        }
-    )
+    recorder.note(plan.note(attempt, town.name, len(frames) - len(left), reason, time_s, {}))
     return left
 
 

@@ -138,9 +138,10 @@ def added(case: Case, state: State) -> State:
     state.screened[:] = tested
     refused = state.refused
     for some in tiers(state, tested):
-        found = candidates(case, replace(state, refused=refused), some)
+        asked = replace(state, refused=refused)
+        found = candidates(case, asked, some)
         state.ranking[:] = state.ranking or _ranking(found, tested)
-        for one in islice(chosen(case, replace(state, refused=refused), some, found), _TRIED):
+        for one in islice(chosen(case, asked, some, found), _TRIED):
             case.say(f"adding {one.name}")
             after = accepted(case, state, one, found)
             if after is not None:
@@ -204,9 +205,12 @@ def _renamed(found: Found, simpler: Candidate) -> Found:
 
 def eliminated(case: Case, state: State) -> State:
     """Without findings that others have made superfluous: removed one by one, the rest fitted anew."""
+    if len(state.found) < 2:
+        return state
+    sure = plainly_on(state.view.fitter, state.view.fitted)
     for one in reversed(state.found[:-1]):
         place = _place(state, one.effect)
-        if place is None or one.interval is not None or place in plainly_on(state.view.fitter, state.view.fitted):
+        if place is None or one.interval is not None or place in sure:
             continue
         case.say(f"asking whether {one.effect} is still needed")
         less = state.model.without(place, given(case))
@@ -219,6 +223,7 @@ def eliminated(case: Case, state: State) -> State:
             state = replace(
                 state, model=model, view=view, judges=judged(case, state.judges, model), found=kept, screened=[]
             )
+            sure = plainly_on(state.view.fitter, state.view.fitted)
     return state
 
 

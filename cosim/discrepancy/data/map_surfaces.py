@@ -62,9 +62,9 @@ class MapSurfaces:
         Raises:
             FormatError: the file is damaged.
         """
-        file = drive.root / FILE
-        if not file.is_file():
+        if not is_own_map(drive):
             return None
+        file = drive.root / FILE
         try:
             found = npz_arrays(read_bytes(file))
         except NpzError as error:
