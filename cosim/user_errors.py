@@ -1,9 +1,14 @@
 """All errors that are the user's to mend, whichever package raises them."""
 
-from assets.errors import AssetError
-from cosim.errors import CosimError
-from sensors.cameras.errors import CameraError
-from sensors.errors import SensorError
-from sumo_nets.errors import TownError
+from __future__ import annotations
 
-USER_ERRORS = (AssetError, CosimError, CameraError, SensorError, TownError)
+
+def user_errors() -> tuple[type[Exception], ...]:
+    """For `except user_errors()`, which Python asks only after something was raised: nothing is imported before."""
+    from assets.errors import AssetError
+    from cosim.errors import CosimError
+    from sensors.cameras.errors import CameraError
+    from sensors.errors import SensorError
+    from sumo_nets.errors import TownError
+
+    return AssetError, CosimError, CameraError, SensorError, TownError

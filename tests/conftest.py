@@ -8,8 +8,9 @@ import shutil
 from pathlib import Path
 
 import pytest
+import yaml
 
-from tests.sharing import made_once
+from tests.sharing import made_once, record
 
 # Test processes run side by side: threads of libraries would mostly wait for each other, and turn while they wait.
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -64,12 +65,7 @@ def run_config(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def drive_folder(run_config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The drive it gives: 64 lasers in town01. Shared by all processes: to be read, not written."""
-    from tests.cosim.conftest import cosim
-
-    def record(folder: Path) -> None:
-        cosim("run", run_config, "--out", folder / "drive", "--quiet")
-
-    return made_once(tmp_path_factory, "drive_folder", record) / "drive"
+    return made_once(tmp_path_factory, "drive_folder", lambda folder: record(run_config, folder / "drive")) / "drive"
 
 
 @pytest.fixture(scope="session")
@@ -83,9 +79,18 @@ def hamlet_config(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def hamlet_drive(hamlet_config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The drive it gives. Shared by all processes: to be read, not written."""
-    from tests.cosim.conftest import cosim
+    return made_once(tmp_path_factory, "hamlet_drive", lambda folder: record(hamlet_config, folder / "drive")) / "drive"
 
-    def record(folder: Path) -> None:
-        cosim("run", hamlet_config, "--out", folder / "drive", "--quiet")
 
-    return made_once(tmp_path_factory, "hamlet_drive", record) / "drive"
+@pytest.fixture(scope="session")
+def blind_config(hamlet_config: Path) -> Path:
+    """The same without images, for what is about files and processes alone."""
+    path = hamlet_config.with_name("blind.yaml")
+    path.write_text(yaml.safe_dump(yaml.safe_load(hamlet_config.read_text()) | {"images": []}))
+    return path
+
+
+@pytest.fixture(scope="session")
+def blind_drive(blind_config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The drive it gives. Shared by all processes: to be read, not written."""
+    return made_once(tmp_path_factory, "blind_drive", lambda folder: record(blind_config, folder / "drive")) / "drive"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from filelock import FileLock
@@ -26,3 +27,32 @@ def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path],
             make(folder)
             done.touch()
     return folder
+
+
+class _ThisProcess:
+    """An engine without processes of its own, which would each take seconds to start."""
+
+    def share_out(
+        self, job: Any, tasks: Sequence[Any], on_event: Callable[[Any], None], *, renewed: Callable[[Any], Any]
+    ) -> list[Any]:
+        from cosim.engine import Event
+
+        with job.open(1) as do:
+            for task in tasks:
+                do(task, on_event)
+                on_event(Event("task"))
+        return []
+
+
+def record(config: Path, folder: Path, **changes: Any) -> Path:
+    """A drive, recorded by the process that tests; gives its folder.
+
+    Args:
+        config: the configuration's file.
+        folder: of the drive.
+        changes: settings that win over the file's.
+    """
+    from cosim.capture.config import load_config
+    from cosim.capture.runner import run
+
+    return run(load_config(config, **changes), folder, engine=_ThisProcess()).folder

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cosim.drives.writer import explained
-from cosim.user_errors import USER_ERRORS
+from cosim.user_errors import user_errors
 from training.config import load_train_config
 from training.errors import TrainingError, demand_torch
 
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(level=logging.ERROR if silent else logging.INFO, format="%(message)s")
     try:
         train(options.config, options.out, options.json)
-    except USER_ERRORS as error:
+    except user_errors() as error:
         sys.stderr.write(f"{parser.prog}: {error}\n")
         return 2
     return 0

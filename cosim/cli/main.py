@@ -34,7 +34,7 @@ from cosim.cli import (
     variants,
     view,
 )
-from cosim.user_errors import USER_ERRORS
+from cosim.user_errors import user_errors
 
 _COMMANDS = (
     run,
@@ -83,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console = Console(stderr=True, quiet=options.quiet)
     try:
         options.execute(options, console)
-    except USER_ERRORS as error:
+    except user_errors() as error:
         sys.stderr.write(f"cosim {options.command}: {error}\n")
         return 2
     except KeyboardInterrupt:

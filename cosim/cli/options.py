@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cosim.drives.kitti.layout import LIDARS, lidar_folder
 from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
@@ -36,6 +35,8 @@ def chosen_lidar(drive: Path, options: argparse.Namespace) -> Path:
     Raises:
         DriveError: the drive has no such LiDAR.
     """
+    from cosim.drives.kitti.layout import lidar_folder
+
     return lidar_folder(drive, options.lidar)
 
 
@@ -70,6 +71,8 @@ def without_nan(value: Any) -> Any:
 
 def beside(drive: Path, word: str) -> Path:
     """The folder of a drive's results: its name, that of its LiDAR where it is not the first, and a word, beside it."""
+    from cosim.drives.kitti.layout import LIDARS
+
     given = drive.resolve()
     if given.parent.name == LIDARS:
         base = given.parent.parent

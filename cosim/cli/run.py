@@ -9,7 +9,6 @@ from typing import Any
 
 from rich.console import Console
 
-from cosim.capture.config import load_config
 from cosim.cli.options import add_common, write_json
 from cosim.engine import Engine, LocalEngine, WorkError
 from cosim.engine.local import PATIENCE_S
@@ -48,6 +47,7 @@ def add_command(commands: Any) -> None:
 
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Record the drive, with a progress bar."""
+    from cosim.capture.config import load_config
     from cosim.capture.disk_estimate import estimate_bytes, in_words
     from cosim.capture.rig_sensors import rig_sensors
     from cosim.capture.runner import run

@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 
 from cosim.engine.jobs import Event, Job
 from cosim.engine.peak import peak_bytes
-from cosim.user_errors import USER_ERRORS
+from cosim.user_errors import user_errors
 
 _COLLECTS = (50_000, 20, 50)  # the garbage of a step is freed at once; cycles are rare
 
@@ -28,7 +28,7 @@ def main(descriptor: int) -> None:
     tell = _Teller(connection)
     try:
         _do_all(job, threads, tasks, tell)
-    except USER_ERRORS as error:
+    except user_errors() as error:
         tell(Event("refused", str(error)))
     except Exception:  # noqa: BLE001 — whatever it is, the parent must hear of it
         tell(Event("failed", traceback.format_exc()))

@@ -3,32 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-from cosim.drives.kitti import Drive
-from cosim.drives.writer import explained
-from cosim.export.clouds import export_las, export_pcd
-from cosim.export.kitti_sequences import export_odometry, export_semantic, export_tracking
-from cosim.export.mcap import export_mcap
-from cosim.export.nuscenes import export_nuscenes
-from cosim.export.openlabel import export_openlabel
-from cosim.export.source import demand_finished
+if TYPE_CHECKING:
+    from cosim.drives.kitti import Drive
 
-Exporter = Callable[[Drive, Path, Callable[[], None]], dict[str, int]]
-
-FORMATS: Mapping[str, Exporter] = MappingProxyType(
+FORMATS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
-        "kitti-tracking": export_tracking,
-        "kitti-odometry": export_odometry,
-        "semantickitti": export_semantic,
-        "nuscenes": export_nuscenes,
-        "pcd": export_pcd,
-        "las": export_las,
-        "mcap": export_mcap,
-        "openlabel": export_openlabel,
+        "kitti-tracking": ("kitti_sequences", "export_tracking"),
+        "kitti-odometry": ("kitti_sequences", "export_odometry"),
+        "semantickitti": ("kitti_sequences", "export_semantic"),
+        "nuscenes": ("nuscenes", "export_nuscenes"),
+        "pcd": ("clouds", "export_pcd"),
+        "las": ("clouds", "export_las"),
+        "mcap": ("mcap", "export_mcap"),
+        "openlabel": ("openlabel", "export_openlabel"),
     }
 )
+"""Module of this package and function that write each; imported when they are needed."""
 
 
 def export(drive: Drive, name: str, folder: Path, on_frame: Callable[[], None] = lambda: None) -> dict[str, int]:
@@ -47,7 +42,11 @@ def export(drive: Drive, name: str, folder: Path, on_frame: Callable[[], None] =
         ExportError: the drive is unfinished, or lacks what the format holds; a library is missing.
         OutputError: the folder cannot be written.
     """
+    from cosim.drives.writer import explained
+    from cosim.export.source import demand_finished
+
     demand_finished(drive)
+    module, function = FORMATS[name]
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        return FORMATS[name](drive, folder, on_frame)
+        return getattr(import_module(f"cosim.export.{module}"), function)(drive, folder, on_frame)

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.user_errors import USER_ERRORS
+from cosim.user_errors import user_errors
 from tests.fuzz.readers import Reader
 from training.errors import TrainingError
 
 _LONGEST_S = 30.0
-_REFUSALS = (*USER_ERRORS, TrainingError)
+_REFUSALS = (*user_errors(), TrainingError)
 
 
 @dataclass

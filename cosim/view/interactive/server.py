@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from cosim.errors import CosimError
-from cosim.user_errors import USER_ERRORS
+from cosim.user_errors import user_errors
 from cosim.view.interactive.drives import ShownDrives
 from cosim.view.interactive.page import page_parts
 
@@ -81,7 +81,7 @@ class _Handler(BaseHTTPRequestHandler):
         records = self.server.shown.records[row]
         try:
             data = records.quick(name) if kind == "frame" else records.extra(name)
-        except USER_ERRORS as error:
+        except user_errors() as error:
             return self._answer(HTTPStatus.INTERNAL_SERVER_ERROR, str(error).encode(), "text/plain; charset=utf-8")
         return self._answer(HTTPStatus.OK, data, "application/octet-stream")
 

@@ -14,7 +14,7 @@ from cosim.drives.kitti.oxts import Oxts
 from cosim.drives.twin import Ego
 from cosim.export.source import instance_boxes, labelled_instances
 from sensors.cameras import KITTI_CALIBRATION, lidar_pose_ego
-from tests.cosim.conftest import cosim
+from tests.sharing import record
 
 CONFIG = """
 town: town01
@@ -33,8 +33,7 @@ navigation: {gps_noise_m: 0.5, gps_bias_m: 2.0, gyro_bias_radps: 0.01}
 def drive(tmp_path_factory):
     folder = tmp_path_factory.mktemp("mounts")
     (folder / "run.yaml").write_text(CONFIG)
-    cosim("run", folder / "run.yaml", "--out", folder / "drive", "--quiet")
-    return Drive(folder / "drive")
+    return Drive(record(folder / "run.yaml", folder / "drive"))
 
 
 def test_nothing_moved_is_kitti_to_the_last_digit():

@@ -10,8 +10,8 @@ import pytest
 from cosim.drives.kitti.drive import Drive
 from cosim.drives.kitti.images import read_depth
 from sensors.cameras import CLASSES
-from tests.cosim.conftest import cosim, refused
-from tests.sharing import made_once
+from tests.cosim.conftest import refused
+from tests.sharing import made_once, record
 
 WANTED = ("image_0", "image_1", "image_3", "depth_0", "depth_1", "semantic_2", "instance_2")
 
@@ -22,11 +22,11 @@ def stereo(run_config, tmp_path_factory) -> Drive:
     text += f"images: [{', '.join(WANTED)}]\nstore_hits: false\n"
     text += "min_label_points: 0\nannotators: {enabled: false}\n"  # nobody who shows is left to DontCare
 
-    def record(folder: Path) -> None:
+    def make(folder: Path) -> None:
         (folder / "run.yaml").write_text(text)
-        cosim("run", folder / "run.yaml", "--out", folder / "drive", "--quiet")
+        record(folder / "run.yaml", folder / "drive")
 
-    return Drive(made_once(tmp_path_factory, "stereo", record) / "drive")
+    return Drive(made_once(tmp_path_factory, "stereo", make) / "drive")
 
 
 def test_only_what_is_asked_for_is_there(stereo):

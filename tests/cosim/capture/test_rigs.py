@@ -19,7 +19,7 @@ from cosim.export.source import instance_boxes, point_instances
 from sensors.cameras import KITTI_CALIBRATION, kitti_cameras, lidar_pose_ego
 from sensors.rig import load_rig, rig_names
 from tests.cosim.conftest import cosim, refused
-from tests.sharing import made_once
+from tests.sharing import made_once, record
 
 K = [[300.0, 0, 159.5], [0, 300.0, 99.5], [0, 0, 1]]
 CAMERA = {"width_px": 320, "height_px": 200, "K": K, "labels": True}
@@ -46,7 +46,7 @@ MAST = {
 }
 
 
-def record(folder: Path, hamlet_config: Path, rig: dict, **changes: object) -> Path:
+def with_rig(folder: Path, hamlet_config: Path, rig: dict, **changes: object) -> Path:
     values = yaml.safe_load(hamlet_config.read_text())
     del values["sensor"], values["images"]
     for name in ("small.yaml", "sensor.yaml"):
@@ -54,14 +54,13 @@ def record(folder: Path, hamlet_config: Path, rig: dict, **changes: object) -> P
     (folder / "rig.yaml").write_text(yaml.safe_dump(rig))
     values |= {"rig": str(folder / "rig.yaml"), "frames": 4, "annotators": {"enabled": False}, **changes}
     (folder / "run.yaml").write_text(yaml.safe_dump(values))
-    cosim("run", folder / "run.yaml", "--out", folder / "drive", "--quiet")
-    return folder / "drive"
+    return record(folder / "run.yaml", folder / "drive")
 
 
 @pytest.fixture(scope="session")
 def three(hamlet_config, tmp_path_factory) -> Path:
     company = {"every_s": 2.0, "company_m": 30}
-    made = made_once(tmp_path_factory, "three", lambda folder: record(folder, hamlet_config, RIG, collection=company))
+    made = made_once(tmp_path_factory, "three", lambda folder: with_rig(folder, hamlet_config, RIG, collection=company))
     return made / "drive"
 
 
@@ -69,7 +68,7 @@ def three(hamlet_config, tmp_path_factory) -> Path:
 def mast(hamlet_config, tmp_path_factory) -> Path:
     collection = {"every_s": 1.0, "company_m": 0}
     return (
-        made_once(tmp_path_factory, "mast", lambda folder: record(folder, hamlet_config, MAST, collection=collection))
+        made_once(tmp_path_factory, "mast", lambda folder: with_rig(folder, hamlet_config, MAST, collection=collection))
         / "drive"
     )
 

@@ -88,50 +88,50 @@ def test_files_stay_within_their_sizes(drive_folder):
         assert sum(sizes.values()) - hits <= 3e6
 
 
-def test_a_run_killed_half_way_goes_on_to_the_same_bytes(hamlet_drive, hamlet_config, tmp_path):
+def test_a_run_killed_half_way_goes_on_to_the_same_bytes(blind_drive, blind_config, tmp_path):
     folder = tmp_path / "killed"
-    process = start_run(hamlet_config, folder)
+    process = start_run(blind_config, folder)
     wait_for_frames(folder, 3, process)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     kept = (folder / "manifest.jsonl").read_bytes().count(b"\n")
     assert 3 <= kept < 8 and not (folder / "drive.yaml").exists()
-    cosim("run", hamlet_config, "--out", folder, "--quiet")
-    assert checksums(folder) == checksums(hamlet_drive)
+    cosim("run", blind_config, "--out", folder, "--quiet")
+    assert checksums(folder) == checksums(blind_drive)
 
 
-def test_a_recording_process_that_is_killed_is_replaced(hamlet_drive, hamlet_config, tmp_path):
+def test_a_recording_process_that_is_killed_is_replaced(blind_drive, blind_config, tmp_path):
     folder = tmp_path / "drive"
-    process = start_run(hamlet_config, folder)
+    process = start_run(blind_config, folder)
     wait_for_frames(folder, 2, process)
     (child,) = children_of(process)
     os.kill(child, signal.SIGKILL)
     _, errors = process.communicate(timeout=300)
     assert process.returncode == 0 and "tried once more" in errors and "killed by signal 9" in errors
-    assert checksums(folder) == checksums(hamlet_drive)
+    assert checksums(folder) == checksums(blind_drive)
 
 
-def test_two_runs_on_one_folder_do_not_mix(hamlet_drive, hamlet_config, tmp_path):
+def test_two_runs_on_one_folder_do_not_mix(blind_drive, blind_config, tmp_path):
     folder = tmp_path / "drive"
-    process = start_run(hamlet_config, folder)
+    process = start_run(blind_config, folder)
     wait_for_frames(folder, 1, process)
     os.killpg(process.pid, signal.SIGSTOP)  # else it may have ended before the second begins
-    said = refused("run", hamlet_config, "--out", folder, "--quiet")
+    said = refused("run", blind_config, "--out", folder, "--quiet")
     os.killpg(process.pid, signal.SIGCONT)
     assert f"another run (process {process.pid} on " in said
     assert process.wait(300) == 0
-    assert checksums(folder) == checksums(hamlet_drive)
+    assert checksums(folder) == checksums(blind_drive)
 
 
-def test_a_finished_drive_is_left_as_it_is(hamlet_drive, hamlet_config, tmp_path):
-    folder = linked(hamlet_drive, tmp_path)
+def test_a_finished_drive_is_left_as_it_is(blind_drive, blind_config, tmp_path):
+    folder = linked(blind_drive, tmp_path)
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
-    assert main(["run", str(hamlet_config), "--out", str(folder), "--quiet"]) == 0
+    assert main(["run", str(blind_config), "--out", str(folder), "--quiet"]) == 0
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()} == before
 
 
-def test_another_seed_gives_another_drive_and_is_refused_in_the_same_folder(hamlet_drive, hamlet_config, tmp_path):
-    said = refused("run", hamlet_config, "--seed", 4, "--out", linked(hamlet_drive, tmp_path))
+def test_another_seed_gives_another_drive_and_is_refused_in_the_same_folder(blind_drive, blind_config, tmp_path):
+    said = refused("run", blind_config, "--seed", 4, "--out", linked(blind_drive, tmp_path))
     assert "seed: 3" in said and "seed: 4" in said
 
 
@@ -170,7 +170,7 @@ def test_a_scenario_that_sumo_refuses_is_named(tmp_path):
     assert "broken" in refused("run", "--town", tmp_path / "broken.sumocfg", "--out", tmp_path / "out")
 
 
-def test_an_empty_disk_is_reported_and_nothing_finished_is_lost(hamlet_drive, hamlet_config, tmp_path):
+def test_an_empty_disk_is_reported_and_nothing_finished_is_lost(blind_drive, blind_config, tmp_path):
     """On a small file system of its own, where mounting one is permitted."""
     disk = tmp_path / "disk"
     disk.mkdir()
@@ -183,10 +183,10 @@ def test_an_empty_disk_is_reported_and_nothing_finished_is_lost(hamlet_drive, ha
         pytest.skip("this user may not mount a small file system")
     try:
         (disk / "ballast").write_bytes(bytes(59_000_000))
-        result = cosim("run", hamlet_config, "--out", disk / "drive", "--quiet", check=False)
+        result = cosim("run", blind_config, "--out", disk / "drive", "--quiet", check=False)
         assert result.returncode == 2 and "the run needs about" in result.stderr and result.stderr.count("\n") == 1
         (disk / "ballast").unlink()
-        process = start_run(hamlet_config, disk / "drive")
+        process = start_run(blind_config, disk / "drive")
         wait_for_frames(disk / "drive", 3, process)
         with pytest.raises(OSError, match="No space left"), (disk / "ballast").open("wb", buffering=0) as ballast:
             while True:
@@ -194,12 +194,12 @@ def test_an_empty_disk_is_reported_and_nothing_finished_is_lost(hamlet_drive, ha
         _, errors = process.communicate(timeout=300)
         assert process.returncode == 2 and "no space left" in errors and errors.count("\n") == 1
         written = checksums(disk / "drive")
-        whole = checksums(hamlet_drive)
+        whole = checksums(blind_drive)
         kept = {name for name in written if name.startswith("velodyne/")}
         assert kept and all(written[name] == whole[name] for name in kept)
         assert not any(name.endswith(".partial") for name in written)
         (disk / "ballast").unlink()
-        cosim("run", hamlet_config, "--out", disk / "drive", "--quiet")
+        cosim("run", blind_config, "--out", disk / "drive", "--quiet")
         assert checksums(disk / "drive") == whole
     finally:
         subprocess.run(["umount", str(disk)], check=True)

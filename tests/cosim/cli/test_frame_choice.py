@@ -7,17 +7,17 @@ from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
 
 
-def test_frames_by_number_are_spread_evenly_and_by_name_come_in_order_of_naming(hamlet_drive):
-    drive = Drive(hamlet_drive)
+def test_frames_by_number_are_spread_evenly_and_by_name_come_in_order_of_naming(blind_drive):
+    drive = Drive(blind_drive)
     assert chosen_frames(drive, "2") == (drive.frames[0], drive.frames[-1])
     assert chosen_frames(drive, "99") == drive.frames
     assert chosen_frames(drive, "000001, 000000,000001") == ("000001", "000000")
 
 
 @pytest.mark.parametrize("wrong", ["", ",", "0", "000099", "000000,nothing"])
-def test_frames_that_are_none_are_refused_in_one_line(hamlet_drive, wrong):
+def test_frames_that_are_none_are_refused_in_one_line(blind_drive, wrong):
     with pytest.raises(DriveError) as caught:
-        chosen_frames(Drive(hamlet_drive), wrong)
+        chosen_frames(Drive(blind_drive), wrong)
     assert "\n" not in str(caught.value)
 
 

@@ -12,20 +12,20 @@ from tests.cosim.conftest import cosim, refused
 
 
 @pytest.fixture
-def copy(hamlet_drive, tmp_path):
-    return shutil.copytree(hamlet_drive, tmp_path / "drive")
+def copy(blind_drive, tmp_path):
+    return shutil.copytree(blind_drive, tmp_path / "drive")
 
 
-def test_a_whole_drive_passes(hamlet_drive, capsys):
-    before = checksums(hamlet_drive)
-    assert main(["check", str(hamlet_drive)]) == 0
+def test_a_whole_drive_passes(blind_drive, capsys):
+    before = checksums(blind_drive)
+    assert main(["check", str(blind_drive)]) == 0
     assert "all as they were written" in capsys.readouterr().err
-    assert checksums(hamlet_drive) == before
+    assert checksums(blind_drive) == before
 
 
-def test_damaged_frames_and_shared_files_are_made_again_to_the_same_bytes(copy, hamlet_drive, tmp_path):
+def test_damaged_frames_and_shared_files_are_made_again_to_the_same_bytes(copy, blind_drive, tmp_path):
     (copy / "velodyne/000002.bin").unlink()
-    (copy / "image_0/000002.png").write_bytes(b"")
+    (copy / "rays/000002.npz").write_bytes(b"")
     with (copy / "twin/static.glb").open("r+b") as file:
         file.seek(5000)
         file.write(b"\0\1\2\3")
@@ -37,12 +37,12 @@ def test_damaged_frames_and_shared_files_are_made_again_to_the_same_bytes(copy, 
     damaged = json.loads(found.read_text())
     assert damaged["damaged"] == {
         "velodyne/000002.bin": "missing",
-        "image_0/000002.png": "changed",
+        "rays/000002.npz": "changed",
         "twin/static.glb": "changed",
         "pattern.yaml": "changed",
     }
     assert "000002" in damaged["repaired"] and len(damaged["repaired"]) <= 2
-    assert checksums(copy) == checksums(hamlet_drive)
+    assert checksums(copy) == checksums(blind_drive)
 
 
 def test_a_frame_that_comes_out_differently_is_said_so(copy):
@@ -81,7 +81,7 @@ def test_a_damaged_summary_is_named(copy):
     assert "drive.yaml: holds list, not keys with values" in refused("check", copy)
 
 
-def test_checksums_of_shared_files_are_in_the_summary(hamlet_drive):
-    sums = yaml.safe_load((hamlet_drive / "drive.yaml").read_text())["sha256"]
+def test_checksums_of_shared_files_are_in_the_summary(blind_drive):
+    sums = yaml.safe_load((blind_drive / "drive.yaml").read_text())["sha256"]
     assert {"twin/static.glb", "twin/materials.yaml", "sensor.yaml", "pattern.yaml"} <= set(sums)
     assert not any(name.startswith(("velodyne/", "drive.yaml", "manifest")) for name in sums)

@@ -84,20 +84,20 @@ def test_tasks_survive_children_that_die_and_workers_that_join_late(tmp_path):
     assert kinds.count("task") == 4 and kinds.count("again") == 3 and kinds.count("skipped") == 1
 
 
-def test_a_drive_recorded_by_workers_that_are_killed_has_the_same_bytes(hamlet_drive, hamlet_config, tmp_path):
+def test_a_drive_recorded_by_workers_that_are_killed_has_the_same_bytes(blind_drive, blind_config, tmp_path):
     folder = tmp_path / "drive"
     with cluster(tmp_path / "scratch") as dask:
         first = dask.worker()
         code = "import sys; from cosim.cli import main; sys.exit(main())"
         options = ["--engine", "dask", "--address", dask.address, "--quiet"]
         run = subprocess.Popen(
-            [sys.executable, "-c", code, "run", str(hamlet_config), "--out", str(folder), *options], text=True
+            [sys.executable, "-c", code, "run", str(blind_config), "--out", str(folder), *options], text=True
         )
         wait_for_frames(folder, 2, run)
         kill_group(first)
         dask.worker()
         assert run.wait(300) == 0
-    assert checksums(folder) == checksums(hamlet_drive)
+    assert checksums(folder) == checksums(blind_drive)
 
 
 def test_a_users_mistake_reaches_the_user(tmp_path):

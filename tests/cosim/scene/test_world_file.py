@@ -14,7 +14,8 @@ from cosim.drives.kitti import Drive
 from cosim.drives.twin.glb import read_glb
 from cosim.scene.world_file import WorldError, WorldFile, sorted_by_words
 from sumo_nets import read_town
-from tests.cosim.conftest import cosim, refused
+from tests.cosim.conftest import refused
+from tests.sharing import record
 
 HEIGHT_M = 0.8
 
@@ -45,7 +46,7 @@ def test_a_drive_in_it_stands_on_it(town, hamlet_config, tmp_path):
     world = write_world(tmp_path / "w.glb", town, ("MI_Road_Asphalt.001", "Building_Wall"))
     values = yaml.safe_load(hamlet_config.read_text()) | {"world": str(world), "frames": 2, "images": ["image_2"]}
     (tmp_path / "c.yaml").write_text(yaml.safe_dump(values))
-    cosim("run", tmp_path / "c.yaml", "--out", tmp_path / "d", "--quiet")
+    record(tmp_path / "c.yaml", tmp_path / "d")
     plane = float(read_glb(world, {"MI_Road_Asphalt.001": "asphalt", "Building_Wall": "brick"}).vertices[:, 2].min())
     for frame in Drive(tmp_path / "d"):
         assert frame.twin.ego.pose[2, 3] == pytest.approx(plane, abs=0.02)

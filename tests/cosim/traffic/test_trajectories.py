@@ -16,7 +16,7 @@ from cosim.drives.kitti import Drive
 from cosim.traffic.trajectories import Replay, TrajectoryError, read_trajectories
 from sumo_nets import read_town
 from tests.cosim.conftest import cosim, refused
-from tests.sharing import made_once
+from tests.sharing import made_once, record
 
 CENTRED = "time_s,id,x,y,type\n"
 STATE = """<{0}><position><point><x>{1}</x><y>{2}</y></point></position><orientation><exact>{3}</exact></orientation>
@@ -27,13 +27,13 @@ STATE = """<{0}><position><point><x>{1}</x><y>{2}</y></point></position><orienta
 def recorded(hamlet_config, tmp_path_factory) -> Path:
     """SUMO's own record of half a minute in the hamlet."""
 
-    def record(folder: Path) -> None:
+    def make(folder: Path) -> None:
         town = read_town(hamlet_config.parent / "town")
         command = [Path(sumo.SUMO_HOME) / "bin/sumo", "-c", town.sumocfg, "--fcd-output", folder / "fcd.xml"]
         options = ["--end", "30", "--step-length", "0.2", "--no-step-log", "--no-warnings", "--fcd-output.signals"]
         subprocess.run([*map(str, command), *options], check=True, capture_output=True)
 
-    return made_once(tmp_path_factory, "fcd", record) / "fcd.xml"
+    return made_once(tmp_path_factory, "fcd", make) / "fcd.xml"
 
 
 @pytest.fixture(scope="session")
@@ -43,12 +43,10 @@ def hamlet(hamlet_config):
 
 @pytest.fixture(scope="session")
 def drive(recorded, hamlet_config, tmp_path_factory) -> Path:
-    def record(folder: Path) -> None:
-        options = ("--sensor", hamlet_config.parent / "sensor.yaml", "--frames", 3, "--seed", 2, "--quiet")
-        town = hamlet_config.parent / "town"
-        cosim("run", "--town", town, "--trajectories", recorded, *options, "--out", folder / "drive")
+    def make(folder: Path) -> None:
+        record(hamlet_config, folder / "drive", trajectories=recorded, frames=3, seed=2, images=())
 
-    return made_once(tmp_path_factory, "replayed", record) / "drive"
+    return made_once(tmp_path_factory, "replayed", make) / "drive"
 
 
 def lives(recorded: Path) -> dict[str, list[tuple[float, float, float]]]:

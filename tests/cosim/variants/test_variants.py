@@ -12,7 +12,7 @@ from cosim.drives.kitti import Drive, points_in_boxes
 from cosim.engine import LocalEngine
 from cosim.variants import PAPER, make_variants
 from sensors.sensor_model import load_sensor
-from tests.cosim.conftest import cosim
+from tests.sharing import record
 
 _MANY = 20  # points, of some boxes and not of others
 TRACED = ("dual", "noise", "intensity", "raydrop")
@@ -66,7 +66,7 @@ def test_label_effects_of_a_run_and_of_a_variant_of_it_are_the_same(hamlet_confi
     shrink = "{effect: box_shrink, a_m: [0.2, 0.05, 0.05], b: [0.25, 0.25, 0.05]}"
     pattern = hamlet_config.with_name("small.yaml")
     own.write_text(f"pattern: {pattern}\neffects: [{shrink}, {{effect: few_points, points: {_MANY}}}]\n")
-    cosim("run", hamlet_config, "--frames", 2, "--sensor", own, "--out", tmp_path / "run", "--quiet")
+    record(hamlet_config, tmp_path / "run", frames=2, sensor=str(own))
     make_variants(tmp_path / "run", str(own), tmp_path / "v")
     parts = ("velodyne", "label_2", "label_2_exact")
     assert checksums(tmp_path / "v" / "tight", *parts) == checksums(tmp_path / "run", *parts)
@@ -170,7 +170,7 @@ def test_a_run_with_a_variant_s_sensor_measures_what_the_variant_of_a_run_does(h
     """The same world, seed and frames; the twin's files hold poses to a micrometre."""
     own = tmp_path / "raydrop.yaml"
     own.write_text(load_sensor("raydrop").to_yaml().replace("hdl64e", str(hamlet_config.with_name("small.yaml"))))
-    cosim("run", hamlet_config, "--out", tmp_path / "run", "--sensor", own, "--quiet")
+    record(hamlet_config, tmp_path / "run", sensor=str(own))
     make_variants(hamlet_drive, str(own), tmp_path / "v")
     away = []
     for frame in Drive(tmp_path / "run"):
