@@ -9,7 +9,7 @@ import pytest
 
 from tests.hidden.drive import Hidden, Made, make_drive
 
-_SMALL = Hidden(firings=500, every_ring=2)
+_SMALL = Hidden(firings=500, every_ring=2, frames=8)
 
 
 def _diagnosed(made: Made) -> dict:

@@ -48,9 +48,24 @@ def stacked(columns: Sequence[Column], quantities: Collection[Quantity], rows: i
     return found
 
 
+def summed_by(cluster: np.ndarray, matrix: SparseMatrix, weight: np.ndarray, clusters: int) -> np.ndarray:
+    """Weighted rows of a compressed sparse matrix (n, k), summed by cluster: (clusters, k)."""
+    rows, places = _rows(matrix), _places(matrix)
+    width = matrix.shape[1]
+    sums = np.bincount(cluster[rows] * width + places, matrix.data * weight[rows], clusters * width)
+    return sums.reshape(clusters, width)
+
+
 def scaled(matrix: SparseMatrix, weight: np.ndarray) -> SparseMatrix:
     """A compressed sparse matrix (n, k) with its rows multiplied by weights (n,)."""
     found = matrix.copy()
-    rows = matrix.indices if matrix.format == "csc" else np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
-    found.data = found.data * weight[rows]
+    found.data = found.data * weight[_rows(matrix)]
     return found
+
+
+def _rows(matrix: SparseMatrix) -> np.ndarray:
+    return matrix.indices if matrix.format == "csc" else np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+
+
+def _places(matrix: SparseMatrix) -> np.ndarray:
+    return matrix.indices if matrix.format == "csr" else np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))

@@ -294,14 +294,17 @@ class LinearModel:
         return cls(x, z, used, precision, known, solver, evidence)
 
     def projected(self, columns: dict[Quantity, SparseMatrix]) -> tuple[np.ndarray, np.ndarray]:
-        """How much of each random effect and parameter a unit of columns (n, k) is worth, (a, k) and (p, k)."""
+        """How much of each random effect and parameter a unit of columns (n, k) is worth, (a + p, k).
+
+        Beside it the information that the columns share with them, (a + p, k).
+        """
         shared = self._shared(columns, self.z, len(self.used))
         of_x = self._shared(columns, self.x, self.parameters)
-        random = self._solve(shared)
-        if not self.parameters:
-            return random, np.zeros((0, shared.shape[1]))
-        fixed = np.linalg.solve(self.fixed_information, of_x - self._across.T @ random)
-        return random - self._across_solved @ fixed, fixed
+        random, fixed = self._solve(shared), np.zeros((0, shared.shape[1]))
+        if self.parameters:
+            fixed = np.linalg.solve(self.fixed_information, of_x - self._across.T @ random)
+            random = random - self._across_solved @ fixed
+        return np.vstack([random, fixed]), np.vstack([shared, of_x])
 
     @cached_property
     def parameters(self) -> int:
@@ -325,11 +328,6 @@ class LinearModel:
             more = columns.get(name, sparse.csr_matrix((rows, width)))
             x[name] = sparse.hstack([own, more], format="csr")
         return replace(self, x=x)
-
-    def shared_with(self, columns: dict[Quantity, SparseMatrix]) -> np.ndarray:
-        """(a + p, k) information that columns share with random effects and parameters."""
-        parts = self._shared(columns, self.z, len(self.used)), self._shared(columns, self.x, self.parameters)
-        return np.vstack(parts)
 
     def step(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
         """A Gauss–Newton step of parameters (p,) and of all random effects (m,)."""

@@ -20,7 +20,7 @@ from scipy import sparse
 
 from cosim.discrepancy.groups.group import Group
 from cosim.discrepancy.inference.clusters import Clusters
-from cosim.discrepancy.inference.columns import SparseMatrix, scaled
+from cosim.discrepancy.inference.columns import SparseMatrix, scaled, summed_by
 from cosim.discrepancy.inference.fit import LinearModel
 from cosim.discrepancy.inference.random_effects import Estimate
 from cosim.discrepancy.inference.score import Quantity
@@ -120,11 +120,12 @@ class Projector:
     ) -> None:
         self._model = model if beside is None else model.beside(beside)
         self._scores = model.evidence.score
-        self._hot = [_one_hot(clusters.track), _one_hot(clusters.part)]
-        self._of_known = [self._known(hot) for hot in self._hot]
+        self._clusters = [clusters.track, clusters.part]
+        self._counts = [int(one.max(initial=-1)) + 1 for one in self._clusters]
+        self._of_known = [self._known(*of) for of in zip(self._clusters, self._counts, strict=True)]
         told = estimate.u[model.used] * model.precision
         track, scan = clusters.unit_track[model.used], clusters.unit_scan[model.used]
-        tracks, parts = (hot.shape[0] for hot in self._hot)
+        tracks, parts = self._counts
         scans = int(clusters.scan.max(initial=-1)) + 1
         by_track = np.where(track >= 0, track, tracks + scan)
         by_part = np.where(track >= 0, parts + scans + track, parts + scan)
@@ -136,23 +137,25 @@ class Projector:
 
     def of(self, columns: dict[Quantity, SparseMatrix]) -> tuple[list[np.ndarray], np.ndarray]:
         """Scores of columns (n, k) by cluster, a table (clusters, k) for each clustering; their information (k, k)."""
-        random, fixed = self._model.projected(columns)
-        tables = self._summed(columns, random, np.vstack([random, fixed]))
+        known, shared = self._model.projected(columns)
+        tables = self._summed(columns, known)
         information = self._model.evidence.information
         width = tables[0].shape[1]
         whole = np.zeros((width, width))
         for name, one in columns.items():
             whole += np.asarray((one.T @ scaled(one, information[name])).todense())
-        return tables, whole - self._model.shared_with(columns).T @ np.vstack([random, fixed])
+        return tables, whole - shared.T @ known
 
-    def _summed(self, columns: dict[Quantity, SparseMatrix], random: np.ndarray, known: np.ndarray) -> list[np.ndarray]:
+    def _summed(self, columns: dict[Quantity, SparseMatrix], known: np.ndarray) -> list[np.ndarray]:
         """Scores by cluster, a table (clusters, k) for each clustering."""
         tables = []
-        for hot, of_known, rows in zip(self._hot, self._of_known, self._rows, strict=True):
-            found = np.asarray(rows @ random)
+        for cluster, count, of_known, rows in zip(
+            self._clusters, self._counts, self._of_known, self._rows, strict=True
+        ):
+            found = np.asarray(rows @ known[: rows.shape[1]])
             for name, one in columns.items():
-                found[: hot.shape[0]] += np.asarray((hot @ scaled(one, self._scores[name])).todense())
-            found[: hot.shape[0]] -= of_known @ known
+                found[:count] += summed_by(cluster, one, self._scores[name], count)
+            found[:count] -= of_known @ known
             tables.append(found)
         return tables
 
@@ -160,13 +163,10 @@ class Projector:
         """Of some groups; those that what is fitted explains are left out."""
         ends = np.cumsum([one.size for one in groups])
         columns = _joined(groups, len(next(iter(self._scores.values()))))
-        random, fixed = self._model.projected(columns)
-        known = np.vstack([random, fixed])
-        by_cluster = self._summed(columns, random, known)
+        known, shared = self._model.projected(columns)
+        by_cluster = self._summed(columns, known)
         weighted = {name: scaled(one, self._model.evidence.information[name]) for name, one in columns.items()}
-        shared = self._model.shared_with(columns)
-        squares: dict[Quantity, SparseMatrix] = {name: _product(columns[name], weighted[name]) for name in columns}
-        share = [_padded(hot, squares, rows.shape[0]) for hot, rows in zip(self._hot, self._rows, strict=True)]
+        share = self._told_by(columns)
         found = []
         for one, end in zip(groups, ends, strict=True):
             mine = slice(end - one.size, end)
@@ -187,14 +187,25 @@ class Projector:
             found.append(_Sums(one, track, scan if one.by_scan else track, slope, left))
         return found
 
-    def _known(self, hot: SparseMatrix) -> np.ndarray:
+    def _told_by(self, columns: dict[Quantity, SparseMatrix]) -> list[np.ndarray]:
+        """Information of columns by cluster, tables (clusters, k); no bound for what the random effects say."""
+        tables = []
+        for cluster, count, rows in zip(self._clusters, self._counts, self._rows, strict=True):
+            found = np.zeros((rows.shape[0], next(iter(columns.values())).shape[1]))
+            found[count:] = np.inf
+            for name, one in columns.items():
+                found[:count] += summed_by(cluster, one.power(2), self._model.evidence.information[name], count)
+            tables.append(found)
+        return tables
+
+    def _known(self, cluster: np.ndarray, count: int) -> np.ndarray:
         """(clusters, a + p) scores of the random effects' and the parameters' own columns."""
         parts = []
         for own, size in ((self._model.z, len(self._model.used)), (self._model.x, self._model.parameters)):
-            found = np.zeros((hot.shape[0], size))
+            found = np.zeros((count, size))
             for name, one in own.items():
                 if one.nnz:
-                    found += np.asarray((hot @ scaled(one, self._scores[name])).todense())
+                    found += summed_by(cluster, one, self._scores[name], count)
             parts.append(found)
         return np.hstack(parts)
 
@@ -270,15 +281,6 @@ def compressed(gain: np.ndarray) -> np.ndarray:
     return np.sign(gain) * np.log1p(np.abs(gain))
 
 
-def _padded(hot: SparseMatrix, squares: dict[Quantity, SparseMatrix], rows: int) -> np.ndarray:
-    """Information (rows, k) of columns by cluster; no bound for what the random effects say."""
-    found = np.zeros((rows, next(iter(squares.values())).shape[1]))
-    found[hot.shape[0] :] = np.inf
-    for one in squares.values():
-        found[: hot.shape[0]] += np.asarray((hot @ one).todense())
-    return found
-
-
 def _bounded(score: np.ndarray, information: np.ndarray) -> np.ndarray:
     """Scores by cluster, beyond some standard deviations only growing as their logarithms.
 
@@ -299,13 +301,6 @@ def _joined(groups: Sequence[Group], rows: int) -> dict[Quantity, SparseMatrix]:
     }
 
 
-def _product(one: SparseMatrix, other: SparseMatrix) -> SparseMatrix:
-    """Of the elements of two matrices with the same places."""
-    found = one.copy()
-    found.data = one.data * other.data
-    return found
-
-
 def _chunks(groups: Sequence[Group]) -> list[list[Group]]:
     found: list[list[Group]] = [[]]
     width = 0
@@ -316,8 +311,3 @@ def _chunks(groups: Sequence[Group]) -> list[list[Group]]:
         found[-1].append(one)
         width += one.size
     return [part for part in found if part]
-
-
-def _one_hot(cluster: np.ndarray) -> SparseMatrix:
-    rows = len(cluster)
-    return sparse.csr_matrix((np.ones(rows), (cluster, np.arange(rows))), (int(cluster.max(initial=-1)) + 1, rows))

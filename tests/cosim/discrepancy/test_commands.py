@@ -126,43 +126,6 @@ def test_an_effect_of_ones_own_is_named_relative_to_the_sensor_file(biased_yard:
     assert [effect.name for effect in load_sensor(moved / "better.yaml").effects][-1] == "stretch"
 
 
-def test_diagnose_writes_its_json_page_and_sensor(
-    biased_yard: Yard, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    code = run("diagnose", biased_yard.drive, "--sensor", biased_yard.sensor, "--out", "d", "--json", "d.json")
-    assert code == 0
-    assert len(capsys.readouterr().out.strip().splitlines()) == 1
-    found = read(tmp_path / "d.json")
-    assert set(found) == {
-        "labels",
-        "verdict",
-        "effects",
-        "ranking",
-        "unknown",
-        "unknowns",
-        "unexplained",
-        "smallest_detectable",
-        "error_before",
-        "error_after",
-        "error_aligned",
-        "budget",
-        "noise_floor",
-        "spreads",
-        "notes",
-        "sensor_out",
-    }
-    assert found["verdict"] in ("none", "missing", "ambiguous", "unknown")
-    for one in found["effects"]:
-        keys = {"effect", "params", "ci95", "p_value", "error_before", "error_after", "also_possible"}
-        assert set(one) == keys
-    assert found["noise_floor"] > 0
-    assert sum(found["budget"].values()) == pytest.approx(found["error_before"])
-    assert found["sensor_out"] == "d/sensor.yaml"
-    load_sensor(found["sensor_out"])
-    assert (tmp_path / "d/index.html").is_file()
-
-
 def test_of_one_frame_it_is_said_what_cannot_be_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import gzip
+import io
 import json
 import re
 import shutil
@@ -11,11 +13,12 @@ import subprocess
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
+from cosim.cli import main
 from cosim.discrepancy import compare, diagnose
 from cosim.discrepancy.budget import Budget
 from cosim.discrepancy.data.split import Split
@@ -82,16 +85,39 @@ def compared(biased_yard: Yard) -> str:
     return format_comparison(compare(biased_yard.drive, biased_yard.sensor), "cosim diagnose")
 
 
-@pytest.fixture(scope="module")
-def diagnosed(biased_yard: Yard) -> Diagnosis:
-    """The diagnosis of the same."""
-    return diagnose(biased_yard.drive, biased_yard.sensor)
+class Told(NamedTuple):
+    """What `cosim diagnose` left, printed and found."""
+
+    folder: Path
+    printed: str
+    diagnosis: Diagnosis
 
 
 @pytest.fixture(scope="module")
-def diagnosed_page(diagnosed: Diagnosis) -> str:
-    """Its page."""
-    return format_diagnosis(diagnosed, Vocabulary(), "drive", "my.yaml")
+def told(biased_yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Told:
+    """The diagnosis of the same, as the command makes it."""
+    folder, kept, printed = tmp_path_factory.mktemp("told"), [], io.StringIO()
+
+    def keeping(*arguments: Any, **options: Any) -> Diagnosis:
+        kept.append(diagnose(*arguments, **options))
+        return kept[0]
+
+    options = ["--sensor", str(biased_yard.sensor), "--out", "d", "--json", "d.json"]
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
+        patch.chdir(folder)
+        patch.setattr("cosim.discrepancy.diagnose", keeping)
+        assert main(["diagnose", str(biased_yard.drive), *options]) == 0
+    return Told(folder, printed.getvalue(), kept[0])
+
+
+@pytest.fixture(scope="module")
+def diagnosed(told: Told) -> Diagnosis:
+    return told.diagnosis
+
+
+@pytest.fixture(scope="module")
+def diagnosed_page(told: Told) -> str:
+    return (told.folder / "d/index.html").read_text()
 
 
 def finding(effect: str = "range_walk", also: tuple[str, ...] = ("incidence_bias",)) -> Finding:
@@ -143,6 +169,39 @@ def test_the_page_survives_any_name(biased_yard: Yard) -> None:
     found = compare(biased_yard.drive, SensorModel(sensor.pattern, sensor.effects, NASTY), frames=("000000",))
     assert NASTY not in format_comparison(found, NASTY)
     assert NASTY not in format_diagnosis(diagnosis(finding()), Vocabulary(), NASTY, NASTY)
+
+
+def test_diagnose_writes_its_json_page_and_sensor(told: Told, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(told.folder)
+    assert len(told.printed.strip().splitlines()) == 1
+    found = json.loads(Path("d.json").read_text())
+    assert set(found) == {
+        "labels",
+        "verdict",
+        "effects",
+        "ranking",
+        "unknown",
+        "unknowns",
+        "unexplained",
+        "smallest_detectable",
+        "error_before",
+        "error_after",
+        "error_aligned",
+        "budget",
+        "noise_floor",
+        "spreads",
+        "notes",
+        "sensor_out",
+    }
+    assert found["verdict"] in ("none", "missing", "ambiguous", "unknown")
+    for one in found["effects"]:
+        keys = {"effect", "params", "ci95", "p_value", "error_before", "error_after", "also_possible"}
+        assert set(one) == keys
+    assert found["noise_floor"] > 0
+    assert sum(found["budget"].values()) == pytest.approx(found["error_before"])
+    assert found["sensor_out"] == "d/sensor.yaml"
+    load_sensor(found["sensor_out"])
+    assert Path("d/index.html").is_file()
 
 
 def test_a_bias_that_was_found_is_gone_from_every_chart(diagnosed: Diagnosis, diagnosed_page: str) -> None:
