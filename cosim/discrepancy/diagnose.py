@@ -27,6 +27,7 @@ from cosim.discrepancy.select import (
     as_found,
     candidates,
     chosen,
+    reshaped,
     roundings,
     screened,
     screened_pairs,
@@ -81,7 +82,7 @@ def diagnose(
     before = None
     while state is not before and len(state.found) < settings.most_findings:
         before, state = state, added(case, state)
-    return with_labels(concluded(case, eliminated(case, simplified(case, state))), asked)
+    return with_labels(concluded(case, redrawn(case, eliminated(case, simplified(case, state)))), asked)
 
 
 def case_of(
@@ -224,6 +225,26 @@ def eliminated(case: Case, state: State) -> State:
                 state, model=model, view=view, judges=judged(case, state.judges, model), found=kept, screened=[]
             )
             sure = plainly_on(state.view.fitter, state.view.fitted)
+    return state
+
+
+def redrawn(case: Case, state: State) -> State:
+    """With shapes of unknown dependences as they are beside everything else that was found."""
+    if len(state.found) < 2:
+        return state
+    for one in [one for one in state.found if one.shape is not None]:
+        case.say(f"drawing {one.effect} anew")
+        found = reshaped(state, one)
+        if found is None:
+            continue
+        shape, better = found
+        if better is not None:
+            before = replace(state.view, fitted=better.fitted)
+            view = viewed(case, case.split.fit, better.model, case.settings.rows, before)
+            model = replace(better.model, effects=view.fitted.effects)
+            state = replace(state, model=model, view=view, judges=judged(case, state.judges, model), screened=[])
+        kept = tuple(replace(other, shape=shape) if other is one else other for other in state.found)
+        state = replace(state, found=kept)
     return state
 
 

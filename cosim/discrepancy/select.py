@@ -21,7 +21,7 @@ from cosim.discrepancy.inference.score_test import Tested, screen
 from cosim.discrepancy.state import Case, Found, Model, State
 from cosim.discrepancy.unknown.plug_in import shape_effect
 from cosim.discrepancy.unknown.shape import Shape
-from cosim.discrepancy.unknown.solve import shape_of
+from cosim.discrepancy.unknown.solve import drawn_anew, shape_of
 from sensors.effects.base import Effect, NoiseEffect, RoundingEffect
 
 _FEW_NUMBERS = 2
@@ -299,6 +299,30 @@ def _regains(fitter: Fitter, without: Fitted, whole: Fitted, group: Group) -> bo
     return alone.loglik - without.loglik > _MUCH * (whole.loglik - without.loglik)
 
 
+def reshaped(state: State, found: Found) -> tuple[Shape, Candidate | None] | None:
+    """An unknown dependence drawn anew, now that everything else is known, with whom it was first drawn.
+
+    Returns:
+        The shape, with the formula as it stands, and the candidate that a better formula makes, if one does;
+        None where it cannot be drawn.
+    """
+    fitter, fitted = state.view.fitter, state.view.fitted
+    place = next((at for at, one in enumerate(fitted.effects) if one.name == found.effect), None)
+    if place is None or found.shape is None:
+        return None
+    less = state.model.without(place, ())
+    without = fitter.at(less.effects, fitted.estimate)
+    drawn = drawn_anew(fitter, without, found.shape)
+    if drawn is None or drawn.covariates != found.shape.covariates:
+        return None
+    reduced = replace(state, model=less, view=replace(state.view, fitted=without))
+    one = _with_shape(reduced, fitter, without, drawn, found.p_value)
+    kept = replace(drawn, formula=found.shape.formula, factor=found.shape.factor)
+    if one is None or one.fitted.loglik - fitted.loglik < float(np.log(len(fitter.sample))):
+        return kept, None
+    return drawn, one
+
+
 def best_fit(case: Case, state: State, groups: Sequence[Group]) -> Effect | None:
     """The likeliest fit of one effect from several groups of it; None where there are none."""
     starts = [Tested(one, 0.0, 1.0, 0.0, np.zeros(one.size), np.nan, np.nan) for one in groups]
@@ -334,14 +358,14 @@ def _shapes(state: State, dependences: Sequence[Tested]) -> list[Candidate]:
     found: list[Candidate] = []
     for one in dependences:
         shape = shape_of(fitter, fitted, one.group, one.p_value)
-        candidate = None if shape is None else _with_shape(state, fitter, fitted, shape, one)
+        candidate = None if shape is None else _with_shape(state, fitter, fitted, shape, one.p_value)
         if candidate is not None:
             found.append(candidate)
     beams = len(fitter.sample)
     return sorted((one for one in found if one.worth(beams) > 0), key=lambda one: -one.worth(beams))
 
 
-def _with_shape(state: State, fitter: Fitter, fitted: Fitted, shape: Shape, tested: Tested) -> Candidate | None:
+def _with_shape(state: State, fitter: Fitter, fitted: Fitted, shape: Shape, p_value: float) -> Candidate | None:
     effect = shape_effect(shape)
     if any(one.name == effect.name for one in fitted.effects):
         return None
@@ -355,7 +379,7 @@ def _with_shape(state: State, fitter: Fitter, fitted: Fitted, shape: Shape, test
     if shape.factor is not None:
         numbers += len(shape.factor.formula.parameters)
     model = state.model.replaced(after.effects, place)
-    return Candidate(effect.name, model, place, after, told, numbers, tested.p_value, shape)
+    return Candidate(effect.name, model, place, after, told, numbers, p_value, shape)
 
 
 def _started(fitter: Fitter, fitted: Fitted, group: Group) -> tuple[tuple[Effect, ...], int]:

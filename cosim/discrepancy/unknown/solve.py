@@ -37,16 +37,34 @@ def shape_of(fitter: Fitter, fitted: Fitted, group: Group, p_value: float) -> Sh
     channel = next(iter(group.columns), None)
     if channel is None:
         return None
-    if group.covariates == ("scan",):
+    firings = float(group.label) if group.covariates == ("phase",) else 0.0
+    return _over(fitter, fitted, channel, group.covariates, firings, p_value)
+
+
+def drawn_anew(fitter: Fitter, fitted: Fitted, shape: Shape) -> Shape | None:
+    """A shape as it is beside another model than that which it was first drawn beside.
+
+    Args:
+        fitter, fitted: that model, without the shape.
+        shape: as it was drawn.
+    """
+    over = ("scan",) if shape.covariate in OF_SCANS else shape.covariates
+    return _over(fitter, fitted, shape.channel, over, shape.period, shape.p_value)
+
+
+def _over(
+    fitter: Fitter, fitted: Fitted, channel: Quantity, names: tuple[str, ...], firings: float, p_value: float
+) -> Shape | None:
+    if names == ("scan",):
         return _over_scans(fitter, fitted, channel, p_value)
-    if group.covariates == ("phase",):
-        return _of_phase(fitter, fitted, channel, group, p_value)
+    if names == ("phase",):
+        return _of_phase(fitter, fitted, channel, firings, p_value)
     found = {one.name: one for one in covariates(fitter.sample, fitted.prediction, _BINS)}
-    if any(name not in found for name in group.covariates):
+    if any(name not in found for name in names):
         return None
-    if len(group.covariates) == 2:
-        return _of_pair(fitter, fitted, channel, [found[name] for name in group.covariates], p_value)
-    return _of_one(fitter, fitted, channel, found[group.covariates[0]], p_value)
+    if len(names) == 2:
+        return _of_pair(fitter, fitted, channel, [found[name] for name in names], p_value)
+    return _of_one(fitter, fitted, channel, found[names[0]], p_value)
 
 
 def _of_one(fitter: Fitter, fitted: Fitted, channel: Quantity, covariate: Covariate, p_value: float) -> Shape | None:
@@ -128,9 +146,8 @@ def _over_scans(fitter: Fitter, fitted: Fitted, channel: Quantity, p_value: floa
     return Shape(channel, "scan", "s", time_s, y, sigma, None, names, p_value=p_value)
 
 
-def _of_phase(fitter: Fitter, fitted: Fitted, channel: Quantity, group: Group, p_value: float) -> Shape | None:
+def _of_phase(fitter: Fitter, fitted: Fitted, channel: Quantity, firings: float, p_value: float) -> Shape | None:
     """A shape over the phase, from −π to π, of a period of firings."""
-    firings = float(group.label)
     phase = np.mod(fitter.sample.firing, firings) / firings * 2 * np.pi - np.pi
     covariate = over_a_turn("phase", phase, _PHASE_BINS)
     found = _of_one(fitter, fitted, channel, covariate, p_value)
