@@ -66,13 +66,19 @@ class Aligned:
         case: of the diagnosis.
         view: frames and the random effects that were fitted to them.
         effects: of the model.
+        beside: the same frames as other models see them; what only depends on beams is taken from there.
     """
 
-    def __init__(self, case: Case, view: View, effects: tuple[Effect, ...]) -> None:
+    def __init__(self, case: Case, view: View, effects: tuple[Effect, ...], beside: Sequence[Aligned] = ()) -> None:
         self._effects = in_order(effects)
         bent = bending(self._effects)
         same = bent == bending(view.fitted.effects)
-        frames = list(view.frames) if same else case.tracer.trace_all(view.names, bent)
+        alike = next((one for one in beside if bending(one._effects) == bent), None)
+        if alike is not None:
+            frames, self._samples = alike._frames, alike._samples
+        else:
+            frames = list(view.frames) if same else case.tracer.trace_all(view.names, bent)
+            self._samples: dict[TracedFrame, Sample] = {}
         self._frames = frames
         self._random = view.fitter.random
         self._estimate = view.fitted.estimate if same else seen_by(view, effects).estimate
@@ -141,9 +147,15 @@ class Aligned:
     def _whole(self) -> list[_Whole]:
         """Every beam of each frame, with its random effects."""
         return [
-            _Whole.of(self._random, self._estimate, number, frame, self._effects)
+            _Whole.of(self._random, self._estimate, number, self._sample_of(frame), self._effects)
             for number, frame in enumerate(self._frames)
         ]
+
+    def _sample_of(self, frame: TracedFrame) -> Sample:
+        """All beams of a frame."""
+        if frame not in self._samples:
+            self._samples[frame] = whole_sample(frame)
+        return self._samples[frame]
 
     @cached_property
     def _expectations(self) -> list[Expectation]:
@@ -165,11 +177,10 @@ class _Whole:
 
     @classmethod
     def of(
-        cls, random: RandomEffects, estimate: Estimate, scan: int, frame: TracedFrame, effects: Sequence[Effect]
+        cls, random: RandomEffects, estimate: Estimate, scan: int, sample: Sample, effects: Sequence[Effect]
     ) -> _Whole:
         """Random effects of a frame as they were estimated from a sample in which it is scan number `scan`."""
         has_poses = random.rows("poses").stop > random.rows("poses").start
-        sample = whole_sample(frame)
         own = RandomEffects(sample, (0.0, 0.0) if has_poses else None)
         return cls(own, own.transferred(random, estimate, scan), sample.predict(effects))
 

@@ -45,10 +45,13 @@ def budget_of(case: Case, state: State, models: Sequence[tuple[Effect, ...]]) ->
         models: the effects as given, and after every finding.
     """
     last = Aligned(case, state.judges, models[-1])
-    first = last if len(models) == 1 else Aligned(case, state.judges, models[0])
-    between = [Aligned(case, state.judges, one) for one in models[1:-1]]
-    each = [first, *between, last][: len(models)]
-    steps, of_aligned = (tuple(one.held_out(parts) for one in each) for parts in ((), PARTS))
+    first = last if len(models) == 1 else Aligned(case, state.judges, models[0], [last])
+    near, steps, of_aligned = first, [], []
+    for effects in models:
+        ends = {id(models[0]): first, id(models[-1]): last}
+        near = ends.get(id(effects)) or Aligned(case, state.judges, effects, [near, last])
+        steps.append(near.held_out())
+        of_aligned.append(near.held_out(PARTS))
     ladder = [PARTS[:count] for count in range(len(PARTS) + 1)]
     of_first, of_last = ([one.error(parts) for parts in ladder] for one in (first, last))
     floor = last.floor()
@@ -60,7 +63,9 @@ def budget_of(case: Case, state: State, models: Sequence[tuple[Effect, ...]]) ->
         parts[name] = float(np.mean(list(falls)))
     parts["missing"] = 0.5 * (of_first[0] - of_last[0] + of_first[-1] - of_last[-1])
     parts["unexplained"] = aligned - noise
-    return Budget(of_first[0], aligned, of_first[-1], floor, parts, steps, of_aligned), Judged(first, last)
+    return Budget(of_first[0], aligned, of_first[-1], floor, parts, tuple(steps), tuple(of_aligned)), Judged(
+        first, last
+    )
 
 
 def budget_of_view(case: Case, view: View, effects: Sequence[Effect]) -> tuple[Budget, Aligned]:

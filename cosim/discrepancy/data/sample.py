@@ -478,18 +478,38 @@ def _tracks(
     frames: Sequence[TracedFrame], frame: np.ndarray, instance: np.ndarray, place: np.ndarray, azimuth: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Numbers of instances by id, and of map cells for the static world; their names, and the cells' places."""
-    keys = np.empty(len(frame), object)
-    for number, one in enumerate(frames):
-        rows = np.flatnonzero((frame == number) & (instance >= 0))
-        keys[rows] = [f"#{one.instances.ids[i]}" for i in instance[rows]]
-    rest = np.flatnonzero(instance == STATIC)
-    cells = np.floor(place[rest, :2] / CELL_M).astype(int).tolist()
-    keys[rest] = [f"{frames[row].place} {x},{y}" for row, (x, y) in zip(frame[rest].tolist(), cells, strict=True)]
-    sky = np.flatnonzero(instance == NOTHING)
-    keys[sky] = [f"sky {sector}" for sector in np.floor(azimuth[sky] / _SKY_RAD).astype(int)]
-    names, track = np.unique(keys.astype(str), return_inverse=True)
-    worlds = np.unique([one.place for one in frames], return_inverse=True)[1]
+    places, worlds = np.unique([one.place for one in frames], return_inverse=True)
+    keys = np.zeros((len(frame), 4), int)  # of what kind, and three numbers that tell which
+    rest, sky = instance == STATIC, instance == NOTHING
+    keys[rest, 1] = worlds[frame[rest]]
+    keys[rest, 2:] = np.floor(place[rest, :2] / CELL_M)
+    keys[sky, 0], keys[sky, 1] = 1, np.floor(azimuth[sky] / _SKY_RAD)
+    met = instance >= 0
+    keys[met, 0], keys[met, 1], keys[met, 2] = 2, frame[met], instance[met]
+    each, number = _numbered_rows(keys)
+    told = [_track_name(key, frames, places.tolist()) for key in each.tolist()]
+    names, same = np.unique(np.array(told, str), return_inverse=True)
+    track = same[number]
     middles = np.full((len(names), 3), np.nan)
-    middles[track[rest], 0] = worlds[frame[rest]]
-    middles[track[rest], 1:] = (np.array(cells).reshape(-1, 2) + 0.5) * CELL_M
+    static = each[:, 0] == 0
+    middles[same[static], 0] = each[static, 1]
+    middles[same[static], 1:] = (each[static, 2:] + 0.5) * CELL_M
     return track, names, middles
+
+
+def _numbered_rows(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Different rows of a table (n, 4) of integers, and which of them each row is."""
+    if not len(keys):
+        return keys, np.zeros(0, int)
+    low = keys.min(0)
+    spans = keys.max(0) - low + 1
+    code = np.ravel_multi_index(tuple((keys - low).T), tuple(spans))
+    _, first, number = np.unique(code, return_index=True, return_inverse=True)
+    return keys[first], number
+
+
+def _track_name(key: Sequence[int], frames: Sequence[TracedFrame], places: Sequence[str]) -> str:
+    kind, first, second, third = key
+    if kind == 2:
+        return f"#{frames[first].instances.ids[second]}"
+    return f"sky {first}" if kind == 1 else f"{places[first]} {second},{third}"
