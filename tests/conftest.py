@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import lzma
 import os
 import shutil
@@ -66,6 +67,24 @@ def run_config(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def drive_folder(run_config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The drive it gives: 64 lasers in town01. Shared by all processes: to be read, not written."""
     return made_once(tmp_path_factory, "drive_folder", lambda folder: record(run_config, folder / "drive")) / "drive"
+
+
+@pytest.fixture(scope="session")
+def source_drive(drive_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A later frame of each of its two episodes; its files are links."""
+
+    def thin_out(folder: Path) -> None:
+        shutil.copytree(drive_folder, folder / "drive", copy_function=os.link)
+        manifest = folder / "drive" / "manifest.jsonl"
+        entries = [json.loads(line) for line in manifest.read_text().splitlines()]
+        manifest.unlink()
+        left_out = [entry for entry in entries if "name" in entry and int(entry["name"]) % 4 != 2]
+        for file in (file for entry in left_out for file in entry["files"]):
+            (folder / "drive" / file).unlink()
+        kept = [entry for entry in entries if entry not in left_out]
+        manifest.write_text("".join(json.dumps(entry) + "\n" for entry in kept))
+
+    return made_once(tmp_path_factory, "source_drive", thin_out) / "drive"
 
 
 @pytest.fixture(scope="session")

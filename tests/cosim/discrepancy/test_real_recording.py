@@ -22,6 +22,7 @@ from sensors.effects.range_noise import RangeNoise
 from sensors.effects.ring_elevation import RingElevation
 from sensors.sensor_model import load_sensor
 
+pytestmark = pytest.mark.slow
 UPPER_M, LOWER_M = 0.2035, 0.1214  # means of the lasers of each block
 PLAIN = load_sensor("hdl64e_single")
 
