@@ -79,6 +79,6 @@ def _curve(unknown: Shape) -> str:
         if unknown.formula is not None:
             fine = np.linspace(axis.low, axis.high, 300)
             plot.line(fine, evaluate(unknown.formula, fine), "b")
-    text = "What was left over when it was found. Dots: bins with two standard errors."
+    text = "What is left over without it. Dots: bins with two standard errors."
     text += "" if unknown.formula is None or unknown.names else " Blue: the formula."
     return figure("", text, plot.svg(), kind="full", width_px=900)
