@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from assets.documents import DocumentError, parse_yaml
 from sensors.cameras.imaging import Imaging
@@ -37,8 +37,14 @@ def _as_name(value: Any) -> Any:
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
+def _as_rows(value: Any) -> Any:
+    if not (isinstance(value, list | tuple) and all(isinstance(row, list | tuple) for row in value)):
+        raise ValueError("give a matrix as rows of numbers, such as [[700, 0, 480], [0, 700, 300], [0, 0, 1]]")
+    return value
+
+
 Name = Annotated[str, AfterValidator(_plain)]
-Rows = tuple[tuple[float, ...], ...]
+Rows = Annotated[tuple[tuple[float, ...], ...], BeforeValidator(_as_rows)]
 
 
 class RigLidar(BaseModel):

@@ -90,7 +90,8 @@ class RunConfig(BaseModel):
         default=None, description="folder of vehicle meshes with a vehicles.yaml, drawn beside the built-in models"
     )
     trajectories: Path | None = Field(
-        default=None, description="who drives where, from a file: FCD output, CommonRoad or a table; none: SUMO's"
+        default=None,
+        description="who drives where, from a file: FCD output, CommonRoad, OpenSCENARIO or a table; none: SUMO's",
     )
     ego: str | None = Field(default=None, description="id of the vehicle of the trajectories that carries the sensors")
     behaviour: BehaviourConfig = Field(default=BehaviourConfig(), description="how drivers behave; or a preset's name")

@@ -47,6 +47,7 @@ def run_episode(
     *,
     done: Collection[str],
     on_frame: Callable[[str], None],
+    on_step: Callable[[], None] = lambda: None,
 ) -> None:
     """Simulate an episode and record those of its frames that are not done.
 
@@ -60,7 +61,7 @@ def run_episode(
     """
     left = list(plan.frames)
     for attempt in range(config.collection.attempts):
-        left = _simulate(plan, attempt, left, config, town, recorder, done, on_frame)
+        left = _simulate(plan, attempt, left, config, town, recorder, done, on_frame, on_step)
         if not left:
             return
 
@@ -74,6 +75,7 @@ def _simulate(
     recorder: FrameRecorder,
     done: Collection[str],
     on_frame: Callable[[str], None],
+    on_step: Callable[[], None],
 ) -> list[str]:
     """One simulation; gives the names of the frames it did not come to."""
     rng = np.random.default_rng([config.seed, plan.number, attempt])
@@ -92,6 +94,7 @@ def _simulate(
                 int(rng.integers(2**31)),
                 sight_m=max(_SIGHT_M, config.label_range_m),
                 may_appear=own,
+                on_step=on_step,
             )
             actors = living.step() if state else living.advance(max(2, round(seen_s / config.step_s)))
             actors = _until_somebody_drives(traffic, living, actors, config)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from cosim.capture.episode import FrameRecorder
 from cosim.capture.mast import Mast, stand_mast
 from cosim.capture.plan import EpisodePlan
 from cosim.traffic.actors import Actors
+from cosim.traffic.signals import SignalClock
 from cosim.traffic.trajectories import Replay, TrajectoryError, read_trajectories
 from sumo_nets import Town
 
@@ -28,6 +30,20 @@ def replay_of(path: Path, town: Town) -> Replay:
         TownError: they or the town's files are no safe, whole XML.
     """
     return Replay(read_trajectories(path, town.streets, town.type_files))
+
+
+def signal_notes(replay: Replay, town: Town) -> tuple[str, ...]:
+    """What a user should know of the signals of a replay, a line each.
+
+    Raises:
+        TrafficError: SUMO refuses the town's signal programs, or another simulation runs in this process.
+    """
+    with _signals(replay, town) as signals:
+        unknown = () if signals is None else signals.unknown
+    if not unknown:
+        return ()
+    names = ", ".join(unknown[:5]) + (", …" if len(unknown) > 5 else "")
+    return (f"{town.name}: {len(unknown)} signals stay dark, as they look at traffic and no time tells them: {names}",)
 
 
 def replay_episode(
@@ -46,10 +62,18 @@ def replay_episode(
         TrajectoryError: nothing can carry the sensors.
     """
     left = list(plan.frames)
-    for attempt in range(config.collection.attempts if config.ego is None else 1):
-        left = _attempt(plan, attempt, left, config, town, replay, recorder, done, on_frame)
-        if not left:
-            return
+    with _signals(replay, town) as signals:
+        for attempt in range(config.collection.attempts if config.ego is None else 1):
+            left = _attempt(plan, attempt, left, config, town, replay, signals, recorder, done, on_frame)
+            if not left:
+                return
+
+
+def _signals(replay: Replay, town: Town) -> SignalClock | nullcontext[None]:
+    """What signals show; nothing where the times of the trajectories are not SUMO's."""
+    if not replay.tracks.sumo_clock:
+        return nullcontext()
+    return SignalClock(town, float(np.floor(replay.tracks.time_s.min())))
 
 
 def _attempt(
@@ -59,6 +83,7 @@ def _attempt(
     config: RunConfig,
     town: Town,
     replay: Replay,
+    signals: SignalClock | None,
     recorder: FrameRecorder,
     done: Collection[str],
     on_frame: Callable[[str], None],
@@ -79,7 +104,7 @@ def _attempt(
         if reason is None and watch.wants(actors):
             name = left.pop(0)
             if name not in done:
-                recorder.record(name, plan, actors, carrier, {})
+                recorder.record(name, plan, actors, carrier, {} if signals is None else signals.at(time_s))
                 on_frame(name)
     recorder.note(plan.note(attempt, town.name, len(frames) - len(left), reason, time_s, {}))
     return left

@@ -15,7 +15,7 @@ from assets.external import load_external
 from cosim.capture.config import RunConfig
 from cosim.capture.disk_estimate import demand_space, estimate_bytes
 from cosim.capture.plan import EpisodePlan, plan_episodes
-from cosim.capture.replayed import replay_of
+from cosim.capture.replayed import replay_of, signal_notes
 from cosim.capture.rig_sensors import folder_of, rig_sensors
 from cosim.capture.worker import Recording, RecordJob
 from cosim.drives.writer import DriveWriter
@@ -79,7 +79,10 @@ def run(
         if config.world is not None:
             config.world.read(town.streets)
         if config.trajectories is not None:
-            replay_of(config.trajectories, town).draw_ego(config.ego, 0.0, np.random.default_rng(0))
+            replay = replay_of(config.trajectories, town)
+            replay.draw_ego(config.ego, 0.0, np.random.default_rng(0))
+            for note in signal_notes(replay, town):
+                _log.warning("%s", note)
         elif town.streets_only:
             raise RunError(f"{name}: holds streets, but nobody drives; give --trajectories, or a .sumocfg with routes")
     load_external(config.external_vehicles)

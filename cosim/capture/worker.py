@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,12 +17,27 @@ from cosim.drives.lock import shared
 from cosim.drives.writer import DriveWriter
 from cosim.engine import Do, Event, Tell
 
+_TELLS_S = 20.0
+
 
 class Told(TypedDict):
     """What an episode is told of its frames."""
 
     done: frozenset[str]
     on_frame: Callable[[str], None]
+
+
+def _signs_of_life(tell: Tell) -> Callable[[], None]:
+    """Tells now and then that the process is at work: large towns take minutes until their first frame."""
+    told_s = time.monotonic()
+
+    def step() -> None:
+        nonlocal told_s
+        if time.monotonic() - told_s > _TELLS_S:
+            told_s = time.monotonic()
+            tell(Event("alive"))
+
+    return step
 
 
 @dataclass(frozen=True)
@@ -64,7 +80,7 @@ class RecordJob:
                 if replay is not None:
                     replay_episode(task.plan, self.config, town, replay, recorder, **told)
                 else:
-                    run_episode(task.plan, self.config, town, recorder, **told)
+                    run_episode(task.plan, self.config, town, recorder, **told, on_step=_signs_of_life(tell))
 
             try:
                 yield record

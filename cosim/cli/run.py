@@ -23,7 +23,10 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the drive to write or to go on with")
     parser.add_argument("--town", metavar="T", help="built-in towns (town01,town02 or all) or a .sumocfg")
     parser.add_argument(
-        "--trajectories", type=Path, metavar="FILE", help="who drives where: FCD output, CommonRoad, or a table (CSV)"
+        "--trajectories",
+        type=Path,
+        metavar="FILE",
+        help="who drives where: FCD output, CommonRoad, OpenSCENARIO, or a table (CSV)",
     )
     parser.add_argument("--frames", type=int, metavar="N", help="frames to record")
     parser.add_argument("--seed", type=int, metavar="S", help="seed of everything random")

@@ -163,7 +163,8 @@ class _Bench:
                 return _Outcome("refused", event.text)
             if event.kind == "failed":
                 return _Outcome("failed", event.text.strip().splitlines()[-1])
-            tell(event)
+            if event.kind != "alive":  # that is for this machine, not for the scheduler
+                tell(event)
 
 
 def _plugin(job: Job, patience_s: float) -> Any:

@@ -19,14 +19,15 @@ class Event:
     """What a worker tells.
 
     Attributes:
-        kind: `opened` (the job is), `ready` (to record), `frame` (one is taken), `task` (one is complete), `again`
+        kind: `opened` (the job is), `ready` (to record), `alive` (at work, with nothing to show yet), `frame` (one is
+            taken), `task` (one is complete), `again`
             (one failed and is tried once more), `skipped` (one failed again), `refused` (the user's mistake, in
             `text`) or `failed` (ours: `text` is a traceback).
         text: frame name or message.
         peak_bytes: most memory that the worker has held so far, told with `task`.
     """
 
-    kind: Literal["opened", "ready", "frame", "task", "again", "skipped", "refused", "failed"]
+    kind: Literal["opened", "ready", "alive", "frame", "task", "again", "skipped", "refused", "failed"]
     text: str = ""
     peak_bytes: int = 0
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from cosim.traffic.actors import Actors
@@ -23,6 +25,7 @@ class DrivenTraffic:
         seed: of their behaviour.
         sight_m: nobody appears or vanishes this near to a protected vehicle.
         may_appear: whether vehicles may appear there all the same.
+        on_step: called after every step.
     """
 
     def __init__(
@@ -33,7 +36,9 @@ class DrivenTraffic:
         sight_m: float = 120.0,
         *,
         may_appear: bool = False,
+        on_step: Callable[[], None] = lambda: None,
     ) -> None:
+        self._on_step = on_step
         self._traffic = traffic
         self._motion = Motion(traffic.step_s)
         self._kerbside = Kerbside(config, seed)
@@ -89,4 +94,5 @@ class DrivenTraffic:
         actors = self._kerbside.arrange(self._traffic, self._roads, self._traffic.step())
         actors = self._motion.update(self._entrances.admit(actors))
         self._drivers.apply(self._traffic, self._motion, actors)
+        self._on_step()
         return actors

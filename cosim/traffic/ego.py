@@ -20,7 +20,11 @@ def draw_ego(traffic: Traffic, actors: Actors, rng: np.random.Generator) -> str:
     """
     driving = _ridable(traffic, actors)
     if not driving:
-        raise TrafficError(f"no road vehicle drives after {actors.time_s:.0f} s; lengthen warm_up_s or add traffic")
+        standing = sum(kind in _RIDDEN for kind in actors.kinds)
+        raise TrafficError(
+            f"no road vehicle drives after {actors.time_s:.0f} s, while {standing} stand; "
+            "lengthen warm_up_s, or add traffic that moves by itself"
+        )
     kind = min((actors.kinds[row] for row in driving), key=_RIDDEN.index)
     driving = [row for row in driving if actors.kinds[row] == kind]
     moving = [row for row in driving if actors.speed_mps[row] > _MOVES_MPS]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -85,6 +85,31 @@ def start_sumo(
     if state is not None:
         command += ["--load-state", str(state.path), "--begin", str(state.time_s)]
     return _start(command)
+
+
+def start_empty(net: Path, additional: Path, begin_s: float, step_s: float, options: Mapping[str, str]) -> ModuleType:
+    """The running libsumo of a network where nobody is.
+
+    Args:
+        net: the network.
+        additional: what belongs to it.
+        begin_s: when it begins [s].
+        step_s: step length [s].
+        options: others of SUMO.
+
+    Raises:
+        TrafficError: SUMO refuses the files, or another simulation runs in this process.
+    """
+    command = [
+        "sumo",
+        *("-n", str(net)),
+        *("-a", str(additional)),
+        *("--begin", str(begin_s)),
+        *("--step-length", str(step_s)),
+        "--no-step-log",
+        "--no-warnings",
+    ]
+    return _start([*command, *(word for name, value in options.items() for word in (f"--{name}", value))])
 
 
 def _start(command: list[str]) -> ModuleType:

@@ -79,7 +79,9 @@ class Collisions:
     def _fits(self, stage: Stage, row: int, ahead: int) -> bool:
         actors = stage.actors
         names = {actors.ids[row], actors.ids[ahead]}
-        if names & (stage.busy | stage.exempt) or {actors.kinds[row], actors.kinds[ahead]} - {"car", "van"}:
+        if names & stage.exempt or any(map(stage.engaged, names)):
+            return False
+        if {actors.kinds[row], actors.kinds[ahead]} - {"car", "van"}:
             return False
         gap = _gap(stage, row, ahead)
         fast = _SPEED_MPS[0] < actors.speed_mps[row] < _SPEED_MPS[1]

@@ -99,7 +99,7 @@ class PullIn:
             and actors.size[row, 0] <= _LONGEST_M
             and lane in stage.roads.lanes
             and not lane.startswith(":")
-            and not (vehicle in stage.busy or vehicle in stage.exempt or actors.parked[row])
+            and not (vehicle in stage.exempt or actors.parked[row] or stage.engaged(vehicle))
         ]
         tried = 0
         for i in self._rng.permutation(len(rows)).tolist():

@@ -58,7 +58,7 @@ class PullOut:
         rows = [
             row
             for row in np.flatnonzero(actors.parked).tolist()
-            if actors.kinds[row] in _KINDS and actors.ids[row] not in stage.busy
+            if actors.kinds[row] in _KINDS and not stage.engaged(actors.ids[row])
         ]
         for _ in range(min(_TRIES, len(rows))):
             row = rows[int(self._rng.integers(len(rows)))]

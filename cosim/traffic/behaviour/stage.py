@@ -60,6 +60,10 @@ class Stage:
         """The running libsumo."""
         return self.traffic.api
 
+    def engaged(self, vehicle: str) -> bool:
+        """Whether no manoeuvre may begin with a vehicle: it is in one, or a taxi on its way to somebody."""
+        return vehicle in self.busy or self.traffic.dispatched(vehicle)
+
     def see(self, actors: Actors) -> None:
         """Go on to the next step."""
         self.left = ()

@@ -66,7 +66,7 @@ class UTurns:
             lane = stage.roads.lanes.get(name)
             if lane is None or lane.edge.startswith(":") or lane.edge not in stage.roads.back:
                 continue
-            if actors.kinds[row] not in _KINDS or actors.size[row, 0] > _LONGEST_M or vehicle in stage.busy:
+            if actors.kinds[row] not in _KINDS or actors.size[row, 0] > _LONGEST_M or stage.engaged(vehicle):
                 continue
             speed, at = float(actors.speed_mps[row]), float(actors.lane_position_m[row])
             stop = at + speed**2 / (2 * _BRAKES_MPS2)

@@ -10,6 +10,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from cosim.traffic.trajectories.kinds import sumo_types, user_of
@@ -44,7 +45,7 @@ def read_fcd(path: Path, root: ET.Element, type_files: Iterable[Path], left_out:
             if name in users:
                 samples.append(_sample(path, element, name, time_s))
     left_out.update(strangers.values())
-    return gather(path, samples, users, centred=False)
+    return replace(gather(path, samples, users, centred=False), sumo_clock=True)
 
 
 def _sample(path: Path, element: ET.Element, name: str, time_s: float) -> Sample:

@@ -38,6 +38,7 @@ class RoadTracks:
         speed_mps: (n,) float64.
         signals: (n,) int64 SUMO's bit set of lamps.
         lanes: n lane ids, empty where unknown.
+        sumo_clock: whether times are those of a SUMO simulation, whose signals ran by the same clock.
     """
 
     ids: tuple[str, ...]
@@ -51,6 +52,7 @@ class RoadTracks:
     speed_mps: np.ndarray
     signals: np.ndarray
     lanes: tuple[str, ...]
+    sumo_clock: bool = False
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -92,11 +94,19 @@ class Sample:
 
 @dataclass(frozen=True)
 class User:
-    """Who somebody is: what the file calls him, his kind, and length, width, height [m]."""
+    """Who somebody is.
+
+    Attributes:
+        type: what the file calls him.
+        kind: as `RoadTracks.kinds`.
+        size_m: length, width, height.
+        middle_ahead_m: how far the middle of his body lies ahead of the places that a file of middles gives.
+    """
 
     type: str
     kind: str
     size_m: tuple[float, float, float]
+    middle_ahead_m: float = 0.0
 
 
 def gather(path: Path, samples: Sequence[Sample], users: Mapping[str, User], *, centred: bool) -> RoadTracks:
@@ -129,7 +139,7 @@ def gather(path: Path, samples: Sequence[Sample], users: Mapping[str, User], *, 
         heading[rows] = _headings(place[rows, :2], heading[rows])
         if centred and users[name].kind != "pedestrian":
             ahead = np.column_stack([np.cos(heading[rows]), np.sin(heading[rows])])
-            place[rows, :2] += ahead * size[number, 0] / 2
+            place[rows, :2] += ahead * (size[number, 0] / 2 + users[name].middle_ahead_m)
         _check_way(path, name, time_s[rows], place[rows])
         speed[rows] = _speeds(time_s[rows], place[rows, :2], speed[rows])
     return RoadTracks(

@@ -196,6 +196,7 @@ def _rig(**changes: object) -> dict:
         (_rig(lidars=[{"name": "x", "mount": {"x_m": 0, "z_m": 1}}]), "'x': \\(0, 0, 1\\) m lies inside the vehicle"),
         (_rig(cameras=[{**RIG["cameras"][0], "K": [[1, 2], [3, 4]]}]), "give 3 rows of 3 numbers"),
         (_rig(cameras=[{**RIG["cameras"][0], "K": [[0, 0, 1], [0, 5, 1], [0, 0, 1]]}]), "is no camera matrix"),
+        (_rig(cameras=[{**RIG["cameras"][0], "K": "none"}]), "give a matrix as rows of numbers"),
         (_rig(cameras=[{**RIG["cameras"][0], "P": [[1, 0, 0, 0]] * 3}]), "give either K"),
         (
             _rig(cameras=[{**RIG["cameras"][0], "distortion": {"coefficients": [-5.0, 0.0, 0.0, 0.0]}}]),

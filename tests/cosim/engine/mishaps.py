@@ -34,11 +34,11 @@ class Mishaps:
         first = not list(self.folder.glob(f"{task.name}.*"))
         (self.folder / f"{task.name}.{os.getpid()}").touch()
         if first or task.always:
-            self._meet(task.mishap)
+            self._meet(task.mishap, tell)
         (self.folder / task.name).write_text(str(os.getpid()))
         tell(Event("frame", task.name))
 
-    def _meet(self, mishap: str) -> None:
+    def _meet(self, mishap: str, tell: Tell) -> None:
         match mishap:
             case "killed":
                 os.kill(os.getpid(), signal.SIGKILL)
@@ -50,5 +50,9 @@ class Mishaps:
                 raise ZeroDivisionError("the road is of no length")
             case "refused":
                 raise CosimError("speed is -3; give 0 or more")
+            case "long":
+                for _ in range(12):
+                    time.sleep(0.25)
+                    tell(Event("alive"))
             case "slow":
                 time.sleep(60)

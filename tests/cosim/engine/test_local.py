@@ -66,6 +66,11 @@ def test_a_task_that_fails_twice_is_skipped_with_its_reason(tmp_path, mishap, re
     assert [event.kind for event in events].count("skipped") == 1
 
 
+def test_a_long_task_that_says_it_is_at_work_is_not_given_up(tmp_path):
+    skipped, events = shared_out(tmp_path, [Task("a", "long")], patience_s=2.0)
+    assert not skipped and done(tmp_path) == {"a"} and "again" not in [event.kind for event in events]
+
+
 def test_a_users_mistake_ends_all_work_at_once(tmp_path):
     with pytest.raises(WorkError, match="speed is -3; give 0 or more"):
         shared_out(tmp_path, [Task("a", "refused"), Task("b", "slow")])

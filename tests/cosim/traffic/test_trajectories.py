@@ -5,14 +5,17 @@ from __future__ import annotations
 import subprocess
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import sumo
 
 from cosim.capture.config import RunConfig
-from cosim.capture.replayed import replay_of
+from cosim.capture.plan import plan_episodes
+from cosim.capture.replayed import replay_episode, replay_of, signal_notes
 from cosim.drives.kitti import Drive
+from cosim.traffic.signals import SignalClock
 from cosim.traffic.trajectories import Replay, TrajectoryError, read_trajectories
 from sumo_nets import read_town
 from tests.cosim.conftest import cosim, refused
@@ -34,11 +37,6 @@ def recorded(hamlet_config, tmp_path_factory) -> Path:
         subprocess.run([*map(str, command), *options], check=True, capture_output=True)
 
     return made_once(tmp_path_factory, "fcd", make) / "fcd.xml"
-
-
-@pytest.fixture(scope="session")
-def hamlet(hamlet_config):
-    return read_town(hamlet_config.parent / "town")
 
 
 @pytest.fixture(scope="session")
@@ -221,6 +219,71 @@ def test_trajectories_that_cannot_be_are_refused(rows, says, hamlet, tmp_path):
     with pytest.raises(TrajectoryError, match=says) as caught:
         replay_of(fcd(tmp_path, rows), hamlet)
     assert "\n" not in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def signalled(tmp_path_factory) -> Path:
+    """A crossing with signals of its own cycle, and what SUMO writes of them and of a car; returns the `.sumocfg`."""
+    folder, programs = tmp_path_factory.mktemp("signalled"), Path(sumo.SUMO_HOME) / "bin"
+    grid = ["--grid", "--grid.number", "2", "--grid.attach-length", "90", "--default-junction-type", "traffic_light"]
+    subprocess.run([programs / "netgenerate", *grid, "-o", folder / "n.net.xml"], check=True, capture_output=True)
+    program = next(one for one in ET.parse(folder / "n.net.xml").iter("tlLogic") if one.get("id") == "A0")
+    program.attrib |= {"programID": "own", "offset": "7.5"}
+    for phase in program:
+        phase.set("duration", str(round(float(phase.get("duration", 0)) / 3, 1)))
+    (folder / "own.add.xml").write_text(f"<additional>{ET.tostring(program).decode()}</additional>")
+    event = '<additional><timedEvent type="SaveTLSStates" source="A0" dest="states.xml"/></additional>'
+    (folder / "out.add.xml").write_text(event)
+    car = '<routes><flow id="car" begin="0" end="30" period="10" from="left0A0" to="A0B0"/></routes>'
+    (folder / "r.rou.xml").write_text(car)
+    files = {"net-file": "n.net.xml", "route-files": "r.rou.xml", "additional-files": "own.add.xml"}
+    options = "".join(f'<{name} value="{value}"/>' for name, value in files.items())
+    (folder / "t.sumocfg").write_text(f"<configuration>{options}</configuration>")
+    command = [programs / "sumo", "-c", "t.sumocfg", "-a", "own.add.xml,out.add.xml", "--fcd-output", "fcd.xml"]
+    options = ["--end", "60", "--step-length", "0.1", "--no-step-log"]
+    subprocess.run([*command, *options], check=True, capture_output=True, cwd=folder)
+    return folder / "t.sumocfg"
+
+
+def test_signals_show_what_sumo_had_them_show(signalled):
+    town, incoming = read_town(signalled), {}
+    for one in ET.parse(town.net).iter("connection"):
+        if one.get("tl") == "A0":
+            incoming.setdefault(f"{one.get('from')}_{one.get('fromLane')}", int(one.get("linkIndex", 0)))
+    states = {float(one.get("time", 0)): one.get("state", "") for one in ET.parse(town.folder / "states.xml").iter()}
+    seen = set()
+    with SignalClock(town, 3.0) as clock:
+        assert clock.unknown == ()
+        for time_s in (4.0, 7.4, 7.5, 21.3, 48.0, 12.9):  # the last one is a step back
+            shown = clock.at(time_s)
+            assert all(shown[lane] == states[time_s][index] for lane, index in incoming.items())
+            seen.add("".join(shown[lane] for lane in incoming))
+    assert len(seen) > 2
+
+
+def test_a_replay_of_fcd_output_has_signals_and_one_of_a_table_has_none(signalled, tmp_path):
+    town, shown = read_town(signalled), []
+    recorder = SimpleNamespace(note=lambda entry: None, record=lambda *frame: shown.append(frame[4]))
+    config = RunConfig(town=str(signalled), frames=2, collection={"every_s": 2.0, "min_travel_m": 0.5})
+    fcd_output = town.folder / "fcd.xml"
+    rows = [f"{0.1 * k},a,{4.0 + k},-1.6,car" for k in range(120)]
+    for path in (fcd_output, table(tmp_path, CENTRED, rows)):
+        replay = replay_of(path, town)
+        assert signal_notes(replay, town) == ()
+        plan = plan_episodes(config)[0]
+        replay_episode(plan, config, town, replay, recorder, done=(), on_frame=lambda name: None)
+    assert [len(states) > 4 for states in shown] == [True, True, False, False]
+
+
+def test_signals_that_look_at_traffic_stay_dark_which_is_said(signalled, tmp_path):
+    net = (signalled.parent / "n.net.xml").read_text().replace('id="B1" type="static"', 'id="B1" type="actuated"')
+    (tmp_path / "n.net.xml").write_text(net)
+    town = read_town(tmp_path / "n.net.xml")
+    replay = replay_of(signalled.parent / "fcd.xml", town)
+    (note,) = signal_notes(replay, town)
+    assert "1 signals stay dark" in note and "B1" in note
+    with SignalClock(town, 0.0) as clock:
+        assert not any(lane.startswith("A1B1") for lane in clock.at(2.0)) and "left0A0_0" in clock.at(2.0)
 
 
 def test_bad_input_ends_in_one_line(recorded, hamlet_config, tmp_path):

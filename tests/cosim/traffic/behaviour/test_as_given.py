@@ -97,6 +97,32 @@ def test_who_was_far_from_the_sensors_is_as_the_scenario_has_him_once_he_is_near
         assert api.getActionStepLength("far") == DECIDES_S
 
 
+TAXIS = (
+    '<vType id="cab" vClass="taxi" length="4.5"><param key="has.taxi.device" value="true"/></vType>'
+    '<vType id="tram" vClass="tram" length="20"/>'
+    '<vehicle id="cab" type="cab" depart="0" departPos="50"><route edges="a b"/></vehicle>'
+    '<person id="rider" depart="1" departPos="900"><ride from="a" to="b" lines="taxi"/></person>'
+    '<vehicle id="tram" type="tram" depart="5" departPos="90"><route edges="a b"/>'
+    '<stop lane="a_0" endPos="130" duration="900" parking="true"/></vehicle>'
+)
+
+
+@pytest.mark.parametrize("behaviour", ["sumo", "paper"])
+def test_taxis_fetch_those_who_call_them_and_trams_that_stop_are_left_out(tmp_path, behaviour):
+    config = write_scenario(tmp_path, NODES, EDGES, [TAXIS])
+    settings = BehaviourConfig.model_validate(behaviour)
+    with Traffic(config, seed=1, as_given=settings.as_given) as traffic:
+        living = DrivenTraffic(traffic, settings, seed=1)
+        carried = False
+        for _ in range(200):
+            actors = living.advance(10)
+            carried |= traffic.api.vehicle.getPersonIDList("cab") == ("rider",)
+            if carried:
+                break
+        assert carried and actors.ids == ("cab",) and traffic.dispatched("cab")
+        assert "tram" in traffic.api.vehicle.getIDList()
+
+
 def test_the_preset_stands_alone(tmp_path):
     path = tmp_path / "c.yaml"
     path.write_text("behaviour: {preset: sumo, gap_m: {kind: constant, value: 1}}\n")

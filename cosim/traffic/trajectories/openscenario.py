@@ -1,0 +1,253 @@
+"""Scenarios of ASAM OpenSCENARIO XML 1.x whose road users follow trajectories that stand in the file.
+
+ASAM OpenSCENARIO 1.3, 7.4.1.3 and class FollowTrajectoryAction: positions are those of an entity's origin, for vehicles
+the middle of the rear axle; headings count counter-clockwise from x. The file is parsed by scenariogeneration.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import xml.etree.ElementTree as ET
+from collections import Counter
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.traffic.trajectories.kinds import user_of
+from cosim.traffic.trajectories.tracks import RoadTracks, Sample, TrajectoryError, User, gather
+from sumo_nets.errors import TownError
+from sumo_nets.xml_guard import read_xml
+
+_EVERY_S = 0.1
+_STARTS_S = 0.05  # a trajectory that begins so soon begins at once
+_REMEDY = (
+    "only trajectories as polylines of world positions with times are replayed: play it elsewhere, and give a table"
+)
+_WORDS = {"motorbike": "motorcycle", "wheelchair": "pedestrian"}
+_PARAMETER = re.compile(r"\$(\w+)")
+
+
+@dataclass
+class _Way:
+    """What one entity does: where it stands first, and its trajectories as rows of time [s], x, y, z [m], heading."""
+
+    stands: np.ndarray | None
+    trajectories: list[np.ndarray]
+
+
+def read_openscenario(path: Path, root: ET.Element, left_out: Counter[str]) -> RoadTracks:
+    """Tracks of an `OpenSCENARIO` document; who is no road user is counted in `left_out`.
+
+    Raises:
+        TrajectoryError: somebody does what no explicit trajectory tells, a value is missing, or see `gather`; or the
+            library that reads such files is missing.
+    """
+    xosc = _library()
+    _with_parameters(path, root)
+    try:
+        scenario = xosc.Scenario.parse(root)
+    except (ValueError, TypeError, KeyError, AttributeError, NotImplementedError, *_complaints(xosc)) as error:
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise TrajectoryError(
+            f"{path}: is no OpenSCENARIO XML 1.x that can be read ({said}); check it against its schema"
+        ) from error
+    users = _users(path, scenario, xosc, left_out)
+    ways = {name: _Way(None, []) for name in users}
+    _initial(path, scenario, xosc, ways)
+    for story in scenario.storyboard.stories:
+        _told(path, story, xosc, ways)
+    end_s = max((rows[-1, 0] for way in ways.values() for rows in way.trajectories), default=0.0)
+    samples = [sample for name, way in ways.items() for sample in _samples(path, name, way, end_s)]
+    return gather(path, samples, users, centred=True)
+
+
+def _library() -> Any:
+    try:
+        return import_module("scenariogeneration.xosc")
+    except ImportError:
+        raise TrajectoryError("OpenSCENARIO needs scenariogeneration; `pip install 'cosim[openscenario]'`") from None
+
+
+def _complaints(xosc: Any) -> tuple[type[Exception], ...]:
+    return tuple(one for one in vars(xosc.exceptions).values() if isinstance(one, type) and issubclass(one, Exception))
+
+
+def _with_parameters(path: Path, root: ET.Element) -> None:
+    """Put the values of declared parameters where they are named."""
+    declared = root.findall("ParameterDeclarations/ParameterDeclaration")
+    values = {one.get("name", ""): one.get("value", "") for one in declared}
+
+    def value(found: re.Match[str]) -> str:
+        if found[1] not in values:
+            raise TrajectoryError(f"{path}: ${found[1]} is not declared; give it under <ParameterDeclarations>")
+        return values[found[1]]
+
+    for element in root.iter():
+        for key, text in element.attrib.items():
+            if "${" in text:
+                raise TrajectoryError(f"{path}: {text!r} is an expression, which is not evaluated; write its value")
+            element.set(key, _PARAMETER.sub(value, text))
+
+
+def _users(path: Path, scenario: Any, xosc: Any, left_out: Counter[str]) -> dict[str, User]:
+    users: dict[str, User] = {}
+    for one in scenario.entities.scenario_objects:
+        entity = one.entityobject
+        if isinstance(entity, xosc.CatalogReference):
+            entity = _catalogued(path, scenario, xosc, entity)
+        user = _user(entity, xosc)
+        if user is None:
+            left_out[type(entity).__name__] += 1
+        else:
+            users[one.name] = user
+    return users
+
+
+def _user(entity: Any, xosc: Any) -> User | None:
+    """Who an entity is; None for what is no road user."""
+    if isinstance(entity, xosc.Vehicle):
+        word = entity.vehicle_type.get_name()
+    elif isinstance(entity, xosc.Pedestrian):
+        word = entity.category.get_name()
+    else:
+        return None
+    box = entity.boundingbox
+    size = box.boundingbox
+    found = user_of(_WORDS.get(word) or word, (size.length, size.width, size.height))
+    return None if found is None else User(found.type, found.kind, found.size_m, middle_ahead_m=float(box.center.x))
+
+
+def _catalogued(path: Path, scenario: Any, xosc: Any, reference: Any) -> Any:
+    """An entity of a catalogue beside the scenario.
+
+    Raises:
+        TrajectoryError: there is no such entry.
+    """
+    for folder in scenario.catalog.catalogs.values():
+        for file in sorted((path.parent / str(folder)).glob("*.xosc")):
+            try:
+                catalog = read_xml(file, "OpenSCENARIO").find("Catalog")
+            except TownError as error:
+                raise TrajectoryError(str(error)) from error
+            if catalog is None or catalog.get("name") != reference.catalogname:
+                continue
+            for entry in catalog:
+                if entry.get("name") == reference.entryname and entry.tag in ("Vehicle", "Pedestrian"):
+                    return getattr(xosc, entry.tag).parse(entry)
+    raise TrajectoryError(
+        f"{path}: {reference.entryname!r} of catalogue {reference.catalogname!r} is in no folder of its "
+        "CatalogLocations; put the catalogue there"
+    )
+
+
+def _initial(path: Path, scenario: Any, xosc: Any, ways: dict[str, _Way]) -> None:
+    for name, actions in scenario.storyboard.init.initactions.items():
+        if name in ways:
+            for action in actions:
+                _take(path, name, action, xosc, ways[name], 0.0)
+
+
+def _told(path: Path, story: Any, xosc: Any, ways: dict[str, _Way]) -> None:
+    """Trajectories of a story's events."""
+    for act in story.acts:
+        for group in act.maneuvergroup:
+            names = [one.entity for one in group.actors.actors if one.entity in ways]
+            for event in (event for maneuver in group.maneuvers for event in maneuver.events):
+                for name in names:
+                    begins = [_begin_s(path, trigger, xosc) for trigger in (act.starttrigger, event.trigger)]
+                    start_s = None if None in begins else max(one for one in begins if one is not None)
+                    for action in event.action:
+                        _take(path, name, action.action, xosc, ways[name], start_s)
+
+
+def _take(path: Path, name: str, action: Any, xosc: Any, way: _Way, start_s: float | None) -> None:
+    """Enter what an action tells of an entity's way.
+
+    Args:
+        path: for messages.
+        name: of the entity.
+        action: of the library.
+        xosc: the library.
+        way: is added to.
+        start_s: when it begins; None where only the simulation would tell.
+    """
+    if isinstance(action, xosc.TeleportAction) and start_s == 0:
+        way.stands = _place(path, name, action.position, xosc)
+    elif isinstance(action, xosc.FollowTrajectoryAction):
+        way.trajectories.append(_rows(path, name, action, xosc, start_s))
+    elif isinstance(action, xosc.AbsoluteSpeedAction) and start_s == 0:
+        return  # trajectories with times tell speeds themselves
+    elif not isinstance(action, (xosc.ControllerAction, xosc.ActivateControllerAction, xosc.VisibilityAction)):
+        raise TrajectoryError(f"{path}: {name!r} does a {type(action).__name__}, {_REMEDY}")
+
+
+def _rows(path: Path, name: str, action: Any, xosc: Any, start_s: float | None) -> np.ndarray:
+    """A trajectory as rows of time, x, y, z, heading."""
+    trajectory, timing = action.trajectory, action.timeref
+    if not (isinstance(trajectory, xosc.Trajectory) and isinstance(trajectory.shapes, xosc.Polyline)):
+        raise TrajectoryError(f"{path}: the trajectory of {name!r} is no polyline, {_REMEDY}")
+    shape = trajectory.shapes
+    if not shape.time or timing.scale is None:
+        raise TrajectoryError(f"{path}: the trajectory of {name!r} has no times, {_REMEDY}")
+    if timing.reference_domain.get_name() == "relative" and start_s is None:
+        raise TrajectoryError(
+            f"{path}: the trajectory of {name!r} begins when a condition of traffic is met, {_REMEDY}"
+        )
+    begins_s = start_s if timing.reference_domain.get_name() == "relative" else 0.0
+    times = np.array(shape.time, float) * float(timing.scale) + float(timing.offset) + (begins_s or 0.0)
+    places = np.array([_place(path, name, one, xosc) for one in shape.positions])
+    if (np.diff(times) <= 0).any() or not np.isfinite(times).all():
+        raise TrajectoryError(f"{path}: times of the trajectory of {name!r} do not grow; order its vertices by time")
+    return np.column_stack([times, places])
+
+
+def _place(path: Path, name: str, position: Any, xosc: Any) -> np.ndarray:
+    """World position: x, y, z, heading, the last two NaN where they are not told."""
+    if not isinstance(position, xosc.WorldPosition):
+        raise TrajectoryError(f"{path}: {name!r} has a {type(position).__name__}, {_REMEDY}")
+    values = [math.nan if value is None else value for value in (position.x, position.y, position.z, position.h)]
+    return np.array(values, float)
+
+
+def _begin_s(path: Path, trigger: Any, xosc: Any) -> float | None:
+    """When a trigger fires that asks for simulated time alone; None for all others."""
+    groups = getattr(trigger, "conditiongroups", None) or ([trigger] if getattr(trigger, "conditions", None) else [])
+    if trigger is None or not (groups or isinstance(trigger, xosc.ValueTrigger)):
+        return 0.0  # without conditions it fires at once
+    conditions = [one for group in groups for one in group.conditions] or [trigger]
+    values = [getattr(one, "valuecondition", None) for one in conditions]
+    if len(groups) > 1 or not all(isinstance(one, xosc.SimulationTimeCondition) for one in values):
+        return None
+    if any(one.rule.get_name() not in ("greaterThan", "greaterOrEqual") for one in values if one is not None):
+        return None
+    return max(float(one.value) for one in values if one is not None)
+
+
+def _samples(path: Path, name: str, way: _Way, end_s: float) -> list[Sample]:
+    """An entity's way ten times a second; where it stands until its trajectory begins, or throughout."""
+    ways = sorted(way.trajectories, key=lambda rows: rows[0, 0])
+    if not ways and way.stands is None:
+        raise TrajectoryError(f"{path}: nothing says where {name!r} is; give a TeleportAction or a trajectory")
+    parts = [_dense(rows) for rows in ways]
+    if way.stands is not None and (not parts or parts[0][0, 0] > _STARTS_S):
+        until_s = parts[0][0, 0] - _EVERY_S / 2 if parts else max(end_s, 1.0)
+        times = np.append(np.arange(0.0, until_s, _EVERY_S), until_s)
+        parts.insert(0, np.column_stack([times, np.tile(way.stands, (len(times), 1))]))
+    return [
+        Sample(time_s=float(time_s), user=name, x_m=float(x), y_m=float(y), z_m=float(z), heading_rad=float(heading))
+        for time_s, x, y, z, heading in np.concatenate(parts)
+    ]
+
+
+def _dense(rows: np.ndarray) -> np.ndarray:
+    """Rows of a polyline with others between its vertices, which are kept."""
+    steps = np.arange(rows[0, 0], rows[-1, 0], _EVERY_S)
+    far = np.abs(steps[:, None] - rows[None, :, 0]).min(1) > _EVERY_S / 4
+    times = np.sort(np.concatenate([steps[far], rows[:, 0]]))
+    heading = np.unwrap(rows[:, 4]) if np.isfinite(rows[:, 4]).all() else rows[:, 4]
+    columns = [*rows[:, 1:4].T, heading]
+    return np.column_stack([times, *(np.interp(times, rows[:, 0], column) for column in columns)])
