@@ -21,6 +21,7 @@ from training.models.foreign_weights import translate
 from training.models.settings import ModelSettings
 
 FORMAT = 1
+_BEFORE = {"level_ground": False}  # keys that checkpoints of earlier versions lack, where presets say otherwise
 
 
 def save_checkpoint(
@@ -108,7 +109,7 @@ def _ours(content: dict[str, Any], path: Path) -> tuple[ModelSettings, tuple[str
     if absent:
         raise TrainingError(f"{path}: no {absent[0]} in it; take a checkpoint.pt as cosim train left it")
     try:
-        settings = ModelSettings.model_validate(content["model"])
+        settings = ModelSettings.model_validate({**_BEFORE, **content["model"]})
     except ValidationError as error:
         raise TrainingError(
             f"{path}: {first_problem(error)}; another version of cosim wrote it, use it with that one"

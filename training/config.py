@@ -39,7 +39,8 @@ class TrainConfig(BaseModel):
     freeze: tuple[str, ...] = Field(default=(), description="parts that keep those weights, such as backbone_2d")
     precision: Precision = Field(
         default="auto",
-        description="of the convolutions; auto: bfloat16 or float16 on a GPU, bfloat16 on CPUs with AMX, else float32",
+        description="of the convolutions; auto: bfloat16 or float16 on a GPU, bfloat16 on CPUs with AMX or AVX-512 "
+        "BF16, else float32",
     )
     device: Literal["auto", "cpu", "cuda"] = Field(default="auto", description="auto: a GPU where there is one")
     workers: int = Field(default=0, ge=0, le=256, description="processes that prepare frames")

@@ -80,8 +80,13 @@ def _dtype(precision: str, device: torch.device) -> torch.dtype:
         return getattr(torch, precision)
     if device.type == "cuda":
         return torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float16
-    matrices = getattr(torch.cpu, "_is_amx_tile_supported", None)
-    return torch.bfloat16 if matrices is not None and matrices() else torch.float32
+    return torch.bfloat16 if _computes_in_bfloat16() else torch.float32
+
+
+def _computes_in_bfloat16() -> bool:
+    """Whether the CPU has instructions for it, by torch's own tests, which have no public name."""
+    tests = (getattr(torch.cpu, name, None) for name in ("_is_amx_tile_supported", "_is_avx512_bf16_supported"))
+    return any(test is not None and test() for test in tests)
 
 
 @contextlib.contextmanager

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from cosim.drives.kitti import Boxes, Drive, Frame, Labels, box_areas, clip_boxes, project_corners, write_labels
+from cosim.drives.kitti import Boxes, Frame, Labels, box_areas, clip_boxes, project_corners, write_labels
 from cosim.drives.writer import explained
 from training.data.batch import collate
 from training.data.frame import image_size, read_sample
@@ -18,19 +18,17 @@ from training.models.nms import Detections
 
 def predict(
     detector: Detector,
-    drive: Drive,
-    names: Sequence[str],
+    frames: Iterable[Frame],
     classes: Sequence[str],
     device: torch.device,
     *,
     least_score: float = 0.05,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[Labels]:
-    """What a detector finds in frames of a drive, frame by frame."""
+    """What a detector finds, frame by frame."""
     detector.eval()
     found = []
-    for name in names:
-        frame = drive[name]
+    for frame in frames:
         batch = collate([read_sample(frame, classes)]).to(device)
         found.append(as_labels(detector.detect(batch, least_score)[0], frame, classes))
         on_frame()

@@ -77,7 +77,7 @@ def score(
     unlabelled = [name for name in names if not drive[name].has("label_2")]
     if unlabelled:
         raise TrainingError(f"{source.drive}: frame {unlabelled[0]} has no label_2/; score on labelled frames only")
-    found = predict(detector, drive, names, classes, device)
+    found = predict(detector, (drive[name] for name in names), classes, device)
     if folder is not None:
         write_detections(folder, names, found)
     return evaluate(pair_frames([drive[name].labels for name in names], found, names))

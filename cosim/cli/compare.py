@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,8 +11,10 @@ from rich.console import Console
 
 from cosim.cli.options import (
     add_common,
+    add_detector,
     add_frames,
     add_lidar,
+    asked_detector,
     beside,
     chosen_lidar,
     say_notes,
@@ -35,6 +38,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--sensor", required=True, metavar="FILE", help="sensor file, or the name of a built-in one")
     add_lidar(parser)
     add_frames(parser)
+    add_detector(parser, "each of the model's effects")
     parser.add_argument("--out", type=Path, metavar="PAGE_DIR", help="folder of the page (default: DRIVE-compare)")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
@@ -50,7 +54,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from sensors.sensor_model import load_sensor
 
     path = chosen_lidar(options.drive, options)
-    sensor, drive = load_sensor(options.sensor), opened(path)
+    sensor, drive, detector = load_sensor(options.sensor), opened(path), asked_detector(options)
     names = chosen_frames(drive, options.frames) if options.frames else drive.frames
     folder = options.out or beside(path, "compare")
     with explained(folder):
@@ -61,6 +65,14 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             report.advance()
 
         found = compare(drive, sensor, frames=names, on_frame=on_frame)
+        if detector is not None:
+            from cosim.discrepancy.worth import that_count
+            from training.worth import value_effects
+
+            report.begin("measuring without each effect", len(names))
+            effects = that_count(sensor)
+            worth = value_effects(drive, names, sensor, effects, detector, on_frame=report.advance)
+            found = replace(found, worth=worth)
     command = f"cosim diagnose {path} --sensor {options.sensor}"
     page = write_page(folder, format_comparison(found, command))
     if not options.quiet:

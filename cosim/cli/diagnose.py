@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +13,10 @@ from rich.console import Console
 
 from cosim.cli.options import (
     add_common,
+    add_detector,
     add_frames,
     add_lidar,
+    asked_detector,
     beside,
     chosen_lidar,
     say_notes,
@@ -24,7 +27,11 @@ from cosim.cli.progress import ProgressReport
 from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
+    from cosim.discrepancy.diagnosis import Diagnosis
+    from cosim.discrepancy.worth import Worth
+    from cosim.drives.kitti import Drive
     from sensors.effects.base import Effect
+    from sensors.sensor_model import SensorModel
 
 
 def add_command(commands: Any) -> None:
@@ -43,6 +50,7 @@ def add_command(commands: Any) -> None:
     )
     add_lidar(parser)
     add_frames(parser)
+    add_detector(parser, "each effect that was missing")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the page (default: DRIVE-diagnosis)")
     parser.add_argument(
         "--sensor-out", type=Path, metavar="FILE", help="the improved sensor (default: sensor.yaml beside the page)"
@@ -62,7 +70,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from sensors.sensor_model import load_sensor
 
     path = chosen_lidar(options.drive, options)
-    sensor, drive = load_sensor(options.sensor), opened(path)
+    sensor, drive, detector = load_sensor(options.sensor), opened(path), asked_detector(options)
     extra = [_asked_for(text) for text in options.effect]
     names = tuple(sorted(chosen_frames(drive, options.frames))) if options.frames else None
     folder = options.out or beside(path, "diagnosis")
@@ -70,6 +78,8 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     with ProgressReport(console, "reading the drive") as report:
         found = diagnose(drive, sensor, frames=names, extra=extra, on_progress=report.say)
+        if detector is not None:
+            found = replace(found, worth=_worth(found, drive, names or drive.frames, sensor, detector, report))
     sensor_out = found.write_sensor(options.sensor_out or folder / "sensor.yaml")
     found = replace(found, sensor_out=os.path.relpath(sensor_out))
     words = Vocabulary(extra)
@@ -80,6 +90,31 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     say_notes(found.notes, console)
     console.print(f"{page}; the improved sensor: {found.sensor_out}", soft_wrap=True, highlight=False)
     write_json(options.json, without_nan(found.to_json()))
+
+
+def _worth(
+    found: Diagnosis,
+    drive: Drive,
+    names: Sequence[str],
+    given: SensorModel,
+    detector: Path,
+    report: ProgressReport,
+) -> Worth:
+    """What the missing effects, unknown ones among them, are worth to a detector."""
+    from training.worth import value_effects
+
+    report.begin("measuring without each effect", len(names))
+    missing = [one.effect for one in found.effects] + [one.name for one in found.unknowns]
+    there = {effect.name for effect in found.sensor.effects}
+    return value_effects(
+        drive,
+        names,
+        found.sensor,
+        [name for name in missing if name in there],
+        detector,
+        given=given,
+        on_frame=report.advance,
+    )
 
 
 def _asked_for(text: str) -> type[Effect]:

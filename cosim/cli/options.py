@@ -14,6 +14,8 @@ from cosim.drives.writer import explained
 if TYPE_CHECKING:
     from rich.console import Console
 
+_SHIPPED = Path()
+
 
 def add_common(parser: argparse.ArgumentParser, *, computes: bool = False) -> None:
     """`--quiet`, and `--json` for commands that compute something."""
@@ -45,6 +47,34 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--frames", metavar="NAMES|COUNT", help="names with commas between; or how many, evenly spread (default: all)"
     )
+
+
+def add_detector(parser: argparse.ArgumentParser, of: str) -> None:
+    """`--detector`: also say what effects are worth to one; `asked_detector` obeys."""
+    parser.add_argument(
+        "--detector",
+        type=Path,
+        nargs="?",
+        const=_SHIPPED,
+        metavar="CHECKPOINT",
+        help=f"also say how the average precision of a detector changes without {of}; the drive needs labels "
+        "(no name: the detector that comes along)",
+    )
+
+
+def asked_detector(options: argparse.Namespace) -> Path | None:
+    """The checkpoint that `--detector` means; None where it was not given.
+
+    Raises:
+        TrainingError: torch is not installed.
+    """
+    if options.detector is None:
+        return None
+    from training.errors import demand_torch
+    from training.weights import shipped
+
+    demand_torch()
+    return shipped() if options.detector == _SHIPPED else options.detector
 
 
 def say_notes(notes: Iterable[str], console: Console) -> None:

@@ -23,6 +23,7 @@ from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, 
 from cosim.discrepancy.settings import DEFAULT
 from cosim.discrepancy.slices import Slice, SliceTally
 from cosim.discrepancy.state import Case, Model, viewed
+from cosim.discrepancy.worth import Worth
 from cosim.drives.kitti import Drive
 from sensors.effects.base import Effect
 from sensors.sensor_model import SensorModel, load_sensor
@@ -46,6 +47,7 @@ class Comparison:
         budget: where the error comes from; None where it was not asked for.
         scores: of each frame, beam by beam, if they were to be kept.
         judged: the frames of the budget at the poses as given and aligned, for pages.
+        worth: what the model's effects are worth to a detector, where one was asked.
     """
 
     drive: str
@@ -58,6 +60,7 @@ class Comparison:
     budget: Budget | None = None
     scores: Mapping[str, FrameScores] = field(default_factory=dict)
     judged: Judged | None = None
+    worth: Worth | None = None
 
     @property
     def error(self) -> float:
@@ -125,6 +128,7 @@ class Comparison:
             "noise_floor": self.floor.error if self.floor else None,
             "slices": [one.to_json() for one in self.slices],
             "notes": list(self.notes),
+            **({"worth": self.worth.to_json()} if self.worth else {}),
         }
 
     def __str__(self) -> str:

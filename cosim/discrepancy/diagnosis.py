@@ -14,6 +14,7 @@ from cosim.discrepancy.labels.diagnose import LabelFinding
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.shape import Shape
 from cosim.discrepancy.validation import HeldOut
+from cosim.discrepancy.worth import Worth
 from sensors.sensor_model import SensorModel
 
 _AT_FLOOR = 0.05
@@ -84,6 +85,7 @@ class Diagnosis:
         notes: what the drive does not let one know, a sentence each.
         judged: the judging frames under the model as given and as it ends, for pages.
         refitted: of effects that were fitted along, by name their `params` and `ci95`.
+        worth: what the findings are worth to a detector, where one was asked.
     """
 
     effects: tuple[Finding, ...]
@@ -100,6 +102,7 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     judged: Judged | None = None
     refitted: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    worth: Worth | None = None
 
     @property
     def verdict(self) -> Literal["none", "missing", "ambiguous", "unknown"]:
@@ -157,6 +160,7 @@ class Diagnosis:
             "noise_floor": self.noise_floor,
             "spreads": dict(self.spreads),
             "notes": list(self.notes),
+            **({"worth": self.worth.to_json()} if self.worth else {}),
             "sensor_out": self.sensor_out,
         }
 

@@ -1,4 +1,7 @@
-"""Whom annotators label: the smaller an object looks, the likelier it is left to a DontCare region."""
+"""Whom annotators label, and whom they call occluded.
+
+The smaller an object looks, the likelier it is left to a DontCare region.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import hashlib
 from collections.abc import Sequence
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 _CERTAIN_PX = 45.0
 
@@ -17,6 +20,11 @@ class Annotators(BaseModel):
     The share labelled is 1 / (1 + (height / height_px)^(−1/spread)). The default is what KITTI's own annotators left:
     in 7481 label files cars and DontCare regions are equally frequent at 21 px of height, cars are a quarter of both
     at 15 px and nine tenths at 45 px, from where on everybody is labelled here.
+
+    They tick "partly" and "largely occluded" by eye. Of 14,357 of their cars 22 % are largely occluded, with 0.38 of
+    the points of a visible car at the same distance, and partly occluded ones have 0.85. In the towns that is so where
+    cars count as largely occluded from 45 % of their pixels on and as partly from 5 % on. The published code of "Synth
+    It Like KITTI" has 75 % and 10 %, which leaves 11 % largely occluded, with a tenth of the points.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -28,6 +36,25 @@ class Annotators(BaseModel):
     spread: float = Field(
         default=0.28, ge=0, le=2, description="how gradually they begin, in logarithms of height; 0: a sharp limit [1]"
     )
+
+    partly_hidden: float = Field(
+        default=0.05, ge=0, le=1, description="share of its pixels that is hidden of what is partly occluded [1]"
+    )
+    largely_hidden: float = Field(
+        default=0.45, ge=0, le=1, description="share that is hidden of what is largely occluded [1]"
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Annotators:
+        if self.partly_hidden > self.largely_hidden:
+            raise ValueError(
+                f"partly_hidden is {self.partly_hidden}, largely_hidden {self.largely_hidden}; give the smaller first"
+            )
+        return self
+
+    def occlusion(self, hidden_share: np.ndarray) -> np.ndarray:
+        """KITTI's level (n,) int64 of objects of which a share is hidden: 0 visible, 1 partly, 2 largely occluded."""
+        return np.searchsorted((self.partly_hidden, self.largely_hidden), hidden_share, side="right")
 
     def overlook(self, ids: Sequence[str], height_px: np.ndarray, seed: int) -> np.ndarray:
         """Whom they leave to a DontCare region, (n,) bool.

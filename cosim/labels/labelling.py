@@ -24,7 +24,6 @@ KITTI_TYPE = {
     "cyclist": "Cyclist",
     "pedestrian": "Pedestrian",
 }
-_HIDDEN_SHARES = (0.1, 0.75)  # above these, occluded is 1 and 2
 _MOST_SAMPLES = 1600
 _FARTHEST_M = 1e4
 _MOST_LIFT_M = 0.03
@@ -42,7 +41,7 @@ class Labeller:
         range_m: what stands farther from the LiDAR becomes DontCare [m].
         min_pixels: what shows fewer pixels is not labelled.
         min_points: what returns fewer beams becomes DontCare.
-        annotators: whom they overlook becomes DontCare; by default nobody.
+        annotators: whom they overlook becomes DontCare, by default nobody; and what they call occluded.
         seed: of whom they overlook.
         camera: index of the camera whose instance image is given.
     """
@@ -102,7 +101,7 @@ class Labeller:
             self._calibration,
             bbox=clipped,
             truncated=truncated,
-            occluded=np.searchsorted(_HIDDEN_SHARES, hidden, side="right"),
+            occluded=self._annotators.occlusion(hidden),
         )
         return dont_care_where(labels, lost)
 

@@ -58,7 +58,7 @@ def read_sample(frame: Frame, classes: Sequence[str], min_points: int = 5) -> Sa
     """Read a frame.
 
     Args:
-        frame: of a drive, simulated or real; without labels its boxes are none.
+        frame: of a drive, simulated or real, or of a recording; without labels its boxes are none.
         classes: those to find; their neighbours (Van for Car) are ignored.
         min_points: objects of which fewer were measured are ignored.
     """

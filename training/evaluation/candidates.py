@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from training.evaluation.read import Scored, Table
+from cosim.drives.kitti import Labels
+from training.evaluation.read import Scored
 from training.evaluation.rotated_overlap import paired_intersections
 from training.evaluation.rules import Metric
 
@@ -37,9 +38,14 @@ def overlapping(scored: Scored, labels: np.ndarray, detections: np.ndarray, metr
         above: exclusive.
     """
     one, other = _within_frames(scored, labels, detections)
-    overlap = _OVERLAPS[metric](scored.labels, one, scored.detections, other)
+    overlap = paired_overlaps(scored.labels.objects[one], scored.detections.objects[other], metric)
     enough = overlap > above
     return Pairs(one[enough], other[enough], overlap[enough])
+
+
+def paired_overlaps(first: Labels, second: Labels, metric: Metric) -> np.ndarray:
+    """Intersection over union of the i-th of the first and the i-th of the second, (n,) float64 in 0–1."""
+    return _OVERLAPS[metric](first, second)
 
 
 def absorbed(scored: Scored, detections: np.ndarray, above: float) -> np.ndarray:
@@ -63,35 +69,32 @@ def _within_frames(scored: Scored, labels: np.ndarray, detections: np.ndarray) -
     return np.repeat(labels, counts), detections[place]
 
 
-def _overlap_2d(labels: Table, one: np.ndarray, detections: Table, other: np.ndarray) -> np.ndarray:
-    a, b = labels.objects.bbox, detections.objects.bbox
-    shared = _shared_area(a[one], b[other])
-    return _ratio(shared, _area(a)[one] + _area(b)[other] - shared)
+def _overlap_2d(first: Labels, second: Labels) -> np.ndarray:
+    shared = _shared_area(first.bbox, second.bbox)
+    return _ratio(shared, _area(first.bbox) + _area(second.bbox) - shared)
 
 
-def _overlap_bev(labels: Table, one: np.ndarray, detections: Table, other: np.ndarray) -> np.ndarray:
-    a, b = _rectangles(labels), _rectangles(detections)
-    shared = paired_intersections(a[one], b[other])
-    return _ratio(shared, (a[:, 2] * a[:, 3])[one] + (b[:, 2] * b[:, 3])[other] - shared)
+def _overlap_bev(first: Labels, second: Labels) -> np.ndarray:
+    a, b = _rectangles(first), _rectangles(second)
+    shared = paired_intersections(a, b)
+    return _ratio(shared, a[:, 2] * a[:, 3] + b[:, 2] * b[:, 3] - shared)
 
 
-def _overlap_3d(labels: Table, one: np.ndarray, detections: Table, other: np.ndarray) -> np.ndarray:
-    shared = paired_intersections(_rectangles(labels)[one], _rectangles(detections)[other])
-    low, high = zip(_heights(labels), _heights(detections), strict=True)  # y points down
-    shared *= np.clip(np.minimum(high[0][one], high[1][other]) - np.maximum(low[0][one], low[1][other]), 0, None)
-    volumes = [table.objects.dimensions.prod(1) for table in (labels, detections)]
-    return _ratio(shared, volumes[0][one] + volumes[1][other] - shared)
+def _overlap_3d(first: Labels, second: Labels) -> np.ndarray:
+    shared = paired_intersections(_rectangles(first), _rectangles(second))
+    low, high = zip(_heights(first), _heights(second), strict=True)  # y points down
+    shared *= np.clip(np.minimum(*high) - np.maximum(*low), 0, None)
+    return _ratio(shared, first.dimensions.prod(1) + second.dimensions.prod(1) - shared)
 
 
-def _rectangles(table: Table) -> np.ndarray:
+def _rectangles(objects: Labels) -> np.ndarray:
     """Footprints (n, 5) in the plane x, z of the camera: rotation_y is clockwise there."""
-    objects = table.objects
     return np.column_stack([objects.location[:, [0, 2]], objects.dimensions[:, [2, 1]], -objects.rotation_y])
 
 
-def _heights(table: Table) -> tuple[np.ndarray, np.ndarray]:
-    bottom = table.objects.location[:, 1]
-    return bottom - table.objects.dimensions[:, 0], bottom
+def _heights(objects: Labels) -> tuple[np.ndarray, np.ndarray]:
+    bottom = objects.location[:, 1]
+    return bottom - objects.dimensions[:, 0], bottom
 
 
 def _shared_area(a: np.ndarray, b: np.ndarray) -> np.ndarray:

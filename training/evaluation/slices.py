@@ -19,10 +19,11 @@ from cosim.drives.kitti import Drive, points_in_boxes
 from training.evaluation.average_precision import continuous_average
 from training.evaluation.evaluate import Result
 from training.evaluation.matching import count, found
+from training.evaluation.read import Table
 
 DISTANCE_EDGES_M = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 80.0)
 POINT_EDGES = (0, 5, 20, 50, 100, 300, 1000, 10_000_000)
-_OCCLUSIONS = ("visible", "partly", "largely")
+OCCLUSIONS = ("visible", "partly", "largely")
 _STEPS = 200
 
 
@@ -49,24 +50,45 @@ def slices(result: Result, points: np.ndarray | None = None) -> dict[str, list[S
     """
     objects = result.task.scored.labels.objects
     distance = np.hypot(objects.location[:, 0], objects.location[:, 2])
-    words = [f"{low:g}–{high:g} m" for low, high in pairwise(DISTANCE_EDGES_M)]
     parts = {
-        "distance": _parts(result, np.searchsorted(DISTANCE_EDGES_M, distance, "right") - 1, words),
-        "occlusion": _parts(result, objects.occluded, _OCCLUSIONS),
+        "distance": _parts(result, np.searchsorted(DISTANCE_EDGES_M, distance, "right") - 1, distance_words()),
+        "occlusion": _parts(result, objects.occluded, OCCLUSIONS),
     }
     if points is not None:
-        words = [f"{low:,}–{high - 1:,}" for low, high in pairwise(POINT_EDGES)]
-        words[-1] = f"{POINT_EDGES[-2]:,}+"
-        parts["points"] = _parts(result, np.searchsorted(POINT_EDGES, points, "right") - 1, words)
+        parts["points"] = _parts(result, np.searchsorted(POINT_EDGES, points, "right") - 1, point_words())
     return parts
+
+
+def distance_words() -> list[str]:
+    """Names of the parts by distance."""
+    return [f"{low:g}–{high:g} m" for low, high in pairwise(DISTANCE_EDGES_M)]
+
+
+def point_words() -> list[str]:
+    """Names of the parts by points in the box."""
+    return [*(f"{low:,}–{high - 1:,}" for low, high in pairwise(POINT_EDGES[:-1])), f"{POINT_EDGES[-2]:,}+"]
 
 
 def points_in_labels(result: Result, drive: Drive) -> np.ndarray:
     """How many points of the drive's scans lie in each label's box, (g,) int64; 0 for frames it lacks."""
-    table = result.task.scored.labels
+    return points_in_rows(result.task.scored.labels, result.task.object_counts, result.task.scored.names, drive)
+
+
+def points_in_rows(table: Table, wanted: np.ndarray, names: Sequence[str], drive: Drive) -> np.ndarray:
+    """How many points of the drive's scans lie in some boxes.
+
+    Args:
+        table: labels or detections.
+        wanted: (n,) bool, which rows; others have 0, as those of frames that the drive lacks.
+        names: of the frames.
+        drive: has the scans.
+
+    Returns:
+        (n,) int64.
+    """
     counts = np.zeros(len(table.kind), np.int64)
-    for number, name in enumerate(result.task.scored.names):
-        rows = np.flatnonzero(result.task.object_counts & (table.frame == number))
+    for number, name in enumerate(names):
+        rows = np.flatnonzero(wanted & (table.frame == number))
         if len(rows) and name in drive:
             frame = drive[name]
             boxes = table.objects[rows].boxes_velo(frame.calibration)

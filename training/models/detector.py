@@ -9,23 +9,42 @@ from torch import Tensor, nn
 
 from training.data.batch import Batch
 from training.models.anchor_head import AnchorHead, AnchorOutput
+from training.models.level_ground import find_ground
 from training.models.nms import Detections, suppress
+from training.models.settings import ModelSettings
 
 
 class Detector(nn.Module):
-    """Base of the detectors. Calling one gives its losses, weighted, by name."""
+    """Base of the detectors. Calling one gives its losses, weighted, by name: wrappers for several processes see that.
+
+    Attributes:
+        settings: what it looks like. With `level_ground` it is given, and learns from, frames on level ground.
+    """
+
+    settings: ModelSettings
 
     def losses(self, batch: Batch) -> dict[str, Tensor]:
         """Weighted losses by name; their sum is what training lowers."""
         raise NotImplementedError
 
-    def detect(self, batch: Batch, least_score: float = 0.1) -> list[Detections]:
-        """What is found in each frame. Put the detector into `eval()` before."""
+    def find(self, batch: Batch, least_score: float) -> list[tuple[Tensor, Tensor, Tensor]]:
+        """Boxes (k, 7), scores (k,) and class indices (k,) of each frame."""
         raise NotImplementedError
 
     def forward(self, batch: Batch) -> dict[str, Tensor]:
-        """The losses, so that wrappers for several processes see the call."""
+        """The losses."""
+        if self.settings.level_ground:
+            batch = find_ground(batch.points, len(batch), self.settings.grid).levelled(batch)
         return self.losses(batch)
+
+    @torch.no_grad()
+    def detect(self, batch: Batch, least_score: float = 0.1) -> list[Detections]:
+        """What is found in each frame. Put the detector into `eval()` before."""
+        if not self.settings.level_ground:
+            return [_as_arrays(*some) for some in self.find(batch, least_score)]
+        ground = find_ground(batch.points, len(batch), self.settings.grid)
+        found = self.find(ground.levelled(batch), least_score)
+        return [_as_arrays(ground.raised(boxes, frame), *rest) for frame, (boxes, *rest) in enumerate(found)]
 
 
 def detect_from_anchors(
@@ -41,7 +60,7 @@ def detect_from_anchors(
     return boxes[kept], scores[rows][kept], kinds[rows][kept]
 
 
-def as_detections(boxes: Tensor, scores: Tensor, kinds: Tensor) -> Detections:
+def _as_arrays(boxes: Tensor, scores: Tensor, kinds: Tensor) -> Detections:
     """Tensors on any device as arrays."""
     arrays: list[Any] = [tensor.detach().float().cpu().numpy() for tensor in (boxes, scores)]
     return Detections(arrays[0], arrays[1], kinds.detach().cpu().numpy())

@@ -14,8 +14,7 @@ from training.data.batch import Batch
 from training.data.voxels import voxelise
 from training.models.anchor_head import AnchorHead, AnchorOutput
 from training.models.bev_backbone import BevBackbone
-from training.models.detector import Detector, as_detections, detect_from_anchors
-from training.models.nms import Detections
+from training.models.detector import Detector, detect_from_anchors
 from training.models.pillar_encoder import PillarEncoder, spread_on_grid
 from training.models.settings import ModelSettings
 
@@ -46,14 +45,11 @@ class PillarDetector(Detector):
         """Class, box and direction."""
         return self.dense_head.losses(self._answers(batch), batch)
 
-    @torch.no_grad()
-    def detect(self, batch: Batch, least_score: float = 0.1) -> list[Detections]:
-        """What is found in each frame."""
+    def find(self, batch: Batch, least_score: float) -> list[tuple[Tensor, Tensor, Tensor]]:
+        """Boxes (k, 7), scores (k,) and class indices (k,) of each frame."""
         output = self._answers(batch)
         limits = {"least_score": least_score, "overlap": _OVERLAP, "before": _BEFORE, "after": _AFTER}
-        return [
-            as_detections(*detect_from_anchors(self.dense_head, output, frame, **limits)) for frame in range(len(batch))
-        ]
+        return [detect_from_anchors(self.dense_head, output, frame, **limits) for frame in range(len(batch))]
 
     def _answers(self, batch: Batch) -> AnchorOutput:
         settings = self.settings

@@ -33,6 +33,9 @@ class ModelSettings(BaseModel):
     direction_offset_rad: float = Field(
         default=0.78539, description="heading at which the first half-turn begins [rad]"
     )
+    level_ground: bool = Field(
+        default=False, description="whether heights are told above the local ground, found in the points"
+    )
     norm_momentum: float = Field(default=0.1, gt=0, le=1, description="of batch normalisation's running statistics")
     sparse_channels: tuple[int, int, int, int, int] = Field(
         default=(16, 32, 64, 64, 128), description="features of the sparse stages of voxel_rcnn"

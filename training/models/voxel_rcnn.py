@@ -11,8 +11,8 @@ from training.data.batch import Batch
 from training.data.voxels import voxelise
 from training.models.anchor_head import AnchorHead, AnchorOutput
 from training.models.bev_backbone import BevBackbone
-from training.models.detector import Detector, as_detections, detect_from_anchors
-from training.models.nms import Detections, suppress
+from training.models.detector import Detector, detect_from_anchors
+from training.models.nms import suppress
 from training.models.roi_head import RoiHead, choose_rois, refine, roi_losses
 from training.models.settings import ModelSettings
 from training.models.sparse_conv import SparseTensor
@@ -64,9 +64,8 @@ class VoxelRcnn(Detector):
             second = roi_losses(scores, residuals, regions, torch.cat(objects), torch.cat(overlap))
         return {**losses, **second}
 
-    @torch.no_grad()
-    def detect(self, batch: Batch, least_score: float = 0.1) -> list[Detections]:
-        """What is found in each frame."""
+    def find(self, batch: Batch, least_score: float) -> list[tuple[Tensor, Tensor, Tensor]]:
+        """Boxes (k, 7), scores (k,) and class indices (k,) of each frame."""
         output, stages = self._propose(batch)
         found = []
         for frame in range(len(batch)):
@@ -76,7 +75,7 @@ class VoxelRcnn(Detector):
             scores, boxes = torch.sigmoid(logits), refine(rois, residuals)
             rows = torch.nonzero(scores >= least_score)[:, 0]
             kept = rows[suppress(boxes[rows], scores[rows], _OVERLAP, before=len(rows), after=_AFTER)]
-            found.append(as_detections(boxes[kept], scores[kept], kinds[kept]))
+            found.append((boxes[kept], scores[kept], kinds[kept]))
         return found
 
     def _proposals(self, output: AnchorOutput, frame: int) -> tuple[Tensor, Tensor, Tensor]:

@@ -10,6 +10,7 @@ from cosim.discrepancy.report.budget_section import budget_section
 from cosim.discrepancy.report.explorer_section import EXPLORER_STYLE, Explored, explorer_section
 from cosim.discrepancy.report.residual_charts import CHANNELS, Chart
 from cosim.discrepancy.report.sentences import source_words, times
+from cosim.discrepancy.report.worth_section import worth_section
 from cosim.discrepancy.scores import SCALES
 from cosim.discrepancy.slices import Slice
 from cosim.report import document, facts, meter, notes_section, section, table
@@ -40,6 +41,7 @@ def format_comparison(found: Comparison, command: str, explored: Explored | None
         f"<header><h1>{escape(title)}</h1>{_verdict(found, explored, command)}{_figures(found)}</header>",
         _budget(found),
         _slices(found.slices),
+        worth_section(found.worth),
         explorer_section(explored, _SIDES, text=text),
         _notes(found),
     ]

@@ -27,6 +27,7 @@ from cosim.discrepancy.report.sentences import (
 from cosim.discrepancy.report.unexplained_section import unexplained_section
 from cosim.discrepancy.report.unknown_section import unknown_section
 from cosim.discrepancy.report.waterfall import waterfall
+from cosim.discrepancy.report.worth_section import worth_section
 from cosim.report import document, figure, notes_section, section, table
 from cosim.report.phrases import listed, p_cell
 from cosim.report.ranking_table import ranking_section
@@ -61,6 +62,7 @@ def format_diagnosis(
         f"<header><h1>{escape(title)}</h1>{_verdict(found, words, explored)}{_next(found, drive, sensor)}</header>",
         _budget(found),
         _effects(found, words),
+        worth_section(found.worth),
         _alternatives(found, words),
         unknown_section(found),
         unexplained_section(found.unexplained, explored),

@@ -1,0 +1,6 @@
+"""Where average precision is lost: kinds of errors, what each takes, and where it does."""
+
+from training.evaluation.losses.find import SETS_MENDED, Losses, as_json, drawn_frames, find_losses
+from training.evaluation.losses.page import format_losses
+
+__all__ = ["SETS_MENDED", "Losses", "as_json", "drawn_frames", "find_losses", "format_losses"]

@@ -1,0 +1,200 @@
+"""What is wrong with each detection, and what an evaluation would be without some of that.
+
+The kinds are those of TIDE (Bolya, Foley, Hays & Hoffman, "TIDE: A General Toolbox for Identifying Object Detection
+Errors", ECCV 2020, section 2.2), with its localisation error split into the parts of an upright box. Every detection
+that counts belongs to the object it overlaps most from above, if by more than 0.1. Of the detections of one object one
+is its box, the others are duplicates. What belongs to no object is a false alarm, or a box round an object of another
+class. An object that no detection belongs to is missed.
+
+To mend a kind is to take its errors away and to leave the rest, scores included, as it is: false alarms, boxes round
+others and duplicates are removed, missed objects no longer counted, and of each box the place, height, size or
+heading becomes the object's. A box is mended only as far as it then overlaps more: a box that is too short
+and fits the face that was seen would become worse from its right middle alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from cosim.drives.kitti import Labels
+from training.evaluation.candidates import Pairs, overlapping, paired_overlaps
+from training.evaluation.evaluate import tasks
+from training.evaluation.matching import Task
+from training.evaluation.read import Scored
+from training.evaluation.rules import MIN_OVERLAP, NEIGHBOURS, Metric
+
+#: What may be wrong with a box, and what else.
+BOX_PARTS: dict[Metric, tuple[str, ...]] = {
+    "3d": ("position", "height", "size", "heading"),
+    "bev": ("position", "size", "heading"),
+}
+OTHER_KINDS = ("misses", "false_alarms", "other_class", "duplicates")
+#: Overlap from above over which a detection belongs to an object (TIDE's background threshold).
+BELONGS = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Faults:
+    """A class by a metric at a difficulty, and what is wrong with its detections.
+
+    Attributes:
+        task: what is scored.
+        metric: 3D or from above.
+        owner: (d,) int64 of all detection rows: the object it belongs to, −1 none.
+        box: (g,) int64 of all label rows: the detection that is the object's box, −1 none.
+        missed: (g,) bool: objects that count and that nothing was found of.
+        false_alarms, other_class, duplicates: (d,) bool of all detection rows that count.
+        overlap: for each set of mended parts of a box, (g,) float64: how much the objects' boxes then overlap; 0
+            without one.
+        above: the overlap that a hit needs, exclusive.
+    """
+
+    task: Task
+    metric: Metric
+    owner: np.ndarray
+    box: np.ndarray
+    missed: np.ndarray
+    false_alarms: np.ndarray
+    other_class: np.ndarray
+    duplicates: np.ndarray
+    overlap: dict[frozenset[str], np.ndarray]
+    above: float
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """All kinds of errors that this metric knows."""
+        return (*BOX_PARTS[self.metric], *OTHER_KINDS)
+
+    @property
+    def misfits(self) -> np.ndarray:
+        """(g,) bool: objects with a box that overlaps too little."""
+        return (self.box >= 0) & (self.overlap[frozenset()] <= self.above)
+
+    def mended(
+        self, kinds: Collection[str], objects: np.ndarray | None = None, among: np.ndarray | None = None
+    ) -> Task:
+        """What is scored without errors of some kinds.
+
+        Args:
+            kinds: to take away.
+            objects: (g,) bool, errors at these objects alone; all by default.
+            among: (d,) bool, of detections without an object these alone; all by default.
+        """
+        task, pairs = self.task, self.task.pairs
+        here = np.ones(len(self.box), bool) if objects is None else objects
+        valid = task.valid.copy()
+        for kind in ("false_alarms", "other_class"):
+            if kind in kinds:
+                valid &= ~(getattr(self, kind) if among is None else getattr(self, kind) & among)
+        if "duplicates" in kinds:
+            valid &= ~(self.duplicates & np.append(here, False)[self.owner])
+        kept = valid[pairs.detection] | ~task.valid[pairs.detection]  # those too small to count stay
+        parts = frozenset(kinds) & frozenset(BOX_PARTS[self.metric])
+        fitted = Pairs(pairs.label[kept], pairs.detection[kept], pairs.overlap[kept])
+        if parts:
+            fitted = self._with_boxes(fitted, parts, here)
+        counts = task.object_counts & ~(self.missed & here) if "misses" in kinds else task.object_counts
+        return replace(task, pairs=fitted, object_counts=counts, valid=valid)
+
+    def _with_boxes(self, pairs: Pairs, parts: frozenset[str], objects: np.ndarray) -> Pairs:
+        """Pairs with those of objects and their mended boxes."""
+        rows = np.flatnonzero((self.box >= 0) & objects & (self.overlap[parts] > self.above))
+        mine = self.box[pairs.label] == pairs.detection
+        keep = ~(mine & np.isin(pairs.label, rows))
+        label = np.concatenate([pairs.label[keep], rows])
+        detection = np.concatenate([pairs.detection[keep], self.box[rows]])
+        overlap = np.concatenate([pairs.overlap[keep], self.overlap[parts][rows]])
+        order = np.lexsort((detection, label))
+        return Pairs(label[order], detection[order], overlap[order])
+
+
+def find_faults(scored: Scored, name: str, metric: Metric, level: int = 1) -> Faults:
+    """What is wrong with the detections of a class.
+
+    Args:
+        scored: labels and detections.
+        name: the class.
+        metric: `3d` or `bev`.
+        level: 0 easy, 1 moderate, 2 hard.
+    """
+    above = MIN_OVERLAP[name]
+    task = tasks(scored, name, metric, above)[level]
+    looked_for = np.isin(scored.labels.kind, [name.lower(), (NEIGHBOURS[name] or name).lower()])
+    owner = _owners(task, looked_for)
+    box = _boxes(task, owner)
+    others = np.flatnonzero((scored.labels.kind != "dontcare") & ~looked_for)
+    loose = task.valid & (owner < 0)
+    near = overlapping(scored, others, np.flatnonzero(loose), "bev", BELONGS).detection
+    other_class = np.isin(np.arange(len(owner)), near)
+    is_box = np.isin(np.arange(len(owner)), box[box >= 0])
+    return Faults(
+        task=task,
+        metric=metric,
+        owner=owner,
+        box=box,
+        missed=task.object_counts & (box < 0),
+        false_alarms=loose & ~other_class,
+        other_class=other_class,
+        duplicates=task.valid & (owner >= 0) & ~is_box,
+        overlap=_overlaps(scored, box, metric),
+        above=above,
+    )
+
+
+def _owners(task: Task, looked_for: np.ndarray) -> np.ndarray:
+    """The object that each detection that counts overlaps most from above, (d,) int64; −1 none.
+
+    Args:
+        task: what is scored.
+        looked_for: (g,) bool: objects of the class or a neighbouring one, whether they count or not.
+    """
+    pairs = overlapping(task.scored, np.flatnonzero(looked_for), np.flatnonzero(task.valid), "bev", BELONGS)
+    owner = np.full(len(task.valid), -1)
+    order = np.argsort(pairs.overlap, kind="stable")
+    owner[pairs.detection[order]] = pairs.label[order]  # the greatest is written last
+    return owner
+
+
+def _boxes(task: Task, owner: np.ndarray) -> np.ndarray:
+    """The detection that is each object's box: of those that fit, else of all of it, the surest; (g,), −1 none."""
+    fits = np.zeros(len(owner), bool)
+    own = owner[task.pairs.detection] == task.pairs.label
+    fits[task.pairs.detection[own]] = True
+    rows = np.flatnonzero(owner >= 0)
+    rows = rows[np.lexsort((-rows, task.score[rows], fits[rows]))]
+    box = np.full(len(task.object_counts), -1)
+    box[owner[rows]] = rows  # the best is written last
+    return box
+
+
+def _overlaps(scored: Scored, box: np.ndarray, metric: Metric) -> dict[frozenset[str], np.ndarray]:
+    """How much boxes overlap their objects, by the parts that are mended: the most that some of these parts give."""
+    rows = np.flatnonzero(box >= 0)
+    truth, found = scored.labels.objects[rows], scored.detections.objects[box[rows]]
+    best: dict[frozenset[str], np.ndarray] = {}
+    for parts in subsets(BOX_PARTS[metric]):
+        overlap = np.zeros(len(box))
+        overlap[rows] = paired_overlaps(truth, with_parts(found, truth, parts), metric)
+        for part in parts:
+            overlap = np.maximum(overlap, best[parts - {part}])
+        best[parts] = overlap
+    return best
+
+
+def with_parts(found: Labels, truth: Labels, parts: Collection[str]) -> Labels:
+    """Boxes with some parts of others, row by row; the middle of a box is its place, so that sizes leave it there."""
+    source = {part: truth if part in parts else found for part in ("position", "height", "size", "heading")}
+    dimensions = source["size"].dimensions
+    location = source["position"].location.copy()
+    middle = source["height"].location[:, 1] - source["height"].dimensions[:, 0] / 2
+    location[:, 1] = middle + dimensions[:, 0] / 2
+    return replace(found, dimensions=dimensions, location=location, rotation_y=source["heading"].rotation_y)
+
+
+def subsets(kinds: Sequence[str]) -> list[frozenset[str]]:
+    """All sets of some of them, the smaller ones first."""
+    return [frozenset(some) for count in range(len(kinds) + 1) for some in combinations(kinds, count)]

@@ -1,0 +1,176 @@
+"""The page of losses: what each kind of error takes, where, and how far boxes are off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+from cosim.report import Piece, document, facts, section, stacked_bar, table
+from cosim.report.phrases import listed
+from training.evaluation.losses.box_errors import PARTS
+from training.evaluation.losses.find import SPLIT, Losses, difference, intervals
+from training.evaluation.losses.split import Part, Split
+from training.evaluation.rules import Metric
+
+KINDS = {
+    "position": ("position", "place seen from above"),
+    "height": ("height", "of the middle above the ground"),
+    "size": ("size", "length, width, height"),
+    "heading": ("heading", ""),
+    "misses": ("misses", "objects that nothing was found of"),
+    "false_alarms": ("false alarms", "where no object is labelled"),
+    "other_class": ("other classes", "boxes round trucks, people and the like"),
+    "duplicates": ("duplicates", "further boxes of one object"),
+}
+_COLOURS = ("#ffb23e", "#f0606a", "#c792ea", "#5aa9ff", "#8692a6", "#6fd08c", "#4ec9b0", "#d7ba7d")
+_TITLES: dict[Metric, str] = {"3d": "3D", "bev": "Bird’s-eye view"}
+_SORTED = {"distance": "distance", "occlusion": "occlusion", "points": "points in the box"}
+_BOX_HEADS = {
+    "away_m": "along the sight (m)",
+    "aside_m": "across it, left (m)",
+    "height_m": "height of the middle (m)",
+    "length_m": "length (m)",
+    "width_m": "width (m)",
+    "tallness_m": "height of the box (m)",
+    "heading_deg": "heading (°)",
+}
+_MEANING = (
+    "Shares add up to what is lacking from 100. A share is the mean gain of mending a kind of error, over all orders "
+    "in which the kinds may be mended (Shapley value); “alone” is the gain where nothing else is mended (TIDE). AP is "
+    "the area under the whole curve; R40 stands for the devkit’s samples of it."
+)
+
+
+def format_losses(name: str, difficulty: str, sets: Sequence[Losses]) -> str:
+    """The HTML text of one set of detections, or of two held against each other.
+
+    Args:
+        name: the class.
+        difficulty: easy, moderate or hard.
+        sets: one or two.
+    """
+    title = f"Where {name} loses average precision, {difficulty}"
+    parts = [f"<header><h1>{escape(title)}</h1>{''.join(_headline(losses) for losses in sets)}</header>"]
+    for metric in SPLIT:
+        bars = "".join(_bar(losses, metric) for losses in sets)
+        parts.append(section(_TITLES[metric], bars, _table(sets, metric), text=_MEANING if metric == SPLIT[0] else ""))
+    parts += [_where(losses) for losses in sets] + [_boxes(losses) for losses in sets]
+    return document(title, parts, style=_STYLE, generator="cosim losses")
+
+
+def _headline(losses: Losses) -> str:
+    split = losses.splits["3d"]
+    worst = sorted(split.share, key=lambda kind: -split.share[kind])[:3]
+    told = listed([f"{KINDS[kind][0]} {split.share[kind]:.1f}" for kind in worst if split.share[kind] >= 0.05])
+    lost = f" Most of the rest goes to {escape(told)}." if told else ""
+    said = f"<p class=verdict>{escape(losses.title)}: 3D AP {split.ap:.1f} of 100.{lost}</p>"
+    numbers = [("frames", f"{losses.frames:,}")]
+    for metric in losses.splits:
+        numbers.append((f"{_TITLES[metric]} R40", f"{losses.r40[metric]:.1f}"))
+    faults = split.faults
+    counted = faults.task.object_counts
+    numbers += [
+        ("objects", f"{int(counted.sum()):,}"),
+        ("missed", f"{int(faults.missed.sum()):,}"),
+        ("found, box too far off", f"{int((faults.misfits & counted).sum()):,}"),
+    ]
+    return said + facts(numbers)
+
+
+def _bar(losses: Losses, metric: Metric) -> str:
+    split = losses.splits[metric]
+    pieces = [Piece("reached", split.ap, "#2f6d46")]
+    for (kind, (words, why)), colour in zip(KINDS.items(), _COLOURS, strict=True):
+        if kind in split.share:
+            pieces.append(Piece(words, split.share[kind], colour, why))
+    return f"<h3 class=set>{escape(losses.title)}</h3>{stacked_bar(pieces, f'{losses.title}, {metric}', 1)}"
+
+
+def _table(sets: Sequence[Losses], metric: Metric) -> str:
+    splits = [losses.splits[metric] for losses in sets]
+    heads = ["", *(word for losses in sets for word in (f"{losses.title}: takes", "alone"))]
+    bounds = [intervals(split) for split in splits]
+    rows = [
+        [
+            "AP reached",
+            *(cell for split, some in zip(splits, bounds, strict=True) for cell in (_with(split.ap, some["ap"]), "")),
+        ]
+    ]
+    kinds = [kind for kind in KINDS if kind in splits[0].share]
+    for kind in kinds:
+        row = [KINDS[kind][0]]
+        for split, some in zip(splits, bounds, strict=True):
+            row += [_with(split.share[kind], some[kind]), f"{split.alone[kind]:.1f}"]
+        rows.append(row)
+    if len(splits) == 2:
+        heads.append("first − second")
+        between = difference(*splits)
+        for row, key in zip(rows, ("ap", *kinds), strict=True):
+            row.append(_with(*between[key], signed=True))
+    return table(heads, rows)
+
+
+def _with(value: float, bounds: tuple[float, float] | None, signed: bool = False) -> str:
+    form = "+.1f" if signed else ".1f"
+    told, *ends = (_minus(f"{round(one, 1) + 0.0:{form}}") for one in (value, *(bounds or ())))
+    return f"{told}<small>{' – '.join(ends)}</small>" if ends else told
+
+
+def _where(losses: Losses) -> str:
+    tables = []
+    for by in _SORTED:
+        for metric in SPLIT:
+            some = losses.parts[metric].get(by)
+            if some:
+                tables.append(
+                    f"<h3 class=set>{_TITLES[metric]}, by {_SORTED[by]}</h3>{_part_table(some, losses.splits[metric])}"
+                )
+    text = "AP gained where one kind of error is mended there alone. False alarms lie where they are themselves."
+    return section(f"Where: {losses.title}", *tables, text=text)
+
+
+def _part_table(some: Sequence[Part], split: Split) -> str:
+    kinds = [kind for kind in KINDS if kind in split.share]
+    most = max((part.gain.get(kind, 0.0) for part in some for kind in kinds), default=0.0)
+    rows = [
+        [escape(part.name), f"{part.objects:,}", *(_shaded(part.gain.get(kind), most) for kind in kinds)]
+        for part in some
+    ]
+    return table(["", "objects", *(KINDS[kind][0] for kind in kinds)], rows)
+
+
+def _shaded(gain: float | None, most: float) -> str:
+    if gain is None:
+        return ""
+    strength = 0.75 * min(max(gain / most, 0.0), 1.0) if most > 0 else 0.0
+    words = _minus(f"{round(gain, 1) + 0.0:.1f}")
+    return f'<span class="heat" style="background:rgba(255,178,62,{strength:.2f})">{words}</span>'
+
+
+def _boxes(losses: Losses) -> str:
+    rows = []
+    for some in losses.errors:
+        cells = [
+            _minus(f"{some.median[part]:+.{1 if part.endswith('deg') else 2}f}")
+            + f"<small>± {some.spread[part]:.{1 if part.endswith('deg') else 2}f}</small>"
+            for part in PARTS
+        ]
+        rows.append([some.name, f"{some.objects:,}", *cells])
+    text = (
+        "Found minus labelled, of objects that count and that something was found of, whether it fits or not: median, "
+        "and half the distance from the 16th to the 84th percentile."
+    )
+    return section(
+        f"How far boxes are off: {losses.title}", table(["", "objects", *_BOX_HEADS.values()], rows), text=text
+    )
+
+
+def _minus(text: str) -> str:
+    return text.replace("-", "−")
+
+
+_STYLE = """
+td small { display: block; color: var(--muted); font-size: 11.5px; } .set { margin-top: 18px; }
+header .verdict { margin-top: 20px; }
+.heat { display: inline-block; min-width: 52px; padding: 1px 8px; border-radius: 4px; text-align: right; }
+"""

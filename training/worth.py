@@ -1,0 +1,114 @@
+"""What effects of a sensor model are worth to a detector; see `cosim.discrepancy.worth`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cosim.discrepancy.worth import EffectWorth, Worth, rescans, without
+from cosim.drives.kitti import Drive, Labels
+from sensors.sensor_model import SensorModel
+from training.data.views import Rescanned
+from training.errors import TrainingError
+from training.evaluation import Result, evaluate, pair_frames
+from training.evaluation.bootstrap import interval, resample
+from training.evaluation.evaluate import tasks
+from training.evaluation.rules import MIN_OVERLAP, SAMPLES
+from training.weights import shipped
+
+_LEVEL, _METRIC = 1, "3d"
+_DRAWS = 1000
+
+
+def value_effects(
+    drive: Drive,
+    names: Sequence[str],
+    sensor: SensorModel,
+    effects: Sequence[str],
+    checkpoint: Path,
+    *,
+    given: SensorModel | None = None,
+    seed: int = 0,
+    on_frame: Callable[[], None] = lambda: None,
+) -> Worth:
+    """Score a detector on scans of a drive's twin, measured with a whole model and without each of some effects.
+
+    Args:
+        drive: with labels and a twin.
+        names: frames that take part.
+        sensor: the whole model.
+        effects: names of those to leave out, one at a time.
+        checkpoint: of the detector; its first class is scored, 3D at moderate.
+        given: the model before effects were added: one that it had is put back in the place of what is left out.
+        seed: of the draws of frames.
+        on_frame: is told each frame.
+
+    Raises:
+        TrainingError: a frame has no labels, or none of them counts.
+        CosimError: the twin cannot be traced.
+    """
+    from training.checkpoints import load_detector
+    from training.devices import find_device
+    from training.predict import predict
+
+    unlabelled = [name for name in names if not drive[name].has("label_2")]
+    if unlabelled:
+        raise TrainingError(
+            f"{drive.root}: frame {unlabelled[0]} has no label_2/, so that no detector can be scored; leave --detector "
+            "out, or choose labelled --frames"
+        )
+    device = find_device("auto")
+    detector, classes = load_detector(checkpoint)
+    detector.to(device)
+    sensors = [sensor, *(without(sensor, effect, given) for effect in effects)]
+    found: list[list[Labels]] = [[] for _ in range(1 + len(sensors))]
+    for frame, scans in rescans(drive, names, sensors):
+        looked_at = [frame, *(Rescanned.of(frame, scan) for scan in scans)]
+        for these, labels in zip(found, predict(detector, looked_at, classes, device), strict=True):
+            these.append(labels)
+        on_frame()
+    labels = [drive[name].labels for name in names]
+    results = [_scored(labels, some, names, classes[0]) for some in found]
+    objects = _objects(labels, names, classes[0])
+    if not objects:
+        raise TrainingError(
+            f"{drive.root}: no {classes[0]} of its {len(names)} frames counts at moderate; choose other --frames"
+        )
+    few = objects < SAMPLES  # R40 cannot reach 100 then
+    draws = [_draws(result, seed)[:, int(few)] for result in results]
+    averages = [0.0 if result is None else result.continuous if few else result.r40 for result in results]
+    (measured, model, *others), (own, whole, *rest) = averages, draws
+    return Worth(
+        detector="pillars_small, which comes along" if checkpoint == shipped() else str(checkpoint),
+        scored=f"3D AP{' (whole curve)' if few else ' R40'} of {classes[0]} at moderate",
+        frames=len(names),
+        objects=objects,
+        measured=measured,
+        model=model,
+        gap=model - measured,
+        gap_ci95=interval(whole - own),
+        effects=tuple(
+            EffectWorth(effect, ap, ap - model, interval(drawn - whole))
+            for effect, ap, drawn in zip(effects, others, rest, strict=True)
+        ),
+    )
+
+
+def _scored(labels: Sequence[Labels], found: Sequence[Labels], names: Sequence[str], name: str) -> Result | None:
+    """The class at moderate; None where nothing of it was detected."""
+    results = evaluate(pair_frames(labels, found, names), classes=(name,)).results.get(name)
+    return results[_METRIC][_LEVEL] if results and _METRIC in results else None
+
+
+def _objects(labels: Sequence[Labels], names: Sequence[str], name: str) -> int:
+    """How many objects count."""
+    empty = [Labels.empty() for _ in labels]
+    (_, task, _) = tasks(pair_frames(labels, empty, names), name, _METRIC, MIN_OVERLAP[name])
+    return int(task.object_counts.sum())
+
+
+def _draws(result: Result | None, seed: int) -> np.ndarray:
+    """R40 and AP of the whole curve of draws of the frames; equal seeds draw equal frames, so they are paired."""
+    return np.zeros((_DRAWS, 2)) if result is None else resample(result, np.random.default_rng(seed), _DRAWS)
