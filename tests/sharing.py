@@ -44,11 +44,11 @@ class _ThisProcess:
         return []
 
 
-def record(config: Path, folder: Path, **changes: Any) -> Path:
+def record(config: Path | None, folder: Path, **changes: Any) -> Path:
     """A drive, recorded by the process that tests; gives its folder.
 
     Args:
-        config: the configuration's file.
+        config: the configuration's file; none for the defaults.
         folder: of the drive.
         changes: settings that win over the file's.
     """

@@ -182,7 +182,7 @@ def commonroad(folder: Path) -> Path:
 def test_a_commonroad_scenario_is_streets_and_traffic(tmp_path, hamlet_config):
     path = commonroad(tmp_path)
     sensor = hamlet_config.parent / "sensor.yaml"
-    cosim("run", "--trajectories", path, "--sensor", sensor, "--frames", 3, "--out", tmp_path / "d", "--quiet")
+    record(None, tmp_path / "d", trajectories=path, sensor=str(sensor), frames=3, images=())
     drive = Drive(tmp_path / "d")
     for frame in drive:
         assert [thing.id for thing in frame.twin.instances] == ["43"]
