@@ -219,13 +219,23 @@ def eliminated(case: Case, state: State) -> State:
         told = gain(state.view.fitter, view.fitted, state.view.fitted) if view.fitter is state.view.fitter else None
         value = state.view.fitted.loglik - view.fitted.loglik if told else np.inf
         if told is not None and (told.p_value > case.settings.level or value < np.log(len(state.view.fitter.sample))):
-            kept = tuple(other for other in state.found if other is not one)
-            model = replace(less, effects=view.fitted.effects)
-            state = replace(
-                state, model=model, view=view, judges=judged(case, state.judges, model), found=kept, screened=[]
-            )
+            state = _taken_out(case, state, one, less, view)
             sure = plainly_on(state.view.fitter, state.view.fitted)
     return state
+
+
+def _without(case: Case, state: State, one: Found) -> State:
+    """The rest fitted anew without a finding."""
+    place = _place(state, one.effect)
+    assert place is not None  # found
+    less = state.model.without(place, given(case))
+    return _taken_out(case, state, one, less, viewed(case, case.split.fit, less, case.settings.rows, state.view))
+
+
+def _taken_out(case: Case, state: State, one: Found, less: Model, view: View) -> State:
+    kept = tuple(other for other in state.found if other is not one)
+    model = replace(less, effects=view.fitted.effects)
+    return replace(state, model=model, view=view, judges=judged(case, state.judges, model), found=kept, screened=[])
 
 
 def redrawn(case: Case, state: State) -> State:
@@ -238,6 +248,9 @@ def redrawn(case: Case, state: State) -> State:
         if found is None:
             continue
         shape, better = found
+        if shape is None:
+            state = _without(case, state, one)
+            continue
         if better is not None:
             before = replace(state.view, fitted=better.fitted)
             view = viewed(case, case.split.fit, better.model, case.settings.rows, before)

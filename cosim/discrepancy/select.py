@@ -299,12 +299,12 @@ def _regains(fitter: Fitter, without: Fitted, whole: Fitted, group: Group) -> bo
     return alone.loglik - without.loglik > _MUCH * (whole.loglik - without.loglik)
 
 
-def reshaped(state: State, found: Found) -> tuple[Shape, Candidate | None] | None:
+def reshaped(state: State, found: Found) -> tuple[Shape | None, Candidate | None] | None:
     """An unknown dependence drawn anew, now that everything else is known, with whom it was first drawn.
 
     Returns:
         The shape, with the formula as it stands, and the candidate that a better formula makes, if one does;
-        None where it cannot be drawn.
+        None where it cannot be drawn. The shape is gone (None) where what is drawn now is not what was found.
     """
     fitter, fitted = state.view.fitter, state.view.fitted
     place = next((at for at, one in enumerate(fitted.effects) if one.name == found.effect), None)
@@ -318,9 +318,13 @@ def reshaped(state: State, found: Found) -> tuple[Shape, Candidate | None] | Non
     reduced = replace(state, model=less, view=replace(state.view, fitted=without))
     one = _with_shape(reduced, fitter, without, drawn, found.p_value)
     kept = replace(drawn, formula=found.shape.formula, factor=found.shape.factor)
-    if one is None or one.fitted.loglik - fitted.loglik < float(np.log(len(fitter.sample))):
-        return kept, None
-    return drawn, one
+    beams = len(fitter.sample)
+    if one is not None and one.worth(beams) > 0 and one.fitted.loglik - fitted.loglik >= float(np.log(beams)):
+        return drawn, one
+    last = kept.refitted(fitted.effects[place].model_dump(), {})
+    if last.formula is not None and last.formula.r2 <= 0:
+        return None, None
+    return kept, None
 
 
 def best_fit(case: Case, state: State, groups: Sequence[Group]) -> Effect | None:

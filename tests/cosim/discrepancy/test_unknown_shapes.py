@@ -10,12 +10,17 @@ import pytest
 
 from cosim.discrepancy.candidates import as_known, for_rings, with_rings
 from cosim.discrepancy.groups.covariates import covariates
+from cosim.discrepancy.select import reshaped
+from cosim.discrepancy.state import Found, Model, State
 from cosim.discrepancy.unknown.formulas import best_formula
 from cosim.discrepancy.unknown.plug_in import shape_effect
 from cosim.discrepancy.unknown.shape import Shape
 from cosim.discrepancy.unknown.write import class_name, effect_source
+from sensors.effects.range_noise import RangeNoise
 from sensors.effects.registry import find_effect
-from tests.cosim.discrepancy.small_drive import make_yard, viewed_yard
+from sensors.sensor_model import load_sensor
+from tests.cosim.discrepancy.conftest import NOISE
+from tests.cosim.discrepancy.small_drive import Yard, make_yard, viewed_yard
 
 AZIMUTH = np.linspace(-np.pi, np.pi, 41)[:-1] + np.pi / 40
 
@@ -103,3 +108,35 @@ def test_an_oscillation_between_regular_scans_says_which_others_look_the_same() 
         left = y - parts @ np.linalg.lstsq(parts, y, rcond=None)[0]
         assert np.std(left) < 0.2 * np.std(y)
     assert "a period of" in shape.text
+
+
+def found_in(yard: Yard, one: Shape) -> tuple[State, Found]:
+    """Where a diagnosis stands that added a shape to what the sensor file knows."""
+    known = load_sensor(yard.sensor).effects
+    effect = shape_effect(one)
+    view = viewed_yard(yard, (*known, effect), (len(known),))
+    found = Found(effect.name, len(known), 0.001, shape=one)
+    return State(Model(view.fitted.effects, (len(known),)), view, view, (found,)), found
+
+
+def test_a_shape_is_drawn_anew_as_it_is_beside_all_else(tmp_path: Path) -> None:
+    bell = 0.06 * np.exp(-(((AZIMUTH - 0.5) / 0.5) ** 2))
+    effects = (shape_effect(shape("range", bell)), RangeNoise(sigma_m=0.01))
+    yard = make_yard(tmp_path, effects, known=(NOISE,), frames=4)
+    state, found = found_in(yard, shape("range", bell + 0.02 * np.sin(AZIMUTH)))
+    shape_now, better = reshaped(state, found) or (None, None)
+    assert shape_now is not None
+    assert np.sqrt(np.mean((shape_now.y - np.interp(shape_now.x, AZIMUTH, bell)) ** 2)) < 0.006
+    best = shape_now if better is None else better.shape
+    assert best is not None
+    assert best.refitted(best.params or (best.formula.parameters if best.formula else {}), {}).r2 > 0.9
+
+
+def test_a_shape_that_is_no_longer_there_is_gone(tmp_path: Path) -> None:
+    yard = make_yard(tmp_path, (RangeNoise(sigma_m=0.01),), known=(NOISE,), frames=4)
+    state, found = found_in(yard, shape("range", 0.05 * np.sin(3 * AZIMUTH)))
+    fixed = tuple(
+        one.model_copy(update={"amplitude": 0.05}) if one.name == found.effect else one for one in state.model.effects
+    )
+    view = replace(state.view, fitted=state.view.fitter.at(fixed, state.view.fitted.estimate))
+    assert reshaped(replace(state, view=view), found) == (None, None)
