@@ -11,16 +11,15 @@ import pytest
 from cosim.discrepancy.candidates import as_known, for_rings, with_rings
 from cosim.discrepancy.groups.covariates import covariates
 from cosim.discrepancy.select import reshaped
-from cosim.discrepancy.state import Found, Model, State
+from cosim.discrepancy.state import Found, Model, State, View
 from cosim.discrepancy.unknown.formulas import best_formula
 from cosim.discrepancy.unknown.plug_in import shape_effect
 from cosim.discrepancy.unknown.shape import Shape
 from cosim.discrepancy.unknown.write import class_name, effect_source
 from sensors.effects.range_noise import RangeNoise
 from sensors.effects.registry import find_effect
-from sensors.sensor_model import load_sensor
 from tests.cosim.discrepancy.conftest import NOISE
-from tests.cosim.discrepancy.small_drive import Yard, make_yard, viewed_yard
+from tests.cosim.discrepancy.small_drive import make_yard, viewed_yard
 
 AZIMUTH = np.linspace(-np.pi, np.pi, 41)[:-1] + np.pi / 40
 
@@ -110,33 +109,30 @@ def test_an_oscillation_between_regular_scans_says_which_others_look_the_same() 
     assert "a period of" in shape.text
 
 
-def found_in(yard: Yard, one: Shape) -> tuple[State, Found]:
-    """Where a diagnosis stands that added a shape to what the sensor file knows."""
-    known = load_sensor(yard.sensor).effects
-    effect = shape_effect(one)
-    view = viewed_yard(yard, (*known, effect), (len(known),))
-    found = Found(effect.name, len(known), 0.001, shape=one)
-    return State(Model(view.fitted.effects, (len(known),)), view, view, (found,)), found
+def found_in(view: View, one: Shape) -> tuple[State, Found]:
+    """Where a diagnosis stands that added a shape, which is the first effect of a view."""
+    found = Found(view.fitted.effects[0].name, 0, 0.001, shape=one)
+    return State(Model(view.fitted.effects, (0,)), view, view, (found,)), found
 
 
 def test_a_shape_is_drawn_anew_as_it_is_beside_all_else(tmp_path: Path) -> None:
     bell = 0.06 * np.exp(-(((AZIMUTH - 0.5) / 0.5) ** 2))
     effects = (shape_effect(shape("range", bell)), RangeNoise(sigma_m=0.01))
     yard = make_yard(tmp_path, effects, known=(NOISE,), frames=4)
-    state, found = found_in(yard, shape("range", bell + 0.02 * np.sin(AZIMUTH)))
-    shape_now, better = reshaped(state, found) or (None, None)
-    assert shape_now is not None
-    assert np.sqrt(np.mean((shape_now.y - np.interp(shape_now.x, AZIMUTH, bell)) ** 2)) < 0.006
-    best = shape_now if better is None else better.shape
-    assert best is not None
-    assert best.refitted(best.params or (best.formula.parameters if best.formula else {}), {}).r2 > 0.9
+    first = shape("range", bell + 0.02 * np.sin(AZIMUTH))
+    known = viewed_yard(yard).fitted.effects
+    state, found = found_in(viewed_yard(yard, (shape_effect(first), *known), (0,)), first)
+    now, better = reshaped(state, found) or (None, None)
+    assert now is not None
+    assert np.sqrt(np.mean((now.y - np.interp(now.x, AZIMUTH, bell)) ** 2)) < 0.006
+    fitted = state.view.fitted.effects[0] if better is None else better.fitted.effects[better.place]
+    assert now.refitted(fitted.model_dump(), {}).r2 > 0.9
 
 
 def test_a_shape_that_is_no_longer_there_is_gone(tmp_path: Path) -> None:
     yard = make_yard(tmp_path, (RangeNoise(sigma_m=0.01),), known=(NOISE,), frames=4)
-    state, found = found_in(yard, shape("range", 0.05 * np.sin(3 * AZIMUTH)))
-    fixed = tuple(
-        one.model_copy(update={"amplitude": 0.05}) if one.name == found.effect else one for one in state.model.effects
-    )
-    view = replace(state.view, fitted=state.view.fitter.at(fixed, state.view.fitted.estimate))
-    assert reshaped(replace(state, view=view), found) == (None, None)
+    first, view = shape("range", 0.05 * np.sin(3 * AZIMUTH)), viewed_yard(yard)
+    effects = (shape_effect(first), *view.fitted.effects)
+    view = replace(view, fitted=view.fitter.at(effects, view.fitted.estimate))
+    state, found = found_in(view, first)
+    assert reshaped(state, found) == (None, None)
