@@ -59,6 +59,7 @@ class RoadUsers:
         self._sumo = api
         self._types: dict[str, _TypeInfo] = {}
         self._left_out: set[str] = set()
+        self._dispatched: dict[str, bool] = {}
 
     def shows(self, api: Any, name: str) -> bool:
         """Whether somebody is a road user; trains, ships and the like are left out, which is said once a class.
@@ -74,6 +75,12 @@ class RoadUsers:
             self._left_out.add(vehicle_class)
             _log.warning("who has vClass %r is not shown: only road users and people on foot are", vehicle_class)
         return False
+
+    def dispatched(self, vehicle: str) -> bool:
+        """Whether SUMO sends a vehicle to its passengers: it has a taxi device."""
+        if vehicle not in self._dispatched:
+            self._dispatched[vehicle] = self._sumo.vehicle.getParameter(vehicle, "has.taxi.device") == "true"
+        return self._dispatched[vehicle]
 
     def looks(self, types: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray]:
         """Shared vTypes, kinds and sizes (n, 3) [m] of road users by their vTypes.

@@ -86,7 +86,6 @@ class Traffic:
         self._near_parked: dict[str, dict] | None = None  # None: all of them
         self._arriving: set[str] = set()
         self._hidden: set[str] = set()
-        self._dispatched: dict[str, bool] = {}
         self._routes = LongerRoutes(self._sumo)
         if not as_given:
             self._slow_for_corners()
@@ -141,9 +140,7 @@ class Traffic:
 
     def dispatched(self, vehicle: str) -> bool:
         """Whether SUMO sends a vehicle to its passengers (it has a taxi device); nobody else may change its route."""
-        if vehicle not in self._dispatched:
-            self._dispatched[vehicle] = self._sumo.vehicle.getParameter(vehicle, "has.taxi.device") == "true"
-        return self._dispatched[vehicle]
+        return self._users.dispatched(vehicle)
 
     def places(self) -> tuple[list[str], list[str], list[str], np.ndarray]:
         """Names of all who drive, are parked, and walk, and the places of these three in this order, (n, 2) [m]."""
@@ -229,9 +226,8 @@ class Traffic:
 
     def prolong_route(self, vehicle: str, rng: np.random.Generator) -> None:
         """Give a vehicle that nears its destination another one, so that it keeps driving; taxis have theirs."""
-        if self.dispatched(vehicle):
-            return
-        self._routes.prolong(vehicle, rng)
+        if not self.dispatched(vehicle):
+            self._routes.prolong(vehicle, rng)
 
     def _subscribe(self) -> None:
         """Subscribe to whoever has just entered or leaves his parking place."""
@@ -323,8 +319,7 @@ class Traffic:
         for vehicle in self._sumo.simulation.getParkingStartingVehiclesIDList():
             if vehicle in self._far:
                 api.subscribe(vehicle, self._vehicle_variables)
-            # Asked for somebody who is not subscribed, libsumo gives values without any from then on.
-            if vehicle in self._driving or vehicle in self._far:
+            if vehicle in self._driving or vehicle in self._far:  # asking for others would subscribe to nothing
                 self._park(vehicle, {**api.getSubscriptionResults(vehicle), **self._still})
         if self._arriving and self.time_s > self._began_s + _PARKED_FROM_S:
             for vehicle in sorted(self._arriving):

@@ -30,7 +30,6 @@ class FoliageDepth(PointEffect):
     confusable_with: ClassVar = ("range_noise", "beam_divergence")
     example: ClassVar = {"mean_m": 0.3, "most_m": 1.0}
     neutral: ClassVar = {"mean_m": 0.0, "most_m": 1.0}
-    is_candidate: ClassVar = False
 
     mean_m: float = number("mean depth of an endless medium, 2 over its leaf area density", unit="m", ge=0, le=5)
     most_m: float = number("depth of the leaves; nothing returns from farther within", unit="m", ge=0.01, le=10)

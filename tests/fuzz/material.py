@@ -82,8 +82,47 @@ def _make_motion(folder: Path) -> None:
         "<shape><rectangle><length>4</length><width>2</width></rectangle></shape>"
         f"{state.format('initialState', 5, 0)}<trajectory>{states}</trajectory></dynamicObstacle></commonRoad>"
     )
+    (folder / "play.xosc").write_text(_openscenario())
     shutil.copyfile(_RIG, folder / "rig.yaml")
     (folder / "road.glb").write_bytes(encode_glb(box((200, 30, 0.2), (50, 0, -0.1), "asphalt"), "road"))
+
+
+def _openscenario() -> str:
+    """A car that waits and then follows a trajectory."""
+    at = '<Position><WorldPosition x="{}" y="0.5" z="0" h="0"/></Position>'
+    line = "".join(f'<Vertex time="{k}">{at.format(8 * k)}</Vertex>' for k in range(6))
+    begins = (
+        '<StartTrigger><ConditionGroup><Condition name="t" delay="0" conditionEdge="none"><ByValueCondition>'
+        '<SimulationTimeCondition value="1" rule="greaterThan"/></ByValueCondition></Condition></ConditionGroup>'
+        "</StartTrigger>"
+    )
+    follows = (
+        '<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="way" closed="false">'
+        "<Shape>"
+        f"<Polyline>{line}</Polyline></Shape></Trajectory></TrajectoryRef><TimeReference>"
+        '<Timing domainAbsoluteRelative="relative" scale="1" offset="0"/></TimeReference>'
+        '<TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>'
+    )
+    car = (
+        '<Vehicle name="car" vehicleCategory="car"><BoundingBox><Center x="1.4" y="0" z="0.75"/>'
+        '<Dimensions width="1.8" length="4.4" height="1.5"/></BoundingBox>'
+        '<Performance maxSpeed="60" maxAcceleration="5" maxDeceleration="9"/><Axles>'
+        '<FrontAxle maxSteering="0.5" wheelDiameter="0.6" trackWidth="1.6" positionX="2.8" positionZ="0.3"/>'
+        '<RearAxle maxSteering="0" wheelDiameter="0.6" trackWidth="1.6" positionX="0" positionZ="0.3"/></Axles>'
+        "<Properties/></Vehicle>"
+    )
+    return (
+        '<OpenSCENARIO><FileHeader revMajor="1" revMinor="1" date="2024-01-01T00:00:00" description="d" author="a"/>'
+        '<ParameterDeclarations><ParameterDeclaration name="x" parameterType="double" value="2"/>'
+        "</ParameterDeclarations>"
+        f'<CatalogLocations/><RoadNetwork/><Entities><ScenarioObject name="a">{car}</ScenarioObject></Entities>'
+        '<Storyboard><Init><Actions><Private entityRef="a"><PrivateAction><TeleportAction>'
+        f"{at.format('$x')}</TeleportAction></PrivateAction></Private></Actions></Init>"
+        f'<Story name="s"><Act name="act"><ManeuverGroup name="g" maximumExecutionCount="1">'
+        '<Actors selectTriggeringEntities="false"><EntityRef entityRef="a"/></Actors><Maneuver name="m">'
+        f'<Event name="e" priority="overwrite"><Action name="b">{follows}</Action>{begins}</Event></Maneuver>'
+        f"</ManeuverGroup>{begins}</Act></Story><StopTrigger/></Storyboard></OpenSCENARIO>"
+    )
 
 
 def _copy_one_frame(drive: Path, target: Path) -> None:

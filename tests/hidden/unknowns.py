@@ -292,8 +292,8 @@ def _told_noise(p: Parameters) -> Told:
     return Told((p["channel"], f"{p['channel']}_variance"), (("noise_shape",),))
 
 
-# Porous surfaces: the return comes from somewhere behind the first leaf.
-_POROUS = (("hedge", "foliage", "foliage_dark"), ("hedge",), ("grass",), ("hedge", "foliage", "foliage_dark", "grass"))
+# Porous surfaces: the return comes from somewhere behind the first blade. Of leaves the catalogue knows that.
+_POROUS = (("grass",), ("grass", "soil"), ("grass", "gravel"))
 
 
 def _draw_porous(rng: np.random.Generator, level: str) -> dict[str, Any]:
