@@ -13,6 +13,7 @@ from cosim.cli.progress import ProgressReport
 
 _CLASSES = ("Car", "Pedestrian", "Cyclist")
 _DIFFICULTIES = ("easy", "moderate", "hard")
+_DRAWS, _DRAWS_UP_TO = 300, 500
 
 
 def add_command(commands: Any) -> None:
@@ -37,7 +38,10 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--class", dest="name", choices=_CLASSES, default="Car", help="default: Car")
     parser.add_argument("--difficulty", choices=_DIFFICULTIES, default="moderate", help="default: moderate")
     parser.add_argument(
-        "--bootstrap", type=int, default=300, metavar="DRAWS", help="of 95 %% intervals (default: 300; 0: none)"
+        "--bootstrap",
+        type=int,
+        metavar="DRAWS",
+        help=f"draws of the 95 %% intervals (default: {_DRAWS} up to {_DRAWS_UP_TO} frames, else none)",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of those draws (default: 0)")
     parser.add_argument("--out", type=Path, metavar="PAGE_DIR", help="folder of the page (default: DIR-losses)")
@@ -53,12 +57,14 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from training.evaluation.losses import SETS_MENDED, as_json, drawn_frames, find_losses, format_losses
     from training.evaluation.slices import scans_beside
 
-    if options.bootstrap < 0:
+    if options.bootstrap is not None and options.bootstrap < 0:
         raise EvaluationError(f"--bootstrap is {options.bootstrap}; give a number of draws, 0 for none")
     given = _given(options)
     with ProgressReport(console, "reading") as report:
         scored = [read_results(*places) for places in given]
-        times = drawn_frames(scored[0], scored[-1], options.bootstrap, options.seed)
+        few = max(len(some.names) for some in scored) <= _DRAWS_UP_TO
+        draws = options.bootstrap if options.bootstrap is not None else _DRAWS if few else 0
+        times = drawn_frames(scored[0], scored[-1], draws, options.seed)
         report.begin("mending errors", SETS_MENDED * len(given))
         sets = [
             find_losses(

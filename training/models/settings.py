@@ -91,7 +91,7 @@ class ModelSettings(BaseModel):
 
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "pillars_small": {},
+    "pillars_small": {"level_ground": True},
     "pointpillars": {  # Lang et al., CVPR 2019, as configured for KITTI's three classes in OpenPCDet
         "low_m": (0.0, -39.68, -3.0),
         "high_m": (69.12, 39.68, 1.0),
