@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -39,7 +40,5 @@ def test_another_code_than_the_one_asked_for_is_refused(tmp_path: Path) -> None:
     (tmp_path / "cosim" / "__init__.py").write_text("")
     (tmp_path / "cosim" / "cli.py").write_text("def main(arguments):\n    raise SystemExit('this one')\n")
     assert Version(tmp_path).run(tmp_path, 60, "effects").trouble == "this one"
-    (tmp_path / "cosim" / "cli.py").unlink()
-    (tmp_path / "cosim" / "__init__.py").unlink()
-    (tmp_path / "cosim").rmdir()
+    shutil.rmtree(tmp_path / "cosim")
     assert "not that of" in Version(tmp_path).run(tmp_path, 60, "effects").trouble
