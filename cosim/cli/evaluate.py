@@ -11,12 +11,13 @@ from rich.table import Table
 
 from cosim.cli.options import add_common, beside, write_json
 from cosim.cli.progress import ProgressReport
+from cosim.cli.scoring_options import add_draws, add_scored, chosen_draws, demand_draws
 
 if TYPE_CHECKING:
     from training.evaluation import Evaluation
     from training.evaluation.slices import Slice
 
-_DRAWS_UP_TO = 500  # frames for which intervals are drawn unless asked for
+_DRAWS = 1000
 
 
 def add_command(commands: Any) -> None:
@@ -24,20 +25,8 @@ def add_command(commands: Any) -> None:
     parser: argparse.ArgumentParser = commands.add_parser(
         "evaluate", help="score detections as KITTI does", description=__doc__
     )
-    parser.add_argument(
-        "--detections", type=Path, required=True, metavar="DIR", help="NAME.txt a frame, 16 columns, the last a score"
-    )
-    parser.add_argument("--labels", type=Path, required=True, metavar="DIR", help="a label_2/ folder")
-    parser.add_argument(
-        "--frames", type=Path, metavar="FILE", help="names to score, one a line; absent detection files hold none"
-    )
-    parser.add_argument(
-        "--bootstrap",
-        type=int,
-        metavar="DRAWS",
-        help=f"draws of the 95 %% intervals of R40 (default: 1000 up to {_DRAWS_UP_TO} frames, else none)",
-    )
-    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of those draws (default: 0)")
+    add_scored(parser)
+    add_draws(parser, " of R40", _DRAWS)
     parser.add_argument("--out", type=Path, metavar="PAGE_DIR", help="folder of the page (default: DIR-evaluation)")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
@@ -52,10 +41,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from training.evaluation.pictures import detection_pictures
     from training.evaluation.slices import scans_beside
 
-    if options.bootstrap is not None and options.bootstrap < 0:
-        from training.errors import EvaluationError
-
-        raise EvaluationError(f"--bootstrap is {options.bootstrap}; give a number of draws, 0 for none")
+    demand_draws(options)
     with ProgressReport(console, "reading") as report:
         scored = read_results(options.detections, options.labels, options.frames)
         report.begin(f"scoring {len(scored.names):,} frames")
@@ -80,9 +66,7 @@ def _intervals(evaluation: Evaluation, options: argparse.Namespace) -> dict[tupl
 
     from training.evaluation.bootstrap import interval, resample
 
-    draws = options.bootstrap
-    if draws is None:
-        draws = 1000 if len(evaluation.scored.names) <= _DRAWS_UP_TO else 0
+    draws = chosen_draws(options, len(evaluation.scored.names), _DRAWS)
     if not draws:
         return {}
     return {

@@ -10,10 +10,11 @@ from rich.console import Console
 
 from cosim.cli.options import add_common, beside, write_json
 from cosim.cli.progress import ProgressReport
+from cosim.cli.scoring_options import add_draws, add_scored, chosen_draws, demand_draws
 
 _CLASSES = ("Car", "Pedestrian", "Cyclist")
 _DIFFICULTIES = ("easy", "moderate", "hard")
-_DRAWS, _DRAWS_UP_TO = 300, 500
+_DRAWS = 300
 
 
 def add_command(commands: Any) -> None:
@@ -23,13 +24,7 @@ def add_command(commands: Any) -> None:
         help="which kinds of errors take how much of a detector's average precision",
         description=__doc__,
     )
-    parser.add_argument(
-        "--detections", type=Path, required=True, metavar="DIR", help="NAME.txt a frame, 16 columns, the last a score"
-    )
-    parser.add_argument("--labels", type=Path, required=True, metavar="DIR", help="a label_2/ folder")
-    parser.add_argument(
-        "--frames", type=Path, metavar="FILE", help="names to score, one a line; absent detection files hold none"
-    )
+    add_scored(parser)
     parser.add_argument(
         "--against", type=Path, metavar="DIR", help="detections to compare with: another detector's, or of other frames"
     )
@@ -37,13 +32,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--against-frames", type=Path, metavar="FILE", help="their names (default: those of --frames)")
     parser.add_argument("--class", dest="name", choices=_CLASSES, default="Car", help="default: Car")
     parser.add_argument("--difficulty", choices=_DIFFICULTIES, default="moderate", help="default: moderate")
-    parser.add_argument(
-        "--bootstrap",
-        type=int,
-        metavar="DRAWS",
-        help=f"draws of the 95 %% intervals (default: {_DRAWS} up to {_DRAWS_UP_TO} frames, else none)",
-    )
-    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of those draws (default: 0)")
+    add_draws(parser, "", _DRAWS)
     parser.add_argument("--out", type=Path, metavar="PAGE_DIR", help="folder of the page (default: DIR-losses)")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
@@ -52,18 +41,15 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Read, split, write the page."""
     from cosim.report import write_page
-    from training.errors import EvaluationError
     from training.evaluation import read_results
     from training.evaluation.losses import SETS_MENDED, as_json, drawn_frames, find_losses, format_losses
     from training.evaluation.slices import scans_beside
 
-    if options.bootstrap is not None and options.bootstrap < 0:
-        raise EvaluationError(f"--bootstrap is {options.bootstrap}; give a number of draws, 0 for none")
+    demand_draws(options)
     given = _given(options)
     with ProgressReport(console, "reading") as report:
         scored = [read_results(*places) for places in given]
-        few = max(len(some.names) for some in scored) <= _DRAWS_UP_TO
-        draws = options.bootstrap if options.bootstrap is not None else _DRAWS if few else 0
+        draws = chosen_draws(options, max(len(some.names) for some in scored), _DRAWS)
         times = drawn_frames(scored[0], scored[-1], draws, options.seed)
         report.begin("mending errors", SETS_MENDED * len(given))
         sets = [

@@ -47,9 +47,11 @@ def budget_of(case: Case, state: State, models: Sequence[tuple[Effect, ...]]) ->
     last = Aligned(case, state.judges, models[-1])
     first = last if len(models) == 1 else Aligned(case, state.judges, models[0], [last])
     near, steps, of_aligned = first, [], []
-    for effects in models:
-        ends = {id(models[0]): first, id(models[-1]): last}
-        near = ends.get(id(effects)) or Aligned(case, state.judges, effects, [near, last])
+    for number, effects in enumerate(models):
+        if number == len(models) - 1:
+            near = last
+        elif number:
+            near = Aligned(case, state.judges, effects, [near, last])
         steps.append(near.held_out())
         of_aligned.append(near.held_out(PARTS))
     ladder = [PARTS[:count] for count in range(len(PARTS) + 1)]

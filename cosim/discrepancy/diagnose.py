@@ -191,10 +191,8 @@ def simplified(case: Case, state: State) -> State:
             view = viewed(
                 case, case.split.fit, simpler.model, case.settings.rows, replace(state.view, fitted=simpler.fitted)
             )
-            model = replace(simpler.model, effects=view.fitted.effects)
             kept = tuple(_renamed(other, simpler) if other is one else other for other in state.found)
-            judges = judged(case, state.judges, model)
-            state = replace(state, model=model, view=view, judges=judges, found=kept, screened=[])
+            state = _moved_on(case, state, simpler.model, view, kept)
     return state
 
 
@@ -219,7 +217,7 @@ def eliminated(case: Case, state: State) -> State:
         told = gain(state.view.fitter, view.fitted, state.view.fitted) if view.fitter is state.view.fitter else None
         value = state.view.fitted.loglik - view.fitted.loglik if told else np.inf
         if told is not None and (told.p_value > case.settings.level or value < np.log(len(state.view.fitter.sample))):
-            state = _taken_out(case, state, one, less, view)
+            state = _moved_on(case, state, less, view, _all_but(one, state))
             sure = plainly_on(state.view.fitter, state.view.fitted)
     return state
 
@@ -229,13 +227,18 @@ def _without(case: Case, state: State, one: Found) -> State:
     place = _place(state, one.effect)
     assert place is not None  # found
     less = state.model.without(place, given(case))
-    return _taken_out(case, state, one, less, viewed(case, case.split.fit, less, case.settings.rows, state.view))
+    view = viewed(case, case.split.fit, less, case.settings.rows, state.view)
+    return _moved_on(case, state, less, view, _all_but(one, state))
 
 
-def _taken_out(case: Case, state: State, one: Found, less: Model, view: View) -> State:
-    kept = tuple(other for other in state.found if other is not one)
-    model = replace(less, effects=view.fitted.effects)
-    return replace(state, model=model, view=view, judges=judged(case, state.judges, model), found=kept, screened=[])
+def _all_but(one: Found, state: State) -> tuple[Found, ...]:
+    return tuple(other for other in state.found if other is not one)
+
+
+def _moved_on(case: Case, state: State, model: Model, view: View, found: tuple[Found, ...]) -> State:
+    """With another model, as it was fitted in a view, and what judging frames say of it; not screened yet."""
+    model = replace(model, effects=view.fitted.effects)
+    return replace(state, model=model, view=view, judges=judged(case, state.judges, model), found=found, screened=[])
 
 
 def redrawn(case: Case, state: State) -> State:
@@ -251,13 +254,13 @@ def redrawn(case: Case, state: State) -> State:
         if shape is None:
             state = _without(case, state, one)
             continue
-        if better is not None:
+        kept = tuple(replace(other, shape=shape) if other is one else other for other in state.found)
+        if better is None:
+            state = replace(state, found=kept)
+        else:
             before = replace(state.view, fitted=better.fitted)
             view = viewed(case, case.split.fit, better.model, case.settings.rows, before)
-            model = replace(better.model, effects=view.fitted.effects)
-            state = replace(state, model=model, view=view, judges=judged(case, state.judges, model), screened=[])
-        kept = tuple(replace(other, shape=shape) if other is one else other for other in state.found)
-        state = replace(state, found=kept)
+            state = _moved_on(case, state, better.model, view, kept)
     return state
 
 

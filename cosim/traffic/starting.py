@@ -77,8 +77,6 @@ def start_sumo(
         *("--collision.action", "warn"),
         *("--collision.mingap-factor", "0"),
         "--save-state.transportables",
-        "--no-step-log",
-        "--no-warnings",
     ]
     if sublane:
         command += ["--lateral-resolution", str(_SUBLANE_M)]
@@ -106,8 +104,6 @@ def start_empty(net: Path, additional: Path, begin_s: float, step_s: float, opti
         *("-a", str(additional)),
         *("--begin", str(begin_s)),
         *("--step-length", str(step_s)),
-        "--no-step-log",
-        "--no-warnings",
     ]
     return _start([*command, *(word for name, value in options.items() for word in (f"--{name}", value))])
 
@@ -123,7 +119,7 @@ def _start(command: list[str]) -> ModuleType:
         raise TrafficError("a SUMO simulation already runs in this process; close it first or use another process")
     with _captured_stderr() as complaints:
         try:
-            libsumo.start(command)
+            libsumo.start([*command, "--no-step-log", "--no-warnings"])
         except (libsumo.TraCIException, libsumo.FatalTraCIError, RuntimeError) as error:
             lines = [line.strip() for line in complaints().splitlines() if line.strip()]
             errors = [line for line in lines if line.startswith("Error")] or lines or [str(error)]
