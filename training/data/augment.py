@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from cosim.drives.kitti import wrap_angle
+from cosim.drives.kitti import points_in_boxes, wrap_angle
 from training.data.frame import Sample
-from training.data.object_bank import ObjectBank
+from training.data.object_bank import ObjectBank, as_boxes
 
 
 class Augment(BaseModel):
@@ -21,6 +21,12 @@ class Augment(BaseModel):
     samples: dict[str, int] = Field(
         default_factory=lambda: {"Car": 10, "Pedestrian": 8, "Cyclist": 8},
         description="objects of other frames are put in until a frame has so many of a class",
+    )
+    object_scale: float = Field(
+        default=0.0,
+        ge=0,
+        lt=0.5,
+        description="each object made longer, wider and taller, or the reverse, by at most this share, each on its own",
     )
     tilt_deg: float = Field(
         default=0.0,
@@ -43,6 +49,8 @@ def augment(sample: Sample, settings: Augment, bank: ObjectBank | None, rng: np.
     if bank is not None:
         sample = bank.fill(sample, rng)
     points, boxes = sample.points.copy(), sample.boxes.copy()
+    if settings.object_scale:
+        _resize(points, boxes, rng.uniform(1 - settings.object_scale, 1 + settings.object_scale, (len(boxes), 3)))
     if rng.random() < settings.flip:
         points[:, 1] *= -1
         boxes[:, 1] *= -1
@@ -65,6 +73,22 @@ def _tilt(points: np.ndarray, boxes: np.ndarray, slope: np.ndarray, lift_m: floa
     """Raise everything by a slope along x and y, right to its square; boxes stay upright, as labels are."""
     for table in (points, boxes):
         table[:, 2] += (table[:, :2] @ slope + lift_m).astype(np.float32)
+
+
+def _resize(points: np.ndarray, boxes: np.ndarray, factors: np.ndarray) -> None:
+    """Boxes (m, 7) and the points in them by factors (m, 3) along their axes, from the middle of their bottoms.
+
+    As cars of other places differ in size: Wang et al., "Train in Germany, Test in the USA", CVPR 2020; Yang et al.,
+    "ST3D", CVPR 2021, section 3.2.
+    """
+    inside = points_in_boxes(points, as_boxes(boxes))
+    for box, mask, factor in zip(boxes, inside, factors.astype(np.float32), strict=True):
+        cos, sin = np.cos(box[6]), np.sin(box[6])
+        turn = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]], np.float32)
+        bottom = box[:3] - [0, 0, box[5] / 2]
+        points[mask, :3] = ((points[mask, :3] - bottom) @ turn.T * factor) @ turn + bottom
+        box[3:6] *= factor
+        box[2] = bottom[2] + box[5] / 2
 
 
 def _turned(points: np.ndarray, boxes: np.ndarray, angle_rad: float) -> tuple[np.ndarray, np.ndarray]:

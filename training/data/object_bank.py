@@ -4,27 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cosim.drives.kitti import Boxes, points_in_boxes
 from training.data.frame import Sample
+from training.data.grid import Grid
 from training.evaluation.rotated_overlap import paired_intersections
 
+if TYPE_CHECKING:
+    from training.data.level_ground import Ground
+
 _MARGIN_M = 0.1  # points of the frame this close to an object that is put in are taken out
-_GROUND_RADIUS_M = 3.0  # the ground under an object is that of the lowest points so near
-_GROUND_PERCENT = 10.0
-_FEWEST_GROUND_POINTS = 20
+_GROUND = Grid((0.0, -40.0, -3.0), (70.4, 40.0, 1.0), (0.8, 0.8, 4.0))  # where the ground is looked for
 _FARTHEST_LIFT_M = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class BankedObject:
-    """An object: its box (7,), its points (n, 4) where they were measured, and the index of its class."""
+    """An object: its box (7,), its points (n, 4) where they were measured, and the index of its class.
+
+    Attributes:
+        rise_m: of the ground under it, as `level_ground` finds it.
+    """
 
     box: np.ndarray
     points: np.ndarray
     kind: int
+    rise_m: float
 
 
 class ObjectBank:
@@ -39,13 +47,15 @@ class ObjectBank:
     def __init__(self, samples: Sequence[Sample], wanted: Mapping[int, int], min_points: int = 5) -> None:
         self._wanted = dict(wanted)
         self._objects: dict[int, list[BankedObject]] = {kind: [] for kind in wanted}
+        self._grounds = {sample: _ground(sample) for sample in samples}
         for sample in samples:
             rows = np.flatnonzero(np.isin(sample.kinds, list(wanted)))
             inside = points_in_boxes(sample.points, as_boxes(sample.boxes[rows]))
-            for row, mask in zip(rows, inside, strict=True):
+            rises = _rises(self._grounds[sample], sample.boxes[rows])
+            for row, mask, rise_m in zip(rows, inside, rises, strict=True):
                 if mask.sum() >= min_points:
                     kind = int(sample.kinds[row])
-                    self._objects[kind].append(BankedObject(sample.boxes[row], sample.points[mask], kind))
+                    self._objects[kind].append(BankedObject(sample.boxes[row], sample.points[mask], kind, rise_m))
 
     def __len__(self) -> int:
         return sum(len(some) for some in self._objects.values())
@@ -53,26 +63,23 @@ class ObjectBank:
     def fill(self, sample: Sample, rng: np.random.Generator) -> Sample:
         """The sample with objects put in until it has the wanted number of each class.
 
-        They keep their places seen from above, stand on the ground of this frame, and overlap nothing.
+        They keep their places seen from above and their heights above the ground about them, and overlap nothing.
         """
-        boxes, chosen = sample.boxes, list[BankedObject]()
+        chosen = list[BankedObject]()
         for kind, wanted in self._wanted.items():
             missing = wanted - int((sample.kinds == kind).sum())
             stock = self._objects[kind]
-            if missing <= 0 or not stock:
-                continue
-            for number in rng.choice(len(stock), min(missing, len(stock)), replace=False):
-                candidate = _on_ground(stock[number], sample.points)
-                if candidate is not None and not _overlaps(candidate.box, boxes):
-                    chosen.append(candidate)
-                    boxes = np.concatenate([boxes, candidate.box[None]])
+            if missing > 0 and stock:
+                chosen += [stock[number] for number in rng.choice(len(stock), min(missing, len(stock)), replace=False)]
+        ground = self._grounds.get(sample) or _ground(sample)
+        chosen = _beside_each_other(_on_ground(chosen, ground), sample.boxes)
         if not chosen:
             return sample
         added = np.stack([item.box for item in chosen])
         covered = points_in_boxes(sample.points, as_boxes(added), _MARGIN_M).any(0)
         points = np.concatenate([sample.points[~covered], *(item.points for item in chosen)])
         kinds = np.concatenate([sample.kinds, [item.kind for item in chosen]])
-        return Sample(sample.name, points, boxes, kinds)
+        return Sample(sample.name, points, np.concatenate([sample.boxes, added]), kinds)
 
 
 def as_boxes(table: np.ndarray) -> Boxes:
@@ -80,19 +87,45 @@ def as_boxes(table: np.ndarray) -> Boxes:
     return Boxes(table[:, :3], table[:, 3:6], table[:, 6])
 
 
-def _on_ground(item: BankedObject, points: np.ndarray) -> BankedObject | None:
-    """The object lifted or lowered onto the ground of a frame; None where that lies implausibly high or low."""
-    offset = points[:, :2] - item.box[:2]
-    near = points[(offset * offset).sum(1) < _GROUND_RADIUS_M**2, 2]
-    if len(near) < _FEWEST_GROUND_POINTS:
-        return item
-    lift = np.float32(np.percentile(near, _GROUND_PERCENT) - (item.box[2] - item.box[5] / 2))
-    if abs(lift) > _FARTHEST_LIFT_M:
-        return None
-    box, cut = item.box.copy(), item.points.copy()
-    box[2] += lift
-    cut[:, 2] += lift
-    return BankedObject(box, cut, item.kind)
+def _on_ground(items: list[BankedObject], ground: Ground) -> list[BankedObject]:
+    """Objects as high above the ground of a frame as above their own; without those that would rise or sink too far."""
+    if not items:
+        return []
+    moved = []
+    for item, rise_m in zip(items, _rises(ground, np.stack([item.box for item in items])), strict=True):
+        lift = np.float32(rise_m - item.rise_m)
+        if abs(lift) <= _FARTHEST_LIFT_M:
+            box, cut = item.box.copy(), item.points.copy()
+            box[2] += lift
+            cut[:, 2] += lift
+            moved.append(BankedObject(box, cut, item.kind, rise_m))
+    return moved
+
+
+def _ground(sample: Sample) -> Ground:
+    import torch
+
+    from training.data.level_ground import find_ground
+
+    return find_ground(torch.from_numpy(np.insert(sample.points, 0, 0, axis=1)), 1, _GROUND)
+
+
+def _rises(ground: Ground, boxes: np.ndarray) -> np.ndarray:
+    """How far the ground of a frame lies above the level (n,) [m] under boxes (n, 7)."""
+    import torch
+
+    places = torch.from_numpy(np.ascontiguousarray(boxes[:, :2], np.float32))
+    return ground.rise(torch.zeros(len(places), dtype=torch.int64), places).numpy()
+
+
+def _beside_each_other(items: list[BankedObject], boxes: np.ndarray) -> list[BankedObject]:
+    """Those objects that overlap neither boxes (n, 7) nor an earlier one."""
+    kept = []
+    for item in items:
+        if not _overlaps(item.box, boxes):
+            kept.append(item)
+            boxes = np.concatenate([boxes, item.box[None]])
+    return kept
 
 
 def _overlaps(box: np.ndarray, others: np.ndarray) -> bool:

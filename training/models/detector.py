@@ -8,8 +8,8 @@ import torch
 from torch import Tensor, nn
 
 from training.data.batch import Batch
+from training.data.level_ground import find_ground
 from training.models.anchor_head import AnchorHead, AnchorOutput
-from training.models.level_ground import find_ground
 from training.models.nms import Detections, suppress
 from training.models.settings import ModelSettings
 

@@ -31,6 +31,22 @@ def test_points_stay_in_their_boxes_when_a_frame_is_flipped_turned_and_scaled(se
     assert not np.allclose(before.boxes, after.boxes)
 
 
+def test_an_object_made_larger_keeps_its_points_at_its_faces_and_stands_where_it_stood():
+    rng = np.random.default_rng(3)
+    before = sample(rng)
+    settings = Augment(flip=0, rotation_deg=0, scale=0, samples={}, object_scale=0.2)
+    after = augment(before, settings, None, rng)
+    factor = after.boxes[:, 3:6] / before.boxes[:, 3:6]
+    assert np.ptp(factor) > 0.05 and (np.abs(factor - 1) <= 0.2 + 1e-6).all()
+    assert after.boxes[:, [0, 1, 6]] == pytest.approx(before.boxes[:, [0, 1, 6]], abs=1e-5)
+    bottoms = [some.boxes[:, 2] - some.boxes[:, 5] / 2 for some in (before, after)]
+    assert bottoms[0] == pytest.approx(bottoms[1], abs=1e-5)
+    for box in after.boxes:  # those of the roof lie as far under the top as car_points puts them
+        mine = points_in_boxes(after.points, as_boxes(box[None]), 0.01)[0]
+        assert mine.sum() == 250
+        assert after.points[mine, 2].max() == pytest.approx(box[2] + 0.49 * box[5], abs=1e-3)
+
+
 def test_a_small_tilt_keeps_the_points_of_a_car_in_its_box():
     rng = np.random.default_rng(7)
     before = sample(rng)
@@ -60,18 +76,24 @@ def test_objects_put_in_bring_their_points_and_overlap_nothing():
     assert points_in_boxes(filled.points, as_boxes(filled.boxes)).sum(1).min() > 200
 
 
-def test_objects_put_in_stand_on_the_ground_of_the_frame():
+def street(rng: np.random.Generator, height_m: float) -> np.ndarray:
+    """Points (8000, 4) of level ground."""
+    places = [rng.uniform(0, 40, 8000), rng.uniform(-15, 15, 8000), rng.normal(height_m, 0.01, 8000), np.zeros(8000)]
+    return np.column_stack(places).astype(np.float32)
+
+
+def test_objects_put_in_stand_as_high_above_the_ground_as_they_stood():
     rng = np.random.default_rng(6)
-    low = -2.4
-    ground = np.column_stack([rng.uniform(0, 40, 8000), rng.uniform(-15, 15, 8000), rng.normal(low, 0.01, 8000)])
-    ground = np.column_stack([ground, np.zeros(8000)]).astype(np.float32)
-    empty = Sample("low", ground, np.zeros((0, 7), np.float32), np.zeros(0, np.int64))
-    donor = sample(rng)
-    donor.boxes[:, 2] -= 1.0
-    donor.points[:, 2] -= 1.0
+    low, above = -2.4, 0.04
+    empty = Sample("low", street(rng, low), np.zeros((0, 7), np.float32), np.zeros(0, np.int64))
+    cars = sample(rng)
+    for table in (cars.boxes, cars.points):
+        table[:, 2] -= 1.0
+    bottom = float(cars.boxes[0, 2] - cars.boxes[0, 5] / 2)
+    donor = Sample("high", np.concatenate([cars.points, street(rng, bottom - above)]), cars.boxes, cars.kinds)
     filled = ObjectBank([donor], {0: 3}).fill(empty, rng)
     assert len(filled.boxes) == 3
-    assert filled.boxes[:, 2] - filled.boxes[:, 5] / 2 == pytest.approx(low, abs=0.05)
+    assert filled.boxes[:, 2] - filled.boxes[:, 5] / 2 == pytest.approx(low + above, abs=0.02)
     assert points_in_boxes(filled.points, as_boxes(filled.boxes)).sum(1).min() > 200
 
 

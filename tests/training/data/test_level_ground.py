@@ -8,7 +8,7 @@ import torch
 from tests.training.tiny_drive import car_points
 from training.data.batch import collate
 from training.data.frame import Sample
-from training.models.level_ground import LEVEL_M, find_ground
+from training.data.level_ground import LEVEL_M, find_ground
 from training.models.settings import ModelSettings
 
 GRID = ModelSettings().grid
