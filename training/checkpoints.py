@@ -18,10 +18,12 @@ from training.errors import TrainingError
 from training.models.build import build_detector
 from training.models.detector import Detector
 from training.models.foreign_weights import translate
+from training.models.pillar_detector import SECOND_STAGE
 from training.models.settings import ModelSettings
 
 FORMAT = 1
-_BEFORE = {"level_ground": False}  # keys that checkpoints of earlier versions lack, where presets say otherwise
+#: Keys that checkpoints of earlier versions lack, where presets say otherwise.
+_BEFORE = {"level_ground": False, "refine": False}
 
 
 def save_checkpoint(
@@ -66,11 +68,16 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
 def load_weights(detector: Detector, path: Path, classes: tuple[str, ...]) -> None:
     """Fill a detector from a checkpoint, ours or another framework's.
 
+    A checkpoint of a first stage alone leaves the second stage as it is.
+
     Raises:
         TrainingError: of another architecture; says which keys differ.
     """
     content = read_checkpoint(path)
     weights = _ours(content, path)[2] if content.get("format") == FORMAT else translate(content, classes).weights
+    if not any(key.startswith(SECOND_STAGE) for key in weights):
+        kept = {key: value for key, value in detector.state_dict().items() if key.startswith(SECOND_STAGE)}
+        weights = {**weights, **kept}
     demand_same_keys(detector.state_dict(), weights, path)
     detector.load_state_dict(weights)
 

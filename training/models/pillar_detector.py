@@ -1,4 +1,4 @@
-"""PointPillars, as published and smaller: pillars, convolutions from above, anchors.
+"""PointPillars, as published and smaller: pillars, convolutions from above, anchors; and, if wanted, a second stage.
 
 With `name: pointpillars` the parameters are those of OpenPCDet's, by name and shape.
 """
@@ -15,10 +15,17 @@ from training.data.voxels import voxelise
 from training.models.anchor_head import AnchorHead, AnchorOutput
 from training.models.bev_backbone import BevBackbone
 from training.models.detector import Detector, detect_from_anchors
+from training.models.nms import suppress
 from training.models.pillar_encoder import PillarEncoder, spread_on_grid
+from training.models.point_refiner import PointRefiner
+from training.models.regions import refine, regions_to_learn, roi_losses
 from training.models.settings import ModelSettings
 
+#: What names of parameters of the second stage begin with.
+SECOND_STAGE = "refiner."
 _OVERLAP, _BEFORE, _AFTER = 0.01, 500, 100
+_PROPOSED_OVERLAP, _PROPOSED = 0.7, 60  # of proposals that the second stage looks into
+_COPIES = 4  # of each true box, moved a little, that it learns from
 
 
 class PillarDetector(Detector):
@@ -40,16 +47,54 @@ class PillarDetector(Detector):
         self.dense_head = AnchorHead(
             self.backbone_2d.channels, classes, grid, settings.out_stride, settings.direction_offset_rad
         )
+        if settings.refine:
+            self.refiner = PointRefiner(settings.roi_channels, settings.roi_points, settings.dropout)
+        self._generator = torch.Generator()
 
     def losses(self, batch: Batch) -> dict[str, Tensor]:
-        """Class, box and direction."""
-        return self.dense_head.losses(self._answers(batch), batch)
+        """Class, box and direction; and those of the second stage."""
+        output = self._answers(batch)
+        losses = self.dense_head.losses(output, batch)
+        return {**losses, **self._refiner_losses(output, batch)} if self.settings.refine else losses
 
     def find(self, batch: Batch, least_score: float) -> list[tuple[Tensor, Tensor, Tensor]]:
         """Boxes (k, 7), scores (k,) and class indices (k,) of each frame."""
         output = self._answers(batch)
+        if self.settings.refine:
+            return [self._refined(output, batch, frame, least_score) for frame in range(len(batch))]
         limits = {"least_score": least_score, "overlap": _OVERLAP, "before": _BEFORE, "after": _AFTER}
         return [detect_from_anchors(self.dense_head, output, frame, **limits) for frame in range(len(batch))]
+
+    def _refiner_losses(self, output: AnchorOutput, batch: Batch) -> dict[str, Tensor]:
+        self._generator.manual_seed(int(torch.randint(2**31, (1,))))
+        regions = regions_to_learn(
+            batch,
+            lambda frame: self._proposals(output, frame, 0.0)[0],
+            self.settings.roi_count,
+            _COPIES,
+            self._generator,
+        )
+        with torch.autocast(batch.points.device.type, enabled=False):
+            scores, residuals = self.refiner(batch.points, regions.boxes, regions.frame)
+            return roi_losses(scores, residuals, regions.boxes, regions.objects, regions.overlap)
+
+    def _refined(
+        self, output: AnchorOutput, batch: Batch, frame: int, least_score: float
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Boxes, scores and classes of a frame after the second look."""
+        proposed, first, kinds = self._proposals(output, frame, least_score)
+        with torch.autocast(batch.points.device.type, enabled=False):
+            number = torch.full((len(proposed),), frame, device=proposed.device)
+            logits, residuals = self.refiner(batch.points, proposed, number)
+        boxes, scores = refine(proposed, residuals), (torch.sigmoid(logits) * first).sqrt()
+        rows = torch.nonzero(scores >= least_score)[:, 0]
+        kept = rows[suppress(boxes[rows], scores[rows], _OVERLAP, before=_BEFORE, after=_AFTER)]
+        return boxes[kept], scores[kept], kinds[kept]
+
+    def _proposals(self, output: AnchorOutput, frame: int, least_score: float) -> tuple[Tensor, Tensor, Tensor]:
+        """Boxes, scores and classes that the first stage offers to the second."""
+        limits = {"overlap": _PROPOSED_OVERLAP, "before": _BEFORE, "after": _PROPOSED}
+        return detect_from_anchors(self.dense_head, output, frame, least_score=least_score, **limits)
 
     def _answers(self, batch: Batch) -> AnchorOutput:
         settings = self.settings

@@ -36,6 +36,9 @@ class ModelSettings(BaseModel):
     level_ground: bool = Field(
         default=False, description="whether heights are told above the local ground, found in the points"
     )
+    refine: bool = Field(
+        default=False, description="whether a second stage corrects each box by the points in and about it"
+    )
     norm_momentum: float = Field(default=0.1, gt=0, le=1, description="of batch normalisation's running statistics")
     sparse_channels: tuple[int, int, int, int, int] = Field(
         default=(16, 32, 64, 64, 128), description="features of the sparse stages of voxel_rcnn"
@@ -43,6 +46,7 @@ class ModelSettings(BaseModel):
     roi_grid: int = Field(default=6, ge=2, le=12, description="points along each side of a region of interest")
     roi_channels: int = Field(default=256, ge=8, description="width of the second stage")
     roi_count: int = Field(default=128, ge=8, description="regions of a frame that the second stage learns from")
+    roi_points: int = Field(default=128, ge=8, description="points of a region at most that refining looks at")
     roi_neighbours: int = Field(default=4, ge=1, le=6, description="voxels a region's point looks around it")
     dropout: float = Field(default=0.3, ge=0, lt=1, description="of the second stage")
 
@@ -91,7 +95,7 @@ class ModelSettings(BaseModel):
 
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "pillars_small": {"level_ground": True},
+    "pillars_small": {"level_ground": True, "refine": True, "roi_channels": 128, "roi_count": 32, "dropout": 0.0},
     "pointpillars": {  # Lang et al., CVPR 2019, as configured for KITTI's three classes in OpenPCDet
         "low_m": (0.0, -39.68, -3.0),
         "high_m": (69.12, 39.68, 1.0),

@@ -13,7 +13,8 @@ from training.models.anchor_head import AnchorHead, AnchorOutput
 from training.models.bev_backbone import BevBackbone
 from training.models.detector import Detector, detect_from_anchors
 from training.models.nms import suppress
-from training.models.roi_head import RoiHead, choose_rois, refine, roi_losses
+from training.models.regions import refine, regions_to_learn, roi_losses
+from training.models.roi_head import RoiHead
 from training.models.settings import ModelSettings
 from training.models.sparse_conv import SparseTensor
 from training.models.voxel_backbone import VoxelBackbone
@@ -48,20 +49,13 @@ class VoxelRcnn(Detector):
         """Those of the proposals, and of the second stage."""
         output, stages = self._propose(batch)
         losses = self.dense_head.losses(output, batch)
-        rois, objects, overlap, frames = [], [], [], []
         self._generator.manual_seed(int(torch.randint(2**31, (1,))))
-        for frame in range(len(batch)):
-            with torch.no_grad():
-                proposed = self._proposals(output, frame)[0]
-                known = batch.boxes[frame][batch.kinds[frame] >= 0]
-                chosen = choose_rois(proposed, known, self.settings.roi_count, self._generator)
-            for some, part in zip((rois, objects, overlap), chosen, strict=True):
-                some.append(part)
-            frames.append(torch.full((len(chosen[0]),), frame, device=batch.points.device))
-        regions = torch.cat(rois)
+        regions = regions_to_learn(
+            batch, lambda frame: self._proposals(output, frame)[0], self.settings.roi_count, 0, self._generator
+        )
         with torch.autocast(batch.points.device.type, enabled=False):
-            scores, residuals = self.roi_head(stages, regions, torch.cat(frames))
-            second = roi_losses(scores, residuals, regions, torch.cat(objects), torch.cat(overlap))
+            scores, residuals = self.roi_head(stages, regions.boxes, regions.frame)
+            second = roi_losses(scores, residuals, regions.boxes, regions.objects, regions.overlap)
         return {**losses, **second}
 
     def find(self, batch: Batch, least_score: float) -> list[tuple[Tensor, Tensor, Tensor]]:

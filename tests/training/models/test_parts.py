@@ -18,7 +18,7 @@ from training.models.anchors import anchor_classes, make_anchors  # noqa: E402
 from training.models.assigning import assign  # noqa: E402
 from training.models.coding import decode, direction_of, encode, with_direction  # noqa: E402
 from training.models.nms import suppress  # noqa: E402
-from training.models.roi_head import _in_roi, refine  # noqa: E402
+from training.models.regions import in_region, refine  # noqa: E402
 from training.models.settings import ModelSettings  # noqa: E402
 from training.models.sparse_conv import SparseTensor, StridedConv, SubmanifoldConv  # noqa: E402
 from training.schedule import OneCycle  # noqa: E402
@@ -40,7 +40,7 @@ def test_refining_by_the_exact_residual_gives_the_object_up_to_a_half_turn():
     rng = np.random.default_rng(1)
     objects = boxes(rng, 40)
     rois = objects + torch.tensor(rng.uniform(-0.2, 0.2, (40, 7)), dtype=torch.float32)
-    local, anchor = _in_roi(objects, rois)
+    local, anchor = in_region(objects, rois)
     found = refine(rois, encode(local, anchor))
     assert torch.allclose(found[:, :6], objects[:, :6], atol=1e-4)
     assert torch.allclose(torch.cos(2 * (found[:, 6] - objects[:, 6])), torch.ones(40), atol=1e-4)

@@ -1,0 +1,162 @@
+"""Regions of interest: which a second stage learns from, what it is to say of them, and the boxes that follow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from training.data.batch import Batch
+from training.evaluation.rotated_overlap import paired_intersections
+from training.models.coding import decode, encode, within_period
+from training.models.roi_pool import grid_points
+
+_SURE, _UNSURE, _REFINED = 0.75, 0.25, 0.55
+_SHARE_FOUND = 0.5
+_MOVED = (0.3, 0.2, 0.1, 0.08, 0.05, 0.06, 0.08)  # standard deviations: x, y, z [m], logarithms of sizes, heading [rad]
+_ON_IGNORED = 0.25  # a region that overlaps an ignored object so much, and no other, teaches nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Regions:
+    """Regions to learn from, of some frames.
+
+    Attributes:
+        boxes: (n, 7) of the regions.
+        frame: (n,) int64.
+        objects: (n, 7) the object that each overlaps most; the region itself in frames without any.
+        overlap: (n,) with that object, 0–1.
+    """
+
+    boxes: Tensor
+    frame: Tensor
+    objects: Tensor
+    overlap: Tensor
+
+
+@torch.no_grad()
+def regions_to_learn(
+    batch: Batch, propose: Callable[[int], Tensor], count: int, copies: int, generator: torch.Generator
+) -> Regions:
+    """Regions of each frame: proposals, true boxes, and such moved a little.
+
+    Args:
+        batch: the frames.
+        propose: gives boxes (m, 7) of a frame.
+        count: of a frame at most.
+        copies: of each true box, moved at random.
+        generator: draws; on the CPU.
+    """
+    parts = []
+    for frame in range(len(batch)):
+        counts = batch.kinds[frame] >= 0
+        objects, ignored = batch.boxes[frame][counts], batch.boxes[frame][~counts]
+        offered = torch.cat([propose(frame), objects, _moved(objects, copies, generator)])
+        boxes, of, overlap = choose_rois(_beside(offered, ignored, objects), objects, count, generator)
+        parts.append((boxes, torch.full((len(boxes),), frame, device=boxes.device), of, overlap))
+    return Regions(*(torch.cat(some) for some in zip(*parts, strict=True)))
+
+
+def _moved(boxes: Tensor, copies: int, generator: torch.Generator) -> Tensor:
+    """So many copies of boxes (n, 7), each as far off as proposals are."""
+    many = boxes.repeat(copies, 1)
+    draws = torch.randn(many.shape, generator=generator).to(many) * many.new_tensor(_MOVED)
+    place, size = many[:, :3] + draws[:, :3], many[:, 3:6] * torch.exp(draws[:, 3:6])
+    return torch.cat([place, size, many[:, 6:] + draws[:, 6:]], 1)
+
+
+def _beside(boxes: Tensor, ignored: Tensor, objects: Tensor) -> Tensor:
+    """Boxes but those that are on ignored objects and on no other."""
+    if not len(ignored):
+        return boxes
+    on_ignored = overlap_3d(boxes, ignored).amax(1) > _ON_IGNORED
+    if len(objects):
+        on_ignored &= overlap_3d(boxes, objects).amax(1) < _ON_IGNORED
+    return boxes[~on_ignored]
+
+
+def overlap_3d(a: Tensor, b: Tensor) -> Tensor:
+    """Intersection over union of all pairs of boxes (n, 7), (m, 7): (n, m) float32 on their device."""
+    one, other = (t.detach().double().cpu().numpy() for t in (a, b))
+    left, right = np.repeat(np.arange(len(one)), len(other)), np.tile(np.arange(len(other)), len(one))
+    columns = [0, 1, 3, 4, 6]
+    shared = paired_intersections(one[left][:, columns], other[right][:, columns])
+    top = np.minimum(one[left, 2] + one[left, 5] / 2, other[right, 2] + other[right, 5] / 2)
+    bottom = np.maximum(one[left, 2] - one[left, 5] / 2, other[right, 2] - other[right, 5] / 2)
+    shared *= np.clip(top - bottom, 0, None)
+    union = one[left, 3:6].prod(1) + other[right, 3:6].prod(1) - shared
+    return torch.from_numpy((shared / np.maximum(union, 1e-9)).reshape(len(one), len(other))).to(a)
+
+
+def choose_rois(rois: Tensor, objects: Tensor, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
+    """Regions to learn from: half of them on objects, if there are so many.
+
+    Args:
+        rois: (n, 7).
+        objects: (m, 7).
+        count: at most so many are chosen.
+        generator: draws them; on the CPU.
+
+    Returns:
+        Chosen regions (k, 7), the object of each (k, 7), and the overlap with it (k,).
+    """
+    if not len(objects):
+        chosen = rois[:count]
+        return chosen, chosen, chosen.new_zeros(len(chosen))
+    overlap, which = overlap_3d(rois, objects).max(1)
+    found = torch.nonzero(overlap >= _REFINED)[:, 0]
+    rest = torch.nonzero(overlap < _REFINED)[:, 0]
+    some = _draw(found, round(count * _SHARE_FOUND), generator)
+    rows = torch.cat([some, _draw(rest, count - len(some), generator)])
+    return rois[rows], objects[which[rows]], overlap[rows]
+
+
+def roi_losses(scores: Tensor, residuals: Tensor, rois: Tensor, objects: Tensor, overlap: Tensor) -> dict[str, Tensor]:
+    """Losses of regions: the score is to tell the overlap, the residuals and corners the object."""
+    wanted = ((overlap - _UNSURE) / (_SURE - _UNSURE)).clamp(0, 1)
+    losses = {"roi_class": functional.binary_cross_entropy_with_logits(scores, wanted)}
+    rows = torch.nonzero(overlap >= _REFINED)[:, 0]
+    count = max(len(rows), 1)
+    local, anchor = in_region(objects[rows], rois[rows])
+    target = encode(local, anchor)
+    box = functional.smooth_l1_loss(residuals[rows], target, beta=1 / 9, reduction="sum") / count
+    corners = _corners(decode(residuals[rows], anchor))
+    turned = torch.cat([local[:, :6], local[:, 6:] + math.pi], 1)
+    gap = torch.minimum((corners - _corners(local)).norm(dim=-1), (corners - _corners(turned)).norm(dim=-1))
+    corner = torch.where(gap < 1, 0.5 * gap**2, gap - 0.5).mean(1).sum() / count
+    return {**losses, "roi_box": box, "roi_corner": corner}
+
+
+def refine(rois: Tensor, residuals: Tensor) -> Tensor:
+    """Boxes (n, 7) of residuals given in the axes of regions (n, 7)."""
+    local = decode(residuals, _anchor(rois))
+    cos, sin = torch.cos(rois[:, 6]), torch.sin(rois[:, 6])
+    x = cos * local[:, 0] - sin * local[:, 1] + rois[:, 0]
+    y = sin * local[:, 0] + cos * local[:, 1] + rois[:, 1]
+    return torch.stack([x, y, local[:, 2] + rois[:, 2], *local[:, 3:6].T, local[:, 6] + rois[:, 6]], 1)
+
+
+def in_region(objects: Tensor, rois: Tensor) -> tuple[Tensor, Tensor]:
+    """Objects in the axes of their regions, turned to the nearer end; and the regions in their own axes."""
+    offset = objects[:, :3] - rois[:, :3]
+    cos, sin = torch.cos(rois[:, 6]), torch.sin(rois[:, 6])
+    x, y = cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]
+    yaw = within_period(objects[:, 6] - rois[:, 6], 0.5, math.pi)
+    return torch.stack([x, y, offset[:, 2], *objects[:, 3:6].T, yaw], 1), _anchor(rois)
+
+
+def _anchor(rois: Tensor) -> Tensor:
+    return torch.cat([torch.zeros_like(rois[:, :3]), rois[:, 3:6], torch.zeros_like(rois[:, 6:])], 1)
+
+
+def _corners(boxes: Tensor) -> Tensor:
+    return grid_points(torch.cat([boxes[:, :3], 2 * boxes[:, 3:6], boxes[:, 6:]], 1), 2)
+
+
+def _draw(rows: Tensor, count: int, generator: torch.Generator) -> Tensor:
+    return rows[torch.randperm(len(rows), generator=generator)[:count].to(rows.device)]
