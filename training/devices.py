@@ -6,12 +6,15 @@ import contextlib
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import timedelta
 
 import torch
 from torch import distributed
 
 from training.config import TrainConfig
 from training.errors import TrainingError
+
+_PATIENCE = timedelta(hours=2)  # the others wait while the first process scores the detector
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,9 @@ class Place:
 def find_place(config: TrainConfig) -> Iterator[Place]:
     """The device and precision of a configuration; joins the processes that torchrun started.
 
+    They part together: threads of gloo outlive the group, and a process that ended while one still held gradients of
+    the last step could be aborted.
+
     Raises:
         TrainingError: a GPU is demanded where there is none.
     """
@@ -52,9 +58,11 @@ def find_place(config: TrainConfig) -> Iterator[Place]:
         device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0)))
         torch.cuda.set_device(device)
     if world > 1:
-        distributed.init_process_group("nccl" if device.type == "cuda" else "gloo")
+        distributed.init_process_group("nccl" if device.type == "cuda" else "gloo", timeout=_PATIENCE)
     try:
         yield Place(device, _dtype(config.precision, device), rank, world)
+        if world > 1:
+            distributed.barrier()
     finally:
         if world > 1:
             distributed.destroy_process_group()

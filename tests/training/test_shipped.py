@@ -30,7 +30,7 @@ def test_the_detector_that_comes_along_is_small_and_holds_nothing_but_itself():
     assert shipped().stat().st_size < 5e6
     assert set(read_checkpoint(shipped())) == {"format", "model", "classes", "weights"}
     detector, classes = load_detector(shipped())
-    assert classes == ("Car",) and detector.settings.name == "pillars_small"
+    assert classes == ("Car",) and detector.settings.name == "pillars_small" and detector.settings.refine
 
 
 def test_a_drive_is_looked_at_without_naming_a_detector(tiny_drive, tmp_path):

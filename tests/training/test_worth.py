@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 import yaml
 
+from assets.mesh import Mesh
+from assets.models.build import build_model
+from assets.models.catalogue import model_spec
 from cosim.cli import main
 from cosim.discrepancy.worth import rescans, without
 from cosim.drives.kitti import Boxes, Drive, Labels, clip_boxes, project_corners, write_labels
@@ -37,6 +40,12 @@ def label(drive: Drive) -> None:
         write_labels(drive.root / "label_2" / f"{frame.name}.txt", labels, 4)
 
 
+def hatchback() -> Mesh:
+    """The shape of a car, which the detector wants to see, in the size and paint of the yard's."""
+    mesh = build_model("hatchback_01")
+    return Mesh.of(mesh.vertices * (4.0, 1.8, 1.5) / model_spec("hatchback_01").size_m, mesh.faces, "car_paint")
+
+
 @pytest.fixture(scope="session")
 def yard(tmp_path_factory: pytest.TempPathFactory) -> Yard:
     """Four labelled frames of a yard with a car."""
@@ -45,6 +54,7 @@ def yard(tmp_path_factory: pytest.TempPathFactory) -> Yard:
         (find_effect("range_noise").model_validate({"sigma_m": 0.01}),),
         known=(NOISE,),
         frames=4,
+        car=hatchback(),
     )
     label(Drive(made.drive))
     return made
@@ -107,6 +117,7 @@ def test_a_diagnosis_tells_what_its_findings_are_worth(yard, tmp_path):
         tuple(find_effect(name).model_validate(values) for name, values in (("range_bias", {"offset_m": 0.3}),)),
         known=(),
         frames=6,
+        car=hatchback(),
     )
     label(Drive(biased.drive))
     given = ["diagnose", biased.drive, "--sensor", biased.sensor, "--detector", "--out", tmp_path / "page"]

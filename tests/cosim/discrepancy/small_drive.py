@@ -47,6 +47,7 @@ def make_yard(
     shifted_m: float = 0.0,
     columns: int = 4,
     seed: int = 0,
+    car: Mesh | None = None,
 ) -> Yard:
     """Write a drive measured with effects, and the sensor file of a user who knows some of them.
 
@@ -59,12 +60,13 @@ def make_yard(
         shifted_m: how far the twin stands beside the truth.
         columns: floats a point; 3 leaves intensities out.
         seed: of the sensor's noise.
+        car: what the moving car looks like, 4.0 × 1.8 × 1.5 m of `car_paint`; by default a box.
     """
     drive = folder / "drive"
     for part in ("velodyne", "rays", "calib", "twin/frames", "twin/models"):
         (drive / part).mkdir(parents=True)
     write_glb(drive / "twin/static.glb", _world())
-    write_glb(drive / "twin/models/crate.glb", box((4.0, 1.8, 1.5), (0, 0, 0.75), "car_paint"))
+    write_glb(drive / "twin/models/crate.glb", car or box((4.0, 1.8, 1.5), (0, 0, 0.75), "car_paint"))
     write_materials(drive / "twin/materials.yaml", ("asphalt", "grass", "concrete", "brick", "wood", "car_paint"))
     scene = Scene(read_glb(drive / "twin/static.glb"), lambda name: read_glb(drive / f"twin/models/{name}.glb"))
     sensor = SensorModel(PATTERN, effects, "true")
