@@ -5,21 +5,20 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+import pickle
 import shutil
 import time
 from collections.abc import Callable
 from functools import cache, wraps
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, ParamSpec, TypeVar, cast
-
-if TYPE_CHECKING:
-    from joblib import Memory
+from typing import ParamSpec, TypeVar
 
 FOLDER = "COSIM_CACHE"
 """Name of the environment variable that says where results are kept; empty: nowhere."""
 
 _OTHERS_KEPT_DAYS = 30
+_DAMAGED = (OSError, pickle.UnpicklingError, EOFError, ValueError, LookupError, TypeError, AttributeError, ImportError)
 _LIBRARIES = ("numpy", "scipy", "shapely", "mapbox-earcut", "embreex")
 
 _Arguments = ParamSpec("_Arguments")
@@ -37,21 +36,30 @@ def cached(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Res
         function: depends on its arguments alone; they and its results can be pickled.
     """
 
-    @cache
-    def kept() -> Callable[_Arguments, _Result]:
-        memory = _memory(function.__module__.partition(".")[0], os.environ.get(FOLDER))
-        return function if memory is None else cast("Callable[_Arguments, _Result]", memory.cache(function))
-
     @wraps(function)
     def call(*arguments: _Arguments.args, **named: _Arguments.kwargs) -> _Result:
-        return kept()(*arguments, **named)
+        folder = _folder(function.__module__.partition(".")[0], os.environ.get(FOLDER))
+        if folder is None:
+            return function(*arguments, **named)
+        from joblib import hash as content_hash
+
+        path = folder / f"{function.__name__}-{content_hash((arguments, named), hash_name='sha1')}.pickle"
+        try:
+            return pickle.loads(path.read_bytes())
+        except FileNotFoundError:
+            pass
+        except _DAMAGED as error:
+            _log.info("%s: made anew, because it cannot be read (%s)", path, error)
+        result = function(*arguments, **named)
+        _write(path, pickle.dumps(result, pickle.HIGHEST_PROTOCOL))
+        return result
 
     return call
 
 
 @cache
-def _memory(package: str, where: str | None) -> Memory | None:
-    from joblib import Memory
+def _folder(package: str, where: str | None) -> Path | None:
+    """Where results of a package's functions are kept; none if nowhere."""
     from platformdirs import user_cache_path
 
     if where == "":
@@ -63,10 +71,21 @@ def _memory(package: str, where: str | None) -> Memory | None:
             _forget_others(root)
             folder.mkdir(parents=True, exist_ok=True)
         os.utime(folder)
-        return Memory(folder, verbose=0)
     except OSError as error:
         _log.info("%s: cannot be written (%s); nothing is kept there", root, error.strerror)
         return None
+    return folder
+
+
+def _write(path: Path, content: bytes) -> None:
+    """As a whole or not at all: other processes may read and write the same."""
+    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_bytes(content)
+        partial.replace(path)
+    except OSError as error:
+        _log.info("%s: cannot be written (%s)", path, error.strerror)
+        partial.unlink(missing_ok=True)
 
 
 def _digest(package: str) -> str:

@@ -29,7 +29,10 @@ def folder(tmp_path, monkeypatch):
 def test_the_same_arguments_are_asked_for_once(folder):
     mesh, keep = build_model("saloon_01"), cached(stretched)
     first = keep(mesh, by=2.0)
-    for again in (keep(Mesh(mesh.vertices.copy(), mesh.faces, mesh.materials), by=2.0), cached(stretched)(mesh, 2.0)):
+    for again in (
+        keep(Mesh(mesh.vertices.copy(), mesh.faces, mesh.materials), by=2.0),
+        cached(stretched)(mesh, by=2.0),
+    ):
         assert np.array_equal(again.vertices, first.vertices) and np.array_equal(again.faces, first.faces)
     assert MADE == [2.0]
     assert keep(mesh, by=3.0).bounds == pytest.approx(1.5 * first.bounds)
@@ -39,7 +42,7 @@ def test_the_same_arguments_are_asked_for_once(folder):
 def test_a_damaged_result_is_made_anew(folder):
     mesh = build_model("saloon_01")
     first = cached(stretched)(mesh, 2.0)
-    for path in folder.rglob("output.pkl"):
+    for path in folder.rglob("*.pickle"):
         path.write_bytes(path.read_bytes()[:100])
     assert np.array_equal(cached(stretched)(mesh, 2.0).vertices, first.vertices)
     assert MADE == [2.0, 2.0]
