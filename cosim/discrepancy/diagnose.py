@@ -12,10 +12,11 @@ import numpy as np
 
 from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.candidates import as_known, candidate_kinds, with_rings
+from cosim.discrepancy.confirm import contradicted
 from cosim.discrepancy.data.checks import check_fit, opened
 from cosim.discrepancy.data.frames import FrameTracer, in_order
 from cosim.discrepancy.data.map_surfaces import is_own_map
-from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told
+from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told, struck_notes
 from cosim.discrepancy.data.split import split_drive, split_frames
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.inference.comparison import gain
@@ -82,7 +83,8 @@ def diagnose(
     before = None
     while state is not before and len(state.found) < settings.most_findings:
         before, state = state, added(case, state)
-    return with_labels(concluded(case, redrawn(case, eliminated(case, simplified(case, state)))), asked)
+    state = confirmed(case, redrawn(case, eliminated(case, simplified(case, state))))
+    return with_labels(concluded(case, state), asked)
 
 
 def case_of(
@@ -264,6 +266,15 @@ def redrawn(case: Case, state: State) -> State:
     return state
 
 
+def confirmed(case: Case, state: State) -> State:
+    """Without what a segment denies that nothing was fitted, chosen or judged by until now."""
+    if state.found and case.split.confirm:
+        case.say("asking the untouched segment")
+    while (one := contradicted(case, state, Model(given(case)))) is not None:
+        state = _without(case, replace(state, struck=(*state.struck, one)), one)
+    return state
+
+
 def concluded(case: Case, state: State) -> Diagnosis:
     """The whole screen once more, errors and their budget, and everything in its last values."""
     tested = state.screened
@@ -378,4 +389,5 @@ def _notes(case: Case, state: State) -> tuple[str, ...]:
         strays=sum(one.strays for one in seen),
         has_intensity=state.view.fitter.sample.has_intensity,
     )
-    return (*of_drive, *fit_notes(len(seen), case.split.is_held_out, is_own_map(case.tracer.drive)))
+    of_fit = fit_notes(len(seen), case.split.is_held_out, is_own_map(case.tracer.drive))
+    return (*of_drive, *of_fit, *struck_notes([one.effect for one in state.struck]))
