@@ -44,7 +44,6 @@ from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
 _TRIED = 4  # candidates a round, until one helps
-_NEGLIGIBLE = 0.02  # share of an effect's own gain that is left where something else has taken its place
 
 
 def diagnose(

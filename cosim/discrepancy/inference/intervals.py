@@ -13,8 +13,8 @@ from cosim.discrepancy.inference.columns import Column, stacked
 from cosim.discrepancy.inference.fit import Fitted, Fitter, LinearModel
 from cosim.discrepancy.inference.score_test import Projector
 from cosim.discrepancy.inference.search import is_searched, likely_interval, widening
+from cosim.discrepancy.settings import DEFAULT
 
-_LEVEL = 0.975
 _PLAINLY = 15.0  # half widths
 
 
@@ -40,7 +40,7 @@ def half_widths(fitter: Fitter, fitted: Fitted) -> np.ndarray:
     """Half widths of 95 % intervals, (p,): Student-t with as many degrees of freedom as scans."""
     freedom = max(len(fitter.sample.names) - 1, 1)
     widest = np.max([np.diag(one) for one in covariances(fitter, fitted)], axis=0)
-    return np.sqrt(np.maximum(widest, 0)) * stats.t.ppf(_LEVEL, freedom)
+    return np.sqrt(np.maximum(widest, 0)) * stats.t.ppf(DEFAULT.upper, freedom)
 
 
 def plainly_on(fitter: Fitter, fitted: Fitted) -> frozenset[int]:
