@@ -39,7 +39,7 @@ from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.state import Case, Found, Model, State, View, seen_by, viewed
 from cosim.discrepancy.unexplained import unexplained
 from cosim.drives.kitti import Drive
-from sensors.effects.base import Effect
+from sensors.effects.base import Effect, NoiseEffect
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
@@ -207,7 +207,7 @@ def eliminated(case: Case, state: State) -> State:
     """Without findings that others have made superfluous: removed one by one, the rest fitted anew."""
     if len(state.found) < 2:
         return state
-    sure = plainly_on(state.view.fitter, state.view.fitted)
+    sure = plainly_on(state.view.fitter, state.view.fitted, given(case))
     for one in reversed(state.found[:-1]):
         place = _place(state, one.effect)
         if place is None or one.interval is not None or place in sure:
@@ -215,11 +215,14 @@ def eliminated(case: Case, state: State) -> State:
         case.say(f"asking whether {one.effect} is still needed")
         less = state.model.without(place, given(case))
         view = viewed(case, case.split.fit, less, case.settings.rows, state.view)
-        told = gain(state.view.fitter, view.fitted, state.view.fitted) if view.fitter is state.view.fitter else None
-        value = state.view.fitted.loglik - view.fitted.loglik if told else np.inf
-        if told is not None and (told.p_value > case.settings.level or value < np.log(len(state.view.fitter.sample))):
+        if view.fitter is not state.view.fitter:
+            continue
+        of_noise = isinstance(state.model.effects[place], NoiseEffect)
+        told = gain(view.fitter, view.fitted, state.view.fitted, of_noise=of_noise)
+        value = told.value if of_noise else state.view.fitted.loglik - view.fitted.loglik
+        if told.p_value > case.settings.level or value < np.log(len(view.fitter.sample)):
             state = _moved_on(case, state, less, view, _all_but(one, state))
-            sure = plainly_on(state.view.fitter, state.view.fitted)
+            sure = plainly_on(state.view.fitter, state.view.fitted, given(case))
     return state
 
 

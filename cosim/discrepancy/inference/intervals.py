@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from cosim.discrepancy.inference.fit import Fitted, Fitter, LinearModel
 from cosim.discrepancy.inference.score_test import Projector
 from cosim.discrepancy.inference.search import is_searched, likely_interval, widening
 from cosim.discrepancy.settings import DEFAULT
+from sensors.effects.base import Effect
 
 _PLAINLY = 15.0  # half widths
 
@@ -43,17 +45,24 @@ def half_widths(fitter: Fitter, fitted: Fitted) -> np.ndarray:
     return np.sqrt(np.maximum(widest, 0)) * stats.t.ppf(DEFAULT.upper, freedom)
 
 
-def plainly_on(fitter: Fitter, fitted: Fitted) -> frozenset[int]:
-    """Places of effects so surely on that nothing else that is fitted can make up for them."""
+def plainly_on(fitter: Fitter, fitted: Fitted, given: Sequence[Effect]) -> frozenset[int]:
+    """Places of effects so surely on that nothing else that is fitted can make up for them.
+
+    Of those among the `given`, which come first: so surely other than they were given.
+    """
     widths, found, at = half_widths(fitter, fitted), set(), 0
     for one, column in zip(fitted.free, fitted.columns, strict=True):
         part = widths[at : at + one.unknown.rings]
         at += one.unknown.rings
         effect = fitted.effects[one.effect]
-        off = type(effect).neutral
-        if off is None or one.unknown.name not in amplitudes(type(effect)) or is_searched(effect, one.unknown, column):
+        before = vars(given[one.effect]) if one.effect < len(given) else type(effect).neutral
+        if (
+            before is None
+            or one.unknown.name not in amplitudes(type(effect))
+            or is_searched(effect, one.unknown, column)
+        ):
             continue
-        away = np.subtract(getattr(effect, one.unknown.name), off[one.unknown.name])
+        away = np.subtract(getattr(effect, one.unknown.name), before[one.unknown.name])
         if np.any(np.abs(away) > _PLAINLY * part):
             found.add(one.effect)
     return frozenset(found)
