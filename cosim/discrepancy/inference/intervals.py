@@ -81,7 +81,8 @@ def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:
             continue
         value = np.asarray(getattr(effect, one.unknown.name), float)
         pair = np.stack([value - part, value + part], -1) if value.ndim else value + np.array([-part[0], part[0]])
-        found.setdefault(effect.name, {})[one.unknown.name] = pair.tolist()
+        within = np.clip(pair, one.unknown.low, one.unknown.high)  # where others make up for it, all that may be
+        found.setdefault(effect.name, {})[one.unknown.name] = within.tolist()
     for place, columns in sought.items():
         found.setdefault(fitted.effects[place].name, {}).update(_searched(fitter, fitted, place, columns))
     return found
