@@ -81,7 +81,7 @@ def run(
         if config.trajectories is not None:
             replay = replay_of(config.trajectories, town)
             replay.draw_ego(config.ego, 0.0, np.random.default_rng(0))
-            for note in signal_notes(replay, town):
+            for note in (*replay.tracks.notes, *signal_notes(replay, town)):
                 _log.warning("%s", note)
         elif town.streets_only:
             raise RunError(f"{name}: holds streets, but nobody drives; give --trajectories, or a .sumocfg with routes")

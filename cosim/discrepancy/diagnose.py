@@ -12,10 +12,11 @@ import numpy as np
 
 from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.candidates import as_known, candidate_kinds, with_rings
+from cosim.discrepancy.confirm import contradicted
 from cosim.discrepancy.data.checks import check_fit, opened
 from cosim.discrepancy.data.frames import FrameTracer, in_order
 from cosim.discrepancy.data.map_surfaces import is_own_map
-from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told
+from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told, struck_notes
 from cosim.discrepancy.data.split import split_drive, split_frames
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.inference.comparison import gain
@@ -38,12 +39,11 @@ from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.state import Case, Found, Model, State, View, seen_by, viewed
 from cosim.discrepancy.unexplained import unexplained
 from cosim.drives.kitti import Drive
-from sensors.effects.base import Effect
+from sensors.effects.base import Effect, NoiseEffect
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
 _TRIED = 4  # candidates a round, until one helps
-_NEGLIGIBLE = 0.02  # share of an effect's own gain that is left where something else has taken its place
 
 
 def diagnose(
@@ -82,7 +82,8 @@ def diagnose(
     before = None
     while state is not before and len(state.found) < settings.most_findings:
         before, state = state, added(case, state)
-    return with_labels(concluded(case, redrawn(case, eliminated(case, simplified(case, state)))), asked)
+    state = confirmed(case, redrawn(case, eliminated(case, simplified(case, state))))
+    return with_labels(concluded(case, state), asked)
 
 
 def case_of(
@@ -206,7 +207,7 @@ def eliminated(case: Case, state: State) -> State:
     """Without findings that others have made superfluous: removed one by one, the rest fitted anew."""
     if len(state.found) < 2:
         return state
-    sure = plainly_on(state.view.fitter, state.view.fitted)
+    sure = plainly_on(state.view.fitter, state.view.fitted, given(case))
     for one in reversed(state.found[:-1]):
         place = _place(state, one.effect)
         if place is None or one.interval is not None or place in sure:
@@ -214,11 +215,14 @@ def eliminated(case: Case, state: State) -> State:
         case.say(f"asking whether {one.effect} is still needed")
         less = state.model.without(place, given(case))
         view = viewed(case, case.split.fit, less, case.settings.rows, state.view)
-        told = gain(state.view.fitter, view.fitted, state.view.fitted) if view.fitter is state.view.fitter else None
-        value = state.view.fitted.loglik - view.fitted.loglik if told else np.inf
-        if told is not None and (told.p_value > case.settings.level or value < np.log(len(state.view.fitter.sample))):
+        if view.fitter is not state.view.fitter:
+            continue
+        of_noise = isinstance(state.model.effects[place], NoiseEffect)
+        told = gain(view.fitter, view.fitted, state.view.fitted, of_noise=of_noise)
+        value = told.value if of_noise else state.view.fitted.loglik - view.fitted.loglik
+        if told.p_value > case.settings.level or value < np.log(len(view.fitter.sample)):
             state = _moved_on(case, state, less, view, _all_but(one, state))
-            sure = plainly_on(state.view.fitter, state.view.fitted)
+            sure = plainly_on(state.view.fitter, state.view.fitted, given(case))
     return state
 
 
@@ -261,6 +265,15 @@ def redrawn(case: Case, state: State) -> State:
             before = replace(state.view, fitted=better.fitted)
             view = viewed(case, case.split.fit, better.model, case.settings.rows, before)
             state = _moved_on(case, state, better.model, view, kept)
+    return state
+
+
+def confirmed(case: Case, state: State) -> State:
+    """Without what a segment denies that nothing was fitted, chosen or judged by until now."""
+    if state.found and case.split.confirm:
+        case.say("asking the untouched segment")
+    while (one := contradicted(case, state, Model(given(case)))) is not None:
+        state = _without(case, replace(state, struck=(*state.struck, one)), one)
     return state
 
 
@@ -378,4 +391,5 @@ def _notes(case: Case, state: State) -> tuple[str, ...]:
         strays=sum(one.strays for one in seen),
         has_intensity=state.view.fitter.sample.has_intensity,
     )
-    return (*of_drive, *fit_notes(len(seen), case.split.is_held_out, is_own_map(case.tracer.drive)))
+    of_fit = fit_notes(len(seen), case.split.is_held_out, is_own_map(case.tracer.drive))
+    return (*of_drive, *of_fit, *struck_notes([one.effect for one in state.struck]))

@@ -17,8 +17,6 @@ from cosim.discrepancy.validation import HeldOut
 from cosim.discrepancy.worth import Worth
 from sensors.sensor_model import SensorModel
 
-_AT_FLOOR = 0.05
-
 
 @dataclass(frozen=True, eq=False)
 class Alternative:

@@ -24,6 +24,8 @@ class Settings:
         variance_sigmas: standard errors that a random effect's variance must be above 0 to be kept.
         bins: of a covariate when it is screened; equal numbers of beams in each.
         fewest_in_bin: beams; fewer tell nothing of a bin.
+        coverage: of intervals.
+        grazing: cosine of incidence below which a beam runs along a surface rather than to it.
         power: deviate that 80 % power adds to a critical value, the 80 % quantile of a normal law.
         at_floor: share by which an error may stand above its floor and still be at it.
     """
@@ -45,8 +47,15 @@ class Settings:
     variance_sigmas: float = 3.0
     bins: int = 10
     fewest_in_bin: int = 150
+    coverage: float = 0.95
+    grazing: float = 0.02
     power: float = 0.84
     at_floor: float = 0.05
+
+    @property
+    def upper(self) -> float:
+        """Where intervals end above, as a quantile."""
+        return (1 + self.coverage) / 2
 
 
 DEFAULT = Settings()

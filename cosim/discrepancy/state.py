@@ -118,6 +118,7 @@ class State:
         ranking: candidates of the first round with their gains.
         screened: what the last screen said.
         refused: names of what did not help on judging frames.
+        struck: findings that the untouched segment denied in the end.
     """
 
     model: Model
@@ -127,6 +128,7 @@ class State:
     ranking: list[tuple[str, float, float]] = field(default_factory=list)
     screened: list[Tested] = field(default_factory=list)
     refused: frozenset[str] = frozenset()
+    struck: tuple[Found, ...] = ()
 
     def with_found(self, one: Found) -> State:
         """With a finding more, or with another one of the same name."""

@@ -60,10 +60,13 @@ def page_folder(tmp_path_factory: pytest.TempPathFactory, providers: dict[str, P
 
     def of(page: str) -> PageFolder:
         if page not in folders:
-            folder = tmp_path_factory.mktemp(Path(page).stem)
-            for name, provider in given(page).items():
-                providers[provider](folder / name)
-            folders[page] = PageFolder(page, folder)
+            wanted = given(page)
+
+            def lay_in(folder: Path) -> None:
+                for name, provider in wanted.items():
+                    providers[provider](folder / name)
+
+            folders[page] = PageFolder(page, tmp_path_factory.mktemp(Path(page).stem), lay_in)
         return folders[page]
 
     return of

@@ -19,11 +19,13 @@ class PageFolder:
 
     Args:
         page: whose.
-        folder: empty, or holding what the page says is given.
+        folder: empty.
+        lay_in: puts what the page says is given into the folder; called before the first program is run.
     """
 
-    def __init__(self, page: str, folder: Path) -> None:
+    def __init__(self, page: str, folder: Path, lay_in: Callable[[Path], None]) -> None:
         self._folder = folder
+        self._lay_in: Callable[[Path], None] | None = lay_in
         self._blocks = [block for block in read_blocks(page) if block.acts and block.when != "never"]
         self._failed: dict[int, str] = {}
         self._done: set[int] = set()
@@ -48,6 +50,9 @@ class PageFolder:
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(block.program, encoding="utf-8")
             return ""
+        if self._lay_in is not None:
+            self._lay_in(self._folder)
+            self._lay_in = None
         if block.language == "bash":
             command = ["bash", "-euo", "pipefail", "-c", block.program]
         else:

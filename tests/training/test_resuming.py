@@ -123,6 +123,7 @@ def test_running_out_of_memory_says_which_setting_to_lower(tiny_drive, tmp_path,
     assert "lower `batch_size`" in error and error.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_two_processes_train_one_detector(tiny_drive, tmp_path):
     config = write_config(tmp_path, tiny_drive, epochs=1, batch_size=1)
     command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node=2", "--standalone"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cosim.discrepancy.settings import DEFAULT
 from sensors.hits import Hits
 from sensors.pattern import Pattern
 from sensors.rays import Rays
@@ -11,7 +12,6 @@ from sensors.rays import Rays
 _JUMP_M = 0.1
 _JUMP_SHARE = 0.01
 _CREASE_M, _CREASE_SHARE = 0.015, 0.002
-_GRAZING = 0.02
 _WIDEST, _TALLEST = 24, 4  # firings and rings that an edge may be away
 _APART = 0.3  # of the brighter: three times a noise of 10 %
 
@@ -63,7 +63,7 @@ class Neighbours:
         normal = solid.normal
         offset = np.einsum("ij,ij->i", normal, origin + direction * np.where(solid.exists, solid.range_m, 0)[:, None])
         cos = np.abs(np.einsum("ij,ij->i", normal, direction))
-        edge = solid.exists & (cos < _GRAZING)
+        edge = solid.exists & (cos < DEFAULT.grazing)
         reach = np.where(solid.exists, solid.range_m, np.float32(np.inf))
         nearest = np.where(edge, reach, np.float32(np.inf))
         for row in self.rows:

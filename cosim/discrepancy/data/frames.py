@@ -12,6 +12,7 @@ from cosim.discrepancy.data.ambiguity import Neighbours, widened
 from cosim.discrepancy.data.map_surfaces import MapSurfaces
 from cosim.discrepancy.data.observation import Observed, intensity_unit, observe, upwards
 from cosim.discrepancy.labelled_twin.trust import read_trust
+from cosim.discrepancy.settings import DEFAULT
 from cosim.drives.kitti import Drive, Frame
 from cosim.drives.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
 from sensors.beams import Beams
@@ -24,7 +25,6 @@ from sensors.sensor_model import SensorModel
 from sensors.shot import Shot
 from sensors.world import TracerCache, World
 
-_GRAZING = 0.02
 _SAME_M = 1.0
 _ASIDE = 8
 
@@ -199,7 +199,7 @@ def _known(frame: Frame, shot: Shot, observed: Observed) -> tuple[np.ndarray, np
     away, bright = trust.unsure(met, solid.instance)
     steep = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
     trusted = found & (trust.ground_range | (solid.instance >= 0))
-    return trusted, away / np.maximum(steep, _GRAZING), bright
+    return trusted, away / np.maximum(steep, DEFAULT.grazing), bright
 
 
 def _on_map(surfaces: MapSurfaces, shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

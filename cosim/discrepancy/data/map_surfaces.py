@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
+from cosim.discrepancy.settings import DEFAULT
 from cosim.drives.files import read_bytes
 from cosim.drives.kitti import Drive
 from cosim.errors import FormatError
@@ -24,7 +25,6 @@ _ARRAYS = {"centre": (3,), "normal": (3,), "sd_m": (), "range_m": (2,), "cos_inc
 _MARGIN_M = 0.3  # across a surface, within which a return is its
 _ON_PLANE_M = 0.02
 _NEIGHBOURS = 6
-_GRAZING = 0.02
 _LEAST_ROUGH = 0.2  # of the scatter, that a surface has itself
 _LEVEL = 0.9  # |n·z| of what lies flat
 
@@ -128,7 +128,7 @@ class MapSurfaces:
             slope: (n,) cosines of incidence.
         """
         rough = np.where(met >= 0, self.rough_m[np.maximum(met, 0)], 0.0)
-        return (rough / np.maximum(slope, _GRAZING)).astype(np.float32)
+        return (rough / np.maximum(slope, DEFAULT.grazing)).astype(np.float32)
 
     def drawn(self, looks: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
         """Rows of surfaces with `count` looks in all, half of them on what lies flat, half on the rest where it is.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from cosim.discrepancy.data.observation import intensity_unit
 from cosim.drives.kitti import Drive
 
@@ -66,3 +68,11 @@ def fit_notes(fitted: int, is_held_out: bool, of_own_map: bool) -> tuple[str, ..
     if not is_held_out:
         said.append("no frame was left to judge by: errors after a fit are flattering")
     return tuple(said)
+
+
+def struck_notes(names: Sequence[str]) -> tuple[str, ...]:
+    """Of findings that the untouched segment denied."""
+    return tuple(
+        f"{name} was found and struck out again: the last frames, by which nothing was chosen, are told better without"
+        for name in names
+    )

@@ -11,6 +11,7 @@ import numpy as np
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.forward.joined import Replay
 from cosim.discrepancy.forward.replay import FrameReplay
+from cosim.discrepancy.settings import DEFAULT
 from sensors.effects.base import Effect
 from sensors.hits import NOTHING, STATIC
 
@@ -20,7 +21,6 @@ _SKY_RAD = 0.1
 _ODD_SHARE = 0.3  # of the sample at most, for beams that return from where nothing is
 _RARE_SHARE = 0.2  # of the sample
 _LONE_SHARE = 0.25  # of the sample, for returns that tell of the sensor alone
-_GRAZING = 0.02
 _LOOKS = 16  # at each surface of a map that is taken: more tell hardly more than more surfaces would
 _ASIDE = {"previous": (0, -1), "above": (-1, 0), "below": (1, 0)}  # rings down, and firings along
 BESIDE = tuple(f"{name}_{what}" for name in _ASIDE for what in ("range", "intensity", "lost"))
@@ -416,7 +416,7 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
 
 def _steepness(slope: np.ndarray) -> np.ndarray:
     """Change of range (n,) by a shift of a surface along its normal, for the cosine (n,) between both."""
-    return np.sign(slope) / np.maximum(np.abs(slope), _GRAZING)
+    return np.sign(slope) / np.maximum(np.abs(slope), DEFAULT.grazing)
 
 
 def _facing(normal: np.ndarray) -> np.ndarray:

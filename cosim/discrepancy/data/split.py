@@ -1,4 +1,4 @@
-"""Which frames are fitted and which only judge."""
+"""Which frames are fitted, which only judge, and which are not touched until the end."""
 
 from __future__ import annotations
 
@@ -12,16 +12,24 @@ from cosim.discrepancy.labelled_twin.trust import read_trust
 from cosim.drives.kitti import Drive, Frame
 
 _SEGMENT = 3
+_FEWEST = 16  # frames of which a segment can be spared for the end
 _MAP_SCANS, _MAP_JUDGES = 24, 8  # of a map that are fitted and that judge, evenly spread
 _HELD_OUT = "held_out"
 
 
 @dataclass(frozen=True)
 class Split:
-    """Names of frames that are fitted, and of those that took no part; the same where there are too few for both."""
+    """Names of frames.
+
+    Attributes:
+        fit: those that are fitted.
+        test: those that judge, step by step; the same where there are too few for both.
+        confirm: those that are looked at once, at the end; none where there are too few.
+    """
 
     fit: tuple[str, ...]
     test: tuple[str, ...]
+    confirm: tuple[str, ...] = ()
 
     @property
     def is_held_out(self) -> bool:
@@ -43,14 +51,19 @@ def split_drive(drive: Drive) -> Split:
 
 
 def split_frames(names: Sequence[str], poor: Collection[str] = ()) -> Split:
-    """Every fourth segment of consecutive frames judges, the rest is fitted; poor frames by themselves."""
+    """Every fourth segment of consecutive frames judges, the last one is left untouched, the rest is fitted.
+
+    Poor frames are shared out among those that fit and judge by themselves.
+    """
     size = max(1, min(_SEGMENT, len(names) // 8))
     rich = [name for name in names if name not in poor]
-    ordered = [*rich, *(name for name in names if name in poor)]
+    confirm = tuple(rich[-size:]) if len(rich) >= _FEWEST else ()
+    ordered = [*rich[: len(rich) - len(confirm)], *(name for name in names if name in poor)]
     judges = {name for place, name in enumerate(ordered) if place // size % 4 == 3}
-    test = tuple(name for name in names if name in judges)
-    fit = tuple(name for name in names if name not in judges)
-    return Split(fit, test) if test and fit else Split(tuple(names), tuple(names))
+    left = [name for name in names if name not in confirm]
+    test = tuple(name for name in left if name in judges)
+    fit = tuple(name for name in left if name not in judges)
+    return Split(fit, test, confirm) if test and fit else Split(tuple(names), tuple(names))
 
 
 def _spread(names: Sequence[str], most: int) -> tuple[str, ...]:

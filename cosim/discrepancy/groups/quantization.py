@@ -11,8 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
 
 from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.settings import DEFAULT
 from sensors.effects.base import Effect, RoundingEffect
 
 _CLEAR = 0.9  # mean cosine of values that count as multiples of a step
@@ -23,7 +25,6 @@ _MOST = (130.0, 1.0)
 _STORED = (1e-5, 1e-6)  # to which values are written
 _PADDED = 4
 _FEWEST = 500
-_NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ class Lattice:
     @property
     def interval(self) -> dict[str, list[float]]:
         """95 % interval by parameter."""
-        reach = _NORMAL_95 * self.standard_error
+        reach = float(norm.ppf(DEFAULT.upper)) * self.standard_error
         return {name: [self.step - reach, self.step + reach] for name in type(self.effect).model_fields}
 
 

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from cosim.discrepancy.settings import DEFAULT
+
 _DRAWS = 400
 _SIDE = 8  # values to each side of the best
 _DOUBLINGS = 20
 _AT_ENDS = 0.04  # of the draws
-_LEVEL = 0.975
 _LEVEL_TO = 1e-12
 _LIKE_PARABOLA = 0.98
 
@@ -66,8 +67,8 @@ def redrawn_interval(
     low, high = value, value
     for one, likeliest in zip(clusters, best, strict=True):
         values, freedom = likeliest @ grid / likeliest.sum(1), max(_size(one) - 1, 1)
-        wider = stats.t.ppf(_LEVEL, freedom) / stats.norm.ppf(_LEVEL) * np.sqrt((freedom + 1) / freedom)
-        below, above = np.quantile(values, [1 - _LEVEL, _LEVEL])
+        wider = stats.t.ppf(DEFAULT.upper, freedom) / stats.norm.ppf(DEFAULT.upper) * np.sqrt((freedom + 1) / freedom)
+        below, above = np.quantile(values, [1 - DEFAULT.upper, DEFAULT.upper])
         low, high = min(low, value + (below - value) * wider), max(high, value + (above - value) * wider)
     total = table[0].sum(0)
     return Redrawn(float(max(low, bounds[0])), float(min(high, bounds[1])), _is_parabola(grid, total))

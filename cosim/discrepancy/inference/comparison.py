@@ -9,6 +9,7 @@ import numpy as np
 from scipy import stats
 
 from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.spread import quasi_likelihood
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +56,12 @@ def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = Fals
     Args:
         fitter: of the sample that both are of.
         before, after: fits, or models as they are with random effects fitted.
-        of_noise: hold spreads against how neighbours differ instead, which no misfit of the mean enters: the
-            quasi-likelihood −½(d²/s² + log s²), consistent for any law of the noise (Wedderburn, Biometrika 1974).
+        of_noise: hold spreads against how neighbours differ instead, which no misfit of the mean enters.
     """
     clusters, sample = fitter.random.clusters, fitter.sample
     if of_noise:
-        beams, law = _of_neighbours(fitter, after) - _of_neighbours(fitter, before), np.zeros(fitter.random.size)
+        beams = quasi_likelihood(sample, after.fit) - quasi_likelihood(sample, before.fit)
+        law = np.zeros(fitter.random.size)
     else:
         beams = sample.share * (after.fit.loglik - before.fit.loglik)
         known = fitter.random.informed(before.prediction, before.evidence)
@@ -85,20 +86,3 @@ def _of_law(fitter: Fitter, fitted: Fitted, known: np.ndarray) -> np.ndarray:
     return np.where(
         active, -0.5 * fitted.estimate.u**2 * precision + 0.5 * np.log(precision / (precision + known)), 0.0
     )
-
-
-def _of_neighbours(fitter: Fitter, fitted: Fitted) -> np.ndarray:
-    sample, fit = fitter.sample, fitted.fit
-    pair = np.maximum(sample.partner, 0)
-    found = np.zeros(len(sample))
-    for z, clean, sigma in (
-        (fit.range_z, fit.matched, fit.range_sigma_m),
-        (fit.intensity_z, fit.bright * fit.whole * ~sample.seam, fit.intensity_sigma),
-    ):
-        both = sample.share * clean * clean[pair] * (sample.partner >= 0)
-        gap = np.minimum((z - z[pair]) ** 2 / 2, _MOST_SQUARED)
-        found += both * (-0.5 * gap - np.log(np.maximum(sigma, 1e-9)))
-    return found
-
-
-_MOST_SQUARED = 100.0

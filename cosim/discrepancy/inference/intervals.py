@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,9 @@ from cosim.discrepancy.inference.columns import Column, stacked
 from cosim.discrepancy.inference.fit import Fitted, Fitter, LinearModel
 from cosim.discrepancy.inference.score_test import Projector
 from cosim.discrepancy.inference.search import is_searched, likely_interval, widening
+from cosim.discrepancy.settings import DEFAULT
+from sensors.effects.base import Effect
 
-_LEVEL = 0.975
 _PLAINLY = 15.0  # half widths
 
 
@@ -40,20 +42,27 @@ def half_widths(fitter: Fitter, fitted: Fitted) -> np.ndarray:
     """Half widths of 95 % intervals, (p,): Student-t with as many degrees of freedom as scans."""
     freedom = max(len(fitter.sample.names) - 1, 1)
     widest = np.max([np.diag(one) for one in covariances(fitter, fitted)], axis=0)
-    return np.sqrt(np.maximum(widest, 0)) * stats.t.ppf(_LEVEL, freedom)
+    return np.sqrt(np.maximum(widest, 0)) * stats.t.ppf(DEFAULT.upper, freedom)
 
 
-def plainly_on(fitter: Fitter, fitted: Fitted) -> frozenset[int]:
-    """Places of effects so surely on that nothing else that is fitted can make up for them."""
+def plainly_on(fitter: Fitter, fitted: Fitted, given: Sequence[Effect]) -> frozenset[int]:
+    """Places of effects so surely on that nothing else that is fitted can make up for them.
+
+    Of those among the `given`, which come first: so surely other than they were given.
+    """
     widths, found, at = half_widths(fitter, fitted), set(), 0
     for one, column in zip(fitted.free, fitted.columns, strict=True):
         part = widths[at : at + one.unknown.rings]
         at += one.unknown.rings
         effect = fitted.effects[one.effect]
-        off = type(effect).neutral
-        if off is None or one.unknown.name not in amplitudes(type(effect)) or is_searched(effect, one.unknown, column):
+        before = vars(given[one.effect]) if one.effect < len(given) else type(effect).neutral
+        if (
+            before is None
+            or one.unknown.name not in amplitudes(type(effect))
+            or is_searched(effect, one.unknown, column)
+        ):
             continue
-        away = np.subtract(getattr(effect, one.unknown.name), off[one.unknown.name])
+        away = np.subtract(getattr(effect, one.unknown.name), before[one.unknown.name])
         if np.any(np.abs(away) > _PLAINLY * part):
             found.add(one.effect)
     return frozenset(found)
@@ -72,7 +81,8 @@ def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:
             continue
         value = np.asarray(getattr(effect, one.unknown.name), float)
         pair = np.stack([value - part, value + part], -1) if value.ndim else value + np.array([-part[0], part[0]])
-        found.setdefault(effect.name, {})[one.unknown.name] = pair.tolist()
+        within = np.clip(pair, one.unknown.low, one.unknown.high)  # where others make up for it, all that may be
+        found.setdefault(effect.name, {})[one.unknown.name] = within.tolist()
     for place, columns in sought.items():
         found.setdefault(fitted.effects[place].name, {}).update(_searched(fitter, fitted, place, columns))
     return found

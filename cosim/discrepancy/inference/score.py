@@ -23,7 +23,7 @@ from cosim.discrepancy.inference.likelihood import (
 Quantity = Literal["range", "rise", "intensity", "range_variance", "intensity_variance", "drop"]
 QUANTITIES: tuple[Quantity, ...] = ("range", "rise", "intensity", "range_variance", "intensity_variance", "drop")
 _SPREAD_INFORMATION = 2.0  # of a Gaussian: of d log σ, E[(z² − 1)²]; and E[z² − 1] grows by 2 a unit of it
-_MOST_SQUARED = 100.0
+MOST_SQUARED = 100.0
 _FAR_OFF = 3.0  # standard deviations
 _MEDIAN_SIZE = 0.6745  # of a standard normal deviate
 
@@ -132,4 +132,4 @@ def dispersion(sample: Sample, fit: Fit) -> tuple[float, float]:
 
 def spread_excess(gap: np.ndarray) -> np.ndarray:
     """Above 0 where neighbours scatter more than stated, 0 on average for any law of the stated standard deviation."""
-    return np.minimum(gap**2, _MOST_SQUARED) - 1
+    return np.minimum(gap**2, MOST_SQUARED) - 1

@@ -96,10 +96,9 @@ def screen(
     if not sums:
         return []
     one_sided = np.array([one.group.one_sided for one in sums])
-    nothing = np.zeros((1 + settings.draws, 0))
     tracks, scans = [one.track for one in sums], [one.scan for one in sums]
     values, p_values, critical = family_wise(
-        ((tracks, _calmer(sums, tracks)), (scans, _calmer(sums, scans))), one_sided, nothing, rng
+        ((tracks, _calmer(sums, tracks)), (scans, _calmer(sums, scans))), one_sided, settings.draws, settings.level, rng
     )
     found = [
         _told(one, float(value), float(p), critical + settings.power)

@@ -6,50 +6,49 @@ from collections.abc import Sequence
 
 import numpy as np
 
-DRAWS = 1999
-LEVEL = 0.05
 _TILTS = 60
 
 
 def family_wise(
     clusterings: Sequence[tuple[Sequence[np.ndarray], np.ndarray]],
     one_sided: np.ndarray,
-    beside: np.ndarray,
+    draws: int,
+    level: float,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Equivalent normal deviates (k + m,), family-wise p-values (k + m,), and the deviate that p = `LEVEL` takes.
+    """Equivalent normal deviates (k,), family-wise p-values (k,), and the deviate that p = `level` takes.
 
     Args:
         clusterings: of each kind: k tables (clusters, columns) of sums, and (k,) how much wider these scatter than
             random signs tell. The less favourable kind counts.
         one_sided: (k,) bool: only positive sums of a table of one column count.
-        beside: (1 + draws, m) deviates of other tests: the true ones, then drawn ones.
+        draws: sign patterns.
+        level: see above.
         rng: for the signs.
     """
-    values, p_values = np.full(len(one_sided) + beside.shape[1], np.inf), np.zeros(len(one_sided) + beside.shape[1])
-    critical = 0.0
+    values, p_values, critical = np.full(len(one_sided), np.inf), np.zeros(len(one_sided)), 0.0
     for tables, wider in clusterings:
         columns = np.array([table.shape[1] for table in tables])
         ends = np.cumsum(columns)
         starts = ends - columns
-        z = _drawn(tables, rng)
+        z = _drawn(tables, draws, rng)
         z[0] /= np.repeat(wider, columns)
         for place, table in zip(starts, tables, strict=True):
             if table.shape[1] == 1:
                 z[:, place] = deviates(z[:, place], table[:, 0])
-        drawn = np.hstack([np.where(one_sided, z[:, starts], _sizes(z, starts, ends)), beside])
+        drawn = np.where(one_sided, z[:, starts], _sizes(z, starts, ends))
         # Each in terms of its own scatter, so that none has a head start.
         drawn = (drawn - drawn[1:].mean(0)) / np.maximum(drawn[1:].std(0), 1e-12)
         largest = np.sort(drawn[1:].max(1))
         found = drawn[0]
-        p = 1 - np.searchsorted(largest, found, side="left") / DRAWS
-        p_values = np.maximum(p_values, np.maximum(p, 1 / (DRAWS + 1)))
+        p = 1 - np.searchsorted(largest, found, side="left") / draws
+        p_values = np.maximum(p_values, np.maximum(p, 1 / (draws + 1)))
         values = np.minimum(values, found)
-        critical = max(critical, float(largest[int((1 - LEVEL) * DRAWS)]))
+        critical = max(critical, float(largest[int((1 - level) * draws)]))
     return values, p_values, critical
 
 
-def _drawn(clustered: Sequence[np.ndarray], rng: np.random.Generator) -> np.ndarray:
+def _drawn(clustered: Sequence[np.ndarray], draws: int, rng: np.random.Generator) -> np.ndarray:
     """Studentised sums, (1 + draws, columns): the true ones, then with random signs of the clusters.
 
     Tables of the same clusters share their signs.
@@ -61,7 +60,7 @@ def _drawn(clustered: Sequence[np.ndarray], rng: np.random.Generator) -> np.ndar
         spread = np.sqrt((table**2).sum(0))
         table = table / np.where(spread > 0, spread, 1)
         used = np.flatnonzero(np.abs(table).sum(1))
-        signs = rng.choice((-1.0, 1.0), (DRAWS, len(used)))
+        signs = rng.choice((-1.0, 1.0), (draws, len(used)))
         z = np.vstack([table.sum(0)[None], signs @ table[used]])
         ends = np.cumsum([clustered[place].shape[1] for place in mine])
         for place, columns in zip(mine, np.split(z, ends[:-1], axis=1), strict=True):

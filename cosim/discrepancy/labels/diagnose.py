@@ -9,12 +9,12 @@ import numpy as np
 from scipy import stats
 
 from cosim.discrepancy.labels.gathered import LabelRows, gather
+from cosim.discrepancy.settings import DEFAULT
 from cosim.drives.kitti import Drive
 from sensors.effects.box_shrink import BoxShrink
 from sensors.sensor_model import SensorModel
 
 AXES = ("length", "width", "height")
-_LEVEL, _POWER_80 = 0.05, 0.84
 _FEWEST_TRACKS = 8
 _FLIPS = 9999
 _TINY_M = 0.003  # KITTI's labels are written in centimetres
@@ -123,7 +123,7 @@ def _judged(rows: LabelRows, known: BoxShrink | None, rng: np.random.Generator) 
     told = judge if judge.any() else np.ones(len(rows), bool)
     found = _fit(rows, np.ones(len(rows), bool))
     return LabelFinding(
-        verdict="missing" if p_value <= _LEVEL else "none",
+        verdict="missing" if p_value <= DEFAULT.level else "none",
         objects=len(rows),
         tracks=rows.tracks,
         p_value=p_value,
@@ -131,7 +131,7 @@ def _judged(rows: LabelRows, known: BoxShrink | None, rng: np.random.Generator) 
         b=tuple(np.round(found.b, 5).tolist()),
         lift_m=found.lift,
         ci95={"a_m": found.ends(0), "b": found.ends(1)},
-        smallest_m=tuple(((critical + _POWER_80) * _error_of_mean(rows)).tolist()),
+        smallest_m=tuple(((critical + DEFAULT.power) * _error_of_mean(rows)).tolist()),
         error_before=float(np.abs(rows.loss_m - before)[told].mean()),
         error_after=float(np.abs(rows.loss_m - after)[told].mean()),
     )
@@ -182,7 +182,7 @@ def _gate(rows: LabelRows, loss: np.ndarray, rng: np.random.Generator) -> tuple[
     seen = np.abs(scores.sum(0)) / size
     signs = rng.choice((-1.0, 1.0), (_FLIPS, len(scores)))
     largest = (np.abs(signs @ scores) / size).max(1)
-    return float((1 + (largest >= seen.max()).sum()) / (1 + _FLIPS)), float(np.quantile(largest, 1 - _LEVEL))
+    return float((1 + (largest >= seen.max()).sum()) / (1 + _FLIPS)), float(np.quantile(largest, 1 - DEFAULT.level))
 
 
 def _error_of_mean(rows: LabelRows) -> np.ndarray:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from cosim.discrepancy.settings import DEFAULT
+
 _FEWEST = 50
-_LEVEL = 0.975
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +68,7 @@ def binned(values: np.ndarray, bin_of: np.ndarray, residual: np.ndarray, cluster
     clustered = (sums**2).sum(1) * seen / freedom / whole**2
     alone = np.bincount(bin_of, away**2, bins) / whole / np.maximum(count - 1, 1)
     variance = np.maximum(clustered, alone)
-    half = np.where(seen > 1, np.sqrt(variance) * stats.t.ppf(_LEVEL, freedom), np.nan)
+    half = np.where(seen > 1, np.sqrt(variance) * stats.t.ppf(DEFAULT.upper, freedom), np.nan)
     kept = np.flatnonzero(count >= _FEWEST)
     if not len(kept):
         return Binned(*(np.zeros(0) for _ in range(5)), strength=0.0, size=0.0, p_value=1.0)

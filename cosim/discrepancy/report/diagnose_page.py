@@ -318,5 +318,7 @@ def _how(found: Diagnosis) -> str:
     labels = f"<p>L{escape(str(found.labels)[1:])}.</p>" if found.labels is not None else ""
     said = f"{fitted} {'frame was' if fitted == 1 else 'frames were'} fitted, {judged} judged"
     said += "." if found.split.is_held_out else "; they are the same, for want of more."
+    if found.split.confirm:
+        said += f" {len(found.split.confirm)} were looked at once, at the end, to confirm what was found."
     said += " Statistics are explained in docs/discrepancy.md."
     return section("How it was found", f"<p>{said}</p>{labels}") + notes_section(found.notes)

@@ -11,10 +11,10 @@ import numpy as np
 from cosim.discrepancy.report.beams import Rows
 from cosim.discrepancy.report.binned import Binned, binned
 from cosim.discrepancy.report.bins import NO_BIN, Bins
+from cosim.discrepancy.settings import DEFAULT
 from cosim.report import figure
 from cosim.stats.plot import Axis, Plot
 
-_LEVEL = 0.05
 _ALIKE, _COMMON = 0.02, 0.02
 _MOST_DOTS = 40
 
@@ -101,7 +101,7 @@ class Chart:
 
     def shows(self, binned: Binned, charts: int) -> bool:
         """Whether a dependence is there that is no chance, of so many charts that were looked at."""
-        return binned.p_value * charts < _LEVEL and binned.size > self.channel.clear
+        return binned.p_value * charts < DEFAULT.level and binned.size > self.channel.clear
 
 
 def all_charts(rows: Rows, bins: Mapping[str, Bins], is_one: bool) -> dict[str, list[Chart]]:
@@ -164,7 +164,7 @@ def _said(one: Chart, side: Binned, charts: int) -> str:
         return f'off by <span class="warn">±{one.channel.said(side.size)}</span>'
     return (
         "nothing beyond chance"
-        if side.p_value * charts >= _LEVEL
+        if side.p_value * charts >= DEFAULT.level
         else f"less than {one.channel.said(one.channel.clear)}"
     )
 

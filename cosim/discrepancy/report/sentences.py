@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
+from cosim.discrepancy.settings import DEFAULT
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.shape import Shape
 from cosim.report.phrases import as_sure, listed, p_words
@@ -15,7 +16,6 @@ from sensors.effects.base import Effect, Parameter
 from sensors.effects.registry import effect_classes
 
 _SMALL_M = 1.0
-_AT_FLOOR = 0.05  # by how much above it is still at it
 _PLAIN = ("range_bias", "elevation_offset", "range_walk", "incidence_falloff", "random_dropout")
 
 
@@ -166,7 +166,7 @@ def floor_words(found: Diagnosis) -> str:
     above = found.above_floor
     if above is None:
         return ""
-    return "at the floor" if above <= _AT_FLOOR else f"{times(1 + above)} the floor"
+    return "at the floor" if above <= DEFAULT.at_floor else f"{times(1 + above)} the floor"
 
 
 def times(ratio: float) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import norm
 
 from cosim.discrepancy.diagnosis import Diagnosis
+from cosim.discrepancy.settings import DEFAULT
 from cosim.stats.plot import Axis, Plot
 
-_SIGMAS = 1.96
 _LARGE = 10.0
 
 
@@ -18,7 +19,7 @@ def waterfall(found: Diagnosis) -> str:
     """
     steps = _steps(found)
     level = np.array([value for _, value, _ in steps])
-    half = _SIGMAS * np.nan_to_num(np.array([error for _, _, error in steps]))
+    half = float(norm.ppf(DEFAULT.upper)) * np.nan_to_num(np.array([error for _, _, error in steps]))
     shown = level if found.noise_floor is None else np.append(level, found.noise_floor)
     least, high = float(shown.min()), max(float((level + half).max()), float(shown.max()))
     is_log = least > 0 and level.max() > _LARGE * level.min()

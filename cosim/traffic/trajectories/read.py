@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,6 @@ from cosim.traffic.trajectories.table import read_table
 from cosim.traffic.trajectories.tracks import RoadTracks, TrajectoryError
 from sumo_nets.xml_guard import read_xml
 
-_LOG = logging.getLogger(__name__)
 _BESIDE_M, _FEWEST_SHARE = 30.0, 0.5
 
 
@@ -51,7 +50,7 @@ def read_trajectories(path: Path, streets: Streets, type_files: Iterable[Path] =
         tracks = read_table(path, type_files, left_out)
     if left_out:
         said = ", ".join(f"{count} of {name!r}" for name, count in sorted(left_out.items()))
-        _LOG.warning("%s: left out, as they are no road users: %s", path, said)
+        tracks = replace(tracks, notes=(f"{path}: left out, as they are no road users: {said}",))
     return _on_streets(path, tracks, streets)
 
 

@@ -39,6 +39,7 @@ class RoadTracks:
         signals: (n,) int64 SUMO's bit set of lamps.
         lanes: n lane ids, empty where unknown.
         sumo_clock: whether times are those of a SUMO simulation, whose signals ran by the same clock.
+        notes: what of the file was left out, a line each.
     """
 
     ids: tuple[str, ...]
@@ -53,6 +54,7 @@ class RoadTracks:
     signals: np.ndarray
     lanes: tuple[str, ...]
     sumo_clock: bool = False
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.time_s)

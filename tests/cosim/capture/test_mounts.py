@@ -16,24 +16,17 @@ from cosim.export.source import instance_boxes, labelled_instances
 from sensors.cameras import KITTI_CALIBRATION, lidar_pose_ego
 from tests.sharing import record
 
-CONFIG = """
-town: town01
-seed: 3
-frames: 3
-warm_up_s: 45
-images: [image_2]
-mounts:
-  lidar: {x_m: 1.2, y_m: -0.4, z_m: 2.1, pitch_deg: 4, yaw_deg: 20}
-  cameras: {x_m: 1.9, y_m: 0.3, z_m: 1.4, yaw_deg: -8}
-navigation: {gps_noise_m: 0.5, gps_bias_m: 2.0, gyro_bias_radps: 0.01}
-"""
+MOUNTS = {
+    "lidar": {"x_m": 1.2, "y_m": -0.4, "z_m": 2.1, "pitch_deg": 4, "yaw_deg": 20},
+    "cameras": {"x_m": 1.9, "y_m": 0.3, "z_m": 1.4, "yaw_deg": -8},
+}
+NAVIGATION = {"gps_noise_m": 0.5, "gps_bias_m": 2.0, "gyro_bias_radps": 0.01}
 
 
 @pytest.fixture(scope="module")
-def drive(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("mounts")
-    (folder / "run.yaml").write_text(CONFIG)
-    return Drive(record(folder / "run.yaml", folder / "drive"))
+def drive(hamlet_config, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("mounts") / "drive"
+    return Drive(record(hamlet_config, folder, images=["image_2"], mounts=MOUNTS, navigation=NAVIGATION))
 
 
 def test_nothing_moved_is_kitti_to_the_last_digit():

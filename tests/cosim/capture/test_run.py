@@ -13,7 +13,8 @@ import pytest
 import yaml
 
 from cosim.cli import main
-from tests.cosim.conftest import cosim, refused
+from tests.cosim.conftest import refused
+from tests.sharing import record
 
 
 def checksums(folder: Path) -> dict[str, str]:
@@ -96,30 +97,24 @@ def test_a_run_killed_half_way_goes_on_to_the_same_bytes(blind_drive, blind_conf
     process.wait()
     kept = (folder / "manifest.jsonl").read_bytes().count(b"\n")
     assert 3 <= kept < 8 and not (folder / "drive.yaml").exists()
-    cosim("run", blind_config, "--out", folder, "--quiet")
+    record(blind_config, folder)
     assert checksums(folder) == checksums(blind_drive)
 
 
-def test_a_recording_process_that_is_killed_is_replaced(blind_drive, blind_config, tmp_path):
-    folder = tmp_path / "drive"
-    process = start_run(blind_config, folder)
-    wait_for_frames(folder, 2, process)
-    (child,) = children_of(process)
-    os.kill(child, signal.SIGKILL)
-    _, errors = process.communicate(timeout=300)
-    assert process.returncode == 0 and "tried once more" in errors and "killed by signal 9" in errors
-    assert checksums(folder) == checksums(blind_drive)
-
-
-def test_two_runs_on_one_folder_do_not_mix(blind_drive, blind_config, tmp_path):
+def test_a_second_run_is_refused_and_a_recording_process_that_is_killed_is_replaced(
+    blind_drive, blind_config, tmp_path
+):
     folder = tmp_path / "drive"
     process = start_run(blind_config, folder)
     wait_for_frames(folder, 1, process)
     os.killpg(process.pid, signal.SIGSTOP)  # else it may have ended before the second begins
     said = refused("run", blind_config, "--out", folder, "--quiet")
-    os.killpg(process.pid, signal.SIGCONT)
     assert f"another run (process {process.pid} on " in said
-    assert process.wait(300) == 0
+    (child,) = children_of(process)
+    os.kill(child, signal.SIGKILL)
+    os.killpg(process.pid, signal.SIGCONT)
+    _, errors = process.communicate(timeout=300)
+    assert process.returncode == 0 and "tried once more" in errors and "killed by signal 9" in errors
     assert checksums(folder) == checksums(blind_drive)
 
 
@@ -183,8 +178,7 @@ def test_an_empty_disk_is_reported_and_nothing_finished_is_lost(blind_drive, bli
         pytest.skip("this user may not mount a small file system")
     try:
         (disk / "ballast").write_bytes(bytes(59_000_000))
-        result = cosim("run", blind_config, "--out", disk / "drive", "--quiet", check=False)
-        assert result.returncode == 2 and "the run needs about" in result.stderr and result.stderr.count("\n") == 1
+        assert "the run needs about" in refused("run", blind_config, "--out", disk / "drive", "--quiet")
         (disk / "ballast").unlink()
         process = start_run(blind_config, disk / "drive")
         wait_for_frames(disk / "drive", 3, process)
@@ -199,7 +193,7 @@ def test_an_empty_disk_is_reported_and_nothing_finished_is_lost(blind_drive, bli
         assert kept and all(written[name] == whole[name] for name in kept)
         assert not any(name.endswith(".partial") for name in written)
         (disk / "ballast").unlink()
-        cosim("run", blind_config, "--out", disk / "drive", "--quiet")
+        record(blind_config, disk / "drive")
         assert checksums(disk / "drive") == whole
     finally:
         subprocess.run(["umount", str(disk)], check=True)

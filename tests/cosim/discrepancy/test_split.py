@@ -12,7 +12,13 @@ def test_no_frame_both_fits_and_judges(count: int) -> None:
     names = [f"{row:06d}" for row in range(count)]
     split = split_frames(names)
     assert split.is_held_out
-    assert sorted((*split.fit, *split.test)) == names
+    assert sorted((*split.fit, *split.test, *split.confirm)) == names
+
+
+@pytest.mark.parametrize(("count", "untouched"), [(15, 0), (16, 2), (20, 2), (60, 3)])
+def test_the_last_segment_of_a_drive_that_can_spare_it_is_left_for_the_end(count: int, untouched: int) -> None:
+    names = [f"{row:06d}" for row in range(count)]
+    assert split_frames(names).confirm == tuple(names[count - untouched :])
 
 
 def test_frames_that_tell_little_judge_no_more_than_their_share() -> None:
@@ -21,3 +27,10 @@ def test_frames_that_tell_little_judge_no_more_than_their_share() -> None:
     split = split_frames(names, poor)
     assert len(set(split.test) & set(poor)) <= 2
     assert len(split.test) == 4
+    assert not split.confirm
+
+
+def test_frames_that_tell_little_confirm_nothing() -> None:
+    names = [f"{row:06d}" for row in range(24)]
+    split = split_frames(names, names[-4:])
+    assert split.confirm == tuple(names[17:20])

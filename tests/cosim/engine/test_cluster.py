@@ -84,6 +84,7 @@ def test_tasks_survive_children_that_die_and_workers_that_join_late(tmp_path):
     assert kinds.count("task") == 4 and kinds.count("again") == 3 and kinds.count("skipped") == 1
 
 
+@pytest.mark.slow
 def test_a_drive_recorded_by_workers_that_are_killed_has_the_same_bytes(blind_drive, blind_config, tmp_path):
     folder = tmp_path / "drive"
     with cluster(tmp_path / "scratch") as dask:

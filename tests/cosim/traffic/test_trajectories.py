@@ -174,15 +174,17 @@ def commonroad(folder: Path) -> Path:
     path.write_text(
         f'<commonRoad timeStepSize="0.1">{lanes}<dynamicObstacle id="42">{shape}{first}'
         f"<trajectory>{states}</trajectory></dynamicObstacle>"
-        f'<staticObstacle id="43">{shape}{still}</staticObstacle></commonRoad>'
+        f'<staticObstacle id="43">{shape}{still}</staticObstacle>'
+        f'<staticObstacle id="44">{shape.replace("car", "building")}{still}</staticObstacle></commonRoad>'
     )
     return path
 
 
-def test_a_commonroad_scenario_is_streets_and_traffic(tmp_path, hamlet_config):
+def test_a_commonroad_scenario_is_streets_and_traffic(tmp_path, hamlet_config, caplog):
     path = commonroad(tmp_path)
     sensor = hamlet_config.parent / "sensor.yaml"
     record(None, tmp_path / "d", trajectories=path, sensor=str(sensor), frames=3, images=())
+    assert caplog.messages.count(f"{path}: left out, as they are no road users: 1 of 'building'") == 1
     drive = Drive(tmp_path / "d")
     for frame in drive:
         assert [thing.id for thing in frame.twin.instances] == ["43"]

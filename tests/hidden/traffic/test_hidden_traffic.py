@@ -47,6 +47,7 @@ def test_a_hidden_place_in_the_lane_is_found_and_written(tmp_path: Path, capsys)
     assert "<script" not in (tmp_path / "page/index.html").read_text()
 
 
+@pytest.mark.slow
 def test_simulations_whose_process_dies_are_done_again(tmp_path: Path) -> None:
     from cosim.driver_discrepancy.case import opened
 
