@@ -228,7 +228,7 @@ def draw_sample(frames: Sequence[TracedFrame], count: int, rng: np.random.Genera
         edges: whether ambiguous beams take part.
     """
     if frames and frames[0].map is not None:
-        return _gathered(frames, _of_map(frames, count, rng, edges))
+        return _gathered(frames, _of_maps(frames, count, rng, edges))
     share = max(count // max(len(frames), 1), 1)
     return _gathered(frames, [_choose(frame, share, rng, edges) for frame in frames])
 
@@ -317,6 +317,20 @@ def _choose(
     place = np.argsort(order)
     partner = np.append(np.where(partner >= 0, place[partner], -1), np.full(len(lone), -1))
     return np.append(beams, lone)[order], weight[order], partner[order]
+
+
+def _of_maps(
+    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, edges: bool
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """As `_choose`, for each frame; of each map as many beams as frames lie in it."""
+    by_place: dict[str, list[int]] = {}
+    for number, one in enumerate(frames):
+        by_place.setdefault(one.place, []).append(number)
+    found = {}
+    for numbers in by_place.values():
+        mine = [frames[number] for number in numbers]
+        found |= dict(zip(numbers, _of_map(mine, count * len(mine) // len(frames), rng, edges), strict=True))
+    return [found[number] for number in range(len(frames))]
 
 
 def _of_map(

@@ -13,7 +13,9 @@ from cosim.drives.kitti import Drive, Frame
 
 _SEGMENT = 3
 _MAP_SCANS, _MAP_JUDGES = 24, 8  # of a map that are fitted and that judge, evenly spread
-_HELD_OUT = "held_out"
+_FEWEST_SCANS, _FEWEST_JUDGES = 4, 4  # of each map where there are several: fewer hardly meet one surface twice
+_MOST_MAPS = 16  # that are looked at, evenly spread along the drive
+_FIT, _HELD_OUT = "fit", "held_out"
 
 
 @dataclass(frozen=True)
@@ -34,12 +36,28 @@ def split_drive(drive: Drive) -> Split:
 
     Of a map made of the scans, those judge that took no part in it.
     """
-    if is_own_map(drive) and _HELD_OUT in drive.splits:
-        held = drive.split(_HELD_OUT)
-        fit = [name for name in drive.frames if name not in set(held)]
-        if held and fit:
-            return Split(_spread(fit, _MAP_SCANS), _spread(held, _MAP_JUDGES))
+    if is_own_map(drive) and {_FIT, _HELD_OUT} <= set(drive.splits):
+        return split_of_map(*(_by_map(drive, drive.split(name)) for name in (_FIT, _HELD_OUT)))
     return split_frames(drive.frames, [name for name in drive.frames if not _tells_of_ranges(drive[name])])
+
+
+def split_of_map(fit: Sequence[Sequence[str]], held_out: Sequence[Sequence[str]]) -> Split:
+    """The split of scans that maps were made of, and of those that took no part: some of each map.
+
+    Args:
+        fit: names of the scans that made a map, a sequence for each.
+        held_out: names of those that took no part in it.
+    """
+    told = [pair for pair in zip(fit, held_out, strict=True) if all(pair)]
+    if not told:
+        return split_frames([name for names in fit for name in names])
+    told = [told[row] for row in _rows(len(told), _MOST_MAPS)]
+    scans = max(_MAP_SCANS // len(told), _FEWEST_SCANS)
+    judges = max(_MAP_JUDGES // len(told), _FEWEST_JUDGES)
+    return Split(
+        tuple(names[row] for names, _ in told for row in _rows(len(names), scans)),
+        tuple(names[row] for _, names in told for row in _rows(len(names), judges)),
+    )
 
 
 def split_frames(names: Sequence[str], poor: Collection[str] = ()) -> Split:
@@ -53,10 +71,17 @@ def split_frames(names: Sequence[str], poor: Collection[str] = ()) -> Split:
     return Split(fit, test) if test and fit else Split(tuple(names), tuple(names))
 
 
-def _spread(names: Sequence[str], most: int) -> tuple[str, ...]:
-    """So many names, evenly spread."""
-    rows = np.unique(np.linspace(0, len(names) - 1, min(most, len(names))).round().astype(int))
-    return tuple(names[int(row)] for row in rows)
+def _by_map(drive: Drive, names: Sequence[str]) -> list[list[str]]:
+    """Names by the map that their scans lie in; the maps in the order of the drive."""
+    found: dict[str | None, list[str]] = {name: [] for name in dict.fromkeys(f.twin.static for f in drive)}
+    for name in names:
+        found[drive[name].twin.static].append(name)
+    return list(found.values())
+
+
+def _rows(count: int, most: int) -> list[int]:
+    """So many of some rows, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int)).tolist()
 
 
 def _tells_of_ranges(frame: Frame) -> bool:
