@@ -14,7 +14,7 @@ demo: setup
 	$(COSIM) view out/demo/drive --out out/demo
 
 test: setup-dev
-	$(PYTHON) -m pytest -n 2 --dist worksteal
+	$(PYTHON) -m pytest -n 3 --dist worksteal
 
 slow: setup-dev
 	@echo "make slow: every town, fifty kills, an installation, all blocks of the docs; hours on two cores" >&2
@@ -24,7 +24,7 @@ check: setup-dev
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m pyright
-	$(PYTHON) -m pytest -n 2 --dist worksteal
+	$(PYTHON) -m pytest -n 3 --dist worksteal
 
 docs:
 	@sh tools/setup.sh docs

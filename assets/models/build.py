@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from assets.cache import cached
 from assets.mesh import Mesh
 from assets.models.bicycle import build_bicycle
 from assets.models.bus import build_bus
@@ -30,6 +31,7 @@ _BUILDERS: dict[Body, Callable[[ModelSpec], Mesh]] = {
 }
 
 
+@cached
 def build_model(name: str) -> Mesh:
     """Mesh of a catalogue model: x forward, y left, z up, origin at the ground-level centre of its box.
 

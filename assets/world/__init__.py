@@ -2,7 +2,7 @@
 
 from assets.world.build import World, build_world
 from assets.world.environment import PROP_KINDS, Environment, EnvironmentConfig, PropDensities
-from assets.world.groundwork import Groundwork
+from assets.world.groundwork import Groundwork, lay_groundwork
 from assets.world.props import SignalHead
 
 __all__ = [
@@ -14,4 +14,5 @@ __all__ = [
     "SignalHead",
     "World",
     "build_world",
+    "lay_groundwork",
 ]

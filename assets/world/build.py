@@ -17,7 +17,7 @@ from assets.world.furnishing import furnish
 from assets.world.given import given_buildings
 from assets.world.greenery import hedgerow_trees, planted_trees, trees_mesh
 from assets.world.ground import TERRAIN
-from assets.world.groundwork import Groundwork
+from assets.world.groundwork import Groundwork, lay_groundwork
 from assets.world.height_field import HeightField
 from assets.world.houses import design
 from assets.world.markings import repairs_mesh
@@ -66,7 +66,7 @@ def build_world(
     Raises:
         ValueError: the network has no lanes, or its style is unknown.
     """
-    base = groundwork or Groundwork.of(streets)
+    base = groundwork or lay_groundwork(streets)
     environment = environment or Environment()
     style = environment.dress(style_of(streets.style))
     rng = np.random.default_rng(seed)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from shapely import Geometry
 
+from assets.cache import cached
 from assets.mesh import Mesh
 from assets.streets import Streets
 from assets.world.ground import CARRIAGEWAY, TERRAIN, Plan, triangulate
@@ -52,40 +53,41 @@ class Groundwork:
     markings: Mesh
     edge: Kerbside
 
-    @classmethod
-    def of(cls, streets: Streets) -> Groundwork:
-        """Lay the groundwork of a town.
-
-        Raises:
-            ValueError: the network has no lanes.
-        """
-        if not streets.lanes:
-            raise ValueError(f"town {streets.name!r} has no lanes: nothing to build a world around")
-        places = np.concatenate([lane.centre[:, :2] for lane in streets.lanes])
-        low, high = places.min(0), places.max(0)
-        bounds = np.stack([low - _MARGIN_M, high + _MARGIN_M])
-        height = fit_height_field(streets, *bounds)
-        outlines = outline(streets)
-        relief = Relief(height, outlines.crossings)
-        plan = triangulate(outlines, *bounds)
-        return cls(
-            streets=streets,
-            town=np.stack([low, high]),
-            bounds=bounds,
-            height=height,
-            outlines=outlines,
-            paved=outlines.paved,
-            open_roads=open_roads(streets),
-            relief=relief,
-            plan=plan,
-            ground=ground_mesh(plan, relief, np.full(int((plan.zone == TERRAIN).sum()), CARRIAGEWAY, np.uint8)),
-            kerb_stones=kerb_stones(plan, relief),
-            markings=markings_mesh(streets, outlines.carriageway, height),
-            edge=kerbside(streets, outlines),
-        )
-
     def surfaced(self, terrain_materials: np.ndarray) -> Mesh:
         """The ground with terrain of given materials, (t,) rows in the plan's order."""
         materials = self.ground.materials.copy()
         materials[: len(self.plan.zone)][self.plan.zone == TERRAIN] = terrain_materials
         return Mesh(self.ground.vertices, self.ground.faces, materials)
+
+
+@cached
+def lay_groundwork(streets: Streets) -> Groundwork:
+    """Lay the groundwork of a town, or take what an earlier process laid.
+
+    Raises:
+        ValueError: the network has no lanes.
+    """
+    if not streets.lanes:
+        raise ValueError(f"town {streets.name!r} has no lanes: nothing to build a world around")
+    places = np.concatenate([lane.centre[:, :2] for lane in streets.lanes])
+    low, high = places.min(0), places.max(0)
+    bounds = np.stack([low - _MARGIN_M, high + _MARGIN_M])
+    height = fit_height_field(streets, *bounds)
+    outlines = outline(streets)
+    relief = Relief(height, outlines.crossings)
+    plan = triangulate(outlines, *bounds)
+    return Groundwork(
+        streets=streets,
+        town=np.stack([low, high]),
+        bounds=bounds,
+        height=height,
+        outlines=outlines,
+        paved=outlines.paved,
+        open_roads=open_roads(streets),
+        relief=relief,
+        plan=plan,
+        ground=ground_mesh(plan, relief, np.full(int((plan.zone == TERRAIN).sum()), CARRIAGEWAY, np.uint8)),
+        kerb_stones=kerb_stones(plan, relief),
+        markings=markings_mesh(streets, outlines.carriageway, height),
+        edge=kerbside(streets, outlines),
+    )

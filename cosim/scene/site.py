@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from assets import Mesh
-from assets.world import Groundwork, SignalHead, build_world
+from assets.world import Groundwork, SignalHead, build_world, lay_groundwork
 from cosim.capture.config import RunConfig
 from cosim.scene.ground import Ground
 from sensors.cameras import CameraRenderer, Light, PackedModel, SunShadows, Tiles
@@ -56,7 +56,7 @@ class Land:
             TownError: there is no such town, or its files cannot be used.
         """
         town = read_town(name)
-        groundwork = Groundwork.of(town.streets)
+        groundwork = lay_groundwork(town.streets)
         return cls(town, groundwork, Ground(groundwork.ground))
 
 

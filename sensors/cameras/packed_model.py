@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from assets.cache import cached
 from assets.mesh import Mesh
 from sensors.cameras.baking import bake_hollows
 from sensors.cameras.closed import closed_faces
@@ -25,6 +26,7 @@ class PackedModel:
     n_closed: int
 
 
+@cached
 def pack_model(mesh: Mesh) -> PackedModel:
     """Leave out what is not drawn, and darken hollows."""
     mesh = drawable(mesh)

@@ -25,12 +25,10 @@ def test_nothing_hidden_nothing_found(base: Path, tmp_path: Path) -> None:
     assert found["smallest_detectable"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "parameters"),
-    [
-        ("range_walk", {"amplitude_m": 0.15, "decay": 4.0}),
-        pytest.param("incidence_falloff", {"exponent": 0.8}, marks=pytest.mark.slow),
-    ],
+    [("range_walk", {"amplitude_m": 0.15, "decay": 4.0}), ("incidence_falloff", {"exponent": 0.8})],
 )
 def test_a_strong_effect_is_named(base: Path, tmp_path: Path, effect: str, parameters: dict) -> None:
     hidden = replace(_SMALL, effects={effect: parameters}, seed=12)

@@ -18,7 +18,7 @@ from training.run import Watcher, run_training  # noqa: E402
 _SMALL = {"low_m": [0, -12.8, -3], "high_m": [25.6, 12.8, 1], "norm_momentum": 0.2}
 _WIDTHS = {"layers": [1, 1, 1], "channels": [32, 32, 64], "upsample_channels": [32, 32, 32]}
 DETECTORS: dict[str, tuple[dict[str, Any], int]] = {
-    "pillars_small": ({**_WIDTHS, "cell_m": [0.2, 0.2, 4]}, 60),
+    "pillars_small": ({**_WIDTHS, "cell_m": [0.2, 0.2, 4]}, 40),
     "pointpillars": ({**_WIDTHS, "cell_m": [0.32, 0.32, 4], "max_cells": 3000}, 60),
     "voxel_rcnn": (
         {

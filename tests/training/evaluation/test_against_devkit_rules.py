@@ -13,7 +13,7 @@ from training.evaluation import evaluate, pair_frames
 @pytest.mark.parametrize(("seed", "spread", "ties"), [(0, 0.03, False), (1, 0.08, True), (2, 0.02, True)])
 def test_random_detections_score_as_with_the_devkits_loops(seed, spread, ties):
     rng = np.random.default_rng(seed)
-    labels = [objects(rng, int(rng.integers(0, 14))) for _ in range(30)]
+    labels = [objects(rng, int(rng.integers(0, 14))) for _ in range(16)]
     detections = [as_detections(rng, found, spread, ties) for found in labels]
     frames = list(zip(labels, detections, strict=True))
     results = evaluate(pair_frames(labels, detections)).results

@@ -1,0 +1,113 @@
+"""Results that are slow to make and follow from their arguments alone, kept on disk from one process to the next."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import pickle
+import shutil
+import time
+from collections.abc import Callable
+from functools import cache, wraps
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+FOLDER = "COSIM_CACHE"
+"""Name of the environment variable that says where results are kept; empty: nowhere."""
+
+_OTHERS_KEPT_DAYS = 30
+_DAMAGED = (OSError, pickle.UnpicklingError, EOFError, ValueError, LookupError, TypeError, AttributeError, ImportError)
+_LIBRARIES = ("numpy", "scipy", "shapely", "mapbox-earcut", "embreex")
+
+_Arguments = ParamSpec("_Arguments")
+_Result = TypeVar("_Result")
+_log = logging.getLogger(__name__)
+
+
+def cached(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
+    """Keep a function's results in the user's cache folder.
+
+    They are kept apart by the code of `assets` and of the function's own package and by the libraries' versions, so
+    that nothing made by other code is ever read. Where the folder cannot be written, everything is made anew.
+
+    Args:
+        function: depends on its arguments alone; they and its results can be pickled.
+    """
+
+    @wraps(function)
+    def call(*arguments: _Arguments.args, **named: _Arguments.kwargs) -> _Result:
+        folder = _folder(function.__module__.partition(".")[0], os.environ.get(FOLDER))
+        if folder is None:
+            return function(*arguments, **named)
+        from joblib import hash as content_hash
+
+        path = folder / f"{function.__name__}-{content_hash((arguments, named), hash_name='sha1')}.pickle"
+        try:
+            return pickle.loads(path.read_bytes())
+        except FileNotFoundError:
+            pass
+        except _DAMAGED as error:
+            _log.info("%s: made anew, because it cannot be read (%s)", path, error)
+        result = function(*arguments, **named)
+        _write(path, pickle.dumps(result, pickle.HIGHEST_PROTOCOL))
+        return result
+
+    return call
+
+
+@cache
+def _folder(package: str, where: str | None) -> Path | None:
+    """Where results of a package's functions are kept; none if nowhere."""
+    from platformdirs import user_cache_path
+
+    if where == "":
+        return None
+    root = Path(where) if where else user_cache_path("cosim")
+    folder = root / f"{package}-{_digest(package)}"
+    try:
+        if not folder.is_dir():
+            _forget_others(root)
+            folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+    except OSError as error:
+        _log.info("%s: cannot be written (%s); nothing is kept there", root, error.strerror)
+        return None
+    return folder
+
+
+def _write(path: Path, content: bytes) -> None:
+    """As a whole or not at all: other processes may read and write the same."""
+    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_bytes(content)
+        partial.replace(path)
+    except OSError as error:
+        _log.info("%s: cannot be written (%s)", path, error.strerror)
+        partial.unlink(missing_ok=True)
+
+
+def _digest(package: str) -> str:
+    """Of everything that results depend on but the arguments."""
+    here = Path(__file__).resolve().parent
+    digest = hashlib.sha256()
+    for name in sorted({here.name, package}):
+        for path in sorted((here.parent / name).rglob("*.py")):
+            digest.update(path.relative_to(here.parent).as_posix().encode() + path.read_bytes())
+    for library in _LIBRARIES:
+        try:
+            digest.update(f"{library} {version(library)}".encode())
+        except PackageNotFoundError:
+            digest.update(library.encode())
+    return digest.hexdigest()[:16]
+
+
+def _forget_others(root: Path) -> None:
+    """Remove what other versions of the code left and have not used for long."""
+    if not root.is_dir():
+        return
+    oldest_s = time.time() - _OTHERS_KEPT_DAYS * 86400
+    for folder in root.iterdir():
+        if folder.is_dir() and folder.stat().st_mtime < oldest_s:
+            shutil.rmtree(folder, ignore_errors=True)
