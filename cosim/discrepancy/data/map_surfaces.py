@@ -9,6 +9,7 @@ map and return from about it; a return from elsewhere is something that the map 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ _CELL = "cell_m"
 _MARGIN_M = 0.3  # across a surface, within which a return is its
 _ON_PLANE_M = 0.02
 _NEIGHBOURS = 6
+_PLACE_M, _JUDGE = 8.0, 3  # squares of the ground, one of so many of which judges
 _FAR = 1 << 20  # cells from the origin to the edge of what can be numbered
 _GRAZING = 0.02
 _LEAST_ROUGH = 0.2  # of the scatter, that a surface has itself
@@ -131,6 +133,12 @@ class MapSurfaces:
 
     def __len__(self) -> int:
         return len(self.centre)
+
+    @cached_property
+    def judge(self) -> np.ndarray:
+        """(m,) bool: those in squares of the ground by whose surfaces findings are judged, the others being fitted."""
+        square = np.floor(self.centre[:, :2] / _PLACE_M).astype(int)
+        return (square[:, 0] + square[:, 1]) % _JUDGE == 0
 
     def met(self, place: np.ndarray, instance: np.ndarray) -> np.ndarray:
         """Row (n,) of the surface that each beam meets; −1 where none.

@@ -194,6 +194,11 @@ class RandomEffects:
         u[poses] = self.sample.leaning.ravel()[: poses.stop - poses.start]
         return Estimate(u, variance)
 
+    def without(self, estimate: Estimate, names: Sequence[str]) -> Estimate:
+        """To start from, with no random effects of some kinds."""
+        gone = np.array([name in names for name, _ in self.laws])
+        return Estimate(self.start().u, np.where(gone, 0.0, estimate.variance))
+
     def begun_from(self, other: Estimate | None) -> Estimate:
         """Variances of another sample of the same drive, and its random effects where they are the same."""
         start = self.start()
