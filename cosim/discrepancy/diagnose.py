@@ -98,7 +98,11 @@ def case_of(
 ) -> Case:
     """What stays the same throughout a diagnosis; see `diagnose`."""
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
-    split = split_drive(drive) if frames is None else split_frames(tuple(frames))
+    split = (
+        split_drive(drive, model.pattern.rings * model.pattern.firings)
+        if frames is None
+        else split_frames(tuple(frames))
+    )
     hidden = not_told(len(split.fit), is_own_map(drive))
     kinds = tuple(one for one in candidate_kinds(extra, model.pattern.rings) if one.name not in hidden)
     return Case(model, FrameTracer(drive, model), split, kinds, settings, seed, say, tuple(along))
@@ -145,8 +149,8 @@ def added(case: Case, state: State) -> State:
         for one in islice(chosen(case, asked, some, found), _TRIED):
             case.say(f"adding {one.name}")
             after = accepted(case, state, one, found)
-            if after is not None:
-                return replace(after, refused=refused)
+            if after is not None:  # what competes with it is asked again beside it
+                return replace(after, refused=refused - set(after.found[-1].also_possible))
             refused = refused | {one.name}
     return state
 

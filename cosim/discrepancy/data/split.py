@@ -13,8 +13,9 @@ from cosim.drives.kitti import Drive, Frame
 
 _SEGMENT = 3
 _MAP_SCANS, _MAP_JUDGES = 24, 8  # of a map that are fitted and that judge, evenly spread
-_FEWEST_SCANS, _FEWEST_JUDGES = 4, 4  # of each map where there are several: fewer hardly meet one surface twice
-_MOST_MAPS = 16  # that are looked at, evenly spread along the drive
+_SCANS_EACH, _JUDGES_EACH = 6, 3  # of each map where there are several
+_APART = 6  # scans from one that is fitted to the next there: so near that they see the same surfaces, from elsewhere
+_MOST_BEAMS = 4_300_000  # of all scans that are looked at; each takes a kilobyte
 _FIT, _HELD_OUT = "fit", "held_out"
 
 
@@ -31,32 +32,42 @@ class Split:
         return not set(self.fit) & set(self.test)
 
 
-def split_drive(drive: Drive) -> Split:
+def split_drive(drive: Drive, beams: int) -> Split:
     """The split of a drive's frames; of those whose ground tells nothing of ranges as many judge as of the others.
 
-    Of a map made of the scans, those judge that took no part in it.
+    Of maps made of the scans, those judge that took no part in them.
+
+    Args:
+        drive: with its twin.
+        beams: of a turn.
     """
     if is_own_map(drive) and {_FIT, _HELD_OUT} <= set(drive.splits):
-        return split_of_map(*(_by_map(drive, drive.split(name)) for name in (_FIT, _HELD_OUT)))
+        return split_of_maps(*(_by_map(drive, drive.split(name)) for name in (_FIT, _HELD_OUT)), beams)
     return split_frames(drive.frames, [name for name in drive.frames if not _tells_of_ranges(drive[name])])
 
 
-def split_of_map(fit: Sequence[Sequence[str]], held_out: Sequence[Sequence[str]]) -> Split:
-    """The split of scans that maps were made of, and of those that took no part: some of each map.
+def split_of_maps(fit: Sequence[Sequence[str]], held_out: Sequence[Sequence[str]], beams: int) -> Split:
+    """The split of scans that maps were made of, and of those that took no part.
+
+    One map gives scans from end to end. Of several, as many as memory bears and evenly spread along the drive, each
+    gives some about its middle.
 
     Args:
-        fit: names of the scans that made a map, a sequence for each.
+        fit: names of the scans that made a map, in order, a sequence for each.
         held_out: names of those that took no part in it.
+        beams: of a turn.
     """
     told = [pair for pair in zip(fit, held_out, strict=True) if all(pair)]
     if not told:
         return split_frames([name for names in fit for name in names])
-    told = [told[row] for row in _rows(len(told), _MOST_MAPS)]
-    scans = max(_MAP_SCANS // len(told), _FEWEST_SCANS)
-    judges = max(_MAP_JUDGES // len(told), _FEWEST_JUDGES)
+    if len(told) == 1:
+        return Split(_spread(told[0][0], _MAP_SCANS), _spread(told[0][1], _MAP_JUDGES))
+    most = max(_MOST_BEAMS // (beams * (_SCANS_EACH + _JUDGES_EACH)), 1)
+    told = [told[row] for row in _rows(len(told), most)]
+    each, judges = max(_MAP_SCANS // len(told), _SCANS_EACH), max(_MAP_JUDGES // len(told), _JUDGES_EACH)
     return Split(
-        tuple(names[row] for names, _ in told for row in _rows(len(names), scans)),
-        tuple(names[row] for _, names in told for row in _rows(len(names), judges)),
+        tuple(name for mine, _ in told for name in _spread(_middle(mine, each * _APART), each)),
+        tuple(name for _, theirs in told for name in _spread(_middle(theirs, 2 * judges), judges)),
     )
 
 
@@ -77,6 +88,17 @@ def _by_map(drive: Drive, names: Sequence[str]) -> list[list[str]]:
     for name in names:
         found[drive[name].twin.static].append(name)
     return list(found.values())
+
+
+def _middle(names: Sequence[str], most: int) -> Sequence[str]:
+    """So many names in the middle."""
+    first = max((len(names) - most) // 2, 0)
+    return names[first : first + most]
+
+
+def _spread(names: Sequence[str], most: int) -> tuple[str, ...]:
+    """So many names, evenly spread."""
+    return tuple(names[row] for row in _rows(len(names), most))
 
 
 def _rows(count: int, most: int) -> list[int]:

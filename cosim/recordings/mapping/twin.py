@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.discrepancy.data.split import split_of_map
+from cosim.discrepancy.data.split import split_of_maps
 from cosim.drives.writer import OutputError
 from cosim.engine import Engine
 from cosim.recordings.mapping.build import build_map
@@ -149,22 +149,24 @@ def write_map_twin(
     maps = _maps(prepared, kept, effects)
     maps.all_made(prepared.segments, engine, lambda done: on_step(told_of("map", done, prepared.segments)))
     whole, recording = whole_map(prepared.segments, prepared.paths, maps), prepared.recording
+    names = tuple(f"{number:06d}" for number in range(len(recording)))
+    fit, held = _lists(prepared, whole, names)
+    split = split_of_maps(fit, held, prepared.pattern.rings * prepared.pattern.firings)
+    looked = len({whole.segment_of[names.index(name)] for name in split.fit})
     twin = RecordingTwin(
         folder=folder,
         recording=recording.path,
-        names=tuple(f"{number:06d}" for number in range(len(recording))),
+        names=names,
         pattern=prepared.pattern,
         found=prepared.found,
         path=prepared.path,
         made=whole,
         sweep_m=prepared.sweep_m,
-        notes=(*recording.notes, *prepared.found.notes, *_notes(prepared, whole)),
+        notes=(*recording.notes, *prepared.found.notes, *_notes(prepared, whole, looked)),
     )
     on_step("files")
-    fit, held = _lists(prepared, twin)
-    split = split_of_map(fit, held)
-    frames = (*split.fit, *split.test) if sampled else twin.names
-    DriveFiles(prepared, whole, maps, twin.names).write(folder, frames, _flat(fit), _flat(held), twin.as_json())
+    frames = (*split.fit, *split.test) if sampled else names
+    DriveFiles(prepared, whole, maps, names).write(folder, frames, _flat(fit), _flat(held), twin.as_json())
     return twin
 
 
@@ -200,18 +202,17 @@ def _map(
     )
 
 
-def _lists(prepared: Prepared, twin: RecordingTwin) -> tuple[list[list[str]], list[list[str]]]:
+def _lists(prepared: Prepared, made: WholeMap, names: Sequence[str]) -> tuple[list[list[str]], list[list[str]]]:
     """Names of the scans that made maps and of those that took no part, a list a segment.
 
     Segments without a map are left out, and where others move those in which the sensor stands, too: there each surface
     is seen from one place.
     """
-    made = twin.made
     useful = made.mapped & ~np.array([path.standing for path in prepared.paths])
     asked = useful if useful.any() else made.mapped
     numbers = np.flatnonzero(asked).tolist()
     return tuple(  # type: ignore[return-value]
-        [[twin.names[one] for one in scans if made.segment_of[one] == number] for number in numbers]
+        [[names[one] for one in scans if made.segment_of[one] == number] for number in numbers]
         for scans in (made.fitted, made.held_out)
     )
 
@@ -220,9 +221,9 @@ def _flat(lists: Sequence[Sequence[str]]) -> list[str]:
     return [name for names in lists for name in names]
 
 
-def _notes(prepared: Prepared, made: WholeMap) -> list[str]:
+def _notes(prepared: Prepared, made: WholeMap, looked: int) -> list[str]:
     path, recording, sweep = prepared.path, prepared.recording, prepared.sweep_m
-    notes = [f"poses: {path.source}", *_segment_notes(prepared, made)]
+    notes = [f"poses: {path.source}", *_segment_notes(prepared, made, looked)]
     if path.standing:
         notes.append(
             f"the sensor moves {path.extent_m:.2f} m in all, so each surface is seen from one place: sweep "
@@ -253,11 +254,11 @@ def _notes(prepared: Prepared, made: WholeMap) -> list[str]:
     return notes
 
 
-def _segment_notes(prepared: Prepared, made: WholeMap) -> list[str]:
-    """Of a recording in several segments: how many, and which tell nothing."""
+def _segment_notes(prepared: Prepared, made: WholeMap, looked: int) -> list[str]:
+    """Of a recording in several segments: how many, how many a diagnosis looks at, and which tell nothing."""
     if len(made.segments) == 1:
         return []
-    notes = [f"{len(made.segments)} segments, a map each: the drive is long"]
+    notes = [f"{len(made.segments)} segments, a map each; a diagnosis looks at scans of {looked} of them"]
     blank = [one for one in made.segments if not made.mapped[one.number]]
     still = [one for one in made.segments if made.mapped[one.number] and prepared.paths[one.number].standing]
     for some, why in ((blank, "no map, for want of surfaces that three scans show"), (still, "the sensor stands")):

@@ -96,3 +96,33 @@ def test_bad_input_is_refused(tmp_path: Path) -> None:
     assert "a map needs five" in refused("calibrate", tmp_path / "scans", "--out", tmp_path / "out")
     assert "--rounds 0" in refused("calibrate", tmp_path / "scans", "--out", tmp_path / "out", "--rounds", "0")
     assert "recording itself" in refused("calibrate", tmp_path / "scans", "--out", tmp_path / "scans")
+
+
+@pytest.mark.slow
+def test_the_order_of_points_in_files_does_not_change_what_is_found(tmp_path: Path) -> None:
+    pytest.importorskip("kiss_icp")
+    rings = record(tmp_path / "rings", path(SCANS), load_pattern("vlp16"))
+    told = {}
+    for order in ("rings", "firings", "shuffled"):
+        folder = tmp_path / order
+        folder.mkdir(exist_ok=True)
+        for file in sorted(rings.iterdir()):
+            points = np.fromfile(file, "<f4").reshape(-1, 4)
+            rng = np.random.default_rng(int(file.stem))
+            rows = {
+                "rings": np.arange(len(points)),
+                "firings": np.argsort(-np.arctan2(points[:, 1], points[:, 0]), kind="stable"),
+                "shuffled": rng.permutation(len(points)),
+            }[order]
+            if order != "rings":
+                points[rows].tofile(folder / file.name)
+        out = ["--out", str(tmp_path / f"{order}_out"), "--json", str(tmp_path / f"{order}.json")]
+        assert main(["calibrate", str(folder), *out, "--rounds", "1", "--quiet"]) == 0
+        told[order] = json.loads((tmp_path / f"{order}.json").read_text())["rounds"][0]
+    first = told["rings"]
+    for other in (told["firings"], told["shuffled"]):
+        assert [one["effect"] for one in other["findings"]] == [one["effect"] for one in first["findings"]]
+        assert other["thickness_ground_m"] == pytest.approx(first["thickness_ground_m"], rel=1e-3)
+        for mine, theirs in zip(first["findings"], other["findings"], strict=True):
+            for name, (low, high) in mine["ci95"].items():
+                assert theirs["params"][name] == pytest.approx(mine["params"][name], abs=0.1 * (high - low))
