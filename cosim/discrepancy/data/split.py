@@ -42,7 +42,7 @@ def split_drive(drive: Drive, beams: int) -> Split:
         beams: of a turn.
     """
     if is_own_map(drive) and {_FIT, _HELD_OUT} <= set(drive.splits):
-        return split_of_maps(*(_by_map(drive, drive.split(name)) for name in (_FIT, _HELD_OUT)), beams)
+        return split_of_maps(_by_map(drive, drive.split(_FIT)), _by_map(drive, drive.split(_HELD_OUT)), beams)
     return split_frames(drive.frames, [name for name in drive.frames if not _tells_of_ranges(drive[name])])
 
 
