@@ -25,8 +25,8 @@ OFFSET_DEG = 0.6
 SCANS = 24
 
 
-def record(folder: Path, poses: np.ndarray, pattern: Pattern) -> Path:
-    """Scans of the yard by a moving sensor whose beams look higher than it believes."""
+def record(folder: Path, poses: np.ndarray, pattern: Pattern, dims_m: float | None = None) -> Path:
+    """Scans of the yard by a moving sensor whose beams look higher than it believes, and whose echoes get weaker."""
     folder.mkdir(parents=True)
     rng, nominal, moving = np.random.default_rng(0), pattern.rays(), carried(pattern)
     raised = Beams.nominal(moving).raised(np.radians(OFFSET_DEG)).direction
@@ -37,6 +37,7 @@ def record(folder: Path, poses: np.ndarray, pattern: Pattern) -> Path:
         away = reach[rows] + rng.normal(0, 0.01, len(rows))
         xyz = nominal.direction[rows].astype(float) * away[:, None]
         light = np.clip(0.3 * (1 + rng.normal(0, 0.1, len(rows))), 0, 1)
+        light = light if dims_m is None else light / (1 + away / dims_m) ** 2
         np.column_stack([xyz, light]).astype("<f4").tofile(folder / f"{number:06d}.bin")
     return folder
 
@@ -126,3 +127,14 @@ def test_the_order_of_points_in_files_does_not_change_what_is_found(tmp_path: Pa
         for mine, theirs in zip(first["findings"], other["findings"], strict=True):
             for name, (low, high) in mine["ci95"].items():
                 assert theirs["params"][name] == pytest.approx(mine["params"][name], abs=0.1 * (high - low))
+
+
+@pytest.mark.slow
+def test_a_falloff_with_range_is_told_though_reflectances_are_not_known(tmp_path: Path) -> None:
+    pytest.importorskip("kiss_icp")
+    record(tmp_path / "scans", path(SCANS), load_pattern("vlp16"), dims_m=25.0)
+    command = ["calibrate", str(tmp_path / "scans"), "--out", str(tmp_path / "out"), "--rounds", "1", "--quiet"]
+    assert main([*command, "--json", str(tmp_path / "told.json")]) == 0
+    found = {one["effect"]: one for one in json.loads((tmp_path / "told.json").read_text())["rounds"][0]["findings"]}
+    params = found["range_falloff"]["params"]
+    assert (1 + 20 / params["reference_m"]) ** -params["exponent"] == pytest.approx((1 + 20 / 25) ** -2, rel=0.1)
