@@ -108,7 +108,7 @@ class Kept:
                 on_segment(done)
 
         on_segment(done)
-        if engine is not None and len(left) > 1:
+        if engine is not None and left and len(segments) > 1:
             skipped = engine.share_out(self, left, tell)
             if skipped:
                 raise RecordingError(
