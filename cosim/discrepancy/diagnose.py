@@ -149,8 +149,8 @@ def added(case: Case, state: State) -> State:
         for one in islice(chosen(case, asked, some, found), _TRIED):
             case.say(f"adding {one.name}")
             after = accepted(case, state, one, found)
-            if after is not None:  # what competes with it is asked again beside it
-                return replace(after, refused=refused - set(after.found[-1].also_possible))
+            if after is not None:
+                return replace(after, refused=refused)
             refused = refused | {one.name}
     return state
 

@@ -88,7 +88,7 @@ def _told(
         return
     moved = {name: values / step for name, values in change(fitted.prediction, after).items()}
     if "intensity" in moved:
-        moved["intensity"] = moved["intensity"] * fitter.random.brightness(fitted.estimate)
+        moved["intensity"] = moved["intensity"] * fitter.random.light_slope(fitted.estimate)
     delta: dict[Quantity, np.ndarray] = {name: one for name, one in moved.items() if name in fitted.evidence.score}
     if delta:
         free = next(unknown for unknown in unknowns(type(weak)) if unknown.name == amplitude)

@@ -134,7 +134,7 @@ class Fitter:
         self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction, estimate: Estimate
     ) -> tuple[Column, ...]:
         """How the prediction changes with each free parameter, random effects as they are."""
-        found, brightness = [], self.random.brightness(estimate)
+        found, slope = [], self.random.light_slope(estimate)
         for one in free:
             effect, unknown = effects[one.effect], one.unknown
             value = np.asarray(getattr(effect, unknown.name), float)
@@ -142,7 +142,7 @@ class Fitter:
             moved = with_values(effect, {unknown.name: value + step})
             after = self.sample.predict((*effects[: one.effect], moved, *effects[one.effect + 1 :]))
             delta: dict[Quantity, np.ndarray] = {
-                name: values / step * (brightness if name == "intensity" else 1.0)
+                name: values / step * (slope if name == "intensity" else 1.0)
                 for name, values in change(at, after).items()
             }
             ring = self.sample.ring if unknown.rings > 1 else None

@@ -306,6 +306,10 @@ class RandomEffects:
                 bright = bright + self._hot(one) @ part
         return np.maximum(1 + bright, _DARKEST)
 
+    def light_slope(self, estimate: Estimate) -> np.ndarray:
+        """Factor (n,) by which slopes of intensities change where reflectances are free; elsewhere it is near one."""
+        return self.brightness(estimate) if self.sample.of_own_map else np.ones(len(self.sample))
+
     def designs(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, SparseMatrix]:
         """Derivatives (n, m) of each quantity that they change; of active ones alone, other columns are empty."""
         rows, active = len(self.sample), self.active(estimate)
