@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
+from cosim.cli.engine_options import add_engine, engine_of
 from cosim.cli.options import add_common, say_notes, without_nan, write_json
 from cosim.cli.progress import ProgressReport
 from cosim.cli.recording_options import add_recording, opened
@@ -26,6 +27,7 @@ def add_command(commands: Any) -> None:
         "--sensor", metavar="FILE", help="sensor file to begin with (default: the pattern in the points, and noise)"
     )
     parser.add_argument("--rounds", type=int, default=5, metavar="N", help="of map and diagnosis at most (default: 5)")
+    add_engine(parser, "the segments of a long recording")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
@@ -41,7 +43,14 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         raise CosimError(f"--rounds {options.rounds}: one at least is needed")
     recording = opened(options, options.recording)
     with ProgressReport(console, "reading the recording") as report:
-        found = calibrate(recording, options.out, options.sensor, most_rounds=options.rounds, on_step=report.say)
+        found = calibrate(
+            recording,
+            options.out,
+            options.sensor,
+            most_rounds=options.rounds,
+            engine=engine_of(options),
+            on_step=report.say,
+        )
     page = write_page(options.out, format_page(found))
     say_notes(found.rounds[-1].notes, console)
     console.print(headline(found), soft_wrap=True, highlight=False, markup=False)

@@ -9,9 +9,8 @@ from typing import Any
 
 from rich.console import Console
 
+from cosim.cli.engine_options import add_engine, engine_of
 from cosim.cli.options import add_common, write_json
-from cosim.engine import Engine, LocalEngine, WorkError
-from cosim.engine.local import PATIENCE_S
 
 
 def add_command(commands: Any) -> None:
@@ -32,18 +31,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--seed", type=int, metavar="S", help="seed of everything random")
     parser.add_argument("--sensor", metavar="FILE", help="sensor file, or a pattern's name")
     parser.add_argument("--rig", metavar="FILE", help="rig file, or the name of a built-in rig")
-    parser.add_argument("--workers", type=int, default=1, metavar="W", help="processes that share the episodes")
-    parser.add_argument(
-        "--engine", choices=("local", "dask"), default="local", help="processes of this machine, or a Dask cluster's"
-    )
-    parser.add_argument("--address", metavar="tcp://HOST:PORT", help="the Dask cluster's scheduler")
-    parser.add_argument(
-        "--patience",
-        type=float,
-        default=PATIENCE_S,
-        metavar="S",
-        help="end a process that tells nothing for so long [s]",
-    )
+    add_engine(parser, "the episodes")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
@@ -66,7 +54,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         rig=options.rig,
         trajectories=options.trajectories,
     )
-    engine = _engine(options)
+    engine = engine_of(options)
     begun = time.monotonic()
     with FrameReport(console, starting="building the town", working="recording") as report:
 
@@ -98,19 +86,6 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             "frames_per_s": report.per_s,
         },
     )
-
-
-def _engine(options: argparse.Namespace) -> Engine:
-    """Whose processes record."""
-    if options.engine == "local":
-        if options.address:
-            raise WorkError("--address is for --engine dask; give both or neither")
-        return LocalEngine(options.workers, options.patience)
-    if not options.address:
-        raise WorkError("--engine dask needs --address tcp://HOST:PORT, that of its scheduler")
-    from cosim.engine.cluster import DaskEngine
-
-    return DaskEngine(options.address, options.patience)
 
 
 def _towns(text: str | None) -> str | tuple[str, ...] | None:

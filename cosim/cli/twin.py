@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
+from cosim.cli.engine_options import add_engine, engine_of
 from cosim.cli.options import add_common, beside, say_notes, without_nan, write_json
 from cosim.cli.progress import ProgressReport
 from cosim.cli.recording_options import add_recording, opened
@@ -38,6 +39,7 @@ def add_command(commands: Any) -> None:
     )
     parser.add_argument("--page", type=Path, metavar="PAGE", help="folder of a recording's page (default: DIR-twin)")
     add_recording(parser, path=False)
+    add_engine(parser, "the segments of a long recording")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
@@ -67,9 +69,10 @@ def _from_scans(options: argparse.Namespace, console: Console) -> None:
     if options.frames is not None:
         raise CosimError("--frames chooses labelled frames; a map is made of all scans: leave it out, or use --scans")
     recording = opened(options, options.drive)
-    steps = ("pattern", "odometry", "map", "sweep motion", "files")
-    with ProgressReport(console, "making the twin", len(steps)) as report:
-        twin = write_recording_twin(recording, options.out, options.pattern, lambda step: report.advance())
+    with ProgressReport(console, "making the twin") as report:
+        twin = write_recording_twin(
+            recording, options.out, options.pattern, engine=engine_of(options), on_step=report.say
+        )
     page = write_page(options.page or beside(options.out, "twin"), format_page(twin))
     result = twin.as_json()
     say_notes(twin.notes, console)

@@ -82,6 +82,9 @@ class Aligned:
         self._frames = frames
         self._random = view.fitter.random
         self._estimate = view.fitted.estimate if same else seen_by(view, effects).estimate
+        if view.fitter.sample.of_own_map:  # aligned with the map as it is: a sample shows a part
+            alone = self._random.without(self._estimate, ("map", "albedo_of_map"))
+            self._estimate = seen_by(view, effects, alone).estimate
         shift_m, turn_rad = spreads(self._random, self._estimate, case.settings.edge_sigmas)
         clear = shift_m < case.settings.sharp_m and turn_rad < case.settings.sharp_rad
         self._wide = [None if clear else one.unsure(shift_m, turn_rad) for one in frames]

@@ -19,7 +19,7 @@ from cosim.discrepancy.data.map_surfaces import is_own_map
 from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told, struck_notes
 from cosim.discrepancy.data.split import split_drive, split_frames
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
-from cosim.discrepancy.inference.comparison import gain
+from cosim.discrepancy.inference.comparison import Gain, gain
 from cosim.discrepancy.inference.intervals import intervals, plainly_on
 from cosim.discrepancy.inference.score_test import Tested
 from cosim.discrepancy.labels import with_labels
@@ -99,7 +99,11 @@ def case_of(
 ) -> Case:
     """What stays the same throughout a diagnosis; see `diagnose`."""
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
-    split = split_drive(drive) if frames is None else split_frames(tuple(frames))
+    split = (
+        split_drive(drive, model.pattern.rings * model.pattern.firings)
+        if frames is None
+        else split_frames(tuple(frames))
+    )
     hidden = not_told(len(split.fit), is_own_map(drive))
     kinds = tuple(one for one in candidate_kinds(extra, model.pattern.rings) if one.name not in hidden)
     return Case(model, FrameTracer(drive, model), split, kinds, settings, seed, say, tuple(along))
@@ -158,14 +162,34 @@ def accepted(case: Case, state: State, one: Candidate, found: Sequence[Candidate
     model = replace(one.model, effects=view.fitted.effects)
     judges = judged(case, state.judges, model)
     if not one.is_fact and case.split.is_held_out:
-        same = judges.fitter is state.judges.fitter
-        before = state.judges.fitted if same else seen_by(judges, state.model.effects)
-        told = gain(judges.fitter, before, judges.fitted, of_noise=one.of_noise)
+        told = gain_elsewhere(case, state, view, judges, of_noise=one.of_noise)
         case.say(f"{one.name} gains {told.value:.1f} ± {told.error:.1f} on frames that took no part")
         if told.p_value > case.settings.level:
             return None
     after = replace(state, model=model, view=view, judges=judges, screened=[])
     return after.with_found(as_found(case, state, one, found))
+
+
+def gain_elsewhere(case: Case, state: State, view: View, judges: View, *, of_noise: bool) -> Gain:
+    """What a model gains where it was not fitted.
+
+    On frames that took no part. Of a map made of the scans these are few, next to each other, and say little of how
+    surfaces look from near and far. There all frames judge, by surfaces in places that took no part: whose own places
+    are free as those of the others are.
+
+    Args:
+        case: of the diagnosis.
+        state: before.
+        view, judges: frames that are fitted, and that judge, as the model tells them.
+        of_noise: whether the model differs in spreads alone.
+    """
+    same = judges.fitter is state.judges.fitter
+    if view.fitter.sample.of_own_map:
+        frozen, frames = Model(view.fitted.effects), (*view.frames, *judges.frames)
+        names = (*view.names, *judges.names)
+        judges, same = viewed(case, names, frozen, case.settings.rows // 2, traced=frames, judging=True), False
+    before = state.judges.fitted if same else seen_by(judges, state.model.effects)
+    return gain(judges.fitter, before, judges.fitted, of_noise=of_noise)
 
 
 def judged(case: Case, before: View, model: Model) -> View:

@@ -144,6 +144,8 @@ def viewed(
     before: View | None = None,
     held: Collection[str] = (),
     traced: Sequence[TracedFrame] | None = None,
+    *,
+    judging: bool = False,
 ) -> View:
     """Frames traced as a model bends their beams, and the model fitted, until both agree.
 
@@ -155,7 +157,9 @@ def viewed(
         before: frames that may be traced well enough already, and random effects to start from.
         held: names of parameters that stay as they are.
         traced: the frames, if they have been traced as the model bends their beams.
+        judging: on a map made of the scans, by its surfaces in those places that take no part in fitting.
     """
+    side = judging if judging or set(names) <= set(case.split.fit) else None
     if before is not None:
         frames = before.frames
     else:
@@ -167,7 +171,7 @@ def viewed(
         if fitter is not None and number < _ROUNDS and _is_far(case, fitter, effects):
             frames, fitter = tuple(case.tracer.trace_all(names, bending(effects))), None
         if fitter is None:
-            sample = draw_sample(frames, rows, np.random.default_rng([case.seed, rows]))
+            sample = draw_sample(frames, rows, np.random.default_rng([case.seed, rows]), judging=side)
             if sizes is None:
                 plain = Fitter(sample, case.settings)
                 start = plain.fit(effects, (), start).estimate

@@ -33,6 +33,9 @@ class RecordingSettings(BaseModel):
     intensity_scale: float | None = Field(default=None, gt=0, description="what full intensity reads, as 255")
     sweep_s: float | None = Field(default=None, gt=0, le=10, description="duration of one revolution [s]")
     poses: str | None = Field(default=None, description="file of poses, relative to the folder: KITTI or TUM")
+    segment_scans: int | None = Field(
+        default=None, ge=20, le=1000, description="scans of a segment of a long recording; 150 by default"
+    )
     mount: Mount | None = Field(default=None, description="height and tilt of the sensor above level ground")
 
     def with_options(self, **options: object) -> RecordingSettings:

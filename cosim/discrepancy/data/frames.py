@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cosim.discrepancy.data.ambiguity import Neighbours, widened
-from cosim.discrepancy.data.map_surfaces import MapSurfaces
+from cosim.discrepancy.data.map_surfaces import Maps, MapSurfaces
 from cosim.discrepancy.data.observation import Observed, intensity_unit, observe, upwards
 from cosim.discrepancy.labelled_twin.trust import read_trust
 from cosim.discrepancy.settings import DEFAULT
@@ -126,7 +126,7 @@ class FrameTracer:
         self._rays: Rays = sensor.pattern.rays()
         self._neighbours = Neighbours(self._rays)
         self._tracers = TracerCache(sensor.pattern.range_m)
-        self._map = MapSurfaces.of(drive)
+        self._maps = Maps(drive)
 
     def trace(self, name: str, effects: tuple[Effect, ...], leaning: np.ndarray | None = None) -> TracedFrame:
         """One frame, as beams changed by `effects` meet it, from a pose that is off by `leaning`, see `TracedFrame`."""
@@ -142,11 +142,11 @@ class FrameTracer:
         beams = act_on_beams(in_order(effects), Beams.nominal(observed.rays), before, streams, self.sensor.origin)
         traced = world.trace(beams)
         shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
-        surface = np.full(len(observed.rays), -1, np.int32)
-        if self._map is None:
+        surface, own_map = np.full(len(observed.rays), -1, np.int32), self._maps.of(twin.static)
+        if own_map is None:
             trusted, unsure_m, unsure_intensity = _known(frame, shot, observed)
         else:
-            surface, trusted, unsure_m = _on_map(self._map, shot, observed)
+            surface, trusted, unsure_m = _on_map(own_map, shot, observed)
             unsure_intensity = np.zeros(len(observed.rays), np.float32)
         border, seam = self._neighbours.at_border(traced.hits)
         edge, nearest_m = self._neighbours.at_edge(traced.hits)
@@ -166,7 +166,7 @@ class FrameTracer:
             own_axes=frame.has("twin/trust"),
             ego=ego,
             instances=instances,
-            map=self._map,
+            map=own_map,
             surface=surface,
         )
 

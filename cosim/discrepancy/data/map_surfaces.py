@@ -1,4 +1,4 @@
-"""Surfaces of a twin that is a map made of the drive's own scans: `twin/surfels.npz`.
+"""Surfaces of a twin that is a map made of the drive's own scans: `twin/surfels.npz`, or `twin/surfels/` of several.
 
 Such a map says nothing of where its surfaces and scans stand: both were fitted to the very points that are to be
 judged. So the place of every surface along its normal, its reflectance and the poses of scans are free, and what is
@@ -9,6 +9,8 @@ map and return from about it; a return from elsewhere is something that the map 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -20,18 +22,50 @@ from cosim.errors import FormatError
 from sensors.hits import STATIC
 from sensors.npz import NpzError, npz_arrays
 
-FILE = "twin/surfels.npz"
+_FILE, _FOLDER = "twin/surfels.npz", "twin/surfels"  # of one map, of those of a long drive
 _ARRAYS = {"centre": (3,), "normal": (3,), "sd_m": (), "range_m": (2,), "cos_incidence": (2,), "trusted": ()}
+_CELL = "cell_m"
 _MARGIN_M = 0.3  # across a surface, within which a return is its
 _ON_PLANE_M = 0.02
 _NEIGHBOURS = 6
+_PLACE_M, _JUDGE = 8.0, 3  # squares of the ground, one of so many of which judges
+_FAR = 1 << 20  # cells from the origin to the edge of what can be numbered
 _LEAST_ROUGH = 0.2  # of the scatter, that a surface has itself
 _LEVEL = 0.9  # |n·z| of what lies flat
 
 
 def is_own_map(drive: Drive) -> bool:
-    """Whether a drive's twin is a map made of its own scans."""
-    return (drive.root / FILE).is_file()
+    """Whether a drive's twin is a map made of its own scans, or several."""
+    return (drive.root / _FILE).is_file() or (drive.root / _FOLDER).is_dir()
+
+
+class Maps:
+    """The maps of a drive's scans, read when they are asked for.
+
+    Args:
+        drive: whose twin may be a map.
+    """
+
+    def __init__(self, drive: Drive) -> None:
+        self._drive = drive if is_own_map(drive) else None
+        self._read: dict[Path, MapSurfaces] = {}
+
+    def of(self, static: str | None) -> MapSurfaces | None:
+        """The map that a frame lies in; None where the twin is no map of the drive's own scans.
+
+        Args:
+            static: the frame's static world, relative to `twin/`, where the drive has several.
+
+        Raises:
+            FormatError: the file is damaged.
+        """
+        if self._drive is None:
+            return None
+        name = _FILE if static is None else f"{_FOLDER}/{Path(static).stem}.npz"
+        file = self._drive.root / name
+        if file not in self._read:
+            self._read[file] = MapSurfaces.read(file)
+        return self._read[file]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +79,9 @@ class MapSurfaces:
             ranges does not explain.
         range_m: (m, 2) nearest and farthest look.
         trusted: (m,) bool: seen well, and with little else about them.
+        cell_m: size of the cells, of which each holds one surface at most.
         tree: of the centres.
+        cells: (m,) int64 numbers of the surfaces' cells, rising; `order`: (m,) rows of the surfaces in them.
     """
 
     centre: np.ndarray
@@ -53,23 +89,23 @@ class MapSurfaces:
     rough_m: np.ndarray
     range_m: np.ndarray
     trusted: np.ndarray
+    cell_m: float
     tree: KDTree
+    cells: np.ndarray
+    order: np.ndarray
 
     @classmethod
-    def of(cls, drive: Drive) -> MapSurfaces | None:
-        """Those of a drive; None where its twin is no map of its own scans.
+    def read(cls, file: Path) -> MapSurfaces:
+        """Those of a file.
 
         Raises:
             FormatError: the file is damaged.
         """
-        if not is_own_map(drive):
-            return None
-        file = drive.root / FILE
         try:
             found = npz_arrays(read_bytes(file))
         except NpzError as error:
             raise FormatError(f"{file}: {error}; make the twin anew with `cosim twin`") from None
-        missing = [name for name in _ARRAYS if name not in found]
+        missing = [name for name in (*_ARRAYS, _CELL) if name not in found]
         if missing:
             raise FormatError(f"{file}: lacks {', '.join(missing)}; make the twin anew with `cosim twin`")
         arrays = {name: np.asarray(found[name], np.float64) for name in _ARRAYS}
@@ -77,6 +113,11 @@ class MapSurfaces:
         odd = [name for name, shape in _ARRAYS.items() if arrays[name].shape != (count, *shape)]
         if not count or odd:
             raise FormatError(f"{file}: {odd[0] if odd else 'centre'} has no row a surface; make the twin anew")
+        if found[_CELL].shape != (1,) or not found[_CELL][0] > 0:
+            raise FormatError(f"{file}: {_CELL} is no size of cells; make the twin anew with `cosim twin`")
+        cell_m = float(found[_CELL][0])
+        cells = _cell_numbers(arrays["centre"], cell_m)
+        order = np.argsort(cells, kind="stable")
         rough = _roughness(arrays["sd_m"], arrays["cos_incidence"].mean(1))
         return cls(
             arrays["centre"],
@@ -84,11 +125,20 @@ class MapSurfaces:
             rough,
             arrays["range_m"],
             arrays["trusted"] > 0,
+            cell_m,
             KDTree(arrays["centre"]),
+            cells[order],
+            order,
         )
 
     def __len__(self) -> int:
         return len(self.centre)
+
+    @cached_property
+    def judge(self) -> np.ndarray:
+        """(m,) bool: those in squares of the ground by whose surfaces findings are judged, the others being fitted."""
+        square = np.floor(self.centre[:, :2] / _PLACE_M).astype(int)
+        return (square[:, 0] + square[:, 1]) % _JUDGE == 0
 
     def met(self, place: np.ndarray, instance: np.ndarray) -> np.ndarray:
         """Row (n,) of the surface that each beam meets; −1 where none.
@@ -101,6 +151,10 @@ class MapSurfaces:
         rows = np.flatnonzero(instance == STATIC)
         if not len(rows):
             return found
+        found[rows] = self._in_cell(place[rows])
+        rows = rows[found[rows] < 0]  # over the rim of a cell
+        if not len(rows):
+            return found
         _, near = self.tree.query(place[rows], k=min(_NEIGHBOURS, len(self)))
         near = near.reshape(len(rows), -1)
         off = np.einsum("ikj,ikj->ik", place[rows][:, None] - self.centre[near], self.normal[near])
@@ -108,6 +162,14 @@ class MapSurfaces:
         best = on.argmax(1)  # the nearest of those whose plane it lies on
         found[rows] = np.where(on.any(1), near[np.arange(len(rows)), best], -1)
         return found
+
+    def _in_cell(self, place: np.ndarray) -> np.ndarray:
+        """Row (n,) of the surface in the cell of each place, if that lies on its plane; −1 elsewhere."""
+        cell = _cell_numbers(place, self.cell_m)
+        at = np.minimum(np.searchsorted(self.cells, cell), len(self) - 1)
+        row = self.order[at]
+        off = np.einsum("ij,ij->i", place - self.centre[row], self.normal[row])
+        return np.where((self.cells[at] == cell) & (np.abs(off) < _ON_PLANE_M), row, -1)
 
     def compared(self, met: np.ndarray, measured: np.ndarray) -> np.ndarray:
         """Which beams may be compared, (n,) bool.
@@ -148,6 +210,12 @@ class MapSurfaces:
         share = np.where(flat, *(_share_before(looks[order], mine, count / 2) for mine in (flat, ~flat)))
         order = order[np.argsort(share, kind="stable")]
         return order[np.cumsum(looks[order]) <= count]
+
+
+def _cell_numbers(place: np.ndarray, cell_m: float) -> np.ndarray:
+    """Numbers (n,) int64 of the cells of places (n, 3)."""
+    cell = np.floor(place / cell_m).astype(np.int64) + _FAR
+    return (cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2]
 
 
 def _share_before(looks: np.ndarray, mine: np.ndarray, count: float) -> np.ndarray:

@@ -215,7 +215,14 @@ class Sample:
             yield replay, self.frame == number
 
 
-def draw_sample(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, *, edges: bool = False) -> Sample:
+def draw_sample(
+    frames: Sequence[TracedFrame],
+    count: int,
+    rng: np.random.Generator,
+    *,
+    edges: bool = False,
+    judging: bool | None = None,
+) -> Sample:
     """A sample of about `count` beams in neighbouring pairs: of every frame alike, more of objects than of the rest.
 
     Materials that few beams meet, as those of plates and signs, are taken nearly whole.
@@ -226,9 +233,10 @@ def draw_sample(frames: Sequence[TracedFrame], count: int, rng: np.random.Genera
         count: how many beams to take, roughly.
         rng: for the draw.
         edges: whether ambiguous beams take part.
+        judging: of a map made of the scans, take surfaces of those places that judge, or of the others; all by default.
     """
     if frames and frames[0].map is not None:
-        return _gathered(frames, _of_map(frames, count, rng, edges))
+        return _gathered(frames, _of_maps(frames, count, rng, edges, judging))
     share = max(count // max(len(frames), 1), 1)
     return _gathered(frames, [_choose(frame, share, rng, edges) for frame in frames])
 
@@ -319,8 +327,22 @@ def _choose(
     return np.append(beams, lone)[order], weight[order], partner[order]
 
 
+def _of_maps(
+    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, edges: bool, judging: bool | None
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """As `_choose`, for each frame; of each map as many beams as frames lie in it."""
+    by_place: dict[str, list[int]] = {}
+    for number, one in enumerate(frames):
+        by_place.setdefault(one.place, []).append(number)
+    found = {}
+    for numbers in by_place.values():
+        mine = [frames[number] for number in numbers]
+        found |= dict(zip(numbers, _of_map(mine, count * len(mine) // len(frames), rng, edges, judging), strict=True))
+    return [found[number] for number in range(len(frames))]
+
+
 def _of_map(
-    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, edges: bool
+    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, edges: bool, judging: bool | None
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """As `_choose`, for each frame: several looks at each of some surfaces, rather at those seen from near and far."""
     surfaces = frames[0].map
@@ -328,6 +350,8 @@ def _of_map(
     usable = [np.flatnonzero(one.observed.trusted & (edges | ~one.edge)) for one in frames]
     met = np.concatenate([one.surface[rows] for one, rows in zip(frames, usable, strict=True)])
     looks = np.bincount(met, minlength=len(surfaces))
+    if judging is not None:
+        looks = np.where(surfaces.judge == judging, looks, 0)
     taken = surfaces.drawn(np.minimum(looks, _LOOKS), count, rng)
     chance = np.zeros(len(surfaces))
     chance[taken] = np.minimum(_LOOKS / looks[taken] / 2, 1.0)

@@ -14,7 +14,10 @@ from cosim.drives.kitti import Drive, Frame
 _SEGMENT = 3
 _FEWEST = 16  # frames of which a segment can be spared for the end
 _MAP_SCANS, _MAP_JUDGES = 24, 8  # of a map that are fitted and that judge, evenly spread
-_HELD_OUT = "held_out"
+_SCANS_EACH, _JUDGES_EACH = 6, 3  # of each map where there are several
+_APART = 6  # scans from one that is fitted to the next there: so near that they see the same surfaces, from elsewhere
+_MOST_BEAMS = 4_300_000  # of all scans that are looked at; each takes a kilobyte
+_FIT, _HELD_OUT = "fit", "held_out"
 
 
 @dataclass(frozen=True)
@@ -37,17 +40,43 @@ class Split:
         return not set(self.fit) & set(self.test)
 
 
-def split_drive(drive: Drive) -> Split:
+def split_drive(drive: Drive, beams: int) -> Split:
     """The split of a drive's frames; of those whose ground tells nothing of ranges as many judge as of the others.
 
-    Of a map made of the scans, those judge that took no part in it.
+    Of maps made of the scans, those judge that took no part in them.
+
+    Args:
+        drive: with its twin.
+        beams: of a turn.
     """
-    if is_own_map(drive) and _HELD_OUT in drive.splits:
-        held = drive.split(_HELD_OUT)
-        fit = [name for name in drive.frames if name not in set(held)]
-        if held and fit:
-            return Split(_spread(fit, _MAP_SCANS), _spread(held, _MAP_JUDGES))
+    if is_own_map(drive) and {_FIT, _HELD_OUT} <= set(drive.splits):
+        return split_of_maps(_by_map(drive, drive.split(_FIT)), _by_map(drive, drive.split(_HELD_OUT)), beams)
     return split_frames(drive.frames, [name for name in drive.frames if not _tells_of_ranges(drive[name])])
+
+
+def split_of_maps(fit: Sequence[Sequence[str]], held_out: Sequence[Sequence[str]], beams: int) -> Split:
+    """The split of scans that maps were made of, and of those that took no part.
+
+    One map gives scans from end to end. Of several, as many as memory bears and evenly spread along the drive, each
+    gives some about its middle.
+
+    Args:
+        fit: names of the scans that made a map, in order, a sequence for each.
+        held_out: names of those that took no part in it.
+        beams: of a turn.
+    """
+    told = [pair for pair in zip(fit, held_out, strict=True) if all(pair)]
+    if not told:
+        return split_frames([name for names in fit for name in names])
+    if len(told) == 1:
+        return Split(_spread(told[0][0], _MAP_SCANS), _spread(told[0][1], _MAP_JUDGES))
+    most = max(_MOST_BEAMS // (beams * (_SCANS_EACH + _JUDGES_EACH)), 1)
+    told = [told[row] for row in _rows(len(told), most)]
+    each, judges = max(_MAP_SCANS // len(told), _SCANS_EACH), max(_MAP_JUDGES // len(told), _JUDGES_EACH)
+    return Split(
+        tuple(name for mine, _ in told for name in _spread(_middle(mine, each * _APART), each)),
+        tuple(name for _, theirs in told for name in _spread(_middle(theirs, 2 * judges), judges)),
+    )
 
 
 def split_frames(names: Sequence[str], poor: Collection[str] = ()) -> Split:
@@ -66,10 +95,28 @@ def split_frames(names: Sequence[str], poor: Collection[str] = ()) -> Split:
     return Split(fit, test, confirm) if test and fit else Split(tuple(names), tuple(names))
 
 
+def _by_map(drive: Drive, names: Sequence[str]) -> list[list[str]]:
+    """Names by the map that their scans lie in; the maps in the order of the drive."""
+    found: dict[str | None, list[str]] = {name: [] for name in dict.fromkeys(f.twin.static for f in drive)}
+    for name in names:
+        found[drive[name].twin.static].append(name)
+    return list(found.values())
+
+
+def _middle(names: Sequence[str], most: int) -> Sequence[str]:
+    """So many names in the middle."""
+    first = max((len(names) - most) // 2, 0)
+    return names[first : first + most]
+
+
 def _spread(names: Sequence[str], most: int) -> tuple[str, ...]:
     """So many names, evenly spread."""
-    rows = np.unique(np.linspace(0, len(names) - 1, min(most, len(names))).round().astype(int))
-    return tuple(names[int(row)] for row in rows)
+    return tuple(names[row] for row in _rows(len(names), most))
+
+
+def _rows(count: int, most: int) -> list[int]:
+    """So many of some rows, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int)).tolist()
 
 
 def _tells_of_ranges(frame: Frame) -> bool:

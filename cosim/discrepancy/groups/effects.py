@@ -86,8 +86,10 @@ def _told(
                 place=place, gain=gain, strays=strays,
             )  # fmt: skip
         return
-    moved = change(fitted.prediction, after).items()
-    delta: dict[Quantity, np.ndarray] = {name: values / step for name, values in moved if name in fitted.evidence.score}
+    moved = {name: values / step for name, values in change(fitted.prediction, after).items()}
+    if "intensity" in moved:
+        moved["intensity"] = moved["intensity"] * fitter.random.light_slope(fitted.estimate)
+    delta: dict[Quantity, np.ndarray] = {name: one for name, one in moved.items() if name in fitted.evidence.score}
     if delta:
         free = next(unknown for unknown in unknowns(type(weak)) if unknown.name == amplitude)
         column = Column(delta, sample.ring if free.rings > 1 else None, free.rings)

@@ -131,16 +131,21 @@ class Fitter:
         """The part (n,) that every beam has in it."""
         return -self.sample.share * self._state(effects, estimate).fit.loglik
 
-    def columns(self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction) -> tuple[Column, ...]:
-        """How the prediction changes with each free parameter."""
-        found = []
+    def columns(
+        self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction, estimate: Estimate
+    ) -> tuple[Column, ...]:
+        """How the prediction changes with each free parameter, random effects as they are."""
+        found, slope = [], self.random.light_slope(estimate)
         for one in free:
             effect, unknown = effects[one.effect], one.unknown
             value = np.asarray(getattr(effect, unknown.name), float)
             step = unknown.step if np.all(value + unknown.step <= unknown.high) else -unknown.step
             moved = with_values(effect, {unknown.name: value + step})
             after = self.sample.predict((*effects[: one.effect], moved, *effects[one.effect + 1 :]))
-            delta: dict[Quantity, np.ndarray] = {name: values / step for name, values in change(at, after).items()}
+            delta: dict[Quantity, np.ndarray] = {
+                name: values / step * (slope if name == "intensity" else 1.0)
+                for name, values in change(at, after).items()
+            }
             ring = self.sample.ring if unknown.rings > 1 else None
             found.append(Column(delta, ring, unknown.rings))
         return tuple(found)
@@ -176,14 +181,14 @@ class Fitter:
         return judge(self.sample, self.random.adjusted(prediction, estimate), blur)
 
     def _ended(self, state: _State, free: tuple[Free, ...]) -> Fitted:
-        columns = self.columns(state.effects, free, state.prediction)
+        columns = self.columns(state.effects, free, state.prediction, state.estimate)
         evidence = Evidence.of(self.sample, state.fit)
         loglik = self._marginal(state, evidence)
         return Fitted(state.effects, free, state.estimate, loglik, state.prediction, state.fit, evidence, columns)
 
     def _searched(self, state: _State, free: tuple[Free, ...], roughly: bool) -> tuple[Effect, ...]:
         """With numbers that no slope tells of, such as hard limits, where they are likeliest."""
-        columns = self.columns(state.effects, free, state.prediction)
+        columns = self.columns(state.effects, free, state.prediction, state.estimate)
         which = [
             (one.effect, one.unknown, column)
             for one, column in zip(free, columns, strict=True)
@@ -220,7 +225,7 @@ class Fitter:
             if blur == 0.0 and number in (1, 2, 4):
                 begun = self.random.begun(state.estimate, state.prediction, evidence, self.settings.variance_sigmas)
                 state = replace(state, estimate=begun)
-            columns = self.columns(state.effects, free, state.prediction)
+            columns = self.columns(state.effects, free, state.prediction, state.estimate)
             model = LinearModel.of(self, columns, evidence, state.prediction, state.estimate)
             step, change_u = model.step(state.estimate)
             if not (np.isfinite(step).all() and np.isfinite(change_u).all()):

@@ -25,7 +25,8 @@ _MOST_STEP = 30.0  # times that a variance may change in one update
 _AXES = 6
 _FEWEST_PARTS = 16
 _FREE_POSE = (0.2,) * 3 + (0.01,) * 3  # [m], [rad]: of scans and surfaces that a map made of the scans tells nothing of
-_FREE_MAP, _FREE_ALBEDO = (1.0,), (1.0,)  # [m], and as a share; wide, so that these laws add no knowledge
+_DARKEST = 0.1  # of the reflectance as it is stated
+_FREE_MAP, _FREE_ALBEDO = (1.0,), (30.0,)  # [m], and as a share: of what is dimmed to a tenth, it is ten
 _POSE_LEAST = (3e-4,) * 3 + (2e-5,) * 3
 _LEAST = {  # standard deviations below which there is none: [m], [rad], or a share
     "poses": _POSE_LEAST,
@@ -194,6 +195,11 @@ class RandomEffects:
         u[poses] = self.sample.leaning.ravel()[: poses.stop - poses.start]
         return Estimate(u, variance)
 
+    def without(self, estimate: Estimate, names: Sequence[str]) -> Estimate:
+        """To start from, with no random effects of some kinds."""
+        gone = np.array([name in names for name, _ in self.laws])
+        return Estimate(self.start().u, np.where(gone, 0.0, estimate.variance))
+
     def begun_from(self, other: Estimate | None) -> Estimate:
         """Variances of another sample of the same drive, and its random effects where they are the same."""
         start = self.start()
@@ -277,24 +283,37 @@ class RandomEffects:
 
     def adjusted(self, expected: Prediction, estimate: Estimate) -> Prediction:
         """A prediction as the random effects change it."""
-        u = estimate.u
         moved = self._pose_errors.shift(self.poses(estimate), expected.range_m)
+        for place, one in enumerate(self.blocks):
+            part = estimate.u[self._ends[place] : self._ends[place + 1]]
+            if one.name != "poses" and one.quantity == "range" and part.any():
+                moved = moved + self._fixed[one.name] @ part
+        share = self.brightness(estimate)
+        spread = expected.intensity_sigma * (share if self.sample.of_own_map else 1.0)
+        return replace(
+            expected,
+            range_m=expected.range_m + moved,
+            intensity=expected.intensity * share,
+            intensity_sigma=spread,
+        )
+
+    def brightness(self, estimate: Estimate) -> np.ndarray:
+        """Factor (n,) by which random effects change intensities."""
         bright = np.zeros(len(self.sample))
         for place, one in enumerate(self.blocks):
-            part = u[self._ends[place] : self._ends[place + 1]]
-            if one.name == "poses" or not part.any():
-                continue
-            if one.quantity == "range":
-                moved = moved + self._fixed[one.name] @ part
-            else:
+            part = estimate.u[self._ends[place] : self._ends[place + 1]]
+            if one.quantity == "intensity" and part.any():
                 bright = bright + self._hot(one) @ part
-        share = np.maximum(1 + bright, 0.1)
-        return replace(expected, range_m=expected.range_m + moved, intensity=expected.intensity * share)
+        return np.maximum(1 + bright, _DARKEST)
+
+    def light_slope(self, estimate: Estimate) -> np.ndarray:
+        """Factor (n,) by which slopes of intensities change where reflectances are free; elsewhere it is near one."""
+        return self.brightness(estimate) if self.sample.of_own_map else np.ones(len(self.sample))
 
     def designs(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, SparseMatrix]:
         """Derivatives (n, m) of each quantity that they change; of active ones alone, other columns are empty."""
         rows, active = len(self.sample), self.active(estimate)
-        parts: dict[Quantity, list[SparseMatrix]] = {"range": [], "intensity": []}
+        parts: dict[Quantity, list[SparseMatrix]] = {"range": [], "intensity": [], "intensity_variance": []}
         for place, one in enumerate(self.blocks):
             mine = active[self._ends[place] : self._ends[place + 1]]
             empty = sparse.csr_matrix((rows, one.size))
@@ -306,8 +325,12 @@ class RandomEffects:
                 found = self._fixed[one.name]
             else:
                 found = self._light(one, expected)
+            of_spread = (
+                self._of_spread(one, estimate.u[self._ends[place] : self._ends[place + 1]]) if one.free else empty
+            )
             for quantity, columns in parts.items():
-                columns.append(found if quantity == one.quantity else empty)
+                other = of_spread if quantity == "intensity_variance" and one.quantity == "intensity" else empty
+                columns.append(found if quantity == one.quantity else other)
         return {name: sparse.hstack(columns, format="csr") for name, columns in parts.items() if columns}
 
     def informed(self, expected: Prediction, evidence: Evidence) -> np.ndarray:
@@ -374,6 +397,12 @@ class RandomEffects:
 
     def _light(self, block: Block, expected: Prediction) -> SparseMatrix:
         return sparse.diags(expected.intensity) @ self._hot(block)
+
+    def _of_spread(self, block: Block, u: np.ndarray) -> SparseMatrix:
+        """Derivatives (n, size) of the log spread of intensities, which are noisier the brighter a surface is."""
+        if block.quantity != "intensity":
+            return sparse.csr_matrix((len(self.sample), block.size))
+        return self._hot(block) @ sparse.diags(1 / np.maximum(1 + u, _DARKEST))
 
     def _matrix(self, block: Block) -> SparseMatrix:
         sample, rows = self.sample, np.arange(len(self.sample))

@@ -19,19 +19,21 @@ from cosim.discrepancy.sensor_out import write_sensor
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.drives.files import read_text
 from cosim.drives.writer import OutputError, explained
+from cosim.engine import Engine
 from cosim.recordings.calibration.history import Tried, noted
 from cosim.recordings.calibration.rounds import Round, read_round, round_of
 from cosim.recordings.calibration.start import first_sensor
 from cosim.recordings.mapping.correction import moves_points
 from cosim.recordings.mapping.page import format_page as format_map
-from cosim.recordings.mapping.twin import Prepared, RecordingTwin, prepare, write_map_twin
+from cosim.recordings.mapping.prepare import Prepared, prepare
+from cosim.recordings.mapping.twin import write_map_twin
 from cosim.recordings.recording import Recording
 from cosim.report import write_page
 from sensors.sensor_model import load_sensor
 
 _LOG = logging.getLogger(__name__)
 MOST_ROUNDS = 5
-_HEAD = "calibration.json"
+_HEAD, _SEGMENTS = "calibration.json", "segments"
 _OWN = "found"
 
 
@@ -79,6 +81,7 @@ def calibrate(
     *,
     settings: Settings = DEFAULT,
     most_rounds: int = MOST_ROUNDS,
+    engine: Engine | None = None,
     on_step: Callable[[str], None] = _LOG.debug,
 ) -> Calibration:
     """Find what a sensor model lacks on a recording; rounds that an earlier run finished are kept.
@@ -89,6 +92,7 @@ def calibrate(
         sensor: file of the model to begin with; by default the pattern that the points show, and their noise.
         settings: numbers that decide a diagnosis.
         most_rounds: of map and diagnosis.
+        engine: whose processes share the segments of a long recording; by default this process does all.
         on_step: told what is done next.
 
     Raises:
@@ -98,8 +102,9 @@ def calibrate(
     """
     _claimed(folder, recording)
     given = None if sensor is None else load_sensor(sensor)
-    prepared = cache(lambda: prepare(recording, None if given is None else given.pattern, on_step))
     own = folder / f"from_{_OWN if sensor is None else Path(sensor).stem}"
+    pattern = None if given is None else given.pattern
+    prepared = cache(lambda: prepare(recording, own / _SEGMENTS, pattern, engine=engine, on_step=on_step))
     start = own / "sensor.yaml"
     if given is not None and start.is_file() and load_sensor(start).effects != given.effects:
         raise OutputError(f"{own} began with another sensor file of that name; rename {sensor}, or remove the folder")
@@ -113,7 +118,7 @@ def calibrate(
             on_step(f"round {number}")
             before = folder / rounds[-1].sensor_out if rounds else start
             known = [finding["effect"] for one in rounds for finding in one.findings]
-            done = _round(prepared(), folder, place, before, known, number, settings, on_step)
+            done = _round(prepared(), folder, place, before, known, number, settings, engine, on_step)
         rounds.append(done)
         if not done.moved:
             break
@@ -129,12 +134,15 @@ def _round(
     known: Sequence[str],
     number: int,
     settings: Settings,
+    engine: Engine | None,
     on_step: Callable[[str], None],
 ) -> Round:
     """Map and diagnosis with one sensor file; effects that earlier rounds found are fitted along."""
     shutil.rmtree(place / "twin", ignore_errors=True)  # of a run that was stopped
     sensor = load_sensor(before)
-    twin = write_map_twin(prepared, place / "twin", sensor.effects, on_step)
+    twin = write_map_twin(
+        prepared, place / "twin", place / _SEGMENTS, sensor.effects, sampled=True, engine=engine, on_step=on_step
+    )
     write_page(place / "map", format_map(twin))
     along = [one for one in known if moves_points(one)]
     found = diagnose(place / "twin", sensor, settings=settings, along=along, on_progress=on_step)
@@ -144,14 +152,9 @@ def _round(
     write_page(place / "diagnosis", page)
     told = round_of(number, _said(before, folder), _said(after, folder), sensor.effects, found, twin.as_json())
     told.write(place)
-    _keep_small(twin)
+    for copies in (twin.folder / "velodyne", twin.folder / "rays", place / _SEGMENTS):  # of what is elsewhere
+        shutil.rmtree(copies, ignore_errors=True)
     return told
-
-
-def _keep_small(twin: RecordingTwin) -> None:
-    """Without the copies of scans, which the recording has."""
-    for name in ("velodyne", "rays"):
-        shutil.rmtree(twin.folder / name, ignore_errors=True)
 
 
 def _said(file: Path, folder: Path) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.recordings.mapping.twin import Prepared
+from cosim.recordings.mapping.prepare import Prepared
 from cosim.recordings.pattern.find import beams_of
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import Scan

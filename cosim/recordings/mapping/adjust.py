@@ -25,7 +25,7 @@ _PRIOR = np.array([1e3, 1e3, 1e3, 1e2, 1e2, 1e2])  # holds what no surface holds
 _FEWEST = 50
 _CHUNK = 4096  # surfels that are eliminated at a time
 _HELD = 1e12  # information that the first scan stays where it is
-_WINDOW, _RENEWED, _THIN = 12, 2, 2  # scans of a local map, scans that share one, and of their points one in so many
+_WINDOW, _RENEWED, _THIN = 12, 2, 0.5  # scans of a local map, scans that share one, and of their points which share
 _LOCAL = {"cell_m": 0.8, "least_points": 10, "least_scans": 1}
 
 

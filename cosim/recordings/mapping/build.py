@@ -27,6 +27,10 @@ _SWEEP_SCANS = 20
 _SWEEP_THICKEST_M = 0.1  # so that cells are not left out where the motion is taken wrongly
 
 
+class NoMapError(RecordingError):
+    """The scans have no planes in common."""
+
+
 @dataclass(frozen=True, eq=False)
 class SurfelMap:
     """A map and how well it fits.
@@ -94,10 +98,10 @@ def build_map(
         settings: of surfels.
         mount: where the user says how the sensor sits.
         sweep_scale: share of the sensor's motion in a sweep that points are freed of; 0 where they are already.
-        on_scan: called after each scan is read.
+        on_scan: called after each scan is read, and after each round.
 
     Raises:
-        RecordingError: the scans have no planes in common.
+        NoMapError: the scans have no planes in common.
     """
     settings = settings or SurfelSettings()
     scans = local_scans(recording, sweep_s, on_scan)
@@ -106,12 +110,14 @@ def build_map(
     poses, motion, rounds = trajectory.poses, trajectory.motion, []
     if trajectory.from_odometry:
         poses = placed_in_turn(scans, poses, sweep_scale * motion, fitted)
+        on_scan()
     for _ in range(_ROUNDS):
         motion = motions(poses) * trajectory.rate
         surfels, _ = make_surfels(cloud_of(scans, poses, sweep_scale * motion, fitted), settings)
         _demand_surfels(recording, surfels)
         rounds.append(thickness(surfels))
         poses = adjusted(scans, poses, sweep_scale * motion, fitted, surfels, settings.cell_m)
+        on_scan()
     poses, pose_ego, known = levelled(surfels, poses, up(surfels, poses[fitted]), mount)
     cloud = cloud_of(scans, poses, sweep_scale * motion, fitted)
     surfels, no_plane = make_surfels(cloud, settings)
@@ -119,6 +125,7 @@ def build_map(
     rounds.append(thickness(surfels))
     solid = (solid_shares(cloud, surfels, settings.cell_m) > _SOLID) & (surfels.scans >= _WELL_SEEN)
     del cloud
+    on_scan()
     local = [scan.at_pose_time(sweep_scale * own) for scan, own in zip(scans, motion, strict=True)]
     space = FreeSpace(surfels)
     for number in fitted:
@@ -155,7 +162,7 @@ def thickness(surfels: Surfels) -> tuple[float, float]:
 
 def _demand_surfels(recording: Recording, surfels: Surfels) -> None:
     if len(surfels) < _FEWEST_SURFELS:
-        raise RecordingError(
+        raise NoMapError(
             f"{recording.path}: {len(surfels)} surfaces that three scans or more show as planes; a map needs "
             "hundreds: record ten scans or more among buildings or on a road, or give poses if odometry went astray"
         )

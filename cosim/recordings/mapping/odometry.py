@@ -14,6 +14,7 @@ import numpy as np
 
 from cosim.recordings.libraries import needed
 from cosim.recordings.mapping.motion import between, deskewed, motions, scan_times
+from cosim.recordings.mapping.scans import in_turn
 from cosim.recordings.recording import Recording
 
 _NEAREST_M, _FARTHEST_M = 2.0, 80.0
@@ -89,7 +90,8 @@ def _register(
     odometry = needed("kiss_icp.kiss_icp", "odometry").KissICP(config)
     steps = None if known is None else motions(known) * rate
     poses: list[np.ndarray] = []
-    for number, scan in enumerate(recording):
+    for number, unordered in enumerate(recording):
+        scan = in_turn(unordered)
         if steps is not None:
             motion = steps[number]
         else:

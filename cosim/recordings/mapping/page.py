@@ -63,12 +63,15 @@ def _left_out(twin: RecordingTwin, result: dict) -> str:
         ["surfaces of what moves", f"{result['surfels_moving']:,}", "beams passed through them in several scans"],
         ["scans held out", f"{len(twin.made.held_out)}", "placed on the map by their own pose only"],
     ]
+    if twin.made.refused:
+        blank = np.count_nonzero(~twin.made.mapped)
+        rows.append(["segments without a map", f"{blank}", escape(twin.made.refused[0].partition(": ")[2])])
     return section("Left out", table(["", "how many", "why"], rows, words=(2,)))
 
 
 def _view(twin: RecordingTwin) -> tuple[np.ndarray, float]:
     """Lower corner (2,) of the square that is shown, and its side [m]."""
-    path = twin.made.poses[:, :2, 3]
+    path = twin.made.path[:, :2, 3]
     low, high = path.min(0) - 40, path.max(0) + 40
     side = float((high - low).max())
     return (low + high) / 2 - side / 2, side
@@ -84,17 +87,23 @@ def _painted(twin: RecordingTwin, thick: bool) -> str:
         at = (xy - corner) / side * _PIXELS
         return np.stack([at[:, 0], _PIXELS - at[:, 1]], 1).astype(int)
 
-    order = np.argsort(made.surfels.centre[:, 2])
-    share = np.clip(made.surfels.sd_m / _THICK_M, 0, 1)
+    def dots(xy: np.ndarray, colours: np.ndarray) -> None:
+        """Squares of some colours (n, 3), the later above."""
+        at = pixels(xy)
+        for right in range(size + 1):
+            for down in range(size + 1):
+                x, y = at[:, 0] + right, at[:, 1] + down
+                inside = (x >= 0) & (y >= 0) & (x < _PIXELS) & (y < _PIXELS)
+                image[y[inside], x[inside]] = colours[inside]
+
+    order = np.argsort(made.centre[:, 2], kind="stable")
+    share = np.clip(made.sd_m / _THICK_M, 0, 1)
     ramp = cv2.applyColorMap((255 * share).astype(np.uint8).reshape(-1, 1), cv2.COLORMAP_VIRIDIS).reshape(-1, 3)
-    for row in order.tolist():
-        x, y = pixels(made.surfels.centre[row : row + 1, :2])[0].tolist()
-        colour = tuple(map(int, ramp[row])) if thick else (_GROUND if made.ground[row] else _WALL)
-        cv2.rectangle(image, (x, y), (x + size, y + size), colour, -1)
+    plain = np.where(made.ground[:, None], np.array(_GROUND), np.array(_WALL)).astype(np.uint8)
+    dots(made.centre[order, :2], (ramp if thick else plain)[order])
     if not thick:
-        for x, y in pixels(made.left_out.centre[:, :2]).tolist():
-            cv2.rectangle(image, (x, y), (x + size, y + size), _MOVING, -1)
-    path = pixels(made.poses[:, :2, 3])
+        dots(made.left_out[:, :2], np.tile(np.array(_MOVING, np.uint8), (len(made.left_out), 1)))
+    path = pixels(made.path[:, :2, 3])
     cv2.polylines(image, [path.reshape(-1, 1, 2).astype(np.int32)], False, _PATH, 2, cv2.LINE_AA)
     for part in np.split(np.array(made.held_out, int), np.flatnonzero(np.diff(made.held_out) > 1) + 1):
         cv2.polylines(image, [path[part].reshape(-1, 1, 2).astype(np.int32)], False, _HELD, 3, cv2.LINE_AA)
@@ -130,13 +139,13 @@ def _thick(twin: RecordingTwin) -> str:
 
 
 def _by_scans(twin: RecordingTwin) -> str:
-    surfels = twin.made.surfels
-    edges = np.unique(np.round(np.geomspace(3, max(int(surfels.scans.max()), 4) + 1, 9)).astype(int))
+    made = twin.made
+    edges = np.unique(np.round(np.geomspace(3, max(int(made.scans.max()), 4) + 1, 9)).astype(int))
     middle = np.sqrt(edges[:-1] * (edges[1:] - 1))
     lines = []
-    for rows in (surfels.level(), ~surfels.level()):
-        slot = np.digitize(surfels.scans, edges) - 1
-        parts = [surfels.sd_m[rows & (slot == number)] for number in range(len(middle))]
+    for rows in (made.level, ~made.level):
+        slot = np.digitize(made.scans, edges) - 1
+        parts = [made.sd_m[rows & (slot == number)] for number in range(len(middle))]
         lines.append(np.array([1000 * np.median(part) if len(part) > 5 else np.nan for part in parts]))
     top = nice_top(float(np.nanmax(np.concatenate([*lines, [1.0]]))))
     plot = Plot(
@@ -179,7 +188,7 @@ def _path_errors(twin: RecordingTwin) -> str:
 
 
 def _rounds(twin: RecordingTwin) -> str:
-    ground, walls = 1000 * np.array(twin.made.rounds).T
+    ground, walls = 1000 * twin.made.rounds.T
     plot = Plot(
         Axis(-0.2, len(ground) - 0.8, "round"),
         Axis(0, nice_top(float(np.nanmax([ground, walls]))), "thickness [mm]"),

@@ -10,6 +10,7 @@ import numpy as np
 from cosim.recordings.mapping.motion import applied, deskewed, scan_times
 from cosim.recordings.mapping.surfels import Cloud
 from cosim.recordings.recording import Recording
+from cosim.recordings.scan import Scan
 
 _NEAREST_M, _FARTHEST_M = 2.0, 60.0
 _MOST_POINTS, _MOST_A_SCAN = 4_000_000, 30_000  # in the map; more make it slower and hardly better
@@ -36,9 +37,22 @@ class LocalScan:
         """(n, 3) float32 points in the sensor's axes at the pose time, for its motion (6,) in a sweep."""
         return deskewed(self.xyz, self.share, motion).astype(np.float32)
 
-    def thinned(self, step: int) -> LocalScan:
-        """Every so manieth point."""
-        return LocalScan(self.xyz[::step], self.share[::step], self.intensity[::step])
+    def thinned(self, share: float) -> LocalScan:
+        """A part of the points."""
+        rows = thinned(len(self), round(share * len(self)))
+        return LocalScan(self.xyz[rows], self.share[rows], self.intensity[rows])
+
+
+def in_turn(scan: Scan) -> Scan:
+    """A scan with its points as the head turns, so that nothing depends on their order in the file."""
+    return scan[np.argsort(-scan.azimuth_rad, kind="stable")]
+
+
+def thinned(count: int, most: int) -> np.ndarray:
+    """So many rows of `count` at most, any, in order: every so manieth might be of the same few lasers."""
+    if count <= most:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).choice(count, most, replace=False, shuffle=False))
 
 
 def local_scans(recording: Recording, sweep_s: float, on_scan: Callable[[], object] = lambda: None) -> list[LocalScan]:
@@ -51,10 +65,11 @@ def local_scans(recording: Recording, sweep_s: float, on_scan: Callable[[], obje
     """
     scans: list[LocalScan] = []
     most = min(_MOST_POINTS // max(len(recording), 1), _MOST_A_SCAN)
-    for scan in recording:
+    for unordered in recording:
+        scan = in_turn(unordered)
         reach = np.linalg.norm(scan.xyz, axis=1)
         rows = np.flatnonzero((reach > _NEAREST_M) & (reach < _FARTHEST_M))
-        rows = rows[:: max(1, -(-len(rows) // most))]
+        rows = rows[thinned(len(rows), most)]
         share = scan_times(scan.azimuth_rad, scan.time_s, sweep_s)[rows] / sweep_s
         bright = np.zeros(len(rows), np.float32) if scan.intensity is None else scan.intensity[rows]
         scans.append(LocalScan(scan.xyz[rows].astype(np.float32), share.astype(np.float32), bright))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.discrepancy.data.map_surfaces import FILE, MapSurfaces, is_own_map
+from cosim.discrepancy.data.map_surfaces import Maps, is_own_map
 from cosim.drives.kitti import Drive
 from cosim.errors import FormatError
 from sensors.hits import NOTHING, STATIC
@@ -24,6 +24,7 @@ def wall(count: int = 40, **changed: np.ndarray) -> dict[str, np.ndarray]:
         "range_m": np.tile([4.0, 9.0], (count, 1)),
         "cos_incidence": np.tile([0.4, 0.9], (count, 1)),
         "trusted": np.ones(count, np.uint8),
+        "cell_m": np.array([0.4]),
     }
     return arrays | changed
 
@@ -33,13 +34,13 @@ def drive_with(folder: Path, arrays: dict[str, np.ndarray]) -> Drive:
     (folder / "twin").mkdir()
     (folder / "calib").mkdir()
     np.ones((3, 4), "<f4").tofile(folder / "velodyne/000000.bin")
-    (folder / FILE).write_bytes(npz_bytes(arrays))
+    (folder / "twin/surfels.npz").write_bytes(npz_bytes(arrays))
     return Drive(folder)
 
 
 def test_a_beam_meets_the_surface_that_it_lies_on(tmp_path: Path) -> None:
     drive = drive_with(tmp_path / "drive", wall())
-    surfaces = MapSurfaces.of(drive)
+    surfaces = Maps(drive).of(None)
     assert surfaces is not None and is_own_map(drive)
     place = np.array([[5.0, 0.83, 1.1], [5.01, 4.0, 0.9], [5.2, 4.0, 1.0], [5.0, 4.0, 1.0]])
     met = surfaces.met(place, np.array([STATIC, STATIC, STATIC, NOTHING]))
@@ -47,7 +48,7 @@ def test_a_beam_meets_the_surface_that_it_lies_on(tmp_path: Path) -> None:
 
 
 def test_beams_are_compared_where_they_return_from_about_a_trusted_surface_or_not_at_all(tmp_path: Path) -> None:
-    surfaces = MapSurfaces.of(drive_with(tmp_path / "drive", wall(trusted=np.array([1] * 39 + [0], np.uint8))))
+    surfaces = Maps(drive_with(tmp_path / "drive", wall(trusted=np.array([1] * 39 + [0], np.uint8)))).of(None)
     assert surfaces is not None
     measured = np.array([[4.9, 0, 1], [4.5, 0, 1], [np.nan] * 3, [5.0, 15.6, 1], [5.0, 0, 1]])
     compared = surfaces.compared(np.array([0, 0, 0, 39, -1]), measured)
@@ -59,14 +60,14 @@ def test_roughness_is_what_noise_of_ranges_does_not_explain(tmp_path: Path) -> N
     slope = rng.uniform(0.05, 1, 4000)
     sd = np.hypot(0.006, 0.02 * slope)
     arrays = wall(4000, sd_m=sd, cos_incidence=np.stack([slope, slope], 1))
-    surfaces = MapSurfaces.of(drive_with(tmp_path / "drive", arrays))
+    surfaces = Maps(drive_with(tmp_path / "drive", arrays)).of(None)
     assert surfaces is not None
     assert np.median(surfaces.rough_m) == pytest.approx(0.006, rel=0.25)
 
 
 def test_surfaces_are_drawn_up_to_a_number_of_looks_half_of_them_flat(tmp_path: Path) -> None:
     normal = np.where(np.arange(400)[:, None] < 300, [[0.0, 0, 1]], [[1.0, 0, 0]])
-    surfaces = MapSurfaces.of(drive_with(tmp_path / "drive", wall(400, normal=normal)))
+    surfaces = Maps(drive_with(tmp_path / "drive", wall(400, normal=normal))).of(None)
     assert surfaces is not None
     looks = np.where(np.arange(400) % 10 == 0, 1, 10)
     drawn = surfaces.drawn(looks, 1000, np.random.default_rng(0))
@@ -74,10 +75,29 @@ def test_surfaces_are_drawn_up_to_a_number_of_looks_half_of_them_flat(tmp_path: 
     assert np.count_nonzero(drawn < 300) == pytest.approx(50, abs=1)
 
 
+def test_places_that_judge_are_a_third_and_squares_of_the_ground(tmp_path: Path) -> None:
+    surfaces = Maps(drive_with(tmp_path / "drive", wall(600))).of(None)
+    assert surfaces is not None
+    changes = np.flatnonzero(np.diff(surfaces.judge.astype(int)))
+    assert surfaces.judge.mean() == pytest.approx(1 / 3, abs=0.05)
+    assert np.diff(changes).min() >= 19  # surfaces of 40 cm in 8 m
+
+
+def test_a_map_of_several_is_that_of_the_frame(tmp_path: Path) -> None:
+    drive = drive_with(tmp_path / "drive", wall())
+    (drive.root / "twin/surfels").mkdir()
+    (drive.root / "twin/surfels.npz").rename(drive.root / "twin/surfels/segment_0003.npz")
+    (drive.root / "twin/surfels/segment_0004.npz").write_bytes(npz_bytes(wall(7)))
+    maps = Maps(drive)
+    third, fourth = maps.of("worlds/segment_0003.glb"), maps.of("worlds/segment_0004.glb")
+    assert third is not None and fourth is not None and (len(third), len(fourth)) == (40, 7)
+    assert maps.of("worlds/segment_0003.glb") is third
+
+
 def test_a_damaged_map_is_refused(tmp_path: Path) -> None:
     arrays = wall()
     del arrays["normal"]
     with pytest.raises(FormatError, match="lacks normal"):
-        MapSurfaces.of(drive_with(tmp_path / "lacks", arrays))
+        Maps(drive_with(tmp_path / "lacks", arrays)).of(None)
     with pytest.raises(FormatError, match="no row a surface"):
-        MapSurfaces.of(drive_with(tmp_path / "short", wall(sd_m=np.ones(3))))
+        Maps(drive_with(tmp_path / "short", wall(sd_m=np.ones(3)))).of(None)

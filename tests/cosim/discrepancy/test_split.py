@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cosim.discrepancy.data.split import split_frames
+from cosim.discrepancy.data.split import split_frames, split_of_maps
 
 
 @pytest.mark.parametrize("count", [8, 15, 60])
@@ -34,3 +34,21 @@ def test_frames_that_tell_little_confirm_nothing() -> None:
     names = [f"{row:06d}" for row in range(24)]
     split = split_frames(names, names[-4:])
     assert split.confirm == tuple(names[17:20])
+
+
+def test_one_map_is_looked_at_from_end_to_end_and_several_about_their_middles() -> None:
+    names = [f"{row:06d}" for row in range(2000)]
+    alone = split_of_maps([names[:140]], [names[140:155]], 133_312)
+    assert (len(alone.fit), len(alone.test)) == (24, 8) and alone.fit[0] == names[0] and alone.fit[-1] == names[139]
+    parts = [names[start : start + 150] for start in range(0, 1950, 150)]
+    several = split_of_maps([part[:132] for part in parts], [part[132:] for part in parts], 28_800)
+    assert several.is_held_out and len(several.fit) == 13 * 6
+    steps = [int(after) - int(before) for before, after in zip(several.fit[:5], several.fit[1:6], strict=True)]
+    assert max(steps) <= 8
+
+
+def test_scans_that_are_looked_at_do_not_grow_with_the_drive() -> None:
+    names = [f"{row:06d}" for row in range(36000)]
+    parts = [names[start : start + 150] for start in range(0, 36000, 150)]
+    split = split_of_maps([part[:132] for part in parts], [part[132:] for part in parts], 133_312)
+    assert 133_312 * len(split.fit + split.test) <= 5_000_000

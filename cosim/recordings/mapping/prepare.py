@@ -1,0 +1,157 @@
+"""What a map needs to know of a recording beside its points: beams, path, motion in a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from cosim.engine import Engine
+from cosim.recordings.mapping.build import sweep_thickness
+from cosim.recordings.mapping.kept import Arrays, Kept, arrays_of_path, digest, path_of
+from cosim.recordings.mapping.odometry import Trajectory, find_trajectory
+from cosim.recordings.mapping.segments import Segment, segments_of, together
+from cosim.recordings.mapping.surfels import SurfelSettings
+from cosim.recordings.pattern.find import FoundPattern, find_pattern
+from cosim.recordings.recording import Recording
+from cosim.recordings.scan import RecordingError
+from sensors.pattern import Pattern, load_pattern
+
+_SAME_LASER_DEG = 0.4  # between a laser of the given pattern and one that the points show
+_SWEEP_SCALES = (-1.0, 0.0, 0.5, 1.0, 1.5)
+_FEWEST_SCANS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What a map needs to know of a recording beside its points.
+
+    Attributes:
+        recording: as it is.
+        pattern: beams are told apart with.
+        found: what the points show of the pattern.
+        ring_of: (k,) ring of the pattern for each laser that the points show.
+        segments: that are mapped each by itself.
+        paths: of the sensor in each.
+        sweep_m: thickness of a map of some scans, with the sweep's motion taken so many times as strong.
+        sweep_scale: how strong it is, 0 or 1: whether points were freed of it before.
+    """
+
+    recording: Recording
+    pattern: Pattern
+    found: FoundPattern
+    ring_of: np.ndarray
+    segments: tuple[Segment, ...]
+    paths: tuple[Trajectory, ...]
+    sweep_m: dict[float, float]
+    sweep_scale: float
+
+    @property
+    def path(self) -> Trajectory:
+        """Of the sensor through the whole recording, in the axes of its first pose."""
+        if len(self.paths) == 1:
+            return self.paths[0]
+        poses = together(self.segments, [path.poses for path in self.paths])
+        pairs = list(zip(self.segments, self.paths, strict=True))
+        motion = np.concatenate([path.motion[segment.own] for segment, path in pairs])
+        doubtful = sorted({segment.first + row for segment, path in pairs for row in path.doubtful})
+        return replace(self.paths[0], poses=poses, motion=motion, doubtful=tuple(doubtful))
+
+
+def prepare(
+    recording: Recording,
+    folder: Path,
+    pattern: Pattern | str | None = None,
+    *,
+    engine: Engine | None = None,
+    on_step: Callable[[str], None] = lambda words: None,
+) -> Prepared:
+    """Pattern, path and motion in a sweep of a recording.
+
+    Args:
+        recording: scans in order.
+        folder: where the paths of segments are kept.
+        pattern: the beam pattern, its name or its path; found in the points by default.
+        engine: whose processes share segments; by default this process does all.
+        on_step: told what is done next.
+
+    Raises:
+        RecordingError: fewer than five scans, no map in them, or another pattern than the given.
+        SensorError: no such pattern.
+    """
+    if len(recording) < _FEWEST_SCANS:
+        raise RecordingError(
+            f"{recording.path}: {len(recording)} scans; a map needs five at least, and some dozens to be good"
+        )
+    on_step("pattern")
+    found = find_pattern(recording, "recording")
+    given = load_pattern(pattern) if isinstance(pattern, str) else pattern
+    beams = given or found.pattern
+    ring_of = _rings(found, beams, beams.name)
+    segments = segments_of(len(recording), recording.settings.segment_scans)
+    kept = Kept(folder, "path", about(recording, beams.sweep_s), partial(_path, recording, beams.sweep_s))
+    kept.all_made(segments, engine, lambda done: on_step(told_of("odometry", done, segments)))
+    paths = tuple(path_of(kept.read(segment)) for segment in segments)
+    on_step("sweep motion")
+    sweep = _sweep(recording, segments, paths, beams.sweep_s)
+    scale = float(_likeliest_scale(sweep) > 0.5)
+    return Prepared(recording, beams, found, ring_of, segments, paths, sweep, scale)
+
+
+def about(recording: Recording, *things: object) -> str:
+    """A short name of a recording's scans and of what else something depends on."""
+    return digest(str(recording.path.resolve()), recording.names, recording.settings.model_dump(), *things)
+
+
+def told_of(what: str, done: int, segments: tuple[Segment, ...]) -> str:
+    """How far something is."""
+    return what if len(segments) == 1 else f"{what}: {done} of {len(segments)} segments"
+
+
+def _path(recording: Recording, sweep_s: float, segment: Segment, on_scan: Callable[[], object]) -> Arrays:
+    return arrays_of_path(find_trajectory(recording.between(segment.first, segment.last), sweep_s, on_scan))
+
+
+def _sweep(
+    recording: Recording, segments: tuple[Segment, ...], paths: tuple[Trajectory, ...], sweep_s: float
+) -> dict[float, float]:
+    """Thickness by strength of the sweep's motion, in that segment that moves farthest of the three in the middle."""
+    middle = (len(segments) - 1) // 2
+    near = range(max(middle - 1, 0), min(middle + 2, len(segments)))
+    number = max(near, key=lambda one: paths[one].extent_m)
+    path, segment = paths[number], segments[number]
+    if path.standing:
+        return {}
+    part = recording.between(segment.first, segment.last)
+    return sweep_thickness(part, path, sweep_s, SurfelSettings(), _SWEEP_SCALES)
+
+
+def _likeliest_scale(sweep: dict[float, float]) -> float:
+    """How strong the sensor's motion in a sweep is where the map is thinnest, by a parabola; 1 if nothing tells."""
+    told = {scale: value for scale, value in sweep.items() if np.isfinite(value)}
+    if len(told) < 3:
+        return 1.0
+    scale, value = np.array(sorted(told.items())).T
+    curve, slope, _ = np.polyfit(scale, value, 2)
+    best = -slope / (2 * curve) if curve > 0 else scale[value.argmin()]
+    return float(np.clip(best, scale[0], scale[-1]))
+
+
+def _rings(found: FoundPattern, beams: Pattern, given: str) -> np.ndarray:
+    """Ring of the pattern for each laser that the points show (k,).
+
+    Raises:
+        RecordingError: they are not the pattern's.
+    """
+    apart = np.abs(found.lasers.elevation_deg[:, None] - np.array(beams.elevation_deg))
+    ring, off = apart.argmin(1), apart.min(1)
+    if off.max() > _SAME_LASER_DEG or len(np.unique(ring)) < len(ring):
+        row = int(off.argmax())
+        raise RecordingError(
+            f"pattern {given}: {beams.rings} lasers, none of them the one that points show at "
+            f"{found.lasers.elevation_deg[row]:+.2f}° (of {len(found.lasers)}); leave --pattern out, or give its own"
+        )
+    return ring
