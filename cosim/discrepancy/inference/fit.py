@@ -248,7 +248,7 @@ class Fitter:
 
     def _spread(self, state: _State, of_noise: tuple[Free, ...]) -> tuple[_State, float]:
         """With noise as wide as neighbours differ, after a step, and what their quasi-likelihood gained by it."""
-        columns = self.columns(state.effects, of_noise, state.prediction)
+        columns = self.columns(state.effects, of_noise, state.prediction, state.estimate)
         step = spread_step(columns, Evidence.of(self.sample, state.fit), len(self.sample))
         before = float(quasi_likelihood(self.sample, state.fit).sum())
         for halving in range(_HALVINGS):
