@@ -20,9 +20,8 @@ from cosim.discrepancy.inference.likelihood import RISE_SIGMA_M, Fit, judge, ran
 from cosim.discrepancy.inference.random_effects import Estimate, Factored, RandomEffects
 from cosim.discrepancy.inference.score import Evidence, Quantity, change, dispersion
 from cosim.discrepancy.inference.search import is_searched, searched
-from cosim.discrepancy.inference.spread import quasi_likelihood, spread_step
 from cosim.discrepancy.settings import DEFAULT, Settings
-from sensors.effects.base import Effect, NoiseEffect, RoundingEffect, ScanEffect
+from sensors.effects.base import Effect, RoundingEffect, ScanEffect
 
 _GAIN = 0.05  # log-likelihood that a step must still bring
 _STEPS = 12
@@ -214,12 +213,7 @@ class Fitter:
     def _descended(self, state: _State, free: tuple[Free, ...], blur: float, steps: int) -> _State:
         """Gauss–Newton steps at one blur, variances updated along."""
         state = replace(state, fit=self._judged(state.prediction, state.estimate, blur))
-        of_noise = tuple(one for one in free if isinstance(state.effects[one.effect], NoiseEffect))
-        free = tuple(one for one in free if one not in of_noise)
         for number in range(steps):
-            wider = 0.0
-            if of_noise and blur == 0.0:
-                state, wider = self._spread(state, of_noise)
             value = self._penalised(state)
             evidence = Evidence.of(self.sample, state.fit, blur).reweighted(state.fit)
             if blur == 0.0 and number in (1, 2, 4):
@@ -242,21 +236,9 @@ class Fitter:
             after = self.random.updated(state.estimate, model.known)
             settled = bool(np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12))
             state = replace(state, estimate=after)
-            if max(gained, wider) < max(_GAIN, 1e-7 * abs(value)) and (settled or number + 1 >= steps) and number >= 2:
+            if gained < max(_GAIN, 1e-7 * abs(value)) and (settled or number + 1 >= steps) and number >= 2:
                 break
         return state
-
-    def _spread(self, state: _State, of_noise: tuple[Free, ...]) -> tuple[_State, float]:
-        """With noise as wide as neighbours differ, after a step, and what their quasi-likelihood gained by it."""
-        columns = self.columns(state.effects, of_noise, state.prediction, state.estimate)
-        step = spread_step(columns, Evidence.of(self.sample, state.fit), len(self.sample))
-        before = float(quasi_likelihood(self.sample, state.fit).sum())
-        for halving in range(_HALVINGS):
-            trial = self._state(_moved(state.effects, of_noise, 0.5**halving * step), state.estimate)
-            gained = float(quasi_likelihood(self.sample, trial.fit).sum()) - before
-            if gained > 0:
-                return trial, gained
-        return state, 0.0
 
     def _penalised(self, state: _State) -> float:
         law = state.estimate.u**2 @ np.where(

@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from cosim.discrepancy.data.sample import Sample
-from cosim.discrepancy.inference.columns import Column, scaled, stacked
 from cosim.discrepancy.inference.likelihood import Fit
-from cosim.discrepancy.inference.score import MOST_SQUARED, Evidence, Quantity
-
-SPREADS: tuple[Quantity, ...] = ("range_variance", "intensity_variance")
-_RIDGE = 1e-9
+from cosim.discrepancy.inference.score import MOST_SQUARED
 
 
 def quasi_likelihood(sample: Sample, fit: Fit) -> np.ndarray:
@@ -31,14 +25,3 @@ def quasi_likelihood(sample: Sample, fit: Fit) -> np.ndarray:
         gap = np.minimum((z - z[pair]) ** 2 / 2, MOST_SQUARED)
         found += both * (-0.5 * gap - np.log(np.maximum(sigma, 1e-9)))
     return found
-
-
-def spread_step(columns: Sequence[Column], evidence: Evidence, rows: int) -> np.ndarray:
-    """A Gauss–Newton step (p,) of parameters by which spreads alone change."""
-    matrices = stacked(columns, [name for name in SPREADS if name in evidence.score], rows)
-    size = sum(one.rings for one in columns)
-    known, slope = np.zeros((size, size)), np.zeros(size)
-    for name, one in matrices.items():
-        known += (one.T @ scaled(one, evidence.information[name])).toarray()
-        slope += one.T @ evidence.score[name]
-    return np.linalg.solve(known + np.diag(_RIDGE * np.diag(known) + 1e-12), slope)
