@@ -17,7 +17,7 @@ def contradicted(case: Case, state: State, given: Model) -> Found | None:
         case, state: of the diagnosis.
         given: the model as it was before anything was found.
     """
-    asked = [one for one in state.found if one.interval is None and not (one.shape and one.shape.covariate == "scan")]
+    asked = [one for one in state.found if not one.is_fact]
     if not case.split.confirm or not asked:
         return None
     view = viewed(case, case.split.confirm, Model(state.model.effects), case.settings.rows // 2)
@@ -30,6 +30,7 @@ def contradicted(case: Case, state: State, given: Model) -> Found | None:
 
 def _gain(view: View, model: Model, one: Found, given: Model) -> Gain:
     """What a finding gains on the frames of a view, over the model without it."""
-    place = next(place for place, effect in enumerate(model.effects) if effect.name == one.effect)
+    place = model.place_of(one.effect)
+    assert place is not None  # found
     before = seen_by(view, model.without(place, given.effects).effects)
     return gain(view.fitter, before, view.fitted, of_noise=isinstance(model.effects[place], NoiseEffect))

@@ -207,7 +207,7 @@ def simplified(case: Case, state: State) -> State:
     if len(state.found) < 2 or state.view.fitter.sample.of_own_map:
         return state
     for one in state.found:
-        place = _place(state, one.effect)
+        place = state.model.place_of(one.effect)
         if place is None or one.shape is not None or one.interval is not None or place < len(given(case)):
             continue
         case.say(f"asking whether something simpler does as well as {one.effect}")
@@ -233,7 +233,7 @@ def eliminated(case: Case, state: State) -> State:
         return state
     sure = plainly_on(state.view.fitter, state.view.fitted, given(case))
     for one in reversed(state.found[:-1]):
-        place = _place(state, one.effect)
+        place = state.model.place_of(one.effect)
         if place is None or one.interval is not None or place in sure:
             continue
         case.say(f"asking whether {one.effect} is still needed")
@@ -252,7 +252,7 @@ def eliminated(case: Case, state: State) -> State:
 
 def _without(case: Case, state: State, one: Found) -> State:
     """The rest fitted anew without a finding."""
-    place = _place(state, one.effect)
+    place = state.model.place_of(one.effect)
     assert place is not None  # found
     less = state.model.without(place, given(case))
     view = viewed(case, case.split.fit, less, case.settings.rows, state.view)
@@ -312,7 +312,7 @@ def concluded(case: Case, state: State) -> Diagnosis:
     budget, judged = budget_of(case, state, _steps(case, state))
     findings, unknowns = [], []
     for number, one in enumerate(state.found):
-        place = _place(state, one.effect)
+        place = state.model.place_of(one.effect)
         if place is None:
             continue
         params = state.model.effects[place].model_dump(mode="json")
@@ -355,10 +355,6 @@ def _steps(case: Case, state: State) -> list[tuple[Effect, ...]]:
         ]
         models.append(tuple(e for place, e in enumerate(known) if place < len(own) or e.name in there))
     return models
-
-
-def _place(state: State, name: str) -> int | None:
-    return next((place for place, one in enumerate(state.model.effects) if one.name == name), None)
 
 
 def _ranking(found: Sequence[Candidate], tested: Sequence[Tested]) -> list[tuple[str, float, float]]:

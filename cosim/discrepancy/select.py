@@ -68,7 +68,7 @@ class Candidate:
     @property
     def is_fact(self) -> bool:
         """Whether other frames cannot deny it: a step of the file, or levels of the very scans that were fitted."""
-        return self.lattice is not None or (self.shape is not None and self.shape.covariate == "scan")
+        return self.lattice is not None or (self.shape is not None and self.shape.is_of_scans)
 
     @property
     def of_noise(self) -> bool:
@@ -307,7 +307,7 @@ def reshaped(state: State, found: Found) -> tuple[Shape | None, Candidate | None
         None where it cannot be drawn. The shape is gone (None) where what is drawn now is not what was found.
     """
     fitter, fitted = state.view.fitter, state.view.fitted
-    place = next((at for at, one in enumerate(fitted.effects) if one.name == found.effect), None)
+    place = state.model.place_of(found.effect)
     if place is None or found.shape is None:
         return None
     less = state.model.without(place, ())

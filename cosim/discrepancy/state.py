@@ -67,6 +67,11 @@ class Found:
     shape: Shape | None = None
     interval: dict[str, list[float]] | None = None
 
+    @property
+    def is_fact(self) -> bool:
+        """Whether other frames cannot deny it, see `Candidate.is_fact`."""
+        return self.interval is not None or (self.shape is not None and self.shape.is_of_scans)
+
 
 @dataclass(frozen=True, eq=False)
 class Model:
@@ -74,6 +79,10 @@ class Model:
 
     effects: tuple[Effect, ...]
     fitted: tuple[int, ...] = ()
+
+    def place_of(self, name: str) -> int | None:
+        """Where an effect of a name stands; None where there is none."""
+        return next((place for place, one in enumerate(self.effects) if one.name == name), None)
 
     def replaced(self, effects: Sequence[Effect], place: int) -> Model:
         """With other effects, one of which is fitted from now on."""

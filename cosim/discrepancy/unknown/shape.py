@@ -66,6 +66,11 @@ class Shape:
     ci95: Mapping[str, list[float]] = field(default_factory=dict)
 
     @property
+    def is_of_scans(self) -> bool:
+        """Whether it is a level for each scan."""
+        return self.covariate == "scan"
+
+    @property
     def covariates(self) -> tuple[str, ...]:
         """Names of what it depends on."""
         return (self.covariate, self.factor.covariate) if self.factor else (self.covariate,)
@@ -87,7 +92,7 @@ class Shape:
                 others = " or ".join(f"{one:.3g} s" for one in self.aliases)
                 return f"{said}; between scans so far apart a period of {others} looks the same"
             return f"({said})·({self.factor.formula.text.replace('x', 'y')})" if self.factor else said
-        if self.covariate == "scan":
+        if self.is_of_scans:
             return f"a level of its own for each scan, {self.y.std():.3g} about {self.y.mean():.3g}"
         order = np.argsort(-np.abs(self.y / np.maximum(self.sigma, 1e-12)))[:_MOST_NAMED]
         order = [i for i in order if abs(self.y[i]) > 2 * self.sigma[i]] or order[:1].tolist()

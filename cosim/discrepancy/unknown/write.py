@@ -163,7 +163,7 @@ def _law(shape: Shape) -> tuple[str, str, str, str, str]:
 def _table(shape: Shape) -> str:
     """The body of `error` for categories and for levels of scans."""
     values = [round(float(value), 6) for value in shape.y]
-    if shape.covariate == "scan":
+    if shape.is_of_scans:
         times = [round(float(value), 6) for value in shape.x]
         return (
             f"        times, levels = np.array({times}), np.array({values})\n"
