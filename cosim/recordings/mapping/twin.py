@@ -211,10 +211,11 @@ def _lists(prepared: Prepared, made: WholeMap, names: Sequence[str]) -> tuple[li
     useful = made.mapped & ~np.array([path.standing for path in prepared.paths])
     asked = useful if useful.any() else made.mapped
     numbers = np.flatnonzero(asked).tolist()
-    return tuple(  # type: ignore[return-value]
-        [[names[one] for one in scans if made.segment_of[one] == number] for number in numbers]
-        for scans in (made.fitted, made.held_out)
-    )
+
+    def by_segment(scans: Sequence[int]) -> list[list[str]]:
+        return [[names[one] for one in scans if made.segment_of[one] == number] for number in numbers]
+
+    return by_segment(made.fitted), by_segment(made.held_out)
 
 
 def _flat(lists: Sequence[Sequence[str]]) -> list[str]:
