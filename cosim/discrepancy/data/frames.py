@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from cosim.discrepancy.data.ambiguity import Neighbours, widened
 from cosim.discrepancy.data.map_surfaces import Maps, MapSurfaces
 from cosim.discrepancy.data.observation import Observed, intensity_unit, observe, upwards
-from cosim.discrepancy.labelled_twin.trust import read_trust
 from cosim.discrepancy.settings import DEFAULT
 from cosim.drives.kitti import Drive, Frame
+from cosim.drives.twin import read_trust
 from cosim.drives.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.discrepancy.data.map_surfaces import is_own_map
-from cosim.discrepancy.labelled_twin.trust import read_trust
 from cosim.drives.kitti import Drive, Frame
+from cosim.drives.twin import read_trust
 
 _SEGMENT = 3
 _FEWEST = 16  # frames of which a segment can be spared for the end

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from assets import CATALOGUE, build_model
-from cosim.discrepancy.labelled_twin.ground_surface import fit_ground
-from cosim.discrepancy.labelled_twin.road_cells import find_road_cells
-from cosim.discrepancy.labelled_twin.scatter import body_scatter, ground_scatter
-from cosim.discrepancy.labelled_twin.trust import Trust
-from cosim.drives.twin import Instance
+from cosim.drives.twin import Instance, Trust
+from cosim.labelled_twin.ground_surface import fit_ground
+from cosim.labelled_twin.road_cells import find_road_cells
+from cosim.labelled_twin.scatter import body_scatter, ground_scatter
 
 from .scans import HEIGHT_M, scan
 

@@ -9,14 +9,14 @@ import pytest
 
 from cosim.discrepancy import diagnose
 from cosim.discrepancy.diagnose import case_of
-from cosim.discrepancy.labelled_twin import write_labelled_twin
 from cosim.discrepancy.state import Model, viewed
 from cosim.drives.kitti import Calibration, Drive, Labels, write_calibration, write_labels, write_points
+from cosim.labelled_twin import write_labelled_twin
 from sensors.effects.elevation_offset import ElevationOffset
 from sensors.effects.range_noise import RangeNoise
 from sensors.pattern import Pattern
 from sensors.sensor_model import SensorModel
-from tests.cosim.discrepancy.labelled_twin.scans import ELEVATION_RAD, FIRINGS, HEIGHT_M, scan
+from tests.cosim.labelled_twin.scans import ELEVATION_RAD, FIRINGS, HEIGHT_M, scan
 
 ERROR_DEG, NOISE = 0.2, RangeNoise(sigma_m=0.01)
 PATTERN = Pattern(

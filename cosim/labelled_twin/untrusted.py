@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.discrepancy.labelled_twin.trusted_ground import widest_gap_m
 from cosim.drives.kitti import Frame
+from cosim.labelled_twin.trusted_ground import widest_gap_m
 from sensors.pattern import Pattern
 
 _FEWEST = 30  # points of a ring whose elevation means something

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.discrepancy.labelled_twin.ground_surface import GroundSurface, fit_ground
-from cosim.discrepancy.labelled_twin.road_cells import RoadCells, find_road_cells
-from cosim.discrepancy.labelled_twin.trusted_ground import ground_mesh, trust_ground
+from cosim.labelled_twin.ground_surface import GroundSurface, fit_ground
+from cosim.labelled_twin.road_cells import RoadCells, find_road_cells
+from cosim.labelled_twin.trusted_ground import ground_mesh, trust_ground
 from sensors.bvh import Bvh
 
 from .scans import HEIGHT_M, Block, Ground, flat, scan

@@ -14,14 +14,13 @@ import numpy as np
 import yaml
 
 from assets import MATERIALS, build_model
-from cosim.discrepancy.labelled_twin.frame_twin import FrameTwin, check_labelled, make_frame_twin
-from cosim.discrepancy.labelled_twin.trust import encode_trust
-from cosim.discrepancy.labelled_twin.trusted_ground import GROUND_MATERIAL
-from cosim.discrepancy.labelled_twin.untrusted import why_untrusted
 from cosim.drives.kitti import Drive, Frame
-from cosim.drives.twin import encode_glb, format_materials
+from cosim.drives.twin import encode_glb, encode_trust, format_materials
 from cosim.drives.writer import DriveWriter, OutputError, explained
 from cosim.errors import FormatError
+from cosim.labelled_twin.frame_twin import FrameTwin, check_labelled, make_frame_twin
+from cosim.labelled_twin.trusted_ground import GROUND_MATERIAL
+from cosim.labelled_twin.untrusted import why_untrusted
 from sensors.pattern import Pattern, load_pattern
 
 KITTI_PATTERN = "hdl64e_kitti"

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cosim.discrepancy.labelled_twin import Trust, encode_trust, read_trust
-from cosim.drives.twin import Instance
+from cosim.drives.twin import Instance, Trust, encode_trust, read_trust
 from cosim.errors import FormatError
 
 

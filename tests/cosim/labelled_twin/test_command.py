@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 
 from cosim.cli import main
-from cosim.discrepancy.labelled_twin import read_trust
-from cosim.discrepancy.labelled_twin.ground_surface import fit_ground
-from cosim.discrepancy.labelled_twin.road_cells import find_road_cells
 from cosim.drives.kitti import Drive, Labels
 from cosim.drives.kitti.points import decode_points
 from cosim.drives.kitti.rings import recover_rays
-from cosim.drives.twin import read_glb, read_materials
+from cosim.drives.twin import read_glb, read_materials, read_trust
+from cosim.labelled_twin.ground_surface import fit_ground
+from cosim.labelled_twin.road_cells import find_road_cells
 from sensors.bvh import Bvh
 
 

@@ -20,7 +20,7 @@ from scipy.sparse import csr_matrix, diags, kron, vstack
 from scipy.sparse import eye as identity
 from scipy.sparse.linalg import spsolve
 
-from cosim.discrepancy.labelled_twin.road_cells import RoadCells
+from cosim.labelled_twin.road_cells import RoadCells
 
 REACH_M = 30.0
 SIDE_M = 14.0

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from assets import build_model
-from cosim.discrepancy.labelled_twin.ground_surface import GroundSurface
-from cosim.discrepancy.labelled_twin.road_cells import RoadCells
-from cosim.discrepancy.labelled_twin.trust import in_box
 from cosim.drives.twin import Instance
+from cosim.drives.twin.trust import in_box
+from cosim.labelled_twin.ground_surface import GroundSurface
+from cosim.labelled_twin.road_cells import RoadCells
 
 _NEIGHBOURS = 30
 _LEAST_M = 0.005

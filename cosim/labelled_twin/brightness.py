@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.discrepancy.labelled_twin.trust import Trust, in_box
 from cosim.drives.twin import Instance
+from cosim.drives.twin.trust import Trust, in_box
 
 _FEWEST = 30  # points that tell a paint
 _UNSEEN = 0.2  # spread of intensities of bodies with fewer

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from assets.mesh import Mesh
-from cosim.discrepancy.labelled_twin.brightness import Brightness, ground_brightness, painted
-from cosim.discrepancy.labelled_twin.ground_surface import REACH_M, fit_ground
-from cosim.discrepancy.labelled_twin.objects import label_instances
-from cosim.discrepancy.labelled_twin.road_cells import find_road_cells
-from cosim.discrepancy.labelled_twin.scatter import body_scatter
-from cosim.discrepancy.labelled_twin.trust import MARGIN_M, Trust
-from cosim.discrepancy.labelled_twin.trusted_ground import ground_mesh, trust_ground
 from cosim.drives.kitti import Calibration, Frame, Labels, points_in_boxes
 from cosim.drives.twin import Camera, Ego, Lidar, TwinFrame
+from cosim.drives.twin.trust import MARGIN_M, Trust
 from cosim.errors import FormatError
+from cosim.labelled_twin.brightness import Brightness, ground_brightness, painted
+from cosim.labelled_twin.ground_surface import REACH_M, fit_ground
+from cosim.labelled_twin.objects import label_instances
+from cosim.labelled_twin.road_cells import find_road_cells
+from cosim.labelled_twin.scatter import body_scatter
+from cosim.labelled_twin.trusted_ground import ground_mesh, trust_ground
 from sensors.cameras.kitti_rig import HEIGHT_PX, WIDTH_PX, lidar_pose_ego
 from sensors.pattern import Pattern
 

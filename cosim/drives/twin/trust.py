@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.drives.files import read_bytes
-from cosim.drives.twin import Instance
+from cosim.drives.twin.frame import Instance
 from cosim.errors import FormatError
 from sensors.npz import NpzError, npz_arrays, npz_bytes
 

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from assets.mesh import Mesh
-from cosim.discrepancy.labelled_twin.ground_surface import GroundSurface
-from cosim.discrepancy.labelled_twin.road_cells import RoadCells
-from cosim.discrepancy.labelled_twin.scatter import ground_scatter
-from cosim.discrepancy.labelled_twin.trust import CELL_M, Trust
+from cosim.drives.twin.trust import CELL_M, Trust
+from cosim.labelled_twin.ground_surface import GroundSurface
+from cosim.labelled_twin.road_cells import RoadCells
+from cosim.labelled_twin.scatter import ground_scatter
 
 _FOLLOWS_M = 0.05  # a cell farther from the surface with its cone is a kerb's or a wall's foot
 _WIDEST_GAP_M, _WIDEST_GAP_PER_M = 0.3, 0.012  # rings farther apart leave the ground between unseen

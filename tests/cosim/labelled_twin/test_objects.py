@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from assets import CATALOGUE
-from cosim.discrepancy.labelled_twin.objects import label_instances
-from cosim.discrepancy.labelled_twin.trust import in_box
 from cosim.drives.kitti import Calibration, Labels
+from cosim.drives.twin.trust import in_box
+from cosim.labelled_twin.objects import label_instances
 
 _TILT = 0.02
 

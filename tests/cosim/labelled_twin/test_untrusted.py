@@ -10,7 +10,7 @@ import yaml
 
 from cosim.cli import main
 from cosim.drives.kitti import write_calibration, write_points
-from tests.cosim.discrepancy.labelled_twin.scans import ELEVATION_RAD, FIRINGS, flat, scan
+from tests.cosim.labelled_twin.scans import ELEVATION_RAD, FIRINGS, flat, scan
 from tests.training.tiny_drive import CALIBRATION
 
 
