@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.discrepancy.worth import EffectWorth, Worth, rescans, without
+from cosim.discrepancy.worth import EffectWorth, Worth
 from cosim.drives.kitti import Drive, Labels
+from cosim.variants.rescans import rescans, without
 from sensors.sensor_model import SensorModel
 from training.data.views import Rescanned
 from training.errors import TrainingError

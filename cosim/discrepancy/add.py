@@ -64,7 +64,7 @@ class Added:
         Raises:
             OutputError: the folder cannot be written.
         """
-        from cosim.discrepancy.sensor_out import write_sensor
+        from cosim.drives.sensor_files import write_sensor
 
         return write_sensor(self.sensor, Path(path))
 

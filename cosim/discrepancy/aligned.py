@@ -14,7 +14,7 @@ from cosim.discrepancy.forward.expectation import Expectation, expect
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
 from cosim.discrepancy.scores import Ensemble, FrameScores, Totals, model_chance, scored
-from cosim.discrepancy.state import Case, View, seen_by, spreads
+from cosim.discrepancy.state import Case, View, are_sharp, seen_by, spreads
 from cosim.discrepancy.validation import HeldOut
 from sensors.effects.base import Effect
 
@@ -85,9 +85,9 @@ class Aligned:
         if view.fitter.sample.of_own_map:  # aligned with the map as it is: a sample shows a part
             alone = self._random.without(self._estimate, ("map", "albedo_of_map"))
             self._estimate = seen_by(view, effects, alone).estimate
-        shift_m, turn_rad = spreads(self._random, self._estimate, case.settings.edge_sigmas)
-        clear = shift_m < case.settings.sharp_m and turn_rad < case.settings.sharp_rad
-        self._wide = [None if clear else one.unsure(shift_m, turn_rad) for one in frames]
+        sizes = spreads(self._random, self._estimate)
+        clear = are_sharp(case.settings, sizes)
+        self._wide = [None if clear else one.unsure(*sizes) for one in frames]
         origin = case.sensor.origin
         self._members = [
             Ensemble.of(one, self._effects, model_chance(0, number), origin) for number, one in enumerate(frames)
@@ -184,7 +184,7 @@ class _Whole:
     ) -> _Whole:
         """Random effects of a frame as they were estimated from a sample in which it is scan number `scan`."""
         has_poses = random.rows("poses").stop > random.rows("poses").start
-        own = RandomEffects(sample, (0.0, 0.0) if has_poses else None)
+        own = RandomEffects(sample, has_poses=has_poses)
         return cls(own, own.transferred(random, estimate, scan), sample.predict(effects))
 
     def shifts(self, parts: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:

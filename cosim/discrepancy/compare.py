@@ -29,8 +29,6 @@ from sensors.effects.base import Effect
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
-_NEAR, _NEGLIGIBLE = 1.02, 0.001
-_MOST_ALIGNED = 12  # frames of which it is asked where the error comes from
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +73,7 @@ class Comparison:
         """
         if self.budget is not None and self.budget.floor is not None and self.error > 2 * self.budget.error_aligned:
             return self.budget.error_aligned <= (1 + DEFAULT.at_floor) * self.budget.floor
-        return self.floor is not None and self.error <= _NEAR * self.floor.error + _NEGLIGIBLE
+        return self.floor is not None and self.error <= DEFAULT.near * self.floor.error + DEFAULT.negligible
 
     @property
     def parts(self) -> dict[str, float]:
@@ -186,7 +184,7 @@ def compare(
     names = tuple(frames) if frames is not None else drive.frames
     by_frame: dict[str, Totals] = {}
     kept: dict[str, FrameScores] = {}
-    chosen = set(names[:: -(-len(names) // _MOST_ALIGNED)]) if budget and names else set()
+    chosen = set(names[:: -(-len(names) // DEFAULT.most_aligned)]) if budget and names else set()
     aligned: list[TracedFrame] = []
     tally, floor = SliceTally(), []
     for number, name in enumerate(names):

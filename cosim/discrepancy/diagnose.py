@@ -43,7 +43,6 @@ from sensors.effects.base import Effect, NoiseEffect
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
-_TRIED = 4  # candidates a round, until one helps
 
 
 def diagnose(
@@ -100,13 +99,13 @@ def case_of(
     """What stays the same throughout a diagnosis; see `diagnose`."""
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
     split = (
-        split_drive(drive, model.pattern.rings * model.pattern.firings)
+        split_drive(drive, model.pattern.rings * model.pattern.firings, settings.sampling)
         if frames is None
-        else split_frames(tuple(frames))
+        else split_frames(tuple(frames), settings=settings.sampling)
     )
-    hidden = not_told(len(split.fit), is_own_map(drive))
+    hidden = not_told(len(split.fit), is_own_map(drive), settings.beams)
     kinds = tuple(one for one in candidate_kinds(extra, model.pattern.rings) if one.name not in hidden)
-    return Case(model, FrameTracer(drive, model), split, kinds, settings, seed, say, tuple(along))
+    return Case(model, FrameTracer(drive, model, settings), split, kinds, settings, seed, say, tuple(along))
 
 
 def begun(case: Case) -> State:
@@ -143,11 +142,11 @@ def added(case: Case, state: State) -> State:
         tested = sorted([*tested, *screened_pairs(case, state)], key=lambda one: (one.p_value, -one.value))
     state.screened[:] = tested
     refused = state.refused
-    for some in tiers(state, tested):
+    for some in tiers(case, state, tested):
         asked = replace(state, refused=refused)
         found = candidates(case, asked, some)
         state.ranking[:] = state.ranking or _ranking(found, tested)
-        for one in islice(chosen(case, asked, some, found), _TRIED):
+        for one in islice(chosen(case, asked, some, found), case.settings.pick.tried):
             case.say(f"adding {one.name}")
             after = accepted(case, state, one, found)
             if after is not None:
@@ -411,5 +410,5 @@ def _notes(case: Case, state: State) -> tuple[str, ...]:
         strays=sum(one.strays for one in seen),
         has_intensity=state.view.fitter.sample.has_intensity,
     )
-    of_fit = fit_notes(len(seen), case.split.is_held_out, is_own_map(case.tracer.drive))
+    of_fit = fit_notes(len(seen), case.split.is_held_out, is_own_map(case.tracer.drive), case.settings.beams)
     return (*of_drive, *of_fit, *struck_notes([one.effect for one in state.struck]))

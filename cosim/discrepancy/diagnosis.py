@@ -10,11 +10,11 @@ from typing import Any, Literal
 from cosim.discrepancy.aligned import Judged
 from cosim.discrepancy.budget import Budget
 from cosim.discrepancy.data.split import Split
-from cosim.discrepancy.labels.diagnose import LabelFinding
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.shape import Shape
 from cosim.discrepancy.validation import HeldOut
 from cosim.discrepancy.worth import Worth
+from cosim.labels.bias import LabelFinding
 from sensors.sensor_model import SensorModel
 
 
@@ -168,8 +168,8 @@ class Diagnosis:
         Raises:
             OutputError: the folder cannot be written.
         """
-        from cosim.discrepancy.sensor_out import write_sensor
         from cosim.discrepancy.unknown.write import class_name, effect_source
+        from cosim.drives.sensor_files import write_sensor
 
         own = {one.name: (class_name(one), effect_source(one)) for one in self.unknowns}
         return write_sensor(self.sensor, Path(path), own)

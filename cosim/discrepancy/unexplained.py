@@ -14,7 +14,6 @@ from cosim.discrepancy.inference.score_test import Tested
 from cosim.discrepancy.settings import Settings
 
 _UNITS = {"range": "m", "intensity": "", "drop": "", "spurious": "", "range_variance": "", "intensity_variance": ""}
-_MOST = 12
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ def unexplained(tested: Sequence[Tested], fitted: Fitted, settings: Settings) ->
             )
         )
     found.sort(key=lambda one: (one.p_value, bool(one.looks_like)))
-    return tuple(found[:_MOST])
+    return tuple(found[: settings.pick.unexplained])
 
 
 def _size(one: Tested, fitted: Fitted) -> float:

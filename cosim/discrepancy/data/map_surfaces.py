@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import KDTree
 
-from cosim.discrepancy.settings import DEFAULT
+from cosim.discrepancy.settings import DEFAULT, Sampling
 from cosim.drives.files import read_bytes
 from cosim.drives.kitti import Drive
 from cosim.errors import FormatError
@@ -25,13 +25,7 @@ from sensors.npz import NpzError, npz_arrays
 _FILE, _FOLDER = "twin/surfels.npz", "twin/surfels"  # of one map, of those of a long drive
 _ARRAYS = {"centre": (3,), "normal": (3,), "sd_m": (), "range_m": (2,), "cos_incidence": (2,), "trusted": ()}
 _CELL = "cell_m"
-_MARGIN_M = 0.3  # across a surface, within which a return is its
-_ON_PLANE_M = 0.02
-_NEIGHBOURS = 6
-_PLACE_M, _JUDGE = 8.0, 3  # squares of the ground, one of so many of which judges
 _FAR = 1 << 20  # cells from the origin to the edge of what can be numbered
-_LEAST_ROUGH = 0.2  # of the scatter, that a surface has itself
-_LEVEL = 0.9  # |n·z| of what lies flat
 
 
 def is_own_map(drive: Drive) -> bool:
@@ -44,9 +38,11 @@ class Maps:
 
     Args:
         drive: whose twin may be a map.
+        settings: numbers that decide.
     """
 
-    def __init__(self, drive: Drive) -> None:
+    def __init__(self, drive: Drive, settings: Sampling = DEFAULT.sampling) -> None:
+        self._settings = settings
         self._drive = drive if is_own_map(drive) else None
         self._read: dict[Path, MapSurfaces] = {}
 
@@ -64,7 +60,7 @@ class Maps:
         name = _FILE if static is None else f"{_FOLDER}/{Path(static).stem}.npz"
         file = self._drive.root / name
         if file not in self._read:
-            self._read[file] = MapSurfaces.read(file)
+            self._read[file] = MapSurfaces.read(file, self._settings)
         return self._read[file]
 
 
@@ -82,6 +78,7 @@ class MapSurfaces:
         cell_m: size of the cells, of which each holds one surface at most.
         tree: of the centres.
         cells: (m,) int64 numbers of the surfaces' cells, rising; `order`: (m,) rows of the surfaces in them.
+        settings: numbers that decide.
     """
 
     centre: np.ndarray
@@ -93,9 +90,10 @@ class MapSurfaces:
     tree: KDTree
     cells: np.ndarray
     order: np.ndarray
+    settings: Sampling
 
     @classmethod
-    def read(cls, file: Path) -> MapSurfaces:
+    def read(cls, file: Path, settings: Sampling) -> MapSurfaces:
         """Those of a file.
 
         Raises:
@@ -118,7 +116,7 @@ class MapSurfaces:
         cell_m = float(found[_CELL][0])
         cells = _cell_numbers(arrays["centre"], cell_m)
         order = np.argsort(cells, kind="stable")
-        rough = _roughness(arrays["sd_m"], arrays["cos_incidence"].mean(1))
+        rough = _roughness(arrays["sd_m"], arrays["cos_incidence"].mean(1), settings.least_rough)
         return cls(
             arrays["centre"],
             arrays["normal"],
@@ -129,6 +127,7 @@ class MapSurfaces:
             KDTree(arrays["centre"]),
             cells[order],
             order,
+            settings,
         )
 
     def __len__(self) -> int:
@@ -137,8 +136,8 @@ class MapSurfaces:
     @cached_property
     def judge(self) -> np.ndarray:
         """(m,) bool: those in squares of the ground by whose surfaces findings are judged, the others being fitted."""
-        square = np.floor(self.centre[:, :2] / _PLACE_M).astype(int)
-        return (square[:, 0] + square[:, 1]) % _JUDGE == 0
+        square = np.floor(self.centre[:, :2] / self.settings.place_m).astype(int)
+        return (square[:, 0] + square[:, 1]) % self.settings.judge_every == 0
 
     def met(self, place: np.ndarray, instance: np.ndarray) -> np.ndarray:
         """Row (n,) of the surface that each beam meets; −1 where none.
@@ -155,10 +154,10 @@ class MapSurfaces:
         rows = rows[found[rows] < 0]  # over the rim of a cell
         if not len(rows):
             return found
-        _, near = self.tree.query(place[rows], k=min(_NEIGHBOURS, len(self)))
+        _, near = self.tree.query(place[rows], k=min(self.settings.neighbours, len(self)))
         near = near.reshape(len(rows), -1)
         off = np.einsum("ikj,ikj->ik", place[rows][:, None] - self.centre[near], self.normal[near])
-        on = np.abs(off) < _ON_PLANE_M
+        on = np.abs(off) < self.settings.on_plane_m
         best = on.argmax(1)  # the nearest of those whose plane it lies on
         found[rows] = np.where(on.any(1), near[np.arange(len(rows)), best], -1)
         return found
@@ -169,7 +168,7 @@ class MapSurfaces:
         at = np.minimum(np.searchsorted(self.cells, cell), len(self) - 1)
         row = self.order[at]
         off = np.einsum("ij,ij->i", place - self.centre[row], self.normal[row])
-        return np.where((self.cells[at] == cell) & (np.abs(off) < _ON_PLANE_M), row, -1)
+        return np.where((self.cells[at] == cell) & (np.abs(off) < self.settings.on_plane_m), row, -1)
 
     def compared(self, met: np.ndarray, measured: np.ndarray) -> np.ndarray:
         """Which beams may be compared, (n,) bool.
@@ -180,17 +179,17 @@ class MapSurfaces:
         """
         row = np.maximum(met, 0)
         off = np.einsum("ij,ij->i", measured - self.centre[row], self.normal[row])
-        return (met >= 0) & self.trusted[row] & ~(np.abs(off) > _MARGIN_M)
+        return (met >= 0) & self.trusted[row] & ~(np.abs(off) > self.settings.margin_m)
 
-    def unsure_m(self, met: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    def unsure_m(self, met: np.ndarray, slope: np.ndarray, grazing: float) -> np.ndarray:
         """(n,) float32 standard deviation of ranges to rough surfaces.
 
         Args:
             met: (n,) rows of the surfaces that beams meet.
-            slope: (n,) cosines of incidence.
+            slope: (n,) cosines of incidence; `grazing` at least.
         """
         rough = np.where(met >= 0, self.rough_m[np.maximum(met, 0)], 0.0)
-        return (rough / np.maximum(slope, DEFAULT.grazing)).astype(np.float32)
+        return (rough / np.maximum(slope, grazing)).astype(np.float32)
 
     def drawn(self, looks: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
         """Rows of surfaces with `count` looks in all, half of them on what lies flat, half on the rest where it is.
@@ -206,7 +205,7 @@ class MapSurfaces:
         worth = np.where(looks > 1, np.maximum(worth, 1e-3), 0.0)
         keys = np.where(worth > 0, rng.random(len(worth)) ** (1 / np.maximum(worth, 1e-3)), -1.0)
         order = np.argsort(-keys, kind="stable")[: np.count_nonzero(worth)]
-        flat = np.abs(self.normal[order, 2]) > _LEVEL
+        flat = np.abs(self.normal[order, 2]) > self.settings.level
         share = np.where(flat, *(_share_before(looks[order], mine, count / 2) for mine in (flat, ~flat)))
         order = order[np.argsort(share, kind="stable")]
         return order[np.cumsum(looks[order]) <= count]
@@ -223,12 +222,13 @@ def _share_before(looks: np.ndarray, mine: np.ndarray, count: float) -> np.ndarr
     return np.cumsum(np.where(mine, looks, 0)) / count
 
 
-def _roughness(sd_m: np.ndarray, slope: np.ndarray) -> np.ndarray:
+def _roughness(sd_m: np.ndarray, slope: np.ndarray, least: float) -> np.ndarray:
     """(m,) square root of sd² − σ²cos²; σ, of the noise of ranges, from how lower quartiles of sd² grow with cos².
 
     Args:
         sd_m: (m,) scatter of points across the surfaces.
         slope: (m,) usual cosines of incidence.
+        least: share of sd that is left.
     """
     edges = np.quantile(slope**2, np.linspace(0, 1, 9))
     slot = np.clip(np.searchsorted(edges, slope**2, side="right") - 1, 0, 7)
@@ -237,4 +237,4 @@ def _roughness(sd_m: np.ndarray, slope: np.ndarray) -> np.ndarray:
     if len(used) > 2:
         square = [float(np.quantile(sd_m[slot == k] ** 2, 0.25)) for k in used]
         noise = max(float(np.polyfit([float(np.mean(slope[slot == k] ** 2)) for k in used], square, 1)[0]), 0.0)
-    return np.sqrt(np.maximum(sd_m**2 - noise * slope**2, (_LEAST_ROUGH * sd_m) ** 2))
+    return np.sqrt(np.maximum(sd_m**2 - noise * slope**2, (least * sd_m) ** 2))

@@ -11,17 +11,10 @@ import numpy as np
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.forward.joined import Replay
 from cosim.discrepancy.forward.replay import FrameReplay
-from cosim.discrepancy.settings import DEFAULT
+from cosim.discrepancy.settings import Sampling, Settings
 from sensors.effects.base import Effect
 from sensors.hits import NOTHING, STATIC
 
-CELL_M = 5.0  # of the static world
-_MATCHED_M = 1.0
-_SKY_RAD = 0.1
-_ODD_SHARE = 0.3  # of the sample at most, for beams that return from where nothing is
-_RARE_SHARE = 0.2  # of the sample
-_LONE_SHARE = 0.25  # of the sample, for returns that tell of the sensor alone
-_LOOKS = 16  # at each surface of a map that is taken: more tell hardly more than more surfaces would
 _ASIDE = {"previous": (0, -1), "above": (-1, 0), "below": (1, 0)}  # rings down, and firings along
 BESIDE = tuple(f"{name}_{what}" for name in _ASIDE for what in ("range", "intensity", "lost"))
 
@@ -95,6 +88,7 @@ class Sample:
         of_own_map: whether the twin is a map made of the scans: places of surfaces and scans are free.
         scan_values: by name, (scans,) pose time, and the ego vehicle's speed, acceleration and yaw rate.
         azimuth, time_s, range_m, cos_incidence: (n,) of the beams as traced.
+        settings: those that frames were traced with.
     """
 
     replay: Replay
@@ -142,6 +136,7 @@ class Sample:
     own_axes: bool
     of_own_map: bool
     scan_values: dict[str, np.ndarray]
+    settings: Settings
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -260,7 +255,9 @@ def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, 
         )
         rows += len(beams)
     joined = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
-    track, names, cells = _tracks(frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"])
+    track, names, cells = _tracks(
+        frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"], frames[0].settings.sampling
+    )
     kinds, kind = _named(frames, joined["frame"], joined["instance"], "kinds")
     models, model = _named(frames, joined["frame"], joined["instance"], "models")
     thing = np.where(joined["instance"] >= 0, track * len(frames) + joined["frame"], -1)
@@ -275,6 +272,7 @@ def _gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, 
         models=models,
         beside=beside,
         replay=Replay(replays),
+        settings=frames[0].settings,
         names=tuple(one.name for one in frames),
         track=track,
         track_names=names,
@@ -296,15 +294,15 @@ def _choose(
     frame: TracedFrame, share: int, rng: np.random.Generator, edges: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Beams, how many each stands for, and the row of each one's partner."""
-    solid, rings = frame.shot.hits.solid, frame.shot.rays.ring
+    solid, rings, settings = frame.shot.hits.solid, frame.shot.rays.ring, frame.settings.sampling
     usable = frame.observed.trusted & (edges | ~frame.edge)
     residual = np.abs(frame.observed.range_from(frame.shot.rays.origin) - solid.range_m)
-    odd = frame.observed.returned & ~(residual < _MATCHED_M)
+    odd = frame.observed.returned & ~(residual < frame.settings.beams.same_m)
     odd &= usable
     chance = np.where(solid.instance >= 0, 3.0, np.where(solid.exists, 1.0, 0.15)) * usable
     chance = np.clip(chance * (share / 2 / max(chance.sum(), 1.0)), 0, 1)
-    chance = np.where(odd, np.maximum(chance, min(1.0, _ODD_SHARE * share / max(odd.sum(), 1))), chance)
-    chance = np.maximum(chance, _rare(solid.material, usable & solid.exists, _RARE_SHARE * share))
+    chance = np.where(odd, np.maximum(chance, min(1.0, settings.odd_share * share / max(odd.sum(), 1))), chance)
+    chance = np.maximum(chance, _rare(solid.material, usable & solid.exists, settings.rare_share * share))
     first = rng.random(len(chance)) < chance
     taken = (first | np.append(False, first[:-1])) & usable
     before = np.append(0.0, chance[:-1])
@@ -349,12 +347,12 @@ def _of_map(
     assert surfaces is not None  # asked before
     usable = [np.flatnonzero(one.observed.trusted & (edges | ~one.edge)) for one in frames]
     met = np.concatenate([one.surface[rows] for one, rows in zip(frames, usable, strict=True)])
-    looks = np.bincount(met, minlength=len(surfaces))
+    most, looks = frames[0].settings.sampling.looks, np.bincount(met, minlength=len(surfaces))
     if judging is not None:
         looks = np.where(surfaces.judge == judging, looks, 0)
-    taken = surfaces.drawn(np.minimum(looks, _LOOKS), count, rng)
+    taken = surfaces.drawn(np.minimum(looks, most), count, rng)
     chance = np.zeros(len(surfaces))
-    chance[taken] = np.minimum(_LOOKS / looks[taken] / 2, 1.0)
+    chance[taken] = np.minimum(most / looks[taken] / 2, 1.0)
     found = []
     for one, rows in zip(frames, usable, strict=True):
         first = rows[rng.random(len(rows)) < chance[one.surface[rows]]]
@@ -388,7 +386,7 @@ def _lone(frame: TracedFrame, share: int, rng: np.random.Generator) -> np.ndarra
         return np.zeros(0, int)
     beams = np.flatnonzero(observed.returned & ~observed.trusted)
     count = np.bincount(rings[beams], minlength=256)
-    wanted = _LONE_SHARE * share / max(np.count_nonzero(count), 1)
+    wanted = frame.settings.sampling.lone_share * share / max(np.count_nonzero(count), 1)
     return beams[rng.random(len(beams)) < wanted / count[rings[beams]]]
 
 
@@ -399,6 +397,7 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
     direction = shot.traced.direction[beams].astype(np.float64)
     normal = solid.normal.astype(np.float64)
     slope = np.einsum("ij,ij->i", normal, direction)
+    steep = np.sign(slope) / np.maximum(np.abs(slope), frame.settings.beams.grazing)  # change of range by a shift
     reach = np.where(solid.instance == NOTHING, np.nan, solid.range_m).astype(np.float64)
     rotation = shot.hits.pose[:3, :3]
     ray = shot.rays.direction[beams].astype(np.float64)
@@ -408,7 +407,7 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
     spun = -np.cross(ray, turned) * np.nan_to_num(reach)[:, None]  # n·(w × d)/(n·d) = w·(d × n)/(n·d)
     pose = np.where(np.isfinite(reach)[:, None], np.hstack([moved, spun]), 0.0)
     place = shot.traced.origin[beams] + direction * np.nan_to_num(reach)[:, None]
-    rays, toward = shot.rays, normal * _steepness(slope)[:, None]
+    rays, toward = shot.rays, normal * steep[:, None]
     return {
         "along_m": observed.along_m[beams].astype(np.float64),
         "above_m": observed.above_m[beams].astype(np.float64),
@@ -421,7 +420,7 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
         "seam": frame.seam[beams],
         "compared": observed.trusted[beams],
         "object_derivative": _of_object(frame, solid.instance, toward, place),
-        "surface_derivative": np.where(solid.instance == STATIC, _steepness(slope), 0.0),
+        "surface_derivative": np.where(solid.instance == STATIC, steep, 0.0),
         "facing": _facing(normal) if frame.map is None else np.maximum(frame.surface[beams], 0).astype(int),
         "ring": rays.ring[beams].astype(int),
         "firing": beams % frame.shot.pattern.firings,
@@ -436,11 +435,6 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
         "place": place,
         "reflectance": shot.hits.reflectance(solid).astype(np.float64),
     }
-
-
-def _steepness(slope: np.ndarray) -> np.ndarray:
-    """Change of range (n,) by a shift of a surface along its normal, for the cosine (n,) between both."""
-    return np.sign(slope) / np.maximum(np.abs(slope), DEFAULT.grazing)
 
 
 def _facing(normal: np.ndarray) -> np.ndarray:
@@ -499,15 +493,20 @@ def _numbered(codes: np.ndarray) -> np.ndarray:
 
 
 def _tracks(
-    frames: Sequence[TracedFrame], frame: np.ndarray, instance: np.ndarray, place: np.ndarray, azimuth: np.ndarray
+    frames: Sequence[TracedFrame],
+    frame: np.ndarray,
+    instance: np.ndarray,
+    place: np.ndarray,
+    azimuth: np.ndarray,
+    settings: Sampling,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Numbers of instances by id, and of map cells for the static world; their names, and the cells' places."""
     places, worlds = np.unique([one.place for one in frames], return_inverse=True)
     keys = np.zeros((len(frame), 4), int)  # of what kind, and three numbers that tell which
     rest, sky = instance == STATIC, instance == NOTHING
     keys[rest, 1] = worlds[frame[rest]]
-    keys[rest, 2:] = np.floor(place[rest, :2] / CELL_M)
-    keys[sky, 0], keys[sky, 1] = 1, np.floor(azimuth[sky] / _SKY_RAD)
+    keys[rest, 2:] = np.floor(place[rest, :2] / settings.cell_m)
+    keys[sky, 0], keys[sky, 1] = 1, np.floor(azimuth[sky] / settings.sky_rad)
     met = instance >= 0
     keys[met, 0], keys[met, 1], keys[met, 2] = 2, frame[met], instance[met]
     each, number = _numbered_rows(keys)
@@ -517,7 +516,7 @@ def _tracks(
     middles = np.full((len(names), 3), np.nan)
     static = each[:, 0] == 0
     middles[same[static], 0] = each[static, 1]
-    middles[same[static], 1:] = (each[static, 2:] + 0.5) * CELL_M
+    middles[same[static], 1:] = (each[static, 2:] + 0.5) * settings.cell_m
     return track, names, middles
 
 

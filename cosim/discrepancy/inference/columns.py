@@ -63,6 +63,11 @@ def scaled(matrix: SparseMatrix, weight: np.ndarray) -> SparseMatrix:
     return found
 
 
+def ridged(matrix: np.ndarray, share: float = 1e-9, least: float = 1e-12) -> np.ndarray:
+    """A symmetric matrix with a little more on its diagonal, so that it can be inverted."""
+    return matrix + np.diag(share * np.diag(matrix) + least)
+
+
 def _rows(matrix: SparseMatrix) -> np.ndarray:
     return matrix.indices if matrix.format == "csc" else np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.settings import DEFAULT
-
-_FEWEST = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ def binned(values: np.ndarray, bin_of: np.ndarray, residual: np.ndarray, cluster
     alone = np.bincount(bin_of, away**2, bins) / whole / np.maximum(count - 1, 1)
     variance = np.maximum(clustered, alone)
     half = np.where(seen > 1, np.sqrt(variance) * stats.t.ppf(DEFAULT.upper, freedom), np.nan)
-    kept = np.flatnonzero(count >= _FEWEST)
+    kept = np.flatnonzero(count >= LAYOUT.fewest)
     if not len(kept):
         return Binned(*(np.zeros(0) for _ in range(5)), strength=0.0, size=0.0, p_value=1.0)
     weight = count[kept] / count[kept].sum()

@@ -6,10 +6,9 @@ import numpy as np
 from scipy.stats import norm
 
 from cosim.discrepancy.diagnosis import Diagnosis
+from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.settings import DEFAULT
 from cosim.stats.plot import Axis, Plot
-
-_LARGE = 10.0
 
 
 def waterfall(found: Diagnosis) -> str:
@@ -22,7 +21,7 @@ def waterfall(found: Diagnosis) -> str:
     half = float(norm.ppf(DEFAULT.upper)) * np.nan_to_num(np.array([error for _, _, error in steps]))
     shown = level if found.noise_floor is None else np.append(level, found.noise_floor)
     least, high = float(shown.min()), max(float((level + half).max()), float(shown.max()))
-    is_log = least > 0 and level.max() > _LARGE * level.min()
+    is_log = least > 0 and level.max() > LAYOUT.decades * level.min()
     low, high = _padded(least, high) if is_log else _padded_evenly(min(least, float((level - half).min())), high)
 
     def raised(value: float, share: float) -> float:

@@ -22,7 +22,7 @@ def test_gain_per_beam_does_not_depend_on_how_many_beams_were_drawn(biased_yard:
     frames = case.tracer.trace_all(case.split.fit, ())
     each, sure = [], []
     for rows in (6_000, 24_000):
-        fitter = Fitter(draw_sample(frames, rows, np.random.default_rng(1)), case.settings)
+        fitter = Fitter(draw_sample(frames, rows, np.random.default_rng(1)))
         without = fitter.fit(given(case), ())
         biased = fitter.at((*given(case), RangeBias(offset_m=0.04)), without.estimate)
         found = gain(fitter, without, biased)

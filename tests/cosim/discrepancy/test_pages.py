@@ -25,12 +25,12 @@ from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.report import explored_of, format_comparison, format_diagnosis, left_words
 from cosim.discrepancy.report.binned import binned, quantile_edges
-from cosim.discrepancy.report.confusions import CONFUSIONS, separations
 from cosim.discrepancy.report.sentences import Vocabulary, headline, source_words
 from cosim.discrepancy.report.waterfall import waterfall
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.validation import HeldOut
 from cosim.report import Piece, stacked_bar, write_page
+from sensors.effects.confusions import CONFUSIONS, separations
 from sensors.effects.registry import effect_classes, find_effect
 from sensors.sensor_model import SensorModel, load_sensor
 from tests.cosim.discrepancy.small_drive import PATTERN, Yard

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from cosim.discrepancy.labels.diagnose import diagnose_labels
+from cosim.discrepancy.diagnosis import Diagnosis
 from cosim.drives.kitti import Drive
+from cosim.labels.bias import diagnose_labels
 from sensors.effects.box_shrink import BoxShrink
 from sensors.sensor_model import SensorModel
-
-if TYPE_CHECKING:
-    from cosim.discrepancy.diagnosis import Diagnosis
 
 
 def with_labels(found: Diagnosis, drive: Drive) -> Diagnosis:

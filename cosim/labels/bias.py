@@ -8,9 +8,8 @@ from typing import Any, Literal
 import numpy as np
 from scipy import stats
 
-from cosim.discrepancy.labels.gathered import LabelRows, gather
-from cosim.discrepancy.settings import DEFAULT
 from cosim.drives.kitti import Drive
+from cosim.labels.bodies import LabelRows, gather
 from sensors.effects.box_shrink import BoxShrink
 from sensors.sensor_model import SensorModel
 
@@ -19,6 +18,8 @@ _FEWEST_TRACKS = 8
 _FLIPS = 9999
 _TINY_M = 0.003  # KITTI's labels are written in centimetres
 _JUDGE_EVERY = 3
+_LEVEL, _COVERAGE = 0.05, 0.95  # error rate of all edges together; of intervals
+_POWER = 0.84  # deviate that 80 % power adds to a critical value
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +124,7 @@ def _judged(rows: LabelRows, known: BoxShrink | None, rng: np.random.Generator) 
     told = judge if judge.any() else np.ones(len(rows), bool)
     found = _fit(rows, np.ones(len(rows), bool))
     return LabelFinding(
-        verdict="missing" if p_value <= DEFAULT.level else "none",
+        verdict="missing" if p_value <= _LEVEL else "none",
         objects=len(rows),
         tracks=rows.tracks,
         p_value=p_value,
@@ -131,7 +132,7 @@ def _judged(rows: LabelRows, known: BoxShrink | None, rng: np.random.Generator) 
         b=tuple(np.round(found.b, 5).tolist()),
         lift_m=found.lift,
         ci95={"a_m": found.ends(0), "b": found.ends(1)},
-        smallest_m=tuple(((critical + DEFAULT.power) * _error_of_mean(rows)).tolist()),
+        smallest_m=tuple(((critical + _POWER) * _error_of_mean(rows)).tolist()),
         error_before=float(np.abs(rows.loss_m - before)[told].mean()),
         error_after=float(np.abs(rows.loss_m - after)[told].mean()),
     )
@@ -148,7 +149,7 @@ class _Law:
     freedom: int
 
     def ends(self, row: int) -> list[list[float]]:
-        half = float(stats.t.ppf(0.975, max(self.freedom, 1))) * self.errors[row]
+        half = float(stats.t.ppf((1 + _COVERAGE) / 2, max(self.freedom, 1))) * self.errors[row]
         middle, top = (self.a, 2.0) if row == 0 else (self.b, 1.0)
         pairs = zip((middle - half).tolist(), (middle + half).tolist(), strict=True)
         return [[max(low, 0.0), min(high, top)] for low, high in pairs]
@@ -182,7 +183,7 @@ def _gate(rows: LabelRows, loss: np.ndarray, rng: np.random.Generator) -> tuple[
     seen = np.abs(scores.sum(0)) / size
     signs = rng.choice((-1.0, 1.0), (_FLIPS, len(scores)))
     largest = (np.abs(signs @ scores) / size).max(1)
-    return float((1 + (largest >= seen.max()).sum()) / (1 + _FLIPS)), float(np.quantile(largest, 1 - DEFAULT.level))
+    return float((1 + (largest >= seen.max()).sum()) / (1 + _FLIPS)), float(np.quantile(largest, 1 - _LEVEL))
 
 
 def _error_of_mean(rows: LabelRows) -> np.ndarray:

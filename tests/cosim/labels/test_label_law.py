@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.discrepancy.labels.diagnose import _judged
-from cosim.discrepancy.labels.gathered import LabelRows
+from cosim.labels.bias import _judged
+from cosim.labels.bodies import LabelRows
 
 
 def rows(rng: np.random.Generator, a: float, b: float, mood_m: float, tracks: int = 30, each: int = 6) -> LabelRows:
