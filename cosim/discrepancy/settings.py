@@ -9,418 +9,258 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+Pair = tuple[float, float]
 Six = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
 class Beams:
-    """Which beams may be compared, and how points are sorted onto beams.
+    """Which beams may be compared, and how points are sorted onto beams."""
 
-    Attributes:
-        same_m: between ranges of what is taken for one surface.
-        jump_m, jump_share: beyond a plane, and of the range, from which a neighbour makes an edge.
-        crease_m, crease_share: the same of an edge that moves with a shift of what makes it.
-        most_firings, most_rings: that an edge may be away.
-        apart: difference of reflectances of the brighter one that tells materials apart: three times a noise of 10 %.
-        directions: in which something thin beside a beam is looked for.
-        grazing: cosine of incidence below which a beam runs along a surface rather than to it.
-        brightest, most_points, first_scans: above what this share of a scan's points lies, intensities are bytes, as
-            so many scans tell.
-        aside_rad: from the middle of its slot, beyond which a point says its own azimuth.
-        at_once: azimuth steps; returns of a ring that are nearer to each other have no firing between them.
-        half_slot: azimuth steps; farther from a firing's azimuth no point belongs to it.
-        agrees_m, agrees_unsaid_m: from the twin, with beams said or recovered; `fewest_share` of points must.
-        upright: |n·z| of what stands on the ground; `fewest_upright` beams on it, of which `fewest_standing` agree.
-        fewest_scans: of which the spread of pose errors tells anything.
-    """
-
-    same_m: float = 1.0
-    jump_m: float = 0.1
-    jump_share: float = 0.01
-    crease_m: float = 0.015
+    same_m: float = 1.0  # between ranges of what is taken for one surface
+    jump_m: float = 0.1  # beyond a plane, from which a neighbour makes an edge
+    jump_share: float = 0.01  # of the range, on top of it
+    crease_m: float = 0.015  # the same of an edge that moves with a shift of what makes it
     crease_share: float = 0.002
-    most_firings: int = 24
-    most_rings: int = 4
-    apart: float = 0.3
-    directions: int = 8
-    grazing: float = 0.02
-    brightest: float = 1.001
-    most_points: float = 0.99
-    first_scans: int = 3
-    aside_rad: float = 1e-5
-    at_once: float = 1.75
-    half_slot: float = 0.5001
-    agrees_m: float = 0.5
-    agrees_unsaid_m: float = 3.0
-    fewest_share: float = 0.35
-    upright: float = 0.5
-    fewest_upright: int = 300
-    fewest_standing: float = 0.5
-    fewest_scans: int = 3
+    most_firings: int = 24  # that an edge may be away
+    most_rings: int = 4  # that an edge may be away
+    apart: float = 0.3  # of the brighter reflectance, by which materials are told apart: three times a noise of 10 %
+    directions: int = 8  # in which something thin beside a beam is looked for
+    grazing: float = 0.02  # cosine of incidence below which a beam runs along a surface rather than to it
+    brightest: float = 1.001  # above which intensities are bytes
+    most_points: float = 0.99  # share of a scan's points that must lie below
+    first_scans: int = 3  # that are asked for it
+    aside_rad: float = 1e-5  # from the middle of its slot, beyond which a point says its own azimuth
+    at_once: float = 1.75  # azimuth steps within which returns of a ring have no firing between them
+    half_slot: float = 0.5001  # azimuth steps from a firing's azimuth, farther than which no point belongs to it
+    agrees_m: float = 0.5  # from the twin, within which a point agrees with it
+    agrees_unsaid_m: float = 3.0  # the same where beams are recovered from the order of the points
+    fewest_share: float = 0.35  # of points that must agree
+    upright: float = 0.5  # |n·z| of what stands on the ground
+    fewest_upright: int = 300  # beams on it
+    fewest_standing: float = 0.5  # share of these that must agree
+    fewest_scans: int = 3  # of which the spread of pose errors tells anything
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """Which frames are fitted and which judge, and which beams of them are taken.
+    """Which frames are fitted and which judge, and which beams of them are taken."""
 
-    Attributes:
-        segment: frames next to each other that do the same.
-        fewest_confirmed: frames of which a segment can be spared for the end.
-        map_scans, map_judges: of a map made of the scans that are fitted and that judge, evenly spread.
-        scans_each, judges_each: of each map where there are several.
-        apart: scans from one that is fitted to the next there: so near that they see the same surfaces, from elsewhere.
-        most_beams: of all scans of maps that are looked at; each takes a kilobyte.
-        cell_m, sky_rad: size of a cell of the static world, and of a sector of the sky.
-        odd_share: of a sample at most, for beams that return from where nothing is.
-        rare_share: of a sample, for materials that few beams meet.
-        lone_share: of a sample, for returns that tell of the sensor alone.
-        looks: at each surface of a map: more tell hardly more than more surfaces would.
-        margin_m, on_plane_m: across a surface of a map, within which a return is its, and a traced hit.
-        neighbours: surfaces about a hit that are asked whether it lies on them.
-        place_m, judge_every: squares of the ground, one of so many of which judges.
-        least_rough: of the scatter of points about a surface, that it has itself.
-        level: |n·z| of what lies flat.
-    """
-
-    segment: int = 3
-    fewest_confirmed: int = 16
-    map_scans: int = 24
-    map_judges: int = 8
-    scans_each: int = 6
-    judges_each: int = 3
-    apart: int = 6
-    most_beams: int = 4_300_000
-    cell_m: float = 5.0
-    sky_rad: float = 0.1
-    odd_share: float = 0.3
-    rare_share: float = 0.2
-    lone_share: float = 0.25
-    looks: int = 16
-    margin_m: float = 0.3
-    on_plane_m: float = 0.02
-    neighbours: int = 6
-    place_m: float = 8.0
-    judge_every: int = 3
-    least_rough: float = 0.2
-    level: float = 0.9
+    segment: int = 3  # frames next to each other that do the same
+    fewest_confirmed: int = 16  # frames of which a segment can be spared for the end
+    map_scans: int = 24  # of a map made of the scans that are fitted, evenly spread
+    map_judges: int = 8  # that judge
+    scans_each: int = 6  # of each map that are fitted where there are several
+    judges_each: int = 3  # that judge
+    apart: int = 6  # scans from one that is fitted to the next there: so near that they see the same surfaces
+    most_beams: int = 4_300_000  # of all scans of maps that are looked at; each takes a kilobyte
+    cell_m: float = 5.0  # of the static world
+    sky_rad: float = 0.1  # of azimuth, a sector of the sky
+    odd_share: float = 0.3  # of a sample at most, for beams that return from where nothing is
+    rare_share: float = 0.2  # of a sample, for materials that few beams meet
+    lone_share: float = 0.25  # of a sample, for returns that tell of the sensor alone
+    looks: int = 16  # at each surface of a map: more tell hardly more than more surfaces would
+    margin_m: float = 0.3  # across a surface of a map, within which a return is its
+    on_plane_m: float = 0.02  # across it, within which a traced hit is
+    neighbours: int = 6  # surfaces about a hit that are asked whether it lies on them
+    place_m: float = 8.0  # squares of the ground by whose surfaces findings are judged
+    judge_every: int = 3  # one of so many squares
+    least_rough: float = 0.2  # of the scatter of points about a surface, that it has itself
+    level: float = 0.9  # |n·z| of what lies flat
 
 
 @dataclass(frozen=True)
 class Law:
-    """The likelihood of a beam.
+    """The likelihood of a beam."""
 
-    Attributes:
-        range_floor_m, intensity_floor: spreads that no model falls below.
-        rise_sigma_m: of a point above its beam.
-        stray_share: of beams that return from elsewhere, with a density even over `reach_m`.
-        lost_share: least chance of a return, and of none.
-        clear_of_limits: standard deviations from a limit at which noise is hardly ever cut off.
-        own_at_seams, cut_at_seams: chance that brightness is a beam's own beside another material, and of a limit.
-        most_squared: of a residual in standard deviations, for spreads.
-        far_off: standard deviations from which a residual's curvature is that which its pull has.
-        median_size: of a standard normal deviate.
-    """
-
-    range_floor_m: float = 5e-4
-    intensity_floor: float = 0.002
-    rise_sigma_m: float = 0.003
-    stray_share: float = 1e-5
-    reach_m: float = 120.0
-    lost_share: float = 1e-3
-    clear_of_limits: float = 2.5
-    own_at_seams: float = 0.5
-    cut_at_seams: float = 0.1
-    most_squared: float = 100.0
-    far_off: float = 3.0
-    median_size: float = 0.6745
+    range_floor_m: float = 5e-4  # spread that no model falls below
+    intensity_floor: float = 0.002  # the same of intensities
+    rise_sigma_m: float = 0.003  # of a point above its beam
+    stray_share: float = 1e-5  # of beams that return from elsewhere
+    reach_m: float = 120.0  # over which these are spread evenly
+    lost_share: float = 1e-3  # least chance of a return, and of none
+    clear_of_limits: float = 2.5  # standard deviations from a limit at which noise is hardly ever cut off
+    own_at_seams: float = 0.5  # chance that brightness is a beam's own beside another material
+    cut_at_seams: float = 0.1  # chance of a limit there, if it is not
+    most_squared: float = 100.0  # of a residual in standard deviations, for spreads
+    far_off: float = 3.0  # standard deviations from which a residual's curvature is that which its pull has
+    median_size: float = 0.6745  # of a standard normal deviate
 
 
 @dataclass(frozen=True)
 class Unsure:
-    """What is merely not known: random effects.
+    """What is merely not known: random effects."""
 
-    Attributes:
-        pose_shift_m, pose_turn_rad: spread of pose errors that a fit starts from.
-        variance_sigmas: standard errors that a random effect's variance must be above 0 to be kept.
-        free_poses: spreads [m, rad] where a map made of the scans tells nothing of poses.
-        free_map_m, free_albedo: the same of its surfaces; what is dimmed to a tenth has ten times its reflectance.
-        darkest: share of the stated reflectance.
-        least_poses, least_objects, least_map_m, least_albedo: spreads below which there is none [m, rad, share].
-        probes: random vectors of which traces are the mean.
-        most_step: times that a variance may change in one update.
-        fewest_parts: of scans, into which few are divided so that they make clusters.
-        same_surface: share of its range by which a beam may be bent away on a surface.
-        flattest: share of the slope between a beam and its plane that must outlive a turn.
-        edge_sigmas: standard deviations of pose and object errors by which edges are widened.
-        widest_m, widest_rad: to which they are.
-        sharp_m, sharp_rad: spreads of poses and objects below which edges are as sharp as they were traced.
-    """
-
-    pose_shift_m: float = 0.02
-    pose_turn_rad: float = 9e-4
-    variance_sigmas: float = 3.0
-    free_poses: Six = (0.2, 0.2, 0.2, 0.01, 0.01, 0.01)
-    free_map_m: float = 1.0
-    free_albedo: float = 30.0
-    darkest: float = 0.1
-    least_poses: Six = (3e-4, 3e-4, 3e-4, 2e-5, 2e-5, 2e-5)
-    least_objects: tuple[float, float, float] = (1e-3, 1e-3, 3e-4)
+    pose_shift_m: float = 0.02  # spread of pose errors that a fit starts from
+    pose_turn_rad: float = 9e-4  # the same of turns
+    variance_sigmas: float = 3.0  # standard errors that a variance must be above 0 to be kept
+    free_poses: Six = (0.2, 0.2, 0.2, 0.01, 0.01, 0.01)  # [m, rad] where a map made of the scans tells nothing of them
+    free_map_m: float = 1.0  # the same of its surfaces
+    free_albedo: float = 30.0  # and their reflectances: what is dimmed to a tenth has ten times its own
+    darkest: float = 0.1  # share of the stated reflectance
+    least_poses: Six = (3e-4, 3e-4, 3e-4, 2e-5, 2e-5, 2e-5)  # [m, rad] below which there is none; so the next three
+    least_objects: tuple[float, float, float] = (1e-3, 1e-3, 3e-4)  # [m, m, rad]
     least_map_m: float = 1e-3
-    least_albedo: float = 3e-3
-    probes: int = 12
-    most_step: float = 30.0
-    fewest_parts: int = 16
-    same_surface: float = 0.5
-    flattest: float = 0.5
-    edge_sigmas: float = 3.5
-    widest_m: float = 0.15
-    widest_rad: float = 2e-3
-    sharp_m: float = 2e-3
-    sharp_rad: float = 1e-4
+    least_albedo: float = 3e-3  # share
+    probes: int = 12  # random vectors of which traces are the mean
+    most_step: float = 30.0  # times that a variance may change in one update
+    fewest_parts: int = 16  # of all scans, into which few are divided so that they make clusters
+    same_surface: float = 0.5  # share of its range by which a beam may be bent away on a surface
+    flattest: float = 0.5  # share of the slope between a beam and its plane that must outlive a turn
+    edge_sigmas: float = 3.5  # standard deviations of pose and object errors by which edges are widened
+    widest_m: float = 0.15  # to which they are
+    widest_rad: float = 2e-3  # the same of turns
+    sharp_m: float = 2e-3  # of poses and objects, below which edges are as sharp as they were traced
+    sharp_rad: float = 1e-4  # the same of turns
 
 
 @dataclass(frozen=True)
 class Descent:
-    """Gauss–Newton steps.
+    """Gauss–Newton steps."""
 
-    Attributes:
-        gain: log-likelihood that a step must still bring.
-        steps, rough_steps, halvings: at most; the second of a candidate.
-        rounds: of tracing anew where beams were bent.
-        turned_rad, shifted_m: by how much a beam may have moved from where it was traced.
-        far_m, fine_m: residuals beyond which nothing is told of them, and to which ranges are widened at last.
-        rough, rough_share: spreads beyond which residuals are far off, and the share of beams that are not.
-    """
-
-    gain: float = 0.05
-    steps: int = 12
-    rough_steps: int = 10
-    halvings: int = 5
-    rounds: int = 3
-    turned_rad: float = 7e-4
-    shifted_m: float = 0.02
-    far_m: float = 3.0
-    fine_m: float = 0.01
-    rough: float = 8.0
-    rough_share: float = 0.985
+    gain: float = 0.05  # log-likelihood that a step must still bring
+    steps: int = 12  # at most
+    rough_steps: int = 10  # of a candidate
+    halvings: int = 5  # of a step
+    rounds: int = 3  # of tracing anew where beams were bent
+    turned_rad: float = 7e-4  # by how much a beam may have turned from where it was traced
+    shifted_m: float = 0.02  # and been shifted
+    far_m: float = 3.0  # residual beyond which nothing is told of it
+    fine_m: float = 0.01  # to which ranges are widened at last
+    rough: float = 8.0  # spreads beyond which residuals are far off
+    rough_share: float = 0.985  # of beams that are not
 
 
 @dataclass(frozen=True)
 class Search:
-    """Parameters that no slope tells of, and intervals of them.
+    """Parameters that no slope tells of, and intervals of them."""
 
-    Attributes:
-        reach, reach_steps: of a search to both sides: of the value, and of its natural step.
-        grid, zooms: values at once, and how often they are drawn together, where the likelihood has steps.
-        near, roughly: of the reach, to which a value is found.
-        blurred, aside: of a value; and how many times that a closer look goes aside.
-        few: share of beams that are too few for a slope; `altogether` is the chance that they are lost by.
-        elsewhere_m: from a surface to another.
-        fall, smooth_fall: of the log-likelihood at the ends of an interval, with steps and without.
-        passes, enough: over parameters that make up for each other, and what one must still bring.
-        farthest: passes at once along a valley.
-        doublings, redoublings, bisections: towards the ends of an interval, the second as clusters are drawn anew.
-        most_coupled: parameters at most.
-        edges, fine: azimuths at which sectors begin and end, and between two of them.
-        least_sector, most_sector: of all beams.
-        draws: of clusters with replacement; `side` values to each side are looked at.
-        at_ends: share of draws that may end where values do.
-        level_to: relative, between log-likelihoods that are the same.
-        like_parabola: share of the variance of a smooth likelihood.
-        plainly: half widths of its interval from which an amplitude is no matter of doubt.
-    """
-
-    reach: float = 0.6
-    reach_steps: float = 25.0
-    grid: int = 13
-    zooms: int = 8
-    near: float = 2e-3
-    roughly: float = 2e-2
-    blurred: float = 0.02
-    aside: float = 6.0
-    few: float = 0.01
-    altogether: float = 0.5
-    elsewhere_m: float = 0.5
-    fall: float = float(np.log(20))
-    smooth_fall: float = 1.92
-    passes: int = 6
-    enough: float = 0.01
-    farthest: float = 12.0
-    doublings: int = 24
-    redoublings: int = 20
-    bisections: int = 10
-    most_coupled: float = 0.995
-    edges: int = 360
-    fine: int = 200
-    least_sector: float = 0.005
-    most_sector: float = 0.95
-    draws: int = 400
-    side: int = 8
-    at_ends: float = 0.04
-    level_to: float = 1e-12
-    like_parabola: float = 0.98
-    plainly: float = 15.0
+    reach: float = 0.6  # of a search to both sides: of the value,
+    reach_steps: float = 25.0  # and of its natural step
+    grid: int = 13  # values at once where the likelihood has steps
+    zooms: int = 8  # times that they are drawn together
+    near: float = 2e-3  # of the reach, to which a value is found
+    roughly: float = 2e-2  # the same to tell candidates apart
+    blurred: float = 0.02  # of a value, beyond which it is looked at closer
+    aside: float = 6.0  # times that a closer look goes to each side
+    few: float = 0.01  # share of beams that are too few for a slope
+    altogether: float = 0.5  # chance of a return that a small change takes away where there are steps
+    elsewhere_m: float = 0.5  # from a surface to another
+    fall: float = float(np.log(20))  # of the log-likelihood at the ends of an interval with steps
+    smooth_fall: float = 1.92  # the same without
+    passes: int = 6  # over parameters that make up for each other
+    enough: float = 0.01  # log-likelihood that one must still bring
+    farthest: float = 12.0  # passes at once along a valley
+    doublings: int = 24  # towards the ends of an interval,
+    bisections: int = 10  # and back
+    redoublings: int = 20  # towards the ends of an interval as clusters are drawn anew
+    most_coupled: float = 0.995  # two parameters
+    edges: int = 360  # azimuths at which sectors begin and end
+    fine: int = 200  # between two of them
+    least_sector: float = 0.005  # of all beams
+    most_sector: float = 0.95  # of all beams
+    draws: int = 400  # of clusters with replacement
+    side: int = 8  # values to each side that are looked at
+    at_ends: float = 0.04  # share of draws that may end where values do
+    level_to: float = 1e-12  # relative, between log-likelihoods that are the same
+    like_parabola: float = 0.98  # share of the variance of a smooth likelihood
+    plainly: float = 15.0  # half widths of its interval from which an amplitude is no matter of doubt
 
 
 @dataclass(frozen=True)
 class Screen:
-    """What is asked for, and how it is tested.
+    """What is asked for, and how it is tested."""
 
-    Attributes:
-        draws: sign patterns of a wild bootstrap; 1999 tell p to 0.0005.
-        bins: of a covariate; equal numbers of beams in each.
-        fewest_in_bin: beams; fewer tell nothing of a bin.
-        fewest_values: that a covariate has.
-        speed, acceleration, yaw_rate: steps [m/s, m/s², rad/s] that are told apart; who drives straight on turns.
-        degree, main_degree: of smooth functions of pairs, and of each covariate beside these.
-        hump: standard deviations about 0 in which residuals are counted; of `fewest_residuals` at least.
-        least_noise_m, least_noise: spreads of ranges and intensities that tell of noise.
-        most_strays: of all beams: of few a form that tells of many would say that there are none.
-        slowest: waves a revolution below which it is a dependence on azimuth.
-        wave_draws, wave_fine: sign patterns of periodograms; frequencies about a line that are looked at.
-        looks: at the same data (Bonferroni).
-        chunk: columns that are projected at a time.
-        plain: standard deviations beyond which sums by cluster grow as their logarithms.
-        left: share of information below which nothing outlives what is fitted, to rounding.
-        most_times, times: a weak form that would just be seen, and its inverse, are looked for in so many steps.
-        power: deviate that 80 % power adds to a critical value, the 80 % quantile of a normal law.
-    """
-
-    draws: int = 1999
-    bins: int = 10
-    fewest_in_bin: int = 150
-    fewest_values: int = 4
-    speed: float = 0.01
-    acceleration: float = 0.01
-    yaw_rate: float = 1e-3
-    degree: int = 2
-    main_degree: int = 4
-    hump: float = 0.4
-    fewest_residuals: int = 2000
-    least_noise_m: float = 3e-3
-    least_noise: float = 5e-3
-    most_strays: float = 1e-4
-    slowest: int = 8
-    wave_draws: int = 499
-    wave_fine: int = 81
-    looks: int = 2
-    chunk: int = 400
-    plain: float = 3.0
-    left: float = 1e-9
-    most_times: float = 100.0
-    times: int = 93
-    power: float = 0.84
+    draws: int = 1999  # sign patterns of a wild bootstrap: they tell p to 0.0005
+    bins: int = 10  # of a covariate; equal numbers of beams in each
+    fewest_in_bin: int = 150  # beams; fewer tell nothing of a bin
+    fewest_values: int = 4  # that a covariate has
+    speed: float = 0.01  # [m/s] that is told apart
+    acceleration: float = 0.01  # [m/s²]
+    yaw_rate: float = 1e-3  # [rad/s]: who drives straight on turns by less
+    degree: int = 2  # of smooth functions of pairs
+    main_degree: int = 4  # of each covariate beside these
+    hump: float = 0.4  # standard deviations about 0 in which residuals are counted
+    fewest_residuals: int = 2000  # that are
+    least_noise_m: float = 3e-3  # spread of ranges that tells of noise
+    least_noise: float = 5e-3  # of intensities
+    most_strays: float = 1e-4  # of all beams: of few a form that tells of many would say that there are none
+    slowest: int = 8  # waves a revolution below which it is a dependence on azimuth
+    wave_draws: int = 499  # sign patterns of periodograms
+    wave_fine: int = 81  # frequencies about a line that are looked at
+    looks: int = 2  # at the same data (Bonferroni)
+    chunk: int = 400  # columns that are projected at a time
+    plain: float = 3.0  # standard deviations beyond which sums by cluster grow as their logarithms
+    left: float = 1e-9  # share of information below which nothing outlives what is fitted, to rounding
+    most_times: float = 100.0  # a weak form, or its inverse, to which what would just be seen is looked for
+    times: int = 93  # steps of that
+    power: float = 0.84  # deviate that 80 % power adds to a critical value, the 80 % quantile of a normal law
 
 
 @dataclass(frozen=True)
 class Lattices:
-    """Steps that values stand on; pairs are of ranges [m] and intensities.
+    """Steps that values stand on; pairs are of ranges [m] and intensities."""
 
-    Attributes:
-        clear: mean cosine of values that count as multiples of a step.
-        clearer: share of the model's distance from a lattice that measured values may have.
-        finest, coarsest: steps that are looked for.
-        most: values beyond which nothing is looked at.
-        stored: to which values are written.
-        padded: times that a spectrum is finer than its values.
-        fewest: values.
-    """
-
-    clear: float = 0.9
-    clearer: float = 0.25
-    finest: tuple[float, float] = (1e-3, 2e-3)
-    coarsest: tuple[float, float] = (1.0, 0.5)
-    most: tuple[float, float] = (130.0, 1.0)
-    stored: tuple[float, float] = (1e-5, 1e-6)
-    padded: int = 4
-    fewest: int = 500
+    clear: float = 0.9  # mean cosine of values that count as multiples of a step
+    clearer: float = 0.25  # share of the model's distance from a lattice that measured values may have
+    finest: Pair = (1e-3, 2e-3)  # steps that are looked for
+    coarsest: Pair = (1.0, 0.5)
+    most: Pair = (130.0, 1.0)  # values beyond which nothing is looked at
+    stored: Pair = (1e-5, 1e-6)  # to which values are written
+    padded: int = 4  # times that a spectrum is finer than its values
+    fewest: int = 500  # values
 
 
 @dataclass(frozen=True)
 class Pick:
-    """What is fitted and tried.
+    """What is fitted and tried."""
 
-    Attributes:
-        fitted: catalogue effects that are fitted a round, the best by foreseen gain.
-        nearly: share of the best candidate's foreseen gain from which another one is fitted, too.
-        tried: candidates a round, until one helps.
-        alike_sigmas: standard errors of a difference of gains below which two candidates cannot be told apart.
-        clear: standard errors by which a shape must explain more than an effect.
-        few_numbers: of effects that go first on a map made of the scans.
-        of_ranges, of_others: candidates of a channel that are fitted there.
-        shapes: dependences of a channel that are solved a round.
-        much: of what an effect explains, that a simpler one must explain by itself.
-        strengths: times a weak form, from which a fit starts.
-        unexplained: that are listed at most.
-    """
-
-    fitted: int = 4
-    nearly: float = 0.4
-    tried: int = 4
-    alike_sigmas: float = 1.0
-    clear: float = 2.0
-    few_numbers: int = 2
-    of_ranges: int = 4
-    of_others: int = 2
-    shapes: int = 2
-    much: float = 0.5
-    strengths: Six = (1.0, 5.0, 25.0, -1.0, -5.0, -25.0)
-    unexplained: int = 12
+    fitted: int = 4  # catalogue effects that are fitted a round, the best by foreseen gain
+    nearly: float = 0.4  # of the best candidate's foreseen gain, from which another one is fitted, too
+    tried: int = 4  # candidates a round, until one helps
+    alike_sigmas: float = 1.0  # standard errors of a difference of gains below which two cannot be told apart
+    clear: float = 2.0  # standard errors by which a shape must explain more than an effect
+    few_numbers: int = 2  # of effects that go first on a map made of the scans
+    of_ranges: int = 4  # candidates of ranges that are fitted there
+    of_others: int = 2  # of each other channel
+    shapes: int = 2  # dependences of a channel that are solved a round
+    much: float = 0.5  # of what an effect explains, that a simpler one must explain by itself
+    strengths: Six = (1.0, 5.0, 25.0, -1.0, -5.0, -25.0)  # times a weak form, from which a fit starts
+    unexplained: int = 12  # that are listed at most
 
 
 @dataclass(frozen=True)
 class Shapes:
-    """Shapes of unknown dependences, and their formulas.
+    """Shapes of unknown dependences, and their formulas."""
 
-    Attributes:
-        bins, pair_bins, phase_bins: of a covariate, of each of two, and of a phase.
-        fewest: beams in a bin of two.
-        steps, settled: of a solution; and of a standard error, within which it is there.
-        most_lost: of a prediction that a shape may take away.
-        formulas, sure: that a shape over scans is chosen from, about; and the chance at which it is told.
-        regular: of the time between scans, by which it may vary in a regular drive.
-        grid, centres, widths: values of shape parameters that are tried.
-        harmonics: of what comes round.
-    """
-
-    bins: int = 40
-    pair_bins: int = 12
-    phase_bins: int = 24
-    fewest: int = 20
-    steps: int = 6
-    settled: float = 0.1
-    most_lost: float = 0.9
-    formulas: int = 300
-    sure: float = 0.01
-    regular: float = 0.1
-    grid: int = 25
-    centres: int = 60
-    widths: int = 32
-    harmonics: int = 4
+    bins: int = 40  # of a covariate
+    pair_bins: int = 12  # of each of two
+    phase_bins: int = 24  # of a phase
+    fewest: int = 20  # beams in a bin of two
+    steps: int = 6  # of a solution
+    settled: float = 0.1  # of a standard error, within which it is there
+    most_lost: float = 0.9  # of a prediction that a shape may take away
+    formulas: int = 300  # that a shape over scans is chosen from, about
+    sure: float = 0.01  # chance at which it is told
+    regular: float = 0.1  # of the time between scans, by which it may vary in a regular drive
+    grid: int = 25  # values of a shape parameter that are tried,
+    centres: int = 60  # of a bell's middle,
+    widths: int = 32  # and of its width
+    harmonics: int = 4  # of what comes round
 
 
 @dataclass(frozen=True)
 class Settings:
-    """All of them.
+    """All of them, those of each step under its name."""
 
-    Attributes:
-        rows: beams of a sample; more make a diagnosis slower, and hardly surer, as clusters decide.
-        level: family-wise error rate of every test; the convention of the field.
-        coverage: of intervals.
-        most_findings: effects and unknowns that are added at most.
-        near, negligible: times its floor, and of a scale beyond it, within which an error is at the floor.
-        at_floor: the same share of an aligned error: poses and objects are never fitted exactly.
-        most_aligned: frames of a comparison of which it is asked where the error comes from.
-    """
-
-    rows: int = 30_000
-    level: float = 0.05
-    coverage: float = 0.95
-    most_findings: int = 8
-    near: float = 1.02
-    negligible: float = 0.001
-    at_floor: float = 0.05
-    most_aligned: int = 12
+    rows: int = 30_000  # beams of a sample; more make a diagnosis slower, and hardly surer, as clusters decide
+    level: float = 0.05  # family-wise error rate of every test; the convention of the field
+    coverage: float = 0.95  # of intervals
+    most_findings: int = 8  # effects and unknowns that are added at most
+    near: float = 1.02  # times its floor, within which an error is at it,
+    negligible: float = 0.001  # and of a scale beyond that
+    at_floor: float = 0.05  # share by which an aligned error may be above: poses and objects are never fitted exactly
+    most_aligned: int = 12  # frames of a comparison of which it is asked where the error comes from
     beams: Beams = field(default_factory=Beams)
     sampling: Sampling = field(default_factory=Sampling)
     law: Law = field(default_factory=Law)
