@@ -9,17 +9,44 @@ from functools import cached_property
 import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame, bending, in_order
-from cosim.discrepancy.data.sample import Prediction, Sample, whole_sample
 from cosim.discrepancy.forward.expectation import Expectation, expect
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
+from cosim.discrepancy.sampling.drawing import whole_sample
+from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.scores import Ensemble, FrameScores, Totals, model_chance, scored
 from cosim.discrepancy.state import Case, View, are_sharp, seen_by, spreads
-from cosim.discrepancy.validation import HeldOut
 from sensors.effects.base import Effect
 
 PARTS = ("poses", "objects", "map")
 _Moved = tuple[np.ndarray | float, np.ndarray | float]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Errors of a model on frames that took no part in its fit.
+
+    Attributes:
+        error: over all of them.
+        by_frame: (f,) of each.
+        beams: (f,) how many of each could be compared: what it counts for.
+        floor: the error that noise alone would make; None where nothing tells.
+    """
+
+    error: float
+    by_frame: np.ndarray
+    beams: np.ndarray
+    floor: float | None
+
+    @property
+    def standard_error(self) -> float:
+        """Of the error, from frame to frame; NaN of one frame."""
+        used = np.isfinite(self.by_frame) & (self.beams > 0)
+        values, count = self.by_frame[used], int(used.sum())
+        share = self.beams[used] / max(self.beams[used].sum(), 1)
+        if count < 2:
+            return float("nan")
+        return float(np.sqrt((share**2 @ (values - share @ values) ** 2) * count / (count - 1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +126,7 @@ class Aligned:
 
     def error(self, parts: tuple[str, ...]) -> float:
         """The one error with the random effects of some parts of the budget taken out."""
-        each = [Totals.of(frame, scores) for frame, scores in zip(self._frames, self._scores(parts), strict=True)]
-        return sum(each, Totals()).error
+        return self.held_out(parts).error
 
     def floor(self) -> float | None:
         """The error of a model that is right up to noise."""

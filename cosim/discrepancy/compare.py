@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cosim.discrepancy.aligned import Judged
-from cosim.discrepancy.budget import Budget, budget_of_view
+from cosim.discrepancy.budget import Budget, budget_of
 from cosim.discrepancy.candidates import with_rings
 from cosim.discrepancy.data.checks import check_fit, opened
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending, in_order
@@ -23,8 +23,8 @@ from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, 
 from cosim.discrepancy.settings import DEFAULT
 from cosim.discrepancy.slices import Slice, SliceTally
 from cosim.discrepancy.state import Case, Model, viewed
-from cosim.discrepancy.worth import Worth
 from cosim.drives.kitti import Drive
+from cosim.variants.worth import Worth
 from sensors.effects.base import Effect
 from sensors.sensor_model import SensorModel, load_sensor
 
@@ -230,5 +230,5 @@ def _budget(
     case = Case(model, tracer, Split(names, names), (), DEFAULT, seed, _LOG.debug)
     own = with_rings(effects, model.pattern.rings)
     view = viewed(case, names, Model(own), DEFAULT.rows, traced=tuple(frames))
-    budget, one = budget_of_view(case, view, own)
-    return budget, Judged(one, one, before_parts=())
+    budget, judged = budget_of(case, view, [own])
+    return budget, replace(judged, before_parts=())

@@ -11,11 +11,11 @@ from cosim.discrepancy.candidates import confusable, with_values
 from cosim.discrepancy.groups.dependences import depends_on_scans, main_effects, of_covariates, of_noise, of_pairs
 from cosim.discrepancy.groups.dependences import of_scans as of_levels
 from cosim.discrepancy.groups.effects import effect_groups
-from cosim.discrepancy.groups.group import Group
 from cosim.discrepancy.groups.phases import of_phases
 from cosim.discrepancy.groups.quantization import Lattice, find_lattices
 from cosim.discrepancy.inference.comparison import Gain, gain
-from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
+from cosim.discrepancy.inference.fit import Fitted, Fitter, Free, all_free
+from cosim.discrepancy.inference.group import Group
 from cosim.discrepancy.inference.score_test import Tested, screen
 from cosim.discrepancy.state import Case, Found, Model, State
 from cosim.discrepancy.unknown.plug_in import shape_effect
@@ -250,8 +250,7 @@ def _fitted(case: Case, state: State, tested: Tested) -> Candidate:
     """An effect fitted on top of the model, what was fitted before along with it."""
     fitter, fitted, group = state.view.fitter, state.view.fitted, tested.group
     effects, place = _started(fitter, fitted, group)
-    mine = all_free(effects, [place], fitter.rings)
-    along = all_free(effects, [one for one in state.model.fitted if one != place], fitter.rings)
+    mine, along = _free(state, effects, place)
     after = fitter.fit(
         effects, (*mine, *along), fitted.estimate, steps=fitter.settings.descent.rough_steps, roughly=True
     )
@@ -368,8 +367,7 @@ def _with_shape(state: State, fitter: Fitter, fitted: Fitted, shape: Shape, p_va
     if any(one.name == effect.name for one in fitted.effects):
         return None
     effects, place = (*fitted.effects, effect), len(fitted.effects)
-    mine = all_free(effects, [place], fitter.rings)
-    along = all_free(effects, state.model.fitted, fitter.rings)
+    mine, along = _free(state, effects, place)
     after = fitter.fit(effects, (*mine, *along), fitted.estimate, steps=fitter.settings.descent.rough_steps)
     told = gain(fitter, fitted, after)
     told = replace(told, value=after.loglik - fitted.loglik)
@@ -378,6 +376,12 @@ def _with_shape(state: State, fitter: Fitter, fitted: Fitted, shape: Shape, p_va
         numbers += len(shape.factor.formula.parameters)
     model = state.model.replaced(after.effects, place)
     return Candidate(effect.name, model, place, after, told, numbers, p_value, shape)
+
+
+def _free(state: State, effects: Sequence[Effect], place: int) -> tuple[tuple[Free, ...], tuple[Free, ...]]:
+    """What is fitted of an effect that is added, and of those that were fitted before."""
+    others, rings = [one for one in state.model.fitted if one != place], state.view.fitter.rings
+    return all_free(effects, [place], rings), all_free(effects, others, rings)
 
 
 def _started(fitter: Fitter, fitted: Fitted, group: Group) -> tuple[tuple[Effect, ...], int]:

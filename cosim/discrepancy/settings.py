@@ -273,6 +273,11 @@ class Settings:
     shapes: Shapes = field(default_factory=Shapes)
 
     @property
+    def judging_rows(self) -> int:
+        """Beams of a sample of frames that judge."""
+        return self.rows // 2
+
+    @property
     def upper(self) -> float:
         """Where intervals end above, as a quantile."""
         return (1 + self.coverage) / 2

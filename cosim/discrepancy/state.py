@@ -7,12 +7,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending
-from cosim.discrepancy.data.sample import Sample, draw_sample
+from cosim.discrepancy.candidates import with_rings
+from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score_test import Tested
+from cosim.discrepancy.sampling.drawing import draw_sample
+from cosim.discrepancy.sampling.sample import Sample
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unknown.shape import Shape
 from sensors.effects.base import Effect
@@ -192,6 +194,21 @@ def viewed(
         if number == rounds or not _is_far(fitter, effects):
             return View(tuple(names), frames, fitter, fitted)
     raise AssertionError("the last round returns")
+
+
+def fitted_anew(case: Case, model: Model, before: View | None = None, held: Collection[str] = ()) -> View:
+    """The frames that are fitted as a model tells them; see `viewed`."""
+    return viewed(case, case.split.fit, model, case.settings.rows, before, held)
+
+
+def judged(case: Case, before: View, model: Model) -> View:
+    """The judging frames as a model tells them: traced anew where it bends beams, random effects alone fitted."""
+    return viewed(case, before.names, Model(model.effects), case.settings.judging_rows, before)
+
+
+def given(case: Case) -> tuple[Effect, ...]:
+    """The sensor's own effects, in the order in which they act."""
+    return with_rings(in_order(case.sensor.effects), case.sensor.pattern.rings)
 
 
 def _is_far(fitter: Fitter, effects: Sequence[Effect]) -> bool:

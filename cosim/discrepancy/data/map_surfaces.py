@@ -16,21 +16,11 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from cosim.discrepancy.settings import DEFAULT, Sampling
-from cosim.drives.files import read_bytes
 from cosim.drives.kitti import Drive
-from cosim.errors import FormatError
+from cosim.drives.twin.surfels import has_surfels, read_surfels, surfel_file
 from sensors.hits import STATIC
-from sensors.npz import NpzError, npz_arrays
 
-_FILE, _FOLDER = "twin/surfels.npz", "twin/surfels"  # of one map, of those of a long drive
-_ARRAYS = {"centre": (3,), "normal": (3,), "sd_m": (), "range_m": (2,), "cos_incidence": (2,), "trusted": ()}
-_CELL = "cell_m"
 _FAR = 1 << 20  # cells from the origin to the edge of what can be numbered
-
-
-def is_own_map(drive: Drive) -> bool:
-    """Whether a drive's twin is a map made of its own scans, or several."""
-    return (drive.root / _FILE).is_file() or (drive.root / _FOLDER).is_dir()
 
 
 class Maps:
@@ -43,7 +33,7 @@ class Maps:
 
     def __init__(self, drive: Drive, settings: Sampling = DEFAULT.sampling) -> None:
         self._settings = settings
-        self._drive = drive if is_own_map(drive) else None
+        self._drive = drive if has_surfels(drive.root) else None
         self._read: dict[Path, MapSurfaces] = {}
 
     def of(self, static: str | None) -> MapSurfaces | None:
@@ -57,8 +47,7 @@ class Maps:
         """
         if self._drive is None:
             return None
-        name = _FILE if static is None else f"{_FOLDER}/{Path(static).stem}.npz"
-        file = self._drive.root / name
+        file = surfel_file(self._drive.root, static)
         if file not in self._read:
             self._read[file] = MapSurfaces.read(file, self._settings)
         return self._read[file]
@@ -99,21 +88,7 @@ class MapSurfaces:
         Raises:
             FormatError: the file is damaged.
         """
-        try:
-            found = npz_arrays(read_bytes(file))
-        except NpzError as error:
-            raise FormatError(f"{file}: {error}; make the twin anew with `cosim twin`") from None
-        missing = [name for name in (*_ARRAYS, _CELL) if name not in found]
-        if missing:
-            raise FormatError(f"{file}: lacks {', '.join(missing)}; make the twin anew with `cosim twin`")
-        arrays = {name: np.asarray(found[name], np.float64) for name in _ARRAYS}
-        count = len(arrays["centre"])
-        odd = [name for name, shape in _ARRAYS.items() if arrays[name].shape != (count, *shape)]
-        if not count or odd:
-            raise FormatError(f"{file}: {odd[0] if odd else 'centre'} has no row a surface; make the twin anew")
-        if found[_CELL].shape != (1,) or not found[_CELL][0] > 0:
-            raise FormatError(f"{file}: {_CELL} is no size of cells; make the twin anew with `cosim twin`")
-        cell_m = float(found[_CELL][0])
+        arrays, cell_m = read_surfels(file)
         cells = _cell_numbers(arrays["centre"], cell_m)
         order = np.argsort(cells, kind="stable")
         rough = _roughness(arrays["sd_m"], arrays["cos_incidence"].mean(1), settings.least_rough)

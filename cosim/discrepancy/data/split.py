@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.data.map_surfaces import is_own_map
 from cosim.discrepancy.settings import DEFAULT, Sampling
 from cosim.drives.kitti import Drive, Frame
 from cosim.drives.twin import read_trust
+from cosim.drives.twin.surfels import has_surfels
 
 _FIT, _HELD_OUT = "fit", "held_out"
 
@@ -45,7 +45,7 @@ def split_drive(drive: Drive, beams: int, settings: Sampling = DEFAULT.sampling)
         beams: of a turn.
         settings: numbers that decide.
     """
-    if is_own_map(drive) and {_FIT, _HELD_OUT} <= set(drive.splits):
+    if has_surfels(drive.root) and {_FIT, _HELD_OUT} <= set(drive.splits):
         fit, held_out = (_by_map(drive, drive.split(name)) for name in (_FIT, _HELD_OUT))
         return split_of_maps(fit, held_out, beams, settings)
     poor = [name for name in drive.frames if not _tells_of_ranges(drive[name])]

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from assets.materials import MATERIAL_NAMES
-from cosim.discrepancy.data.sample import BESIDE, Prediction, Sample
+from cosim.discrepancy.sampling.gathering import BESIDE
+from cosim.discrepancy.sampling.sample import Prediction, Sample
 
 OF_SCANS = ("frame_time", "speed", "acceleration", "yaw_rate")
 

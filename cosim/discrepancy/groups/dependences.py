@@ -9,9 +9,9 @@ import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.groups.covariates import OF_SCANS, Covariate, covariates
-from cosim.discrepancy.groups.group import Channel, Group
 from cosim.discrepancy.inference.columns import SparseMatrix
 from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.group import Channel, Group
 from cosim.discrepancy.inference.score import Quantity
 
 MEANS: tuple[Quantity, ...] = ("range", "intensity", "drop")
@@ -51,10 +51,8 @@ def binned_group(fitted: Fitted, channel: Quantity, covariate: Covariate, fewest
     mine = np.flatnonzero(row >= 0)
     values = scale(fitted, channel)[mine]
     columns = sparse.csr_matrix((values, (mine, row[mine])), (len(row), len(kept)))
-    return Group(
-        f"{channel} by {covariate.name}", channel, {channel: columns}, len(kept), (covariate.name,),
-        covariate=covariate,
-    )  # fmt: skip
+    name = f"{channel} by {covariate.name}"
+    return Group(name, channel, {channel: columns}, len(kept), (covariate.name,))
 
 
 def of_pairs(fitter: Fitter, fitted: Fitted) -> Iterator[Group]:

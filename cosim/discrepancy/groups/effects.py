@@ -7,11 +7,11 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from cosim.discrepancy.candidates import unknowns, weak_forms, with_values
-from cosim.discrepancy.data.sample import Prediction, Sample
-from cosim.discrepancy.groups.group import Group, Strays
 from cosim.discrepancy.inference.columns import Column, SparseMatrix
 from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.group import Group, Strays
 from cosim.discrepancy.inference.score import Quantity, change
+from cosim.discrepancy.sampling.sample import Prediction, Sample
 from sensors.effects.base import Effect
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.groups.dependences import MEANS, scale
-from cosim.discrepancy.groups.group import Group
 from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.group import Group
 
 
 def of_phases(fitter: Fitter, fitted: Fitted, rng: np.random.Generator) -> Iterator[Group]:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from cosim.discrepancy.data.sample import Sample
 from cosim.discrepancy.inference.fit import Fitted, Fitter
 from cosim.discrepancy.inference.likelihood import Fit
+from cosim.discrepancy.sampling.sample import Sample
 
 
 @dataclass(frozen=True, eq=False)

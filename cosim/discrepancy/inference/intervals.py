@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,8 @@ from scipy import stats
 from cosim.discrepancy.candidates import Unknown, amplitudes, with_values
 from cosim.discrepancy.inference.cluster_bootstrap import Redrawn, redrawn_interval
 from cosim.discrepancy.inference.columns import Column, ridged, stacked
-from cosim.discrepancy.inference.fit import Fitted, Fitter, LinearModel
+from cosim.discrepancy.inference.fit import Fitted, Fitter, Free
+from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.score_test import Projector
 from cosim.discrepancy.inference.search import likely_interval, widening
 from sensors.effects.base import Effect
@@ -24,7 +25,7 @@ def covariances(fitter: Fitter, fitted: Fitted) -> list[np.ndarray]:
     """
     if not fitted.columns:
         return [np.zeros((0, 0))]
-    alone = LinearModel.of(fitter, (), fitted.evidence, fitted.prediction, fitted.estimate)
+    alone = LinearModel.of(fitter.random, (), fitted.evidence, fitted.prediction, fitted.estimate)
     columns = stacked(fitted.columns, fitted.evidence.score, len(fitter.sample))
     tables, information = Projector(alone, fitted.estimate, fitter.random.clusters).of(columns)
     inverse = np.linalg.pinv(ridged(information), hermitian=True)
@@ -42,15 +43,21 @@ def half_widths(fitter: Fitter, fitted: Fitted) -> np.ndarray:
     return np.sqrt(np.maximum(widest, 0)) * stats.t.ppf(fitter.settings.upper, freedom)
 
 
+def _each(fitter: Fitter, fitted: Fitted) -> Iterator[tuple[Free, Column, np.ndarray]]:
+    """What is free, its column, and half widths of its 95 % intervals."""
+    widths, at = half_widths(fitter, fitted), 0
+    for one, column in zip(fitted.free, fitted.columns, strict=True):
+        yield one, column, widths[at : at + one.unknown.rings]
+        at += one.unknown.rings
+
+
 def plainly_on(fitter: Fitter, fitted: Fitted, given: Sequence[Effect]) -> frozenset[int]:
     """Places of effects so surely on that nothing else that is fitted can make up for them.
 
     Of those among the `given`, which come first: so surely other than they were given.
     """
-    widths, found, at = half_widths(fitter, fitted), set(), 0
-    for one, column in zip(fitted.free, fitted.columns, strict=True):
-        part = widths[at : at + one.unknown.rings]
-        at += one.unknown.rings
+    found = set()
+    for one, column, part in _each(fitter, fitted):
         effect = fitted.effects[one.effect]
         before = vars(given[one.effect]) if one.effect < len(given) else type(effect).neutral
         if (
@@ -67,11 +74,9 @@ def plainly_on(fitter: Fitter, fitted: Fitted, given: Sequence[Effect]) -> froze
 
 def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:
     """95 % intervals of everything that was fitted, by effect and parameter: pairs, or lists of pairs."""
-    widths, found, at = half_widths(fitter, fitted), {}, 0
+    found: dict[str, dict[str, Any]] = {}
     sought: dict[int, dict[Unknown, Column]] = {}
-    for one, column in zip(fitted.free, fitted.columns, strict=True):
-        part = widths[at : at + one.unknown.rings]
-        at += one.unknown.rings
+    for one, column, part in _each(fitter, fitted):
         effect = fitted.effects[one.effect]
         if fitter.is_searched(effect, one.unknown, column):
             sought.setdefault(one.effect, {})[one.unknown] = column

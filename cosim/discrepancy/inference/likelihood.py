@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.data.sample import Prediction, Sample
 from cosim.discrepancy.inference.censored import censored, student
+from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.settings import Law
 
 

@@ -7,56 +7,39 @@ the number of scans let it be, the offset that all cars share as sure as the num
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import sparse
 
-from cosim.discrepancy.data.sample import Prediction, Sample
-from cosim.discrepancy.inference.clusters import Clusters
-from cosim.discrepancy.inference.columns import SparseMatrix
+from cosim.discrepancy.inference.columns import Factored, SparseMatrix
 from cosim.discrepancy.inference.pose_errors import PoseErrors
 from cosim.discrepancy.inference.score import Evidence, Quantity
+from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.settings import Unsure
 
 _AXES = 6
 
 
-class Factored:
-    """A symmetric positive definite matrix, many of whose rows share nothing with each other, factored.
+@dataclass(frozen=True, eq=False)
+class Clusters:
+    """What n beams share errors with: the thing or spot they meet, and their scan.
 
-    Args:
-        matrix: (a, a).
-        apart: (a,) bool: rows of which no two share anything; they are eliminated first.
+    Attributes:
+        track: (n,) int: an instance, or a cell of the map.
+        scan: (n,) int.
+        part: (n,) int scan, or part of a scan where scans are few.
+        unit_track, unit_scan: (m,) int which track or scan each random effect is of; −1 where it is of none.
     """
 
-    def __init__(self, matrix: SparseMatrix, apart: np.ndarray) -> None:
-        matrix = matrix.tocsr()
-        self._apart, self._rest = np.flatnonzero(apart), np.flatnonzero(~apart)
-        self._diagonal = matrix.diagonal()[self._apart]
-        self._across = matrix[self._rest][:, self._apart]
-        rest = matrix[self._rest][:, self._rest]
-        if len(self._apart):
-            rest = rest - self._across @ sparse.diags(1 / self._diagonal) @ self._across.T
-        self._factor = linalg.cho_factor(np.asarray(rest.todense()), lower=True) if len(self._rest) else None
-
-    def solve(self, right: np.ndarray) -> np.ndarray:
-        """The solution (a, …) of a right-hand side."""
-        found, of_apart = np.zeros_like(right), right[self._apart]
-        diagonal = self._diagonal.reshape((-1,) + (1,) * (right.ndim - 1))
-        if self._factor is not None:
-            left = right[self._rest] - self._across @ (of_apart / diagonal)
-            found[self._rest] = linalg.cho_solve(self._factor, left, check_finite=False)
-            of_apart = of_apart - self._across.T @ found[self._rest]
-        found[self._apart] = of_apart / diagonal
-        return found
-
-    def log_determinant(self) -> float:
-        """Of the matrix."""
-        rest = 0.0 if self._factor is None else 2 * float(np.log(np.diag(self._factor[0])).sum())
-        return rest + float(np.log(self._diagonal).sum())
+    track: np.ndarray
+    scan: np.ndarray
+    part: np.ndarray
+    unit_track: np.ndarray
+    unit_scan: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,16 +220,19 @@ class RandomEffects:
 
     def rows(self, name: str) -> slice:
         """Where the random effects of one kind stand; empty where there are none."""
-        for place, one in enumerate(self.blocks):
-            if one.name == name:
-                return slice(int(self._ends[place]), int(self._ends[place + 1]))
-        return slice(0, 0)
+        places = (slice(int(a), int(b)) for a, b in pairwise(self._ends))
+        return next((rows for one, rows in zip(self.blocks, places, strict=True) if one.name == name), slice(0, 0))
+
+    def _each(self, values: np.ndarray) -> Iterator[tuple[Block, np.ndarray]]:
+        """Each block with its part of values (m,)."""
+        for one, (start, end) in zip(self.blocks, pairwise(self._ends), strict=True):
+            yield one, values[start:end]
 
     def of_part(self, parts: Sequence[str]) -> np.ndarray:
         """(m,) bool: which belong to some parts of the budget."""
         found = np.zeros(self.size, bool)
-        for place, one in enumerate(self.blocks):
-            found[self._ends[place] : self._ends[place + 1]] = one.part in parts
+        for one, mine in self._each(found):
+            mine[:] = one.part in parts
         return found
 
     def poses(self, estimate: Estimate) -> np.ndarray:
@@ -272,8 +258,7 @@ class RandomEffects:
     def adjusted(self, expected: Prediction, estimate: Estimate) -> Prediction:
         """A prediction as the random effects change it."""
         moved = self._pose_errors.shift(self.poses(estimate), expected.range_m)
-        for place, one in enumerate(self.blocks):
-            part = estimate.u[self._ends[place] : self._ends[place + 1]]
+        for one, part in self._each(estimate.u):
             if one.name != "poses" and one.quantity == "range" and part.any():
                 moved = moved + self._fixed[one.name] @ part
         share = self.brightness(estimate)
@@ -288,8 +273,7 @@ class RandomEffects:
     def brightness(self, estimate: Estimate) -> np.ndarray:
         """Factor (n,) by which random effects change intensities."""
         bright = np.zeros(len(self.sample))
-        for place, one in enumerate(self.blocks):
-            part = estimate.u[self._ends[place] : self._ends[place + 1]]
+        for one, part in self._each(estimate.u):
             if one.quantity == "intensity" and part.any():
                 bright = bright + self._hot(one) @ part
         return np.maximum(1 + bright, self._settings.darkest)
@@ -302,8 +286,7 @@ class RandomEffects:
         """Derivatives (n, m) of each quantity that they change; of active ones alone, other columns are empty."""
         rows, active = len(self.sample), self.active(estimate)
         parts: dict[Quantity, list[SparseMatrix]] = {"range": [], "intensity": [], "intensity_variance": []}
-        for place, one in enumerate(self.blocks):
-            mine = active[self._ends[place] : self._ends[place + 1]]
+        for (one, mine), (_, u) in zip(self._each(active), self._each(estimate.u), strict=True):
             empty = sparse.csr_matrix((rows, one.size))
             if not mine.any():
                 found = empty
@@ -313,9 +296,7 @@ class RandomEffects:
                 found = self._fixed[one.name]
             else:
                 found = self._light(one, expected)
-            of_spread = (
-                self._of_spread(one, estimate.u[self._ends[place] : self._ends[place + 1]]) if one.free else empty
-            )
+            of_spread = self._of_spread(one, u) if one.free else empty
             for quantity, columns in parts.items():
                 other = of_spread if quantity == "intensity_variance" and one.quantity == "intensity" else empty
                 columns.append(found if quantity == one.quantity else other)

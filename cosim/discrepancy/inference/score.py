@@ -11,13 +11,13 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.discrepancy.data.sample import Prediction, Sample
 from cosim.discrepancy.inference.censored import MEAN_INFORMATION, pull
 from cosim.discrepancy.inference.likelihood import (
     Fit,
     intensity_spread,
     range_spread_m,
 )
+from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.settings import Law
 
 Quantity = Literal["range", "rise", "intensity", "range_variance", "intensity_variance", "drop"]

@@ -18,11 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from cosim.discrepancy.groups.group import Group
-from cosim.discrepancy.inference.clusters import Clusters
 from cosim.discrepancy.inference.columns import SparseMatrix, ridged, scaled, summed_by
-from cosim.discrepancy.inference.fit import LinearModel
-from cosim.discrepancy.inference.random_effects import Estimate
+from cosim.discrepancy.inference.group import Group
+from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.random_effects import Clusters, Estimate
 from cosim.discrepancy.inference.score import Quantity
 from cosim.discrepancy.inference.wild_bootstrap import deviates, family_wise
 from cosim.discrepancy.settings import Screen, Settings

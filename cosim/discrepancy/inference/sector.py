@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.discrepancy.data.sample import Sample
 from cosim.discrepancy.inference.likelihood import Fit
+from cosim.discrepancy.sampling.sample import Sample
 from cosim.discrepancy.settings import DEFAULT, Search
 
 AZIMUTH, WIDTH = "azimuth_deg", "width_deg"

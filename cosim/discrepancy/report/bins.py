@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from cosim.discrepancy.report.beams import Column, Rows, Scan, renumbered
-from cosim.discrepancy.report.binned import quantile_edges
 from cosim.discrepancy.report.layout import LAYOUT
+from cosim.report.binned import quantile_edges
 
 NO_BIN = 255
 _NUMBERED = ("ring", "scan")  # whole numbers, each a bin of its own

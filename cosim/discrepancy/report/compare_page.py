@@ -7,7 +7,7 @@ from html import escape
 
 from cosim.discrepancy.compare import Comparison
 from cosim.discrepancy.report.budget_section import budget_section
-from cosim.discrepancy.report.explorer_section import EXPLORER_STYLE, Explored, explorer_section
+from cosim.discrepancy.report.explorer_section import Explored, explorer_section, explorer_style
 from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.report.residual_charts import CHANNELS, Chart
 from cosim.discrepancy.report.sentences import source_words, times
@@ -44,7 +44,7 @@ def format_comparison(found: Comparison, command: str, explored: Explored | None
         explorer_section(explored, _SIDES, text=text),
         _notes(found),
     ]
-    return document(title, sections, style=EXPLORER_STYLE, generator="cosim compare")
+    return document(title, sections, style=explorer_style(), generator="cosim compare")
 
 
 def _verdict(found: Comparison, explored: Explored | None, command: str) -> str:

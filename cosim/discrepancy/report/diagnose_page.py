@@ -11,7 +11,7 @@ from scipy import stats
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
 from cosim.discrepancy.report.bins import shown
 from cosim.discrepancy.report.budget_section import budget_section
-from cosim.discrepancy.report.explorer_section import EXPLORER_STYLE, Explored, explorer_section
+from cosim.discrepancy.report.explorer_section import Explored, explorer_section, explorer_style
 from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.report.sentences import (
     Vocabulary,
@@ -26,12 +26,13 @@ from cosim.discrepancy.report.sentences import (
 )
 from cosim.discrepancy.report.unexplained_section import unexplained_section
 from cosim.discrepancy.report.unknown_section import unknown_section
-from cosim.discrepancy.report.waterfall import waterfall
 from cosim.discrepancy.report.worth_section import worth_section
+from cosim.discrepancy.settings import DEFAULT
 from cosim.report import document, figure, notes_section, section, table
 from cosim.report.phrases import listed, p_cell
+from cosim.report.plot import Axis, Plot
 from cosim.report.ranking_table import ranking_section
-from cosim.stats.plot import Axis, Plot
+from cosim.report.waterfall import waterfall
 from sensors.effects.confusions import separations
 
 _SIDES = ("the model as given", "with what was found")
@@ -71,7 +72,7 @@ def format_diagnosis(
         _smallest(found, words),
         _how(found),
     ]
-    return document(title, sections, style=EXPLORER_STYLE, generator="cosim diagnose")
+    return document(title, sections, style=explorer_style(), generator="cosim diagnose")
 
 
 def explored_of(found: Diagnosis) -> Explored | None:
@@ -182,7 +183,11 @@ def _waterfall(found: Diagnosis) -> str:
         "frame. A fall is surer than they show, as some frames are harder for every model: the table above has it."
     )
     wide = min(1100, 400 + 220 * (len(found.effects) + len(found.unknowns)))
-    return section("How the error falls", figure("", "", waterfall(found), "full", wide), text=text)
+    names = ["as given", *(f"+ {one.effect}" for one in found.effects), *("+ unknown" for _ in found.unknowns)]
+    aligned = zip(names, found.budget.aligned_steps, strict=False)
+    steps = [(name, one.error, one.standard_error) for name, one in aligned]
+    svg = waterfall(steps, found.noise_floor, "aligned error, held-out frames", DEFAULT.coverage)
+    return section("How the error falls", figure("", "", svg, "full", wide), text=text)
 
 
 def _effects(found: Diagnosis, words: Vocabulary) -> str:

@@ -22,7 +22,6 @@ class Layout:
     worth_a_word: float = 0.02
     excess: float = 0.05  # share of the excess from which a channel is worth a word
     told: float = 5e-4  # of an error: less is told as 0.000
-    decades: float = 10.0  # times that an error falls from which its axis is logarithmic
     unexplained: int = 6  # charts of what is left
     sigmas: float = 4.0  # to which noise is drawn
     values: int = 9  # of an unknown dependence on categories

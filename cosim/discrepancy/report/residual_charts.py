@@ -9,12 +9,12 @@ from html import escape
 import numpy as np
 
 from cosim.discrepancy.report.beams import Rows
-from cosim.discrepancy.report.binned import Binned, binned
 from cosim.discrepancy.report.bins import NO_BIN, Bins
 from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.settings import DEFAULT
 from cosim.report import figure
-from cosim.stats.plot import Axis, Plot
+from cosim.report.binned import Binned, binned
+from cosim.report.plot import Axis, Plot
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def chart(rows: Rows, channel: str, bins: Bins, is_one: bool) -> Chart | None:
 
     def means(residual: np.ndarray, cluster: np.ndarray) -> Binned:
         told = np.where(bins.of_rows == NO_BIN, np.nan, kind.factor * residual.astype(float))
-        return binned(np.nan_to_num(values), place, told, cluster)
+        return binned(np.nan_to_num(values), place, told, cluster, DEFAULT.coverage, LAYOUT.fewest)
 
     after = means(rows.after[channel], rows.cluster)
     if len(after.bin) < 2:

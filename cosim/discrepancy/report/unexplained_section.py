@@ -14,7 +14,7 @@ from cosim.discrepancy.report.sentences import channel_words
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.report import figure, section, table
 from cosim.report.phrases import p_cell
-from cosim.stats.plot import Axis, Plot
+from cosim.report.plot import Axis, Plot
 
 
 def unexplained_section(found: tuple[Unexplained, ...], explored: Explored | None) -> str:

@@ -12,7 +12,7 @@ from cosim.discrepancy.report.sentences import channel_words, table_words
 from cosim.discrepancy.unknown.formulas import evaluate
 from cosim.discrepancy.unknown.shape import Shape
 from cosim.report import figure, section
-from cosim.stats.plot import Axis, Plot
+from cosim.report.plot import Axis, Plot
 
 _UNITS = {"range": " (m)", "intensity": " (relative)", "drop": " (probability)"}
 

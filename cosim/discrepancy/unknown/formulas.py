@@ -10,7 +10,6 @@ import numpy as np
 
 from cosim.discrepancy.settings import DEFAULT, Shapes
 
-_OF_THEIR_OWN = ("sine", "sawtooth", "bell", "step", "window", "hinge")
 _TURN = "np.mod(x - centre + np.pi, 2 * np.pi) - np.pi"
 
 
@@ -33,11 +32,6 @@ class Formula:
     parameters: dict[str, float]
     r2: float
     bic: float
-
-    @property
-    def has_own_zero(self) -> bool:
-        """Whether the shape is about or beside nothing by nature, so that a level is a constant error beside it."""
-        return self.family in _OF_THEIR_OWN
 
     @property
     def text(self) -> str:

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse, stats
 
-from cosim.discrepancy.data.sample import Prediction
 from cosim.discrepancy.groups.covariates import OF_SCANS, Covariate, covariates, over_a_turn
 from cosim.discrepancy.groups.dependences import binned_group, scale
-from cosim.discrepancy.groups.group import Group
 from cosim.discrepancy.inference.columns import SparseMatrix
-from cosim.discrepancy.inference.fit import Fitted, Fitter, LinearModel
+from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.group import Group
+from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.score import Evidence, Quantity
+from cosim.discrepancy.sampling.sample import Prediction
 from cosim.discrepancy.unknown.formulas import best_formula
 from cosim.discrepancy.unknown.shape import Factor, Shape
 
@@ -149,7 +150,7 @@ def _solved(fitter: Fitter, fitted: Fitted, channel: Quantity, columns: SparseMa
     size, by = columns.shape[1], fitter.settings.shapes
     y, evidence, covariance = np.zeros(size), fitted.evidence, np.zeros((size, size))
     for _ in range(by.steps):
-        model = LinearModel.of(fitter, (), evidence, fitted.prediction, fitted.estimate)
+        model = LinearModel.of(fitter.random, (), evidence, fitted.prediction, fitted.estimate)
         model = replace(model, x={channel: columns})
         covariance = np.linalg.pinv(model.fixed_information, hermitian=True)
         step, _ = model.step(fitted.estimate)

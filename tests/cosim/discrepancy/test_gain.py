@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy.data.checks import opened
-from cosim.discrepancy.data.sample import draw_sample
 from cosim.discrepancy.diagnose import case_of, given
 from cosim.discrepancy.inference.comparison import Gain, gain
 from cosim.discrepancy.inference.fit import Fitter
+from cosim.discrepancy.sampling.drawing import draw_sample
 from cosim.discrepancy.state import Model, viewed
 from sensors.effects.range_bias import RangeBias
 from tests.cosim.discrepancy.small_drive import Yard

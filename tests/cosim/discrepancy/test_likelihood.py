@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from cosim.discrepancy.data.sample import Prediction, Sample
 from cosim.discrepancy.inference.censored import NU, SCALE, censored, student
 from cosim.discrepancy.inference.likelihood import judge
 from cosim.discrepancy.inference.score import Evidence
+from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.state import View
 from sensors.effects.range_noise import RangeNoise
 from tests.cosim.discrepancy.small_drive import make_yard, viewed_yard

@@ -7,9 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from cosim.discrepancy.report.layout import LAYOUT
-from cosim.discrepancy.settings import DEFAULT
-
 
 @dataclass(frozen=True, eq=False)
 class Binned:
@@ -40,7 +37,14 @@ def quantile_edges(values: np.ndarray, bins: int) -> np.ndarray:
     return np.unique(np.quantile(values, np.linspace(0, 1, bins + 1)[1:-1]))
 
 
-def binned(values: np.ndarray, bin_of: np.ndarray, residual: np.ndarray, cluster: np.ndarray) -> Binned:
+def binned(
+    values: np.ndarray,
+    bin_of: np.ndarray,
+    residual: np.ndarray,
+    cluster: np.ndarray,
+    coverage: float = 0.95,
+    fewest: int = 50,
+) -> Binned:
     """Bin a residual; rows where it is NaN are left out, and bins with few rows.
 
     The variance of a bin's mean is that of sums over clusters (Liang and Zeger, Biometrika 1986), and at least that
@@ -51,6 +55,8 @@ def binned(values: np.ndarray, bin_of: np.ndarray, residual: np.ndarray, cluster
         bin_of: (n,) bin numbers from 0.
         residual: (n,).
         cluster: (n,) numbers from 0 of what shares errors.
+        coverage: of intervals.
+        fewest: rows of a bin that is told.
     """
     good = np.isfinite(residual)
     values, bin_of, cluster = values[good].astype(float), bin_of[good].astype(int), cluster[good].astype(int)
@@ -67,8 +73,8 @@ def binned(values: np.ndarray, bin_of: np.ndarray, residual: np.ndarray, cluster
     clustered = (sums**2).sum(1) * seen / freedom / whole**2
     alone = np.bincount(bin_of, away**2, bins) / whole / np.maximum(count - 1, 1)
     variance = np.maximum(clustered, alone)
-    half = np.where(seen > 1, np.sqrt(variance) * stats.t.ppf(DEFAULT.upper, freedom), np.nan)
-    kept = np.flatnonzero(count >= LAYOUT.fewest)
+    half = np.where(seen > 1, np.sqrt(variance) * stats.t.ppf((1 + coverage) / 2, freedom), np.nan)
+    kept = np.flatnonzero(count >= fewest)
     if not len(kept):
         return Binned(*(np.zeros(0) for _ in range(5)), strength=0.0, size=0.0, p_value=1.0)
     weight = count[kept] / count[kept].sum()

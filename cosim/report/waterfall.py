@@ -1,27 +1,35 @@
-"""The aligned held-out error falling effect by effect."""
+"""An error that falls step by step."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.stats import norm
 
-from cosim.discrepancy.diagnosis import Diagnosis
-from cosim.discrepancy.report.layout import LAYOUT
-from cosim.discrepancy.settings import DEFAULT
-from cosim.stats.plot import Axis, Plot
+from cosim.report.plot import Axis, Plot
+
+_DECADES = 10.0  # times that it falls from which its axis is logarithmic
 
 
-def waterfall(found: Diagnosis) -> str:
-    """SVG: the aligned error as the sensor was and after each effect with 95 % intervals; dashed: the noise floor.
+def waterfall(
+    steps: Sequence[tuple[str, float, float]], floor: float | None, label: str, coverage: float = 0.95
+) -> str:
+    """SVG: an error as it was and after each step with its interval; dashed: the noise floor.
 
     In decades where it falls so far that its last steps would not show.
+
+    Args:
+        steps: name, error, and its standard error.
+        floor: of the error; None where it is not known.
+        label: of the axis.
+        coverage: of intervals.
     """
-    steps = _steps(found)
     level = np.array([value for _, value, _ in steps])
-    half = float(norm.ppf(DEFAULT.upper)) * np.nan_to_num(np.array([error for _, _, error in steps]))
-    shown = level if found.noise_floor is None else np.append(level, found.noise_floor)
+    half = float(norm.ppf((1 + coverage) / 2)) * np.nan_to_num(np.array([error for _, _, error in steps]))
+    shown = level if floor is None else np.append(level, floor)
     least, high = float(shown.min()), max(float((level + half).max()), float(shown.max()))
-    is_log = least > 0 and level.max() > LAYOUT.decades * level.min()
+    is_log = least > 0 and level.max() > _DECADES * level.min()
     low, high = _padded(least, high) if is_log else _padded_evenly(min(least, float((level - half).min())), high)
 
     def raised(value: float, share: float) -> float:
@@ -32,7 +40,7 @@ def waterfall(found: Diagnosis) -> str:
     x = Axis(-0.5, len(names) - 0.5, names=names)
     plot = Plot(
         x,
-        Axis(low, high, "aligned error, held-out frames", log=is_log),
+        Axis(low, high, label, log=is_log),
         "held-out error",
         max(620, 210 * len(names)),
         340,
@@ -42,9 +50,9 @@ def waterfall(found: Diagnosis) -> str:
         style = "fall" if level[row] <= level[row - 1] else "rise"
         plot.band(ends, np.full(2, level[row]), np.full(2, level[row - 1]), style)
         plot.line(np.array([row - 1, row + 0.28]), np.full(2, level[row - 1]), "link")
-    if found.noise_floor is not None:
-        plot.line(np.array([-0.5, len(names) - 0.5]), np.full(2, found.noise_floor), "floor")
-        plot.note(len(names) - 0.52, raised(found.noise_floor, -0.045), "noise floor", anchor="end")
+    if floor is not None:
+        plot.line(np.array([-0.5, len(names) - 0.5]), np.full(2, floor), "floor")
+        plot.note(len(names) - 0.52, raised(floor, -0.045), "noise floor", anchor="end")
     for row, (value, side) in enumerate(zip(level, half, strict=True)):
         plot.line(np.full(2, float(row)), np.array([max(value - side, low), value + side]), "whisker")
         plot.line(np.array([float(row)]), np.array([value]), "whisker", dots=True)
@@ -61,9 +69,3 @@ def _padded(low: float, high: float) -> tuple[float, float]:
     """The same of an axis of decades."""
     pad = (high / low) ** 0.1
     return low / pad, high * pad
-
-
-def _steps(found: Diagnosis) -> list[tuple[str, float, float]]:
-    """Name, error and its standard error, from the sensor as given to the improved one."""
-    names = ["as given", *(f"+ {one.effect}" for one in found.effects), *("+ unknown" for _ in found.unknowns)]
-    return [(name, one.error, one.standard_error) for name, one in zip(names, found.budget.aligned_steps, strict=False)]

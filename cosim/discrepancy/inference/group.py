@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.discrepancy.groups.covariates import Covariate
 from cosim.discrepancy.inference.columns import SparseMatrix
 from cosim.discrepancy.inference.score import Quantity
 from sensors.effects.base import Effect
@@ -50,7 +49,6 @@ class Group:
         place: where the effect stands among the sensor's, if it is there already.
         gain: (n,) what the weak form adds to every beam's log-likelihood, for effects that no slope tells of.
         strays: what it adds, if it adds strays.
-        covariate: of a dependence on one.
     """
 
     name: str
@@ -66,7 +64,6 @@ class Group:
     place: int | None = None
     gain: np.ndarray | None = None
     strays: Strays | None = None
-    covariate: Covariate | None = None
 
     @property
     def is_effect(self) -> bool:
