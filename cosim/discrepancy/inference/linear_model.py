@@ -89,8 +89,7 @@ class LinearModel:
         rows = len(next(iter(self.evidence.score.values())))
         width = next(iter(columns.values())).shape[1]
         x: dict[Quantity, SparseMatrix] = {}
-        both: set[Quantity] = {*self.x, *columns}
-        for name in both:
+        for name in dict.fromkeys((*self.x, *columns)):
             own = self.x.get(name, sparse.csr_matrix((rows, self.parameters)))
             more = columns.get(name, sparse.csr_matrix((rows, width)))
             x[name] = sparse.hstack([own, more], format="csr")

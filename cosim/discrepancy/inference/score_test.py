@@ -286,12 +286,11 @@ def _bounded(score: np.ndarray, information: np.ndarray, plain: float) -> np.nda
 
 
 def _joined(groups: Sequence[Group], rows: int) -> dict[Quantity, SparseMatrix]:
-    names: set[Quantity] = {name for one in groups for name in one.columns}
     return {
         name: sparse.hstack(
             [one.columns.get(name, sparse.csr_matrix((rows, one.size))) for one in groups], format="csc"
         )
-        for name in names
+        for name in dict.fromkeys(name for one in groups for name in one.columns)  # the same order each time
     }
 
 
