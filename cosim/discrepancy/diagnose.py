@@ -38,7 +38,7 @@ from cosim.drives.kitti import Drive
 from cosim.drives.twin.surfels import has_surfels
 from cosim.labels.bias import diagnose_labels
 from sensors.effects.base import Effect
-from sensors.effects.box_shrink import BoxShrink
+from sensors.effects.labels.box_shrink import BoxShrink
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)

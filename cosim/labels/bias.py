@@ -10,7 +10,7 @@ from scipy import stats
 
 from cosim.drives.kitti import Drive
 from cosim.labels.bodies import LabelRows, gather
-from sensors.effects.box_shrink import BoxShrink
+from sensors.effects.labels.box_shrink import BoxShrink
 from sensors.sensor_model import SensorModel
 
 AXES = ("length", "width", "height")

@@ -19,7 +19,7 @@ from cosim.discrepancy.forward.expectation import Expectation, expect
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
 from sensors.effects.base import BeamEffect, Effect
-from sensors.effects.ring_elevation import RingElevation
+from sensors.effects.beams.ring_elevation import RingElevation
 from sensors.hits import NOTHING, Hits, Surface
 from sensors.motion import EgoMotion, yaw_matrices
 from sensors.pattern import Pattern

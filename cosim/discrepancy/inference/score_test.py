@@ -22,7 +22,7 @@ from cosim.discrepancy.inference.columns import SparseMatrix, ridged, scaled, su
 from cosim.discrepancy.inference.group import Group
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.random_effects import Clusters, Estimate
-from cosim.discrepancy.inference.score import Quantity
+from cosim.discrepancy.inference.score import QUANTITIES, Quantity
 from cosim.discrepancy.inference.wild_bootstrap import deviates, family_wise
 from cosim.discrepancy.settings import Screen, Settings
 
@@ -286,12 +286,12 @@ def _bounded(score: np.ndarray, information: np.ndarray, plain: float) -> np.nda
 
 
 def _joined(groups: Sequence[Group], rows: int) -> dict[Quantity, SparseMatrix]:
-    return {
-        name: sparse.hstack(
-            [one.columns.get(name, sparse.csr_matrix((rows, one.size))) for one in groups], format="csc"
-        )
-        for name in dict.fromkeys(name for one in groups for name in one.columns)  # the same order each time
-    }
+    found: dict[Quantity, SparseMatrix] = {}
+    for name in QUANTITIES:  # in the same order each time
+        if any(name in one.columns for one in groups):
+            parts = [one.columns.get(name, sparse.csr_matrix((rows, one.size))) for one in groups]
+            found[name] = sparse.hstack(parts, format="csc")
+    return found
 
 
 def _chunks(groups: Sequence[Group], most: int) -> list[list[Group]]:

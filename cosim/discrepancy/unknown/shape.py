@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.inference.score import Quantity
+from cosim.discrepancy.settings import DEFAULT
 from cosim.discrepancy.unknown.formulas import Formula, with_parameters
 
 
@@ -104,7 +105,7 @@ class Shape:
         """Of the effect that it makes, in sensor files."""
         return f"unknown_{self.channel}_by_{'_and_'.join(self.covariates)}"
 
-    def with_aliases(self, regular: float) -> Shape:
+    def with_aliases(self, regular: float = DEFAULT.shapes.regular) -> Shape:
         """With the periods that regular scans may take its oscillation in time for (Nyquist).
 
         Args:

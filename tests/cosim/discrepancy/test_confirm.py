@@ -12,7 +12,7 @@ from cosim.discrepancy.diagnose import case_of
 from cosim.discrepancy.eliminate import confirmed, contradicted
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.state import Case, Found, Model, State, given, viewed
-from sensors.effects.range_bias import RangeBias
+from sensors.effects.points.range_bias import RangeBias
 from tests.cosim.discrepancy.small_drive import Yard
 
 

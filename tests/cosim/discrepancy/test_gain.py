@@ -13,7 +13,7 @@ from cosim.discrepancy.inference.comparison import Gain, gain
 from cosim.discrepancy.inference.fit import Fitter
 from cosim.discrepancy.sampling.drawing import draw_sample
 from cosim.discrepancy.state import Model, viewed
-from sensors.effects.range_bias import RangeBias
+from sensors.effects.points.range_bias import RangeBias
 from tests.cosim.discrepancy.small_drive import Yard
 
 

@@ -19,8 +19,8 @@ from cosim.discrepancy.state import View
 from cosim.drives.twin import write_frame
 from cosim.drives.twin.frame import read_frame
 from sensors.effects.base import Effect
-from sensors.effects.range_bias import RangeBias
-from sensors.effects.range_noise import RangeNoise
+from sensors.effects.points.range_bias import RangeBias
+from sensors.effects.points.range_noise import RangeNoise
 from tests.cosim.discrepancy.conftest import NOISE
 from tests.cosim.discrepancy.small_drive import Yard, make_yard, viewed_yard
 

@@ -15,7 +15,7 @@ from cosim.discrepancy.state import Found, Model, State, View
 from cosim.discrepancy.unknown.formulas import best_formula
 from cosim.discrepancy.unknown.plug_in import class_name, effect_source, shape_effect
 from cosim.discrepancy.unknown.shape import Shape
-from sensors.effects.range_noise import RangeNoise
+from sensors.effects.points.range_noise import RangeNoise
 from sensors.effects.registry import find_effect
 from tests.cosim.discrepancy.conftest import NOISE
 from tests.cosim.discrepancy.small_drive import make_yard, viewed_yard

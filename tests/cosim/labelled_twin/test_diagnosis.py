@@ -12,8 +12,8 @@ from cosim.discrepancy.diagnose import case_of
 from cosim.discrepancy.state import Model, viewed
 from cosim.drives.kitti import Calibration, Drive, Labels, write_calibration, write_labels, write_points
 from cosim.labelled_twin import write_labelled_twin
-from sensors.effects.elevation_offset import ElevationOffset
-from sensors.effects.range_noise import RangeNoise
+from sensors.effects.beams.elevation_offset import ElevationOffset
+from sensors.effects.points.range_noise import RangeNoise
 from sensors.pattern import Pattern
 from sensors.sensor_model import SensorModel
 from tests.cosim.labelled_twin.scans import ELEVATION_RAD, FIRINGS, HEIGHT_M, scan

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sensors.effects.footprint import directions_aside
-from sensors.effects.known_footprints import SAMPLES, TURNED, KnownFootprints
+from sensors.effects.surfaces.footprint import directions_aside
+from sensors.effects.surfaces.known_footprints import SAMPLES, TURNED, KnownFootprints
 from sensors.hits import Hits, Surface
 from sensors.shot import Shot
 

@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 from sensors.effects.base import ScanEffect, number
 from sensors.effects.phases import Phase
-from sensors.effects.reflection import normal_density
+from sensors.effects.surfaces.reflection import normal_density
 from sensors.returns import Returns
 from sensors.shot import Shot
 

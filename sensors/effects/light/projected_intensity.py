@@ -9,8 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from sensors.effects.base import EchoEffect, number
+from sensors.effects.light.surface_laws import LAWS
 from sensors.effects.phases import Phase
-from sensors.effects.surface_laws import LAWS
 from sensors.returns import Returns
 from sensors.shot import Shot
 

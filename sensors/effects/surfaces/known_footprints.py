@@ -6,7 +6,7 @@ from bisect import bisect_left
 
 import numpy as np
 
-from sensors.effects.footprint import directions_aside
+from sensors.effects.surfaces.footprint import directions_aside
 from sensors.hits import Surface
 from sensors.normals import dot_with_normals
 from sensors.shot import Shot

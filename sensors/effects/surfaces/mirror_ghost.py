@@ -8,7 +8,7 @@ import numpy as np
 
 from sensors.effects.base import EchoEffect, number
 from sensors.effects.phases import Phase
-from sensors.effects.reflection import mirrored_returns, normal_density
+from sensors.effects.surfaces.reflection import mirrored_returns, normal_density
 from sensors.returns import Returns
 from sensors.shot import Shot
 

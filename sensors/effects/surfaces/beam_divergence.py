@@ -7,10 +7,10 @@ from typing import ClassVar
 import numpy as np
 
 from sensors.effects.base import EchoEffect, number
-from sensors.effects.footprint import directions_aside, strongest_echo
 from sensors.effects.phases import Phase
-from sensors.effects.some_footprints import footprints_of_some, ranges_between
-from sensors.effects.split_echoes import CHANCE, elsewhere, is_split, sampled_ranges
+from sensors.effects.surfaces.footprint import directions_aside, strongest_echo
+from sensors.effects.surfaces.some_footprints import footprints_of_some, ranges_between
+from sensors.effects.surfaces.split_echoes import CHANCE, elsewhere, is_split, sampled_ranges
 from sensors.hits import Hits
 from sensors.returns import Returns
 from sensors.shot import Shot

@@ -9,7 +9,7 @@ import numpy as np
 
 from sensors.beams import Beams
 from sensors.effects.base import BeamEffect, number
-from sensors.effects.mount_rotation import about
+from sensors.effects.beams.mount_rotation import about
 from sensors.effects.phases import Phase
 from sensors.shot import Shot
 
