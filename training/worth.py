@@ -1,4 +1,4 @@
-"""What effects of a sensor model are worth to a detector; see `cosim.discrepancy.worth`."""
+"""What effects of a sensor model are worth to a detector; see `cosim.variants.worth`."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.discrepancy.worth import EffectWorth, Worth, rescans, without
 from cosim.drives.kitti import Drive, Labels
+from cosim.variants.rescans import rescans, without
+from cosim.variants.worth import EffectWorth, Worth
 from sensors.sensor_model import SensorModel
 from training.data.views import Rescanned
 from training.errors import TrainingError

@@ -66,7 +66,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
         found = compare(drive, sensor, frames=names, on_frame=on_frame)
         if detector is not None:
-            from cosim.discrepancy.worth import that_count
+            from cosim.variants.rescans import that_count
             from training.worth import value_effects
 
             report.begin("measuring without each effect", len(names))

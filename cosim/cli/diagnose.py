@@ -28,8 +28,8 @@ from cosim.drives.writer import explained
 
 if TYPE_CHECKING:
     from cosim.discrepancy.diagnosis import Diagnosis
-    from cosim.discrepancy.worth import Worth
     from cosim.drives.kitti import Drive
+    from cosim.variants.worth import Worth
     from sensors.effects.base import Effect
     from sensors.sensor_model import SensorModel
 

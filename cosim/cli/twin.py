@@ -90,8 +90,8 @@ def _from_scans(options: argparse.Namespace, console: Console) -> None:
 
 
 def _from_labels(options: argparse.Namespace, console: Console) -> None:
-    from cosim.discrepancy.labelled_twin import write_labelled_twin
     from cosim.drives.kitti import Drive
+    from cosim.labelled_twin import write_labelled_twin
 
     drive = Drive(options.drive)
     names = _chosen(drive, options.frames)

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from cosim.discrepancy.aligned import HeldOut
 from cosim.discrepancy.budget import held_out
 from cosim.discrepancy.candidates import as_known, for_rings, with_values
 from cosim.discrepancy.data.checks import opened
-from cosim.discrepancy.diagnose import begun, case_of, given, judged
+from cosim.discrepancy.diagnose import begun, case_of
 from cosim.discrepancy.groups.effects import effect_groups
 from cosim.discrepancy.groups.quantization import find_lattices
 from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.select import best_fit
-from cosim.discrepancy.state import Case, Model, State, viewed
-from cosim.discrepancy.validation import HeldOut
+from cosim.discrepancy.state import Case, Model, State, fitted_anew, given, judged
 from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
 from sensors.effects.base import Effect, LabelEffect, RoundingEffect
@@ -64,7 +64,7 @@ class Added:
         Raises:
             OutputError: the folder cannot be written.
         """
-        from cosim.discrepancy.sensor_out import write_sensor
+        from cosim.drives.sensor_files import write_sensor
 
         return write_sensor(self.sensor, Path(path))
 
@@ -110,7 +110,7 @@ def add(
     known: dict[str, Any] = {}
     if place is None or issubclass(kind, RoundingEffect):
         effects, place, known = _begun(case, state, kind, effects, fixed)
-    view = viewed(case, case.split.fit, Model(effects, (place,)), case.settings.rows, state.view, tuple(fixed))
+    view = fitted_anew(case, Model(effects, (place,)), state.view, tuple(fixed))
     effects = view.fitted.effects
     judges = judged(case, state.judges, Model(effects))
     found = intervals(view.fitter, view.fitted)[kind.name] if view.fitted.free else known

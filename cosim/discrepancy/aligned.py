@@ -9,17 +9,44 @@ from functools import cached_property
 import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame, bending, in_order
-from cosim.discrepancy.data.sample import Prediction, Sample, whole_sample
 from cosim.discrepancy.forward.expectation import Expectation, expect
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
+from cosim.discrepancy.sampling.drawing import whole_sample
+from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.scores import Ensemble, FrameScores, Totals, model_chance, scored
-from cosim.discrepancy.state import Case, View, seen_by, spreads
-from cosim.discrepancy.validation import HeldOut
+from cosim.discrepancy.state import Case, View, are_sharp, seen_by, spreads
 from sensors.effects.base import Effect
 
 PARTS = ("poses", "objects", "map")
 _Moved = tuple[np.ndarray | float, np.ndarray | float]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Errors of a model on frames that took no part in its fit.
+
+    Attributes:
+        error: over all of them.
+        by_frame: (f,) of each.
+        beams: (f,) how many of each could be compared: what it counts for.
+        floor: the error that noise alone would make; None where nothing tells.
+    """
+
+    error: float
+    by_frame: np.ndarray
+    beams: np.ndarray
+    floor: float | None
+
+    @property
+    def standard_error(self) -> float:
+        """Of the error, from frame to frame; NaN of one frame."""
+        used = np.isfinite(self.by_frame) & (self.beams > 0)
+        values, count = self.by_frame[used], int(used.sum())
+        share = self.beams[used] / max(self.beams[used].sum(), 1)
+        if count < 2:
+            return float("nan")
+        return float(np.sqrt((share**2 @ (values - share @ values) ** 2) * count / (count - 1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +112,9 @@ class Aligned:
         if view.fitter.sample.of_own_map:  # aligned with the map as it is: a sample shows a part
             alone = self._random.without(self._estimate, ("map", "albedo_of_map"))
             self._estimate = seen_by(view, effects, alone).estimate
-        shift_m, turn_rad = spreads(self._random, self._estimate, case.settings.edge_sigmas)
-        clear = shift_m < case.settings.sharp_m and turn_rad < case.settings.sharp_rad
-        self._wide = [None if clear else one.unsure(shift_m, turn_rad) for one in frames]
+        sizes = spreads(self._random, self._estimate)
+        clear = are_sharp(case.settings, sizes)
+        self._wide = [None if clear else one.unsure(*sizes) for one in frames]
         origin = case.sensor.origin
         self._members = [
             Ensemble.of(one, self._effects, model_chance(0, number), origin) for number, one in enumerate(frames)
@@ -99,8 +126,7 @@ class Aligned:
 
     def error(self, parts: tuple[str, ...]) -> float:
         """The one error with the random effects of some parts of the budget taken out."""
-        each = [Totals.of(frame, scores) for frame, scores in zip(self._frames, self._scores(parts), strict=True)]
-        return sum(each, Totals()).error
+        return self.held_out(parts).error
 
     def floor(self) -> float | None:
         """The error of a model that is right up to noise."""
@@ -184,7 +210,7 @@ class _Whole:
     ) -> _Whole:
         """Random effects of a frame as they were estimated from a sample in which it is scan number `scan`."""
         has_poses = random.rows("poses").stop > random.rows("poses").start
-        own = RandomEffects(sample, (0.0, 0.0) if has_poses else None)
+        own = RandomEffects(sample, has_poses=has_poses)
         return cls(own, own.transferred(random, estimate, scan), sample.predict(effects))
 
     def shifts(self, parts: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.discrepancy.aligned import PARTS, Aligned, Judged
-from cosim.discrepancy.state import Case, State, View
-from cosim.discrepancy.validation import HeldOut
+from cosim.discrepancy.aligned import PARTS, Aligned, HeldOut, Judged
+from cosim.discrepancy.state import Case, View
 from sensors.effects.base import Effect
 
 
@@ -36,28 +35,26 @@ class Budget:
     aligned_steps: tuple[HeldOut, ...] = ()
 
 
-def budget_of(case: Case, state: State, models: Sequence[tuple[Effect, ...]]) -> tuple[Budget, Judged]:
-    """The budget of a diagnosis, and the frames that it was judged by.
+def budget_of(case: Case, view: View, models: Sequence[tuple[Effect, ...]]) -> tuple[Budget, Judged]:
+    """The budget of a model, or of one that effects were added to, and the frames that it was judged by.
 
     Args:
         case: of the diagnosis.
-        state: where it ended.
+        view: frames that judge, as they are told in the end.
         models: the effects as given, and after every finding.
     """
-    last = Aligned(case, state.judges, models[-1])
-    first = last if len(models) == 1 else Aligned(case, state.judges, models[0], [last])
+    last = Aligned(case, view, models[-1])
+    first = last if len(models) == 1 else Aligned(case, view, models[0], [last])
     near, steps, of_aligned = first, [], []
     for number, effects in enumerate(models):
         if number == len(models) - 1:
             near = last
         elif number:
-            near = Aligned(case, state.judges, effects, [near, last])
+            near = Aligned(case, view, effects, [near, last])
         steps.append(near.held_out())
         of_aligned.append(near.held_out(PARTS))
-    ladder = [PARTS[:count] for count in range(len(PARTS) + 1)]
-    of_first, of_last = ([one.error(parts) for parts in ladder] for one in (first, last))
-    floor = last.floor()
-    aligned = of_last[-1]
+    of_first, of_last = ([one.error(PARTS[:count]) for count in range(len(PARTS) + 1)] for one in (first, last))
+    floor, aligned = last.floor(), of_last[-1]
     noise = aligned if floor is None else min(floor, aligned)
     parts = {"noise": noise}
     for place, name in enumerate(PARTS):
@@ -65,20 +62,8 @@ def budget_of(case: Case, state: State, models: Sequence[tuple[Effect, ...]]) ->
         parts[name] = float(np.mean(list(falls)))
     parts["missing"] = 0.5 * (of_first[0] - of_last[0] + of_first[-1] - of_last[-1])
     parts["unexplained"] = aligned - noise
-    return Budget(of_first[0], aligned, of_first[-1], floor, parts, tuple(steps), tuple(of_aligned)), Judged(
-        first, last
-    )
-
-
-def budget_of_view(case: Case, view: View, effects: Sequence[Effect]) -> tuple[Budget, Aligned]:
-    """The budget of a model that nothing was added to, and the frames that it was judged by."""
-    one = Aligned(case, view, tuple(effects))
-    levels = [one.error(PARTS[:count]) for count in range(len(PARTS) + 1)]
-    floor, aligned = one.floor(), levels[-1]
-    noise = aligned if floor is None else min(floor, aligned)
-    parts = {"noise": noise} | {name: levels[k] - levels[k + 1] for k, name in enumerate(PARTS)}
-    parts |= {"missing": 0.0, "unexplained": aligned - noise}
-    return Budget(levels[0], aligned, aligned, floor, parts, (one.held_out(),)), one
+    budget = Budget(of_first[0], aligned, of_first[-1], floor, parts, tuple(steps), tuple(of_aligned))
+    return budget, Judged(first, last)
 
 
 def held_out(case: Case, view: View, effects: Sequence[Effect]) -> HeldOut:

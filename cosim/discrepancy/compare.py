@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cosim.discrepancy.aligned import Judged
-from cosim.discrepancy.budget import Budget, budget_of_view
+from cosim.discrepancy.budget import Budget, budget_of
 from cosim.discrepancy.candidates import with_rings
 from cosim.discrepancy.data.checks import check_fit, opened
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending, in_order
@@ -23,14 +23,12 @@ from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, 
 from cosim.discrepancy.settings import DEFAULT
 from cosim.discrepancy.slices import Slice, SliceTally
 from cosim.discrepancy.state import Case, Model, viewed
-from cosim.discrepancy.worth import Worth
 from cosim.drives.kitti import Drive
+from cosim.variants.worth import Worth
 from sensors.effects.base import Effect
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
-_NEAR, _NEGLIGIBLE = 1.02, 0.001
-_MOST_ALIGNED = 12  # frames of which it is asked where the error comes from
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +73,7 @@ class Comparison:
         """
         if self.budget is not None and self.budget.floor is not None and self.error > 2 * self.budget.error_aligned:
             return self.budget.error_aligned <= (1 + DEFAULT.at_floor) * self.budget.floor
-        return self.floor is not None and self.error <= _NEAR * self.floor.error + _NEGLIGIBLE
+        return self.floor is not None and self.error <= DEFAULT.near * self.floor.error + DEFAULT.negligible
 
     @property
     def parts(self) -> dict[str, float]:
@@ -186,7 +184,7 @@ def compare(
     names = tuple(frames) if frames is not None else drive.frames
     by_frame: dict[str, Totals] = {}
     kept: dict[str, FrameScores] = {}
-    chosen = set(names[:: -(-len(names) // _MOST_ALIGNED)]) if budget and names else set()
+    chosen = set(names[:: -(-len(names) // DEFAULT.most_aligned)]) if budget and names else set()
     aligned: list[TracedFrame] = []
     tally, floor = SliceTally(), []
     for number, name in enumerate(names):
@@ -232,5 +230,5 @@ def _budget(
     case = Case(model, tracer, Split(names, names), (), DEFAULT, seed, _LOG.debug)
     own = with_rings(effects, model.pattern.rings)
     view = viewed(case, names, Model(own), DEFAULT.rows, traced=tuple(frames))
-    budget, one = budget_of_view(case, view, own)
-    return budget, Judged(one, one, before_parts=())
+    budget, judged = budget_of(case, view, [own])
+    return budget, replace(judged, before_parts=())

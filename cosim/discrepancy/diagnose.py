@@ -11,39 +11,37 @@ from pathlib import Path
 import numpy as np
 
 from cosim.discrepancy.budget import budget_of
-from cosim.discrepancy.candidates import as_known, candidate_kinds, with_rings
-from cosim.discrepancy.confirm import contradicted
+from cosim.discrepancy.candidates import as_known, candidate_kinds
 from cosim.discrepancy.data.checks import check_fit, opened
-from cosim.discrepancy.data.frames import FrameTracer, in_order
-from cosim.discrepancy.data.map_surfaces import is_own_map
+from cosim.discrepancy.data.frames import FrameTracer
 from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told, struck_notes
 from cosim.discrepancy.data.split import split_drive, split_frames
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
+from cosim.discrepancy.eliminate import confirmed, eliminated, redrawn, simplified
 from cosim.discrepancy.inference.comparison import Gain, gain
-from cosim.discrepancy.inference.intervals import intervals, plainly_on
+from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.inference.score_test import Tested
-from cosim.discrepancy.labels import with_labels
 from cosim.discrepancy.select import (
     Candidate,
     as_found,
     candidates,
     chosen,
-    reshaped,
     roundings,
     screened,
     screened_pairs,
-    simpler_than,
     tiers,
 )
 from cosim.discrepancy.settings import DEFAULT, Settings
-from cosim.discrepancy.state import Case, Found, Model, State, View, seen_by, viewed
+from cosim.discrepancy.state import Case, Model, State, View, fitted_anew, given, judged, seen_by, viewed
 from cosim.discrepancy.unexplained import unexplained
 from cosim.drives.kitti import Drive
-from sensors.effects.base import Effect, NoiseEffect
+from cosim.drives.twin.surfels import has_surfels
+from cosim.labels.bias import diagnose_labels
+from sensors.effects.base import Effect
+from sensors.effects.labels.box_shrink import BoxShrink
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
-_TRIED = 4  # candidates a round, until one helps
 
 
 def diagnose(
@@ -100,13 +98,13 @@ def case_of(
     """What stays the same throughout a diagnosis; see `diagnose`."""
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
     split = (
-        split_drive(drive, model.pattern.rings * model.pattern.firings)
+        split_drive(drive, model.pattern.rings * model.pattern.firings, settings.sampling)
         if frames is None
-        else split_frames(tuple(frames))
+        else split_frames(tuple(frames), settings=settings.sampling)
     )
-    hidden = not_told(len(split.fit), is_own_map(drive))
+    hidden = not_told(len(split.fit), has_surfels(drive.root), settings.beams)
     kinds = tuple(one for one in candidate_kinds(extra, model.pattern.rings) if one.name not in hidden)
-    return Case(model, FrameTracer(drive, model), split, kinds, settings, seed, say, tuple(along))
+    return Case(model, FrameTracer(drive, model, settings), split, kinds, settings, seed, say, tuple(along))
 
 
 def begun(case: Case) -> State:
@@ -116,17 +114,12 @@ def begun(case: Case) -> State:
     model = Model(effects, tuple(place for place, one in enumerate(effects) if one.name in case.along))
     first = case.tracer.trace(case.split.fit[0], ())
     check_fit(first, case.tracer.drive)
-    view = viewed(case, case.split.fit, model, case.settings.rows)
+    view = fitted_anew(case, model)
     model = replace(model, effects=view.fitted.effects)
     judges = view
     if case.split.is_held_out:
-        judges = viewed(case, case.split.test, Model(model.effects), case.settings.rows // 2)
+        judges = viewed(case, case.split.test, Model(model.effects), case.settings.judging_rows)
     return State(model, view, judges)
-
-
-def given(case: Case) -> tuple[Effect, ...]:
-    """The sensor's own effects, in the order in which they act."""
-    return with_rings(in_order(case.sensor.effects), case.sensor.pattern.rings)
 
 
 def added(case: Case, state: State) -> State:
@@ -143,11 +136,11 @@ def added(case: Case, state: State) -> State:
         tested = sorted([*tested, *screened_pairs(case, state)], key=lambda one: (one.p_value, -one.value))
     state.screened[:] = tested
     refused = state.refused
-    for some in tiers(state, tested):
+    for some in tiers(case, state, tested):
         asked = replace(state, refused=refused)
         found = candidates(case, asked, some)
         state.ranking[:] = state.ranking or _ranking(found, tested)
-        for one in islice(chosen(case, asked, some, found), _TRIED):
+        for one in islice(chosen(case, asked, some, found), case.settings.pick.tried):
             case.say(f"adding {one.name}")
             after = accepted(case, state, one, found)
             if after is not None:
@@ -158,7 +151,7 @@ def added(case: Case, state: State) -> State:
 
 def accepted(case: Case, state: State, one: Candidate, found: Sequence[Candidate]) -> State | None:
     """With a candidate, everything fitted anew; None where frames that took no part deny it."""
-    view = viewed(case, case.split.fit, one.model, case.settings.rows, replace(state.view, fitted=one.fitted))
+    view = fitted_anew(case, one.model, replace(state.view, fitted=one.fitted))
     model = replace(one.model, effects=view.fitted.effects)
     judges = judged(case, state.judges, model)
     if not one.is_fact and case.split.is_held_out:
@@ -187,118 +180,9 @@ def gain_elsewhere(case: Case, state: State, view: View, judges: View, *, of_noi
     if view.fitter.sample.of_own_map:
         frozen, frames = Model(view.fitted.effects), (*view.frames, *judges.frames)
         names = (*view.names, *judges.names)
-        judges, same = viewed(case, names, frozen, case.settings.rows // 2, traced=frames, judging=True), False
+        judges, same = viewed(case, names, frozen, case.settings.judging_rows, traced=frames, judging=True), False
     before = state.judges.fitted if same else seen_by(judges, state.model.effects)
     return gain(judges.fitter, before, judges.fitted, of_noise=of_noise)
-
-
-def judged(case: Case, before: View, model: Model) -> View:
-    """The judging frames as a model tells them: traced anew where it bends beams, random effects alone fitted."""
-    frozen = Model(model.effects)
-    return viewed(case, before.names, frozen, case.settings.rows // 2, before)
-
-
-def simplified(case: Case, state: State) -> State:
-    """With a simpler effect in place of each finding that says no more than it, now that everything else is known.
-
-    What was found first had to explain some of what was found later, too. On a map made of the scans effects of few
-    numbers went first anyway.
-    """
-    if len(state.found) < 2 or state.view.fitter.sample.of_own_map:
-        return state
-    for one in state.found:
-        place = state.model.place_of(one.effect)
-        if place is None or one.shape is not None or one.interval is not None or place < len(given(case)):
-            continue
-        case.say(f"asking whether something simpler does as well as {one.effect}")
-        simpler = simpler_than(case, state, place)
-        if simpler is not None:
-            view = viewed(
-                case, case.split.fit, simpler.model, case.settings.rows, replace(state.view, fitted=simpler.fitted)
-            )
-            kept = tuple(_renamed(other, simpler) if other is one else other for other in state.found)
-            state = _moved_on(case, state, simpler.model, view, kept)
-    return state
-
-
-def _renamed(found: Found, simpler: Candidate) -> Found:
-    """A finding in whose place something simpler stands, which is then not beside itself."""
-    rest = tuple(name for name in found.also_possible if name != simpler.name)
-    return replace(found, effect=simpler.name, place=simpler.place, also_possible=rest)
-
-
-def eliminated(case: Case, state: State) -> State:
-    """Without findings that others have made superfluous: removed one by one, the rest fitted anew."""
-    if len(state.found) < 2:
-        return state
-    sure = plainly_on(state.view.fitter, state.view.fitted, given(case))
-    for one in reversed(state.found[:-1]):
-        place = state.model.place_of(one.effect)
-        if place is None or one.interval is not None or place in sure:
-            continue
-        case.say(f"asking whether {one.effect} is still needed")
-        less = state.model.without(place, given(case))
-        view = viewed(case, case.split.fit, less, case.settings.rows, state.view)
-        if view.fitter is not state.view.fitter:
-            continue
-        of_noise = isinstance(state.model.effects[place], NoiseEffect)
-        told = gain(view.fitter, view.fitted, state.view.fitted, of_noise=of_noise)
-        value = told.value if of_noise else state.view.fitted.loglik - view.fitted.loglik
-        if told.p_value > case.settings.level or value < np.log(len(view.fitter.sample)):
-            state = _moved_on(case, state, less, view, _all_but(one, state))
-            sure = plainly_on(state.view.fitter, state.view.fitted, given(case))
-    return state
-
-
-def _without(case: Case, state: State, one: Found) -> State:
-    """The rest fitted anew without a finding."""
-    place = state.model.place_of(one.effect)
-    assert place is not None  # found
-    less = state.model.without(place, given(case))
-    view = viewed(case, case.split.fit, less, case.settings.rows, state.view)
-    return _moved_on(case, state, less, view, _all_but(one, state))
-
-
-def _all_but(one: Found, state: State) -> tuple[Found, ...]:
-    return tuple(other for other in state.found if other is not one)
-
-
-def _moved_on(case: Case, state: State, model: Model, view: View, found: tuple[Found, ...]) -> State:
-    """With another model, as it was fitted in a view, and what judging frames say of it; not screened yet."""
-    model = replace(model, effects=view.fitted.effects)
-    return replace(state, model=model, view=view, judges=judged(case, state.judges, model), found=found, screened=[])
-
-
-def redrawn(case: Case, state: State) -> State:
-    """With shapes of unknown dependences as they are beside everything else that was found."""
-    if len(state.found) < 2:
-        return state
-    for one in [one for one in state.found if one.shape is not None]:
-        case.say(f"drawing {one.effect} anew")
-        found = reshaped(state, one)
-        if found is None:
-            continue
-        shape, better = found
-        if shape is None:
-            state = _without(case, state, one)
-            continue
-        kept = tuple(replace(other, shape=shape) if other is one else other for other in state.found)
-        if better is None:
-            state = replace(state, found=kept)
-        else:
-            before = replace(state.view, fitted=better.fitted)
-            view = viewed(case, case.split.fit, better.model, case.settings.rows, before)
-            state = _moved_on(case, state, better.model, view, kept)
-    return state
-
-
-def confirmed(case: Case, state: State) -> State:
-    """Without what a segment denies that nothing was fitted, chosen or judged by until now."""
-    if state.found and case.split.confirm:
-        case.say("asking the untouched segment")
-    while (one := contradicted(case, state, Model(given(case)))) is not None:
-        state = _without(case, replace(state, struck=(*state.struck, one)), one)
-    return state
 
 
 def concluded(case: Case, state: State) -> Diagnosis:
@@ -309,7 +193,7 @@ def concluded(case: Case, state: State) -> Diagnosis:
         tested = [*screened(case, state), *screened_pairs(case, state)]
     case.say("measuring errors on frames that took no part")
     told = intervals(state.view.fitter, state.view.fitted) if state.view.fitted.free else {}
-    budget, judged = budget_of(case, state, _steps(case, state))
+    budget, judged = budget_of(case, state.judges, _steps(case, state))
     findings, unknowns = [], []
     for number, one in enumerate(state.found):
         place = state.model.place_of(one.effect)
@@ -340,6 +224,22 @@ def concluded(case: Case, state: State) -> Diagnosis:
             if one.name in case.along
         },
     )
+
+
+def with_labels(found: Diagnosis, drive: Drive) -> Diagnosis:
+    """A diagnosis with its labels looked at; a missing label effect goes into the improved sensor.
+
+    The verdict stays that of the points, unless these lack nothing.
+    """
+    if not any(drive[name].has("label_2") for name in drive.frames):
+        return found
+    labels = diagnose_labels(drive, found.sensor)
+    if labels.effect is None:
+        return replace(found, labels=labels)
+    model = found.sensor
+    others = tuple(one for one in model.effects if not isinstance(one, BoxShrink))
+    sensor = SensorModel(model.pattern, (*others, labels.effect), model.origin)
+    return replace(found, labels=labels, sensor=sensor)
 
 
 def _steps(case: Case, state: State) -> list[tuple[Effect, ...]]:
@@ -411,5 +311,5 @@ def _notes(case: Case, state: State) -> tuple[str, ...]:
         strays=sum(one.strays for one in seen),
         has_intensity=state.view.fitter.sample.has_intensity,
     )
-    of_fit = fit_notes(len(seen), case.split.is_held_out, is_own_map(case.tracer.drive))
+    of_fit = fit_notes(len(seen), case.split.is_held_out, has_surfels(case.tracer.drive.root), case.settings.beams)
     return (*of_drive, *of_fit, *struck_notes([one.effect for one in state.struck]))

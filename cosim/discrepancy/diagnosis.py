@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from cosim.discrepancy.aligned import Judged
+from cosim.discrepancy.aligned import HeldOut, Judged
 from cosim.discrepancy.budget import Budget
 from cosim.discrepancy.data.split import Split
-from cosim.discrepancy.labels.diagnose import LabelFinding
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.shape import Shape
-from cosim.discrepancy.validation import HeldOut
-from cosim.discrepancy.worth import Worth
+from cosim.labels.bias import LabelFinding
+from cosim.variants.worth import Worth
 from sensors.sensor_model import SensorModel
 
 
@@ -28,7 +27,7 @@ class Alternative:
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
-        return {"effect": self.effect, "delta_bic": self.delta_bic, "p_value": self.p_value}
+        return asdict(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,8 +167,8 @@ class Diagnosis:
         Raises:
             OutputError: the folder cannot be written.
         """
-        from cosim.discrepancy.sensor_out import write_sensor
-        from cosim.discrepancy.unknown.write import class_name, effect_source
+        from cosim.discrepancy.unknown.plug_in import class_name, effect_source
+        from cosim.drives.sensor_files import write_sensor
 
         own = {one.name: (class_name(one), effect_source(one)) for one in self.unknowns}
         return write_sensor(self.sensor, Path(path), own)

@@ -156,8 +156,18 @@ class Ensemble:
 
     @classmethod
     def of(cls, frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Generator, origin: str) -> Ensemble:
-        """Of effects in the order in which they act; `origin` names the sensor in errors."""
-        return cls(*_ensemble(frame, effects, rng, origin))
+        """Of effects in the order in which they act, one member where chance plays no part; see `score_frame`."""
+        ranges = np.full((MEMBERS, len(frame.shot.rays)), np.nan, np.float32)
+        intensities = ranges.copy()
+        for member in range(MEMBERS):
+            returns = act_on_returns(effects, returns_of(frame.shot.hits), frame.shot, Streams(rng), origin)
+            first = np.flatnonzero(returns.return_no == 0)
+            ranges[member, returns.beam[first]] = returns.range_m[first]
+            intensities[member, returns.beam[first]] = returns.intensity[first]
+            same = np.array_equal(ranges[0], ranges[1], equal_nan=True)
+            if member == 1 and same and np.array_equal(intensities[0], intensities[1], equal_nan=True):
+                return cls(ranges[:1], intensities[:1])
+        return cls(ranges, intensities)
 
 
 def score_frame(frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Generator, origin: str) -> FrameScores:
@@ -223,23 +233,6 @@ def scored(
         foreseen=float((strays & ~ambiguous).sum() / members),
         stray=np.where(ambiguous, 0.0, strays.mean(0)),
     )
-
-
-def _ensemble(
-    frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Generator, origin: str
-) -> tuple[np.ndarray, np.ndarray]:
-    """Ranges and intensities (m, n) of the model's members, NaN for no return; one where chance plays no part."""
-    ranges = np.full((MEMBERS, len(frame.shot.rays)), np.nan, np.float32)
-    intensities = ranges.copy()
-    for member in range(MEMBERS):
-        returns = act_on_returns(effects, returns_of(frame.shot.hits), frame.shot, Streams(rng), origin)
-        first = np.flatnonzero(returns.return_no == 0)
-        ranges[member, returns.beam[first]] = returns.range_m[first]
-        intensities[member, returns.beam[first]] = returns.intensity[first]
-        same = np.array_equal(ranges[0], ranges[1], equal_nan=True)
-        if member == 1 and same and np.array_equal(intensities[0], intensities[1], equal_nan=True):
-            return ranges[:1], intensities[:1]
-    return ranges, intensities
 
 
 def _crps(members: np.ndarray, measured: np.ndarray, clip: float) -> np.ndarray:

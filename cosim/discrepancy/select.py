@@ -11,27 +11,17 @@ from cosim.discrepancy.candidates import confusable, with_values
 from cosim.discrepancy.groups.dependences import depends_on_scans, main_effects, of_covariates, of_noise, of_pairs
 from cosim.discrepancy.groups.dependences import of_scans as of_levels
 from cosim.discrepancy.groups.effects import effect_groups
-from cosim.discrepancy.groups.group import Group
 from cosim.discrepancy.groups.phases import of_phases
 from cosim.discrepancy.groups.quantization import Lattice, find_lattices
 from cosim.discrepancy.inference.comparison import Gain, gain
-from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
-from cosim.discrepancy.inference.likelihood import judge
+from cosim.discrepancy.inference.fit import Fitted, Fitter, Free, all_free
+from cosim.discrepancy.inference.group import Group
 from cosim.discrepancy.inference.score_test import Tested, screen
 from cosim.discrepancy.state import Case, Found, Model, State
 from cosim.discrepancy.unknown.plug_in import shape_effect
 from cosim.discrepancy.unknown.shape import Shape
 from cosim.discrepancy.unknown.solve import drawn_anew, shape_of
 from sensors.effects.base import Effect, NoiseEffect, RoundingEffect
-
-_FEW_NUMBERS = 2
-_OF_CHANNELS = {"range": 4}  # candidates of a channel that are fitted on a map made of the scans, 2 of others
-_SHAPES = 2  # dependences that are solved a round
-_STEPS = 10
-_CLEAR = 2.0  # standard errors
-_MUCH = 0.5
-_LOOKS = 2
-_STRENGTHS = (1.0, 5.0, 25.0, -1.0, -5.0, -25.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +72,9 @@ def screened(case: Case, state: State) -> list[Tested]:
     rng = np.random.default_rng([case.seed, 1])
     groups: list[Group] = [
         *effect_groups(fitter, fitted, case.kinds, state.model.fitted),
-        *of_covariates(fitter, fitted, case.settings),
+        *of_covariates(fitter, fitted),
         *of_levels(fitter, fitted),
-        *of_phases(fitter, fitted, case.settings, rng),
+        *of_phases(fitter, fitted, rng),
         *of_noise(fitter, fitted),
     ]
     if (
@@ -98,9 +88,9 @@ def screened_pairs(case: Case, state: State) -> list[Tested]:
     """Pairs of covariates, beside the smooth parts of each alone: a second look at the same data (Bonferroni)."""
     fitter, fitted = state.view.fitter, state.view.fitted
     rng = np.random.default_rng([case.seed, 2])
-    beside, groups = main_effects(fitter, fitted, case.settings), list(of_pairs(fitter, fitted, case.settings))
+    beside, groups = main_effects(fitter, fitted), list(of_pairs(fitter, fitted))
     found = screen(fitter.system(fitted), fitted.estimate, groups, fitter.random.clusters, case.settings, rng, beside)
-    return [replace(one, p_value=min(_LOOKS * one.p_value, 1.0)) for one in found]
+    return [replace(one, p_value=min(case.settings.screen.looks * one.p_value, 1.0)) for one in found]
 
 
 def roundings(case: Case, state: State) -> list[Candidate]:
@@ -114,11 +104,13 @@ def roundings(case: Case, state: State) -> list[Candidate]:
         model = state.model.replaced(effects, place)
         after = fitter.fit(effects, (), fitted.estimate, steps=3)
         told = Gain.of([np.bincount(fitter.sample.track, one.gain)])
-        found.append(Candidate(one.effect.name, model, place, after, told, 1, 1 / case.settings.draws, lattice=one))
+        found.append(
+            Candidate(one.effect.name, model, place, after, told, 1, 1 / case.settings.screen.draws, lattice=one)
+        )
     return found
 
 
-def tiers(state: State, tested: Sequence[Tested]) -> list[list[Tested]]:
+def tiers(case: Case, state: State, tested: Sequence[Tested]) -> list[list[Tested]]:
     """What is tried first, and what if nothing of that helps.
 
     On a map made of the scans a number a laser takes up whatever a few numbers would explain on the beams that a laser
@@ -126,7 +118,7 @@ def tiers(state: State, tested: Sequence[Tested]) -> list[list[Tested]]:
     """
     if not state.view.fitter.sample.of_own_map:
         return [list(tested)]
-    few = [one for one in tested if one.group.is_effect and one.group.size <= _FEW_NUMBERS]
+    few = [one for one in tested if one.group.is_effect and one.group.size <= case.settings.pick.few_numbers]
     return [few, list(tested)]
 
 
@@ -155,7 +147,7 @@ def chosen(case: Case, state: State, tested: Sequence[Tested], named: Sequence[C
     """
     beams = len(state.view.fitter.sample)
     named = [one for one in named if one.worth(beams) > 0]
-    waiting = _dependences(_significant(case, state, tested))
+    waiting = _dependences(_significant(case, state, tested), case.settings.pick.shapes)
     if named:
         best = named[0]
         rivals = [one for one in waiting if one.gain > best.worth(beams) and _same_channel(best, one.group)]
@@ -190,7 +182,7 @@ def _is_clearly_better(state: State, one: Candidate, other: Candidate) -> bool:
     beams = len(fitter.sample)
     apart = one.worth(beams) - other.worth(beams)
     error = gain(fitter, other.fitted, one.fitted).error
-    return apart > _CLEAR * error
+    return apart > fitter.settings.pick.clear * error
 
 
 def also_possible(case: Case, state: State, best: Candidate, found: Sequence[Candidate]) -> tuple[str, ...]:
@@ -205,7 +197,7 @@ def _is_as_good(case: Case, state: State, one: Candidate, best: Candidate) -> bo
         return False
     apart = gain(state.view.fitter, one.fitted, best.fitted)
     price = 0.5 * (best.numbers - one.numbers) * float(np.log(len(state.view.fitter.sample)))
-    within = case.settings.alike_sigmas * max(apart.error, 1.0)
+    within = case.settings.pick.alike_sigmas * max(apart.error, 1.0)
     return apart.value - price < within and one.gain.value > 0.5 * best.gain.value
 
 
@@ -222,13 +214,13 @@ def _effects(case: Case, state: State, sure: Sequence[Tested], most: int | None 
         best.setdefault(one.group.name, []).append(one)
     if not best:
         return []
-    most = case.settings.fitted_candidates if most is None else most
+    most = case.settings.pick.fitted if most is None else most
     gains = {name: rows[0].gain for name, rows in best.items()}
     top = max(gains.values())
-    names = [name for place, name in enumerate(best) if place < most or gains[name] > case.settings.nearly * top]
+    names = [name for place, name in enumerate(best) if place < most or gains[name] > case.settings.pick.nearly * top]
     names = names[: 2 * most]
     if state.view.fitter.sample.of_own_map and most > 1:
-        names = _first_of_channels(best)
+        names = _first_of_channels(case, best)
     if most > 1:
         names += list({one.group.name: 0 for one in sure if one.group.is_effect})[:2]
     kinds = {one.name: one for one in case.kinds}
@@ -242,14 +234,14 @@ def _effects(case: Case, state: State, sure: Sequence[Tested], most: int | None 
     return found
 
 
-def _first_of_channels(best: dict[str, list[Tested]]) -> list[str]:
+def _first_of_channels(case: Case, best: dict[str, list[Tested]]) -> list[str]:
     """The first names in each channel, the others' gains aside: residuals of a map are bounded far from it."""
     count: dict[str, int] = {}
-    found = []
+    found, by = [], case.settings.pick
     for name, rows in best.items():
         channel = rows[0].group.channel
         count[channel] = count.get(channel, 0) + 1
-        if count[channel] <= _OF_CHANNELS.get(channel, 2):
+        if count[channel] <= (by.of_ranges if channel == "range" else by.of_others):
             found.append(name)
     return found
 
@@ -258,9 +250,10 @@ def _fitted(case: Case, state: State, tested: Tested) -> Candidate:
     """An effect fitted on top of the model, what was fitted before along with it."""
     fitter, fitted, group = state.view.fitter, state.view.fitted, tested.group
     effects, place = _started(fitter, fitted, group)
-    mine = all_free(effects, [place], fitter.rings)
-    along = all_free(effects, [one for one in state.model.fitted if one != place], fitter.rings)
-    after = fitter.fit(effects, (*mine, *along), fitted.estimate, steps=_STEPS, roughly=True)
+    mine, along = _free(state, effects, place)
+    after = fitter.fit(
+        effects, (*mine, *along), fitted.estimate, steps=fitter.settings.descent.rough_steps, roughly=True
+    )
     of_noise = isinstance(after.effects[place], NoiseEffect)
     told = gain(fitter, fitted, after, of_noise=of_noise)
     told = told if of_noise else replace(told, value=after.loglik - fitted.loglik)
@@ -296,7 +289,7 @@ def _regains(fitter: Fitter, without: Fitted, whole: Fitted, group: Group) -> bo
     """Whether an effect by itself explains much of what another one does."""
     effects, place = _started(fitter, without, group)
     alone = fitter.fit(effects, all_free(effects, [place], fitter.rings), without.estimate, steps=4, roughly=True)
-    return alone.loglik - without.loglik > _MUCH * (whole.loglik - without.loglik)
+    return alone.loglik - without.loglik > fitter.settings.pick.much * (whole.loglik - without.loglik)
 
 
 def reshaped(state: State, found: Found) -> tuple[Shape | None, Candidate | None] | None:
@@ -335,8 +328,8 @@ def best_fit(case: Case, state: State, groups: Sequence[Group]) -> Effect | None
     return None if best is None else best.fitted.effects[best.place]
 
 
-def _dependences(sure: Sequence[Tested]) -> list[Tested]:
-    """Those dependences that promise most, of each channel: some on one covariate, some on two."""
+def _dependences(sure: Sequence[Tested], most: int) -> list[Tested]:
+    """Those dependences that promise most, of each channel: at most so many on one covariate, and as many on two."""
     found: list[Tested] = []
     for channel in ("range", "intensity", "drop"):
         rows = [one for one in sure if not one.group.is_effect and one.group.channel == channel and one.group.columns]
@@ -352,7 +345,7 @@ def _dependences(sure: Sequence[Tested]) -> list[Tested]:
         rows = sorted(rows, key=lambda one: -(one.gain - 2.0 * one.group.size))
         plain = [one for one in rows if len(one.group.covariates) < 2]
         of_two = [one for one in rows if len(one.group.covariates) > 1]
-        found += [*plain[:_SHAPES], *of_two[:_SHAPES]]
+        found += [*plain[:most], *of_two[:most]]
     return found
 
 
@@ -374,9 +367,8 @@ def _with_shape(state: State, fitter: Fitter, fitted: Fitted, shape: Shape, p_va
     if any(one.name == effect.name for one in fitted.effects):
         return None
     effects, place = (*fitted.effects, effect), len(fitted.effects)
-    mine = all_free(effects, [place], fitter.rings)
-    along = all_free(effects, state.model.fitted, fitter.rings)
-    after = fitter.fit(effects, (*mine, *along), fitted.estimate, steps=_STEPS)
+    mine, along = _free(state, effects, place)
+    after = fitter.fit(effects, (*mine, *along), fitted.estimate, steps=fitter.settings.descent.rough_steps)
     told = gain(fitter, fitted, after)
     told = replace(told, value=after.loglik - fitted.loglik)
     numbers = len(mine) if shape.formula is not None else len(shape.y)
@@ -384,6 +376,12 @@ def _with_shape(state: State, fitter: Fitter, fitted: Fitted, shape: Shape, p_va
         numbers += len(shape.factor.formula.parameters)
     model = state.model.replaced(after.effects, place)
     return Candidate(effect.name, model, place, after, told, numbers, p_value, shape)
+
+
+def _free(state: State, effects: Sequence[Effect], place: int) -> tuple[tuple[Free, ...], tuple[Free, ...]]:
+    """What is fitted of an effect that is added, and of those that were fitted before."""
+    others, rings = [one for one in state.model.fitted if one != place], state.view.fitter.rings
+    return all_free(effects, [place], rings), all_free(effects, others, rings)
 
 
 def _started(fitter: Fitter, fitted: Fitted, group: Group) -> tuple[tuple[Effect, ...], int]:
@@ -397,12 +395,10 @@ def _started(fitter: Fitter, fitted: Fitted, group: Group) -> tuple[tuple[Effect
     off = (type(effect).neutral or {})[group.amplitude]
     weak = np.subtract(getattr(effect, group.amplitude), off)
     best, reached = effect, -np.inf
-    for factor in _STRENGTHS:
+    for factor in fitter.settings.pick.strengths:
         trial = with_values(effect, {group.amplitude: off + weak * factor})
         prediction = fitter.sample.predict((*fitted.effects, trial))
-        value = float(
-            fitter.sample.share @ judge(fitter.sample, fitter.random.adjusted(prediction, fitted.estimate)).loglik
-        )
+        value = float(fitter.sample.share @ fitter.judged(prediction, fitted.estimate).loglik)
         if value > reached:
             best, reached = trial, value
     return (*fitted.effects, best), len(fitted.effects)

@@ -1,56 +1,281 @@
-"""The numbers that decide in a diagnosis."""
+"""The numbers that decide in the loop, each with its unit; those of one step stand together.
+
+They were chosen on drives of town02, which no benchmark uses, unless a source is named.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
+
+Pair = tuple[float, float]
+Six = tuple[float, float, float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Beams:
+    """Which beams may be compared, and how points are sorted onto beams."""
+
+    same_m: float = 1.0  # between ranges of what is taken for one surface
+    jump_m: float = 0.1  # beyond a plane, from which a neighbour makes an edge
+    jump_share: float = 0.01  # of the range, on top of it
+    crease_m: float = 0.015  # the same of an edge that moves with a shift of what makes it
+    crease_share: float = 0.002
+    most_firings: int = 24  # that an edge may be away
+    most_rings: int = 4  # that an edge may be away
+    apart: float = 0.3  # of the brighter reflectance, by which materials are told apart: three times a noise of 10 %
+    directions: int = 8  # in which something thin beside a beam is looked for
+    grazing: float = 0.02  # cosine of incidence below which a beam runs along a surface rather than to it
+    brightest: float = 1.001  # above which intensities are bytes
+    most_points: float = 0.99  # share of a scan's points that must lie below
+    first_scans: int = 3  # that are asked for it
+    aside_rad: float = 1e-5  # from the middle of its slot, beyond which a point says its own azimuth
+    at_once: float = 1.75  # azimuth steps within which returns of a ring have no firing between them
+    half_slot: float = 0.5001  # azimuth steps from a firing's azimuth, farther than which no point belongs to it
+    agrees_m: float = 0.5  # from the twin, within which a point agrees with it
+    agrees_unsaid_m: float = 3.0  # the same where beams are recovered from the order of the points
+    fewest_share: float = 0.35  # of points that must agree
+    upright: float = 0.5  # |n·z| of what stands on the ground
+    fewest_upright: int = 300  # beams on it
+    fewest_standing: float = 0.5  # share of these that must agree
+    fewest_scans: int = 3  # of which the spread of pose errors tells anything
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Which frames are fitted and which judge, and which beams of them are taken."""
+
+    segment: int = 3  # frames next to each other that do the same
+    fewest_confirmed: int = 16  # frames of which a segment can be spared for the end
+    map_scans: int = 24  # of a map made of the scans that are fitted, evenly spread
+    map_judges: int = 8  # that judge
+    scans_each: int = 6  # of each map that are fitted where there are several
+    judges_each: int = 3  # that judge
+    apart: int = 6  # scans from one that is fitted to the next there: so near that they see the same surfaces
+    most_beams: int = 4_300_000  # of all scans of maps that are looked at; each takes a kilobyte
+    cell_m: float = 5.0  # of the static world
+    sky_rad: float = 0.1  # of azimuth, a sector of the sky
+    odd_share: float = 0.3  # of a sample at most, for beams that return from where nothing is
+    rare_share: float = 0.2  # of a sample, for materials that few beams meet
+    lone_share: float = 0.25  # of a sample, for returns that tell of the sensor alone
+    looks: int = 16  # at each surface of a map: more tell hardly more than more surfaces would
+    margin_m: float = 0.3  # across a surface of a map, within which a return is its
+    on_plane_m: float = 0.02  # across it, within which a traced hit is
+    neighbours: int = 6  # surfaces about a hit that are asked whether it lies on them
+    place_m: float = 8.0  # squares of the ground by whose surfaces findings are judged
+    judge_every: int = 3  # one of so many squares
+    least_rough: float = 0.2  # of the scatter of points about a surface, that it has itself
+    level: float = 0.9  # |n·z| of what lies flat
+
+
+@dataclass(frozen=True)
+class Law:
+    """The likelihood of a beam."""
+
+    range_floor_m: float = 5e-4  # spread that no model falls below
+    intensity_floor: float = 0.002  # the same of intensities
+    rise_sigma_m: float = 0.003  # of a point above its beam
+    stray_share: float = 1e-5  # of beams that return from elsewhere
+    reach_m: float = 120.0  # over which these are spread evenly
+    lost_share: float = 1e-3  # least chance of a return, and of none
+    clear_of_limits: float = 2.5  # standard deviations from a limit at which noise is hardly ever cut off
+    own_at_seams: float = 0.5  # chance that brightness is a beam's own beside another material
+    cut_at_seams: float = 0.1  # chance of a limit there, if it is not
+    most_squared: float = 100.0  # of a residual in standard deviations, for spreads
+    far_off: float = 3.0  # standard deviations from which a residual's curvature is that which its pull has
+    median_size: float = 0.6745  # of a standard normal deviate
+
+
+@dataclass(frozen=True)
+class Unsure:
+    """What is merely not known: random effects."""
+
+    pose_shift_m: float = 0.02  # spread of pose errors that a fit starts from
+    pose_turn_rad: float = 9e-4  # the same of turns
+    variance_sigmas: float = 3.0  # standard errors that a variance must be above 0 to be kept
+    free_poses: Six = (0.2, 0.2, 0.2, 0.01, 0.01, 0.01)  # [m, rad] where a map made of the scans tells nothing of them
+    free_map_m: float = 1.0  # the same of its surfaces
+    free_albedo: float = 30.0  # and their reflectances: what is dimmed to a tenth has ten times its own
+    darkest: float = 0.1  # share of the stated reflectance
+    least_poses: Six = (3e-4, 3e-4, 3e-4, 2e-5, 2e-5, 2e-5)  # [m, rad] below which there is none; so the next three
+    least_objects: tuple[float, float, float] = (1e-3, 1e-3, 3e-4)  # [m, m, rad]
+    least_map_m: float = 1e-3
+    least_albedo: float = 3e-3  # share
+    probes: int = 12  # random vectors of which traces are the mean
+    most_step: float = 30.0  # times that a variance may change in one update
+    fewest_parts: int = 16  # of all scans, into which few are divided so that they make clusters
+    same_surface: float = 0.5  # share of its range by which a beam may be bent away on a surface
+    flattest: float = 0.5  # share of the slope between a beam and its plane that must outlive a turn
+    edge_sigmas: float = 3.5  # standard deviations of pose and object errors by which edges are widened
+    widest_m: float = 0.15  # to which they are
+    widest_rad: float = 2e-3  # the same of turns
+    sharp_m: float = 2e-3  # of poses and objects, below which edges are as sharp as they were traced
+    sharp_rad: float = 1e-4  # the same of turns
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Gauss–Newton steps."""
+
+    gain: float = 0.05  # log-likelihood that a step must still bring
+    steps: int = 12  # at most
+    rough_steps: int = 10  # of a candidate
+    halvings: int = 5  # of a step
+    rounds: int = 3  # of tracing anew where beams were bent
+    turned_rad: float = 7e-4  # by how much a beam may have turned from where it was traced
+    shifted_m: float = 0.02  # and been shifted
+    far_m: float = 3.0  # residual beyond which nothing is told of it
+    fine_m: float = 0.01  # to which ranges are widened at last
+    rough: float = 8.0  # spreads beyond which residuals are far off
+    rough_share: float = 0.985  # of beams that are not
+
+
+@dataclass(frozen=True)
+class Search:
+    """Parameters that no slope tells of, and intervals of them."""
+
+    reach: float = 0.6  # of a search to both sides: of the value,
+    reach_steps: float = 25.0  # and of its natural step
+    grid: int = 13  # values at once where the likelihood has steps
+    zooms: int = 8  # times that they are drawn together
+    near: float = 2e-3  # of the reach, to which a value is found
+    roughly: float = 2e-2  # the same to tell candidates apart
+    blurred: float = 0.02  # of a value, beyond which it is looked at closer
+    aside: float = 6.0  # times that a closer look goes to each side
+    few: float = 0.01  # share of beams that are too few for a slope
+    altogether: float = 0.5  # chance of a return that a small change takes away where there are steps
+    elsewhere_m: float = 0.5  # from a surface to another
+    fall: float = float(np.log(20))  # of the log-likelihood at the ends of an interval with steps
+    smooth_fall: float = 1.92  # the same without
+    passes: int = 6  # over parameters that make up for each other
+    enough: float = 0.01  # log-likelihood that one must still bring
+    farthest: float = 12.0  # passes at once along a valley
+    doublings: int = 24  # towards the ends of an interval,
+    bisections: int = 10  # and back
+    redoublings: int = 20  # towards the ends of an interval as clusters are drawn anew
+    most_coupled: float = 0.995  # two parameters
+    edges: int = 360  # azimuths at which sectors begin and end
+    fine: int = 200  # between two of them
+    least_sector: float = 0.005  # of all beams
+    most_sector: float = 0.95  # of all beams
+    draws: int = 400  # of clusters with replacement
+    side: int = 8  # values to each side that are looked at
+    at_ends: float = 0.04  # share of draws that may end where values do
+    level_to: float = 1e-12  # relative, between log-likelihoods that are the same
+    like_parabola: float = 0.98  # share of the variance of a smooth likelihood
+    plainly: float = 15.0  # half widths of its interval from which an amplitude is no matter of doubt
+
+
+@dataclass(frozen=True)
+class Screen:
+    """What is asked for, and how it is tested."""
+
+    draws: int = 1999  # sign patterns of a wild bootstrap: they tell p to 0.0005
+    bins: int = 10  # of a covariate; equal numbers of beams in each
+    fewest_in_bin: int = 150  # beams; fewer tell nothing of a bin
+    fewest_values: int = 4  # that a covariate has
+    speed: float = 0.01  # [m/s] that is told apart
+    acceleration: float = 0.01  # [m/s²]
+    yaw_rate: float = 1e-3  # [rad/s]: who drives straight on turns by less
+    degree: int = 2  # of smooth functions of pairs
+    main_degree: int = 4  # of each covariate beside these
+    hump: float = 0.4  # standard deviations about 0 in which residuals are counted
+    fewest_residuals: int = 2000  # that are
+    least_noise_m: float = 3e-3  # spread of ranges that tells of noise
+    least_noise: float = 5e-3  # of intensities
+    most_strays: float = 1e-4  # of all beams: of few a form that tells of many would say that there are none
+    slowest: int = 8  # waves a revolution below which it is a dependence on azimuth
+    wave_draws: int = 499  # sign patterns of periodograms
+    wave_fine: int = 81  # frequencies about a line that are looked at
+    looks: int = 2  # at the same data (Bonferroni)
+    chunk: int = 400  # columns that are projected at a time
+    plain: float = 3.0  # standard deviations beyond which sums by cluster grow as their logarithms
+    left: float = 1e-9  # share of information below which nothing outlives what is fitted, to rounding
+    most_times: float = 100.0  # a weak form, or its inverse, to which what would just be seen is looked for
+    times: int = 93  # steps of that
+    power: float = 0.84  # deviate that 80 % power adds to a critical value, the 80 % quantile of a normal law
+
+
+@dataclass(frozen=True)
+class Lattices:
+    """Steps that values stand on; pairs are of ranges [m] and intensities."""
+
+    clear: float = 0.9  # mean cosine of values that count as multiples of a step
+    clearer: float = 0.25  # share of the model's distance from a lattice that measured values may have
+    finest: Pair = (1e-3, 2e-3)  # steps that are looked for
+    coarsest: Pair = (1.0, 0.5)
+    most: Pair = (130.0, 1.0)  # values beyond which nothing is looked at
+    stored: Pair = (1e-5, 1e-6)  # to which values are written
+    padded: int = 4  # times that a spectrum is finer than its values
+    fewest: int = 500  # values
+
+
+@dataclass(frozen=True)
+class Pick:
+    """What is fitted and tried."""
+
+    fitted: int = 4  # catalogue effects that are fitted a round, the best by foreseen gain
+    nearly: float = 0.4  # of the best candidate's foreseen gain, from which another one is fitted, too
+    tried: int = 4  # candidates a round, until one helps
+    alike_sigmas: float = 1.0  # standard errors of a difference of gains below which two cannot be told apart
+    clear: float = 2.0  # standard errors by which a shape must explain more than an effect
+    few_numbers: int = 2  # of effects that go first on a map made of the scans
+    of_ranges: int = 4  # candidates of ranges that are fitted there
+    of_others: int = 2  # of each other channel
+    shapes: int = 2  # dependences of a channel that are solved a round
+    much: float = 0.5  # of what an effect explains, that a simpler one must explain by itself
+    strengths: Six = (1.0, 5.0, 25.0, -1.0, -5.0, -25.0)  # times a weak form, from which a fit starts
+    unexplained: int = 12  # that are listed at most
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """Shapes of unknown dependences, and their formulas."""
+
+    bins: int = 40  # of a covariate
+    pair_bins: int = 12  # of each of two
+    phase_bins: int = 24  # of a phase
+    fewest: int = 20  # beams in a bin of two
+    steps: int = 6  # of a solution
+    settled: float = 0.1  # of a standard error, within which it is there
+    most_lost: float = 0.9  # of a prediction that a shape may take away
+    formulas: int = 300  # that a shape over scans is chosen from, about
+    sure: float = 0.01  # chance at which it is told
+    regular: float = 0.1  # of the time between scans, by which it may vary in a regular drive
+    grid: int = 25  # values of a shape parameter that are tried,
+    centres: int = 60  # of a bell's middle,
+    widths: int = 32  # and of its width
+    harmonics: int = 4  # of what comes round
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Numbers that decide; each was chosen on drives of town02, which no benchmark uses, unless a source is named.
+    """All of them, those of each step under its name."""
 
-    Attributes:
-        rows: beams of a sample; more make a diagnosis slower, and hardly surer, as clusters decide.
-        level: family-wise error rate of every test; the convention of the field.
-        draws: sign patterns of a wild bootstrap; 1999 tell p to 0.0005.
-        most_findings: effects and unknowns that are added at most.
-        fitted_candidates: catalogue effects that are fitted a round, the best by foreseen gain.
-        nearly: share of the best candidate's foreseen gain from which another one is fitted, too.
-        alike_sigmas: standard errors of a difference of gains below which two candidates cannot be told apart.
-        edge_sigmas: standard deviations of pose and object errors by which edges are widened.
-        sharp_m, sharp_rad: spreads of poses and objects below which edges are as sharp as they were traced.
-        turned_rad, shifted_m: by how much a beam may have moved from where it was traced.
-        pose_shift_m, pose_turn_rad: spread of pose errors that a fit starts from.
-        variance_sigmas: standard errors that a random effect's variance must be above 0 to be kept.
-        bins: of a covariate when it is screened; equal numbers of beams in each.
-        fewest_in_bin: beams; fewer tell nothing of a bin.
-        coverage: of intervals.
-        grazing: cosine of incidence below which a beam runs along a surface rather than to it.
-        power: deviate that 80 % power adds to a critical value, the 80 % quantile of a normal law.
-        at_floor: share by which an error may stand above its floor and still be at it.
-    """
+    rows: int = 30_000  # beams of a sample; more make a diagnosis slower, and hardly surer, as clusters decide
+    level: float = 0.05  # family-wise error rate of every test; the convention of the field
+    coverage: float = 0.95  # of intervals
+    most_findings: int = 8  # effects and unknowns that are added at most
+    near: float = 1.02  # times its floor, within which an error is at it,
+    negligible: float = 0.001  # and of a scale beyond that
+    at_floor: float = 0.05  # share by which an aligned error may be above: poses and objects are never fitted exactly
+    most_aligned: int = 12  # frames of a comparison of which it is asked where the error comes from
+    beams: Beams = field(default_factory=Beams)
+    sampling: Sampling = field(default_factory=Sampling)
+    law: Law = field(default_factory=Law)
+    unsure: Unsure = field(default_factory=Unsure)
+    descent: Descent = field(default_factory=Descent)
+    search: Search = field(default_factory=Search)
+    screen: Screen = field(default_factory=Screen)
+    lattices: Lattices = field(default_factory=Lattices)
+    pick: Pick = field(default_factory=Pick)
+    shapes: Shapes = field(default_factory=Shapes)
 
-    rows: int = 30_000
-    level: float = 0.05
-    draws: int = 1999
-    most_findings: int = 8
-    fitted_candidates: int = 4
-    nearly: float = 0.4
-    alike_sigmas: float = 1.0
-    edge_sigmas: float = 3.5
-    sharp_m: float = 2e-3
-    sharp_rad: float = 1e-4
-    turned_rad: float = 7e-4
-    shifted_m: float = 0.02
-    pose_shift_m: float = 0.02
-    pose_turn_rad: float = 9e-4
-    variance_sigmas: float = 3.0
-    bins: int = 10
-    fewest_in_bin: int = 150
-    coverage: float = 0.95
-    grazing: float = 0.02
-    power: float = 0.84
-    at_floor: float = 0.05
+    @property
+    def judging_rows(self) -> int:
+        """Beams of a sample of frames that judge."""
+        return self.rows // 2
 
     @property
     def upper(self) -> float:

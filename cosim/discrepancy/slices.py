@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -38,14 +38,7 @@ class Slice:
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
-        return {
-            "where": self.where,
-            "channel": self.channel,
-            "beams": self.beams,
-            "bias": self.bias,
-            "spread": self.spread,
-            "share": self.share,
-        }
+        return asdict(self)
 
     def __str__(self) -> str:
         if self.channel == "range":

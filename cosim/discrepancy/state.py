@@ -7,19 +7,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending
-from cosim.discrepancy.data.sample import Sample, draw_sample
+from cosim.discrepancy.candidates import with_rings
+from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending, in_order
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score_test import Tested
+from cosim.discrepancy.sampling.drawing import draw_sample
+from cosim.discrepancy.sampling.sample import Sample
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unknown.shape import Shape
 from sensors.effects.base import Effect
 from sensors.sensor_model import SensorModel
-
-_WIDEST_M, _WIDEST_RAD = 0.15, 2e-3
-_ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,31 +174,47 @@ def viewed(
         frames = tuple(case.tracer.trace_all(names, bending(model.effects)) if traced is None else traced)
     effects, start = model.effects, None if before is None else before.fitted.estimate
     fitter: Fitter | None = None if before is None else before.fitter
-    sizes = None if before is None else spreads(before.fitter.random, before.fitted.estimate, case.settings.edge_sigmas)
-    for number in range(_ROUNDS + 1):
-        if fitter is not None and number < _ROUNDS and _is_far(case, fitter, effects):
+    sizes = None if before is None else spreads(before.fitter.random, before.fitted.estimate)
+    rounds = case.settings.descent.rounds
+    for number in range(rounds + 1):
+        if fitter is not None and number < rounds and _is_far(fitter, effects):
             frames, fitter = tuple(case.tracer.trace_all(names, bending(effects))), None
         if fitter is None:
             sample = draw_sample(frames, rows, np.random.default_rng([case.seed, rows]), judging=side)
             if sizes is None:
-                plain = Fitter(sample, case.settings)
+                plain = Fitter(sample)
                 start = plain.fit(effects, (), start).estimate
-                sizes = spreads(plain.random, start, case.settings.edge_sigmas)
-            fitter = Fitter(clear_sample(case, frames, sample, sizes), case.settings)
+                sizes = spreads(plain.random, start)
+            fitter = Fitter(clear_sample(frames, sample, sizes))
             start = fitter.random.begun_from(start)
         free = [one for one in all_free(effects, model.fitted, fitter.rings) if one.unknown.name not in held]
         fitted = fitter.fit(effects, free, start)
         effects, start = fitted.effects, fitted.estimate
-        sizes = spreads(fitter.random, start, case.settings.edge_sigmas)
-        if number == _ROUNDS or not _is_far(case, fitter, effects):
+        sizes = spreads(fitter.random, start)
+        if number == rounds or not _is_far(fitter, effects):
             return View(tuple(names), frames, fitter, fitted)
     raise AssertionError("the last round returns")
 
 
-def _is_far(case: Case, fitter: Fitter, effects: Sequence[Effect]) -> bool:
+def fitted_anew(case: Case, model: Model, before: View | None = None, held: Collection[str] = ()) -> View:
+    """The frames that are fitted as a model tells them; see `viewed`."""
+    return viewed(case, case.split.fit, model, case.settings.rows, before, held)
+
+
+def judged(case: Case, before: View, model: Model) -> View:
+    """The judging frames as a model tells them: traced anew where it bends beams, random effects alone fitted."""
+    return viewed(case, before.names, Model(model.effects), case.settings.judging_rows, before)
+
+
+def given(case: Case) -> tuple[Effect, ...]:
+    """The sensor's own effects, in the order in which they act."""
+    return with_rings(in_order(case.sensor.effects), case.sensor.pattern.rings)
+
+
+def _is_far(fitter: Fitter, effects: Sequence[Effect]) -> bool:
     """Whether effects bend beams too far from where they were traced."""
     turned, shifted = fitter.sample.moved(effects)
-    return turned > case.settings.turned_rad or shifted > case.settings.shifted_m
+    return turned > fitter.settings.descent.turned_rad or shifted > fitter.settings.descent.shifted_m
 
 
 def seen_by(view: View, effects: Sequence[Effect], estimate: Estimate | None = None) -> Fitted:
@@ -207,18 +222,20 @@ def seen_by(view: View, effects: Sequence[Effect], estimate: Estimate | None = N
     return view.fitter.fit(effects, (), view.fitted.estimate if estimate is None else estimate)
 
 
-def clear_sample(case: Case, frames: Sequence[TracedFrame], sample: Sample, sizes: tuple[float, float]) -> Sample:
+def clear_sample(frames: Sequence[TracedFrame], sample: Sample, sizes: tuple[float, float]) -> Sample:
     """The sample without beams that errors of poses and objects of such sizes may have moved across an edge."""
-    shift_m, turn_rad = sizes
-    if shift_m < case.settings.sharp_m and turn_rad < case.settings.sharp_rad:
-        return sample
-    return sample.clear_of([one.unsure(shift_m, turn_rad) for one in frames])
+    return sample if are_sharp(sample.settings, sizes) else sample.clear_of([one.unsure(*sizes) for one in frames])
 
 
-def spreads(random: RandomEffects, estimate: Estimate, sigmas: float) -> tuple[float, float]:
+def are_sharp(settings: Settings, sizes: tuple[float, float]) -> bool:
+    """Whether edges are as sharp as they were traced where poses and objects are off by no more than such sizes."""
+    return sizes[0] < settings.unsure.sharp_m and sizes[1] < settings.unsure.sharp_rad
+
+
+def spreads(random: RandomEffects, estimate: Estimate) -> tuple[float, float]:
     """How far edges may stand off: shift [m] and turn [rad], so many standard deviations of poses and objects."""
-    poses = random.spread(estimate, "poses")
+    by, poses = random.sample.settings.unsure, random.spread(estimate, "poses")
     shifts = [poses[:3], *(random.spread(estimate, name)[:2] for name in ("objects", "objects_by_scan"))]
-    shift_m = sigmas * float(np.sqrt(sum(np.max(one, initial=0.0) ** 2 for one in shifts)))
-    turn_rad = sigmas * float(np.max(poses[3:], initial=0.0))
-    return min(shift_m, _WIDEST_M), min(turn_rad, _WIDEST_RAD)
+    shift_m = by.edge_sigmas * float(np.sqrt(sum(np.max(one, initial=0.0) ** 2 for one in shifts)))
+    turn_rad = by.edge_sigmas * float(np.max(poses[3:], initial=0.0))
+    return min(shift_m, by.widest_m), min(turn_rad, by.widest_rad)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from cosim.discrepancy.inference.score_test import Tested
 from cosim.discrepancy.settings import Settings
 
 _UNITS = {"range": "m", "intensity": "", "drop": "", "spurious": "", "range_variance": "", "intensity_variance": ""}
-_MOST = 12
 
 
 @dataclass(frozen=True)
@@ -38,25 +37,17 @@ class Unexplained:
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
-        return {
-            "channel": self.channel,
-            "covariates": list(self.covariates),
-            "size": self.size,
-            "unit": self.unit,
-            "p_value": self.p_value,
-            "looks_like": self.looks_like,
-        }
+        return asdict(self) | {"covariates": list(self.covariates)}
 
 
 def unexplained(tested: Sequence[Tested], fitted: Fitted, settings: Settings) -> tuple[Unexplained, ...]:
     """Everything that is significant, the surest first; of an effect its channel."""
     found: list[Unexplained] = []
-    seen = set[tuple[str, ...]]()
+    seen = set[str]()
     for one in tested:
-        key = (one.group.name,)
-        if one.p_value > settings.level or key in seen:
+        if one.p_value > settings.level or one.group.name in seen:
             continue
-        seen.add(key)
+        seen.add(one.group.name)
         name = one.group.name if one.group.is_effect else ""
         found.append(
             Unexplained(
@@ -69,7 +60,7 @@ def unexplained(tested: Sequence[Tested], fitted: Fitted, settings: Settings) ->
             )
         )
     found.sort(key=lambda one: (one.p_value, bool(one.looks_like)))
-    return tuple(found[:_MOST])
+    return tuple(found[: settings.pick.unexplained])
 
 
 def _size(one: Tested, fitted: Fitted) -> float:

@@ -21,9 +21,9 @@ from cosim.driver_discrepancy.sentences import (
 from cosim.driver_discrepancy.summary import HEADWAY_BINS, LATERAL_BINS, SPEED_BINS, Summary
 from cosim.report.html import document
 from cosim.report.phrases import p_cell
+from cosim.report.plot import Axis, Plot
 from cosim.report.ranking_table import ranking_section
 from cosim.report.style import STYLE
-from cosim.stats.plot import Axis, Plot
 
 _AREAS = ".area { opacity: .22; } .area.a { fill: var(--a); }"
 _CHARTS = {

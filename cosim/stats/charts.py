@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.report.plot import Axis, Plot, nice_top
 from cosim.stats.heat_map import VIEWS, View, density_colours, difference_colours, smoothing_cells
 from cosim.stats.objects import ObjectTable, difficulty
-from cosim.stats.plot import Axis, Plot, nice_top
 from cosim.stats.summary import DISTANCE_EDGES_M, OCCLUSIONS, histogram_mean, points_per_car, zero_share
 from cosim.stats.tally import INTENSITIES, INTENSITY_STEP, RANGE_STEP_M, RANGES_M, REACHES_M, Collected
 

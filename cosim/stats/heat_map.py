@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from cosim.drives.kitti import encode_rgb
+from cosim.report.plot import Axis, Plot
 from cosim.stats.objects import ObjectTable
-from cosim.stats.plot import Axis, Plot
 
 _ZOOM = 4  # picture pixels a cell
 _MANY_CARS = 3000  # more need no wider smoothing than a cell

@@ -1,4 +1,4 @@
-"""One physical effect a file, and what a user's own effect derives from."""
+"""One physical effect a file, in rooms as light meets them, and what a user's own effect derives from."""
 
 from sensors.effects.base import (
     BeamEffect,
@@ -13,6 +13,7 @@ from sensors.effects.base import (
     per_axis,
     per_ring,
 )
+from sensors.effects.moved import know_old_names
 from sensors.effects.phases import Phase
 
 __all__ = [
@@ -29,3 +30,5 @@ __all__ = [
     "per_axis",
     "per_ring",
 ]
+
+know_old_names()

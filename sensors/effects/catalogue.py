@@ -1,4 +1,4 @@
-"""All built-in effects of a LiDAR: every effect that a file of this folder defines."""
+"""All built-in effects of a LiDAR: every effect that a file of this folder, or of one in it, defines."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from sensors.effects.base import Effect
 
 @cache
 def built_in_effects() -> Mapping[str, type[Effect]]:
-    """Built-in effects by name, in the order in which they act; a file put into this folder needs no entry elsewhere.
+    """Built-in effects by name, in the order in which they act; a file put into one of the folders needs no entry.
 
     Raises:
         ValueError: two files define effects of one name.
     """
     found: dict[str, type[Effect]] = {}
-    for effect in sorted(_defined(), key=lambda effect: effect.phase):
+    for effect in sorted(_defined(), key=lambda effect: (effect.phase, effect.__module__.rpartition(".")[2])):
         if effect.name in found:
             raise ValueError(f"effect {effect.name!r} is in {found[effect.name].__module__} and {effect.__module__}")
         found[effect.name] = effect
@@ -29,7 +29,7 @@ def built_in_effects() -> Mapping[str, type[Effect]]:
 
 def _defined() -> Iterator[type[Effect]]:
     """Effects with a name, each from the file that defines it."""
-    for module_info in pkgutil.iter_modules(sensors.effects.__path__, "sensors.effects."):
+    for module_info in pkgutil.walk_packages(sensors.effects.__path__, "sensors.effects."):
         module = importlib.import_module(module_info.name)
         for value in vars(module).values():
             here = getattr(value, "__module__", "") == module.__name__

@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from assets import Mesh
-from sensors.effects.beam_divergence import BeamDivergence
-from sensors.effects.dual_block import DualBlock
-from sensors.effects.glass_transmission import GlassTransmission
-from sensors.effects.sweep_motion import SweepMotion
+from sensors.effects.beams.dual_block import DualBlock
+from sensors.effects.beams.sweep_motion import SweepMotion
+from sensors.effects.surfaces.beam_divergence import BeamDivergence
+from sensors.effects.surfaces.glass_transmission import GlassTransmission
 from sensors.hits import Hits
 from sensors.pattern import load_pattern
 from sensors.scene import Scene

@@ -10,8 +10,8 @@ from tests.hidden.labels import shrink_labels
 
 
 def test_a_hidden_shrinking_of_labels_is_found(base: Path, tmp_path: Path) -> None:
-    from cosim.discrepancy.labels import diagnose_labels
     from cosim.drives.kitti import Drive
+    from cosim.labels.bias import diagnose_labels
 
     shrink_labels(base, tmp_path / "small", (0.2, 0.05, 0.05), (0.25, 0.25, 0.05), jitter_m=0.02, seed=1)
     found = diagnose_labels(Drive(tmp_path / "small"))
@@ -21,8 +21,8 @@ def test_a_hidden_shrinking_of_labels_is_found(base: Path, tmp_path: Path) -> No
 
 
 def test_unsteady_labels_are_no_bias(base: Path, tmp_path: Path) -> None:
-    from cosim.discrepancy.labels import diagnose_labels
     from cosim.drives.kitti import Drive
+    from cosim.labels.bias import diagnose_labels
 
     shrink_labels(base, tmp_path / "unsteady", (0, 0, 0), (0, 0, 0), jitter_m=0.05, seed=2)
     assert diagnose_labels(Drive(tmp_path / "unsteady")).verdict == "none"

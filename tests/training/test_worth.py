@@ -13,9 +13,9 @@ from assets.mesh import Mesh
 from assets.models.build import build_model
 from assets.models.catalogue import model_spec
 from cosim.cli import main
-from cosim.discrepancy.worth import rescans, without
 from cosim.drives.kitti import Boxes, Drive, Labels, clip_boxes, project_corners, write_labels
 from cosim.drives.twin.scene import lidar_pose
+from cosim.variants.rescans import rescans, without
 from sensors.effects.registry import find_effect
 from sensors.sensor_model import load_sensor
 from tests.cosim.discrepancy.small_drive import Yard, make_yard

@@ -8,8 +8,8 @@ from html import escape
 import numpy as np
 
 from cosim.report.html import document
+from cosim.report.plot import Axis, Plot
 from cosim.report.style import STYLE
-from cosim.stats.plot import Axis, Plot
 from training.evaluation.as_json import Intervals
 from training.evaluation.evaluate import Evaluation, Result
 from training.evaluation.pictures import CAPTION

@@ -4,16 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.discrepancy.settings import DEFAULT
+from cosim.discrepancy.settings import Beams
 from sensors.hits import Hits
 from sensors.pattern import Pattern
 from sensors.rays import Rays
-
-_JUMP_M = 0.1
-_JUMP_SHARE = 0.01
-_CREASE_M, _CREASE_SHARE = 0.015, 0.002
-_WIDEST, _TALLEST = 24, 4  # firings and rings that an edge may be away
-_APART = 0.3  # of the brighter: three times a noise of 10 %
 
 
 class Neighbours:
@@ -21,10 +15,12 @@ class Neighbours:
 
     Args:
         rays: ring-major.
+        settings: numbers that decide.
         reach: how many firings to each side count.
     """
 
-    def __init__(self, rays: Rays, reach: int = 2) -> None:
+    def __init__(self, rays: Rays, settings: Beams, reach: int = 2) -> None:
+        self._settings = settings
         bounds = np.searchsorted(rays.ring, np.arange(257))
         order = np.arange(len(rays))
         rows: list[np.ndarray] = []
@@ -56,14 +52,14 @@ class Neighbours:
             (n,) bool; and (n,) range of the nearest surface by whose shift such an edge moves, also of a crease, whose
             two sides are apart by less than what makes an edge; infinite away from both.
         """
-        solid = hits.solid
+        solid, settings = hits.solid, self._settings
         rotation = hits.pose[:3, :3].astype(np.float32)
         direction = hits.rays.direction @ rotation.T
         origin = hits.rays.origin @ rotation.T
         normal = solid.normal
         offset = np.einsum("ij,ij->i", normal, origin + direction * np.where(solid.exists, solid.range_m, 0)[:, None])
         cos = np.abs(np.einsum("ij,ij->i", normal, direction))
-        edge = solid.exists & (cos < DEFAULT.grazing)
+        edge = solid.exists & (cos < settings.grazing)
         reach = np.where(solid.exists, solid.range_m, np.float32(np.inf))
         nearest = np.where(edge, reach, np.float32(np.inf))
         for row in self.rows:
@@ -75,11 +71,13 @@ class Neighbours:
                 ahead = foot / slope
             found = solid.range_m[other]
             away = np.abs(found - ahead)
-            jump = ~(away < _JUMP_M + _JUMP_SHARE * found)
-            differs = (solid.exists != solid.exists[other]) | (solid.exists & (jump | _changes(solid.instance, other)))
+            jump = ~(away < settings.jump_m + settings.jump_share * found)
+            differs = (solid.exists != solid.exists[other]) | (
+                solid.exists & (jump | (solid.instance != solid.instance[other]))
+            )
             differs &= there
             edge |= differs
-            differs |= there & solid.exists & ~(away < _CREASE_M + _CREASE_SHARE * found)
+            differs |= there & solid.exists & ~(away < settings.crease_m + settings.crease_share * found)
             nearest = np.where(differs, np.minimum(nearest, np.minimum(reach, reach[other])), nearest)
         return edge, nearest
 
@@ -94,19 +92,24 @@ class Neighbours:
         for row in self.rows:
             other = np.maximum(row, 0)
             differs = (row >= 0) & (material != material[other])
-            clear = np.abs(reflectance - reflectance[other]) > _APART * np.maximum(reflectance, reflectance[other])
+            clear = np.abs(reflectance - reflectance[other]) > self._settings.apart * np.maximum(
+                reflectance, reflectance[other]
+            )
             alike |= differs & ~clear
             apart |= differs & clear
         return alike, apart & ~alike
 
 
-def widened(edge: np.ndarray, nearest_m: np.ndarray, pattern: Pattern, shift_m: float, turn_rad: float) -> np.ndarray:
+def widened(
+    edge: np.ndarray, nearest_m: np.ndarray, pattern: Pattern, shift_m: float, turn_rad: float, settings: Beams
+) -> np.ndarray:
     """(n,) bool: edges, and beams that would stand at one if what makes it were shifted and the sensor turned.
 
     Args:
         edge, nearest_m: (n,) of ring-major beams, see `Neighbours.at_edge`.
         pattern: of the beams.
         shift_m, turn_rad: how far.
+        settings: numbers that decide.
     """
     rings, firings = pattern.rings, pattern.firings
     beside = np.isfinite(nearest_m)
@@ -114,21 +117,17 @@ def widened(edge: np.ndarray, nearest_m: np.ndarray, pattern: Pattern, shift_m: 
     with np.errstate(divide="ignore"):
         angle = np.where(beside, shift_m / np.maximum(nearest_m, 0.5) + turn_rad, 0.0).reshape(rings, firings)
     aside = np.ceil(angle * firings / (2 * np.pi)).astype(int)
-    for step in range(1, min(int(aside.max(initial=0)), _WIDEST) + 1):
+    for step in range(1, min(int(aside.max(initial=0)), settings.most_firings) + 1):
         far = aside >= step
         wide |= np.roll(far, step, 1) | np.roll(far, -step, 1)
     elevation = np.radians(np.array(pattern.elevation_deg))
-    for step in range(1, min(rings, _TALLEST + 1)):
+    for step in range(1, min(rings, settings.most_rings + 1)):
         gap = np.abs(elevation[step:] - elevation[:-step])[:, None]
         far = angle[:-step] > gap
         wide[step:] |= far
         far = angle[step:] > gap
         wide[:-step] |= far
     return wide.ravel()
-
-
-def _changes(instance: np.ndarray, other: np.ndarray) -> np.ndarray:
-    return instance != instance[other]
 
 
 def _phase(rays: Rays) -> np.ndarray:

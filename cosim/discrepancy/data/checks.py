@@ -10,10 +10,6 @@ from cosim.discrepancy.data.frames import TracedFrame
 from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
 
-_AGREES_M, _AGREES_UNSAID_M = 0.5, 3.0
-_FEWEST_SHARE = 0.35
-_UPRIGHT, _NEAR_M, _FEWEST_UPRIGHT, _FEWEST_STANDING = 0.5, 1.0, 300, 0.5
-
 
 def opened(drive: Drive | str | Path) -> Drive:
     """A drive that has what a comparison needs.
@@ -39,7 +35,7 @@ def check_fit(frame: TracedFrame, drive: Drive) -> None:
     Raises:
         DriveError: too few points lie where the twin says; the measured misfit is told.
     """
-    solid, observed = frame.shot.hits.solid, frame.observed
+    solid, observed, settings = frame.shot.hits.solid, frame.observed, frame.settings.beams
     usable = observed.returned & observed.trusted
     if not usable.any():
         raise DriveError(
@@ -48,20 +44,20 @@ def check_fit(frame: TracedFrame, drive: Drive) -> None:
     residual = observed.range_from(frame.shot.rays.origin) - solid.range_m
     gap = np.abs(np.nan_to_num(residual[usable], nan=1e3, posinf=1e3, neginf=1e3))
     # Without rays/ the model's lasers may look elsewhere than the unit's, and that is for the diagnosis to say.
-    agrees_m = _AGREES_UNSAID_M if observed.recovered else _AGREES_M
+    agrees_m = settings.agrees_unsaid_m if observed.recovered else settings.agrees_m
     share = float((gap < agrees_m).mean())
-    if share < _FEWEST_SHARE:
+    if share < settings.fewest_share:
         raise DriveError(
             f"{drive.root}: the twin does not fit frame {frame.name}: only {share:.0%} of points lie within "
             f"{agrees_m} m of it, the median is {np.median(gap):.2f} m off; check frames, axes and the LiDAR's pose"
         )
     # Flat ground is alike everywhere: only what stands on it tells one place from another.
-    upright = usable & solid.exists & (np.abs(solid.normal[:, 2]) < _UPRIGHT)
+    upright = usable & solid.exists & (np.abs(solid.normal[:, 2]) < settings.upright)
     standing = np.abs(residual[upright])
-    share = float((standing < _NEAR_M).mean()) if upright.sum() >= _FEWEST_UPRIGHT else 1.0
-    if not observed.recovered and share < _FEWEST_STANDING:
+    share = float((standing < settings.same_m).mean()) if upright.sum() >= settings.fewest_upright else 1.0
+    if not observed.recovered and share < settings.fewest_standing:
         raise DriveError(
             f"{drive.root}: the twin does not fit frame {frame.name}: only {share:.0%} of points on what stands "
-            f"upright in it lie within {_NEAR_M:g} m, the median is {np.median(standing):.2f} m off; "
+            f"upright in it lie within {settings.same_m:g} m, the median is {np.median(standing):.2f} m off; "
             "check which frame is which"
         )

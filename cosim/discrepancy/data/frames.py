@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from cosim.discrepancy.data.ambiguity import Neighbours, widened
 from cosim.discrepancy.data.map_surfaces import Maps, MapSurfaces
 from cosim.discrepancy.data.observation import Observed, intensity_unit, observe, upwards
-from cosim.discrepancy.labelled_twin.trust import read_trust
-from cosim.discrepancy.settings import DEFAULT
+from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.drives.kitti import Drive, Frame
+from cosim.drives.twin import read_trust
 from cosim.drives.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
@@ -24,9 +24,6 @@ from sensors.scene import Instances
 from sensors.sensor_model import SensorModel
 from sensors.shot import Shot
 from sensors.world import TracerCache, World
-
-_SAME_M = 1.0
-_ASIDE = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +47,7 @@ class TracedFrame:
         ego, instances: at the pose time.
         map: of the drive's own scans, if the twin is one.
         surface: (n,) int32 row of the map's surface that each beam meets; −1 for none, or no map.
+        settings: numbers that decide, of whatever is done with it.
     """
 
     name: str
@@ -69,14 +67,14 @@ class TracedFrame:
     instances: Instances
     map: MapSurfaces | None
     surface: np.ndarray
+    settings: Settings
 
     def unsure(self, shift_m: float, turn_rad: float) -> np.ndarray:
         """(n,) bool: beams that meet something else, or another material, if poses are off by so much."""
-        pattern = self.shot.pattern
-        solid = self.shot.hits.solid
+        pattern, solid, settings = self.shot.pattern, self.shot.hits.solid, self.settings.beams
         seam = self.border | self.seam
-        found = widened(self.edge, self.nearest_m, pattern, shift_m, turn_rad)
-        found |= widened(seam, np.where(seam, solid.range_m, np.inf), pattern, shift_m, turn_rad)
+        found = widened(self.edge, self.nearest_m, pattern, shift_m, turn_rad, settings)
+        found |= widened(seam, np.where(seam, solid.range_m, np.inf), pattern, shift_m, turn_rad, settings)
         return found | self._beside(shift_m, turn_rad)
 
     def _beside(self, shift_m: float, turn_rad: float) -> np.ndarray:
@@ -84,24 +82,25 @@ class TracedFrame:
 
         Wires and thin poles may stand between beams, so that no beam of the twin tells that there is an edge.
         """
+        settings = self.settings.beams
         traced, world, measured = self.shot.traced, self.shot.world, self.observed.range_from(self.shot.rays.origin)
         assert traced is not None and world is not None  # frames are traced
         asked = self.observed.returned & self.observed.trusted
-        far = asked & ~(np.abs(measured - self.shot.hits.solid.range_m) < _SAME_M)
+        far = asked & ~(np.abs(measured - self.shot.hits.solid.range_m) < settings.same_m)
         rows = np.flatnonzero(far)
         direction, upwards_m = traced.direction[rows], traced.hits.pose[:3, 2]
         across = np.cross(direction, upwards_m)
         upward = np.cross(across, direction)
         angle = turn_rad + shift_m / np.maximum(measured[rows], 1.0)
-        turns = np.linspace(0, 2 * np.pi, _ASIDE, endpoint=False)
+        turns = np.linspace(0, 2 * np.pi, settings.directions, endpoint=False)
         around = [np.cos(turn) * across + np.sin(turn) * upward for turn in turns]
         shots = np.concatenate([direction + (part * angle)[:, None] * one for part in (0.5, 1.0) for one in around])
         shots /= np.linalg.norm(shots, axis=1, keepdims=True)
-        count = 2 * _ASIDE
+        count = 2 * settings.directions
         time_s = np.broadcast_to(traced.time_s, len(measured))[rows]
         origin = np.tile(traced.origin[rows], (count, 1))
         met = world.shoot(origin, shots, np.tile(time_s, count), self.shot.pattern.range_m[1])
-        same = np.abs(met.range_m - np.tile(measured[rows], count)) < _SAME_M
+        same = np.abs(met.range_m - np.tile(measured[rows], count)) < settings.same_m
         found = np.zeros(len(measured), bool)
         found[rows] = same.reshape(count, len(rows)).any(0)
         return found
@@ -113,20 +112,20 @@ class FrameTracer:
     Args:
         drive: with points and a twin.
         sensor: its pattern is what points are sorted onto.
+        settings: numbers that decide.
 
     Raises:
         DriveError: intensities are neither 0–1 nor bytes.
     """
 
-    def __init__(self, drive: Drive, sensor: SensorModel) -> None:
-        self.drive = drive
-        self.sensor = sensor
+    def __init__(self, drive: Drive, sensor: SensorModel, settings: Settings = DEFAULT) -> None:
+        self.drive, self.sensor, self.settings = drive, sensor, settings
         self._scenes = TwinScenes(drive)
-        self._unit = intensity_unit(drive)
+        self._unit = intensity_unit(drive, settings.beams)
         self._rays: Rays = sensor.pattern.rays()
-        self._neighbours = Neighbours(self._rays)
+        self._neighbours = Neighbours(self._rays, settings.beams)
         self._tracers = TracerCache(sensor.pattern.range_m)
-        self._maps = Maps(drive)
+        self._maps = Maps(drive, settings.sampling)
 
     def trace(self, name: str, effects: tuple[Effect, ...], leaning: np.ndarray | None = None) -> TracedFrame:
         """One frame, as beams changed by `effects` meet it, from a pose that is off by `leaning`, see `TracedFrame`."""
@@ -136,7 +135,7 @@ class FrameTracer:
         instances, ego, pattern = scene_instances(twin.instances), ego_motion(twin), self.sensor.pattern
         pose = lidar_pose(twin) @ _moved(leaning)
         world = World(self._scenes.of(frame), pose, instances, ego, pattern.range_m, self._tracers)
-        observed = observe(frame, pattern, self._rays, self._unit)
+        observed = observe(frame, pattern, self._rays, self._unit, self.settings.beams)
         before = Shot(pattern, observed.rays, world=world, frame_time_s=twin.time_s)
         streams = Streams(np.random.default_rng(0))
         beams = act_on_beams(in_order(effects), Beams.nominal(observed.rays), before, streams, self.sensor.origin)
@@ -144,9 +143,9 @@ class FrameTracer:
         shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
         surface, own_map = np.full(len(observed.rays), -1, np.int32), self._maps.of(twin.static)
         if own_map is None:
-            trusted, unsure_m, unsure_intensity = _known(frame, shot, observed)
+            trusted, unsure_m, unsure_intensity = _known(frame, shot, observed, self.settings.beams.grazing)
         else:
-            surface, trusted, unsure_m = _on_map(own_map, shot, observed)
+            surface, trusted, unsure_m = _on_map(own_map, shot, observed, self.settings.beams.grazing)
             unsure_intensity = np.zeros(len(observed.rays), np.float32)
         border, seam = self._neighbours.at_border(traced.hits)
         edge, nearest_m = self._neighbours.at_edge(traced.hits)
@@ -168,6 +167,7 @@ class FrameTracer:
             instances=instances,
             map=own_map,
             surface=surface,
+            settings=self.settings,
         )
 
     def trace_all(
@@ -186,7 +186,7 @@ def _moved(leaning: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def _known(frame: Frame, shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _known(frame: Frame, shot: Shot, observed: Observed, grazing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which beams may be compared, all or those that a twin made from labels tells something of; how unsure it is."""
     if not frame.has("twin/trust"):
         sure = np.zeros(len(observed.rays), np.float32)
@@ -199,17 +199,19 @@ def _known(frame: Frame, shot: Shot, observed: Observed) -> tuple[np.ndarray, np
     away, bright = trust.unsure(met, solid.instance)
     steep = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
     trusted = found & (trust.ground_range | (solid.instance >= 0))
-    return trusted, away / np.maximum(steep, DEFAULT.grazing), bright
+    return trusted, away / np.maximum(steep, grazing), bright
 
 
-def _on_map(surfaces: MapSurfaces, shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _on_map(
+    surfaces: MapSurfaces, shot: Shot, observed: Observed, grazing: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Surfaces of a map that beams meet, which beams may be compared, and how unsure roughness makes ranges."""
     met, measured = _places(shot, observed)
     solid, traced = shot.hits.solid, shot.traced
     assert traced is not None  # frames are traced
     surface = surfaces.met(met, solid.instance).astype(np.int32)
     slope = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
-    return surface, observed.trusted & surfaces.compared(surface, measured), surfaces.unsure_m(surface, slope)
+    return surface, observed.trusted & surfaces.compared(surface, measured), surfaces.unsure_m(surface, slope, grazing)
 
 
 def _places(shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray]:

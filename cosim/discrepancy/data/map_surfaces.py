@@ -15,28 +15,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import KDTree
 
-from cosim.discrepancy.settings import DEFAULT
-from cosim.drives.files import read_bytes
+from cosim.discrepancy.settings import DEFAULT, Sampling
 from cosim.drives.kitti import Drive
-from cosim.errors import FormatError
+from cosim.drives.twin.surfels import has_surfels, read_surfels, surfel_file
 from sensors.hits import STATIC
-from sensors.npz import NpzError, npz_arrays
 
-_FILE, _FOLDER = "twin/surfels.npz", "twin/surfels"  # of one map, of those of a long drive
-_ARRAYS = {"centre": (3,), "normal": (3,), "sd_m": (), "range_m": (2,), "cos_incidence": (2,), "trusted": ()}
-_CELL = "cell_m"
-_MARGIN_M = 0.3  # across a surface, within which a return is its
-_ON_PLANE_M = 0.02
-_NEIGHBOURS = 6
-_PLACE_M, _JUDGE = 8.0, 3  # squares of the ground, one of so many of which judges
 _FAR = 1 << 20  # cells from the origin to the edge of what can be numbered
-_LEAST_ROUGH = 0.2  # of the scatter, that a surface has itself
-_LEVEL = 0.9  # |n·z| of what lies flat
-
-
-def is_own_map(drive: Drive) -> bool:
-    """Whether a drive's twin is a map made of its own scans, or several."""
-    return (drive.root / _FILE).is_file() or (drive.root / _FOLDER).is_dir()
 
 
 class Maps:
@@ -44,10 +28,12 @@ class Maps:
 
     Args:
         drive: whose twin may be a map.
+        settings: numbers that decide.
     """
 
-    def __init__(self, drive: Drive) -> None:
-        self._drive = drive if is_own_map(drive) else None
+    def __init__(self, drive: Drive, settings: Sampling = DEFAULT.sampling) -> None:
+        self._settings = settings
+        self._drive = drive if has_surfels(drive.root) else None
         self._read: dict[Path, MapSurfaces] = {}
 
     def of(self, static: str | None) -> MapSurfaces | None:
@@ -61,10 +47,9 @@ class Maps:
         """
         if self._drive is None:
             return None
-        name = _FILE if static is None else f"{_FOLDER}/{Path(static).stem}.npz"
-        file = self._drive.root / name
+        file = surfel_file(self._drive.root, static)
         if file not in self._read:
-            self._read[file] = MapSurfaces.read(file)
+            self._read[file] = MapSurfaces.read(file, self._settings)
         return self._read[file]
 
 
@@ -82,6 +67,7 @@ class MapSurfaces:
         cell_m: size of the cells, of which each holds one surface at most.
         tree: of the centres.
         cells: (m,) int64 numbers of the surfaces' cells, rising; `order`: (m,) rows of the surfaces in them.
+        settings: numbers that decide.
     """
 
     centre: np.ndarray
@@ -93,32 +79,19 @@ class MapSurfaces:
     tree: KDTree
     cells: np.ndarray
     order: np.ndarray
+    settings: Sampling
 
     @classmethod
-    def read(cls, file: Path) -> MapSurfaces:
+    def read(cls, file: Path, settings: Sampling) -> MapSurfaces:
         """Those of a file.
 
         Raises:
             FormatError: the file is damaged.
         """
-        try:
-            found = npz_arrays(read_bytes(file))
-        except NpzError as error:
-            raise FormatError(f"{file}: {error}; make the twin anew with `cosim twin`") from None
-        missing = [name for name in (*_ARRAYS, _CELL) if name not in found]
-        if missing:
-            raise FormatError(f"{file}: lacks {', '.join(missing)}; make the twin anew with `cosim twin`")
-        arrays = {name: np.asarray(found[name], np.float64) for name in _ARRAYS}
-        count = len(arrays["centre"])
-        odd = [name for name, shape in _ARRAYS.items() if arrays[name].shape != (count, *shape)]
-        if not count or odd:
-            raise FormatError(f"{file}: {odd[0] if odd else 'centre'} has no row a surface; make the twin anew")
-        if found[_CELL].shape != (1,) or not found[_CELL][0] > 0:
-            raise FormatError(f"{file}: {_CELL} is no size of cells; make the twin anew with `cosim twin`")
-        cell_m = float(found[_CELL][0])
+        arrays, cell_m = read_surfels(file)
         cells = _cell_numbers(arrays["centre"], cell_m)
         order = np.argsort(cells, kind="stable")
-        rough = _roughness(arrays["sd_m"], arrays["cos_incidence"].mean(1))
+        rough = _roughness(arrays["sd_m"], arrays["cos_incidence"].mean(1), settings.least_rough)
         return cls(
             arrays["centre"],
             arrays["normal"],
@@ -129,6 +102,7 @@ class MapSurfaces:
             KDTree(arrays["centre"]),
             cells[order],
             order,
+            settings,
         )
 
     def __len__(self) -> int:
@@ -137,8 +111,8 @@ class MapSurfaces:
     @cached_property
     def judge(self) -> np.ndarray:
         """(m,) bool: those in squares of the ground by whose surfaces findings are judged, the others being fitted."""
-        square = np.floor(self.centre[:, :2] / _PLACE_M).astype(int)
-        return (square[:, 0] + square[:, 1]) % _JUDGE == 0
+        square = np.floor(self.centre[:, :2] / self.settings.place_m).astype(int)
+        return (square[:, 0] + square[:, 1]) % self.settings.judge_every == 0
 
     def met(self, place: np.ndarray, instance: np.ndarray) -> np.ndarray:
         """Row (n,) of the surface that each beam meets; −1 where none.
@@ -155,10 +129,10 @@ class MapSurfaces:
         rows = rows[found[rows] < 0]  # over the rim of a cell
         if not len(rows):
             return found
-        _, near = self.tree.query(place[rows], k=min(_NEIGHBOURS, len(self)))
+        _, near = self.tree.query(place[rows], k=min(self.settings.neighbours, len(self)))
         near = near.reshape(len(rows), -1)
         off = np.einsum("ikj,ikj->ik", place[rows][:, None] - self.centre[near], self.normal[near])
-        on = np.abs(off) < _ON_PLANE_M
+        on = np.abs(off) < self.settings.on_plane_m
         best = on.argmax(1)  # the nearest of those whose plane it lies on
         found[rows] = np.where(on.any(1), near[np.arange(len(rows)), best], -1)
         return found
@@ -169,7 +143,7 @@ class MapSurfaces:
         at = np.minimum(np.searchsorted(self.cells, cell), len(self) - 1)
         row = self.order[at]
         off = np.einsum("ij,ij->i", place - self.centre[row], self.normal[row])
-        return np.where((self.cells[at] == cell) & (np.abs(off) < _ON_PLANE_M), row, -1)
+        return np.where((self.cells[at] == cell) & (np.abs(off) < self.settings.on_plane_m), row, -1)
 
     def compared(self, met: np.ndarray, measured: np.ndarray) -> np.ndarray:
         """Which beams may be compared, (n,) bool.
@@ -180,17 +154,17 @@ class MapSurfaces:
         """
         row = np.maximum(met, 0)
         off = np.einsum("ij,ij->i", measured - self.centre[row], self.normal[row])
-        return (met >= 0) & self.trusted[row] & ~(np.abs(off) > _MARGIN_M)
+        return (met >= 0) & self.trusted[row] & ~(np.abs(off) > self.settings.margin_m)
 
-    def unsure_m(self, met: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    def unsure_m(self, met: np.ndarray, slope: np.ndarray, grazing: float) -> np.ndarray:
         """(n,) float32 standard deviation of ranges to rough surfaces.
 
         Args:
             met: (n,) rows of the surfaces that beams meet.
-            slope: (n,) cosines of incidence.
+            slope: (n,) cosines of incidence; `grazing` at least.
         """
         rough = np.where(met >= 0, self.rough_m[np.maximum(met, 0)], 0.0)
-        return (rough / np.maximum(slope, DEFAULT.grazing)).astype(np.float32)
+        return (rough / np.maximum(slope, grazing)).astype(np.float32)
 
     def drawn(self, looks: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
         """Rows of surfaces with `count` looks in all, half of them on what lies flat, half on the rest where it is.
@@ -206,7 +180,7 @@ class MapSurfaces:
         worth = np.where(looks > 1, np.maximum(worth, 1e-3), 0.0)
         keys = np.where(worth > 0, rng.random(len(worth)) ** (1 / np.maximum(worth, 1e-3)), -1.0)
         order = np.argsort(-keys, kind="stable")[: np.count_nonzero(worth)]
-        flat = np.abs(self.normal[order, 2]) > _LEVEL
+        flat = np.abs(self.normal[order, 2]) > self.settings.level
         share = np.where(flat, *(_share_before(looks[order], mine, count / 2) for mine in (flat, ~flat)))
         order = order[np.argsort(share, kind="stable")]
         return order[np.cumsum(looks[order]) <= count]
@@ -223,12 +197,13 @@ def _share_before(looks: np.ndarray, mine: np.ndarray, count: float) -> np.ndarr
     return np.cumsum(np.where(mine, looks, 0)) / count
 
 
-def _roughness(sd_m: np.ndarray, slope: np.ndarray) -> np.ndarray:
+def _roughness(sd_m: np.ndarray, slope: np.ndarray, least: float) -> np.ndarray:
     """(m,) square root of sd² − σ²cos²; σ, of the noise of ranges, from how lower quartiles of sd² grow with cos².
 
     Args:
         sd_m: (m,) scatter of points across the surfaces.
         slope: (m,) usual cosines of incidence.
+        least: share of sd that is left.
     """
     edges = np.quantile(slope**2, np.linspace(0, 1, 9))
     slot = np.clip(np.searchsorted(edges, slope**2, side="right") - 1, 0, 7)
@@ -237,4 +212,4 @@ def _roughness(sd_m: np.ndarray, slope: np.ndarray) -> np.ndarray:
     if len(used) > 2:
         square = [float(np.quantile(sd_m[slot == k] ** 2, 0.25)) for k in used]
         noise = max(float(np.polyfit([float(np.mean(slope[slot == k] ** 2)) for k in used], square, 1)[0]), 0.0)
-    return np.sqrt(np.maximum(sd_m**2 - noise * slope**2, (_LEAST_ROUGH * sd_m) ** 2))
+    return np.sqrt(np.maximum(sd_m**2 - noise * slope**2, (least * sd_m) ** 2))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cosim.discrepancy.data.observation import intensity_unit
+from cosim.discrepancy.settings import DEFAULT, Beams
 from cosim.drives.kitti import Drive
 
-_FEWEST_SCANS = 3  # of which the spread of pose errors tells anything
 _OF_OWN_MAP = ("mount_rotation", "mount_translation", "suspension_pitch", "time_offset", "range_scale")
 _OF_WHAT_IS_IN_NO_MAP = ("backscatter", "false_alarms", "mirror_ghost", "blooming")
 _OF_POSES = ("mount_rotation", "mount_translation", "suspension_pitch")
@@ -39,15 +39,15 @@ def drive_notes(drive: Drive, *, frames: int, bad: int, strays: int, has_intensi
     return tuple(said)
 
 
-def not_told(fitted: int, of_own_map: bool) -> tuple[str, ...]:
+def not_told(fitted: int, of_own_map: bool, settings: Beams = DEFAULT.beams) -> tuple[str, ...]:
     """Effects that so many scans cannot tell from errors of their poses, or a map made of them from its own."""
     return (
-        *(_OF_POSES if fitted < _FEWEST_SCANS else ()),
+        *(_OF_POSES if fitted < settings.fewest_scans else ()),
         *((*_OF_OWN_MAP, *_OF_WHAT_IS_IN_NO_MAP) if of_own_map else ()),
     )
 
 
-def fit_notes(fitted: int, is_held_out: bool, of_own_map: bool) -> tuple[str, ...]:
+def fit_notes(fitted: int, is_held_out: bool, of_own_map: bool, settings: Beams = DEFAULT.beams) -> tuple[str, ...]:
     """Of how many frames were fitted, whether others judged, and whether the twin is a map made of them."""
     said = []
     if of_own_map:
@@ -59,7 +59,7 @@ def fit_notes(fitted: int, is_held_out: bool, of_own_map: bool) -> tuple[str, ..
             "returns from what the map does not hold are left out, be it traffic, leaves or fog: "
             f"{', '.join(_OF_WHAT_IS_IN_NO_MAP)} are not told by this drive"
         )
-    if fitted < _FEWEST_SCANS:
+    if fitted < settings.fewest_scans:
         count = "one frame is" if fitted == 1 else f"{fitted} frames are"
         said.append(
             f"{count} too few to tell a sensor that is off as a whole from poses that are: "

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.discrepancy.settings import DEFAULT, Beams
 from cosim.drives.kitti import Drive, Frame, PointRays
 from cosim.errors import DriveError
 from sensors.pattern import Pattern
 from sensors.rays import Rays
 
-_BRIGHTEST, _BYTE, _MOST_POINTS, _ASKED = 1.001, 255.0, 0.99, 3
-_ASIDE_RAD = 1e-5  # from the middle of its slot: a point that stands farther off says its own azimuth
-_AT_ONCE = 1.75  # azimuth steps: returns of a ring that are nearer to each other have no firing between them
-_HALF_SLOT = 0.5001  # of an azimuth step: farther from a firing's azimuth no point belongs to it
+_BYTE = 255.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,26 +60,26 @@ class Observed:
         return self.above_m - np.einsum("ij,ij->i", origin, upwards(self.rays.direction))
 
 
-def intensity_unit(drive: Drive) -> float:
+def intensity_unit(drive: Drive, settings: Beams = DEFAULT.beams) -> float:
     """By what intensities of a drive are divided to be 0–1: 1, or 255 where they are bytes, as its first scans tell.
 
     Raises:
         DriveError: they reach beyond a byte.
     """
-    for name in drive.frames[:_ASKED]:
+    for name in drive.frames[: settings.first_scans]:
         intensity = drive[name].points[:, 3]
         told = intensity[np.isfinite(intensity)]
-        bright = float(np.quantile(told, _MOST_POINTS)) if len(told) else 0.0
+        bright = float(np.quantile(told, settings.most_points)) if len(told) else 0.0
         if bright > _BYTE:
             raise DriveError(
                 f"{drive.root}: intensities in velodyne/ reach {told.max():g}, but are 0–1 or bytes, 0–255; divide them"
             )
-        if bright > _BRIGHTEST:
+        if bright > settings.brightest:
             return _BYTE
     return 1.0
 
 
-def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0) -> Observed:
+def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0, settings: Beams = DEFAULT.beams) -> Observed:
     """Sort the points of a frame onto the beams of a pattern by ring and azimuth.
 
     Args:
@@ -89,9 +87,10 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0) -> Ob
         pattern: of the sensor.
         rays: of the pattern.
         unit: by what intensities are divided, see `intensity_unit`.
+        settings: numbers that decide.
     """
     points, of = frame.points, frame.rays
-    row, fits = _beams(of, pattern)
+    row, fits = _beams(of, pattern, settings.half_slot)
     first, taken = np.unique(row[fits], return_index=True)
     used = np.flatnonzero(fits)[taken]
 
@@ -101,10 +100,10 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0) -> Ob
         rays = _turned(rays, first, np.arctan2(xyz[:, 1], xyz[:, 0]))
     else:
         said = of.azimuth[used].astype(np.float64)
-        aside = np.abs(np.angle(np.exp(1j * (said - rays.azimuth[first])))) > _ASIDE_RAD
+        aside = np.abs(np.angle(np.exp(1j * (said - rays.azimuth[first])))) > settings.aside_rad
         if aside.any():
             rays = _turned(rays, first[aside], said[aside])
-            unfired = _unfired(rays, first, pattern)
+            unfired = _unfired(rays, first, settings.at_once * 2 * np.pi / pattern.firings)
     direction = rays.direction[first].astype(np.float64)
     along = np.full(len(rays), np.nan, np.float32)
     above, intensity = along.copy(), along.copy()
@@ -118,7 +117,7 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0) -> Ob
     trusted = np.ones(len(rays), bool)
     trusted[unfired] = False
     if frame.bad_points and (lost := frame.bad_rays) is not None:
-        beam, told = _beams(lost, pattern)
+        beam, told = _beams(lost, pattern, settings.half_slot)
         trusted[beam[told]] = False  # it returned, nobody knows from where
     return Observed(
         rays=rays,
@@ -134,7 +133,7 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0) -> Ob
     )
 
 
-def _beams(of: PointRays, pattern: Pattern) -> tuple[np.ndarray, np.ndarray]:
+def _beams(of: PointRays, pattern: Pattern, half_slot: float) -> tuple[np.ndarray, np.ndarray]:
     """Row (m,) of each point's beam, and whether the point fits one (m,): first returns near a firing's azimuth."""
     step = 2 * np.pi / pattern.firings
     ring = of.ring.astype(np.int64)
@@ -142,22 +141,22 @@ def _beams(of: PointRays, pattern: Pattern) -> tuple[np.ndarray, np.ndarray]:
     fan = np.radians(np.array(pattern.azimuth_offset_deg, float))[np.minimum(ring, pattern.rings - 1)]
     place = (np.pi - (of.azimuth.astype(np.float64) - fan)) / step - 0.5
     slot = np.rint(place)
-    fits = known & (np.abs(place - slot) < _HALF_SLOT) & (of.return_no == 0)
+    fits = known & (np.abs(place - slot) < half_slot) & (of.return_no == 0)
     return ring * pattern.firings + slot.astype(np.int64) % pattern.firings, fits
 
 
-def _unfired(rays: Rays, rows: np.ndarray, pattern: Pattern) -> np.ndarray:
+def _unfired(rays: Rays, rows: np.ndarray, at_once_rad: float) -> np.ndarray:
     """Beams between two returns of a ring that follow each other at once: a head that turns unevenly skips slots.
 
     Args:
         rays: of the pattern, those with returns turned to measured azimuths.
         rows: (k,) which these are, rising.
-        pattern: of the sensor.
+        at_once_rad: between returns that follow each other at once.
     """
     after = np.roll(rows, -1)
     apart = np.angle(np.exp(1j * (rays.azimuth[rows].astype(float) - rays.azimuth[after])))
     between = after - rows - 1
-    at_once = (rays.ring[rows] == rays.ring[after]) & (np.abs(apart) < _AT_ONCE * 2 * np.pi / pattern.firings)
+    at_once = (rays.ring[rows] == rays.ring[after]) & (np.abs(apart) < at_once_rad)
     start = rows[at_once & (between > 0)]
     count = between[at_once & (between > 0)]
     return np.repeat(start + 1, count) + np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)

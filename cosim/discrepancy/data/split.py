@@ -7,16 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.data.map_surfaces import is_own_map
-from cosim.discrepancy.labelled_twin.trust import read_trust
+from cosim.discrepancy.settings import DEFAULT, Sampling
 from cosim.drives.kitti import Drive, Frame
+from cosim.drives.twin import read_trust
+from cosim.drives.twin.surfels import has_surfels
 
-_SEGMENT = 3
-_FEWEST = 16  # frames of which a segment can be spared for the end
-_MAP_SCANS, _MAP_JUDGES = 24, 8  # of a map that are fitted and that judge, evenly spread
-_SCANS_EACH, _JUDGES_EACH = 6, 3  # of each map where there are several
-_APART = 6  # scans from one that is fitted to the next there: so near that they see the same surfaces, from elsewhere
-_MOST_BEAMS = 4_300_000  # of all scans that are looked at; each takes a kilobyte
 _FIT, _HELD_OUT = "fit", "held_out"
 
 
@@ -40,7 +35,7 @@ class Split:
         return not set(self.fit) & set(self.test)
 
 
-def split_drive(drive: Drive, beams: int) -> Split:
+def split_drive(drive: Drive, beams: int, settings: Sampling = DEFAULT.sampling) -> Split:
     """The split of a drive's frames; of those whose ground tells nothing of ranges as many judge as of the others.
 
     Of maps made of the scans, those judge that took no part in them.
@@ -48,13 +43,18 @@ def split_drive(drive: Drive, beams: int) -> Split:
     Args:
         drive: with its twin.
         beams: of a turn.
+        settings: numbers that decide.
     """
-    if is_own_map(drive) and {_FIT, _HELD_OUT} <= set(drive.splits):
-        return split_of_maps(_by_map(drive, drive.split(_FIT)), _by_map(drive, drive.split(_HELD_OUT)), beams)
-    return split_frames(drive.frames, [name for name in drive.frames if not _tells_of_ranges(drive[name])])
+    if has_surfels(drive.root) and {_FIT, _HELD_OUT} <= set(drive.splits):
+        fit, held_out = (_by_map(drive, drive.split(name)) for name in (_FIT, _HELD_OUT))
+        return split_of_maps(fit, held_out, beams, settings)
+    poor = [name for name in drive.frames if not _tells_of_ranges(drive[name])]
+    return split_frames(drive.frames, poor, settings)
 
 
-def split_of_maps(fit: Sequence[Sequence[str]], held_out: Sequence[Sequence[str]], beams: int) -> Split:
+def split_of_maps(
+    fit: Sequence[Sequence[str]], held_out: Sequence[Sequence[str]], beams: int, settings: Sampling = DEFAULT.sampling
+) -> Split:
     """The split of scans that maps were made of, and of those that took no part.
 
     One map gives scans from end to end. Of several, as many as memory bears and evenly spread along the drive, each
@@ -64,29 +64,31 @@ def split_of_maps(fit: Sequence[Sequence[str]], held_out: Sequence[Sequence[str]
         fit: names of the scans that made a map, in order, a sequence for each.
         held_out: names of those that took no part in it.
         beams: of a turn.
+        settings: numbers that decide.
     """
     told = [pair for pair in zip(fit, held_out, strict=True) if all(pair)]
     if not told:
-        return split_frames([name for names in fit for name in names])
+        return split_frames([name for names in fit for name in names], (), settings)
     if len(told) == 1:
-        return Split(_spread(told[0][0], _MAP_SCANS), _spread(told[0][1], _MAP_JUDGES))
-    most = max(_MOST_BEAMS // (beams * (_SCANS_EACH + _JUDGES_EACH)), 1)
+        return Split(_spread(told[0][0], settings.map_scans), _spread(told[0][1], settings.map_judges))
+    most = max(settings.most_beams // (beams * (settings.scans_each + settings.judges_each)), 1)
     told = [told[row] for row in _rows(len(told), most)]
-    each, judges = max(_MAP_SCANS // len(told), _SCANS_EACH), max(_MAP_JUDGES // len(told), _JUDGES_EACH)
+    each = max(settings.map_scans // len(told), settings.scans_each)
+    judges = max(settings.map_judges // len(told), settings.judges_each)
     return Split(
-        tuple(name for mine, _ in told for name in _spread(_middle(mine, each * _APART), each)),
+        tuple(name for mine, _ in told for name in _spread(_middle(mine, each * settings.apart), each)),
         tuple(name for _, theirs in told for name in _spread(_middle(theirs, 2 * judges), judges)),
     )
 
 
-def split_frames(names: Sequence[str], poor: Collection[str] = ()) -> Split:
+def split_frames(names: Sequence[str], poor: Collection[str] = (), settings: Sampling = DEFAULT.sampling) -> Split:
     """Every fourth segment of consecutive frames judges, the last one is left untouched, the rest is fitted.
 
     Poor frames are shared out among those that fit and judge by themselves.
     """
-    size = max(1, min(_SEGMENT, len(names) // 8))
+    size = max(1, min(settings.segment, len(names) // 8))
     rich = [name for name in names if name not in poor]
-    confirm = tuple(rich[-size:]) if len(rich) >= _FEWEST else ()
+    confirm = tuple(rich[-size:]) if len(rich) >= settings.fewest_confirmed else ()
     ordered = [*rich[: len(rich) - len(confirm)], *(name for name in names if name in poor)]
     judges = {name for place, name in enumerate(ordered) if place // size % 4 == 3}
     left = [name for name in names if name not in confirm]

@@ -12,15 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from assets.materials import MaterialTable
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.data.observation import upwards
-from cosim.discrepancy.forward.ray_origins import leaving
+from cosim.discrepancy.forward.expectation import Expectation, expect
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
 from sensors.effects.base import BeamEffect, Effect
-from sensors.effects.ring_elevation import RingElevation
+from sensors.effects.beams.ring_elevation import RingElevation
 from sensors.hits import NOTHING, Hits, Surface
-from sensors.motion import yaw_matrices
+from sensors.motion import EgoMotion, yaw_matrices
 from sensors.pattern import Pattern
 from sensors.rays import Rays
 from sensors.scene import Instances
@@ -97,28 +98,138 @@ class Planes:
         return np.where((np.abs(slope) > _GRAZING) & (reach > 0), reach, np.nan)
 
 
-class FrameReplay:
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """What effects let expect of n beams.
+
+    Attributes:
+        of: means, spreads and probabilities.
+        along_m, above_m: (n,) how far the reported optical centre stands along and above each beam [m].
+        stray: (n,) density [1/m] of returns from elsewhere at the measured range; 0 where nothing was measured.
+    """
+
+    of: Expectation
+    along_m: np.ndarray
+    above_m: np.ndarray
+    stray: np.ndarray
+
+
+class Replayed:
+    """Some beams, and what they meet as effects bend them; shots bent in the latest few ways are kept.
+
+    Attributes:
+        nominal: the beams as the pattern has them.
+        is_calibrated: whether points stand where the unit's own calibration has its lasers look.
+        along_m: (n,) what was measured along the beams [m]; NaN where nothing returned.
+        unsure: (n,) each, how far the twin's ranges [m] and reflectances may be off.
+        solid, met: the surface that each meets, and its plane.
+        pane_beam, pane, paned: (k,) rows of beams that pass a pane first, the panes, and their planes.
+        paint, table: of `Hits`.
+        measured: what beams beside them returned, see `Shot.beside`.
+        egos, poses: of each frame, the vehicle at the pose time and the nominal world pose of the LiDAR (4, 4).
+        frame: (n,) int row of each beam's frame.
+    """
+
+    ways = 1
+    nominal: Rays
+    is_calibrated: bool
+    along_m: np.ndarray
+    unsure: tuple[np.ndarray, np.ndarray]
+    solid: Surface
+    met: Planes
+    pane_beam: np.ndarray
+    pane: Surface
+    paned: Planes
+    paint: np.ndarray
+    table: MaterialTable
+    measured: Mapping[str, np.ndarray] | None
+    egos: Sequence[EgoMotion]
+    poses: Sequence[np.ndarray]
+    frame: np.ndarray
+
+    def __init__(self) -> None:
+        self._shots: list[tuple[tuple[Effect, ...], Shot]] = []
+        self._looks: tuple[tuple[Effect, ...], np.ndarray] | None = None
+
+    def expect(self, effects: tuple[Effect, ...]) -> Expected:
+        """What effects, in the order in which they act, let expect."""
+        shot, looks = self.shot(effects), self._looked(effects)
+        direction = shot.rays.direction
+        upward, along, above = shot.kept("optical centres", lambda: _centres(shot.rays))
+        found = expect(effects, shot, self.unsure)
+        stray = np.zeros(len(self.along_m))
+        if looks is not None:
+            # Points stand where the unit's calibration has its lasers look, not along the pattern's beams; how far
+            # above these follows from the measured range, whatever surface it was.
+            ahead = np.einsum("ij,ij->i", looks, direction)
+            above = above + (self.along_m - along) / ahead * np.einsum("ij,ij->i", looks, upward)
+            reach = np.nan_to_num(found.range_m)  # a beam into the sky may return all the same: of a drop, at its range
+            along = along + reach * (ahead - 1)
+        rows = np.flatnonzero(~np.isnan(self.along_m))
+        for effect in effects:
+            if type(effect).density is not Effect.density:
+                stray[rows] += effect.density(rows, self.along_m[rows] - along[rows], shot)
+        return Expected(found, along, above, stray)
+
+    def shot(self, effects: Sequence[Effect]) -> Shot:
+        """The beams as those bent by the beam effects among `effects` meet what they do."""
+        bending = tuple(effect for effect in effects if isinstance(effect, BeamEffect))
+        kept = next((shot for known, shot in self._shots if known == bending), None)
+        if kept is None:
+            kept = self._bent(bending)
+            self._shots = [*self._shots, (bending, kept)][-self.ways :]
+        return kept
+
+    def _looked(self, effects: Sequence[Effect]) -> np.ndarray | None:
+        """Where the unit's own calibration has its lasers look, (n, 3) float64, where points stand along these.
+
+        None where they stand along the beams of the pattern.
+        """
+        if not self.is_calibrated:
+            return None
+        known = tuple(effect for effect in effects if isinstance(effect, RingElevation))
+        if self._looks is None or self._looks[0] != known:
+            self._looks = (known, self._left(known).direction.astype(np.float64))
+        return self._looks[1]
+
+    def _left(self, effects: tuple[Effect, ...]) -> Beams:
+        """The beams as beam effects let them leave."""
+        streams = Streams(np.random.default_rng(0))
+        return act_on_beams(effects, Beams.nominal(self.nominal), self._unbent(), streams, "replayed")
+
+    def _bent(self, effects: tuple[Effect, ...]) -> Shot:
+        beams = self._left(effects)
+        origin, direction, time_s = _leaving(beams, self.egos, self.poses, self.frame)
+        solid = reached(self.solid, self.met.ranges(origin, direction, time_s))
+        rows = self.pane_beam
+        pane = reached(self.pane, self.paned.ranges(origin[rows], direction[rows], time_s[rows]))
+        moving = origin, direction.astype(np.float32), time_s.astype(np.float32)
+        return self._answered(beams, solid, pane, moving)
+
+    def _unbent(self) -> Shot:
+        """The beams before they are traced."""
+        raise NotImplementedError
+
+    def _answered(
+        self, beams: Beams, solid: Surface, pane: Surface, moving: tuple[np.ndarray, np.ndarray, np.ndarray]
+    ) -> Shot:
+        """Beams that met some surfaces, leaving as they are `moving`: from, whither and when, (n, …) world axes."""
+        raise NotImplementedError
+
+
+class FrameReplay(Replayed):
     """Some beams of one traced frame.
 
     Args:
         frame: the frame.
         beams: (n,) rows of its beams, sorted.
         measured: what beams beside them returned, see `Shot.beside`.
-
-    Attributes:
-        ego: the vehicle at the pose time.
-        nominal: the beams as the pattern has them.
-        is_calibrated: whether points stand where the unit's own calibration has its lasers look.
-        solid, met: the surface that each meets, and its plane.
-        pane_beam, pane, paned: (k,) rows of beams that pass a pane first, the panes, and their planes.
-        paint, table: of `Hits`.
-        along_m: (n,) what was measured along the beams [m]; NaN where nothing returned.
-        unsure: (n,) each, how far the twin's ranges [m] and reflectances may be off.
-        measured: see above.
     """
 
     def __init__(self, frame: TracedFrame, beams: np.ndarray, measured: Mapping[str, np.ndarray] | None = None) -> None:
-        self._shot, self.ego, self._rows = frame.shot, frame.ego, beams
+        super().__init__()
+        assert frame.shot.world is not None  # frames are traced
+        self._shot, self._rows, self._world = frame.shot, beams, frame.shot.world
         self.nominal = _rows(frame.observed.rays, beams)
         self.is_calibrated = frame.observed.recovered
         self.along_m = frame.observed.along_m[beams].astype(np.float64)
@@ -132,45 +243,23 @@ class FrameReplay:
         self.paned = Planes.of(frame, hits.pane_beam[behind], self.pane)
         self.paint, self.table = hits.paint, hits.table
         self.measured = measured
-        self._last: tuple[tuple[Effect, ...], Shot] | None = None
-        self._looks: tuple[tuple[Effect, ...], np.ndarray] | None = None
+        self.egos, self.poses, self.frame = (frame.ego,), (self._world.pose,), np.zeros(len(beams), int)
         self._found: dict[str, Any] = {}
-
-    @property
-    def pose(self) -> np.ndarray:
-        """(4, 4) nominal world pose of the LiDAR."""
-        assert self._shot.world is not None  # frames are traced
-        return self._shot.world.pose
 
     @property
     def instances(self) -> Instances:
         """What moves in the frame."""
-        assert self._shot.world is not None  # frames are traced
-        return self._shot.world.instances
+        return self._world.instances
 
     @property
     def pattern(self) -> Pattern:
         """Of the beams."""
         return self._shot.pattern
 
-    def looks(self, effects: Sequence[Effect]) -> np.ndarray | None:
-        """Where the unit's own calibration has its lasers look, (n, 3) float64, where points stand along these.
-
-        None where they stand along the beams of the pattern.
-        """
-        if not self.is_calibrated:
-            return None
-        known = tuple(effect for effect in effects if isinstance(effect, RingElevation))
-        if self._looks is None or self._looks[0] != known:
-            self._looks = (known, self._left(known).direction.astype(np.float64))
-        return self._looks[1]
-
     def ranges(self, effects: Sequence[Effect], along_m: np.ndarray, above_m: np.ndarray) -> np.ndarray:
         """Distances (n,) of points, said along and above their beams, from the reported optical centres."""
-        rays = self.shot(effects).rays
-        origin = rays.origin.astype(np.float64)
-        along = along_m - np.einsum("ij,ij->i", origin, rays.direction)
-        return np.hypot(along, above_m - np.einsum("ij,ij->i", origin, upwards(rays.direction)))
+        _, along, above = _centres(self.shot(effects).rays)
+        return np.hypot(along_m - along, above_m - above)
 
     def moved(self, effects: Sequence[Effect], used: np.ndarray) -> tuple[float, float]:
         """How far effects turn [rad] and shift [m] nearly all of the beams used (n,) from where they were traced."""
@@ -184,47 +273,66 @@ class FrameReplay:
             return 0.0, 0.0
         return float(np.quantile(turn[used], _NEARLY_ALL)), float(np.quantile(shift[used], _NEARLY_ALL))
 
-    def shot(self, effects: Sequence[Effect]) -> Shot:
-        """The sample as beams bent by the beam effects among `effects` meet it."""
-        bending = tuple(effect for effect in effects if isinstance(effect, BeamEffect))
-        if self._last is None or self._last[0] != bending:
-            self._last = (bending, self._bent(bending))
-        return self._last[1]
-
-    def _left(self, effects: tuple[Effect, ...]) -> Beams:
-        """The sample's beams as beam effects let them leave."""
+    def _unbent(self) -> Shot:
         whole = self._shot
-        before = Shot(whole.pattern, self.nominal, world=whole.world, frame_time_s=whole.frame_time_s, whole=whole)
-        streams = Streams(np.random.default_rng(0))
-        return act_on_beams(effects, Beams.nominal(self.nominal), before, streams, "replayed")
+        return Shot(whole.pattern, self.nominal, world=whole.world, frame_time_s=whole.frame_time_s, whole=whole)
 
-    def _bent(self, effects: tuple[Effect, ...]) -> Shot:
-        pattern, world, pose = self._shot.pattern, self._shot.world, self.pose
-        time_s = self._shot.frame_time_s
-        beams = self._left(effects)
-        one = np.zeros(len(beams.rays), int)
-        origin, direction, firing_s = leaving(beams, [self.ego], [pose], one)
-        solid = reached(self.solid, self.met.ranges(origin, direction, firing_s))
-        rows = self.pane_beam
-        pane = reached(self.pane, self.paned.ranges(origin[rows], direction[rows], firing_s[rows]))
-        hits = Hits(beams.rays, pose, solid, rows, pane, self.paint, self.table)
-        moving = (
-            (origin - pose[:3, 3]).astype(np.float32),
-            direction.astype(np.float32),
-            firing_s.astype(np.float32),
-        )
+    def _answered(
+        self, beams: Beams, solid: Surface, pane: Surface, moving: tuple[np.ndarray, np.ndarray, np.ndarray]
+    ) -> Shot:
+        pose, (origin, direction, time_s) = self._world.pose, moving
+        hits = Hits(beams.rays, pose, solid, self.pane_beam, pane, self.paint, self.table)
         return Shot(
-            pattern,
+            self._shot.pattern,
             beams.rays,
             beams=beams,
-            traced=Traced(hits, moving),
-            world=world,
-            frame_time_s=time_s,
+            traced=Traced(hits, ((origin - pose[:3, 3]).astype(np.float32), direction, time_s)),
+            world=self._world,
+            frame_time_s=self._shot.frame_time_s,
             measured=self.measured,
             whole=self._shot,
             rows=self._rows,
             found=self._found,
         )
+
+
+def _leaving(
+    beams: Beams, egos: Sequence[EgoMotion], lidar_poses: Sequence[np.ndarray], frame: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """True optical centres and directions, (n, 3) float64 world axes, and instants (n,) [s] from the pose time.
+
+    Args:
+        beams: of one frame or several, as effects left them.
+        egos: the vehicle at the pose time of each frame.
+        lidar_poses: (4, 4) nominal world poses of the LiDAR at the pose times.
+        frame: (n,) int row of each beam's frame.
+    """
+    time_s = np.full(len(beams.rays), beams.delay_s)
+    if beams.firing_s is not None:
+        time_s += beams.firing_s
+    sensor = np.stack(
+        [
+            ego.pose @ beams.body @ np.linalg.solve(ego.pose, pose) @ beams.mount
+            for ego, pose in zip(egos, lidar_poses, strict=True)
+        ]
+    )
+    place = np.stack([ego.pose[:3, 3] for ego in egos])
+    turn = sensor[frame, :3, :3]
+    direction = np.einsum("nij,nj->ni", turn, beams.direction)
+    arm = np.einsum("nij,nj->ni", turn, beams.origin) + (sensor[:, :3, 3] - place)[frame]
+    origin = place[frame] + arm
+    if time_s.any():
+        onward = yaw_matrices(np.array([ego.yaw_rate_radps for ego in egos])[frame] * time_s)
+        direction = np.einsum("nij,nj->ni", onward, direction)
+        velocity = np.stack([np.asarray(ego.velocity_mps, float) for ego in egos])
+        origin = place[frame] + time_s[:, None] * velocity[frame] + np.einsum("nij,nj->ni", onward, arm)
+    return origin, direction, time_s
+
+
+def _centres(rays: Rays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which way is up (n, 3), and how far optical centres stand along and above the beams, (n,) each [m]."""
+    origin, upward = rays.origin.astype(np.float64), upwards(rays.direction)
+    return upward, np.einsum("ij,ij->i", origin, rays.direction), np.einsum("ij,ij->i", origin, upward)
 
 
 def reached(met: Surface, ranges: np.ndarray) -> Surface:

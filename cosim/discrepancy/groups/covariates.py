@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from assets.materials import MATERIAL_NAMES
-from cosim.discrepancy.data.sample import BESIDE, Prediction, Sample
+from cosim.discrepancy.sampling.gathering import BESIDE
+from cosim.discrepancy.sampling.sample import Prediction, Sample
 
-_FEWEST_VALUES = 4
 OF_SCANS = ("frame_time", "speed", "acceleration", "yaw_rate")
-_RESOLVED = {"speed": 0.01, "acceleration": 0.01, "yaw_rate": 1e-3}  # who drives straight on turns by less
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,21 +56,22 @@ class Covariate:
         """The same in another number of bins; categories stay."""
         if self.names:
             return self
-        found = _binned(self.name, self.unit, self.values, self.period, bins)
+        found = _binned(self.name, self.unit, self.values, self.period, bins, 1)
         assert found is not None  # it has been binned before
         return replace(found, of_scans=self.of_scans, of_neighbours=self.of_neighbours)
 
 
 def over_a_turn(name: str, values: np.ndarray, bins: int) -> Covariate:
     """A covariate that comes round: angles (n,) [rad] from −π to π."""
-    found = _binned(name, "rad", values, 2 * np.pi, bins)
+    found = _binned(name, "rad", values, 2 * np.pi, bins, 1)
     assert found is not None  # phases are many
     return found
 
 
 def covariates(sample: Sample, expected: Prediction, bins: int) -> Iterator[Covariate]:
     """All that vary over a sample."""
-    scan = sample.scan_values
+    scan, by = sample.scan_values, sample.settings.screen
+    resolved = {"speed": by.speed, "acceleration": by.acceleration, "yaw_rate": by.yaw_rate}
     nothing = sample.range_m * np.nan
     firing = np.where(np.isfinite(sample.range_m), sample.time_s, nothing)
     numbers = {
@@ -94,9 +94,9 @@ def covariates(sample: Sample, expected: Prediction, bins: int) -> Iterator[Cova
         values = sample.beside[name]
         numbers[name] = ("m" if name.endswith("_range") else "", values, 0.0)
     for name, (unit, values, period) in numbers.items():
-        step = _RESOLVED.get(name, 0.0)
+        step = resolved.get(name, 0.0)
         told = np.asarray(values, float)
-        found = _binned(name, unit, np.round(told / step) * step if step else told, period, bins)
+        found = _binned(name, unit, np.round(told / step) * step if step else told, period, bins, by.fewest_values)
         if found is not None:
             yield replace(found, of_scans=name in OF_SCANS, of_neighbours=name in BESIDE)
     groups = {
@@ -127,10 +127,10 @@ def _of_neighbours(sample: Sample) -> tuple[str, ...]:
     return tuple(name for name in BESIDE if not (unsure_intensity if name.endswith("_intensity") else unsure_m))
 
 
-def _binned(name: str, unit: str, values: np.ndarray, period: float, bins: int) -> Covariate | None:
+def _binned(name: str, unit: str, values: np.ndarray, period: float, bins: int, fewest: int) -> Covariate | None:
     known = np.isfinite(values)
     distinct = np.unique(values[known])
-    if len(distinct) < _FEWEST_VALUES:
+    if len(distinct) < fewest:
         return None
     if len(distinct) <= bins:
         edges = (distinct[1:] + distinct[:-1]) / 2

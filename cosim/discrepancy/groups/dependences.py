@@ -9,24 +9,22 @@ import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.groups.covariates import OF_SCANS, Covariate, covariates
-from cosim.discrepancy.groups.group import Channel, Group
 from cosim.discrepancy.inference.columns import SparseMatrix
 from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.group import Channel, Group
 from cosim.discrepancy.inference.score import Quantity
-from cosim.discrepancy.settings import Settings
 
 MEANS: tuple[Quantity, ...] = ("range", "intensity", "drop")
 SPREADS: tuple[Quantity, ...] = ("range_variance", "intensity_variance")
 _PAIRED = ("range", "incidence", "elevation", "azimuth", "albedo", "previous_intensity")
 _OF_SPREADS = ("range", "incidence", "elevation", "block", "azimuth", "intensity", "material", "frame_time")
 _KNOWN = (("range", "ring"), ("intensity", "ring"), ("range", "block"))  # the catalogue has a number a laser for these
-_DEGREE = 2
-_MAIN_DEGREE = 4
 
 
-def of_covariates(fitter: Fitter, fitted: Fitted, settings: Settings) -> Iterator[Group]:
+def of_covariates(fitter: Fitter, fitted: Fitted) -> Iterator[Group]:
     """Every channel by every covariate, a number a bin."""
-    for covariate in covariates(fitter.sample, fitted.prediction, settings.bins):
+    by = fitter.settings.screen
+    for covariate in covariates(fitter.sample, fitted.prediction, by.bins):
         for channel in (*MEANS, *SPREADS):
             if (channel, covariate.name) in _KNOWN or channel not in fitted.evidence.score:
                 continue
@@ -34,7 +32,7 @@ def of_covariates(fitter: Fitter, fitted: Fitted, settings: Settings) -> Iterato
                 continue
             if covariate.of_neighbours and (channel in SPREADS or (channel, covariate.name[-4:]) == ("drop", "nsit")):
                 continue  # their noise is this beam's, too
-            found = binned_group(fitted, channel, covariate, settings.fewest_in_bin)
+            found = binned_group(fitted, channel, covariate, by.fewest_in_bin)
             if found is not None:
                 yield found
 
@@ -53,16 +51,15 @@ def binned_group(fitted: Fitted, channel: Quantity, covariate: Covariate, fewest
     mine = np.flatnonzero(row >= 0)
     values = scale(fitted, channel)[mine]
     columns = sparse.csr_matrix((values, (mine, row[mine])), (len(row), len(kept)))
-    return Group(
-        f"{channel} by {covariate.name}", channel, {channel: columns}, len(kept), (covariate.name,),
-        covariate=covariate,
-    )  # fmt: skip
+    name = f"{channel} by {covariate.name}"
+    return Group(name, channel, {channel: columns}, len(kept), (covariate.name,))
 
 
-def of_pairs(fitter: Fitter, fitted: Fitted, settings: Settings) -> Iterator[Group]:
+def of_pairs(fitter: Fitter, fitted: Fitted) -> Iterator[Group]:
     """Every channel by products of two covariates' smooth functions."""
-    found = {one.name: one for one in covariates(fitter.sample, fitted.prediction, settings.bins)}
-    basis = {name: found[name].basis(_DEGREE) for name in _PAIRED if name in found}
+    by = fitter.settings.screen
+    found = {one.name: one for one in covariates(fitter.sample, fitted.prediction, by.bins)}
+    basis = {name: found[name].basis(by.degree) for name in _PAIRED if name in found}
     for one, other in combinations(basis, 2):
         both = basis[one][:, :, None] * basis[other][:, None, :]
         table = both.reshape(len(both), -1)
@@ -73,12 +70,12 @@ def of_pairs(fitter: Fitter, fitted: Fitted, settings: Settings) -> Iterator[Gro
                 yield Group(name, channel, {channel: columns}, table.shape[1], (one, other))
 
 
-def main_effects(fitter: Fitter, fitted: Fitted, settings: Settings) -> dict[Quantity, SparseMatrix]:
+def main_effects(fitter: Fitter, fitted: Fitted) -> dict[Quantity, SparseMatrix]:
     """Smooth functions of each covariate alone, by channel: what a pair must explain more than."""
-    parts = [np.ones((len(fitter.sample), 1))]
-    for one in covariates(fitter.sample, fitted.prediction, settings.bins):
+    parts, by = [np.ones((len(fitter.sample), 1))], fitter.settings.screen
+    for one in covariates(fitter.sample, fitted.prediction, by.bins):
         if one.name in _PAIRED:
-            parts.append(one.basis(_MAIN_DEGREE))
+            parts.append(one.basis(by.main_degree))
     table = np.hstack(parts)
     return {
         channel: sparse.csr_matrix(table * scale(fitted, channel)[:, None])
@@ -104,9 +101,10 @@ def of_noise(fitter: Fitter, fitted: Fitted) -> Iterator[Group]:
     Residuals are normal deviates if the noise is Gaussian; of what has heavier tails and one hump more are near 0, so
     that only too few count. The score of a column is what is counted; its information the variance of that.
     """
+    hump = fitter.settings.screen.hump
+    mean = hump / np.sqrt(1 + hump**2)
     for channel, z, used in _deviates(fitter, fitted):
-        near = np.exp(-((z / _HUMP) ** 2) / 2)
-        mean = _HUMP / np.sqrt(1 + _HUMP**2)
+        near = np.exp(-((z / hump) ** 2) / 2)
         for name, values, one_sided in (
             ("too few residuals near 0", np.where(used, mean - near, 0.0), True),
             ("skewed", np.where(used, z * np.exp(-(z**2) / 2) - z / (2 * np.sqrt(2)), 0.0), False),
@@ -117,26 +115,19 @@ def of_noise(fitter: Fitter, fitted: Fitted) -> Iterator[Group]:
             )  # fmt: skip
 
 
-_HUMP = 0.4
-_LEAST_NOISE = {"range": 3e-3, "intensity": 5e-3}
-
-
 def _deviates(fitter: Fitter, fitted: Fitted) -> Iterator[tuple[Channel, np.ndarray, np.ndarray]]:
     """Residuals of ranges and intensities over their own spread, and which tell of noise."""
-    fit = fitted.fit
-    of_channel: dict[Channel, tuple[np.ndarray, np.ndarray, np.ndarray]] = {
-        "range": (fit.range_z, fit.matched > 0.9, fit.range_sigma_m),
-        "intensity": (fit.intensity_z, (fit.bright > 0.9) & fit.whole, fit.intensity_sigma),
+    fit, by = fitted.fit, fitter.settings.screen
+    of_channel: dict[Channel, tuple[np.ndarray, np.ndarray, np.ndarray, float]] = {
+        "range": (fit.range_z, fit.matched > 0.9, fit.range_sigma_m, by.least_noise_m),
+        "intensity": (fit.intensity_z, (fit.bright > 0.9) & fit.whole, fit.intensity_sigma, by.least_noise),
     }
-    for channel, (z, clean, sigma) in of_channel.items():
-        used = clean & fitter.sample.returned & (sigma > _LEAST_NOISE[channel]) & (fitter.sample.unsure_m <= 0)
-        if used.sum() > _FEWEST_RESIDUALS:
+    for channel, (z, clean, sigma, least) in of_channel.items():
+        used = clean & fitter.sample.returned & (sigma > least) & (fitter.sample.unsure_m <= 0)
+        if used.sum() > by.fewest_residuals:
             middle = z - np.median(z[used])
             spread = np.sqrt(np.mean(np.minimum(middle[used] ** 2, 16.0)))
             yield channel, middle / max(float(spread), 1e-9), used
-
-
-_FEWEST_RESIDUALS = 2000
 
 
 def scale(fitted: Fitted, channel: Quantity) -> np.ndarray:

@@ -7,15 +7,12 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from cosim.discrepancy.candidates import unknowns, weak_forms, with_values
-from cosim.discrepancy.data.sample import Prediction, Sample
-from cosim.discrepancy.groups.group import Group, Strays
 from cosim.discrepancy.inference.columns import Column, SparseMatrix
 from cosim.discrepancy.inference.fit import Fitted, Fitter
-from cosim.discrepancy.inference.likelihood import STRAY_SHARE, judge
+from cosim.discrepancy.inference.group import Group, Strays
 from cosim.discrepancy.inference.score import Quantity, change
+from cosim.discrepancy.sampling.sample import Prediction, Sample
 from sensors.effects.base import Effect
-
-_MOST_STRAYS = 1e-4  # of all beams: of few a form that tells of many would say that there are none
 
 
 def effect_groups(
@@ -73,11 +70,15 @@ def _told(
     )
     if type(weak).density is not Effect.density or not amplitude:
         is_new = amplitude and place is None
-        few = min(_MOST_STRAYS / max(_taken(sample, fitted, after).sum(), 1e-300), 1.0) if is_new else 1.0
+        few = (
+            min(fitter.settings.screen.most_strays / max(_taken(sample, fitted, after).sum(), 1e-300), 1.0)
+            if is_new
+            else 1.0
+        )
         if few < 1:
             sparse = with_values(weak, {amplitude: getattr(weak, amplitude) - (1 - few) * step})
             after, step = sample.predict((*fitted.effects, sparse)), few * step
-        found = judge(sample, fitter.random.adjusted(after, fitted.estimate)).loglik
+        found = fitter.judged(after, fitted.estimate).loglik
         gain = sample.share * (found - fitted.fit.loglik)
         if np.any(gain):
             strays = _strays(sample, fitted, after, step) if amplitude else None  # a whole setting is no unit
@@ -86,7 +87,7 @@ def _told(
                 place=place, gain=gain, strays=strays,
             )  # fmt: skip
         return
-    moved = {name: values / step for name, values in change(fitted.prediction, after).items()}
+    moved = {name: values / step for name, values in change(fitted.prediction, after, sample.settings.law).items()}
     if "intensity" in moved:
         moved["intensity"] = moved["intensity"] * fitter.random.light_slope(fitted.estimate)
     delta: dict[Quantity, np.ndarray] = {name: one for name, one in moved.items() if name in fitted.evidence.score}
@@ -106,7 +107,7 @@ def _strays(sample: Sample, fitted: Fitted, after: Prediction, step: float) -> S
     taken = _taken(sample, fitted, after)
     if not np.any(taken):
         return None
-    gain = float(taken @ np.log1p(_given_way(fitted, after) / STRAY_SHARE) / taken.sum())
+    gain = float(taken @ np.log1p(_given_way(fitted, after) / sample.settings.law.stray_share) / taken.sum())
     return Strays(taken * len(sample), step, 1 / float(sample.weight.mean()), gain)
 
 

@@ -1,4 +1,4 @@
-"""Columns of parameters: how a prediction changes with each."""
+"""Columns of parameters: how a prediction changes with each, and the matrices that they make."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import sparse
+from scipy import linalg, sparse
 
 from cosim.discrepancy.inference.score import QUANTITIES, Quantity
 
@@ -38,6 +38,41 @@ class Column:
         return sparse.csr_matrix((values[used], (used, place)), (rows, self.rings))
 
 
+class Factored:
+    """A symmetric positive definite matrix, many of whose rows share nothing with each other, factored.
+
+    Args:
+        matrix: (a, a).
+        apart: (a,) bool: rows of which no two share anything; they are eliminated first.
+    """
+
+    def __init__(self, matrix: SparseMatrix, apart: np.ndarray) -> None:
+        matrix = matrix.tocsr()
+        self._apart, self._rest = np.flatnonzero(apart), np.flatnonzero(~apart)
+        self._diagonal = matrix.diagonal()[self._apart]
+        self._across = matrix[self._rest][:, self._apart]
+        rest = matrix[self._rest][:, self._rest]
+        if len(self._apart):
+            rest = rest - self._across @ sparse.diags(1 / self._diagonal) @ self._across.T
+        self._factor = linalg.cho_factor(np.asarray(rest.todense()), lower=True) if len(self._rest) else None
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """The solution (a, …) of a right-hand side."""
+        found, of_apart = np.zeros_like(right), right[self._apart]
+        diagonal = self._diagonal.reshape((-1,) + (1,) * (right.ndim - 1))
+        if self._factor is not None:
+            left = right[self._rest] - self._across @ (of_apart / diagonal)
+            found[self._rest] = linalg.cho_solve(self._factor, left, check_finite=False)
+            of_apart = of_apart - self._across.T @ found[self._rest]
+        found[self._apart] = of_apart / diagonal
+        return found
+
+    def log_determinant(self) -> float:
+        """Of the matrix."""
+        rest = 0.0 if self._factor is None else 2 * float(np.log(np.diag(self._factor[0])).sum())
+        return rest + float(np.log(self._diagonal).sum())
+
+
 def stacked(columns: Sequence[Column], quantities: Collection[Quantity], rows: int) -> dict[Quantity, SparseMatrix]:
     """Matrices (n, p) of the quantities among `quantities` that any column changes; of one where none changes any."""
     found: dict[Quantity, SparseMatrix] = {}
@@ -61,6 +96,11 @@ def scaled(matrix: SparseMatrix, weight: np.ndarray) -> SparseMatrix:
     found = matrix.copy()
     found.data = found.data * weight[_rows(matrix)]
     return found
+
+
+def ridged(matrix: np.ndarray, share: float = 1e-9, least: float = 1e-12) -> np.ndarray:
+    """A symmetric matrix with a little more on its diagonal, so that it can be inverted."""
+    return matrix + np.diag(share * np.diag(matrix) + least)
 
 
 def _rows(matrix: SparseMatrix) -> np.ndarray:

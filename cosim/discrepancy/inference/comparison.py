@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from cosim.discrepancy.data.sample import Sample
 from cosim.discrepancy.inference.fit import Fitted, Fitter
 from cosim.discrepancy.inference.likelihood import Fit
-from cosim.discrepancy.inference.score import MOST_SQUARED
+from cosim.discrepancy.sampling.sample import Sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +102,6 @@ def _quasi_likelihood(sample: Sample, fit: Fit) -> np.ndarray:
         (fit.intensity_z, fit.bright * fit.whole * ~sample.seam, fit.intensity_sigma),
     ):
         both = sample.share * clean * clean[pair] * (sample.partner >= 0)
-        gap = np.minimum((z - z[pair]) ** 2 / 2, MOST_SQUARED)
+        gap = np.minimum((z - z[pair]) ** 2 / 2, sample.settings.law.most_squared)
         found += both * (-0.5 * gap - np.log(np.maximum(sigma, 1e-9)))
     return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,14 +10,12 @@ from scipy import stats
 
 from cosim.discrepancy.candidates import Unknown, amplitudes, with_values
 from cosim.discrepancy.inference.cluster_bootstrap import Redrawn, redrawn_interval
-from cosim.discrepancy.inference.columns import Column, stacked
-from cosim.discrepancy.inference.fit import Fitted, Fitter, LinearModel
+from cosim.discrepancy.inference.columns import Column, ridged, stacked
+from cosim.discrepancy.inference.fit import Fitted, Fitter, Free
+from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.score_test import Projector
-from cosim.discrepancy.inference.search import is_searched, likely_interval, widening
-from cosim.discrepancy.settings import DEFAULT
+from cosim.discrepancy.inference.search import likely_interval, widening
 from sensors.effects.base import Effect
-
-_PLAINLY = 15.0  # half widths
 
 
 def covariances(fitter: Fitter, fitted: Fitted) -> list[np.ndarray]:
@@ -27,10 +25,10 @@ def covariances(fitter: Fitter, fitted: Fitted) -> list[np.ndarray]:
     """
     if not fitted.columns:
         return [np.zeros((0, 0))]
-    alone = LinearModel.of(fitter, (), fitted.evidence, fitted.prediction, fitted.estimate)
+    alone = LinearModel.of(fitter.random, (), fitted.evidence, fitted.prediction, fitted.estimate)
     columns = stacked(fitted.columns, fitted.evidence.score, len(fitter.sample))
     tables, information = Projector(alone, fitted.estimate, fitter.random.clusters).of(columns)
-    inverse = np.linalg.pinv(information + np.diag(1e-9 * np.diag(information) + 1e-12), hermitian=True)
+    inverse = np.linalg.pinv(ridged(information), hermitian=True)
     found = [inverse]
     for table in tables:
         count = max(np.count_nonzero(np.abs(table).sum(1)), 2)
@@ -42,7 +40,15 @@ def half_widths(fitter: Fitter, fitted: Fitted) -> np.ndarray:
     """Half widths of 95 % intervals, (p,): Student-t with as many degrees of freedom as scans."""
     freedom = max(len(fitter.sample.names) - 1, 1)
     widest = np.max([np.diag(one) for one in covariances(fitter, fitted)], axis=0)
-    return np.sqrt(np.maximum(widest, 0)) * stats.t.ppf(DEFAULT.upper, freedom)
+    return np.sqrt(np.maximum(widest, 0)) * stats.t.ppf(fitter.settings.upper, freedom)
+
+
+def _each(fitter: Fitter, fitted: Fitted) -> Iterator[tuple[Free, Column, np.ndarray]]:
+    """What is free, its column, and half widths of its 95 % intervals."""
+    widths, at = half_widths(fitter, fitted), 0
+    for one, column in zip(fitted.free, fitted.columns, strict=True):
+        yield one, column, widths[at : at + one.unknown.rings]
+        at += one.unknown.rings
 
 
 def plainly_on(fitter: Fitter, fitted: Fitted, given: Sequence[Effect]) -> frozenset[int]:
@@ -50,33 +56,29 @@ def plainly_on(fitter: Fitter, fitted: Fitted, given: Sequence[Effect]) -> froze
 
     Of those among the `given`, which come first: so surely other than they were given.
     """
-    widths, found, at = half_widths(fitter, fitted), set(), 0
-    for one, column in zip(fitted.free, fitted.columns, strict=True):
-        part = widths[at : at + one.unknown.rings]
-        at += one.unknown.rings
+    found = set()
+    for one, column, part in _each(fitter, fitted):
         effect = fitted.effects[one.effect]
         before = vars(given[one.effect]) if one.effect < len(given) else type(effect).neutral
         if (
             before is None
             or one.unknown.name not in amplitudes(type(effect))
-            or is_searched(effect, one.unknown, column)
+            or fitter.is_searched(effect, one.unknown, column)
         ):
             continue
         away = np.subtract(getattr(effect, one.unknown.name), before[one.unknown.name])
-        if np.any(np.abs(away) > _PLAINLY * part):
+        if np.any(np.abs(away) > fitter.settings.search.plainly * part):
             found.add(one.effect)
     return frozenset(found)
 
 
 def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:
     """95 % intervals of everything that was fitted, by effect and parameter: pairs, or lists of pairs."""
-    widths, found, at = half_widths(fitter, fitted), {}, 0
+    found: dict[str, dict[str, Any]] = {}
     sought: dict[int, dict[Unknown, Column]] = {}
-    for one, column in zip(fitted.free, fitted.columns, strict=True):
-        part = widths[at : at + one.unknown.rings]
-        at += one.unknown.rings
+    for one, column, part in _each(fitter, fitted):
         effect = fitted.effects[one.effect]
-        if is_searched(effect, one.unknown, column):
+        if fitter.is_searched(effect, one.unknown, column):
             sought.setdefault(one.effect, {})[one.unknown] = column
             continue
         value = np.asarray(getattr(effect, one.unknown.name), float)
@@ -98,7 +100,9 @@ def _searched(fitter: Fitter, fitted: Fitted, place: int, columns: dict[Unknown,
     held, drawn = dict[str, tuple[float, float]](), dict[str, Redrawn]()
     for unknown, column in columns.items():
         name, value = unknown.name, float(getattr(effects[place], unknown.name))
-        pair = likely_interval(effects, place, unknown, column, lost, stray_weight(fitter, fitted))
+        pair = likely_interval(
+            effects, place, unknown, column, lost, stray_weight(fitter, fitted), fitter.settings.search
+        )
 
         def losses(at: float, name: str = name) -> np.ndarray:
             moved = with_values(effects[place], {name: at})
@@ -106,8 +110,14 @@ def _searched(fitter: Fitter, fitted: Fitted, place: int, columns: dict[Unknown,
 
         apart = max((pair[1] - pair[0]) / 2, 1e-9)
         held[name] = pair
-        drawn[name] = redrawn_interval(losses, value, apart, clusters, (unknown.low, unknown.high))
-    wider = widening(effects, place, {name: pair for name, pair in held.items() if drawn[name].is_smooth}, lost)
+        drawn[name] = redrawn_interval(losses, value, apart, clusters, (unknown.low, unknown.high), fitter.settings)
+    wider = widening(
+        effects,
+        place,
+        {name: pair for name, pair in held.items() if drawn[name].is_smooth},
+        lost,
+        fitter.settings.search,
+    )
     for unknown in columns:
         name, value = unknown.name, float(getattr(effects[place], unknown.name))
         one, by = drawn[name], wider.get(name, 1.0)

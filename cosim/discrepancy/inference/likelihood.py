@@ -15,17 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.data.sample import Prediction, Sample
 from cosim.discrepancy.inference.censored import censored, student
-
-RANGE_FLOOR_M = 5e-4
-INTENSITY_FLOOR = 0.002
-RISE_SIGMA_M = 0.003
-STRAY_SHARE = 1e-5
-_REACH_M = 120.0
-_CLEAR_OF_LIMITS = 2.5
-_LOST_SHARE = 1e-3
-_OWN_AT_SEAMS, _CUT_AT_SEAMS = 0.5, 0.1
+from cosim.discrepancy.sampling.sample import Prediction, Sample
+from cosim.discrepancy.settings import Law
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,36 +51,34 @@ class Fit:
     loglik: np.ndarray
 
 
-def judge(sample: Sample, expected: Prediction, blur: float = 0.0, shift: np.ndarray | None = None) -> Fit:
+def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
     """Hold measurements against a prediction.
 
     Args:
         sample: the measurements.
         expected: of the same beams.
         blur: a standard deviation [m] added to every range: fits that are far off find their way with it.
-        shift: (n,) what is added to expected ranges [m], as pose errors do.
     """
-    sigma = np.hypot(range_spread_m(expected), blur)
-    mean = expected.range_m if shift is None else expected.range_m + shift
-    returned = sample.returned
+    law, mean, returned = sample.settings.law, expected.range_m, sample.returned
+    sigma = np.hypot(range_spread_m(expected, law), blur)
     z = np.where(returned & np.isfinite(mean), (sample.along_m - mean) / sigma, 0.0)
     z = np.nan_to_num(z)
-    seen = np.where(np.isfinite(mean), np.clip(expected.seen, _LOST_SHARE, 1 - _LOST_SHARE), 0.0)
+    seen = np.where(np.isfinite(mean), np.clip(expected.seen, law.lost_share, 1 - law.lost_share), 0.0)
     seen = np.where(sample.compared, seen, 0.0)
     whole = np.where(seen > 0, expected.seen, 0.0)
     # That a beam returned shows a loss however rare; of beams that did not, none is certain to.
-    certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, _LOST_SHARE), 0.0)
+    certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, law.lost_share), 0.0)
     surface = certain * np.exp(student(z)) / sigma
-    elsewhere = STRAY_SHARE / _REACH_M + expected.stray
+    elsewhere = law.stray_share / law.reach_m + expected.stray
     density = surface + elsewhere
-    loglik = np.where(returned, np.log(density), np.log(np.maximum(expected.silent, _LOST_SHARE)))
+    loglik = np.where(returned, np.log(density), np.log(np.maximum(expected.silent, law.lost_share)))
     loglik = np.where(sample.compared, loglik, 0.0)
     matched = np.where(returned, surface / density, 0.0)
 
     rise = np.nan_to_num(sample.above_m - expected.rise_m)
-    rise_z = np.where(returned, rise / np.hypot(RISE_SIGMA_M, blur), 0.0)
+    rise_z = np.where(returned, rise / np.hypot(law.rise_sigma_m, blur), 0.0)
     loglik += np.where(returned, student(rise_z), 0.0)
-    spread = intensity_spread(expected)
+    spread = intensity_spread(expected, law)
     none = np.zeros(len(z))
     light = _Light(none, none, none, none, none > 0, none)
     if sample.has_intensity:
@@ -113,24 +103,24 @@ class _Light:
 
 
 def _light(sample: Sample, expected: Prediction, spread: np.ndarray) -> _Light:
-    mean, limits = expected.intensity, sample.intensity_limits
+    mean, limits, law = expected.intensity, sample.intensity_limits, sample.settings.law
     measured = np.where(sample.returned, sample.intensity, mean)
     told = censored(measured, mean, spread, limits)
     # Where noise would be cut off at a limit a residual is no normal deviate.
-    whole = np.minimum(mean - limits[0], limits[1] - mean) >= _CLEAR_OF_LIMITS * expected.intensity_sigma
+    whole = np.minimum(mean - limits[0], limits[1] - mean) >= law.clear_of_limits * expected.intensity_sigma
     cut = (measured <= limits[0]) | (measured >= limits[1])
-    other = (1 - _OWN_AT_SEAMS) * np.where(cut, _CUT_AT_SEAMS, 1.0)
-    mine = _OWN_AT_SEAMS * np.exp(told.loglik)
+    other = (1 - law.own_at_seams) * np.where(cut, law.cut_at_seams, 1.0)
+    mine = law.own_at_seams * np.exp(told.loglik)
     own = np.where(sample.seam, mine / (mine + other), 1.0) * ~sample.border
     loglik = np.where(sample.seam, np.log(mine + other), told.loglik) * ~sample.border
     return _Light((measured - mean) / spread, told.pull, told.information, own, whole, loglik)
 
 
-def range_spread_m(expected: Prediction) -> np.ndarray:
+def range_spread_m(expected: Prediction, law: Law) -> np.ndarray:
     """Standard deviation (n,) [m] of ranges: by the sensor's noise and by how far the twin may be off."""
-    return np.sqrt(expected.range_sigma_m**2 + expected.unsure_m**2 + RANGE_FLOOR_M**2)
+    return np.sqrt(expected.range_sigma_m**2 + expected.unsure_m**2 + law.range_floor_m**2)
 
 
-def intensity_spread(expected: Prediction) -> np.ndarray:
+def intensity_spread(expected: Prediction, law: Law) -> np.ndarray:
     """The same of intensities."""
-    return np.sqrt(expected.intensity_sigma**2 + expected.unsure_intensity**2 + INTENSITY_FLOOR**2)
+    return np.sqrt(expected.intensity_sigma**2 + expected.unsure_intensity**2 + law.intensity_floor**2)

@@ -13,9 +13,7 @@ import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.inference.columns import SparseMatrix
-
-_SAME_SURFACE = 0.5  # of its range is what a beam may be bent away on it
-_FLATTEST = 0.5  # of the slope between a beam and its plane must outlive a turn
+from cosim.discrepancy.settings import DEFAULT, Unsure
 
 
 class PoseErrors:
@@ -28,9 +26,18 @@ class PoseErrors:
         frame: (n,) int scan of each beam.
         reach_m: (n,) range of the plane it meets; NaN where there is none.
         traced: (scans, 6) those that beams were traced with.
+        settings: numbers that decide.
     """
 
-    def __init__(self, derivative: np.ndarray, frame: np.ndarray, reach_m: np.ndarray, traced: np.ndarray) -> None:
+    def __init__(
+        self,
+        derivative: np.ndarray,
+        frame: np.ndarray,
+        reach_m: np.ndarray,
+        traced: np.ndarray,
+        settings: Unsure = DEFAULT.unsure,
+    ) -> None:
+        self._settings = settings
         self._derivative, self._frame = derivative, frame
         self._reach = np.nan_to_num(reach_m, nan=np.inf)
         columns = self._frame[:, None] * 6 + np.arange(6)
@@ -61,11 +68,11 @@ class PoseErrors:
             return np.ones_like(self._reach)
         with np.errstate(invalid="ignore"):
             ratio = self._reach / bent_m
-            return np.where(np.abs(ratio - 1) < _SAME_SURFACE, ratio, 1.0)
+            return np.where(np.abs(ratio - 1) < self._settings.same_surface, ratio, 1.0)
 
     def _parts(self, pose: np.ndarray, bent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Δ, and R/R₁ − Δ′/R."""
         of_beam = (pose - self._traced)[self._frame]
         moved = np.einsum("ij,ij->i", self._derivative[:, :3], of_beam[:, :3])
         turned = np.einsum("ij,ij->i", self._derivative[:, 3:], of_beam[:, 3:])
-        return moved, np.maximum(bent - turned / self._reach, _FLATTEST)
+        return moved, np.maximum(bent - turned / self._reach, self._settings.flattest)

@@ -7,70 +7,39 @@ the number of scans let it be, the offset that all cars share as sure as the num
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import sparse
 
-from cosim.discrepancy.data.sample import Prediction, Sample
-from cosim.discrepancy.inference.clusters import Clusters
-from cosim.discrepancy.inference.columns import SparseMatrix
+from cosim.discrepancy.inference.columns import Factored, SparseMatrix
 from cosim.discrepancy.inference.pose_errors import PoseErrors
 from cosim.discrepancy.inference.score import Evidence, Quantity
+from cosim.discrepancy.sampling.sample import Prediction, Sample
+from cosim.discrepancy.settings import Unsure
 
-_PROBES = 12
-_MOST_STEP = 30.0  # times that a variance may change in one update
 _AXES = 6
-_FEWEST_PARTS = 16
-_FREE_POSE = (0.2,) * 3 + (0.01,) * 3  # [m], [rad]: of scans and surfaces that a map made of the scans tells nothing of
-_DARKEST = 0.1  # of the reflectance as it is stated
-_FREE_MAP, _FREE_ALBEDO = (1.0,), (30.0,)  # [m], and as a share: of what is dimmed to a tenth, it is ten
-_POSE_LEAST = (3e-4,) * 3 + (2e-5,) * 3
-_LEAST = {  # standard deviations below which there is none: [m], [rad], or a share
-    "poses": _POSE_LEAST,
-    "objects": (1e-3, 1e-3, 3e-4),
-    "objects_by_scan": (1e-3, 1e-3, 3e-4),
-    "map": (1e-3,),
-    "albedo": (3e-3,),
-    "albedo_of_map": (3e-3,),
-}
 
 
-class Factored:
-    """A symmetric positive definite matrix, many of whose rows share nothing with each other, factored.
+@dataclass(frozen=True, eq=False)
+class Clusters:
+    """What n beams share errors with: the thing or spot they meet, and their scan.
 
-    Args:
-        matrix: (a, a).
-        apart: (a,) bool: rows of which no two share anything; they are eliminated first.
+    Attributes:
+        track: (n,) int: an instance, or a cell of the map.
+        scan: (n,) int.
+        part: (n,) int scan, or part of a scan where scans are few.
+        unit_track, unit_scan: (m,) int which track or scan each random effect is of; −1 where it is of none.
     """
 
-    def __init__(self, matrix: SparseMatrix, apart: np.ndarray) -> None:
-        matrix = matrix.tocsr()
-        self._apart, self._rest = np.flatnonzero(apart), np.flatnonzero(~apart)
-        self._diagonal = matrix.diagonal()[self._apart]
-        self._across = matrix[self._rest][:, self._apart]
-        rest = matrix[self._rest][:, self._rest]
-        if len(self._apart):
-            rest = rest - self._across @ sparse.diags(1 / self._diagonal) @ self._across.T
-        self._factor = linalg.cho_factor(np.asarray(rest.todense()), lower=True) if len(self._rest) else None
-
-    def solve(self, right: np.ndarray) -> np.ndarray:
-        """The solution (a, …) of a right-hand side."""
-        found, of_apart = np.zeros_like(right), right[self._apart]
-        diagonal = self._diagonal.reshape((-1,) + (1,) * (right.ndim - 1))
-        if self._factor is not None:
-            left = right[self._rest] - self._across @ (of_apart / diagonal)
-            found[self._rest] = linalg.cho_solve(self._factor, left, check_finite=False)
-            of_apart = of_apart - self._across.T @ found[self._rest]
-        found[self._apart] = of_apart / diagonal
-        return found
-
-    def log_determinant(self) -> float:
-        """Of the matrix."""
-        rest = 0.0 if self._factor is None else 2 * float(np.log(np.diag(self._factor[0])).sum())
-        return rest + float(np.log(self._diagonal).sum())
+    track: np.ndarray
+    scan: np.ndarray
+    part: np.ndarray
+    unit_track: np.ndarray
+    unit_scan: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +83,13 @@ class RandomEffects:
 
     Args:
         sample: the measurements.
-        pose_start: standard deviations [m, rad] that pose errors start from; None where poses have no errors.
+        has_poses: whether poses have errors.
     """
 
-    def __init__(self, sample: Sample, pose_start: tuple[float, float] | None = (0.02, 9e-4)) -> None:
-        self.sample = sample
-        self._pose_errors = PoseErrors(sample.pose_derivative, sample.frame, sample.range_m, sample.leaning)
+    def __init__(self, sample: Sample, *, has_poses: bool = True) -> None:
+        self.sample, settings = sample, sample.settings.unsure
+        self._settings = settings
+        self._pose_errors = PoseErrors(sample.pose_derivative, sample.frame, sample.range_m, sample.leaning, settings)
         scans, things = len(sample.names), sample.instance >= 0
         self._track = np.where(things, np.unique(np.where(things, sample.track, -1), return_inverse=True)[1], -1)
         if not things.all():
@@ -128,17 +98,18 @@ class RandomEffects:
         cells = int(sample.surface.max(initial=-1)) + 1
         axes, free = np.array([0, 0, 1, 2]), sample.of_own_map
         blocks = []
-        if pose_start is not None and not sample.own_axes:
-            start = _FREE_POSE if free else (pose_start[0],) * 3 + (pose_start[1],) * 3
+        if has_poses and not sample.own_axes:
+            own = (settings.pose_shift_m,) * 3 + (settings.pose_turn_rad,) * 3
+            start = settings.free_poses if free else own
             blocks.append(Block("poses", "poses", "range", 6 * scans, np.tile(np.arange(6), scans), start, free))
         blocks += [
             Block("objects", "objects", "range", 4 * tracks, np.tile(axes, tracks), (0.0, 0.0, 0.0)),
             Block("objects_by_scan", "objects", "range", 4 * seen, np.tile(axes, seen), (0.0, 0.0, 0.0)),
-            Block("map", "map", "range", cells, np.zeros(cells, int), _FREE_MAP if free else (0.0,), free),
+            Block("map", "map", "range", cells, np.zeros(cells, int), (settings.free_map_m if free else 0.0,), free),
         ]
         if sample.has_intensity:
             blocks.append(Block("albedo", "objects", "intensity", tracks, np.zeros(tracks, int), (0.0,)))
-            start = _FREE_ALBEDO if free else (0.0,)
+            start = (settings.free_albedo if free else 0.0,)
             blocks.append(Block("albedo_of_map", "map", "intensity", cells, np.zeros(cells, int), start, free))
         self.blocks: tuple[Block, ...] = tuple(one for one in blocks if one.size)
         sizes = [one.size for one in self.blocks]
@@ -149,7 +120,7 @@ class RandomEffects:
         )
         self.laws = tuple((one.name, row) for one in self.blocks for row in range(len(one.start)))
         self._free = np.array([one.free for one in self.blocks for _ in one.start], bool)
-        self._least = np.array([_LEAST[name][row] ** 2 for name, row in self.laws])
+        self._least = np.array([_least(settings)[name][row] ** 2 for name, row in self.laws])
         self._fixed = {
             one.name: self._matrix(one) for one in self.blocks if one.name != "poses" and one.quantity == "range"
         }
@@ -171,7 +142,7 @@ class RandomEffects:
     def clusters(self) -> Clusters:
         """What beams and random effects share errors with."""
         sample = self.sample
-        sectors = -(-_FEWEST_PARTS // max(len(sample.names), 1))
+        sectors = -(-self._settings.fewest_parts // max(len(sample.names), 1))
         sector = ((sample.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
         track, scan = np.full(self.size, -1), np.full(self.size, -1)
         poses = self.rows("poses")
@@ -249,16 +220,19 @@ class RandomEffects:
 
     def rows(self, name: str) -> slice:
         """Where the random effects of one kind stand; empty where there are none."""
-        for place, one in enumerate(self.blocks):
-            if one.name == name:
-                return slice(int(self._ends[place]), int(self._ends[place + 1]))
-        return slice(0, 0)
+        places = (slice(int(a), int(b)) for a, b in pairwise(self._ends))
+        return next((rows for one, rows in zip(self.blocks, places, strict=True) if one.name == name), slice(0, 0))
+
+    def _each(self, values: np.ndarray) -> Iterator[tuple[Block, np.ndarray]]:
+        """Each block with its part of values (m,)."""
+        for one, (start, end) in zip(self.blocks, pairwise(self._ends), strict=True):
+            yield one, values[start:end]
 
     def of_part(self, parts: Sequence[str]) -> np.ndarray:
         """(m,) bool: which belong to some parts of the budget."""
         found = np.zeros(self.size, bool)
-        for place, one in enumerate(self.blocks):
-            found[self._ends[place] : self._ends[place + 1]] = one.part in parts
+        for one, mine in self._each(found):
+            mine[:] = one.part in parts
         return found
 
     def poses(self, estimate: Estimate) -> np.ndarray:
@@ -284,8 +258,7 @@ class RandomEffects:
     def adjusted(self, expected: Prediction, estimate: Estimate) -> Prediction:
         """A prediction as the random effects change it."""
         moved = self._pose_errors.shift(self.poses(estimate), expected.range_m)
-        for place, one in enumerate(self.blocks):
-            part = estimate.u[self._ends[place] : self._ends[place + 1]]
+        for one, part in self._each(estimate.u):
             if one.name != "poses" and one.quantity == "range" and part.any():
                 moved = moved + self._fixed[one.name] @ part
         share = self.brightness(estimate)
@@ -300,11 +273,10 @@ class RandomEffects:
     def brightness(self, estimate: Estimate) -> np.ndarray:
         """Factor (n,) by which random effects change intensities."""
         bright = np.zeros(len(self.sample))
-        for place, one in enumerate(self.blocks):
-            part = estimate.u[self._ends[place] : self._ends[place + 1]]
+        for one, part in self._each(estimate.u):
             if one.quantity == "intensity" and part.any():
                 bright = bright + self._hot(one) @ part
-        return np.maximum(1 + bright, _DARKEST)
+        return np.maximum(1 + bright, self._settings.darkest)
 
     def light_slope(self, estimate: Estimate) -> np.ndarray:
         """Factor (n,) by which slopes of intensities change where reflectances are free; elsewhere it is near one."""
@@ -314,8 +286,7 @@ class RandomEffects:
         """Derivatives (n, m) of each quantity that they change; of active ones alone, other columns are empty."""
         rows, active = len(self.sample), self.active(estimate)
         parts: dict[Quantity, list[SparseMatrix]] = {"range": [], "intensity": [], "intensity_variance": []}
-        for place, one in enumerate(self.blocks):
-            mine = active[self._ends[place] : self._ends[place + 1]]
+        for (one, mine), (_, u) in zip(self._each(active), self._each(estimate.u), strict=True):
             empty = sparse.csr_matrix((rows, one.size))
             if not mine.any():
                 found = empty
@@ -325,9 +296,7 @@ class RandomEffects:
                 found = self._fixed[one.name]
             else:
                 found = self._light(one, expected)
-            of_spread = (
-                self._of_spread(one, estimate.u[self._ends[place] : self._ends[place + 1]]) if one.free else empty
-            )
+            of_spread = self._of_spread(one, u) if one.free else empty
             for quantity, columns in parts.items():
                 other = of_spread if quantity == "intensity_variance" and one.quantity == "intensity" else empty
                 columns.append(found if quantity == one.quantity else other)
@@ -353,27 +322,26 @@ class RandomEffects:
         if not len(used):
             return estimate
         precision, law = self.precision(estimate)[used], self._law[used]
-        signs = np.random.default_rng(0).choice((-1.0, 1.0), (len(used), _PROBES))
+        signs = np.random.default_rng(0).choice((-1.0, 1.0), (len(used), self._settings.probes))
         unsure = (signs * Factored(known + sparse.diags(precision), self.apart[used]).solve(signs)).mean(1)
         told = np.bincount(law, 1 - precision * unsure, len(variance))
         size = np.bincount(law, estimate.u[used] ** 2, len(variance))
-        mine = np.unique(law)
+        mine, most = np.unique(law), self._settings.most_step
         new = size[mine] / np.maximum(told[mine], 0.5)
-        variance[mine] = np.clip(new, variance[mine] / _MOST_STEP, variance[mine] * _MOST_STEP)
+        variance[mine] = np.clip(new, variance[mine] / most, variance[mine] * most)
         poses = np.array([name == "poses" for name, _ in self.laws])
         variance = np.where(poses, np.maximum(variance, self._least), variance)
         variance = np.where(self._free, estimate.variance, variance)
         gone = (variance < self._least) & ~poses
         return Estimate(np.where(gone[self._law], 0.0, estimate.u), np.where(gone, 0.0, variance))
 
-    def begun(self, estimate: Estimate, expected: Prediction, evidence: Evidence, sigmas: float) -> Estimate:
+    def begun(self, estimate: Estimate, expected: Prediction, evidence: Evidence) -> Estimate:
         """With the variances of laws that are at 0 and should not be, by the method of moments.
 
         What beams of one unit share shows as the square of their summed scores beyond the sum of their squares.
 
         Args:
             estimate, expected, evidence: of the fit.
-            sigmas: standard errors above 0 from which a law is begun.
         """
         variance = estimate.variance.copy()
         begun = dict[str, bool]()
@@ -390,7 +358,7 @@ class RandomEffects:
             for k in idle:
                 mine = law == k
                 excess, total = float((shared[mine] ** 2 - own[mine]).sum()), float((known[mine] ** 2).sum())
-                if excess > sigmas * np.sqrt(2 * float((own[mine] ** 2).sum())) and total > 0:
+                if excess > self._settings.variance_sigmas * np.sqrt(2 * float((own[mine] ** 2).sum())) and total > 0:
                     variance[k] = max(excess / total, 4 * self._least[k])
                     begun[one.name] = True  # what changes from scan to scan is asked once what stays is known
         return replace(estimate, variance=variance)
@@ -402,7 +370,7 @@ class RandomEffects:
         """Derivatives (n, size) of the log spread of intensities, which are noisier the brighter a surface is."""
         if block.quantity != "intensity":
             return sparse.csr_matrix((len(self.sample), block.size))
-        return self._hot(block) @ sparse.diags(1 / np.maximum(1 + u, _DARKEST))
+        return self._hot(block) @ sparse.diags(1 / np.maximum(1 + u, self._settings.darkest))
 
     def _matrix(self, block: Block) -> SparseMatrix:
         sample, rows = self.sample, np.arange(len(self.sample))
@@ -423,3 +391,10 @@ class RandomEffects:
             ones = np.ones(len(used))
             self._fixed[block.name] = sparse.csr_matrix((ones, (used, number[used])), (len(number), block.size))
         return self._fixed[block.name]
+
+
+def _least(settings: Unsure) -> dict[str, tuple[float, ...]]:
+    """Standard deviations below which there is none, by law: [m], [rad], or a share."""
+    objects, albedo = settings.least_objects, (settings.least_albedo,)
+    of_map = {"map": (settings.least_map_m,), "albedo": albedo, "albedo_of_map": albedo}
+    return {"poses": settings.least_poses, "objects": objects, "objects_by_scan": objects, **of_map}

@@ -11,21 +11,18 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.discrepancy.data.sample import Prediction, Sample
 from cosim.discrepancy.inference.censored import MEAN_INFORMATION, pull
 from cosim.discrepancy.inference.likelihood import (
-    RISE_SIGMA_M,
     Fit,
     intensity_spread,
     range_spread_m,
 )
+from cosim.discrepancy.sampling.sample import Prediction, Sample
+from cosim.discrepancy.settings import Law
 
 Quantity = Literal["range", "rise", "intensity", "range_variance", "intensity_variance", "drop"]
 QUANTITIES: tuple[Quantity, ...] = ("range", "rise", "intensity", "range_variance", "intensity_variance", "drop")
 _SPREAD_INFORMATION = 2.0  # of a Gaussian: of d log σ, E[(z² − 1)²]; and E[z² − 1] grows by 2 a unit of it
-MOST_SQUARED = 100.0
-_FAR_OFF = 3.0  # standard deviations
-_MEDIAN_SIZE = 0.6745  # of a standard normal deviate
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +47,10 @@ class Evidence:
             rise_blur: a standard deviation [m] added to every rise.
             wider: by how much ranges and rises scatter more than is stated, see `dispersion`.
         """
-        weight = sample.share
+        weight, law = sample.share, sample.settings.law
         matched, returned = weight * fit.matched, weight * sample.returned
         range_z, range_sigma = fit.range_z / wider[0], fit.range_sigma_m * wider[0]
-        rise_z, rise_sigma = fit.rise_z / wider[1], np.hypot(RISE_SIGMA_M, rise_blur) * wider[1]
+        rise_z, rise_sigma = fit.rise_z / wider[1], np.hypot(law.rise_sigma_m, rise_blur) * wider[1]
         variance = fit.seen * (1 - fit.seen)
         possible = variance > 0
         pair = np.maximum(sample.partner, 0)
@@ -64,7 +61,7 @@ class Evidence:
         score: dict[Quantity, np.ndarray] = {
             "range": matched * pull(range_z) / range_sigma,
             "rise": returned * pull(rise_z) / rise_sigma,
-            "range_variance": paired * spread_excess(range_gap),
+            "range_variance": paired * _spread_excess(range_gap, law),
             "drop": binary * (fit.matched - fit.expected_seen),
         }
         information: dict[Quantity, np.ndarray] = {
@@ -79,24 +76,24 @@ class Evidence:
             lit = weight * plain * plain[pair] * (sample.partner >= 0)
             score["intensity"] = bright * fit.intensity_pull / fit.intensity_sigma
             information["intensity"] = bright * fit.intensity_known / fit.intensity_sigma**2
-            score["intensity_variance"] = lit * spread_excess(intensity_gap)
+            score["intensity_variance"] = lit * _spread_excess(intensity_gap, law)
             information["intensity_variance"] = lit * _SPREAD_INFORMATION
         return cls(score, information)
 
-    def reweighted(self, fit: Fit) -> Evidence:
+    def reweighted(self, fit: Fit, law: Law) -> Evidence:
         """With the curvature of ranges far off that their pull has (iterated reweighting of a Student-t).
 
         On average over noise curvatures are as they are said; beams that are far off would hold a step back by the
         curvature of beams that fit, though they hardly pull at all.
         """
-        far = np.abs(fit.range_z) > _FAR_OFF
+        far = np.abs(fit.range_z) > law.far_off
         residual = np.where(far, fit.range_z, 1.0) * fit.range_sigma_m
         loose = np.where(far, self.score["range"] / residual, self.information["range"])
         information: dict[Quantity, np.ndarray] = {**self.information, "range": loose}
         return Evidence(self.score, information)
 
 
-def change(before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:
+def change(before: Prediction, after: Prediction, law: Law) -> dict[Quantity, np.ndarray]:
     """How a prediction changes, (n,) by quantity; quantities that stay are left out."""
     both = np.isfinite(before.range_m) & np.isfinite(after.range_m)
     # A change of reported centre moves points along and across; what was measured stays.
@@ -104,8 +101,8 @@ def change(before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:
         "range": np.where(both, after.range_m - before.range_m, 0.0),
         "rise": np.nan_to_num(after.rise_m - before.rise_m),
         "intensity": after.intensity - before.intensity,
-        "range_variance": np.log(range_spread_m(after) / range_spread_m(before)),
-        "intensity_variance": np.log(intensity_spread(after) / intensity_spread(before)),
+        "range_variance": np.log(range_spread_m(after, law) / range_spread_m(before, law)),
+        "intensity_variance": np.log(intensity_spread(after, law) / intensity_spread(before, law)),
         "drop": after.seen - before.seen,
     }
     return {name: values for name, values in found.items() if np.any(np.abs(values) > 1e-12)}
@@ -125,11 +122,11 @@ def dispersion(sample: Sample, fit: Fit) -> tuple[float, float]:
         size, share = np.abs(z[used]), weight[used]
         order = np.argsort(size)
         below = np.cumsum(share[order])
-        return max(float(size[order][np.searchsorted(below, 0.5 * below[-1])]) / _MEDIAN_SIZE, 1.0)
+        return max(float(size[order][np.searchsorted(below, 0.5 * below[-1])]) / sample.settings.law.median_size, 1.0)
 
     return of(fit.range_z, sample.share * fit.matched), of(fit.rise_z, sample.share * sample.returned)
 
 
-def spread_excess(gap: np.ndarray) -> np.ndarray:
+def _spread_excess(gap: np.ndarray, law: Law) -> np.ndarray:
     """Above 0 where neighbours scatter more than stated, 0 on average for any law of the stated standard deviation."""
-    return np.minimum(gap**2, MOST_SQUARED) - 1
+    return np.minimum(gap**2, law.most_squared) - 1

@@ -18,19 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from cosim.discrepancy.groups.group import Group
-from cosim.discrepancy.inference.clusters import Clusters
-from cosim.discrepancy.inference.columns import SparseMatrix, scaled, summed_by
-from cosim.discrepancy.inference.fit import LinearModel
-from cosim.discrepancy.inference.random_effects import Estimate
-from cosim.discrepancy.inference.score import Quantity
+from cosim.discrepancy.inference.columns import SparseMatrix, ridged, scaled, summed_by
+from cosim.discrepancy.inference.group import Group
+from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.random_effects import Clusters, Estimate
+from cosim.discrepancy.inference.score import QUANTITIES, Quantity
 from cosim.discrepancy.inference.wild_bootstrap import deviates, family_wise
-from cosim.discrepancy.settings import Settings
-
-_CHUNK = 400  # columns that are projected at a time
-_PLAIN = 3.0
-_LEFT = 1e-9  # share of information below which nothing outlives what is fitted, to rounding
-_TIMES = np.geomspace(0.01, 100, 93)
+from cosim.discrepancy.settings import Screen, Settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,20 +82,20 @@ def screen(
         rng: for the signs.
         beside: further columns (n, k) by quantity whose parameters are free, too.
     """
-    projector = Projector(model, estimate, clusters, beside)
+    projector, by = Projector(model, estimate, clusters, beside), settings.screen
     sums: list[_Sums] = [_gained(one, clusters) for one in groups if one.gain is not None]
     linear = [one for one in groups if one.gain is None and one.columns]
-    for part in _chunks(linear):
-        sums += projector.sums(part)
+    for part in _chunks(linear, by.chunk):
+        sums += projector.sums(part, by)
     if not sums:
         return []
     one_sided = np.array([one.group.one_sided for one in sums])
     tracks, scans = [one.track for one in sums], [one.scan for one in sums]
     values, p_values, critical = family_wise(
-        ((tracks, _calmer(sums, tracks)), (scans, _calmer(sums, scans))), one_sided, settings.draws, settings.level, rng
+        ((tracks, _calmer(sums, tracks)), (scans, _calmer(sums, scans))), one_sided, by.draws, settings.level, rng
     )
     found = [
-        _told(one, float(value), float(p), critical + settings.power)
+        _told(one, float(value), float(p), critical + by.power, by)
         for one, value, p in zip(sums, values, p_values, strict=True)
     ]
     return sorted(found, key=lambda one: (one.p_value, -one.value))
@@ -158,7 +152,7 @@ class Projector:
             tables.append(found)
         return tables
 
-    def sums(self, groups: Sequence[Group]) -> list[_Sums]:
+    def sums(self, groups: Sequence[Group], by: Screen) -> list[_Sums]:
         """Of some groups; those that what is fitted explains are left out."""
         ends = np.cumsum([one.size for one in groups])
         columns = _joined(groups, len(next(iter(self._scores.values()))))
@@ -174,13 +168,13 @@ class Projector:
                 np.zeros((one.size, one.size)),
             )
             left = whole - shared[:, mine].T @ known[:, mine]
-            if np.trace(left) <= _LEFT * np.trace(whole) or np.trace(whole) <= 0:
+            if np.trace(left) <= by.left * np.trace(whole) or np.trace(whole) <= 0:
                 continue
             outlived = np.maximum(np.diag(left), 0) / np.maximum(np.diag(whole), 1e-300)
             slope = by_cluster[0][:, mine].sum(0)
             with np.errstate(invalid="ignore"):  # what random effects say has no bound, however little outlives them
                 track, scan = (
-                    _bounded(table[:, mine], of_each[:, mine] * outlived)
+                    _bounded(table[:, mine], of_each[:, mine] * outlived, by.plain)
                     for table, of_each in zip(by_cluster, share, strict=True)
                 )
             found.append(_Sums(one, track, scan if one.by_scan else track, slope, left))
@@ -219,12 +213,12 @@ def _calmer(sums: Sequence[_Sums], tables: Sequence[np.ndarray]) -> np.ndarray:
     return found
 
 
-def _told(one: _Sums, value: float, p_value: float, needed: float) -> Tested:
+def _told(one: _Sums, value: float, p_value: float, needed: float, by: Screen) -> Tested:
     group = one.group
     if group.gain is not None:
         gain = float(group.gain.sum()) if group.is_effect else 0.0
-        return Tested(group, value, p_value, gain, np.ones(1), _countable(one, needed), float("nan"))
-    information = one.information + np.diag(1e-9 * np.diag(one.information) + 1e-12)
+        return Tested(group, value, p_value, gain, np.ones(1), _countable(one, needed, by), float("nan"))
+    information = ridged(one.information)
     step = np.linalg.solve(information, one.slope)
     if group.one_sided and step[0] < 0:
         step = np.zeros(1)
@@ -254,7 +248,7 @@ def _gained(group: Group, clusters: Clusters) -> _Sums:
     return _Sums(group, track, scan, track.sum(0), np.eye(1), expected)
 
 
-def _countable(one: _Sums, needed: float) -> float:
+def _countable(one: _Sums, needed: float, by: Screen) -> float:
     """Amplitude of strays that would be found: Poisson counts by cluster beside what there is already; NaN for none."""
     strays = one.group.strays
     if strays is None:
@@ -271,8 +265,9 @@ def _countable(one: _Sums, needed: float) -> float:
             found.append(float(deviates(np.array([z]), typical)[0]))
         return min(found)
 
-    row = bisect_left(_TIMES, needed, key=reached)
-    return float(_TIMES[row] * strays.step) if row < len(_TIMES) else float("nan")
+    grid = np.geomspace(1 / by.most_times, by.most_times, by.times)
+    row = bisect_left(grid, needed, key=reached)
+    return float(grid[row] * strays.step) if row < len(grid) else float("nan")
 
 
 def compressed(gain: np.ndarray) -> np.ndarray:
@@ -280,31 +275,30 @@ def compressed(gain: np.ndarray) -> np.ndarray:
     return np.sign(gain) * np.log1p(np.abs(gain))
 
 
-def _bounded(score: np.ndarray, information: np.ndarray) -> np.ndarray:
+def _bounded(score: np.ndarray, information: np.ndarray, plain: float) -> np.ndarray:
     """Scores by cluster, beyond some standard deviations only growing as their logarithms.
 
     Where an effect is plain, few objects that have most of the beams must not outvote that all others agree.
     """
     sigma = np.sqrt(np.maximum(np.nan_to_num(information, nan=np.inf), 1e-300))
-    beyond = np.maximum(np.abs(score) / (_PLAIN * sigma), 1.0)
+    beyond = np.maximum(np.abs(score) / (plain * sigma), 1.0)
     return score / beyond * (1 + np.log(beyond))
 
 
 def _joined(groups: Sequence[Group], rows: int) -> dict[Quantity, SparseMatrix]:
-    names: set[Quantity] = {name for one in groups for name in one.columns}
-    return {
-        name: sparse.hstack(
-            [one.columns.get(name, sparse.csr_matrix((rows, one.size))) for one in groups], format="csc"
-        )
-        for name in names
-    }
+    found: dict[Quantity, SparseMatrix] = {}
+    for name in QUANTITIES:  # in the same order each time
+        if any(name in one.columns for one in groups):
+            parts = [one.columns.get(name, sparse.csr_matrix((rows, one.size))) for one in groups]
+            found[name] = sparse.hstack(parts, format="csc")
+    return found
 
 
-def _chunks(groups: Sequence[Group]) -> list[list[Group]]:
+def _chunks(groups: Sequence[Group], most: int) -> list[list[Group]]:
     found: list[list[Group]] = [[]]
     width = 0
     for one in groups:
-        if width + one.size > _CHUNK and found[-1]:
+        if width + one.size > most and found[-1]:
             found.append([])
             width = 0
         found[-1].append(one)

@@ -14,42 +14,33 @@ import numpy as np
 from scipy import optimize
 
 from cosim.discrepancy.candidates import Unknown, with_values
-from cosim.discrepancy.data.sample import Sample
 from cosim.discrepancy.inference.columns import Column
 from cosim.discrepancy.inference.likelihood import Fit
 from cosim.discrepancy.inference.sector import AZIMUTH, WIDTH, crowded_sector
+from cosim.discrepancy.sampling.sample import Sample
+from cosim.discrepancy.settings import DEFAULT, Search
 from sensors.effects.base import EchoEffect, Effect, ScanEffect
-
-_REACH, _REACH_STEPS = 0.6, 25.0  # to both sides: of the value, or of its natural step
-_GRID, _ZOOMS = 13, 8
-_NEAR, _ROUGHLY = 2e-3, 2e-2  # of the reach of a search
-_BLURRED, _ASIDE = 0.02, 6.0  # of a value, and how many times it a closer look goes aside
-_FEW, _ALTOGETHER = 0.01, 0.5
-_ELSEWHERE_M = 0.5
-_FALL, _SMOOTH_FALL = float(np.log(20)), 1.92
-_PASSES, _ENOUGH = 6, 0.01
-_DOUBLINGS, _BISECTIONS = 24, 10
-_MOST_COUPLED = 0.995
-_FARTHEST = 12.0
 
 Loss = Callable[[tuple[Effect, ...]], float]
 
 
-def is_searched(effect: Effect, unknown: Unknown, column: Column) -> bool:
+def is_searched(effect: Effect, unknown: Unknown, column: Column, by: Search) -> bool:
     """Whether a parameter is found by search."""
-    return unknown.rings == 1 and (isinstance(effect, ScanEffect) or is_flat(effect, unknown, column))
+    return unknown.rings == 1 and (isinstance(effect, ScanEffect) or is_flat(effect, unknown, column, by))
 
 
-def is_flat(effect: Effect, unknown: Unknown, column: Column) -> bool:
+def is_flat(effect: Effect, unknown: Unknown, column: Column, by: Search) -> bool:
     """Whether at most a few beams notice a small change, or some that do get lost, found or another surface."""
-    if not column.delta or all(np.count_nonzero(values) < _FEW * len(values) for values in column.delta.values()):
+    if not column.delta or all(np.count_nonzero(values) < by.few * len(values) for values in column.delta.values()):
         return True
-    if isinstance(effect, EchoEffect) and np.any(np.abs(column.delta.get("range", 0.0)) * unknown.step > _ELSEWHERE_M):
+    if isinstance(effect, EchoEffect) and np.any(
+        np.abs(column.delta.get("range", 0.0)) * unknown.step > by.elsewhere_m
+    ):
         return True
     if "drop" not in column.delta:
         return False
     lost = np.abs(column.delta["drop"]) * unknown.step
-    altogether = bool(np.all(lost[lost > 0] > _ALTOGETHER))
+    altogether = bool(np.all(lost[lost > 0] > by.altogether))
     return altogether and not any(np.any(values[lost == 0]) for values in column.delta.values())
 
 
@@ -71,36 +62,41 @@ def searched(
         sample, fit: the measurements, and how the effects as they are fit them.
         roughly: look once, and not closely, where every look costs new rays.
     """
+    by = sample.settings.search
     names = {(place, unknown.name) for place, unknown, _ in which}
     sectors = {place for place, name in names if name == AZIMUTH and (place, WIDTH) in names}
     for place in sectors:
-        trial = _with(effects, place, crowded_sector(sample, fit))
+        trial = _with(effects, place, crowded_sector(sample, fit, by))
         effects = trial if lost(trial) < lost(effects) else effects
     rest = [one for one in which if not (one[0] in sectors and one[1].name in (AZIMUTH, WIDTH))]
     settled = roughly and all(effects[place].by_search for place, _, _ in rest)
-    most = _PASSES if any(isinstance(effects[place], ScanEffect) for place, _, _ in rest) else 2
+    most = by.passes if any(isinstance(effects[place], ScanEffect) for place, _, _ in rest) else 2
     passes = most if len(rest) > 1 and not settled else 1
     reached = lost(effects) if passes > 1 else 0.0
     for number in range(passes):
         before = effects
         for place, unknown, column in rest:
             dear = effects[place].by_search
-            flat = is_flat(effects[place], unknown, column) and not dear
-            share, close = 1.0, _ROUGHLY if roughly and dear else _NEAR
-            effects = _best(effects, place, unknown, lost, flat, share, close)
-        smooth = [(place, unknown) for place, unknown, column in rest if not is_flat(effects[place], unknown, column)]
+            flat = is_flat(effects[place], unknown, column, by) and not dear
+            close = by.roughly if roughly and dear else by.near
+            effects = _best(effects, place, unknown, lost, flat, close, by)
+        smooth = [(place, one) for place, one, column in rest if not is_flat(effects[place], one, column, by)]
         if number and len(smooth) > 1:
-            effects = _along_valley(before, effects, smooth, lost)
+            effects = _along_valley(before, effects, smooth, lost, by.farthest)
         if number + 1 == passes:
             break
         fallen, reached = reached, lost(effects)
-        if fallen - reached < _ENOUGH:
+        if fallen - reached < by.enough:
             break
     return effects
 
 
 def _along_valley(
-    first: tuple[Effect, ...], second: tuple[Effect, ...], which: Sequence[tuple[int, Unknown]], lost: Loss
+    first: tuple[Effect, ...],
+    second: tuple[Effect, ...],
+    which: Sequence[tuple[int, Unknown]],
+    lost: Loss,
+    farthest: float,
 ) -> tuple[Effect, ...]:
     """The best on the line through what two passes over all parameters found (Powell, Computer J. 1964).
 
@@ -114,12 +110,18 @@ def _along_valley(
             effects = _with(effects, place, {unknown.name: start + steps * (end - start)})
         return effects
 
-    found = _least(lambda steps: lost(at(steps)), 1.0, _FARTHEST, 0.05)
+    found = _least(lambda steps: lost(at(steps)), 1.0, farthest, 0.05)
     return at(float(found.x)) if found.fun < lost(second) else second
 
 
 def likely_interval(
-    effects: tuple[Effect, ...], place: int, unknown: Unknown, column: Column, lost: Loss, stray_weight: float
+    effects: tuple[Effect, ...],
+    place: int,
+    unknown: Unknown,
+    column: Column,
+    lost: Loss,
+    stray_weight: float,
+    by: Search,
 ) -> tuple[float, float]:
     """How far down and up a parameter may go until the likelihood has fallen too far.
 
@@ -128,9 +130,10 @@ def likely_interval(
         place, unknown, column: the parameter.
         lost: negative log-likelihood of effects, of a sample whose beams weigh one on average.
         stray_weight: what a stray weighs in it. Each is one fact.
+        by: numbers that decide.
     """
     value, least = float(getattr(effects[place], unknown.name)), lost(effects)
-    fall = _FALL if is_flat(effects[place], unknown, column) else _SMOOTH_FALL
+    fall = by.fall if is_flat(effects[place], unknown, column, by) else by.smooth_fall
     if isinstance(effects[place], ScanEffect):
         fall *= stray_weight
 
@@ -142,11 +145,11 @@ def likely_interval(
     ends = []
     for side in (-1.0, 1.0):
         near, far = 0.0, side * max(1e-3 * unknown.step, 1e-9)
-        for _ in range(_DOUBLINGS):
+        for _ in range(by.doublings):
             if fallen(far):
                 break
             near, far = far, 2 * far
-        for _ in range(_BISECTIONS):
+        for _ in range(by.bisections):
             middle = (near + far) / 2
             near, far = (near, middle) if fallen(middle) else (middle, far)
         ends.append(min(max(value + far, unknown.low), unknown.high))
@@ -154,7 +157,11 @@ def likely_interval(
 
 
 def widening(
-    effects: tuple[Effect, ...], place: int, pairs: dict[str, tuple[float, float]], lost: Loss
+    effects: tuple[Effect, ...],
+    place: int,
+    pairs: dict[str, tuple[float, float]],
+    lost: Loss,
+    by: Search = DEFAULT.search,
 ) -> dict[str, float]:
     """By how much intervals of smooth parameters of one effect are wider with the others free than with them held.
 
@@ -174,7 +181,8 @@ def widening(
         alike, unlike = (
             lost(_with(effects, place, {a: near, b: value[b] + side * half[b] / 2})) for side in (1.0, -1.0)
         )
-        coupling[i, j] = coupling[j, i] = np.clip((alike - unlike) / max(fall, 1e-12), -_MOST_COUPLED, _MOST_COUPLED)
+        coupled = np.clip((alike - unlike) / max(fall, 1e-12), -by.most_coupled, by.most_coupled)
+        coupling[i, j] = coupling[j, i] = coupled
     wider = np.sqrt(np.maximum(np.diag(np.linalg.inv(coupling)), 1.0))
     return dict(zip(names, wider.tolist(), strict=True))
 
@@ -192,26 +200,26 @@ def _alternatives(
 
 
 def _best(
-    effects: tuple[Effect, ...], place: int, unknown: Unknown, lost: Loss, flat: bool, share: float, close: float
+    effects: tuple[Effect, ...], place: int, unknown: Unknown, lost: Loss, flat: bool, close: float, by: Search
 ) -> tuple[Effect, ...]:
-    """The effects with one parameter where it is likeliest, within a share of the reach, to as close a share of it."""
+    """The effects with one parameter where it is likeliest, to as close a share of the reach."""
     value = float(getattr(effects[place], unknown.name))
-    reach = share * max(_REACH * abs(value), _REACH_STEPS * unknown.step)
+    reach = max(by.reach * abs(value), by.reach_steps * unknown.step)
 
     def of(value: float) -> float:
         return lost(_with(effects, place, {unknown.name: value}))
 
     low, high = max(value - reach, unknown.low), min(value + reach, unknown.high)
     if not flat:
-        within = close * reach / share
+        within = close * reach
         found = _least(of, low, high, within)
-        if within > _BLURRED * abs(found.x):  # a value much smaller than the reach of the search
-            aside = _ASIDE * within
+        if within > by.blurred * abs(found.x):  # a value much smaller than the reach of the search
+            aside = by.aside * within
             found = _least(of, max(found.x - aside, low), min(found.x + aside, high), close * aside)
         return _with(effects, place, {unknown.name: float(found.x)}) if found.fun < of(value) else effects
     best, least = value, of(value)
-    grid = np.linspace(low, high, _GRID)
-    for _ in range(_ZOOMS):
+    grid = np.linspace(low, high, by.grid)
+    for _ in range(by.zooms):
         losses = np.array([of(one) for one in grid])
         if losses.min() <= least:
             # Between two beams that tell the likelihood is level: its middle is as good a guess as any.

@@ -4,28 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.discrepancy.data.sample import Sample
 from cosim.discrepancy.inference.likelihood import Fit
+from cosim.discrepancy.sampling.sample import Sample
+from cosim.discrepancy.settings import DEFAULT, Search
 
 AZIMUTH, WIDTH = "azimuth_deg", "width_deg"
-_EDGES = 360
-_FINE = 200
-_LEAST, _MOST = 0.005, 0.95  # of all beams
 
 
-def crowded_sector(sample: Sample, fit: Fit) -> dict[str, float]:
+def crowded_sector(sample: Sample, fit: Fit, by: Search = DEFAULT.search) -> dict[str, float]:
     """Middle and width [°] of the sector whose share of strays stands out most from its share of beams."""
     turn = np.degrees(sample.azimuth) % 360
     stray = sample.returned & sample.compared & (fit.matched < 0.5)
     if not stray.any():
         return {AZIMUTH: 0.0, WIDTH: 360.0}
     strays, beams = _Share(turn[stray], sample.weight[stray]), _Share(turn, sample.weight)
-    grid = np.arange(_EDGES) * 360 / _EDGES
-    start, end = _best(strays, beams, grid, grid)
+    grid = np.arange(by.edges) * 360 / by.edges
+    start, end = _best(strays, beams, grid, grid, by)
     for _ in range(2):
-        aside = np.linspace(-1.5, 1.5, _FINE + 1) * 360 / _EDGES
-        start, _ = _best(strays, beams, start + aside, np.array([end]))
-        _, end = _best(strays, beams, np.array([start]), end + aside)
+        aside = np.linspace(-1.5, 1.5, by.fine + 1) * 360 / by.edges
+        start, _ = _best(strays, beams, start + aside, np.array([end]), by)
+        _, end = _best(strays, beams, np.array([start]), end + aside, by)
     width = (end - start) % 360
     middle = (start + width / 2 + 180) % 360 - 180
     return {AZIMUTH: float(middle), WIDTH: float(width)}
@@ -45,11 +43,11 @@ class _Share:
         return ((high - low) + self.total * ((end % 360) <= (start % 360))) / self.total
 
 
-def _best(strays: _Share, beams: _Share, starts: np.ndarray, ends: np.ndarray) -> tuple[float, float]:
+def _best(strays: _Share, beams: _Share, starts: np.ndarray, ends: np.ndarray, by: Search) -> tuple[float, float]:
     inside, size = (share.between(starts[:, None], ends) for share in (strays, beams))
     with np.errstate(divide="ignore", invalid="ignore"):
         gain = np.nan_to_num(inside * np.log(inside / size))
         gain += np.nan_to_num((1 - inside) * np.log((1 - inside) / (1 - size)))
-    gain[(inside < size) | (size < _LEAST) | (size > _MOST)] = -np.inf
+    gain[(inside < size) | (size < by.least_sector) | (size > by.most_sector)] = -np.inf
     row, column = np.unravel_index(int(np.argmax(gain)), gain.shape)
     return float(starts[row]), float(ends[column])

@@ -9,13 +9,10 @@ import numpy as np
 
 from cosim.discrepancy.aligned import PARTS, AlignedFrame, Judged
 from cosim.discrepancy.groups.covariates import covariates
+from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.scores import CLIP_M, FrameScores, Totals
 
 MATCHED, AMBIGUOUS, DROPPED, SPURIOUS, UNFORESEEN, SILENT = range(6)
-_ROWS_A_FRAME = 30_000
-_SECTORS = 12  # of azimuth: what beams of a frame still share once its pose is fitted ends there, as objects do
-_LARGEST_SQUARE = 25.0
-_CUT_OFF = 3.0  # standard deviations
 _OF_SCANS = {
     "frame_time": ("time_s", "s"),
     "speed": ("speed_mps", "m/s"),
@@ -143,7 +140,9 @@ def residuals_of(one: AlignedFrame) -> dict[str, np.ndarray]:
     """(n,) of every channel, see `Rows`."""
     scores, expected, hits = one.scores, one.expected, one.frame.shot.hits
     clear = ~scores.ambiguous
-    reach = _CUT_OFF * expected.intensity_sigma  # what is cut off at 0 or 1 is darker or brighter than it would be
+    reach = (
+        LAYOUT.cut_off * expected.intensity_sigma
+    )  # what is cut off at 0 or 1 is darker or brighter than it would be
     inside = (expected.intensity - reach >= 0) & (expected.intensity + reach <= 1)
     lit = scores.matched & np.isfinite(scores.intensity_score) & ~one.mixed & (inside | (reach <= 0))
     range_m = np.clip(scores.measured_m - expected.range_m, -CLIP_M, CLIP_M)
@@ -162,7 +161,7 @@ def residuals_of(one: AlignedFrame) -> dict[str, np.ndarray]:
 
 def _excess(residual: np.ndarray, sigma: np.ndarray, used: np.ndarray) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
-        square = np.minimum((residual / sigma) ** 2, _LARGEST_SQUARE) - 1
+        square = np.minimum((residual / sigma) ** 2, LAYOUT.largest_square) - 1
     return np.where(used & (sigma > 0), square, np.nan)
 
 
@@ -187,13 +186,13 @@ def columns_of(one: AlignedFrame, number: int = 0) -> dict[str, Column]:
 
 def _rows(before: AlignedFrame, after: AlignedFrame, number: int, rng: np.random.Generator, has_poses: bool) -> Rows:
     count = len(after.sample)
-    used = np.sort(rng.choice(count, min(count, _ROWS_A_FRAME), replace=False))
-    sector = np.floor((after.sample.azimuth[used] + np.pi) / (2 * np.pi) * _SECTORS).astype(int) % _SECTORS
+    used = np.sort(rng.choice(count, min(count, LAYOUT.rows), replace=False))
+    sector = np.floor((after.sample.azimuth[used] + np.pi) / (2 * np.pi) * LAYOUT.sectors).astype(int) % LAYOUT.sectors
     told = columns_of(after, number)
     return Rows(
         covariates={name: Column(one.unit, one.values[used], one.names) for name, one in told.items()},
-        cluster=number * _SECTORS + sector,
-        before_cluster=np.full(len(used), number) if has_poses else number * _SECTORS + sector,
+        cluster=number * LAYOUT.sectors + sector,
+        before_cluster=np.full(len(used), number) if has_poses else number * LAYOUT.sectors + sector,
         frame=np.full(len(used), number),
         before={name: values[used] for name, values in residuals_of(before).items()},
         after={name: values[used] for name, values in residuals_of(after).items()},

@@ -9,11 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from cosim.discrepancy.report.beams import Column, Rows, Scan, renumbered
-from cosim.discrepancy.report.binned import quantile_edges
+from cosim.discrepancy.report.layout import LAYOUT
+from cosim.report.binned import quantile_edges
 
 NO_BIN = 255
-_BINS = 20
-_MOST_NAMES = 8
 _NUMBERED = ("ring", "scan")  # whole numbers, each a bin of its own
 
 
@@ -89,7 +88,7 @@ class Bins:
     of_rows: np.ndarray
 
     @classmethod
-    def of(cls, rows: Rows, name: str, bins: int = _BINS) -> Bins | None:
+    def of(cls, rows: Rows, name: str, bins: int = LAYOUT.bins) -> Bins | None:
         """Of rows; None where the covariate is not there, or has one value alone."""
         column = rows.covariates.get(name)
         known = column.values[np.isfinite(column.values)] if column is not None else np.zeros(0)
@@ -98,7 +97,7 @@ class Bins:
         edges, codes = np.zeros(0), np.zeros(0, int)
         if column.names:
             values, count = np.unique(known.astype(int), return_counts=True)
-            codes = values[np.argsort(-count, kind="stable")][:_MOST_NAMES]
+            codes = values[np.argsort(-count, kind="stable")][: LAYOUT.names]
         elif name in _NUMBERED:
             codes = np.unique(known.astype(int))[: NO_BIN - 1]
         else:

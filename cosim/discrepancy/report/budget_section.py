@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from cosim.discrepancy.report.layout import LAYOUT
 from cosim.report import Piece, section, stacked_bar
 
 _COLOURS = {
     "noise": "#6b7688", "poses": "#5aa9ff", "objects": "#56c8c0", "map": "#a58bf0", "missing": "#ffb23e",
     "unexplained": "#f0606a",
 }  # fmt: skip
-_LEAST = 5e-4  # of an error: what is told as 0.000
 _NAMES = {"map": "the map", "missing": "missing effects"}
 _REMEDIES = {
     "noise": "nothing to mend: a model that is right has it, too",
@@ -37,7 +37,7 @@ def budget_section(parts: Mapping[str, float], *, text: str, why: Mapping[str, s
     pieces = [
         Piece(_NAMES.get(name, name), value, _COLOURS[name], told[name])
         for name, value in parts.items()
-        if abs(value) >= _LEAST or name in ("noise", "unexplained")
+        if abs(value) >= LAYOUT.told or name in ("noise", "unexplained")
     ]
     bar = stacked_bar(pieces, "where the error comes from")
     return section("Where the error comes from", bar, text=text, anchor="budget")

@@ -7,7 +7,8 @@ from html import escape
 
 from cosim.discrepancy.compare import Comparison
 from cosim.discrepancy.report.budget_section import budget_section
-from cosim.discrepancy.report.explorer_section import EXPLORER_STYLE, Explored, explorer_section
+from cosim.discrepancy.report.explorer_section import Explored, explorer_section, explorer_style
+from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.report.residual_charts import CHANNELS, Chart
 from cosim.discrepancy.report.sentences import source_words, times
 from cosim.discrepancy.report.worth_section import worth_section
@@ -15,10 +16,8 @@ from cosim.discrepancy.scores import SCALES
 from cosim.discrepancy.slices import Slice
 from cosim.report import document, facts, meter, notes_section, section, table
 
-_SCANS = 3
 _SIDES = ("at the poses as given", "poses, objects and the map aligned")
 _CHANNEL_WORDS = {"range": "ranges", "intensity": "intensities", "drop": "returns", "spurious": "stray points"}
-_WORTH_A_WORD = 0.05  # share of the excess
 _WHY = {"unexplained": "left once all is aligned: the sensor model’s, or of poses and objects not known well enough"}
 
 
@@ -30,7 +29,7 @@ def format_comparison(found: Comparison, command: str, explored: Explored | None
         command: what to run next, to be copied.
         explored: beams of the compared frames; gathered from the comparison by default.
     """
-    explored = explored or Explored.of(found.judged, _SCANS)
+    explored = explored or Explored.of(found.judged, LAYOUT.scans)
     title = f"{found.sensor} against {found.drive}"
     text = (
         "Before: at the poses as given. After: with errors of poses, objects and the map taken out as far as a fit "
@@ -45,7 +44,7 @@ def format_comparison(found: Comparison, command: str, explored: Explored | None
         explorer_section(explored, _SIDES, text=text),
         _notes(found),
     ]
-    return document(title, sections, style=EXPLORER_STYLE, generator="cosim compare")
+    return document(title, sections, style=explorer_style(), generator="cosim compare")
 
 
 def _verdict(found: Comparison, explored: Explored | None, command: str) -> str:
@@ -84,7 +83,7 @@ def _excess(found: Comparison) -> str:
     """The channels in which the error lies above the floor, with what is off in each on average."""
     excess = found.excess
     total = sum(excess.values())
-    order = [name for name in excess if excess[name] > _WORTH_A_WORD * total]
+    order = [name for name in excess if excess[name] > LAYOUT.excess * total]
     said = [f"<b>{_CHANNEL_WORDS[name]}</b> ({excess[name] / total:.0%}): {_off(name, found)}" for name in order]
     return f"At the poses as given the excess lies in {'; '.join(said)}." if said else ""
 

@@ -11,8 +11,8 @@ from scipy import stats
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
 from cosim.discrepancy.report.bins import shown
 from cosim.discrepancy.report.budget_section import budget_section
-from cosim.discrepancy.report.confusions import separations
-from cosim.discrepancy.report.explorer_section import EXPLORER_STYLE, Explored, explorer_section
+from cosim.discrepancy.report.explorer_section import Explored, explorer_section, explorer_style
+from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.report.sentences import (
     Vocabulary,
     budget_words,
@@ -26,15 +26,15 @@ from cosim.discrepancy.report.sentences import (
 )
 from cosim.discrepancy.report.unexplained_section import unexplained_section
 from cosim.discrepancy.report.unknown_section import unknown_section
-from cosim.discrepancy.report.waterfall import waterfall
 from cosim.discrepancy.report.worth_section import worth_section
+from cosim.discrepancy.settings import DEFAULT
 from cosim.report import document, figure, notes_section, section, table
 from cosim.report.phrases import listed, p_cell
+from cosim.report.plot import Axis, Plot
 from cosim.report.ranking_table import ranking_section
-from cosim.stats.plot import Axis, Plot
+from cosim.report.waterfall import waterfall
+from sensors.effects.confusions import separations
 
-_SCANS = 3
-_FEW = 3
 _SIDES = ("the model as given", "with what was found")
 
 
@@ -72,12 +72,12 @@ def format_diagnosis(
         _smallest(found, words),
         _how(found),
     ]
-    return document(title, sections, style=EXPLORER_STYLE, generator="cosim diagnose")
+    return document(title, sections, style=explorer_style(), generator="cosim diagnose")
 
 
 def explored_of(found: Diagnosis) -> Explored | None:
     """The beams of the judging frames, and charts of them; None where a diagnosis has none."""
-    return Explored.of(found.judged, _SCANS, charted(found))
+    return Explored.of(found.judged, LAYOUT.scans, charted(found))
 
 
 def charted(found: Diagnosis) -> list[str]:
@@ -92,7 +92,7 @@ def _verdict(found: Diagnosis, words: Vocabulary, explored: Explored | None) -> 
         said.append(f'<span class="bad">Labels are biased</span>: {law}.')
     left = _left(found, explored)
     if not said and not left:
-        smallest = smallest_words(found, words, most=_FEW)
+        smallest = smallest_words(found, words, most=LAYOUT.few)
         said.append('<span class="good">Nothing is missing that would show.</span>')
         said.append(f"It would have shown {escape(smallest)}, and so on below." if smallest else "")
     elif not said:
@@ -127,7 +127,7 @@ def _unknown(found: Diagnosis) -> list[str]:
 def _left(found: Diagnosis, explored: Explored | None) -> list[str]:
     """What the screen still finds, and what charts show beside it."""
     if found.unexplained:
-        names = [escape(unexplained_words(one)) for one in found.unexplained[:_FEW]]
+        names = [escape(unexplained_words(one)) for one in found.unexplained[: LAYOUT.few]]
         more = len(found.unexplained) - len(names)
         names += [f"{more} more"] if more else []
         return [f'<span class="warn">Not explained</span>: <a href="#unexplained">{listed(names)}</a>.']
@@ -135,7 +135,7 @@ def _left(found: Diagnosis, explored: Explored | None) -> list[str]:
     if not names:
         return []
     said = '<span class="warn">Judging frames show more than the screen does</span>: '
-    return [f'{said}<a href="#residuals">{escape(listed(names[:_FEW]))}</a>.']
+    return [f'{said}<a href="#residuals">{escape(listed(names[: LAYOUT.few]))}</a>.']
 
 
 def left_words(explored: Explored | None) -> list[str]:
@@ -183,7 +183,11 @@ def _waterfall(found: Diagnosis) -> str:
         "frame. A fall is surer than they show, as some frames are harder for every model: the table above has it."
     )
     wide = min(1100, 400 + 220 * (len(found.effects) + len(found.unknowns)))
-    return section("How the error falls", figure("", "", waterfall(found), "full", wide), text=text)
+    names = ["as given", *(f"+ {one.effect}" for one in found.effects), *("+ unknown" for _ in found.unknowns)]
+    aligned = zip(names, found.budget.aligned_steps, strict=False)
+    steps = [(name, one.error, one.standard_error) for name, one in aligned]
+    svg = waterfall(steps, found.noise_floor, "aligned error, held-out frames", DEFAULT.coverage)
+    return section("How the error falls", figure("", "", svg, "full", wide), text=text)
 
 
 def _effects(found: Diagnosis, words: Vocabulary) -> str:

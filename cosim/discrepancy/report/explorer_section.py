@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from html import escape
+from importlib.resources import files
 
 from cosim.discrepancy.aligned import Judged
 from cosim.discrepancy.report.beams import Beams
@@ -83,23 +84,6 @@ def _panel(charts: Sequence[Chart], count: int, is_shown: bool) -> str:
     )
 
 
-EXPLORER_STYLE = """
-.explore { display: grid; grid-template-columns: minmax(0, 1.12fr) minmax(0, 1fr); gap: 22px; margin-top: 14px;
-  align-items: start; }
-.explore .charts { grid-template-columns: repeat(auto-fill, minmax(min(330px, 100%), 1fr)); gap: 12px; }
-.explore .legend { padding: 8px 0 2px; } .picks { display: flex; flex-wrap: wrap; gap: 8px; margin-bottom: 8px; }
-.scan { position: sticky; top: 10px; border: 1px solid var(--line); border-radius: 8px; background: var(--panel);
-  padding: 12px 14px; }
-.scan canvas { width: 100%; border-radius: 4px; }
-#image { height: 190px; image-rendering: pixelated; cursor: crosshair; }
-#cloud { height: min(46vh, 520px); margin-top: 10px; }
-.ends { display: flex; justify-content: space-between; color: var(--muted); font-size: 12px; }
-.slice { min-height: 3.1em; color: var(--text); margin: 4px 0 6px; }
-.slice button { padding: 1px 9px; font-size: 12.5px; }
-.beam { font-size: 13px; margin-top: 8px; min-height: 2.9em; }
-.target { fill: transparent; cursor: pointer; } .target:hover { fill: #ffffff14; } .target.picked { fill: #ffffff2b; }
-.target:focus-visible { outline: none; fill: #ffffff1c; stroke: var(--accent); stroke-width: 2; }
-.under { padding: 0 14px 10px; font-size: 13px; }
-@media (max-width: 1100px) { .explore { grid-template-columns: minmax(0, 1fr); }
-  .scan { position: static; order: -1; } }
-"""
+def explorer_style() -> str:
+    """CSS of what `explorer_section` gives."""
+    return "\n" + (files("cosim.discrepancy.report") / "explorer.css").read_text(encoding="utf-8")

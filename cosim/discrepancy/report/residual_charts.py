@@ -9,14 +9,12 @@ from html import escape
 import numpy as np
 
 from cosim.discrepancy.report.beams import Rows
-from cosim.discrepancy.report.binned import Binned, binned
 from cosim.discrepancy.report.bins import NO_BIN, Bins
+from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.settings import DEFAULT
 from cosim.report import figure
-from cosim.stats.plot import Axis, Plot
-
-_ALIKE, _COMMON = 0.02, 0.02
-_MOST_DOTS = 40
+from cosim.report.binned import Binned, binned
+from cosim.report.plot import Axis, Plot
 
 
 @dataclass(frozen=True)
@@ -111,7 +109,7 @@ def all_charts(rows: Rows, bins: Mapping[str, Bins], is_one: bool) -> dict[str, 
         wanted = [one for one in bins.values() if name != "spurious" or one.name in _OF_STRAYS]
         charts = [one for one in (chart(rows, name, each, is_one) for each in wanted) if one is not None]
         if charts:
-            near = _ALIKE * max(max(one.first.size, one.after.size) for one in charts) or 1.0
+            near = LAYOUT.alike * max(max(one.first.size, one.after.size) for one in charts) or 1.0
             # A head that turns evenly makes azimuth and time of firing one thing; of equals the first stands ahead.
             found[name] = sorted(charts, key=lambda one: -round(max(one.first.size, one.after.size) / near))
     return found
@@ -125,7 +123,7 @@ def chart(rows: Rows, channel: str, bins: Bins, is_one: bool) -> Chart | None:
 
     def means(residual: np.ndarray, cluster: np.ndarray) -> Binned:
         told = np.where(bins.of_rows == NO_BIN, np.nan, kind.factor * residual.astype(float))
-        return binned(np.nan_to_num(values), place, told, cluster)
+        return binned(np.nan_to_num(values), place, told, cluster, DEFAULT.coverage, LAYOUT.fewest)
 
     after = means(rows.after[channel], rows.cluster)
     if len(after.bin) < 2:
@@ -139,7 +137,7 @@ def scale_of(charts: Sequence[Chart]) -> float:
     reach = []
     for one in charts:
         for side in (one.first, one.after):
-            common = side.count >= _COMMON * side.count.sum()
+            common = side.count >= LAYOUT.common * side.count.sum()
             mean = np.abs(side.mean[common]).max(initial=0.0)
             half = float(np.quantile(np.nan_to_num(side.half), 0.9))
             reach.append(float(mean + min(half, mean)))
@@ -183,7 +181,7 @@ def _svg(one: Chart, top: float) -> str:
     for style, side in sides:
         half = np.nan_to_num(side.half)
         plot.band(factor * side.place, side.mean - half, side.mean + half, style)
-        plot.line(factor * side.place, side.mean, style, dots=len(side.mean) <= _MOST_DOTS)
+        plot.line(factor * side.place, side.mean, style, dots=len(side.mean) <= LAYOUT.dots)
     _targets(plot, one, _ends(bins, x))
     return plot.svg()
 
@@ -253,11 +251,11 @@ def pair_chart(rows: Rows, channel: str, one: Bins, other: Bins) -> str:
     count = np.bincount(cell, minlength=size)
     mean = np.bincount(cell, residual[used], size) / np.maximum(count, 1)
     # What each covariate does alone is no part of a pair: rows' and columns' means are taken off.
-    table = np.where(count >= _FEWEST_IN_CELL, mean, np.nan).reshape(len(one), len(other))
+    table = np.where(count >= LAYOUT.fewest_in_cell, mean, np.nan).reshape(len(one), len(other))
     if not np.isfinite(table).any():
         return ""
     weight = np.where(np.isfinite(table), count.reshape(table.shape), 0).astype(float)
-    for _ in range(_SWEEPS):
+    for _ in range(LAYOUT.sweeps):
         for axis in (0, 1):
             middle = np.nansum(table * weight, axis=axis) / np.maximum(weight.sum(axis), 1)
             table = table - (middle[None, :] if axis == 0 else middle[:, None])
@@ -272,9 +270,6 @@ def pair_chart(rows: Rows, channel: str, one: Bins, other: Bins) -> str:
             plot.tile((row, row + 1), (column, column + 1), _colour(value / top), f"{value:+.3g} {kind.unit}".strip())
     said = f"Blue: below, red: above zero, to ±{kind.said(top)}; what each does alone taken off."
     return f'{plot.svg()}<p class="under">{escape(said)}</p>'
-
-
-_FEWEST_IN_CELL, _SWEEPS = 30, 4
 
 
 def _steps(bins: Bins) -> Axis:

@@ -13,11 +13,11 @@ import numpy as np
 
 from cosim.discrepancy.report.beams import AMBIGUOUS, DROPPED, MATCHED, SILENT, SPURIOUS, UNFORESEEN, Scan, Side
 from cosim.discrepancy.report.bins import Bins
+from cosim.discrepancy.report.layout import LAYOUT
 from cosim.report import button, legend
 from cosim.view.scripts import scene_script
 
 SHOWN_CHANNELS = ("range", "intensity", "drop")
-_MOST_BEAMS = 60_000  # a scan: a page must stay below 4 MB
 _STEP_M, _STEP, _ABSENT = 0.01, {"range": 0.001, "intensity": 0.005, "drop": 0.01}, -128
 _ABSENT_RANGE = -32768
 _ROUND = {"range": (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0), "intensity": (0.02, 0.05, 0.1, 0.2, 0.5), "drop": (1.0,)}
@@ -90,7 +90,7 @@ def packed_scans(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: int = 2
 
 
 def _packed(scan: Scan, bins: Mapping[str, Bins], sides: int) -> dict[str, Any]:
-    every = max(1, -(-scan.rings * scan.firings // _MOST_BEAMS))
+    every = max(1, -(-scan.rings * scan.firings // LAYOUT.beams))
     columns = -(-scan.firings // every)
     arrays: list[tuple[str, np.ndarray]] = [
         ("range", _thinned(_steps(scan.measured_m, _STEP_M, 0, "<u2"), scan, every))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding
+from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.settings import DEFAULT
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.shape import Shape
@@ -15,7 +16,6 @@ from cosim.report.phrases import as_sure, listed, p_words
 from sensors.effects.base import Effect, Parameter
 from sensors.effects.registry import effect_classes
 
-_SMALL_M = 1.0
 _PLAIN = ("range_bias", "elevation_offset", "range_walk", "incidence_falloff", "random_dropout")
 
 
@@ -76,9 +76,9 @@ def headline(found: Diagnosis, words: Vocabulary, left: Sequence[str] = ()) -> s
     if found.labels is not None and found.labels.verdict == "missing":
         parts.append(str(found.labels))
     if found.unexplained:
-        parts.append(f"unexplained: {listed([unexplained_words(one) for one in found.unexplained[:_FEW]])}")
+        parts.append(f"unexplained: {listed([unexplained_words(one) for one in found.unexplained[: LAYOUT.few]])}")
     elif left:
-        parts.append(f"judging frames still show {listed(list(left[:_FEW]))}")
+        parts.append(f"judging frames still show {listed(list(left[: LAYOUT.few]))}")
     if not parts:
         smallest = smallest_words(found, words, most=3)
         parts.append(f"nothing missing that would show{f'; would have seen {smallest}' if smallest else ''}")
@@ -118,7 +118,9 @@ def source_words(parts: Mapping[str, float], floor: float, *, is_complete: bool)
         floor: the error that noise alone makes.
         is_complete: whether nothing is missing, which is said then.
     """
-    shares = {name: value / floor for name, value in parts.items() if name in SOURCES and value > _WORTH_A_WORD * floor}
+    shares = {
+        name: value / floor for name, value in parts.items() if name in SOURCES and value > LAYOUT.worth_a_word * floor
+    }
     if is_complete:
         shares.pop("missing", None)
     names = {**SOURCES, "unexplained": "left over"} if is_complete else SOURCES
@@ -157,8 +159,6 @@ _OTHER_SPREADS = {
     "object_albedo": "brightness of objects",
     "map_albedo": "brightness of the map",
 }
-_WORTH_A_WORD, _FEW = 0.02, 3
-_MOST_NAMED, _SIGMAS = 6, 2.0
 
 
 def floor_words(found: Diagnosis) -> str:
@@ -210,12 +210,10 @@ def unknown_words(unknown: Shape) -> str:
 
 def table_words(unknown: Shape) -> str:
     """The categories of a shape that stand out, with units: `paving +4.81 cm`."""
-    sure = np.abs(unknown.y) / np.maximum(unknown.sigma, 1e-12)
-    rows = [row for row in np.argsort(-sure)[:_MOST_NAMED].tolist() if sure[row] > _SIGMAS]
     factor, unit = (100.0, "cm") if unknown.channel == "range" else (100.0, "%")
     said = (
         f"{unknown.names[row].replace('_', ' ')} {factor * unknown.y[row]:+.2f} {unit}".replace("-", "−")
-        for row in rows or [int(np.argmax(sure))]
+        for row in unknown.outstanding()
     )
     return ", ".join(said)
 
@@ -254,8 +252,8 @@ def _short(name: str) -> str:
 
 def _shown_in(unit: str, size: float) -> tuple[float, str]:
     """Factor and unit in which a value reads well."""
-    if unit == "m" and size < _SMALL_M:
+    if unit == "m" and size < 1:
         return (1000.0, "mm") if size < 0.002 else (100.0, "cm")
-    if unit == "s" and size < _SMALL_M:
+    if unit == "s" and size < 1:
         return 1000.0, "ms"
     return 1.0, unit

@@ -8,16 +8,13 @@ import numpy as np
 
 from cosim.discrepancy.report.bins import Bins, bins_of
 from cosim.discrepancy.report.explorer_section import Explored
+from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.report.residual_charts import CHANNELS, Channel, Chart, chart, drawn, pair_chart, scale_of
 from cosim.discrepancy.report.sentences import channel_words
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.report import figure, section, table
 from cosim.report.phrases import p_cell
-from cosim.stats.plot import Axis, Plot
-
-_MOST_CHARTS = 6
-_PAIR_BINS = 8
-_SIGMAS = 4.0
+from cosim.report.plot import Axis, Plot
 
 
 def unexplained_section(found: tuple[Unexplained, ...], explored: Explored | None) -> str:
@@ -32,7 +29,7 @@ def unexplained_section(found: tuple[Unexplained, ...], explored: Explored | Non
         for one in found
     ]
     listed = table(["what is off", "by", "size", "p"], rows, words=(1,))
-    pictures = [_picture(one, explored) for one in found[:_MOST_CHARTS]] if explored else []
+    pictures = [_picture(one, explored) for one in found[: LAYOUT.unexplained]] if explored else []
     charts = f'<div class="charts">{"".join(pictures)}</div>' if any(pictures) else ""
     text = (
         "Found by the last screen of the fitted frames and explained by nothing above. p is family-wise: the chance "
@@ -67,7 +64,7 @@ def _picture(one: Unexplained, explored: Explored) -> str:
             title, "What is left, beside a normal law of the same spread", _shape(explored, CHANNELS[one.channel])
         )
     if len(one.covariates) == 2:
-        pair = [Bins.of(rows, name, _PAIR_BINS) for name in one.covariates]
+        pair = [Bins.of(rows, name, LAYOUT.pair_bins) for name in one.covariates]
         if pair[0] is None or pair[1] is None:
             return ""
         body = pair_chart(rows, one.channel, pair[0], pair[1])
@@ -93,13 +90,13 @@ def _shape(explored: Explored, channel: Channel) -> str:
     values = values[np.isfinite(values)]
     middle = values - np.median(values)
     spread = 1.4826 * float(np.median(np.abs(middle))) or 1.0
-    edges = np.linspace(-_SIGMAS, _SIGMAS, 65)
+    edges = np.linspace(-LAYOUT.sigmas, LAYOUT.sigmas, 65)
     share = np.histogram(middle / spread, edges)[0] / max(len(values), 1) / np.diff(edges)
     normal = np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi)
     top = 1.15 * max(float(share.max()), float(normal.max()))
     unit = f"1 is {channel.said(channel.factor * spread)}"
     plot = Plot(
-        Axis(-_SIGMAS, _SIGMAS, f"residual over its spread, {unit}"),
+        Axis(-LAYOUT.sigmas, LAYOUT.sigmas, f"residual over its spread, {unit}"),
         Axis(0, top, "density"),
         "the noise's shape",
         460,

@@ -7,13 +7,13 @@ from html import escape
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis
+from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.report.sentences import channel_words, table_words
 from cosim.discrepancy.unknown.formulas import evaluate
 from cosim.discrepancy.unknown.shape import Shape
 from cosim.report import figure, section
-from cosim.stats.plot import Axis, Plot
+from cosim.report.plot import Axis, Plot
 
-_MOST_NAMES = 9
 _UNITS = {"range": " (m)", "intensity": " (relative)", "drop": " (probability)"}
 
 
@@ -52,7 +52,7 @@ def _curve(unknown: Shape) -> str:
     x, y, sigma = (np.asarray(part, float) for part in (unknown.x, unknown.y, unknown.sigma))
     name = unknown.covariate.replace("_", " ")
     if unknown.names:
-        order = np.argsort(-np.abs(y / np.maximum(sigma, 1e-12)), kind="stable")[:_MOST_NAMES]
+        order = np.argsort(-np.abs(y / np.maximum(sigma, 1e-12)), kind="stable")[: LAYOUT.values]
         x, y, sigma = np.arange(len(order), dtype=float), y[order], sigma[order]
         axis = Axis(-0.5, len(order) - 0.5, name, names=[unknown.names[row].replace("_", " ") for row in order])
     else:

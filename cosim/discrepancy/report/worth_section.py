@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from html import escape
 
-from cosim.discrepancy.worth import Interval, Worth
 from cosim.report import section, table
+from cosim.variants.worth import Interval, Worth
 
 
 def worth_section(worth: Worth | None) -> str:

@@ -8,10 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-_GRID = 25
-_CENTRES, _WIDTHS = 60, 32
-_SECOND_HARMONICS = 4
-_OF_THEIR_OWN = ("sine", "sawtooth", "bell", "step", "window", "hinge")
+from cosim.discrepancy.settings import DEFAULT, Shapes
+
 _TURN = "np.mod(x - centre + np.pi, 2 * np.pi) - np.pi"
 
 
@@ -36,11 +34,6 @@ class Formula:
     bic: float
 
     @property
-    def has_own_zero(self) -> bool:
-        """Whether the shape is about or beside nothing by nature, so that a level is a constant error beside it."""
-        return self.family in _OF_THEIR_OWN
-
-    @property
     def text(self) -> str:
         """As people write it, with numbers."""
         said = f"{self.parameters['amplitude']:.3g}·{self.words.format(**self.parameters)}"
@@ -51,7 +44,9 @@ class Formula:
         return re.sub(r"(?<![e\d])-(?=[\d.])", "−", said)
 
 
-def best_formula(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float = 0.0) -> Formula:
+def best_formula(
+    x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float = 0.0, by: Shapes = DEFAULT.shapes
+) -> Formula:
     """The formula of lowest BIC for a shape.
 
     Args:
@@ -59,10 +54,11 @@ def best_formula(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float 
         y: (b,) the shape.
         sigma: (b,) its standard errors.
         period: of x, if it comes round: 2π, or 0.
+        by: numbers that decide.
     """
     weight, found = _weights(y, sigma), []
     root = np.sqrt(weight)
-    for family, count, shape, text, code, extra in _families(x, period):
+    for family, count, shape, text, code, extra in _families(x, period, by):
         for levels in (0, 1):
             basis = np.stack([shape, np.ones_like(x)][: 1 + levels], 1)
             solution, *_ = np.linalg.lstsq(basis * root[:, None], y * root, rcond=None)
@@ -86,13 +82,13 @@ def best_formula(x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float 
 _Family = tuple[str, int, np.ndarray, str, str, dict[str, float]]
 
 
-def _families(x: np.ndarray, period: float) -> Iterator[_Family]:
+def _families(x: np.ndarray, period: float, by: Shapes) -> Iterator[_Family]:
     """Name, number of shape parameters, shape at x, text, code and shape parameters of every member."""
     low, high = float(x.min()), float(x.max())
-    inner = np.linspace(low, high, _GRID + 2)[1:-1]
+    inner = np.linspace(low, high, by.grid + 2)[1:-1]
     yield "linear", 0, x, "x", "x", {}
     if period:
-        for k in range(1, _SECOND_HARMONICS + 1):
+        for k in range(1, by.harmonics + 1):
             for phase in np.linspace(0, np.pi, 37)[:-1]:
                 shape = np.sin(2 * np.pi / period * k * x + phase)
                 wave = 2 * np.pi / period * k
@@ -103,13 +99,13 @@ def _families(x: np.ndarray, period: float) -> Iterator[_Family]:
         yield "logarithm", 0, np.log(x), "ln x", "np.log(np.maximum(x, 1e-3))", {}
         for power in (0.5, 1.5, 2.0, 3.0, -2.0):
             yield "power", 1, x**power, "x^{power:.3g}", "np.maximum(x, 1e-3) ** power", {"power": power}
-    for length in np.geomspace((high - low) / 20, (high - low) * 2, _GRID):
+    for length in np.geomspace((high - low) / 20, (high - low) * 2, by.grid):
         shape = np.exp(-(x - low) / length)
         text, code = "exp(−(x − {start:.3g})/{length:.3g})", "np.exp(-(x - start) / length)"
         yield "exponential", 1, shape, text, code, {"start": low, "length": float(length)}
-    for centre in np.linspace(low, high, _CENTRES):
+    for centre in np.linspace(low, high, by.centres):
         apart = np.mod(x - centre + np.pi, 2 * np.pi) - np.pi if period else x - centre
-        for width in np.geomspace((high - low) / 40, (high - low) / 2, _WIDTHS):
+        for width in np.geomspace((high - low) / 40, (high - low) / 2, by.widths):
             turn = f"({_TURN})" if period else "(x - centre)"
             text, code = "exp(−((x − {centre:.3g})/{width:.3g})²)", f"np.exp(-(({turn} / width) ** 2))"
             shape, numbers = np.exp(-((apart / width) ** 2)), {"centre": float(centre), "width": float(width)}
@@ -133,7 +129,7 @@ def _families(x: np.ndarray, period: float) -> Iterator[_Family]:
                 text, code = "[{start:.3g} < x ≤ {end:.3g}]", "((x > start) & (x <= end))"
                 yield "window", 2, within, text, code, {"start": float(start), "end": float(end)}
     if period:
-        for turns in range(1, _SECOND_HARMONICS + 1):
+        for turns in range(1, by.harmonics + 1):
             for start in inner[inner < low + period / turns]:
                 shape = np.mod((x - start) / period * turns, 1.0) - 0.5
                 text = "(frac((x − {start:.2f})/{period:.3g}) − ½)"

@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.inference.score import Quantity
+from cosim.discrepancy.settings import DEFAULT
 from cosim.discrepancy.unknown.formulas import Formula, with_parameters
-
-_MOST_NAMED = 6
-_REGULAR = 0.1  # of the time between scans, by which it may vary in a regular drive
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,20 +92,28 @@ class Shape:
             return f"({said})·({self.factor.formula.text.replace('x', 'y')})" if self.factor else said
         if self.is_of_scans:
             return f"a level of its own for each scan, {self.y.std():.3g} about {self.y.mean():.3g}"
-        order = np.argsort(-np.abs(self.y / np.maximum(self.sigma, 1e-12)))[:_MOST_NAMED]
-        order = [i for i in order if abs(self.y[i]) > 2 * self.sigma[i]] or order[:1].tolist()
-        return ", ".join(f"{self.names[i]}: {self.y[i]:+.3g}" for i in order)
+        return ", ".join(f"{self.names[row]}: {self.y[row]:+.3g}" for row in self.outstanding())
+
+    def outstanding(self, most: int = 6, sigmas: float = 2.0) -> list[int]:
+        """Rows of the surest values, the surest first: beyond so many standard errors, or one at least."""
+        sure = np.abs(self.y) / np.maximum(self.sigma, 1e-12)
+        order = np.argsort(-sure)[:most].tolist()
+        return [row for row in order if sure[row] > sigmas] or order[:1]
 
     @property
     def name(self) -> str:
         """Of the effect that it makes, in sensor files."""
         return f"unknown_{self.channel}_by_{'_and_'.join(self.covariates)}"
 
-    def with_aliases(self) -> Shape:
-        """With the periods that regular scans may take its oscillation in time for (Nyquist)."""
+    def with_aliases(self, regular: float = DEFAULT.shapes.regular) -> Shape:
+        """With the periods that regular scans may take its oscillation in time for (Nyquist).
+
+        Args:
+            regular: share of the time between scans, by which it may vary in a regular drive.
+        """
         wave = self.formula.parameters.get("wave", 0.0) if self.formula and self.formula.family == "sine" else 0.0
         apart = np.diff(np.sort(self.x))
-        if wave <= 0 or len(apart) < 2 or np.ptp(apart) > _REGULAR * np.median(apart):
+        if wave <= 0 or len(apart) < 2 or np.ptp(apart) > regular * np.median(apart):
             return self
         each, own = 1 / float(np.median(apart)), wave / (2 * np.pi)
         return replace(self, aliases=tuple(1 / abs(one) for one in (each - own, each + own) if abs(one) > 0))

@@ -11,7 +11,7 @@ import numpy as np
 from cosim.recordings.calibration.loop import Calibration
 from cosim.recordings.calibration.rounds import Round
 from cosim.report import document, facts, figure, notes_section, section, table
-from cosim.stats.plot import Axis, Plot, nice_top
+from cosim.report.plot import Axis, Plot, nice_top
 
 _MOST_SHOWN = 4
 

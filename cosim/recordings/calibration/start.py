@@ -9,9 +9,9 @@ from cosim.recordings.pattern.find import beams_of
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import Scan
 from sensors.effects.base import Effect
-from sensors.effects.dual_block import DualBlock
-from sensors.effects.intensity_noise import IntensityNoise
-from sensors.effects.range_noise import RangeNoise
+from sensors.effects.beams.dual_block import DualBlock
+from sensors.effects.points.intensity_noise import IntensityNoise
+from sensors.effects.points.range_noise import RangeNoise
 from sensors.sensor_model import SensorModel
 
 _SCANS = 6

@@ -20,12 +20,12 @@ from cosim.recordings.scan import Scan
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
 from sensors.effects.base import BeamEffect, Effect
-from sensors.effects.dual_block import DualBlock
-from sensors.effects.range_bias import RangeBias
-from sensors.effects.range_walk import RangeWalk
+from sensors.effects.beams.dual_block import DualBlock
+from sensors.effects.beams.sweep_motion import SweepMotion
+from sensors.effects.points.range_bias import RangeBias
+from sensors.effects.points.range_walk import RangeWalk
+from sensors.effects.points.ring_range_offset import RingRangeOffset
 from sensors.effects.registry import effect_classes
-from sensors.effects.ring_range_offset import RingRangeOffset
-from sensors.effects.sweep_motion import SweepMotion
 from sensors.hits import STATIC
 from sensors.pattern import Pattern
 from sensors.rays import Rays

@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.recordings.mapping.twin import RecordingTwin
 from cosim.report import document, facts, figure, legend, notes_section, section, table
-from cosim.stats.plot import Axis, Plot, nice_top
+from cosim.report.plot import Axis, Plot, nice_top
 
 _PIXELS = 900
 _THICK_M = 0.03

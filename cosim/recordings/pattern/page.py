@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.recordings.pattern.find import FoundPattern
 from cosim.report import document, facts, figure, notes_section, section, table
-from cosim.stats.plot import Axis, Plot, nice_top
+from cosim.report.plot import Axis, Plot, nice_top
 
 
 def format_page(found: FoundPattern, title: str) -> str:

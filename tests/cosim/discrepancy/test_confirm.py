@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from cosim.discrepancy.confirm import contradicted
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.data.split import Split
-from cosim.discrepancy.diagnose import case_of, confirmed, given
+from cosim.discrepancy.diagnose import case_of
+from cosim.discrepancy.eliminate import confirmed, contradicted
 from cosim.discrepancy.settings import Settings
-from cosim.discrepancy.state import Case, Found, Model, State, viewed
-from sensors.effects.range_bias import RangeBias
+from cosim.discrepancy.state import Case, Found, Model, State, given, viewed
+from sensors.effects.points.range_bias import RangeBias
 from tests.cosim.discrepancy.small_drive import Yard
 
 

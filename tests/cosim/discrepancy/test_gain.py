@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy.data.checks import opened
-from cosim.discrepancy.data.sample import draw_sample
 from cosim.discrepancy.diagnose import case_of, given
 from cosim.discrepancy.inference.comparison import Gain, gain
 from cosim.discrepancy.inference.fit import Fitter
+from cosim.discrepancy.sampling.drawing import draw_sample
 from cosim.discrepancy.state import Model, viewed
-from sensors.effects.range_bias import RangeBias
+from sensors.effects.points.range_bias import RangeBias
 from tests.cosim.discrepancy.small_drive import Yard
 
 
@@ -22,7 +22,7 @@ def test_gain_per_beam_does_not_depend_on_how_many_beams_were_drawn(biased_yard:
     frames = case.tracer.trace_all(case.split.fit, ())
     each, sure = [], []
     for rows in (6_000, 24_000):
-        fitter = Fitter(draw_sample(frames, rows, np.random.default_rng(1)), case.settings)
+        fitter = Fitter(draw_sample(frames, rows, np.random.default_rng(1)))
         without = fitter.fit(given(case), ())
         biased = fitter.at((*given(case), RangeBias(offset_m=0.04)), without.estimate)
         found = gain(fitter, without, biased)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cosim.discrepancy.inference.intervals import plainly_on
-from sensors.effects.range_bias import RangeBias
+from sensors.effects.points.range_bias import RangeBias
 from tests.cosim.discrepancy.small_drive import Yard, viewed_yard
 
 

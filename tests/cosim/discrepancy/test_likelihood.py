@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from cosim.discrepancy.data.sample import Prediction, Sample
 from cosim.discrepancy.inference.censored import NU, SCALE, censored, student
-from cosim.discrepancy.inference.likelihood import judge
+from cosim.discrepancy.inference.likelihood import judge, range_spread_m
 from cosim.discrepancy.inference.score import Evidence
+from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.state import View
-from sensors.effects.range_noise import RangeNoise
+from sensors.effects.points.range_noise import RangeNoise
 from tests.cosim.discrepancy.small_drive import make_yard, viewed_yard
 
 STEP = {"range": 1e-6, "intensity": 1e-6, "drop": 1e-6}
@@ -46,6 +46,22 @@ def test_intensities_and_what_is_cut_off_make_one(mean: float, sigma: float) -> 
 def test_the_density_is_that_of_a_student() -> None:
     z = np.linspace(-6, 6, 41)
     np.testing.assert_allclose(student(z), stats.t.logpdf(z / SCALE, NU) - np.log(SCALE))
+
+
+def test_a_beam_returns_from_somewhere_or_not_at_all(view: View) -> None:
+    expected = _away_from_bounds(view)
+    sample = replace(view.fitter.sample, intensity=np.zeros(len(expected.seen)), above_m=expected.rise_m)
+    sigma, z = range_spread_m(expected, sample.settings.law), np.sinh(np.linspace(-8, 8, 161))
+    at_once = float(np.exp(student(np.zeros(1)))[0])  # of every rise here, which is as it is expected
+
+    def chance(along_m: np.ndarray) -> np.ndarray:
+        return np.exp(judge(replace(sample, along_m=along_m), expected).loglik)
+
+    returns = np.stack([chance(expected.range_m + one * sigma) for one in z]) / at_once
+    whole = integrate.trapezoid(returns, z, axis=0) * sigma + chance(np.full(len(sigma), np.nan))
+    met = sample.compared & np.isfinite(expected.range_m)
+    assert met.sum() > 1000
+    np.testing.assert_allclose(whole[met], 1, atol=1e-3)
 
 
 def _moved(expected: Prediction, channel: str, by: float) -> Prediction:

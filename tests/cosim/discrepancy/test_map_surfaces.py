@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.discrepancy.data.map_surfaces import Maps, is_own_map
+from cosim.discrepancy.data.map_surfaces import Maps
 from cosim.drives.kitti import Drive
+from cosim.drives.twin.surfels import has_surfels
 from cosim.errors import FormatError
 from sensors.hits import NOTHING, STATIC
 from sensors.npz import npz_bytes
@@ -41,7 +42,7 @@ def drive_with(folder: Path, arrays: dict[str, np.ndarray]) -> Drive:
 def test_a_beam_meets_the_surface_that_it_lies_on(tmp_path: Path) -> None:
     drive = drive_with(tmp_path / "drive", wall())
     surfaces = Maps(drive).of(None)
-    assert surfaces is not None and is_own_map(drive)
+    assert surfaces is not None and has_surfels(drive.root)
     place = np.array([[5.0, 0.83, 1.1], [5.01, 4.0, 0.9], [5.2, 4.0, 1.0], [5.0, 4.0, 1.0]])
     met = surfaces.met(place, np.array([STATIC, STATIC, STATIC, NOTHING]))
     np.testing.assert_array_equal(met, [2, 10, -1, -1])

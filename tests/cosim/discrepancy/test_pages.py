@@ -20,17 +20,17 @@ import pytest
 
 from cosim.cli import main
 from cosim.discrepancy import compare, diagnose
+from cosim.discrepancy.aligned import HeldOut
 from cosim.discrepancy.budget import Budget
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.report import explored_of, format_comparison, format_diagnosis, left_words
-from cosim.discrepancy.report.binned import binned, quantile_edges
-from cosim.discrepancy.report.confusions import CONFUSIONS, separations
 from cosim.discrepancy.report.sentences import Vocabulary, headline, source_words
-from cosim.discrepancy.report.waterfall import waterfall
 from cosim.discrepancy.unexplained import Unexplained
-from cosim.discrepancy.validation import HeldOut
 from cosim.report import Piece, stacked_bar, write_page
+from cosim.report.binned import binned, quantile_edges
+from cosim.report.waterfall import waterfall
+from sensors.effects.confusions import CONFUSIONS, separations
 from sensors.effects.registry import effect_classes, find_effect
 from sensors.sensor_model import SensorModel, load_sensor
 from tests.cosim.discrepancy.small_drive import PATTERN, Yard
@@ -291,7 +291,8 @@ def test_of_two_that_look_alike_and_are_both_there_none_is_in_doubt() -> None:
 
 @pytest.mark.parametrize(("before", "decades"), [(1.83, False), (134.0, True)])
 def test_an_error_that_falls_far_is_drawn_in_decades(before: float, decades: bool) -> None:
-    svg = waterfall(diagnosis(finding(), first=before))
+    steps = diagnosis(finding(), first=before).budget.aligned_steps
+    svg = waterfall([("", one.error, one.standard_error) for one in steps], 1.0, "error")
     assert (">10<" in svg and ">100<" in svg) == decades
     assert "noise floor" in svg
 

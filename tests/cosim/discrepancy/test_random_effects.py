@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cosim.discrepancy.budget import budget_of_view
+from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.diagnose import begun, case_of
 from cosim.discrepancy.groups.effects import effect_groups
-from cosim.discrepancy.inference.fit import LinearModel
+from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.score_test import screen
 from cosim.discrepancy.state import View
 from cosim.drives.twin import write_frame
 from cosim.drives.twin.frame import read_frame
 from sensors.effects.base import Effect
-from sensors.effects.range_bias import RangeBias
-from sensors.effects.range_noise import RangeNoise
+from sensors.effects.points.range_bias import RangeBias
+from sensors.effects.points.range_noise import RangeNoise
 from tests.cosim.discrepancy.conftest import NOISE
 from tests.cosim.discrepancy.small_drive import Yard, make_yard, viewed_yard
 
@@ -89,7 +89,7 @@ def _screened(view: View, yard: Yard):
 def test_the_budget_adds_up_and_tells_poses_from_noise(shaken: Yard) -> None:
     case = case_of(opened(shaken.drive), shaken.sensor)
     state = begun(case)
-    budget, _ = budget_of_view(case, state.judges, state.model.effects)
+    budget, _ = budget_of(case, state.judges, [state.model.effects])
     assert sum(budget.parts.values()) == pytest.approx(budget.error, rel=0.02)
     assert budget.parts["poses"] > 0.3 * budget.error
     assert budget.floor is not None and budget.error_aligned < 1.1 * budget.floor < 0.7 * budget.error

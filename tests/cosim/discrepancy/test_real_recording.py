@@ -12,14 +12,14 @@ import pytest
 
 from cosim.discrepancy import diagnose
 from cosim.discrepancy.diagnose import case_of
-from cosim.discrepancy.labelled_twin import write_labelled_twin
 from cosim.discrepancy.state import Model, View, viewed
 from cosim.drives.kitti import Drive
+from cosim.labelled_twin import write_labelled_twin
 from sensors.effects.base import Effect
-from sensors.effects.dual_block import DualBlock
-from sensors.effects.elevation_offset import ElevationOffset
-from sensors.effects.range_noise import RangeNoise
-from sensors.effects.ring_elevation import RingElevation
+from sensors.effects.beams.dual_block import DualBlock
+from sensors.effects.beams.elevation_offset import ElevationOffset
+from sensors.effects.beams.ring_elevation import RingElevation
+from sensors.effects.points.range_noise import RangeNoise
 from sensors.sensor_model import load_sensor
 
 pytestmark = pytest.mark.slow

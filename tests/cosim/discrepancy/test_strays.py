@@ -16,10 +16,10 @@ from cosim.discrepancy.inference import score_test
 from cosim.discrepancy.inference.search import widening
 from cosim.discrepancy.inference.sector import crowded_sector
 from cosim.discrepancy.select import screened
-from sensors.effects.backscatter import Backscatter
 from sensors.effects.base import Effect
-from sensors.effects.false_alarms import FalseAlarms
-from sensors.effects.range_noise import RangeNoise
+from sensors.effects.points.range_noise import RangeNoise
+from sensors.effects.scans.backscatter import Backscatter
+from sensors.effects.scans.false_alarms import FalseAlarms
 from tests.cosim.discrepancy.conftest import NOISE
 from tests.cosim.discrepancy.small_drive import make_yard
 

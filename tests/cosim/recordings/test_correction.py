@@ -10,12 +10,12 @@ from cosim.recordings.mapping.correction import Correction, moves_points
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
 from sensors.effects.base import BeamEffect, Effect
-from sensors.effects.dual_block import DualBlock
-from sensors.effects.elevation_offset import ElevationOffset
-from sensors.effects.encoder_eccentricity import EncoderEccentricity
-from sensors.effects.range_bias import RangeBias
-from sensors.effects.range_walk import RangeWalk
-from sensors.effects.ring_elevation import RingElevation
+from sensors.effects.beams.dual_block import DualBlock
+from sensors.effects.beams.elevation_offset import ElevationOffset
+from sensors.effects.beams.encoder_eccentricity import EncoderEccentricity
+from sensors.effects.beams.ring_elevation import RingElevation
+from sensors.effects.points.range_bias import RangeBias
+from sensors.effects.points.range_walk import RangeWalk
 from sensors.pattern import load_pattern
 from sensors.shot import Shot
 

@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from assets.mesh import Mesh
-from sensors.effects.foliage_depth import FoliageDepth
+from sensors.effects.points.foliage_depth import FoliageDepth
 from sensors.pattern import Pattern
 from sensors.scene import Scene
 from sensors.sensor_model import SensorModel

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from sensors.effects.known_footprints import KnownFootprints
+from sensors.effects.surfaces.known_footprints import KnownFootprints
 from sensors.rays import Rays
 from sensors.shot import Shot
 from tests.sensors.effects.scenes import cars, sensor, shoot, street

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sensors.effects.box_shrink import BoxShrink
-from sensors.effects.few_points import FewPoints
+from sensors.effects.labels.box_shrink import BoxShrink
+from sensors.effects.labels.few_points import FewPoints
 from sensors.errors import SensorError
 from sensors.label_boxes import LabelBoxes
 from sensors.sensor_model import load_sensor

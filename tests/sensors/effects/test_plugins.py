@@ -1,10 +1,12 @@
 """A user's own effect, from a file beside the sensor file; and what is said when it is wrong."""
 
+import importlib
+
 import numpy as np
 import pytest
 
 from cosim.cli.main import main
-from sensors.effects.registry import find_effect
+from sensors.effects.registry import effect_classes, find_effect
 from sensors.errors import SensorError
 from sensors.sensor_model import load_sensor
 from tests.sensors.effects.scenes import of_hits, room
@@ -120,3 +122,12 @@ def test_installed_effects_are_found_by_name(tmp_path, monkeypatch):
     (info / "entry_points.txt").write_text("[cosim.effects]\nrain_streaks = rain_package:RainStreaks\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     assert find_effect("rain_streaks").example == {"shift_m": 0.5}
+
+
+def test_effects_are_importable_by_the_names_of_before_they_stood_in_rooms() -> None:
+    with pytest.warns(DeprecationWarning, match="sensors.effects.points.range_scale now"):
+        before = importlib.import_module("sensors.effects.range_scale")
+    assert before.RangeScale is effect_classes()["range_scale"]
+    assert before.__name__ == before.__spec__.name == "sensors.effects.points.range_scale"
+    with pytest.raises(ModuleNotFoundError, match=r"effects\.nothing"):
+        importlib.import_module("sensors.effects.nothing")

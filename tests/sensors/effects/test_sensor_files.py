@@ -89,7 +89,7 @@ def test_every_file_that_defines_an_effect_is_in_the_catalogue():
     folder = Path(sensors.effects.__file__).parent
     named = {
         name
-        for file in folder.glob("*.py")
+        for file in folder.rglob("*.py")
         for name in re.findall(
             r'^    name: ClassVar(?:\[str\])? = "(\w+)"', file.read_text(encoding="utf-8"), re.MULTILINE
         )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from assets.shapes import box
-from sensors.effects.split_echoes import CHANCE, elsewhere, is_split
+from sensors.effects.surfaces.split_echoes import CHANCE, elsewhere, is_split
 from sensors.scene import Scene
 from sensors.shot import Shot
 from tests.sensors.effects.scenes import effect, no_model, sensor, shoot

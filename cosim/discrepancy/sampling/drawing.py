@@ -1,0 +1,143 @@
+"""Which beams of a drive are taken for a sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cosim.discrepancy.data.frames import TracedFrame
+from cosim.discrepancy.sampling.gathering import gathered
+from cosim.discrepancy.sampling.sample import Sample
+
+
+def draw_sample(
+    frames: Sequence[TracedFrame],
+    count: int,
+    rng: np.random.Generator,
+    *,
+    edges: bool = False,
+    judging: bool | None = None,
+) -> Sample:
+    """A sample of about `count` beams in neighbouring pairs: of every frame alike, more of objects than of the rest.
+
+    Materials that few beams meet, as those of plates and signs, are taken nearly whole.
+
+
+    Args:
+        frames: in order of time.
+        count: how many beams to take, roughly.
+        rng: for the draw.
+        edges: whether ambiguous beams take part.
+        judging: of a map made of the scans, take surfaces of those places that judge, or of the others; all by default.
+    """
+    if frames and frames[0].map is not None:
+        return gathered(frames, _of_maps(frames, count, rng, edges, judging))
+    share = max(count // max(len(frames), 1), 1)
+    return gathered(frames, [_choose(frame, share, rng, edges) for frame in frames])
+
+
+def whole_sample(frame: TracedFrame) -> Sample:
+    """All beams of one frame."""
+    count = len(frame.observed.rays)
+    return gathered([frame], [(np.arange(count), np.ones(count), np.full(count, -1))])
+
+
+def _choose(
+    frame: TracedFrame, share: int, rng: np.random.Generator, edges: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Beams, how many each stands for, and the row of each one's partner."""
+    solid, rings, settings = frame.shot.hits.solid, frame.shot.rays.ring, frame.settings.sampling
+    usable = frame.observed.trusted & (edges | ~frame.edge)
+    residual = np.abs(frame.observed.range_from(frame.shot.rays.origin) - solid.range_m)
+    odd = frame.observed.returned & ~(residual < frame.settings.beams.same_m)
+    odd &= usable
+    chance = np.where(solid.instance >= 0, 3.0, np.where(solid.exists, 1.0, 0.15)) * usable
+    chance = np.clip(chance * (share / 2 / max(chance.sum(), 1.0)), 0, 1)
+    chance = np.where(odd, np.maximum(chance, min(1.0, settings.odd_share * share / max(odd.sum(), 1))), chance)
+    chance = np.maximum(chance, _rare(solid.material, usable & solid.exists, settings.rare_share * share))
+    first = rng.random(len(chance)) < chance
+    taken = (first | np.append(False, first[:-1])) & usable
+    before = np.append(0.0, chance[:-1])
+    beams = np.flatnonzero(taken)
+    lone = _lone(frame, share, rng)
+    weight = 1 / (1 - (1 - chance[beams]) * (1 - before[beams]))
+    follows = np.append(np.diff(beams) == 1, False)
+    after = np.minimum(beams + 1, len(rings) - 1)
+    follows &= (rings[beams] == rings[after]) & (solid.instance[beams] == solid.instance[after])
+    follows &= solid.exists[beams] & solid.exists[after]
+    partner = np.where(
+        follows, np.arange(len(beams)) + 1, np.where(np.append(False, follows[:-1]), np.arange(len(beams)) - 1, -1)
+    )
+    if not len(lone):
+        return beams, weight, partner
+    weight = np.append(weight, np.full(len(lone), weight.mean() if len(beams) else 1.0))
+    order = np.argsort(np.append(beams, lone))
+    place = np.argsort(order)
+    partner = np.append(np.where(partner >= 0, place[partner], -1), np.full(len(lone), -1))
+    return np.append(beams, lone)[order], weight[order], partner[order]
+
+
+def _of_maps(
+    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, edges: bool, judging: bool | None
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """As `_choose`, for each frame; of each map as many beams as frames lie in it."""
+    by_place: dict[str, list[int]] = {}
+    for number, one in enumerate(frames):
+        by_place.setdefault(one.place, []).append(number)
+    found = {}
+    for numbers in by_place.values():
+        mine = [frames[number] for number in numbers]
+        found |= dict(zip(numbers, _of_map(mine, count * len(mine) // len(frames), rng, edges, judging), strict=True))
+    return [found[number] for number in range(len(frames))]
+
+
+def _of_map(
+    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, edges: bool, judging: bool | None
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """As `_choose`, for each frame: several looks at each of some surfaces, rather at those seen from near and far."""
+    surfaces = frames[0].map
+    assert surfaces is not None  # asked before
+    usable = [np.flatnonzero(one.observed.trusted & (edges | ~one.edge)) for one in frames]
+    met = np.concatenate([one.surface[rows] for one, rows in zip(frames, usable, strict=True)])
+    most, looks = frames[0].settings.sampling.looks, np.bincount(met, minlength=len(surfaces))
+    if judging is not None:
+        looks = np.where(surfaces.judge == judging, looks, 0)
+    taken = surfaces.drawn(np.minimum(looks, most), count, rng)
+    chance = np.zeros(len(surfaces))
+    chance[taken] = np.minimum(most / looks[taken] / 2, 1.0)
+    found = []
+    for one, rows in zip(frames, usable, strict=True):
+        first = rows[rng.random(len(rows)) < chance[one.surface[rows]]]
+        beside = np.minimum(first + 1, len(one.surface) - 1)
+        pairs = one.surface[beside] == one.surface[first]
+        beams = np.intersect1d(np.append(first, beside[pairs]), rows)
+        found.append((beams, np.ones(len(beams)), _partners(beams, one)))
+    return found
+
+
+def _partners(beams: np.ndarray, frame: TracedFrame) -> np.ndarray:
+    """Row (n,) of the beam fired just before or after each at the same surface of a map; −1 where it is not taken."""
+    follows = (np.diff(beams) == 1) & (np.diff(frame.surface[beams]) == 0)
+    follows &= np.diff(frame.shot.rays.ring[beams].astype(int)) == 0
+    rows = np.arange(len(beams))
+    after, before = np.append(follows, False)[: len(beams)], np.append(False, follows)[: len(beams)]
+    return np.where(after, rows + 1, np.where(before, rows - 1, -1))
+
+
+def _rare(material: np.ndarray, usable: np.ndarray, wanted: float) -> np.ndarray:
+    """Chances (n,) by which as many usable beams of every material are taken, `wanted` in all."""
+    count = np.bincount(material[usable], minlength=int(material.max(initial=0)) + 1)
+    each = wanted / max(np.count_nonzero(count), 1)
+    return np.where(usable, np.minimum(each / np.maximum(count, 1), 1.0)[material], 0.0)
+
+
+def _lone(frame: TracedFrame, share: int, rng: np.random.Generator) -> np.ndarray:
+    """Some returns that the twin knows nothing of, where points tell which way their beams look: as many a ring."""
+    observed, rings = frame.observed, frame.shot.rays.ring
+    if not observed.recovered:
+        return np.zeros(0, int)
+    beams = np.flatnonzero(observed.returned & ~observed.trusted)
+    count = np.bincount(rings[beams], minlength=256)
+    wanted = frame.settings.sampling.lone_share * share / max(np.count_nonzero(count), 1)
+    return beams[rng.random(len(beams)) < wanted / count[rings[beams]]]

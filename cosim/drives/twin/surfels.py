@@ -1,0 +1,56 @@
+"""Surfaces of a twin that is a map of a drive's scans: `twin/surfels.npz`, or `twin/surfels/NAME.npz` of several."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from cosim.drives.files import read_bytes
+from cosim.errors import FormatError
+from sensors.npz import NpzError, npz_arrays
+
+_FILE, _FOLDER = "twin/surfels.npz", "twin/surfels"
+_ARRAYS = {"centre": (3,), "normal": (3,), "sd_m": (), "range_m": (2,), "cos_incidence": (2,), "trusted": ()}
+_CELL = "cell_m"
+
+
+def has_surfels(root: Path) -> bool:
+    """Whether a drive's twin is a map made of its own scans, or several."""
+    return (root / _FILE).is_file() or (root / _FOLDER).is_dir()
+
+
+def surfel_file(root: Path, static: str | None) -> Path:
+    """The file of a frame's map.
+
+    Args:
+        root: of the drive.
+        static: the frame's static world, relative to `twin/`, where the drive has several.
+    """
+    return root / (_FILE if static is None else f"{_FOLDER}/{Path(static).stem}.npz")
+
+
+def read_surfels(file: Path) -> tuple[dict[str, np.ndarray], float]:
+    """Arrays with a row for each of m surfaces, and the size of the cells, of which each holds one surface at most.
+
+    `centre` and `normal` (m, 3), world axes; `sd_m` (m,) scatter of points across; `range_m` and `cos_incidence` (m, 2)
+    of the nearest and farthest look; `trusted` (m,), above 0 where seen well, with little else about.
+
+    Raises:
+        FormatError: the file is damaged.
+    """
+    try:
+        found = npz_arrays(read_bytes(file))
+    except NpzError as error:
+        raise FormatError(f"{file}: {error}; make the twin anew with `cosim twin`") from None
+    missing = [name for name in (*_ARRAYS, _CELL) if name not in found]
+    if missing:
+        raise FormatError(f"{file}: lacks {', '.join(missing)}; make the twin anew with `cosim twin`")
+    arrays = {name: np.asarray(found[name], np.float64) for name in _ARRAYS}
+    count = len(arrays["centre"])
+    odd = [name for name, shape in _ARRAYS.items() if arrays[name].shape != (count, *shape)]
+    if not count or odd:
+        raise FormatError(f"{file}: {odd[0] if odd else 'centre'} has no row a surface; make the twin anew")
+    if found[_CELL].shape != (1,) or not found[_CELL][0] > 0:
+        raise FormatError(f"{file}: {_CELL} is no size of cells; make the twin anew with `cosim twin`")
+    return arrays, float(found[_CELL][0])

@@ -1,0 +1,1 @@
+"""Where beams leave from, whither and when."""

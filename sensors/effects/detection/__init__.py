@@ -1,0 +1,1 @@
+"""Whether an echo is noticed."""

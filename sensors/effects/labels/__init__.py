@@ -1,0 +1,1 @@
+"""What annotators make of it."""

@@ -1,0 +1,1 @@
+"""How much light comes back, and what intensity is made of it."""

@@ -1,0 +1,1 @@
+"""What range and intensity are reported of a point."""

@@ -1,0 +1,1 @@
+"""Points that are added, taken away or moved together."""

@@ -1,0 +1,1 @@
+"""Which surface answers a beam."""

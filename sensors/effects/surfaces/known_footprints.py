@@ -1,0 +1,130 @@
+"""What footprints of some beams met at other radii: where two of these agree, what lies between needs no ray."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+
+import numpy as np
+
+from sensors.effects.surfaces.footprint import directions_aside
+from sensors.hits import Surface
+from sensors.normals import dot_with_normals
+from sensors.shot import Shot
+
+SAMPLES = 4
+TURNED = 36  # steps of a normal code: about a degree
+_APART_RAD = 5e-4  # between radii whose samples tell what lies between: narrower things do not come between
+_OFF_FACE_M, _OFF_FACE_SHARE = 0.01, 0.15
+_MOST = 12
+
+
+class KnownFootprints:
+    """Samples around some beams of a revolution, as these were traced.
+
+    Args:
+        shot: of some beams of a revolution.
+        beam: (k,) rows of those of its beams that are asked for.
+    """
+
+    def __init__(self, shot: Shot, beam: np.ndarray) -> None:
+        whole, rows, world = shot.whole, shot.rows, shot.world
+        if whole is None or whole.traced is None or rows is None or world is None:
+            raise ValueError("footprints of some beams need the traced revolution that these are of")
+        rows = rows[beam]
+        self._world, self._limit_m = world, shot.pattern.range_m[1]
+        self._origin, self._direction = whole.traced.origin[rows], whole.traced.direction[rows]
+        self._time_s = np.broadcast_to(whole.traced.time_s, len(whole.rays))[rows]
+        middle = whole.hits.solid.take(rows)
+        self._radii = [0.0]
+        self._met = [middle.take(np.repeat(np.arange(len(beam)), SAMPLES))]
+
+    def met(self, radius_rad: float) -> Surface:
+        """Surfaces (4 · k) that samples of footprints of a radius meet."""
+        place = bisect_left(self._radii, radius_rad)
+        if place < len(self._radii) and self._radii[place] == radius_rad:
+            return self._met[place]
+        found = self._traced(radius_rad, place)
+        self._radii.insert(place, radius_rad)
+        self._met.insert(place, found)
+        if len(self._radii) > _MOST:
+            farthest = max(range(1, len(self._radii)), key=lambda row: abs(self._radii[row] - radius_rad))
+            del self._radii[farthest], self._met[farthest]
+        return found
+
+    def bent(self, radius_rad: float, origin: np.ndarray, direction: np.ndarray, time_s: np.ndarray) -> Surface:
+        """Those that samples meet of beams (k) that leave otherwise than they were traced: the same planes.
+
+        Args:
+            radius_rad: of the footprints.
+            origin: (k, 3) world axes.
+            direction: (k, 3) float32, of the middles.
+            time_s: (k,) instants. What moves is asked anew where beams leave earlier or later.
+        """
+        met = self.met(radius_rad)
+        if origin is self._origin or (
+            np.array_equal(direction, self._direction)
+            and np.allclose(origin, self._origin, rtol=0, atol=1e-4)
+            and np.array_equal(time_s, self._time_s)
+        ):
+            return met
+        before, after = self._rays(radius_rad), directions_aside(direction, radius_rad).reshape(-1, 3)
+        shift = np.repeat((origin - self._origin).astype(np.float32), SAMPLES, axis=0)
+        toward, onward, aside = (dot_with_normals(met.normal_code, one) for one in (before, after, shift))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = (met.range_m * toward - aside) / onward
+        columns = {
+            "range_m": np.where(np.isfinite(reach) & (reach > 0), reach, np.inf).astype(np.float32),
+            "normal_code": met.normal_code,
+            "material": met.material,
+            "instance": met.instance,
+        }
+        late = np.repeat(time_s != self._time_s, SAMPLES) & (met.instance >= 0)
+        if late.any():
+            rows = np.flatnonzero(late)
+            of = rows // SAMPLES
+            anew = self._world.shoot(origin[of], after[rows], time_s[of], self._limit_m)
+            columns = _with_rows(columns, rows, anew)
+        return Surface(**columns)
+
+    def _traced(self, radius_rad: float, place: int) -> Surface:
+        """Surfaces at a radius between known ones: by new rays where these do not agree."""
+        below, onward = self._met[place - 1], self._rays(radius_rad)
+        columns = {name: getattr(below, name) for name in ("range_m", "normal_code", "material", "instance")}
+        agreed = np.zeros(len(onward), bool)
+        if place < len(self._radii) and self._radii[place] - self._radii[place - 1] <= _APART_RAD:
+            above = self._met[place]
+            agreed = self._on_one_face(place)
+            share = (radius_rad - self._radii[place - 1]) / (self._radii[place] - self._radii[place - 1])
+            with np.errstate(divide="ignore"):
+                # Along a line over a plane the inverse of the range is linear.
+                columns["range_m"] = (1 / ((1 - share) / below.range_m + share / above.range_m)).astype(np.float32)
+        rows = np.flatnonzero(~agreed)
+        of = rows // SAMPLES
+        anew = self._world.shoot(self._origin[of], onward[rows], self._time_s[of], self._limit_m)
+        return Surface(**_with_rows(columns, rows, anew))
+
+    def _on_one_face(self, place: int) -> np.ndarray:
+        """(4 · k) bool: samples that meet one face at a known radius and at the one before."""
+        below, above = self._met[place - 1], self._met[place]
+        turned = np.abs(below.normal_code.astype(np.int32) - above.normal_code).max(1)
+        same = (turned < TURNED) & (below.material == above.material) & (below.instance == above.instance)
+        toward, onward = (
+            dot_with_normals(below.normal_code, self._rays(self._radii[row])) for row in (place - 1, place)
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            foreseen = below.range_m * (toward / onward)
+            off = np.abs(above.range_m - foreseen)
+            most = _OFF_FACE_M + _OFF_FACE_SHARE * np.abs(above.range_m - below.range_m)
+        return same & ((off <= most) | ~below.exists)
+
+    def _rays(self, radius_rad: float) -> np.ndarray:
+        return directions_aside(self._direction, radius_rad).reshape(-1, 3)
+
+
+def _with_rows(columns: dict[str, np.ndarray], rows: np.ndarray, met: Surface) -> dict[str, np.ndarray]:
+    """Columns of surfaces with others in some rows."""
+    changed = {}
+    for name, values in columns.items():
+        changed[name] = np.array(values)
+        changed[name][rows] = getattr(met, name)
+    return changed

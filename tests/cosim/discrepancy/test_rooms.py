@@ -1,0 +1,52 @@
+"""Whoever reads the loop from below never meets what stands above: imports between its rooms run one way."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+import cosim.discrepancy
+
+HOME = "cosim.discrepancy"
+ROOMS = ("data", "forward", "sampling", "inference", "groups", "unknown", "report")
+"""Each may use those before it; what lies loose beside them is used by pages alone, but for what all rooms use."""
+EVERYWHERE = ("settings", "candidates")
+
+
+def modules() -> dict[str, set[str]]:
+    """Modules of the loop by name below `cosim.discrepancy`, with those they import when they are imported."""
+    root = Path(str(cosim.discrepancy.__file__)).parent
+    return {
+        ".".join(file.relative_to(root).with_suffix("").parts): set(_imported(ast.parse(file.read_text("utf-8"))))
+        for file in root.rglob("*.py")
+        if file.name != "__init__.py"
+    }
+
+
+def _imported(tree: ast.Module) -> Iterator[str]:
+    for node in tree.body:  # what stands in functions, or is for types alone, is not imported then
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith(f"{HOME}."):
+            yield node.module.removeprefix(f"{HOME}.")
+
+
+def test_no_module_leads_back_to_itself() -> None:
+    order = list(TopologicalSorter(modules()).static_order())
+    assert order.index("settings") < order.index("diagnose")
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_rooms_know_nothing_of_what_stands_above(room: str) -> None:
+    below = {*ROOMS[: ROOMS.index(room) + 1], *EVERYWHERE}
+    for module, imports in modules().items():
+        if module.startswith(f"{room}.") and room != "report":
+            for one in imports:
+                assert one.split(".")[0] in below, f"{module} imports {one}"
+
+
+def test_only_pages_know_of_pages() -> None:
+    for module, imports in modules().items():
+        assert module.startswith("report.") or not any(one.startswith("report.") for one in imports), module

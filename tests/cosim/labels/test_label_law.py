@@ -1,0 +1,35 @@
+"""Edges of labels lose a + b·d: found with its numbers; annotators who merely waver are no bias."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cosim.labels.bias import _judged
+from cosim.labels.bodies import LabelRows
+
+
+def rows(rng: np.random.Generator, a: float, b: float, mood_m: float, tracks: int = 30, each: int = 6) -> LabelRows:
+    """Labels of some vehicles, each labelled several times with a mood of its own."""
+    track = np.repeat(np.arange(tracks), each)
+    gap = rng.uniform(0, 1.5, (len(track), 3))
+    mood = rng.normal(0, mood_m, (tracks, 3))[track]
+    loss = a + b * gap + mood + rng.normal(0, 0.01, gap.shape)
+    return LabelRows(track, loss, gap, np.full(len(track), 0.5), 0.04 + 0.5 * (a + b * gap[:, 2]))
+
+
+def test_the_law_is_found() -> None:
+    found = _judged(rows(np.random.default_rng(1), 0.15, 0.2, 0.03), None, np.random.default_rng(2))
+    assert found.verdict == "missing"
+    assert found.a_m == pytest.approx((0.15,) * 3, abs=0.03)
+    assert found.b == pytest.approx((0.2,) * 3, abs=0.03)
+    assert found.lift_m == pytest.approx(0.04, abs=0.02)
+    assert found.error_after < found.error_before
+
+
+def test_wavering_annotators_seldom_alarm() -> None:
+    verdicts = [
+        _judged(rows(np.random.default_rng(seed), 0.0, 0.0, 0.05), None, np.random.default_rng(seed)).verdict
+        for seed in range(40)
+    ]
+    assert verdicts.count("missing") <= 5
