@@ -129,14 +129,14 @@ def arranged(recording: Path, order: str) -> Path:
 
 
 def calibrated(case: Case, folder: Path, sensor: bool, rounds: int, order: str = "rings") -> Answer:
-    """What scans alone say, from the user's sensor file or from nothing."""
+    """What scans alone say, from the user's sensor file or from nothing; what points tell by themselves comes first."""
     recording, _, file = made(case, folder)
     recording = arranged(recording, order)
     name = "calibrated_from_file" if sensor else "calibrated"
     out = folder / case.name / (name if order == "rings" else f"{name}_{order}")
     own = ["--sensor", file] if sensor else []
     told, cpu_s = _told(out, "calibrate", recording, *own, "--rounds", rounds, "--out", out / "files")
-    latest: dict[str, dict[str, Any]] = {}
+    latest = {one["effect"]: one for one in _of_points(told["rounds"][0]["effects"])}
     for one in told["rounds"]:
         for finding in one["findings"]:
             latest[finding["effect"]] = finding
@@ -145,6 +145,15 @@ def calibrated(case: Case, folder: Path, sensor: bool, rounds: int, order: str =
                 latest[name] = {**latest[name], **values}
     last = told["rounds"][-1]
     return _answer(list(latest.values()), last, cpu_s)
+
+
+def _of_points(effects: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """What the pattern in the points told before any diagnosis, as findings: two optical centres; noise is a guess."""
+    return [
+        {"effect": one["effect"], "params": {name: one[name] for name in one if name != "effect"}, "ci95": {}}
+        for one in effects
+        if "noise" not in one["effect"]
+    ]
 
 
 def diagnosed(case: Case, folder: Path) -> Answer:

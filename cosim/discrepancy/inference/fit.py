@@ -25,7 +25,7 @@ from sensors.effects.base import Effect, RoundingEffect, ScanEffect
 
 _GAIN = 0.05  # log-likelihood that a step must still bring
 _STEPS = 12
-_HALVINGS = 5
+_PARTS = {0.0: (1.0, 0.5, 0.25, 0.125, 0.0625), 1e-4: (1.0,), 1e-2: (1.0,)}  # of a step to try, by its damping
 _FAR_M, _FINE_M = 3.0, 0.01
 _ROUGH, _ROUGH_SHARE = 8.0, 0.985
 _RIDGE = 1e-9
@@ -221,24 +221,31 @@ class Fitter:
                 state = replace(state, estimate=begun)
             columns = self.columns(state.effects, free, state.prediction, state.estimate)
             model = LinearModel.of(self, columns, evidence, state.prediction, state.estimate)
-            step, change_u = model.step(state.estimate)
-            if not (np.isfinite(step).all() and np.isfinite(change_u).all()):
-                break
-            gained = -np.inf
-            for halving in range(_HALVINGS):
-                part = 0.5**halving
-                moved = replace(state.estimate, u=state.estimate.u + part * change_u)
-                trial = self._state(_moved(state.effects, free, part * step), moved, blur)
-                reached = self._penalised(trial)
-                if reached > value:
-                    gained, state = reached - value, trial
-                    break
+            state, gained = self._stepped(state, model, free, value, blur)
             after = self.random.updated(state.estimate, model.known)
             settled = bool(np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12))
             state = replace(state, estimate=after)
             if gained < max(_GAIN, 1e-7 * abs(value)) and (settled or number + 1 >= steps) and number >= 2:
                 break
         return state
+
+    def _stepped(
+        self, state: _State, model: LinearModel, free: tuple[Free, ...], value: float, blur: float
+    ) -> tuple[_State, float]:
+        """After the largest part of a step that brings something, damped where no part of the plain one does."""
+        for damping, parts in _PARTS.items():
+            step, change_u = model.step(state.estimate, damping)
+            if not (np.isfinite(step).all() and np.isfinite(change_u).all()):
+                continue
+            for part in parts:
+                moved = replace(state.estimate, u=state.estimate.u + part * change_u)
+                trial = self._state(_moved(state.effects, free, part * step), moved, blur)
+                reached = self._penalised(trial)
+                if reached > value:
+                    return trial, reached - value
+            if not free:
+                break
+        return state, -np.inf
 
     def _penalised(self, state: _State) -> float:
         law = state.estimate.u**2 @ np.where(
@@ -319,7 +326,7 @@ class LinearModel:
     @cached_property
     def fixed_information(self) -> np.ndarray:
         """(p, p) information of the parameters, random effects eliminated."""
-        matrix = self._shared(self.x, self.x, self.parameters) - self._across.T @ self._across_solved
+        matrix = self._own_information - self._across.T @ self._across_solved
         return matrix + np.diag(_RIDGE * np.diag(matrix) + 1e-12)
 
     def beside(self, columns: dict[Quantity, SparseMatrix]) -> LinearModel:
@@ -334,13 +341,20 @@ class LinearModel:
             x[name] = sparse.hstack([own, more], format="csr")
         return replace(self, x=x)
 
-    def step(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
-        """A Gauss–Newton step of parameters (p,) and of all random effects (m,)."""
+    def step(self, estimate: Estimate, damping: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """A Gauss–Newton step of parameters (p,) and of all random effects (m,).
+
+        Args:
+            estimate: random effects as they are.
+            damping: holds what random effects take up wholly, as gains of all lasers alike where reflectances are free:
+                so much of the information that parameters would have without them (Marquardt, J. SIAM 11, 1963).
+        """
         right = self._scored(self.z, len(self.used)) - self.precision * estimate.u[self.used]
         step = np.zeros(self.parameters)
         if self.parameters:
             slope = self._scored(self.x, self.parameters) - self._across.T @ self._solve(right)
-            step = np.linalg.solve(self.fixed_information, slope)
+            held = damping * np.diag(self._own_information)
+            step = np.linalg.solve(self.fixed_information + np.diag(held), slope)
         change = np.zeros(len(estimate.u))
         change[self.used] = self._solve(right - self._across @ step)
         return step, change
@@ -350,6 +364,11 @@ class LinearModel:
         if self.solver is None:
             return 0.0
         return self.solver.log_determinant() - float(np.log(self.precision).sum())
+
+    @cached_property
+    def _own_information(self) -> np.ndarray:
+        """(p, p) information of the parameters, random effects known."""
+        return self._shared(self.x, self.x, self.parameters)
 
     @cached_property
     def _across(self) -> np.ndarray:
