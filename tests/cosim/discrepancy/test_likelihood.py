@@ -58,7 +58,7 @@ def test_a_beam_returns_from_somewhere_or_not_at_all(view: View) -> None:
         return np.exp(judge(replace(sample, along_m=along_m), expected).loglik)
 
     returns = np.stack([chance(expected.range_m + one * sigma) for one in z]) / at_once
-    whole = integrate.trapezoid(returns, z, axis=0) * sigma + chance(np.full(len(sigma), np.nan))
+    whole = integrate.simpson(returns, z, axis=0) * sigma + chance(np.full(len(sigma), np.nan))
     met = sample.compared & np.isfinite(expected.range_m)
     assert met.sum() > 1000
     np.testing.assert_allclose(whole[met], 1, atol=1e-3)
