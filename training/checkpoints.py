@@ -23,7 +23,7 @@ from training.models.settings import ModelSettings
 
 FORMAT = 1
 #: Keys that checkpoints of earlier versions lack, where presets say otherwise.
-_BEFORE = {"level_ground": False, "refine": False}
+_BEFORE = {"level_ground": False, "intensity": True, "refine": False}
 
 
 def save_checkpoint(

@@ -10,6 +10,7 @@ from assets.mesh import Mesh
 from assets.streets import Streets
 from assets.world.borders import garden_borders
 from assets.world.buildings import buildings_mesh
+from assets.world.climbers import climbers_mesh
 from assets.world.enclosures import enclose
 from assets.world.entrances import entrances_mesh
 from assets.world.environment import Environment
@@ -93,6 +94,7 @@ def build_world(
         furnish(edge, blocked, stand_z, style, environment, rng),
         trees_mesh(edge, plots, base.bounds, blocked, stand_z, style, rng),
         entrances_mesh(houses, stand_z, rng),
+        climbers_mesh(houses, stand_z, style.climbers, rng),
     ]
     gardens = garden_borders(houses, blocked, style, rng)
     if streets.buildings:  # who says what stands there says nothing of hedges

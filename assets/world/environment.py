@@ -49,6 +49,9 @@ class Environment:
             garden_trees=style.garden_trees * self.vegetation,
             street_tree_gap_m=style.street_tree_gap_m / max(self.vegetation, _LEAST),
             wild_trees=style.wild_trees * self.vegetation,
+            garden_shrubs=style.garden_shrubs * self.vegetation,
+            bed_gap_m=style.bed_gap_m / max(self.vegetation, _LEAST),
+            climbers=min(style.climbers * self.vegetation, 1.0),
         )
 
 
@@ -73,6 +76,13 @@ class PropDensities(BaseModel):
     cabinet: Range | None = Field(default=None, description="distribution cabinets [per 100 m]")
     parking_meter: Range | None = Field(default=None, description="ticket machines at the kerb [per 100 m]")
     bollard: Range | None = Field(default=None, description="bollards at corners [per 100 m]")
+    trailer: Range | None = Field(default=None, description="parked trailers of cars behind the pavement [per 100 m]")
+    skip: Range | None = Field(default=None, description="open containers for rubble behind the pavement [per 100 m]")
+    glass_bank: Range | None = Field(default=None, description="rows of containers for glass [per 100 m]")
+    barrier: Range | None = Field(default=None, description="boards and cones of building sites [per 100 m]")
+    scooter: Range | None = Field(default=None, description="parked motor scooters [per 100 m]")
+    utility_pole: Range | None = Field(default=None, description="wooden poles of telephone lines [per 100 m]")
+    advertising_pillar: Range | None = Field(default=None, description="round pillars for posters [per 100 m]")
 
 
 PROP_KINDS: tuple[str, ...] = tuple(PropDensities.model_fields)

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from assets.mesh import Mesh
-from assets.world import furniture, street_life
+from assets.world import furniture, roadside, street_life
 from assets.world.environment import Environment
 from assets.world.instancing import instances, poses
 from assets.world.kerbside import Kerbside
@@ -58,6 +58,13 @@ _PROPS: dict[str, _Prop] = {
     "bicycle": _Prop(street_life.parked_bicycle, 0.8, 0.25, "back", 0.75),
     "fence": _Prop(lambda _: street_life.guard_rail(), 0.25, 0.1, "kerb", 2.0),
     "bollard": _Prop(lambda _: furniture.bollard(), 0.6, 0.15, "corner", 0.5),
+    "trailer": _Prop(roadside.trailer, 0.08, 0.15, "behind", 2.0),
+    "skip": _Prop(roadside.skip, 0.06, 0.06, "behind", 2.0),
+    "glass_bank": _Prop(roadside.glass_banks, 0.06, 0.05, "behind", 2.0),
+    "barrier": _Prop(roadside.barrier, 0.2, 0.08, "kerb", 2.0, 1.6),
+    "scooter": _Prop(roadside.scooter, 0.5, 0.1, "back", 0.75),
+    "utility_pole": _Prop(roadside.utility_pole, 0.1, 0.5, "back", 0.35),
+    "advertising_pillar": _Prop(lambda _: roadside.advertising_pillar(), 0.12, 0.0, "back", 0.8, 2.6),
 }
 
 

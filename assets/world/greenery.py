@@ -13,11 +13,17 @@ from assets.world.obstacles import Obstacles
 from assets.world.overlays import Heights
 from assets.world.plots import Plot
 from assets.world.styles import Style
-from assets.world.trees import broadleaf, bush, conifer
+from assets.world.trees import broadleaf, bush, conifer, shrub
 
 _VARIANTS = 6
 _TREE_TAKES_M = 1.8
 _VERGE_M = 2.2  # from the kerb to street trees where there is no pavement
+_BED_SHRUBS = (3, 8)
+_BED_APART_M = (1.4, 2.8)
+_BED_DEPTH_M = (1.0, 2.6)  # behind the pavement
+_BED_VERGE_M = 0.8  # from the kerb, where there is no pavement
+_BED_SIGHT_M = 8.0  # around crossroads nothing grows, for drivers' sight
+_TALL_SHARE = 0.6
 _OPEN_LAND_PER_M2 = 4e-4
 _OPEN_LAND_MOST = 220
 
@@ -26,11 +32,12 @@ def trees_mesh(
     edge: Kerbside, plots: list[Plot], bounds: np.ndarray, blocked: Obstacles, stand_z: Heights, style: Style,
     rng: np.random.Generator,
 ) -> Mesh:  # fmt: skip
-    """Street trees, garden trees and bushes, and trees on open land."""
+    """Street trees, garden trees and shrubs, beds along the streets, and trees on open land."""
     return Mesh.merge(
         [
             _street_trees(edge, blocked, stand_z, style, rng),
             _garden_plants(plots, blocked, stand_z, style, rng),
+            _beds(edge, blocked, stand_z, style, rng),
             _open_land(bounds, blocked, stand_z, style, rng),
         ]
     )
@@ -80,18 +87,47 @@ def _garden_plants(
         for _ in range(rng.poisson(style.garden_trees)):
             across, inland = rng.uniform(-0.5, 0.5) * plot.width_m, rng.uniform(1.5, deep + 14.0)
             trees.append(plot.front + plot.along * across + plot.inward * inland)
-        for _ in range(rng.poisson(style.garden_trees)):
+        for _ in range(rng.poisson(style.garden_shrubs)):
             across, inland = rng.uniform(-0.5, 0.5) * plot.width_m, rng.uniform(0.9, plot.setback_m + 0.9)
             bushes.append(plot.front + plot.along * across + plot.inward * inland)
-    tree, shrub = np.reshape(trees, (-1, 2)), np.reshape(bushes, (-1, 2))
+    tree, bushes = np.reshape(trees, (-1, 2)), np.reshape(bushes, (-1, 2))
     templates = _mixed(rng, style.conifer_share, 84)
-    shrubs = [bush(rng, rng.uniform(0.8, 1.8), rng.uniform(0.5, 1.0)) for _ in range(_VARIANTS)]
     return Mesh.merge(
         [
             _scatter(templates, _rooted(tree, 1.8, 4.2, 1.8, blocked), stand_z, rng),
-            _scatter(shrubs, _rooted(shrub, 0.7, 1.3, 0.6, blocked), stand_z, rng),
+            _scatter(_low(rng), _rooted(bushes, 0.7, 1.3, 0.6, blocked), stand_z, rng),
         ]
     )
+
+
+def _beds(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator) -> Mesh:
+    """Shrubs in rows behind the pavement, or beside a street that has none."""
+    if style.bed_gap_m == 0.0:
+        return Mesh.empty()
+    spots, seen = [], edge.junction_m > _BED_SIGHT_M
+    for row in edge.every(style.bed_gap_m, rng):
+        count, apart, depth = int(rng.integers(*_BED_SHRUBS)), rng.uniform(*_BED_APART_M), rng.uniform(*_BED_DEPTH_M)
+        rows = row + np.round(np.arange(count) * apart).astype(int)
+        rows = rows[rows < len(edge.run)]
+        rows = rows[(edge.run[rows] == edge.run[row]) & seen[rows]]
+        behind_m = np.maximum(edge.pavement_m[rows], _BED_VERGE_M) + depth + rng.normal(0, 0.3, len(rows))
+        spots.append(edge.point[rows] + behind_m[:, None] * edge.outward[rows])
+    places = np.concatenate([np.zeros((0, 2)), *spots])
+    tall = rng.random(len(places)) < _TALL_SHARE
+    return Mesh.merge(
+        [
+            _scatter(_tall(rng), _rooted(places[tall], 1.2, 2.4, 1.0, blocked), stand_z, rng),
+            _scatter(_low(rng), _rooted(places[~tall], 0.7, 1.3, 0.5, blocked), stand_z, rng),
+        ]
+    )
+
+
+def _low(rng: np.random.Generator) -> list[Mesh]:
+    return [bush(rng, rng.uniform(0.8, 1.8), rng.uniform(0.5, 1.0)) for _ in range(_VARIANTS)]
+
+
+def _tall(rng: np.random.Generator) -> list[Mesh]:
+    return [shrub(rng, rng.uniform(2.0, 4.5), rng.uniform(1.0, 1.9)) for _ in range(_VARIANTS)]
 
 
 def _open_land(

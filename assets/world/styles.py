@@ -33,6 +33,9 @@ class Style:
         enclosed: share of the open frontage behind a hedge, wall or hedgerow.
         enclosures: border kinds of these.
         wild_trees: trees on open land over the usual number.
+        garden_shrubs: shrubs in a plot, mean count.
+        bed_gap_m: distance of beds of shrubs behind the pavement, or beside a street without; 0 for none.
+        climbers: share of houses with climbing plants on their walls.
     """
 
     setback_m: Range
@@ -57,6 +60,9 @@ class Style:
     enclosed: float
     enclosures: tuple[str, ...]
     wild_trees: float = 1.0
+    garden_shrubs: float = 1.0
+    bed_gap_m: float = 40.0
+    climbers: float = 0.15
 
     @property
     def terrace(self) -> bool:
@@ -79,7 +85,7 @@ STYLES: dict[str, Style] = {
         bay_m=(2.4, 3.4),
         shop_share=0.05,
         fence_share=0.85,
-        street_tree_gap_m=30.0,
+        street_tree_gap_m=24.0,
         garden_trees=0.5,
         lamp_gap_m=50.0,
         ground=("grass", "soil"),
@@ -90,6 +96,9 @@ STYLES: dict[str, Style] = {
         enclosed=0.9,
         enclosures=("hedge", "hedge", "hedge", "hedge", "wall_brick", "wall_plaster"),
         wild_trees=0.4,
+        garden_shrubs=2.5,
+        bed_gap_m=36.0,
+        climbers=0.3,
     ),
     "hamlet": Style(
         setback_m=(0.8, 6.0),
@@ -103,7 +112,7 @@ STYLES: dict[str, Style] = {
         bay_m=(2.3, 3.2),
         shop_share=0.08,
         fence_share=0.8,
-        street_tree_gap_m=34.0,
+        street_tree_gap_m=24.0,
         garden_trees=0.9,
         lamp_gap_m=40.0,
         ground=("grass", "soil"),
@@ -114,6 +123,9 @@ STYLES: dict[str, Style] = {
         enclosed=0.9,
         enclosures=("hedge", "hedge", "hedge", "hedge", "hedge", "wall_plaster"),
         wild_trees=1.4,
+        garden_shrubs=2.5,
+        bed_gap_m=36.0,
+        climbers=0.35,
     ),
     "suburb": Style(
         setback_m=(3.0, 6.5),
@@ -127,7 +139,7 @@ STYLES: dict[str, Style] = {
         bay_m=(2.4, 3.2),
         shop_share=0.03,
         fence_share=0.9,
-        street_tree_gap_m=36.0,
+        street_tree_gap_m=20.0,
         garden_trees=1.1,
         lamp_gap_m=34.0,
         ground=("grass", "soil"),
@@ -136,7 +148,10 @@ STYLES: dict[str, Style] = {
         conifer_share=0.25,
         meadow_chance=0.2,
         enclosed=0.9,
-        enclosures=("hedge", "hedge", "hedge", "wall_brick", "wall_plaster"),
+        enclosures=("hedge", "hedge", "hedge", "hedge", "wall_brick", "wall_plaster"),
+        garden_shrubs=3.0,
+        bed_gap_m=36.0,
+        climbers=0.25,
     ),
     "urban": Style(
         setback_m=(0.25, 0.6),
@@ -150,7 +165,7 @@ STYLES: dict[str, Style] = {
         bay_m=(2.9, 3.9),
         shop_share=0.45,
         fence_share=0.5,
-        street_tree_gap_m=60.0,
+        street_tree_gap_m=30.0,
         garden_trees=0.5,
         lamp_gap_m=26.0,
         ground=("paving", "gravel"),
@@ -158,9 +173,12 @@ STYLES: dict[str, Style] = {
         fences=("wall_brick", "wall_plaster", "railing"),
         conifer_share=0.05,
         meadow_chance=0.02,
-        enclosed=0.4,
-        enclosures=("wall_brick", "wall_plaster"),
+        enclosed=0.55,
+        enclosures=("hedge", "wall_brick", "wall_plaster"),
         wild_trees=0.6,
+        garden_shrubs=0.6,
+        bed_gap_m=80.0,
+        climbers=0.2,
     ),
     "industrial": Style(
         setback_m=(5.0, 12.0),
@@ -174,7 +192,7 @@ STYLES: dict[str, Style] = {
         bay_m=(4.0, 6.0),
         shop_share=0.0,
         fence_share=0.8,
-        street_tree_gap_m=40.0,
+        street_tree_gap_m=26.0,
         garden_trees=0.6,
         lamp_gap_m=38.0,
         ground=("gravel", "grass"),
@@ -182,8 +200,11 @@ STYLES: dict[str, Style] = {
         fences=("railing", "wire", "wire", "wall_brick"),
         conifer_share=0.1,
         meadow_chance=0.06,
-        enclosed=0.55,
-        enclosures=("hedge", "wall_brick", "wall_brick", "wire"),
+        enclosed=0.7,
+        enclosures=("hedge", "hedge", "wall_brick", "wire"),
+        garden_shrubs=1.5,
+        bed_gap_m=36.0,
+        climbers=0.1,
     ),
     "boulevard": Style(
         setback_m=(0.4, 3.0),
@@ -197,7 +218,7 @@ STYLES: dict[str, Style] = {
         bay_m=(2.9, 3.8),
         shop_share=0.6,
         fence_share=0.3,
-        street_tree_gap_m=76.0,
+        street_tree_gap_m=22.0,
         garden_trees=0.25,
         lamp_gap_m=24.0,
         ground=("grass", "paving"),
@@ -206,8 +227,11 @@ STYLES: dict[str, Style] = {
         conifer_share=0.0,
         meadow_chance=0.02,
         enclosed=0.65,
-        enclosures=("hedge", "wall_plaster"),
+        enclosures=("hedge", "hedge", "wall_plaster"),
         wild_trees=0.2,
+        garden_shrubs=0.6,
+        bed_gap_m=45.0,
+        climbers=0.1,
     ),
 }
 

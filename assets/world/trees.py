@@ -68,7 +68,29 @@ def conifer(rng: np.random.Generator, height_m: float, radius_m: float, tiers: i
 def bush(rng: np.random.Generator, height_m: float, radius_m: float) -> Mesh:
     """A shrub down to the ground."""
     radii = np.array([radius_m, radius_m, height_m / 2])
-    return leaflets(leaf_clusters(rng, np.array([0, 0, height_m * 0.48]), radii, 40, 0.48 * radius_m))
+    return leaflets(leaf_clusters(rng, np.array([0, 0, height_m * 0.48]), radii, 28, 0.57 * radius_m))
+
+
+def shrub(rng: np.random.Generator, height_m: float, radius_m: float) -> Mesh:
+    """A tall shrub such as elder or hazel: leaves from near the ground up, on three stems."""
+    radii = np.array([radius_m, radius_m * rng.uniform(0.8, 1.2), height_m / 2])
+    middle = np.array([0, 0, height_m * 0.52])
+    stems = [
+        spike(np.zeros(3), middle + 0.8 * radii * [np.cos(turn), np.sin(turn), 0.5], 0.05, sides=3)
+        for turn in rng.uniform(0, 2 * np.pi) + np.arange(3) * 2 * np.pi / 3
+    ]
+    return Mesh.merge([*stems, leaflets(leaf_clusters(rng, middle, radii, 44, 0.48 * radius_m))])
+
+
+def climber(rng: np.random.Generator, width_m: float, height_m: float, per_m2: float = 5.0) -> Mesh:
+    """Ivy or vine on a wall: leaves along x from 0 to `width_m`, y up to 0.25 m before the wall, dense below."""
+    count = max(6, round(per_m2 * width_m * height_m))
+    up = height_m * rng.random(count) ** 1.3
+    taper = 1.0 - 0.6 * (up / height_m) ** 2
+    across = width_m * (0.5 + (rng.random(count) - 0.5) * taper)
+    centre = np.column_stack([across, rng.uniform(0.05, 0.25, count), up])
+    normal = np.column_stack([rng.normal(0, 0.4, count), np.ones(count), rng.normal(0.2, 0.4, count)])
+    return leaflets(_leaves(rng, centre, normal, rng.uniform(0.2, 0.34, count), rng.random(count) < 0.6))
 
 
 def hedge(rng: np.random.Generator, length_m: float, width_m: float, height_m: float) -> Mesh:

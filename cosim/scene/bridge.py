@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -155,11 +156,17 @@ def _within(angle: np.ndarray, largest: np.ndarray) -> np.ndarray:
     return np.clip(angle, -np.minimum(largest, _LARGEST_LEAN_RAD), np.minimum(largest, _LARGEST_LEAN_RAD))
 
 
-def models_of_size(kind: str, size: np.ndarray) -> list[ModelSpec]:
+def models_of_size(kind: str, size: np.ndarray) -> tuple[ModelSpec, ...]:
     """Catalogue models of a kind whose box equals `size` (3,), or else those that need the least scaling."""
+    return _models_of_size(kind, tuple(np.asarray(size, float).tolist()))
+
+
+@lru_cache(maxsize=4096)  # as many as there are vTypes
+def _models_of_size(kind: str, size: tuple[float, float, float]) -> tuple[ModelSpec, ...]:
     same_kind = [spec for spec in CATALOGUE.values() if spec.kind == kind]
-    exact = [spec for spec in same_kind if np.abs(np.subtract(spec.size_m, size)).max() < _SAME_SIZE_M]
+    exact = tuple(spec for spec in same_kind if np.abs(np.subtract(spec.size_m, size)).max() < _SAME_SIZE_M)
     if exact:
         return exact
-    least = min(stretch(spec, size) for spec in same_kind)
-    return [spec for spec in same_kind if stretch(spec, size) <= least + _SAME_STRETCH]
+    stretches = [stretch(spec, np.array(size)) for spec in same_kind]
+    least = min(stretches) + _SAME_STRETCH
+    return tuple(spec for spec, much in zip(same_kind, stretches, strict=True) if much <= least)

@@ -70,6 +70,7 @@ class Site:
         mesh: the static world.
         scene: the world as rays meet it.
         tiles: the world as cameras draw it.
+        shadows: of the world on itself.
         signals: heads of its traffic signals.
     """
 
@@ -78,6 +79,7 @@ class Site:
     mesh: Mesh
     scene: Scene
     tiles: Tiles
+    shadows: SunShadows
     signals: tuple[SignalHead, ...] = ()
 
     @classmethod
@@ -85,17 +87,22 @@ class Site:
         """Build the world that the run's seed, the town and the world's number determine."""
         town, groundwork = land.town, land.groundwork
         if config.world is not None:
-            mesh = config.world.read(town.streets)
-            return cls(land, world, mesh, Scene(mesh, models.load, threads, models=models.traced), Tiles.of(mesh))
+            return cls._of(land, world, config.world.read(town.streets), (), models, threads)
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
         static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment, groundwork)
-        scene = Scene(static.mesh, models.load, threads, models=models.traced)
-        return cls(land, world, static.mesh, scene, Tiles.of(static.mesh), static.signals)
+        return cls._of(land, world, static.mesh, static.signals, models, threads)
+
+    @classmethod
+    def _of(
+        cls, land: Land, world: int, mesh: Mesh, signals: tuple[SignalHead, ...], models: Models, threads: int
+    ) -> Site:
+        scene = Scene(mesh, models.load, threads, models=models.traced)
+        return cls(land, world, mesh, scene, Tiles.of(mesh), SunShadows(mesh, Light(), scene.static), signals)
 
     def show(self, renderer: CameraRenderer, light: Light) -> None:
         """Let a renderer draw this place in a light."""
-        renderer.enter(self.tiles, light, SunShadows(self.mesh, light, self.scene.static))
+        renderer.enter(self.tiles, light, self.shadows.under(light))
 
 
 def light_of(config: RunConfig, episode: int) -> Light:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 
 import numpy as np
@@ -35,16 +36,24 @@ class SunShadows:
     def __init__(self, mesh: Mesh, light: Light, bvh: Bvh | None = None) -> None:
         self._vertices = mesh.vertices
         self._normal = vertex_normals(mesh)
+        self._sky = np.full(len(mesh.vertices), np.nan, np.float32)  # until it is asked for
         self._sun = np.array(light.sun_direction, np.float32)
         self._bvh = bvh or Bvh(mesh)
 
+    def under(self, light: Light) -> SunShadows:
+        """The same world in another light; the share of sky, which stays, is found once for both."""
+        other = copy.copy(self)
+        other._sun = np.array(light.sun_direction, np.float32)
+        return other
+
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Sun and sky, (k, 2) float32, 0–1, at some rows (k,) of the vertices."""
-        normal = self._normal[rows]
-        origin = self._vertices[rows] + _WORLD_LIFT_M * normal
+        origin = self._vertices[rows] + _WORLD_LIFT_M * self._normal[rows]
         sunlit = ~_blocked(self._bvh, origin, np.broadcast_to(self._sun, origin.shape), _SUN_REACH_M)
-        sky = _sky_share(self._bvh, origin, normal, _WORLD_RINGS, _WORLD_SKY_REACH_M)
-        return np.stack([sunlit.astype(np.float32), sky], 1)
+        new = np.isnan(self._sky[rows])
+        asked = rows[new]
+        self._sky[asked] = _sky_share(self._bvh, origin[new], self._normal[asked], _WORLD_RINGS, _WORLD_SKY_REACH_M)
+        return np.stack([sunlit.astype(np.float32), self._sky[rows]], 1)
 
 
 def bake_hollows(mesh: Mesh) -> np.ndarray:

@@ -45,7 +45,7 @@ class CastShadows:
         sun, sky = np.array(light.sun_rgb) * max(float(self._sun[2]), 0.0), np.array(light.sky_rgb)
         self._left = np.sqrt(sky / (sun + sky))  # images hold the square root of light
         self._hulls: dict[str, np.ndarray] = {}
-        self._outlines: tuple[Instances | None, dict[int, np.ndarray]] = (None, {})
+        self._outlines: dict[str, tuple[bytes, np.ndarray]] = {}
         self._is_ground = np.zeros(256, bool)
         self._is_ground[[material_index(name) + 1 for name in _GROUND]] = True
 
@@ -60,12 +60,13 @@ class CastShadows:
         """
         if self._sun[2] < _LOWEST_SUN or images.rgba is None or not len(instances):
             return images
-        owner = self._fallen(images.rgba.shape[:2], pose, P, instances)
-        rows, columns = np.nonzero(owner)
-        here = self._is_ground[images.rgba[rows, columns, 3]] & (images.instance[rows, columns] == 0)
-        rows, columns = rows[here], columns[here]
-        points = _points(rows, columns, images.depth_m[rows, columns], pose, P)
+        owner, (top, left) = self._fallen(images.rgba.shape[:2], pose, P, instances)
+        window = np.s_[top : top + owner.shape[0], left : left + owner.shape[1]]
+        may = (owner > 0) & self._is_ground[images.rgba[window][..., 3]] & (images.instance[window] == 0)
+        rows, columns = np.nonzero(may)
         stands = instances.poses[owner[rows, columns] - 1]
+        rows, columns = rows + top, columns + left
+        points = _points(rows, columns, images.depth_at(rows, columns), pose, P)
         above = np.einsum("ij,ij->i", points - stands[:, :3, 3], stands[:, :3, 2])
         on_plane = np.abs(above) < _OFF_PLANE_M
         rows, columns, points = rows[on_plane], columns[on_plane], points[on_plane]
@@ -81,26 +82,40 @@ class CastShadows:
         rgba[rows, columns, :3] = np.rint(rgba[rows, columns, :3] * self._left).astype(np.uint8)
         return replace(images, rgba=rgba)
 
-    def _fallen(self, shape: tuple[int, ...], pose: np.ndarray, P: np.ndarray, instances: Instances) -> np.ndarray:
-        """Row + 1 of the instance whose shadow each pixel would see on the plane it stands on, (h, w) int32; else 0."""
-        owner = np.zeros(shape, np.int32)
+    def _fallen(
+        self, shape: tuple[int, ...], pose: np.ndarray, P: np.ndarray, instances: Instances
+    ) -> tuple[np.ndarray, tuple[int, int]]:
+        """Row + 1 of the instance whose shadow a pixel would see on the plane it stands on, int32; else 0.
+
+        Returns:
+            The part (h, w) of the image that holds all shadows, and its first row and column.
+        """
         into_camera = (instances.poses[:, :3, 3] - pose[:3, 3]) @ pose[:3, :3]
         away = np.linalg.norm(into_camera, axis=1)
         near = (away < _REACH_M) & (into_camera[:, 2] > -_BEHIND_M)
+        drawn = []
         for row in sorted(np.flatnonzero(near).tolist(), key=lambda row: -away[row]):
-            outline = _seen(self._kept_outline(instances, row), pose, P)
-            if len(outline):
-                cv2.fillConvexPoly(owner, np.rint(outline).astype(np.int32), row + 1)
-        return owner
+            outline = np.rint(_seen(self._kept_outline(instances, row), pose, P)).astype(np.int32)
+            if len(outline) and (outline.max(0) >= 0).all() and (outline.min(0) < shape[::-1]).all():
+                drawn.append((row, outline))
+        if not drawn:
+            return np.zeros((0, 0), np.int32), (0, 0)
+        corners = np.concatenate([outline for _, outline in drawn])
+        left, top = np.maximum(corners.min(0), 0).tolist()
+        right, bottom = np.minimum(corners.max(0) + 1, shape[::-1]).tolist()
+        owner = np.zeros((bottom - top, right - left), np.int32)
+        for row, outline in drawn:
+            cv2.fillConvexPoly(owner, outline - np.array([left, top], np.int32), row + 1)
+        return owner, (top, left)
 
     def _kept_outline(self, instances: Instances, row: int) -> np.ndarray:
-        """`_outline`, kept for the next camera that sees the same instances."""
-        if self._outlines[0] is not instances:
-            self._outlines = instances, {}
-        kept = self._outlines[1]
-        if row not in kept:
-            kept[row] = self._outline(instances, row)
-        return kept[row]
+        """`_outline`, kept while an instance stands still: for the next camera, and the parked for the next frame."""
+        name = instances.ids[row]
+        state = instances.models[row].encode() + instances.poses[row].tobytes() + instances.scales[row].tobytes()
+        known = self._outlines.get(name)
+        if known is None or known[0] != state:
+            known = self._outlines[name] = state, self._outline(instances, row)
+        return known[1]
 
     def _outline(self, instances: Instances, row: int) -> np.ndarray:
         """Corners (k, 3) round an instance's shadow on the plane it stands on."""

@@ -54,7 +54,13 @@ class Images:
     @cached_property
     def depth_m(self) -> np.ndarray:
         """(h, w) float32 depth along the optical axis at the pixel's centre, 0 where nothing is hit."""
-        inverse = _read(self.inverse_depth, "depth")
+        return self._depth_m(_read(self.inverse_depth, "depth"))
+
+    def depth_at(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """`depth_m` of some pixels (n,)."""
+        return self._depth_m(_read(self.inverse_depth, "depth")[rows, columns])
+
+    def _depth_m(self, inverse: np.ndarray) -> np.ndarray:
         depth = np.zeros_like(inverse)
         np.divide(np.float32(self.near_m), inverse, out=depth, where=inverse > 0)
         return depth

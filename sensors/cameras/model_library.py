@@ -11,7 +11,7 @@ import numpy as np
 
 from assets.mesh import Mesh
 from sensors.cameras.buffers import GrowingBuffer, InstanceBuffer, back_faces
-from sensors.cameras.detail import CELLS_M, coarsened, level_of
+from sensors.cameras.detail import CELLS_M, level_of
 from sensors.cameras.occlusion import box_corners
 from sensors.cameras.packed_model import PackedModel, pack_model
 from sensors.cameras.projection import View, spheres_inside
@@ -105,7 +105,7 @@ class ModelLibrary:
         key = name, level
         if key not in self._models:
             if key not in self._packed:
-                self._packed[key] = pack_model(coarsened(self._load(name), CELLS_M[level]))
+                self._packed[key] = pack_model(self._load(name), CELLS_M[level])
             packed = self._packed[key]
             self._models[key] = _Model(self._buffer.add(packed.mesh), packed.n_closed, len(packed.mesh.faces))
         return self._models[key]

@@ -10,6 +10,7 @@ from assets.cache import cached
 from assets.mesh import Mesh
 from sensors.cameras.baking import bake_hollows
 from sensors.cameras.closed import closed_faces
+from sensors.cameras.detail import coarsened
 from sensors.cameras.packing import PackedMesh, drawable, pack
 
 
@@ -27,9 +28,9 @@ class PackedModel:
 
 
 @cached
-def pack_model(mesh: Mesh) -> PackedModel:
-    """Leave out what is not drawn, and darken hollows."""
-    mesh = drawable(mesh)
+def pack_model(mesh: Mesh, cell_m: float) -> PackedModel:
+    """A model on a grid of `cell_m` [m] (0: as it is), without what is not drawn and with its hollows darkened."""
+    mesh = drawable(coarsened(mesh, cell_m))
     closed = closed_faces(mesh)
     order = np.argsort(~closed, kind="stable")
     ordered = Mesh(mesh.vertices, mesh.faces[order], mesh.materials[order])

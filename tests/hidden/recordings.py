@@ -30,7 +30,9 @@ EFFECTS = (
     "sweep_motion", "elevation_offset", "range_walk", "incidence_falloff", "random_dropout", "ring_gain",
     "encoder_eccentricity", "dual_block", "incidence_bias", "range_falloff", "ring_elevation", "detection_threshold",
 )  # fmt: skip
+FURTHER = ("focal_response",)  # when named with --only
 NULLS = 4
+ORDERS = ("rings", "firings", "shuffled")
 _BASE = {
     "frames": 60,
     "frames_per_episode": 60,
@@ -77,9 +79,9 @@ class Answer:
 
 
 def cases() -> list[Case]:
-    """Twelve effects, strongly, and drives with nothing hidden."""
+    """Twelve effects and some further ones, strongly, and drives with nothing hidden."""
     found = []
-    for seed, name in enumerate(EFFECTS):
+    for seed, name in enumerate((*EFFECTS, *FURTHER)):
         drawn = parameters(name, "strong", np.random.default_rng([7, seed]))
         found.append(Case(name, _TOWNS[0], {name: drawn}, seed))
     return found + [Case(f"null{number}", _TOWNS[number % 2], {}, 100 + number) for number in range(NULLS)]
@@ -110,13 +112,31 @@ def made(case: Case, folder: Path) -> tuple[Path, Path, Path]:
     return place / "recording", drive, place / "drive.sensor.yaml"
 
 
-def calibrated(case: Case, folder: Path, sensor: bool, rounds: int) -> Answer:
-    """What scans alone say, from the user's sensor file or from nothing."""
+def arranged(recording: Path, order: str) -> Path:
+    """The recording with its points firing by firing, or shuffled, instead of ring by ring."""
+    if order == "rings":
+        return recording
+    new = recording.with_name(f"recording_{order}")
+    for file in sorted((recording / "velodyne").iterdir()):
+        points = np.fromfile(file, "<f4").reshape(-1, 4)
+        if order == "firings":
+            rows = np.argsort(-np.arctan2(points[:, 1], points[:, 0]), kind="stable")
+        else:
+            rows = np.random.default_rng(int(file.stem)).permutation(len(points))
+        (new / "velodyne").mkdir(parents=True, exist_ok=True)
+        points[rows].tofile(new / "velodyne" / file.name)
+    return new
+
+
+def calibrated(case: Case, folder: Path, sensor: bool, rounds: int, order: str = "rings") -> Answer:
+    """What scans alone say, from the user's sensor file or from nothing; what points tell by themselves comes first."""
     recording, _, file = made(case, folder)
-    out = folder / case.name / ("calibrated_from_file" if sensor else "calibrated")
+    recording = arranged(recording, order)
+    name = "calibrated_from_file" if sensor else "calibrated"
+    out = folder / case.name / (name if order == "rings" else f"{name}_{order}")
     own = ["--sensor", file] if sensor else []
     told, cpu_s = _told(out, "calibrate", recording, *own, "--rounds", rounds, "--out", out / "files")
-    latest: dict[str, dict[str, Any]] = {}
+    latest = {one["effect"]: one for one in _of_points(told["rounds"][0]["effects"])}
     for one in told["rounds"]:
         for finding in one["findings"]:
             latest[finding["effect"]] = finding
@@ -125,6 +145,15 @@ def calibrated(case: Case, folder: Path, sensor: bool, rounds: int) -> Answer:
                 latest[name] = {**latest[name], **values}
     last = told["rounds"][-1]
     return _answer(list(latest.values()), last, cpu_s)
+
+
+def _of_points(effects: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """What the pattern in the points told before any diagnosis, as findings: two optical centres; noise is a guess."""
+    return [
+        {"effect": one["effect"], "params": {name: one[name] for name in one if name != "effect"}, "ci95": {}}
+        for one in effects
+        if "noise" not in one["effect"]
+    ]
 
 
 def diagnosed(case: Case, folder: Path) -> Answer:
@@ -190,16 +219,18 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--only", nargs="*", default=[], help="names of cases")
     parser.add_argument("--from-file", action="store_true", help="begin with the user's sensor file, not with nothing")
     parser.add_argument("--true-twin", action="store_true", help="also diagnose with the true twin")
+    parser.add_argument("--order", choices=ORDERS, default="rings", help="of the points in the files")
     parser.add_argument("--rounds", type=int, default=5, help="of map and diagnosis at most")
     options = parser.parse_args(words)
     for case in cases():
-        if options.only and case.name not in options.only:
+        if case.name in FURTHER if not options.only else case.name not in options.only:
             continue
-        answer = calibrated(case, options.folder, options.from_file, options.rounds)
+        answer = calibrated(case, options.folder, options.from_file, options.rounds, options.order)
         print("scans alone:", line(case, answer), flush=True)
         if options.true_twin:
             print("true twin:  ", line(case, diagnosed(case, options.folder)), flush=True)
-        (options.folder / f"{case.name}.json").write_text(json.dumps(asdict(answer)))
+        name = case.name if options.order == "rings" else f"{case.name}_{options.order}"
+        (options.folder / f"{name}.json").write_text(json.dumps(asdict(answer)))
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -35,6 +35,10 @@ class Batch:
         """The same on a device."""
         move = [tuple(tensor.to(device, non_blocking=True) for tensor in some) for some in (self.boxes, self.kinds)]
         return Batch(self.names, self.points.to(device, non_blocking=True), *move)
+
+    def without_intensity(self) -> Batch:
+        """The same frames, all intensities zero."""
+        return replace(self, points=torch.nn.functional.pad(self.points[:, :4], (0, 1)))
 
 
 def collate(samples: Sequence[Sample]) -> Batch:

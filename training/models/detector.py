@@ -18,7 +18,8 @@ class Detector(nn.Module):
     """Base of the detectors. Calling one gives its losses, weighted, by name: wrappers for several processes see that.
 
     Attributes:
-        settings: what it looks like. With `level_ground` it is given, and learns from, frames on level ground.
+        settings: what it looks like. With `level_ground` it is given, and learns from, frames on level ground; without
+            `intensity` frames whose intensities are all zero.
     """
 
     settings: ModelSettings
@@ -33,6 +34,7 @@ class Detector(nn.Module):
 
     def forward(self, batch: Batch) -> dict[str, Tensor]:
         """The losses."""
+        batch = self._told(batch)
         if self.settings.level_ground:
             batch = find_ground(batch.points, len(batch), self.settings.grid).levelled(batch)
         return self.losses(batch)
@@ -40,11 +42,16 @@ class Detector(nn.Module):
     @torch.no_grad()
     def detect(self, batch: Batch, least_score: float = 0.1) -> list[Detections]:
         """What is found in each frame. Put the detector into `eval()` before."""
+        batch = self._told(batch)
         if not self.settings.level_ground:
             return [_as_arrays(*some) for some in self.find(batch, least_score)]
         ground = find_ground(batch.points, len(batch), self.settings.grid)
         found = self.find(ground.levelled(batch), least_score)
         return [_as_arrays(ground.raised(boxes, frame), *rest) for frame, (boxes, *rest) in enumerate(found)]
+
+    def _told(self, batch: Batch) -> Batch:
+        """The frames with what of them the detector is told."""
+        return batch if self.settings.intensity else batch.without_intensity()
 
 
 def detect_from_anchors(

@@ -36,6 +36,9 @@ class ModelSettings(BaseModel):
     level_ground: bool = Field(
         default=False, description="whether heights are told above the local ground, found in the points"
     )
+    intensity: bool = Field(
+        default=True, description="whether it is told intensities, which mean something else with every make of LiDAR"
+    )
     refine: bool = Field(
         default=False, description="whether a second stage corrects each box by the points in and about it"
     )
@@ -95,7 +98,14 @@ class ModelSettings(BaseModel):
 
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "pillars_small": {"level_ground": True, "refine": True, "roi_channels": 128, "roi_count": 32, "dropout": 0.0},
+    "pillars_small": {
+        "level_ground": True,
+        "intensity": False,
+        "refine": True,
+        "roi_channels": 128,
+        "roi_count": 32,
+        "dropout": 0.0,
+    },
     "pointpillars": {  # Lang et al., CVPR 2019, as configured for KITTI's three classes in OpenPCDet
         "low_m": (0.0, -39.68, -3.0),
         "high_m": (69.12, 39.68, 1.0),

@@ -218,18 +218,7 @@ class Fitter:
                 state = replace(state, estimate=begun)
             columns = self.columns(state.effects, free, state.prediction, state.estimate)
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
-            step, change_u = model.step(state.estimate)
-            if not (np.isfinite(step).all() and np.isfinite(change_u).all()):
-                break
-            gained = -np.inf
-            for halving in range(self.settings.descent.halvings):
-                part = 0.5**halving
-                moved = replace(state.estimate, u=state.estimate.u + part * change_u)
-                trial = self._state(_moved(state.effects, free, part * step), moved, blur)
-                reached = self._penalised(trial)
-                if reached > value:
-                    gained, state = reached - value, trial
-                    break
+            state, gained = self._stepped(state, model, free, value, blur)
             after = self.random.updated(state.estimate, model.known)
             settled = bool(np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12))
             state = replace(state, estimate=after)
@@ -240,6 +229,26 @@ class Fitter:
             ):
                 break
         return state
+
+    def _stepped(
+        self, state: _State, model: LinearModel, free: tuple[Free, ...], value: float, blur: float
+    ) -> tuple[_State, float]:
+        """After the largest part of a step that brings something, damped where no part of the plain one does."""
+        descent = self.settings.descent
+        for damping in (0.0, *descent.dampings):
+            step, change_u = model.step(state.estimate, damping)
+            if not (np.isfinite(step).all() and np.isfinite(change_u).all()):
+                continue
+            for halving in range(1 if damping else descent.halvings):
+                part = 0.5**halving
+                moved = replace(state.estimate, u=state.estimate.u + part * change_u)
+                trial = self._state(_moved(state.effects, free, part * step), moved, blur)
+                reached = self._penalised(trial)
+                if reached > value:
+                    return trial, reached - value
+            if not free:
+                break
+        return state, -np.inf
 
     def _penalised(self, state: _State) -> float:
         law = state.estimate.u**2 @ np.where(

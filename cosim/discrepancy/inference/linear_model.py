@@ -82,7 +82,7 @@ class LinearModel:
     @cached_property
     def fixed_information(self) -> np.ndarray:
         """(p, p) information of the parameters, random effects eliminated."""
-        return ridged(self._shared(self.x, self.x, self.parameters) - self._across.T @ self._across_solved)
+        return ridged(self._own_information - self._across.T @ self._across_solved)
 
     def beside(self, columns: dict[Quantity, SparseMatrix]) -> LinearModel:
         """The same with further parameters, (n, k) columns by quantity."""
@@ -95,13 +95,20 @@ class LinearModel:
             x[name] = sparse.hstack([own, more], format="csr")
         return replace(self, x=x)
 
-    def step(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
-        """A Gauss–Newton step of parameters (p,) and of all random effects (m,)."""
+    def step(self, estimate: Estimate, damping: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """A Gauss–Newton step of parameters (p,) and of all random effects (m,).
+
+        Args:
+            estimate: random effects as they are.
+            damping: holds what random effects take up wholly, as gains of all lasers alike where reflectances are free:
+                so much of the information that parameters would have without them (Marquardt, J. SIAM 11, 1963).
+        """
         right = self._scored(self.z, len(self.used)) - self.precision * estimate.u[self.used]
         step = np.zeros(self.parameters)
         if self.parameters:
             slope = self._scored(self.x, self.parameters) - self._across.T @ self._solve(right)
-            step = np.linalg.solve(self.fixed_information, slope)
+            held = damping * np.diag(self._own_information)
+            step = np.linalg.solve(self.fixed_information + np.diag(held), slope)
         change = np.zeros(len(estimate.u))
         change[self.used] = self._solve(right - self._across @ step)
         return step, change
@@ -111,6 +118,11 @@ class LinearModel:
         if self.solver is None:
             return 0.0
         return self.solver.log_determinant() - float(np.log(self.precision).sum())
+
+    @cached_property
+    def _own_information(self) -> np.ndarray:
+        """(p, p) information of the parameters, random effects known."""
+        return self._shared(self.x, self.x, self.parameters)
 
     @cached_property
     def _across(self) -> np.ndarray:

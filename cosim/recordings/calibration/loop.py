@@ -22,7 +22,7 @@ from cosim.drives.writer import OutputError, explained
 from cosim.engine import Engine
 from cosim.recordings.calibration.history import Tried, noted
 from cosim.recordings.calibration.rounds import Round, read_round, round_of
-from cosim.recordings.calibration.start import first_sensor
+from cosim.recordings.calibration.start import GUESSED, first_sensor
 from cosim.recordings.mapping.correction import moves_points
 from cosim.recordings.mapping.page import format_page as format_map
 from cosim.recordings.mapping.prepare import Prepared, prepare
@@ -118,7 +118,8 @@ def calibrate(
             on_step(f"round {number}")
             before = folder / rounds[-1].sensor_out if rounds else start
             known = [finding["effect"] for one in rounds for finding in one.findings]
-            done = _round(prepared(), folder, place, before, known, number, settings, engine, on_step)
+            along = [*(GUESSED if given is None else ()), *(one for one in known if moves_points(one))]
+            done = _round(prepared(), folder, place, before, along, number, settings, engine, on_step)
         rounds.append(done)
         if not done.moved:
             break
@@ -131,20 +132,19 @@ def _round(
     folder: Path,
     place: Path,
     before: Path,
-    known: Sequence[str],
+    along: Sequence[str],
     number: int,
     settings: Settings,
     engine: Engine | None,
     on_step: Callable[[str], None],
 ) -> Round:
-    """Map and diagnosis with one sensor file; effects that earlier rounds found are fitted along."""
+    """Map and diagnosis with one sensor file; effects that earlier rounds found, and guesses, are fitted along."""
     shutil.rmtree(place / "twin", ignore_errors=True)  # of a run that was stopped
     sensor = load_sensor(before)
     twin = write_map_twin(
         prepared, place / "twin", place / _SEGMENTS, sensor.effects, sampled=True, engine=engine, on_step=on_step
     )
     write_page(place / "map", format_map(twin))
-    along = [one for one in known if moves_points(one)]
     found = diagnose(place / "twin", sensor, settings=settings, along=along, on_progress=on_step)
     after = found.write_sensor(place / "sensor.yaml")
     words = Vocabulary([type(one) for one in found.sensor.effects])

@@ -14,6 +14,7 @@ from sensors.effects.points.intensity_noise import IntensityNoise
 from sensors.effects.points.range_noise import RangeNoise
 from sensors.sensor_model import SensorModel
 
+GUESSED = (RangeNoise.name, IntensityNoise.name)  # from neighbouring points; fitted along with whatever is found
 _SCANS = 6
 _SECOND = np.sqrt(6.0)  # standard deviation of a second difference of independent values of one unit each
 _SMOOTH_M = 0.3

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.recordings.mapping.adjust import OUTLIER_M, adjusted, place, placed_in_turn
+from cosim.recordings.mapping.holding import holding
 from cosim.recordings.mapping.level import ground, levelled, up
 from cosim.recordings.mapping.motion import applied, motions
 from cosim.recordings.mapping.moving import FreeSpace
@@ -46,6 +47,7 @@ class SurfelMap:
         held_out: numbers of scans that took no part.
         error_m: (n,) robust standard deviation of each scan's points across the surfels; NaN without any.
         on_map: (n,) share of each scan's points that lie in a surfel's cell.
+        held: (n,) how firmly what each scan sees holds it in place, see `holding`.
         no_plane: cells with points enough that are no plane.
         rounds: thickness of ground and of walls [m] after each round of poses and map.
         mount_known: whether height and tilt come from the ground or the settings.
@@ -61,6 +63,7 @@ class SurfelMap:
     held_out: tuple[int, ...]
     error_m: np.ndarray
     on_map: np.ndarray
+    held: np.ndarray
     no_plane: int
     rounds: tuple[tuple[float, float], ...]
     mount_known: bool
@@ -146,6 +149,7 @@ def build_map(
         held_out=held,
         error_m=error,
         on_map=share,
+        held=np.array([holding(xyz) for xyz in local]),
         no_plane=no_plane,
         rounds=tuple(rounds),
         mount_known=known,

@@ -28,7 +28,7 @@ Make = Callable[[Segment, Callable[[], object]], Arrays]
 
 _ABOUT, _REFUSED = "about", "refused"
 _SURFELS = ("surfels", "left_out")
-_PLAIN = ("poses", "motion", "pose_ego", "ground", "trusted", "error_m", "on_map", "rounds")
+_PLAIN = ("poses", "motion", "pose_ego", "ground", "trusted", "error_m", "on_map", "held", "rounds")
 
 
 @dataclass(frozen=True)

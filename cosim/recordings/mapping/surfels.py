@@ -123,7 +123,7 @@ def make_surfels(cloud: Cloud, settings: SurfelSettings) -> tuple[Surfels, int]:
     cell = np.repeat(np.arange(len(count)), count)
     kept = np.ones(len(rows), bool)
     for _ in range(2):  # the second time without what lies off the plane
-        centre, normal, variance = _planes(cloud.xyz[rows[kept]], cell[kept], len(count))
+        centre, normal, variance = planes(cloud.xyz[rows[kept]], cell[kept], len(count))
         off = np.einsum("ij,ij->i", cloud.xyz[rows] - centre[cell], normal[cell])
         sd = np.sqrt(np.maximum(variance[:, 0], 1e-8))
         kept = np.abs(off) < 3 * sd[cell]
@@ -134,7 +134,7 @@ def make_surfels(cloud: Cloud, settings: SurfelSettings) -> tuple[Surfels, int]:
     return surfels[good], int((~good).sum())
 
 
-def _planes(xyz: np.ndarray, cell: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def planes(xyz: np.ndarray, cell: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean (m, 3), normal (m, 3) and variances along the axes (m, 3), the smallest first, of the points of cells."""
     count = np.maximum(np.bincount(cell, minlength=cells), 1)
     centre = np.stack([np.bincount(cell, xyz[:, axis], cells) for axis in range(3)], 1) / count[:, None]

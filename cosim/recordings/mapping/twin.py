@@ -16,6 +16,7 @@ from cosim.drives.writer import OutputError
 from cosim.engine import Engine
 from cosim.recordings.mapping.build import build_map
 from cosim.recordings.mapping.correction import Correction
+from cosim.recordings.mapping.doubts import frames_of, notes_of
 from cosim.recordings.mapping.drive_files import DriveFiles
 from cosim.recordings.mapping.kept import Arrays, Kept, arrays_of_map
 from cosim.recordings.mapping.odometry import Trajectory
@@ -27,10 +28,6 @@ from cosim.recordings.recording import Recording
 from sensors.effects.base import Effect
 from sensors.effects.registry import effect_classes
 from sensors.pattern import Pattern
-
-_FEW_SCANS = 20
-_LOST_SHARE = 0.5  # of the usual share of points on the map: below, a scan's pose is doubtful
-_SHOWN = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +147,7 @@ def write_map_twin(
     maps.all_made(prepared.segments, engine, lambda done: on_step(told_of("map", done, prepared.segments)))
     whole, recording = whole_map(prepared.segments, prepared.paths, maps), prepared.recording
     names = tuple(f"{number:06d}" for number in range(len(recording)))
-    fit, held = _lists(prepared, whole, names)
+    fit, held = frames_of(prepared, whole, names)
     split = split_of_maps(fit, held, prepared.pattern.rings * prepared.pattern.firings)
     looked = len({whole.segment_of[names.index(name)] for name in split.fit})
     twin = RecordingTwin(
@@ -162,7 +159,7 @@ def write_map_twin(
         path=prepared.path,
         made=whole,
         sweep_m=prepared.sweep_m,
-        notes=(*recording.notes, *prepared.found.notes, *_notes(prepared, whole, looked)),
+        notes=(*recording.notes, *prepared.found.notes, *notes_of(prepared, whole, looked)),
     )
     on_step("files")
     frames = (*split.fit, *split.test) if sampled else names
@@ -202,75 +199,8 @@ def _map(
     )
 
 
-def _lists(prepared: Prepared, made: WholeMap, names: Sequence[str]) -> tuple[list[list[str]], list[list[str]]]:
-    """Names of the scans that made maps and of those that took no part, a list a segment.
-
-    Segments without a map are left out, and where others move those in which the sensor stands, too: there each surface
-    is seen from one place.
-    """
-    useful = made.mapped & ~np.array([path.standing for path in prepared.paths])
-    asked = useful if useful.any() else made.mapped
-    numbers = np.flatnonzero(asked).tolist()
-
-    def by_segment(scans: Sequence[int]) -> list[list[str]]:
-        return [[names[one] for one in scans if made.segment_of[one] == number] for number in numbers]
-
-    return by_segment(made.fitted), by_segment(made.held_out)
-
-
 def _flat(lists: Sequence[Sequence[str]]) -> list[str]:
     return [name for names in lists for name in names]
-
-
-def _notes(prepared: Prepared, made: WholeMap, looked: int) -> list[str]:
-    path, recording, sweep = prepared.path, prepared.recording, prepared.sweep_m
-    notes = [f"poses: {path.source}", *_segment_notes(prepared, made, looked)]
-    if path.standing:
-        notes.append(
-            f"the sensor moves {path.extent_m:.2f} m in all, so each surface is seen from one place: sweep "
-            "motion, and whatever changes with range or angle alone, cannot be told from the surfaces themselves"
-        )
-    elif sweep and min(sweep, key=lambda scale: sweep[scale]) <= 0:
-        notes.append("the map is thinnest without the sweep's motion: scans look motion-compensated already")
-    if len(recording) < _FEW_SCANS:
-        notes.append(
-            f"{len(recording)} scans only: few looks at every surface, so thickness and effects are poorly told"
-        )
-    if path.doubtful:
-        notes.append(
-            f"the path jumps at {len(path.doubtful)} scans ({_named(recording, path.doubtful)}): odometry is doubtful "
-            "there"
-        )
-    lost = np.flatnonzero((made.on_map < _LOST_SHARE * np.median(made.on_map)) & made.mapped[made.segment_of])
-    if len(lost):
-        notes.append(
-            f"{len(lost)} scans lie badly on the map ({_named(recording, lost.tolist())}): their poses are doubtful"
-        )
-    if not made.mount_known:
-        notes.append("no ground was found: the sensor is taken to be 1.8 m above it; recording.yaml may say mount:")
-    notes.append(
-        "range_scale and a constant offset along all normals are not told by any drive: the map is made of these ranges"
-    )
-    notes.append("moving things and places without a plane are left out of the twin; objects are not modelled")
-    return notes
-
-
-def _segment_notes(prepared: Prepared, made: WholeMap, looked: int) -> list[str]:
-    """Of a recording in several segments: how many, how many a diagnosis looks at, and which tell nothing."""
-    if len(made.segments) == 1:
-        return []
-    notes = [f"{len(made.segments)} segments, a map each; a diagnosis looks at scans of {looked} of them"]
-    blank = [one for one in made.segments if not made.mapped[one.number]]
-    still = [one for one in made.segments if made.mapped[one.number] and prepared.paths[one.number].standing]
-    for some, why in ((blank, "no map, for want of surfaces that three scans show"), (still, "the sensor stands")):
-        if some:
-            shown = ", ".join(f"{one.begin}–{one.end - 1}" for one in some[:_SHOWN])
-            notes.append(f"left out of a diagnosis: {len(some)} segments (scans {shown}): {why}")
-    return notes
-
-
-def _named(recording: Recording, numbers: Sequence[int]) -> str:
-    return ", ".join(recording.names[number] for number in numbers[:_SHOWN])
 
 
 def _middle(values: np.ndarray) -> float:

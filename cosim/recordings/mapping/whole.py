@@ -34,7 +34,7 @@ class WholeMap:
         pose_ego: (k, 4, 4) of the sensor on the vehicle.
         mount_known: whether height and tilt come from the ground or the settings.
         held_out: numbers of scans that took no part.
-        error_m, on_map: (n,) as of `SurfelMap`.
+        error_m, on_map, held: (n,) as of `SurfelMap`.
         no_plane: cells with points enough that are no plane.
         rounds: (r, 2) thickness of ground and of walls [m] after each round, usual of all segments.
     """
@@ -58,6 +58,7 @@ class WholeMap:
     held_out: tuple[int, ...]
     error_m: np.ndarray
     on_map: np.ndarray
+    held: np.ndarray
     no_plane: int
     rounds: np.ndarray
 
@@ -117,7 +118,7 @@ def whole_map(segments: Sequence[Segment], paths: Sequence[Trajectory], kept: Ke
     )
 
 
-_JOINED = ("sd_m", "scans", "level", "ground", "trusted", "poses", "motion", "error_m", "on_map")
+_JOINED = ("sd_m", "scans", "level", "ground", "trusted", "poses", "motion", "error_m", "on_map", "held")
 
 
 def mapped_segments(whole: WholeMap, kept: Kept) -> Iterator[tuple[Segment, SurfelMap]]:
@@ -147,6 +148,7 @@ def _part(segment: Segment, made: SurfelMap) -> dict:
         "held_out": [number for number in numbers if segment.begin <= number < segment.end],
         "error_m": made.error_m[own],
         "on_map": made.on_map[own],
+        "held": made.held[own],
         "no_plane": made.no_plane,
         "rounds": made.rounds,
     }
@@ -169,6 +171,7 @@ def _mapless(segment: Segment, path: Trajectory) -> dict:
         "held_out": [],
         "error_m": np.full(count, np.nan),
         "on_map": np.zeros(count),
+        "held": np.zeros(count),
         "no_plane": 0,
         "rounds": (),
     }

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.recordings.pattern.lasers import Lasers, find_lasers, nearest_laser, ring_lasers
+from cosim.recordings.pattern.lasers import NEAREST_M, Lasers, find_lasers, nearest_laser, ring_lasers
 from cosim.recordings.pattern.turning import Turning, find_turning
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import RecordingError, Scan
@@ -190,6 +190,12 @@ def _demand_one_sensor(
         raise RecordingError(
             f"{recording.path}: points of scan {scans[row].name} lie on other lasers than those of the others, as of "
             "several sensors; give the scans of one, as with --scans"
+        )
+    near = float(np.mean(np.concatenate([scan.flat_range_m for scan in scans]) < NEAREST_M))
+    if near > 0.5 and usual < _LEAST_SHARE:
+        raise RecordingError(
+            f"{recording.path}: {near:.0%} of the points lie within {NEAREST_M:g} m, where a sensor's own size blurs "
+            "elevations; record where walls are farther away"
         )
     needed = _LEAST_SHARE if _seen(scans) >= _LEAST_SECTORS else _DOUBTFUL_SHARE
     if not len(lasers) or usual < needed:

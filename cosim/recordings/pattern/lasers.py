@@ -15,13 +15,14 @@ import numpy as np
 _CELL_DEG = 0.02
 _CENTRES_M = np.arange(-0.30, 0.3001, 0.01)
 _LOWEST_DEG, _HIGHEST_DEG = -90.0, 90.0
-_NEAREST_M = 1.0  # from the axis; nearer points tell elevations badly
+NEAREST_M = 1.0  # from the axis; nearer points tell elevations badly
 _MOST_POINTS = 600_000
 _MOST_LASERS = 256
 _HALF_WIDTH_DEG = 0.06  # of the strip about a peak whose points are fitted
 _SAME_DEG = 0.05  # two lines nearer than this at ten metres are one laser and its outskirts
 _AT_M = 10.0
 _LEAST_SHARE = 0.003  # of the points of a usual laser
+_NEAR_SHARE = 0.1  # of these, that a laser has which meets only what is near
 _LEAST_POINTS = 12
 _ABOVE_BACKGROUND = 6.0  # times what usual cells about a peak hold
 _BACKGROUND_DEG = 2.0
@@ -65,13 +66,23 @@ def find_lasers(flat_range_m: np.ndarray, height_m: np.ndarray, scan: np.ndarray
         height_m: (n,) height above its origin.
         scan: (n,) int number of the scan of each point.
     """
-    near = flat_range_m > _NEAREST_M
-    rho, z, scan = flat_range_m[near], height_m[near], scan[near]
+    far = flat_range_m > NEAREST_M
+    rho, z = flat_range_m[far], height_m[far]
     step = max(1, -(-len(rho) // _MOST_POINTS))
-    lines = _peel(rho[::step], z[::step])
+    lines = _peel(rho[::step], z[::step], _CENTRES_M)
     if not len(lines):
         return _none()
-    found = fit_lasers(rho, z, scan, lines)
+    found = _own_points(fit_lasers(rho, z, scan[far], lines), rho, z, scan[far])
+    close, lines = _near_lasers(flat_range_m, height_m, ~far, found)
+    if not len(lines):
+        return found
+    used = far | close
+    rho, z, scan = flat_range_m[used], height_m[used], scan[used]
+    return _own_points(fit_lasers(rho, z, scan, np.concatenate([found.lines, lines])), rho, z, scan)
+
+
+def _own_points(found: Lasers, rho: np.ndarray, z: np.ndarray, scan: np.ndarray) -> Lasers:
+    """Lasers fitted anew without those that are a few strays beside a strong one."""
     for _ in range(3):
         kept = _kept(found)
         if kept.all():
@@ -80,9 +91,20 @@ def find_lasers(flat_range_m: np.ndarray, height_m: np.ndarray, scan: np.ndarray
     return found
 
 
+def _near_lasers(rho: np.ndarray, z: np.ndarray, near: np.ndarray, found: Lasers) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n,) bool and lines (k, 2) of lasers that meet only what is near, as a steep one meets the vehicle's roof.
+
+    Points that are all about as far do not tell their laser's centre: it is taken to be that of the others.
+    """
+    _, off = nearest_laser(rho, z, found.lines)
+    close = near & (np.abs(off) > np.radians(2 * _HALF_WIDTH_DEG))
+    lines = _peel(rho[close], z[close], np.array([np.median(found.centre_m)]), found)
+    return close, lines
+
+
 def ring_lasers(flat_range_m: np.ndarray, height_m: np.ndarray, scan: np.ndarray, ring: np.ndarray) -> Lasers:
     """The lasers where the recording numbers them: one line through the points of each number (n,) int."""
-    near = flat_range_m > _NEAREST_M
+    near = flat_range_m > NEAREST_M
     rho, z, scan, ring = flat_range_m[near], height_m[near], scan[near], ring[near]
     numbers = np.flatnonzero(np.bincount(ring) >= _LEAST_POINTS) if len(ring) else np.zeros(0, int)
     if not len(numbers):
@@ -138,21 +160,28 @@ def nearest_laser(rho: np.ndarray, z: np.ndarray, lines: np.ndarray) -> tuple[np
     return best, off
 
 
-def _peel(rho: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Lines (k, 2), the strongest first."""
-    votes = _votes(rho, z)
-    lines: list[np.ndarray] = []
-    counts: list[int] = []
+def _peel(rho: np.ndarray, z: np.ndarray, centres: np.ndarray, known: Lasers | None = None) -> np.ndarray:
+    """Lines (k, 2) through points (n,), the strongest first.
+
+    Args:
+        rho, z: of the points.
+        centres: heights of optical centres to try [m].
+        known: lasers whose points are not among these.
+    """
+    votes = _votes(rho, z, centres)
+    lines: list[np.ndarray] = [] if known is None else list(known.lines)
+    counts: list[int] = [] if known is None else known.points.tolist()
+    least, given = _LEAST_SHARE if known is None else _NEAR_SHARE, len(lines)
     refused = 0
     while len(lines) < _MOST_LASERS and len(rho) >= _LEAST_POINTS and refused < 20:
         height = votes[:, :-2] + votes[:, 1:-1] + votes[:, 2:]
         row, cell = np.unravel_index(int(height.argmax()), height.shape)
         peak = int(height[row, cell])
-        floor = max(_LEAST_POINTS, _LEAST_SHARE * float(np.median(counts)) if counts else 0.0)
+        floor = max(_LEAST_POINTS, least * float(np.median(counts)) if counts else 0.0)
         if peak < floor:
             break
         elevation = np.radians(_LOWEST_DEG + (cell + 1.5) * _CELL_DEG)
-        guess = np.array([elevation, _CENTRES_M[row]])
+        guess = np.array([elevation, centres[row]])
         strip = np.flatnonzero(np.abs(np.arctan2(z - guess[1], rho) - elevation) < np.radians(_HALF_WIDTH_DEG))
         line = _robust_line(rho[strip], z[strip], guess) if len(strip) >= _LEAST_POINTS else guess
         mine = np.abs(np.arctan2(z - line[1], rho) - line[0]) < np.radians(_HALF_WIDTH_DEG)
@@ -162,9 +191,9 @@ def _peel(rho: np.ndarray, z: np.ndarray) -> np.ndarray:
             counts.append(int(mine.sum()))
         else:
             refused += 1
-        votes -= _votes(rho[mine], z[mine])
+        votes -= _votes(rho[mine], z[mine], centres)
         rho, z = rho[~mine], z[~mine]
-    return np.array(lines).reshape(-1, 2)
+    return np.array(lines[given:]).reshape(-1, 2)
 
 
 def _kept(lasers: Lasers) -> np.ndarray:
@@ -175,11 +204,11 @@ def _kept(lasers: Lasers) -> np.ndarray:
     return (lasers.points >= _LEAST_POINTS) & (lasers.points >= _WEAK * np.minimum(below, above))
 
 
-def _votes(rho: np.ndarray, z: np.ndarray) -> np.ndarray:
+def _votes(rho: np.ndarray, z: np.ndarray, centres: np.ndarray) -> np.ndarray:
     """Points by centre and elevation, (centres, cells) int64."""
     cells = round((_HIGHEST_DEG - _LOWEST_DEG) / _CELL_DEG)
-    votes = np.empty((len(_CENTRES_M), cells), np.int64)
-    for row, centre in enumerate(_CENTRES_M):
+    votes = np.empty((len(centres), cells), np.int64)
+    for row, centre in enumerate(centres):
         cell = (np.degrees(np.arctan2(z - centre, rho)) - _LOWEST_DEG) / _CELL_DEG
         votes[row] = np.bincount(np.clip(cell.astype(np.int64), 0, cells - 1), minlength=cells)
     return votes

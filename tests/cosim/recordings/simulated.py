@@ -15,11 +15,12 @@ from sensors.scene import Scene
 from sensors.tracing import Tracer
 
 HEIGHT_M = 1.8
+_CURVE_M, _CLEAR_M = 50.0, 7.0  # radius of a drive through the yard that turns to the left, and room about it
 
 
 @cache
 def yard() -> Scene:
-    """Level ground, and sixty boxes of three to forty metres about the origin."""
+    """Level ground, and up to sixty boxes of three to forty metres about the origin, none in the way of a drive."""
     rng = np.random.default_rng(0)
     ground = trimesh.creation.box((400, 400, 0.1)).subdivide().subdivide().subdivide().subdivide()
     ground.apply_translation((0, 0, -HEIGHT_M - 0.05))
@@ -27,8 +28,10 @@ def yard() -> Scene:
     for _ in range(60):
         angle, away, tall = rng.uniform(-np.pi, np.pi), rng.uniform(8, 60), rng.uniform(3, 40)
         box = trimesh.creation.box((rng.uniform(2, 9), rng.uniform(2, 9), tall))
-        box.apply_translation((away * np.cos(angle), away * np.sin(angle), tall / 2 - HEIGHT_M))
-        shapes.append(box)
+        x, y = away * np.cos(angle), away * np.sin(angle)
+        box.apply_translation((x, y, tall / 2 - HEIGHT_M))
+        if x < 0 or abs(np.hypot(x, y - _CURVE_M) - _CURVE_M) > _CLEAR_M:
+            shapes.append(box)
     parts = [Mesh.of(np.asarray(shape.vertices), np.asarray(shape.faces), "asphalt") for shape in shapes]
     return Scene(Mesh.merge(parts), lambda name: parts[0])
 

@@ -83,6 +83,16 @@ def test_the_page_tells_what_was_found(tmp_path: Path) -> None:
         assert words in page
 
 
+def test_a_laser_that_meets_only_the_vehicle_is_found() -> None:
+    rng, pattern = np.random.default_rng(0), load_pattern("vlp32c")
+    rays = pattern.rays()
+    away = rng.uniform(3, 30, len(rays.ring))
+    away[rays.ring == 31] = 0.7  # steeply down
+    xyz = rays.direction.astype(float) * away[:, None]
+    found = find_lasers(np.hypot(xyz[:, 0], xyz[:, 1]), xyz[:, 2], np.zeros(len(xyz), int))
+    np.testing.assert_allclose(found.elevation_deg, pattern.elevation_deg, atol=0.02)
+
+
 def test_noise_across_the_beams_becomes_misfit_and_not_lasers() -> None:
     pattern = load_pattern("vlp16")
     rng = np.random.default_rng(1)

@@ -16,6 +16,7 @@ from cosim.drives.twin.scene import TwinScenes, lidar_pose, scene_instances
 from cosim.drives.writer import OutputError
 from cosim.recordings import RecordingError, open_recording
 from cosim.recordings.mapping import write_recording_twin
+from cosim.recordings.mapping.holding import holding
 from cosim.recordings.mapping.motion import deskewed, motions
 from cosim.recordings.mapping.odometry import find_trajectory
 from cosim.recordings.mapping.surfels import Cloud, SurfelSettings, make_surfels, quads
@@ -153,6 +154,17 @@ def test_surfels_lie_on_the_plane_and_know_its_scatter() -> None:
     vertices, faces = quads(surfels)
     assert faces.shape == (2 * len(surfels), 3)
     assert np.median(np.abs(vertices[:, 2] - 0.1 * vertices[:, 0] - 0.17)) < 0.01
+
+
+def test_a_tunnel_holds_no_scan_along_it_however_sharp_its_map() -> None:
+    rng, rays = np.random.default_rng(0), load_pattern("vlp16").rays().direction.astype(float)
+    walls = {"tunnel": np.array([np.inf, 4.0, 1.8]), "hall": np.array([9.0, 4.0, 1.8])}
+    held = {}
+    for name, half in walls.items():
+        away = (half / np.maximum(np.abs(rays), 1e-9)).min(1)  # to the walls of a box about the sensor
+        rows = np.flatnonzero(away < 60)
+        held[name] = holding(rays[rows] * (away[rows] + rng.normal(0, 0.02, len(rows)))[:, None])
+    assert held["tunnel"] < 0.001 and held["hall"] > 0.02
 
 
 def test_standing_scans_are_said_to_tell_little(tmp_path: Path) -> None:

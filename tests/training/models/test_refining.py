@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -127,3 +128,27 @@ def test_a_second_stage_is_put_onto_a_first_one_that_was_trained_alone(tmp_path)
     save_checkpoint(tmp_path / "whole.pt", whole, both, ("Car",))
     again, _ = load_detector(tmp_path / "whole.pt")
     assert again.settings.refine and set(again.state_dict()) == set(before)
+
+
+def test_what_intensities_are_changes_nothing_for_a_detector_that_is_not_told_them():
+    points, boxes = seen()
+    sample = Sample("cars", points[:, 1:].numpy(), boxes.numpy(), np.zeros(len(boxes), np.int64))
+    bright = replace(sample, points=sample.points * np.float32([1, 1, 1, 0]) + np.float32([0, 0, 0, 0.7]))
+    found = {}
+    for told in (False, True):
+        torch.manual_seed(0)
+        detector = build_detector(ModelSettings.model_validate({**_TINY, "intensity": told}), ("Car",)).eval()
+        found[told] = [detector.detect(collate([some]), 0.0)[0].scores for some in (sample, bright)]
+    assert len(found[False][0]) and np.array_equal(*found[False])
+    assert len(found[True][0]) != len(found[True][1]) or not np.allclose(*found[True])
+    assert not ModelSettings().intensity and ModelSettings(name="pointpillars").intensity
+
+
+def test_a_checkpoint_from_before_that_choice_is_told_intensities(tmp_path):
+    detector = build_detector(ModelSettings.model_validate(_TINY), ("Car",))
+    save_checkpoint(tmp_path / "a.pt", detector, detector.settings, ("Car",))
+    content = torch.load(tmp_path / "a.pt")
+    del content["model"]["intensity"]
+    torch.save(content, tmp_path / "b.pt")
+    told = [load_detector(tmp_path / name)[0].settings.intensity for name in ("a.pt", "b.pt")]
+    assert told == [False, True]

@@ -1,0 +1,111 @@
+"""What a map may be relied on for: scans that a diagnosis looks at, and notes on what is doubtful or cannot be told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cosim.recordings.mapping.prepare import Prepared
+from cosim.recordings.mapping.whole import WholeMap
+from cosim.recordings.recording import Recording
+
+_FEW_SCANS, _FEWEST_SURE = 20, 5
+_LOST_SHARE = 0.5  # of the usual share of points on the map: below, a scan's pose is doubtful
+_LEAST_HELD = 0.001  # in every direction; a bare tunnel holds a scan by some 0.0002 along it, streets by 0.01 or more
+_SHOWN = 8
+
+
+def frames_of(prepared: Prepared, made: WholeMap, names: Sequence[str]) -> tuple[list[list[str]], list[list[str]]]:
+    """Names of the scans that made maps and of those that took no part, a list a segment.
+
+    Segments without a map are left out; where others are left, so are those in which the sensor stands, as each surface
+    is seen from one place there, and scans whose poses are doubtful.
+    """
+    useful = made.mapped & ~np.array([path.standing for path in prepared.paths])
+    asked = useful if useful.any() else made.mapped
+    numbers = np.flatnonzero(asked).tolist()
+    doubtful = {*_slipping(prepared, made), *_lost(made)}
+    sure = [one for one in made.fitted if one not in doubtful and asked[made.segment_of[one]]]
+    left_out = doubtful if len(sure) >= _FEWEST_SURE else set()
+
+    def by_segment(scans: Sequence[int]) -> list[list[str]]:
+        chosen = [one for one in scans if one not in left_out]
+        return [[names[one] for one in chosen if made.segment_of[one] == number] for number in numbers]
+
+    return by_segment(made.fitted), by_segment(made.held_out)
+
+
+def _slipping(prepared: Prepared, made: WholeMap) -> list[int]:
+    """Numbers of the scans that odometry may have placed wrongly along what they see, without a trace in the map."""
+    if not prepared.path.from_odometry:
+        return []
+    return np.flatnonzero((made.held < _LEAST_HELD) & made.mapped[made.segment_of]).tolist()
+
+
+def _lost(made: WholeMap) -> list[int]:
+    """Numbers of the scans of which much less than usual lies on the map."""
+    mapped = made.mapped[made.segment_of]
+    usual = float(np.median(made.on_map[mapped]))
+    return np.flatnonzero((made.on_map < _LOST_SHARE * usual) & mapped).tolist()
+
+
+def notes_of(prepared: Prepared, made: WholeMap, looked: int) -> list[str]:
+    """What is missing, doubtful or cannot be told, a sentence each."""
+    path, recording, sweep = prepared.path, prepared.recording, prepared.sweep_m
+    notes = [f"poses: {path.source}", *_segment_notes(prepared, made, looked)]
+    slipping, lost = _slipping(prepared, made), _lost(made)
+    if path.standing and len(slipping) < len(recording) / 2:
+        notes.append(
+            f"the sensor moves {path.extent_m:.2f} m in all, so each surface is seen from one place: sweep "
+            "motion, and whatever changes with range or angle alone, cannot be told from the surfaces themselves"
+        )
+    elif sweep and min(sweep, key=lambda scale: sweep[scale]) <= 0:
+        notes.append("the map is thinnest without the sweep's motion: scans look motion-compensated already")
+    if len(recording) < _FEW_SCANS:
+        notes.append(
+            f"{len(recording)} scans only: few looks at every surface, so thickness and effects are poorly told"
+        )
+    if path.doubtful:
+        notes.append(
+            f"the path jumps at {len(path.doubtful)} scans ({_named(recording, path.doubtful)}): odometry is doubtful "
+            "there"
+        )
+    if slipping:
+        notes.append(
+            f"{len(slipping)} scans see nothing that would hold them in one direction ({_named(recording, slipping)}), "
+            "as in a tunnel or on an open plain: odometry may have slipped there, or think that it stands; give poses"
+        )
+    if lost:
+        notes.append(
+            f"{len(lost)} scans lie badly on the map ({_named(recording, lost)}), as odometry that went astray or a "
+            "crowd leaves them: their poses are doubtful"
+        )
+    if not made.mount_known:
+        notes.append("no ground was found: the sensor is taken to be 1.8 m above it; recording.yaml may say mount:")
+    notes.append(
+        "range_scale and a constant offset along all normals are not told by any drive: the map is made of these ranges"
+    )
+    notes.append("moving things and places without a plane are left out of the twin; objects are not modelled")
+    return notes
+
+
+def _segment_notes(prepared: Prepared, made: WholeMap, looked: int) -> list[str]:
+    """Of a recording in several segments: how many, how many a diagnosis looks at, and which tell nothing."""
+    if len(made.segments) == 1:
+        return []
+    notes = [f"{len(made.segments)} segments, a map each; a diagnosis looks at scans of {looked} of them"]
+    blank = [one for one in made.segments if not made.mapped[one.number]]
+    still = [one for one in made.segments if made.mapped[one.number] and prepared.paths[one.number].standing]
+    for some, why in ((blank, "no map, for want of surfaces that three scans show"), (still, "the sensor stands")):
+        if some:
+            shown = ", ".join(f"{one.begin}–{one.end - 1}" for one in some[:_SHOWN])
+            notes.append(f"left out of a diagnosis: {len(some)} segments (scans {shown}): {why}")
+    return notes
+
+
+def _named(recording: Recording, numbers: Sequence[int]) -> str:
+    """Names of some scans, runs of them by their ends."""
+    runs = np.split(np.array(numbers), np.flatnonzero(np.diff(numbers) > 1) + 1)
+    said = [recording.names[run[0]] + (f" to {recording.names[run[-1]]}" if len(run) > 1 else "") for run in runs]
+    return ", ".join(said[:_SHOWN]) + (" …" if len(said) > _SHOWN else "")
