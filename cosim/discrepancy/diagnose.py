@@ -259,20 +259,13 @@ def _steps(case: Case, state: State) -> list[tuple[Effect, ...]]:
 
 def _ranking(found: Sequence[Candidate], tested: Sequence[Tested]) -> list[tuple[str, float, float]]:
     """Candidates of the first round: name, twice the gain less its price (ΔBIC), and p."""
-    rows = [
-        (one.name, 2 * one.gain.value - one.numbers * np.log(len(one.fitted.fit.loglik)), one.p_value) for one in found
-    ]
+    each = float(np.log(len(found[0].fitted.fit.loglik))) if found else 0.0
+    rows = [(one.name, 2 * one.gain.value - one.numbers * each, one.p_value) for one in found]
     there = {name for name, *_ in rows}
     for one in tested:
         if one.group.is_effect and one.group.name not in there:
             there.add(one.group.name)
-            rows.append(
-                (
-                    one.group.name,
-                    2 * one.gain - one.group.size * np.log(len(found[0].fitted.fit.loglik)) if found else 0.0,
-                    one.p_value,
-                )
-            )
+            rows.append((one.group.name, 2 * one.gain - one.group.size * each if found else 0.0, one.p_value))
     return [(name, float(value), float(p)) for name, value, p in sorted(rows, key=lambda row: -row[1])]
 
 

@@ -48,17 +48,9 @@ def unexplained(tested: Sequence[Tested], fitted: Fitted, settings: Settings) ->
         if one.p_value > settings.level or one.group.name in seen:
             continue
         seen.add(one.group.name)
-        name = one.group.name if one.group.is_effect else ""
-        found.append(
-            Unexplained(
-                one.group.channel,
-                one.group.covariates,
-                _size(one, fitted),
-                _UNITS.get(one.group.channel, ""),
-                one.p_value,
-                name,
-            )
-        )
+        name, channel = one.group.name if one.group.is_effect else "", one.group.channel
+        size, unit = _size(one, fitted), _UNITS.get(channel, "")
+        found.append(Unexplained(channel, one.group.covariates, size, unit, one.p_value, name))
     found.sort(key=lambda one: (one.p_value, bool(one.looks_like)))
     return tuple(found[: settings.pick.unexplained])
 

@@ -92,18 +92,9 @@ class MapSurfaces:
         cells = _cell_numbers(arrays["centre"], cell_m)
         order = np.argsort(cells, kind="stable")
         rough = _roughness(arrays["sd_m"], arrays["cos_incidence"].mean(1), settings.least_rough)
-        return cls(
-            arrays["centre"],
-            arrays["normal"],
-            rough,
-            arrays["range_m"],
-            arrays["trusted"] > 0,
-            cell_m,
-            KDTree(arrays["centre"]),
-            cells[order],
-            order,
-            settings,
-        )
+        centre, trusted = arrays["centre"], arrays["trusted"] > 0
+        tree, seen = KDTree(centre), arrays["range_m"]
+        return cls(centre, arrays["normal"], rough, seen, trusted, cell_m, tree, cells[order], order, settings)
 
     def __len__(self) -> int:
         return len(self.centre)
