@@ -20,7 +20,7 @@ from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.forward.expectation import expect
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
 from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, score_frame
-from cosim.discrepancy.settings import DEFAULT
+from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.slices import Slice, SliceTally
 from cosim.discrepancy.state import Case, Model, viewed
 from cosim.drives.kitti import Drive
@@ -46,6 +46,7 @@ class Comparison:
         scores: of each frame, beam by beam, if they were to be kept.
         judged: the frames of the budget at the poses as given and aligned, for pages.
         worth: what the model's effects are worth to a detector, where one was asked.
+        settings: numbers that decide.
     """
 
     drive: str
@@ -59,6 +60,7 @@ class Comparison:
     scores: Mapping[str, FrameScores] = field(default_factory=dict)
     judged: Judged | None = None
     worth: Worth | None = None
+    settings: Settings = DEFAULT
 
     @property
     def error(self) -> float:
@@ -72,8 +74,8 @@ class Comparison:
         Of the aligned error within 5 %: poses and objects are never fitted exactly.
         """
         if self.budget is not None and self.budget.floor is not None and self.error > 2 * self.budget.error_aligned:
-            return self.budget.error_aligned <= (1 + DEFAULT.at_floor) * self.budget.floor
-        return self.floor is not None and self.error <= DEFAULT.near * self.floor.error + DEFAULT.negligible
+            return self.budget.error_aligned <= (1 + self.settings.at_floor) * self.budget.floor
+        return self.floor is not None and self.error <= self.settings.near * self.floor.error + self.settings.negligible
 
     @property
     def parts(self) -> dict[str, float]:
@@ -147,7 +149,7 @@ class Comparison:
             floor, aligned = self.budget.floor, self.budget.error_aligned / self.budget.floor
             made = source_words(self.parts, floor, is_complete=False)
             said = f", {times(self.error / floor)} the noise floor ({floor:.3f}){made and f': {made}'}"
-            ends = "at the floor" if aligned <= 1 + DEFAULT.at_floor else f"{times(aligned)} the floor"
+            ends = "at the floor" if aligned <= 1 + self.settings.at_floor else f"{times(aligned)} the floor"
             return f"{said}; aligned {self.budget.error_aligned:.3f}, {ends}"
         return f", noise floor {self.floor.error:.3f}" if self.floor else ""
 
@@ -160,6 +162,7 @@ def compare(
     seed: int = 0,
     keep: bool = False,
     budget: bool = True,
+    settings: Settings = DEFAULT,
     on_frame: Callable[[TracedFrame, FrameScores], None] | None = None,
 ) -> Comparison:
     """Hold a sensor model against a drive, beam by beam.
@@ -170,6 +173,7 @@ def compare(
         frames: those to use; all by default.
         seed: of the model's chance.
         budget: whether to ask where the error comes from; takes seconds.
+        settings: numbers that decide.
         keep: whether the result holds what is known of every beam, about 6 MB a frame of 130 000.
         on_frame: is told each frame and its scores as they are done.
 
@@ -179,12 +183,12 @@ def compare(
     """
     drive = opened(drive)
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
-    tracer = FrameTracer(drive, model)
+    tracer = FrameTracer(drive, model, settings)
     effects = in_order(model.effects)
     names = tuple(frames) if frames is not None else drive.frames
     by_frame: dict[str, Totals] = {}
     kept: dict[str, FrameScores] = {}
-    chosen = set(names[:: -(-len(names) // DEFAULT.most_aligned)]) if budget and names else set()
+    chosen = set(names[:: -(-len(names) // settings.most_aligned)]) if budget and names else set()
     aligned: list[TracedFrame] = []
     tally, floor = SliceTally(), []
     for number, name in enumerate(names):
@@ -217,6 +221,7 @@ def compare(
         budget=made_of,
         scores=kept,
         judged=judged,
+        settings=settings,
     )
 
 
@@ -227,8 +232,8 @@ def _budget(
     if not frames or not any((one.observed.returned & one.observed.trusted).any() for one in frames):
         return None, None
     names = tuple(one.name for one in frames)
-    case = Case(model, tracer, Split(names, names), (), DEFAULT, seed, _LOG.debug)
+    case = Case(model, tracer, Split(names, names), (), tracer.settings, seed, _LOG.debug)
     own = with_rings(effects, model.pattern.rings)
-    view = viewed(case, names, Model(own), DEFAULT.rows, traced=tuple(frames))
+    view = viewed(case, names, Model(own), tracer.settings.rows, traced=tuple(frames))
     budget, judged = budget_of(case, view, [own])
     return budget, replace(judged, before_parts=())
