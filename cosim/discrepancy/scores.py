@@ -13,7 +13,7 @@ import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
 from sensors.effects.acting import Streams, act_on_returns
-from sensors.effects.base import Effect
+from sensors.effects.base import Effect, RoundingEffect
 from sensors.shot import returns_of
 
 CLIP_M = 1.0
@@ -148,17 +148,21 @@ class Ensemble:
     """What several runs of a model say of one frame.
 
     Attributes:
-        range_m, intensity: (m, n) of the members; NaN for no return.
+        range_m, intensity: (m, n) of the members before they are rounded; NaN for no return.
+        rounding: steps of range [m] and of intensity that values are rounded to, one after the other; 0 for none.
     """
 
     range_m: np.ndarray
     intensity: np.ndarray
+    rounding: tuple[tuple[float, float], ...] = ()
 
     @classmethod
     def of(cls, frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Generator, origin: str) -> Ensemble:
         """Of effects in the order in which they act, one member where chance plays no part; see `score_frame`."""
         ranges = np.full((MEMBERS, len(frame.shot.rays)), np.nan, np.float32)
         intensities = ranges.copy()
+        rounding = tuple(one.steps for one in effects if isinstance(one, RoundingEffect))
+        effects = [one for one in effects if not isinstance(one, RoundingEffect)]
         for member in range(MEMBERS):
             returns = act_on_returns(effects, returns_of(frame.shot.hits), frame.shot, Streams(rng), origin)
             first = np.flatnonzero(returns.return_no == 0)
@@ -166,8 +170,18 @@ class Ensemble:
             intensities[member, returns.beam[first]] = returns.intensity[first]
             same = np.array_equal(ranges[0], ranges[1], equal_nan=True)
             if member == 1 and same and np.array_equal(intensities[0], intensities[1], equal_nan=True):
-                return cls(ranges[:1], intensities[:1])
-        return cls(ranges, intensities)
+                return cls(ranges[:1], intensities[:1], rounding)
+        return cls(ranges, intensities, rounding)
+
+    def moved(self, shift_m: np.ndarray | float, gain: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+        """Ranges and intensities (m, n) as they are stored where surfaces are (n,) nearer or darker than was traced."""
+        ranges, intensities = self.range_m + shift_m, np.clip(self.intensity * gain, 0, 1)
+        for range_step_m, intensity_step in self.rounding:
+            if range_step_m:
+                ranges = np.rint(ranges / range_step_m) * range_step_m
+            if intensity_step:
+                intensities = np.minimum(np.rint(intensities / intensity_step) * intensity_step, 1)
+        return ranges, intensities
 
 
 def score_frame(frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Generator, origin: str) -> FrameScores:
@@ -191,7 +205,7 @@ def scored(
             they are known to be off.
         wide: (n,) bool beams that are ambiguous beside those at edges.
     """
-    ranges, intensities = ensemble.range_m + shift_m, np.clip(ensemble.intensity * gain, 0, 1)
+    ranges, intensities = ensemble.moved(shift_m, gain)
     members = len(ranges)
     measured = frame.observed.range_from(frame.shot.rays.origin)
     returned = frame.observed.returned

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cosim.discrepancy.scores import _crps, model_chance
+from cosim.discrepancy.scores import Ensemble, _crps, model_chance
 
 MEMBERS, ROWS = 4, 200_000
 
@@ -49,3 +49,11 @@ def test_far_off_costs_no_more_than_the_clip() -> None:
 def test_a_model_does_not_draw_the_noise_that_a_simulated_drive_was_measured_with() -> None:
     measured = np.random.default_rng([3, 7]).standard_normal(4)
     assert not np.isin(model_chance(3, 7).standard_normal(4), measured).any()
+
+
+def test_values_are_rounded_where_surfaces_really_are() -> None:
+    """Rounding acts last: who knows a surface to be 4 cm farther must round what is measured there."""
+    told = Ensemble(np.array([[1.02, 2.08, np.nan]]), np.array([[0.5, 0.93, np.nan]]), ((0.1, 0.0), (0.0, 0.05)))
+    ranges, intensities = told.moved(np.array([0.04, -0.04, 0.0]), np.array([0.9, 1.2, 1.0]))
+    np.testing.assert_allclose(ranges, [[1.1, 2.0, np.nan]])
+    np.testing.assert_allclose(intensities, [[0.45, 1.0, np.nan]])
