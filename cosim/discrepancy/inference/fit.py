@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
+from scipy import linalg, sparse
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
 from cosim.discrepancy.data.sample import Prediction, Sample
@@ -25,7 +25,8 @@ from sensors.effects.base import Effect, RoundingEffect, ScanEffect
 
 _GAIN = 0.05  # log-likelihood that a step must still bring
 _STEPS = 12
-_PARTS = {0.0: (1.0, 0.5, 0.25, 0.125, 0.0625), 1e-4: (1.0,), 1e-2: (1.0,)}  # of a step to try, by its damping
+_HALVINGS = 5
+_LEAST_TOLD = 1e-5  # of what would be known of laser by laser without random effects; less is not told at all
 _FAR_M, _FINE_M = 3.0, 0.01
 _ROUGH, _ROUGH_SHARE = 8.0, 0.985
 _RIDGE = 1e-9
@@ -221,7 +222,18 @@ class Fitter:
                 state = replace(state, estimate=begun)
             columns = self.columns(state.effects, free, state.prediction, state.estimate)
             model = LinearModel.of(self, columns, evidence, state.prediction, state.estimate)
-            state, gained = self._stepped(state, model, free, value, blur)
+            step, change_u = model.step(state.estimate, self._least_told(free))
+            if not (np.isfinite(step).all() and np.isfinite(change_u).all()):
+                break
+            gained = -np.inf
+            for halving in range(_HALVINGS):
+                part = 0.5**halving
+                moved = replace(state.estimate, u=state.estimate.u + part * change_u)
+                trial = self._state(_moved(state.effects, free, part * step), moved, blur)
+                reached = self._penalised(trial)
+                if reached > value:
+                    gained, state = reached - value, trial
+                    break
             after = self.random.updated(state.estimate, model.known)
             settled = bool(np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12))
             state = replace(state, estimate=after)
@@ -229,23 +241,10 @@ class Fitter:
                 break
         return state
 
-    def _stepped(
-        self, state: _State, model: LinearModel, free: tuple[Free, ...], value: float, blur: float
-    ) -> tuple[_State, float]:
-        """After the largest part of a step that brings something, damped where no part of the plain one does."""
-        for damping, parts in _PARTS.items():
-            step, change_u = model.step(state.estimate, damping)
-            if not (np.isfinite(step).all() and np.isfinite(change_u).all()):
-                continue
-            for part in parts:
-                moved = replace(state.estimate, u=state.estimate.u + part * change_u)
-                trial = self._state(_moved(state.effects, free, part * step), moved, blur)
-                reached = self._penalised(trial)
-                if reached > value:
-                    return trial, reached - value
-            if not free:
-                break
-        return state, -np.inf
+    def _least_told(self, free: Sequence[Free]) -> float:
+        """See `LinearModel.step`: of lists on a map made of the scans, which tells no gain that all lasers share."""
+        lists = any(one.unknown.rings > 1 for one in free)
+        return _LEAST_TOLD if lists and self.sample.of_own_map else 0.0
 
     def _penalised(self, state: _State) -> float:
         law = state.estimate.u**2 @ np.where(
@@ -341,23 +340,33 @@ class LinearModel:
             x[name] = sparse.hstack([own, more], format="csr")
         return replace(self, x=x)
 
-    def step(self, estimate: Estimate, damping: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    def step(self, estimate: Estimate, least_told: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """A Gauss–Newton step of parameters (p,) and of all random effects (m,).
 
         Args:
             estimate: random effects as they are.
-            damping: holds what random effects take up wholly, as gains of all lasers alike where reflectances are free:
-                so much of the information that parameters would have without them (Marquardt, J. SIAM 11, 1963).
+            least_told: share of the information about a direction of the parameters that random effects must leave;
+                with less the step does not go that way, as there is nothing to tell how far.
         """
         right = self._scored(self.z, len(self.used)) - self.precision * estimate.u[self.used]
         step = np.zeros(self.parameters)
         if self.parameters:
-            slope = self._scored(self.x, self.parameters) - self._across.T @ self._solve(right)
-            held = damping * np.diag(self._own_information)
-            step = np.linalg.solve(self.fixed_information + np.diag(held), slope)
+            step = self._told(self._scored(self.x, self.parameters) - self._across.T @ self._solve(right), least_told)
         change = np.zeros(len(estimate.u))
         change[self.used] = self._solve(right - self._across @ step)
         return step, change
+
+    def _told(self, slope: np.ndarray, least: float) -> np.ndarray:
+        """The step (p,) of a slope (p,), along directions of which random effects leave a share of what is known."""
+        if not least:
+            return np.linalg.solve(self.fixed_information, slope)
+        known = np.diag(self._own_information)
+        scale = np.sqrt(np.where(known > 0, known, 1.0))
+        both = np.outer(scale, scale)
+        own = self._own_information / both + _RIDGE * np.eye(len(scale))
+        share, way = linalg.eigh(self.fixed_information / both, own)
+        way, share = way[:, share > least], share[share > least]
+        return way @ ((way.T @ (slope / scale)) / share) / scale
 
     def shrinkage(self) -> float:
         """log |I + D^½ ZᵀWZ D^½|: what the freedom of the random effects costs."""
