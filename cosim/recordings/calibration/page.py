@@ -32,7 +32,8 @@ def headline(found: Calibration) -> str:
         f"{1000 * first.thickness_ground_m:.1f} → {1000 * last.thickness_ground_m:.1f} mm thick."
     )
     if not found.settled:
-        said += f" After {len(found.rounds)} rounds it still changed: run on with more --rounds."
+        rounds = "1 round" if len(found.rounds) == 1 else f"{len(found.rounds)} rounds"
+        said += f" After {rounds} it still changed: run on with more --rounds."
     return said
 
 
