@@ -122,7 +122,7 @@ class Descent:
     steps: int = 12  # at most
     rough_steps: int = 10  # of a candidate
     halvings: int = 5  # of a step
-    dampings: Pair = (1e-4, 1e-2)  # shares of the information without random effects, tried where no part of it helps
+    least_told: float = 1e-5  # of what would be known laser by laser without random effects; less is not told at all
     rounds: int = 3  # of tracing anew where beams were bent
     turned_rad: float = 7e-4  # by how much a beam may have turned from where it was traced
     shifted_m: float = 0.02  # and been shifted

@@ -33,9 +33,9 @@ svg .label { font-size: 12.5px; } svg .value { font-size: 12.5px; fill: var(--te
 .line.zero { stroke: #8692a6; stroke-width: 1; } .line.none { stroke: none; } .dot.none { fill: var(--a); }
 .line.floor { stroke: var(--c); stroke-dasharray: 6 5; } .line.whisker { stroke: var(--text); stroke-width: 1.4; }
 .line.link { stroke: var(--muted); stroke-width: 1; stroke-dasharray: 2 4; }
-.band.a, .dot.a { fill: var(--a); } .band.b, .dot.b { fill: var(--b); }
+.band.a, .dot.a { fill: var(--a); } .band.b, .dot.b { fill: var(--b); } .dot.c { fill: var(--c); }
 .band.fall { fill: var(--c); opacity: .55; } .band.rise { fill: var(--d); opacity: .6; }
-.dot.whisker { fill: var(--text); } .dot.b { fill: var(--b); }
+.dot.whisker { fill: var(--text); } .dot.b { fill: var(--b); } .dot.c { fill: var(--c); }
 canvas { display: block; width: 100%; height: auto; background: #0b0d16; cursor: grab; touch-action: none; }
 .frames { display: flex; flex-wrap: wrap; gap: 8px; margin: 10px 0 12px; }
 button { background: var(--panel); color: var(--text); border: 1px solid var(--line); border-radius: 6px;

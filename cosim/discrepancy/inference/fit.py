@@ -218,7 +218,18 @@ class Fitter:
                 state = replace(state, estimate=begun)
             columns = self.columns(state.effects, free, state.prediction, state.estimate)
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
-            state, gained = self._stepped(state, model, free, value, blur)
+            step, change_u = model.step(state.estimate, self._least_told(free))
+            if not (np.isfinite(step).all() and np.isfinite(change_u).all()):
+                break
+            gained = -np.inf
+            for halving in range(self.settings.descent.halvings):
+                part = 0.5**halving
+                moved = replace(state.estimate, u=state.estimate.u + part * change_u)
+                trial = self._state(_moved(state.effects, free, part * step), moved, blur)
+                reached = self._penalised(trial)
+                if reached > value:
+                    gained, state = reached - value, trial
+                    break
             after = self.random.updated(state.estimate, model.known)
             settled = bool(np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12))
             state = replace(state, estimate=after)
@@ -230,25 +241,10 @@ class Fitter:
                 break
         return state
 
-    def _stepped(
-        self, state: _State, model: LinearModel, free: tuple[Free, ...], value: float, blur: float
-    ) -> tuple[_State, float]:
-        """After the largest part of a step that brings something, damped where no part of the plain one does."""
-        descent = self.settings.descent
-        for damping in (0.0, *descent.dampings):
-            step, change_u = model.step(state.estimate, damping)
-            if not (np.isfinite(step).all() and np.isfinite(change_u).all()):
-                continue
-            for halving in range(1 if damping else descent.halvings):
-                part = 0.5**halving
-                moved = replace(state.estimate, u=state.estimate.u + part * change_u)
-                trial = self._state(_moved(state.effects, free, part * step), moved, blur)
-                reached = self._penalised(trial)
-                if reached > value:
-                    return trial, reached - value
-            if not free:
-                break
-        return state, -np.inf
+    def _least_told(self, free: Sequence[Free]) -> float:
+        """See `LinearModel.step`: of lists on a map made of the scans, which tells no gain that all lasers share."""
+        lists = any(one.unknown.rings > 1 for one in free)
+        return self.settings.descent.least_told if lists and self.sample.of_own_map else 0.0
 
     def _penalised(self, state: _State) -> float:
         law = state.estimate.u**2 @ np.where(

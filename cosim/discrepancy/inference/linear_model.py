@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
+from scipy import linalg, sparse
 
 from cosim.discrepancy.inference.columns import Column, Factored, SparseMatrix, ridged, scaled, stacked
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
@@ -95,23 +95,32 @@ class LinearModel:
             x[name] = sparse.hstack([own, more], format="csr")
         return replace(self, x=x)
 
-    def step(self, estimate: Estimate, damping: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    def step(self, estimate: Estimate, least_told: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """A Gauss–Newton step of parameters (p,) and of all random effects (m,).
 
         Args:
             estimate: random effects as they are.
-            damping: holds what random effects take up wholly, as gains of all lasers alike where reflectances are free:
-                so much of the information that parameters would have without them (Marquardt, J. SIAM 11, 1963).
+            least_told: share of the information about a direction of the parameters that random effects must leave;
+                with less the step does not go that way, as there is nothing to tell how far.
         """
         right = self._scored(self.z, len(self.used)) - self.precision * estimate.u[self.used]
         step = np.zeros(self.parameters)
         if self.parameters:
-            slope = self._scored(self.x, self.parameters) - self._across.T @ self._solve(right)
-            held = damping * np.diag(self._own_information)
-            step = np.linalg.solve(self.fixed_information + np.diag(held), slope)
+            step = self._told(self._scored(self.x, self.parameters) - self._across.T @ self._solve(right), least_told)
         change = np.zeros(len(estimate.u))
         change[self.used] = self._solve(right - self._across @ step)
         return step, change
+
+    def _told(self, slope: np.ndarray, least: float) -> np.ndarray:
+        """The step (p,) of a slope (p,), along directions of which random effects leave a share of what is known."""
+        if not least:
+            return np.linalg.solve(self.fixed_information, slope)
+        known = np.diag(self._own_information)
+        scale = np.sqrt(np.where(known > 0, known, 1.0))
+        both = np.outer(scale, scale)
+        share, way = linalg.eigh(self.fixed_information / both, ridged(self._own_information / both))
+        way, share = way[:, share > least], share[share > least]
+        return way @ ((way.T @ (slope / scale)) / share) / scale
 
     def shrinkage(self) -> float:
         """log |I + D^½ ZᵀWZ D^½|: what the freedom of the random effects costs."""

@@ -20,7 +20,8 @@ def headline(found: Calibration) -> str:
     """The outcome in a sentence or two, plain text."""
     names = found_effects(found)
     last, first = found.rounds[-1], found.rounds[0]
-    said = f"Found: {', '.join(names)}." if names else "Nothing is missing."
+    silent = "No effect of the catalogue was found." if last.unknowns or last.unexplained else "Nothing is missing."
+    said = f"Found: {', '.join(names)}." if names else silent
     if last.unknowns:
         said += f" {len(last.unknowns)} dependences that no known effect explains were added as shapes."
     if last.unexplained:
@@ -31,7 +32,8 @@ def headline(found: Calibration) -> str:
         f"{1000 * first.thickness_ground_m:.1f} → {1000 * last.thickness_ground_m:.1f} mm thick."
     )
     if not found.settled:
-        said += f" After {len(found.rounds)} rounds it still changed: run on with more --rounds."
+        rounds = "1 round" if len(found.rounds) == 1 else f"{len(found.rounds)} rounds"
+        said += f" After {rounds} it still changed: run on with more --rounds."
     return said
 
 

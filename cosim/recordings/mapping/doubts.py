@@ -68,18 +68,18 @@ def notes_of(prepared: Prepared, made: WholeMap, looked: int) -> list[str]:
         )
     if path.doubtful:
         notes.append(
-            f"the path jumps at {len(path.doubtful)} scans ({_named(recording, path.doubtful)}): odometry is doubtful "
+            f"the path jumps at {_counted(path.doubtful)} ({_named(recording, path.doubtful)}): odometry is doubtful "
             "there"
         )
     if slipping:
         notes.append(
-            f"{len(slipping)} scans see nothing that would hold them in one direction ({_named(recording, slipping)}), "
+            f"{_counted(slipping)} ({_named(recording, slipping)}): nothing holds the sensor in one direction, "
             "as in a tunnel or on an open plain: odometry may have slipped there, or think that it stands; give poses"
         )
     if lost:
         notes.append(
-            f"{len(lost)} scans lie badly on the map ({_named(recording, lost)}), as odometry that went astray or a "
-            "crowd leaves them: their poses are doubtful"
+            f"{_counted(lost)} ({_named(recording, lost)}): few of the points lie on the map, as odometry that went "
+            "astray or a crowd leaves them: poses are doubtful there"
         )
     if not made.mount_known:
         notes.append("no ground was found: the sensor is taken to be 1.8 m above it; recording.yaml may say mount:")
@@ -102,6 +102,10 @@ def _segment_notes(prepared: Prepared, made: WholeMap, looked: int) -> list[str]
             shown = ", ".join(f"{one.begin}–{one.end - 1}" for one in some[:_SHOWN])
             notes.append(f"left out of a diagnosis: {len(some)} segments (scans {shown}): {why}")
     return notes
+
+
+def _counted(numbers: Sequence[int]) -> str:
+    return "1 scan" if len(numbers) == 1 else f"{len(numbers)} scans"
 
 
 def _named(recording: Recording, numbers: Sequence[int]) -> str:

@@ -15,13 +15,14 @@ from cosim.recordings.mapping.surfels import planes
 _PATCH_DEG = (6.0, 5.0)  # azimuth and elevation; in 5° of elevation every sensor has two lasers or more
 _LEAST_POINTS, _LEAST_SPREAD_DEG = 15, 0.3  # of a patch, and of its points' elevations: one laser draws no plane
 _THICKEST_M, _LEAST_SHAPE = 0.05, 4.0  # across a plane, and times that along it
-_LEAST_PLANES = 0.6  # share of the points that lie on planes: with fewer, bushes, cars and poles hold the scan, too
+_LEAST_PLANES = 0.8  # share of points on planes: 0.85 and more in bare tunnels; streets have 0.7, and much that holds
 
 
 def holding(xyz: np.ndarray) -> float:
     """How firmly a scan is held in the direction in which it is so least, from 0 to 1/3.
 
-    The smallest eigenvalue of the mean of n·nᵀ over points on planes of normals n; 1/3 where hardly any lie on planes.
+    The smallest eigenvalue of the mean of n·nᵀ over points on planes of normals n; 1/3 where a fifth of the points
+    lies on none, as corners, cars and poles hold a scan, too.
 
     Args:
         xyz: (n, 3) points in the sensor's axes.
