@@ -60,13 +60,10 @@ def plainly_on(fitter: Fitter, fitted: Fitted, given: Sequence[Effect]) -> froze
     for one, column, part in _each(fitter, fitted):
         effect = fitted.effects[one.effect]
         before = vars(given[one.effect]) if one.effect < len(given) else type(effect).neutral
-        if (
-            before is None
-            or one.unknown.name not in amplitudes(type(effect))
-            or fitter.is_searched(effect, one.unknown, column)
-        ):
+        name, is_searched = one.unknown.name, fitter.is_searched(effect, one.unknown, column)
+        if before is None or name not in amplitudes(type(effect)) or is_searched:
             continue
-        away = np.subtract(getattr(effect, one.unknown.name), before[one.unknown.name])
+        away = np.subtract(getattr(effect, name), before[name])
         if np.any(np.abs(away) > fitter.settings.search.plainly * part):
             found.add(one.effect)
     return frozenset(found)

@@ -95,13 +95,8 @@ def _shape(explored: Explored, channel: Channel) -> str:
     normal = np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi)
     top = 1.15 * max(float(share.max()), float(normal.max()))
     unit = f"1 is {channel.said(channel.factor * spread)}"
-    plot = Plot(
-        Axis(-LAYOUT.sigmas, LAYOUT.sigmas, f"residual over its spread, {unit}"),
-        Axis(0, top, "density"),
-        "the noise's shape",
-        460,
-        270,
-    )
+    over = Axis(-LAYOUT.sigmas, LAYOUT.sigmas, f"residual over its spread, {unit}")
+    plot = Plot(over, Axis(0, top, "density"), "the noise's shape", 460, 270)
     plot.steps(edges, share, "a")
     plot.line(edges, normal, "b")
     return plot.svg()

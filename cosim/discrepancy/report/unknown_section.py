@@ -61,13 +61,8 @@ def _curve(unknown: Shape) -> str:
     low, high = float((y - 2 * sigma).min()), float((y + 2 * sigma).max())
     reach = max(high, 0.0) - min(low, 0.0) or 1e-9
     label = f"{channel_words(unknown.channel)} left over{_UNITS.get(unknown.channel, '')}"
-    plot = Plot(
-        axis,
-        Axis(min(low, 0.0) - 0.15 * reach, max(high, 0.0) + 0.15 * reach, label),
-        f"left over against {name}",
-        900,
-        320,
-    )
+    upright = Axis(min(low, 0.0) - 0.15 * reach, max(high, 0.0) + 0.15 * reach, label)
+    plot = Plot(axis, upright, f"left over against {name}", 900, 320)
     plot.line(np.array([axis.low, axis.high]), np.zeros(2), "zero")
     if unknown.names:
         for place, level, side in zip(x, y, 2 * sigma, strict=True):
