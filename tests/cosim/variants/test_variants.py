@@ -96,7 +96,7 @@ def test_windows_answer_first_and_never_last(variants_folder):
         both = np.isfinite(first) & np.isfinite(strongest)
         assert (first[both] <= strongest[both] + 1e-3).all()
         nearer += np.count_nonzero(first[both] < strongest[both] - 0.05)
-    assert nearer > 500
+    assert nearer > 200
 
 
 def test_noise_scatters_dual_by_a_tenth_of_a_metre_along_the_beam(variants_folder):
