@@ -21,8 +21,12 @@ def test_a_hidden_shrinking_of_labels_is_found(base: Path, tmp_path: Path) -> No
 
 
 def test_unsteady_labels_are_no_bias(base: Path, tmp_path: Path) -> None:
+    """Not oftener than a level of 5 % has it: of six drives three or more would say so in one of 450 cases."""
     from cosim.drives.kitti import Drive
     from cosim.labels.bias import diagnose_labels
 
-    shrink_labels(base, tmp_path / "unsteady", (0, 0, 0), (0, 0, 0), jitter_m=0.05, seed=2)
-    assert diagnose_labels(Drive(tmp_path / "unsteady")).verdict == "none"
+    said = []
+    for seed in range(1, 7):
+        shrink_labels(base, tmp_path / f"unsteady{seed}", (0, 0, 0), (0, 0, 0), jitter_m=0.05, seed=seed)
+        said.append(diagnose_labels(Drive(tmp_path / f"unsteady{seed}")).verdict)
+    assert said.count("none") >= 4

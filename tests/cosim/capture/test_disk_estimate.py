@@ -9,6 +9,7 @@ from cosim.capture.disk_estimate import DiskError, demand_space, estimate_bytes,
 from sensors.sensor_model import load_sensor
 
 
+@pytest.mark.slow
 def test_the_estimate_is_within_a_fifth_of_what_a_drive_takes(drive_folder, run_config):
     config = load_config(run_config)
     taken = sum(path.stat().st_size for path in drive_folder.rglob("*") if path.is_file())
