@@ -149,19 +149,19 @@ class Ensemble:
 
     Attributes:
         range_m, intensity: (m, n) of the members before they are rounded; NaN for no return.
-        rounding: steps of range [m] and of intensity that values are rounded to, one after the other; 0 for none.
+        rounding: effects that round them, one after the other.
     """
 
     range_m: np.ndarray
     intensity: np.ndarray
-    rounding: tuple[tuple[float, float], ...] = ()
+    rounding: tuple[RoundingEffect, ...] = ()
 
     @classmethod
     def of(cls, frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Generator, origin: str) -> Ensemble:
         """Of effects in the order in which they act, one member where chance plays no part; see `score_frame`."""
         ranges = np.full((MEMBERS, len(frame.shot.rays)), np.nan, np.float32)
         intensities = ranges.copy()
-        rounding = tuple(one.steps for one in effects if isinstance(one, RoundingEffect))
+        rounding = tuple(one for one in effects if isinstance(one, RoundingEffect))
         effects = [one for one in effects if not isinstance(one, RoundingEffect)]
         for member in range(MEMBERS):
             returns = act_on_returns(effects, returns_of(frame.shot.hits), frame.shot, Streams(rng), origin)
@@ -176,11 +176,8 @@ class Ensemble:
     def moved(self, shift_m: np.ndarray | float, gain: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
         """Ranges and intensities (m, n) as they are stored where surfaces are (n,) nearer or darker than was traced."""
         ranges, intensities = self.range_m + shift_m, np.clip(self.intensity * gain, 0, 1)
-        for range_step_m, intensity_step in self.rounding:
-            if range_step_m:
-                ranges = np.rint(ranges / range_step_m) * range_step_m
-            if intensity_step:
-                intensities = np.minimum(np.rint(intensities / intensity_step) * intensity_step, 1)
+        for effect in self.rounding:
+            ranges, intensities = effect.rounded(ranges, intensities)
         return ranges, intensities
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, get_args, get_origin
 
 import numpy as np
@@ -197,6 +197,20 @@ class RoundingEffect(PointEffect):
     def steps(self) -> tuple[float, float]:
         """Steps of range [m] and of intensity; 0 for what is not rounded."""
         raise NotImplementedError
+
+    def rounded(self, range_m: np.ndarray, intensity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Ranges and intensities of any shape as they are stored; intensities within 0–1."""
+        range_step_m, intensity_step = self.steps
+        if range_step_m:
+            range_m = np.rint(range_m / range_step_m) * range_step_m
+        if intensity_step:
+            intensity = np.minimum(np.rint(intensity / intensity_step) * intensity_step, 1)
+        return range_m, intensity
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """Rounded returns."""
+        range_m, intensity = self.rounded(returns.range_m, returns.intensity)
+        return replace(returns, range_m=range_m.astype(np.float32), intensity=intensity.astype(np.float32))
 
 
 class ScanEffect(Effect):

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import ClassVar
 
-import numpy as np
-
 from sensors.effects.base import RoundingEffect, number
-from sensors.returns import Returns
-from sensors.shot import Shot
 
 
 class IntensityQuantization(RoundingEffect):
@@ -30,8 +25,3 @@ class IntensityQuantization(RoundingEffect):
     def steps(self) -> tuple[float, float]:
         """The intensity's alone."""
         return 0.0, self.step
-
-    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Rounded intensities."""
-        steps = np.rint(returns.intensity / self.step)
-        return replace(returns, intensity=np.minimum(steps * self.step, 1).astype(np.float32))

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import ClassVar
 
-import numpy as np
-
 from sensors.effects.base import RoundingEffect, number
-from sensors.returns import Returns
-from sensors.shot import Shot
 
 
 class RangeQuantization(RoundingEffect):
@@ -29,8 +24,3 @@ class RangeQuantization(RoundingEffect):
     def steps(self) -> tuple[float, float]:
         """The range's alone."""
         return self.step_m, 0.0
-
-    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Rounded ranges."""
-        steps = np.rint(returns.range_m / self.step_m)
-        return replace(returns, range_m=(steps * self.step_m).astype(np.float32))
