@@ -68,12 +68,7 @@ class RunConfig(BaseModel):
         description="a glTF file with the static world of the town, in place of what is built; or `file` "
         "and `materials`",
     )
-    episodes_per_world: int | None = Field(
-        default=None,
-        ge=1,
-        le=10_000,
-        description="episodes in one random world of a town; none: one, but all of a drive of up to four in one town",
-    )
+    episodes_per_world: int = Field(default=4, ge=1, le=10_000, description="episodes in one random world of a town")
     rig_jitter: RigJitter = Field(default=RigJitter(), description="random rotation of the sensor rig, frame by frame")
     mounts: Mounts = Field(default=Mounts(), description="where LiDAR and cameras of the rig kitti sit on the vehicle")
     mast: MastPlace | None = Field(

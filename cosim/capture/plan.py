@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from cosim.capture.config import RunConfig
 
-_SHORT_DRIVE = 4  # episodes of one town that share a world, so that the twin holds a single one
-
 
 @dataclass(frozen=True)
 class EpisodePlan:
@@ -50,10 +48,7 @@ def plan_episodes(config: RunConfig) -> list[EpisodePlan]:
     if config.ego is not None:
         size = config.frames  # one ride in one vehicle
     starts = range(0, config.frames, size)
-    short = len(towns) == 1 and len(starts) <= _SHORT_DRIVE
-    shared = config.episodes_per_world or (_SHORT_DRIVE if short else 1)
-    if config.world is not None:
-        shared = len(names)  # it is what it is
+    shared = config.episodes_per_world if config.world is None else len(names)  # a given world is what it is
     return [
         EpisodePlan(
             number=number,
