@@ -17,12 +17,12 @@ from cosim.capture.rig_sensors import beams_of
 from sensors.sensor_model import SensorModel
 
 # Processor time [s], measured on drives of all towns on a machine that takes _PROBE_S for the probe below.
-_PROCESS = 3.0  # imports, models, shaders
-_TOWN = 2.2  # streets and groundwork, once a process
-_WORLD = 2.0
-_EPISODE = 1.6  # population, warm-up, lead-in, light
-_STEP = 0.006  # of the simulation, with bodies and behaviour near the ego vehicle
-_STEPS = 1.5  # between two frames, over the fewest: red lights and empty roads
+_PROCESS = 2.2  # imports, models, shaders
+_TOWN = 0.8  # streets and groundwork, once a process
+_WORLD = 3.0  # with its light and all that stands in it
+_EPISODE = 0.8  # population, warm-up, lead-in
+_STEP = 0.007  # of the simulation, with bodies and behaviour near the ego vehicle
+_STEPS = 2.0  # between two frames, over the fewest: red lights and empty roads
 _FRAME = 0.06  # poses, labels, text, checksums
 _CAMERA = 0.05
 _IMAGE = 0.006
@@ -54,7 +54,7 @@ def estimate_s(config: RunConfig, sensors: Sequence[SensorModel], workers: int, 
     frame = _FRAME + steps * _STEP + cameras * _CAMERA + images * _IMAGE
     frame += beams * (_BEAM + (_HIT if config.store_hits else 0.0))
     towns = math.ceil(len(config.towns) / busy) * busy  # processes keep to their towns
-    begun = busy * _PROCESS + max(towns, busy) * _TOWN + world_count(plans) * _WORLD + len(plans) * _EPISODE
+    begun = busy * _PROCESS + max(towns, busy) * _TOWN + max(world_count(plans), busy) * _WORLD + len(plans) * _EPISODE
     return slowness * (begun + config.frames * frame) / busy
 
 
