@@ -157,7 +157,7 @@ def _begun(
     if kind.neutral is None or all(name in fixed for name in kind.model_fields):
         return (*effects, kind.model_validate({**kind.example, **fixed})), len(effects), {}
     groups = effect_groups(fitter, state.view.fitted, [kind], range(len(effects)))
-    best = best_fit(case, state, [one for one in groups if one.name == kind.name])
+    best = best_fit(state, [one for one in groups if one.name == kind.name])
     if best is None:
         raise DriveError(f"{root}: nothing in it depends on {kind.name}; give a drive that shows it")
     effect = with_values(best, fixed) if fixed else best

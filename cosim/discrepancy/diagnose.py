@@ -205,7 +205,8 @@ def concluded(case: Case, state: State) -> Diagnosis:
             unknowns.append(replace(one.shape, p_value=one.p_value).refitted(params, ci95))
             continue
         before, after = budget.steps[number], budget.steps[number + 1]
-        findings.append(Finding(one.effect, params, ci95, one.p_value, before, after, one.also_possible))
+        alike = tuple(name for name in one.also_possible if state.model.place_of(name) is None)
+        findings.append(Finding(one.effect, params, ci95, one.p_value, before, after, alike))
     return Diagnosis(
         effects=tuple(findings),
         ranking=tuple(Alternative(*row) for row in state.ranking),
