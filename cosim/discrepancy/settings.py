@@ -282,5 +282,10 @@ class Settings:
         """Where intervals end above, as a quantile."""
         return (1 + self.coverage) / 2
 
+    @property
+    def covered(self) -> str:
+        """The coverage of intervals in words."""
+        return f"{100 * self.coverage:g} %"
+
 
 DEFAULT = Settings()
