@@ -64,8 +64,9 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from cosim.cli.frame_choice import chosen_frames
     from cosim.discrepancy import diagnose
     from cosim.discrepancy.data.checks import opened
+    from cosim.discrepancy.diagnosis import headline
     from cosim.discrepancy.report import explored_of, format_diagnosis, left_words
-    from cosim.discrepancy.report.sentences import Vocabulary, headline
+    from cosim.discrepancy.words import Vocabulary
     from cosim.report import write_page
     from sensors.sensor_model import load_sensor
 

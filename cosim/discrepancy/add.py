@@ -20,6 +20,7 @@ from cosim.discrepancy.groups.quantization import find_lattices
 from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.select import best_fit
 from cosim.discrepancy.state import Case, Model, State, fitted_anew, given, judged
+from cosim.discrepancy.words import Vocabulary
 from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
 from sensors.effects.base import Effect, LabelEffect, RoundingEffect
@@ -69,8 +70,6 @@ class Added:
         return write_sensor(self.sensor, Path(path))
 
     def __str__(self) -> str:
-        from cosim.discrepancy.report.sentences import Vocabulary
-
         words = Vocabulary([type(effect) for effect in self.sensor.effects])
         values = words.parameters(self.effect, self.params, self.ci95)
         return f"{self.effect} ({values}): held-out error {self.error_before.error:.3f} → {self.error_after.error:.3f}"
@@ -157,7 +156,7 @@ def _begun(
     if kind.neutral is None or all(name in fixed for name in kind.model_fields):
         return (*effects, kind.model_validate({**kind.example, **fixed})), len(effects), {}
     groups = effect_groups(fitter, state.view.fitted, [kind], range(len(effects)))
-    best = best_fit(case, state, [one for one in groups if one.name == kind.name])
+    best = best_fit(state, [one for one in groups if one.name == kind.name])
     if best is None:
         raise DriveError(f"{root}: nothing in it depends on {kind.name}; give a drive that shows it")
     effect = with_values(best, fixed) if fixed else best

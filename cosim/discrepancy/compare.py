@@ -23,6 +23,7 @@ from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, 
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.slices import Slice, SliceTally
 from cosim.discrepancy.state import Case, Model, viewed
+from cosim.discrepancy.words import source_words, times
 from cosim.drives.kitti import Drive
 from cosim.variants.worth import Worth
 from sensors.effects.base import Effect
@@ -143,8 +144,6 @@ class Comparison:
 
     def _sources(self) -> str:
         """How far the error stands above the floor, and what it is made of."""
-        from cosim.discrepancy.report.sentences import source_words, times
-
         if self.budget is not None and self.budget.floor:
             floor, aligned = self.budget.floor, self.budget.error_aligned / self.budget.floor
             made = source_words(self.parts, floor, is_complete=False)

@@ -36,7 +36,7 @@ from cosim.discrepancy.state import Case, Model, State, View, fitted_anew, given
 from cosim.discrepancy.unexplained import unexplained
 from cosim.drives.kitti import Drive
 from cosim.drives.twin.surfels import has_surfels
-from cosim.labels.bias import diagnose_labels
+from cosim.labels.bias import Certainty, diagnose_labels
 from sensors.effects.base import Effect
 from sensors.effects.labels.box_shrink import BoxShrink
 from sensors.sensor_model import SensorModel, load_sensor
@@ -205,7 +205,8 @@ def concluded(case: Case, state: State) -> Diagnosis:
             unknowns.append(replace(one.shape, p_value=one.p_value).refitted(params, ci95))
             continue
         before, after = budget.steps[number], budget.steps[number + 1]
-        findings.append(Finding(one.effect, params, ci95, one.p_value, before, after, one.also_possible))
+        alike = tuple(name for name in one.also_possible if state.model.place_of(name) is None)
+        findings.append(Finding(one.effect, params, ci95, one.p_value, before, after, alike))
     return Diagnosis(
         effects=tuple(findings),
         ranking=tuple(Alternative(*row) for row in state.ranking),
@@ -218,6 +219,7 @@ def concluded(case: Case, state: State) -> Diagnosis:
         spreads=_spreads(state),
         notes=_notes(case, state),
         judged=judged,
+        settings=case.settings,
         refitted={
             one.name: {"params": one.model_dump(mode="json"), "ci95": told.get(one.name, {})}
             for one in state.model.effects[: len(given(case))]
@@ -233,7 +235,8 @@ def with_labels(found: Diagnosis, drive: Drive) -> Diagnosis:
     """
     if not any(drive[name].has("label_2") for name in drive.frames):
         return found
-    labels = diagnose_labels(drive, found.sensor)
+    by = found.settings
+    labels = diagnose_labels(drive, found.sensor, certainty=Certainty(by.level, by.coverage, by.screen.power))
     if labels.effect is None:
         return replace(found, labels=labels)
     model = found.sensor

@@ -1,20 +1,27 @@
-"""What a diagnosis found."""
+"""What a diagnosis found, and the one line that says it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from cosim.discrepancy.aligned import HeldOut, Judged
 from cosim.discrepancy.budget import Budget
 from cosim.discrepancy.data.split import Split
+from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.shape import Shape
+from cosim.discrepancy.words import FEW, Vocabulary, source_words, times, unexplained_words, unknown_words
 from cosim.labels.bias import LabelFinding
+from cosim.report.phrases import listed, p_words
 from cosim.variants.worth import Worth
 from sensors.sensor_model import SensorModel
+
+_PLAIN = ("range_bias", "elevation_offset", "range_walk", "incidence_falloff", "random_dropout")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +90,7 @@ class Diagnosis:
         judged: the judging frames under the model as given and as it ends, for pages.
         refitted: of effects that were fitted along, by name their `params` and `ci95`.
         worth: what the findings are worth to a detector, where one was asked.
+        settings: numbers that decided.
     """
 
     effects: tuple[Finding, ...]
@@ -100,6 +108,7 @@ class Diagnosis:
     judged: Judged | None = None
     refitted: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     worth: Worth | None = None
+    settings: Settings = DEFAULT
 
     @property
     def verdict(self) -> Literal["none", "missing", "ambiguous", "unknown"]:
@@ -174,6 +183,85 @@ class Diagnosis:
         return write_sensor(self.sensor, Path(path), own)
 
     def __str__(self) -> str:
-        from cosim.discrepancy.report.sentences import Vocabulary, headline
-
         return headline(self, Vocabulary([type(effect) for effect in self.sensor.effects]))
+
+
+def headline(found: Diagnosis, words: Vocabulary, left: Sequence[str] = ()) -> str:
+    """The line that `cosim diagnose` says; `left` names what judging frames show although nothing was found."""
+    parts = [_found(one, words) for one in found.effects]
+    if parts:
+        ambiguous = any(one.also_possible for one in found.effects)
+        parts[0] = f"{'ambiguous' if ambiguous else 'missing'}: {parts[0]}"
+    parts += [f"unknown: {unknown_words(one)}" for one in found.unknowns]
+    if found.labels is not None and found.labels.verdict == "missing":
+        parts.append(str(found.labels))
+    if found.unexplained:
+        parts.append(f"unexplained: {listed([unexplained_words(one) for one in found.unexplained[:FEW]])}")
+    elif left:
+        parts.append(f"judging frames still show {listed(list(left[:FEW]))}")
+    if not parts:
+        smallest = smallest_words(found, words, most=3)
+        parts.append(f"nothing missing that would show{f'; would have seen {smallest}' if smallest else ''}")
+    return f"{'; '.join(parts)}; {budget_words(found, is_complete=found.verdict == 'none' and not left)}"
+
+
+def budget_words(found: Diagnosis, *, is_complete: bool) -> str:
+    """Where the error comes from: `error 1.32, 4.3 × the noise floor: 3.1 of it poses, 0.2 objects, nothing missing`.
+
+    Args:
+        found: the diagnosis.
+        is_complete: whether nothing is missing, which is said then.
+    """
+    budget, said = found.budget, f"{error_words(found)} {found.error_before:.3f}"
+    if not budget.floor:
+        fall = _fall(found.error_before, found.error_after)
+        return f"{error_words(found)} {fall}; what noise alone would make is not known"
+    made = source_words(budget.parts, budget.floor, is_complete=is_complete)
+    aligned = _fall(budget.given_aligned, budget.error_aligned)
+    said += f", {times(budget.error / budget.floor)} the noise floor{made and f': {made}'}"
+    if found.effects or found.unknowns:
+        said += f"; {found.error_after:.3f} with what was found"
+    return f"{said}; aligned {aligned}, {floor_words(found)}"
+
+
+def _fall(before: float, after: float) -> str:
+    """An error, and what it becomes."""
+    same = round(before, 3) == round(after, 3)
+    return f"{before:.3f}" if same else f"{before:.3f} → {after:.3f}"
+
+
+def floor_words(found: Diagnosis) -> str:
+    """Where the aligned error ends beside its noise floor; empty where that is not known."""
+    above = found.above_floor
+    if above is None:
+        return ""
+    return "at the floor" if above <= found.settings.at_floor else f"{times(1 + above)} the floor"
+
+
+def error_words(found: Diagnosis) -> str:
+    """Which error it is that a diagnosis tells."""
+    return "held-out error" if found.split.is_held_out else "error on the fitted frames themselves"
+
+
+def smallest_words(found: Diagnosis, words: Vocabulary, most: int) -> str:
+    """Smallest amplitudes that would have been seen, of the first few effects, plain ones before others."""
+    rows = [row for row in smallest_rows(found) if words.is_possible(*row)]
+    rows.sort(key=lambda row: _PLAIN.index(row[0]) if row[0] in _PLAIN else len(_PLAIN))
+    said = [f"{effect} from {words.quantity(effect, name, value)}" for effect, name, value in rows[:most]]
+    return ", ".join(said)
+
+
+def smallest_rows(found: Diagnosis) -> list[tuple[str, str, float]]:
+    """Effect, amplitude and smallest detectable value, where it is above 0."""
+    return [
+        (effect, name, value)
+        for effect, values in sorted(found.smallest_detectable.items())
+        for name, value in values.items()
+        if np.isfinite(value) and value > 0
+    ]
+
+
+def _found(one: Finding, words: Vocabulary) -> str:
+    values = words.parameters(one.effect, one.params, one.ci95)
+    alike = f"; not separable from {', '.join(one.also_possible)}" if one.also_possible else ""
+    return f"{one.effect} ({values}), {p_words(one.p_value)}{alike}"

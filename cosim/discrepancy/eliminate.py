@@ -28,15 +28,10 @@ def simplified(case: Case, state: State) -> State:
         case.say(f"asking whether something simpler does as well as {one.effect}")
         simpler = simpler_than(case, state, place)
         if simpler is not None:
-            kept = tuple(_renamed(other, simpler) if other is one else other for other in state.found)
+            renamed = replace(one, effect=simpler.name, place=simpler.place)
+            kept = tuple(renamed if other is one else other for other in state.found)
             state = _with_candidate(case, state, simpler, kept)
     return state
-
-
-def _renamed(found: Found, simpler: Candidate) -> Found:
-    """A finding in whose place something simpler stands, which is then not beside itself."""
-    rest = tuple(name for name in found.also_possible if name != simpler.name)
-    return replace(found, effect=simpler.name, place=simpler.place, also_possible=rest)
 
 
 def eliminated(case: Case, state: State) -> State:

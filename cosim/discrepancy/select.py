@@ -13,7 +13,7 @@ from cosim.discrepancy.groups.dependences import of_scans as of_levels
 from cosim.discrepancy.groups.effects import effect_groups
 from cosim.discrepancy.groups.phases import of_phases
 from cosim.discrepancy.groups.quantization import Lattice, find_lattices
-from cosim.discrepancy.inference.comparison import Gain, gain
+from cosim.discrepancy.inference.comparison import Gain, gain, stability
 from cosim.discrepancy.inference.fit import Fitted, Fitter, Free, all_free
 from cosim.discrepancy.inference.group import Group
 from cosim.discrepancy.inference.score_test import Tested, screen
@@ -50,10 +50,21 @@ class Candidate:
     shape: Shape | None = None
     lattice: Lattice | None = None
 
-    def worth(self, beams: int) -> float:
-        """Gain less what its numbers, and the choice of a shape, cost (half the BIC's penalty)."""
+    def price(self, beams: float) -> float:
+        """Gain that its numbers, and the choice of a shape, must bring (half the BIC's penalty)."""
         chosen = 2 if self.shape is not None else 0
-        return self.gain.value - 0.5 * (self.numbers + chosen) * float(np.log(beams))
+        return 0.5 * (self.numbers + chosen) * float(np.log(beams))
+
+    def worth(self, beams: int) -> float:
+        """Gain less its price."""
+        return self.gain.value - self.price(beams)
+
+    @property
+    def channels(self) -> set[str]:
+        """What it changes; what moves beams shows in ranges."""
+        kind = type(self.fitted.effects[self.place])
+        found = {str(kind.channel), *map(str, kind.also)}
+        return found | {"range"} if "pose" in found else found
 
     @property
     def is_fact(self) -> bool:
@@ -123,13 +134,13 @@ def tiers(case: Case, state: State, tested: Sequence[Tested]) -> list[list[Teste
 
 
 def candidates(case: Case, state: State, tested: Sequence[Tested]) -> list[Candidate]:
-    """Effects among what is significant, fitted, the best first; of those that are as good, the simplest."""
+    """Effects among what is significant, fitted, the stablest first; of those that are as good, the simplest."""
     beams = len(state.view.fitter.sample)
     found = sorted(_effects(case, state, _significant(case, state, tested)), key=lambda one: -one.worth(beams))
     if not found:
         return []
-    alike = [one for one in found[1:] if one.numbers < found[0].numbers and _is_as_good(case, state, one, found[0])]
-    first = min(alike, key=lambda one: one.numbers, default=found[0])
+    found = [found[row] for row in np.argsort(-_stability(case, state, found), kind="stable")]
+    first = min([found[0], *_alike(case, state, found)], key=lambda one: one.numbers)
     return [first, *(one for one in found if one is not first)]
 
 
@@ -150,10 +161,11 @@ def chosen(case: Case, state: State, tested: Sequence[Tested], named: Sequence[C
     waiting = _dependences(_significant(case, state, tested), case.settings.pick.shapes)
     if named:
         best = named[0]
-        rivals = [one for one in waiting if one.gain > best.worth(beams) and _same_channel(best, one.group)]
+        rivals = [one for one in waiting if one.gain > best.worth(beams) and one.group.channel in best.channels]
         waiting = [one for one in waiting if one not in rivals]
         shapes = _shapes(state, rivals)
-        if shapes and _is_clearly_better(state, shapes[0], best) and not _two_are_enough(case, state, best, shapes[0]):
+        clearly = bool(shapes) and _stability(case, state, (shapes[0], best))[0] >= 1 - case.settings.level
+        if clearly and not _two_are_enough(case, state, best, shapes[0]):
             yield shapes.pop(0)
         yield from named
         yield from shapes
@@ -163,8 +175,7 @@ def chosen(case: Case, state: State, tested: Sequence[Tested], named: Sequence[C
 def _two_are_enough(case: Case, state: State, best: Candidate, shape: Candidate) -> bool:
     """Whether the best effect and one more explain as much as a shape."""
     beams = len(state.view.fitter.sample)
-    assert shape.shape is not None  # a shape
-    case.say(f"asking whether {best.name} and one more explain as much as a shape over {shape.shape.covariate}")
+    case.say(f"asking whether {best.name} and one more explain as much as {shape.name}")
     with_first = replace(state, model=best.model, view=replace(state.view, fitted=best.fitted))
     further = _effects(case, with_first, _significant(case, with_first, screened(case, with_first)), most=1)
     both = best.worth(beams) + max((one.worth(beams) for one in further), default=0.0)
@@ -176,35 +187,17 @@ def _significant(case: Case, state: State, tested: Sequence[Tested]) -> list[Tes
     return [one for one in tested if one.p_value <= case.settings.level and one.group.name not in state.refused]
 
 
-def _is_clearly_better(state: State, one: Candidate, other: Candidate) -> bool:
-    """Whether one explains more than another does, for what each costs, and chance does not make the difference."""
-    fitter = state.view.fitter
-    beams = len(fitter.sample)
-    apart = one.worth(beams) - other.worth(beams)
-    error = gain(fitter, other.fitted, one.fitted).error
-    return apart > fitter.settings.pick.clear * error
+def _stability(case: Case, state: State, found: Sequence[Candidate]) -> np.ndarray:
+    """Share (k,) of random halves of the clusters in which each of k candidates is worth most."""
+    beams, rng = len(state.view.fitter.sample), np.random.default_rng([case.seed, 4])
+    prices = [one.price(beams / 2) for one in found]
+    return stability([one.gain for one in found], prices, case.settings.pick.halves, rng)
 
 
-def also_possible(case: Case, state: State, best: Candidate, found: Sequence[Candidate]) -> tuple[str, ...]:
-    """Effects that explain the data as well as the best candidate."""
-    alike = [one.name for one in found if one.name != best.name and _is_as_good(case, state, one, best)]
-    return tuple(dict.fromkeys(alike))
-
-
-def _is_as_good(case: Case, state: State, one: Candidate, best: Candidate) -> bool:
-    """Whether the difference between the gains of two effects, less what numbers cost, is within its error."""
-    if one.shape is not None or best.shape is not None or one.lattice or best.lattice:
-        return False
-    apart = gain(state.view.fitter, one.fitted, best.fitted)
-    price = 0.5 * (best.numbers - one.numbers) * float(np.log(len(state.view.fitter.sample)))
-    within = case.settings.pick.alike_sigmas * max(apart.error, 1.0)
-    return apart.value - price < within and one.gain.value > 0.5 * best.gain.value
-
-
-def _same_channel(one: Candidate, group: Group) -> bool:
-    kind = type(one.fitted.effects[one.place])
-    channels = {kind.channel, *kind.also}
-    return group.channel in channels or (group.channel == "range" and "pose" in channels)
+def _alike(case: Case, state: State, found: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates that cannot be told from the first of them: of its channels, and on some halves the best of all."""
+    rows = zip(found[1:], _stability(case, state, found)[1:], strict=True)
+    return [one for one, won in rows if won > case.settings.level and one.channels & found[0].channels]
 
 
 def _effects(case: Case, state: State, sure: Sequence[Tested], most: int | None = None) -> list[Candidate]:
@@ -226,12 +219,9 @@ def _effects(case: Case, state: State, sure: Sequence[Tested], most: int | None 
     kinds = {one.name: one for one in case.kinds}
     for name in list(names[:1] if most > 1 else ()):
         names += [other for other in best if name in kinds and other in kinds and confusable(kinds[name], kinds[other])]
-    found = []
     names = list(dict.fromkeys(names))
     case.say(f"fitting {', '.join(names)}")
-    for name in names:
-        found.append(_fitted(case, state, best[name][0]))
-    return found
+    return [_fitted(state, best[name][0].group, best[name][0].p_value) for name in names]
 
 
 def _first_of_channels(case: Case, best: dict[str, list[Tested]]) -> list[str]:
@@ -246,9 +236,9 @@ def _first_of_channels(case: Case, best: dict[str, list[Tested]]) -> list[str]:
     return found
 
 
-def _fitted(case: Case, state: State, tested: Tested) -> Candidate:
+def _fitted(state: State, group: Group, p_value: float = 1.0) -> Candidate:
     """An effect fitted on top of the model, what was fitted before along with it."""
-    fitter, fitted, group = state.view.fitter, state.view.fitted, tested.group
+    fitter, fitted = state.view.fitter, state.view.fitted
     effects, place = _started(fitter, fitted, group)
     mine, along = _free(state, effects, place)
     after = fitter.fit(
@@ -259,7 +249,7 @@ def _fitted(case: Case, state: State, tested: Tested) -> Candidate:
     told = told if of_noise else replace(told, value=after.loglik - fitted.loglik)
     numbers = sum(one.unknown.rings for one in mine)
     model = state.model.replaced(after.effects, place)
-    return Candidate(group.name, model, place, after, told, numbers, tested.p_value)
+    return Candidate(group.name, model, place, after, told, numbers, p_value)
 
 
 def simpler_than(case: Case, state: State, place: int) -> Candidate | None:
@@ -275,14 +265,11 @@ def simpler_than(case: Case, state: State, place: int) -> Candidate | None:
     found: list[Candidate] = []
     for group in effect_groups(fitter, without, alike, range(len(less.effects))):
         if group.size < numbers and group.name != effect.name and _regains(fitter, without, fitted, group):
-            one = _fitted(case, reduced, Tested(group, 0.0, 1.0, 0.0, np.zeros(group.size), np.nan, np.nan))
-            if one.numbers < numbers:
-                found.append(one)
+            found.append(_fitted(reduced, group))
+
+    worth = [one.fitted.loglik - one.price(beams) if one.numbers < numbers else -np.inf for one in found]
     own = fitted.loglik - 0.5 * numbers * float(np.log(beams))
-    best = max(found, key=lambda one: one.fitted.loglik - 0.5 * one.numbers * float(np.log(beams)), default=None)
-    if best is None or best.fitted.loglik - 0.5 * best.numbers * float(np.log(beams)) < own:
-        return None
-    return best
+    return found[int(np.argmax(worth))] if max(worth, default=-np.inf) >= own else None
 
 
 def _regains(fitter: Fitter, without: Fitted, whole: Fitted, group: Group) -> bool:
@@ -309,7 +296,7 @@ def reshaped(state: State, found: Found) -> tuple[Shape | None, Candidate | None
     if drawn is None or drawn.covariates != found.shape.covariates:
         return None
     reduced = replace(state, model=less, view=replace(state.view, fitted=without))
-    one = _with_shape(reduced, fitter, without, drawn, found.p_value)
+    one = _with_shape(reduced, drawn, found.p_value)
     kept = replace(drawn, formula=found.shape.formula, factor=found.shape.factor)
     beams = len(fitter.sample)
     if one is not None and one.worth(beams) > 0 and one.fitted.loglik - fitted.loglik >= float(np.log(beams)):
@@ -320,11 +307,9 @@ def reshaped(state: State, found: Found) -> tuple[Shape | None, Candidate | None
     return kept, None
 
 
-def best_fit(case: Case, state: State, groups: Sequence[Group]) -> Effect | None:
+def best_fit(state: State, groups: Sequence[Group]) -> Effect | None:
     """The likeliest fit of one effect from several groups of it; None where there are none."""
-    starts = [Tested(one, 0.0, 1.0, 0.0, np.zeros(one.size), np.nan, np.nan) for one in groups]
-    found = [_fitted(case, state, one) for one in starts]
-    best = max(found, key=lambda one: one.fitted.loglik, default=None)
+    best = max((_fitted(state, one) for one in groups), key=lambda one: one.fitted.loglik, default=None)
     return None if best is None else best.fitted.effects[best.place]
 
 
@@ -334,13 +319,11 @@ def _dependences(sure: Sequence[Tested], most: int) -> list[Tested]:
     for channel in ("range", "intensity", "drop"):
         rows = [one for one in sure if not one.group.is_effect and one.group.channel == channel and one.group.columns]
         if any("scan" in one.group.covariates for one in rows):
-            best_other = max(
-                (one.gain - 2 * one.group.size for one in rows if not depends_on_scans(one.group.covariates)),
-                default=0.0,
-            )
             of_scan = next(one for one in rows if "scan" in one.group.covariates)
             rows = [one for one in rows if not depends_on_scans(one.group.covariates)]
-            if of_scan.gain - 2 * of_scan.group.size > best_other:
+            if of_scan.gain - 2 * of_scan.group.size > max(
+                (one.gain - 2 * one.group.size for one in rows), default=0.0
+            ):
                 rows = [of_scan, *rows]
         rows = sorted(rows, key=lambda one: -(one.gain - 2.0 * one.group.size))
         plain = [one for one in rows if len(one.group.covariates) < 2]
@@ -352,18 +335,14 @@ def _dependences(sure: Sequence[Tested], most: int) -> list[Tested]:
 def _shapes(state: State, dependences: Sequence[Tested]) -> list[Candidate]:
     """Shapes of dependences that are worth their numbers, as plug-ins fitted like any effect, the best first."""
     fitter, fitted = state.view.fitter, state.view.fitted
-    found: list[Candidate] = []
-    for one in dependences:
-        shape = shape_of(fitter, fitted, one.group, one.p_value)
-        candidate = None if shape is None else _with_shape(state, fitter, fitted, shape, one.p_value)
-        if candidate is not None:
-            found.append(candidate)
+    drawn = ((shape_of(fitter, fitted, one.group, one.p_value), one.p_value) for one in dependences)
+    found = (_with_shape(state, shape, p_value) for shape, p_value in drawn if shape is not None)
     beams = len(fitter.sample)
-    return sorted((one for one in found if one.worth(beams) > 0), key=lambda one: -one.worth(beams))
+    return sorted((one for one in found if one is not None and one.worth(beams) > 0), key=lambda one: -one.worth(beams))
 
 
-def _with_shape(state: State, fitter: Fitter, fitted: Fitted, shape: Shape, p_value: float) -> Candidate | None:
-    effect = shape_effect(shape)
+def _with_shape(state: State, shape: Shape, p_value: float) -> Candidate | None:
+    fitter, fitted, effect = state.view.fitter, state.view.fitted, shape_effect(shape)
     if any(one.name == effect.name for one in fitted.effects):
         return None
     effects, place = (*fitted.effects, effect), len(fitted.effects)
@@ -405,6 +384,8 @@ def _started(fitter: Fitter, fitted: Fitted, group: Group) -> tuple[tuple[Effect
 
 
 def as_found(case: Case, state: State, one: Candidate, found: Sequence[Candidate]) -> Found:
-    """A candidate that was accepted."""
+    """A candidate that was accepted; of those found with it, the ones that came before have been refused."""
     interval = one.lattice.interval if one.lattice is not None else None
-    return Found(one.name, one.place, one.p_value, also_possible(case, state, one, found), one.shape, interval)
+    left = found[found.index(one) :] if one in found else [one]
+    alike = tuple(other.name for other in _alike(case, state, left))
+    return Found(one.name, one.place, one.p_value, alike, one.shape, interval)

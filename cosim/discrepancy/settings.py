@@ -219,8 +219,7 @@ class Pick:
     fitted: int = 4  # catalogue effects that are fitted a round, the best by foreseen gain
     nearly: float = 0.4  # of the best candidate's foreseen gain, from which another one is fitted, too
     tried: int = 4  # candidates a round, until one helps
-    alike_sigmas: float = 1.0  # standard errors of a difference of gains below which two cannot be told apart
-    clear: float = 2.0  # standard errors by which a shape must explain more than an effect
+    halves: int = 999  # random halves of the clusters on which candidates compete: they tell shares to 0.01
     few_numbers: int = 2  # of effects that go first on a map made of the scans
     of_ranges: int = 4  # candidates of ranges that are fitted there
     of_others: int = 2  # of each other channel
@@ -282,6 +281,11 @@ class Settings:
     def upper(self) -> float:
         """Where intervals end above, as a quantile."""
         return (1 + self.coverage) / 2
+
+    @property
+    def covered(self) -> str:
+        """The coverage of intervals in words."""
+        return f"{100 * self.coverage:g} %"
 
 
 DEFAULT = Settings()

@@ -18,8 +18,21 @@ _FEWEST_TRACKS = 8
 _FLIPS = 9999
 _TINY_M = 0.003  # KITTI's labels are written in centimetres
 _JUDGE_EVERY = 3
-_LEVEL, _COVERAGE = 0.05, 0.95  # error rate of all edges together; of intervals
-_POWER = 0.84  # deviate that 80 % power adds to a critical value
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """How sure a finding must be.
+
+    Attributes:
+        level: error rate of all edges together.
+        coverage: of intervals.
+        power: deviate that the power of `smallest_m` adds to a critical value, 0.84 for 80 %.
+    """
+
+    level: float = 0.05
+    coverage: float = 0.95
+    power: float = 0.84
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +101,9 @@ class LabelFinding:
         )
 
 
-def diagnose_labels(drive: Drive, sensor: SensorModel | None = None, seed: int = 0) -> LabelFinding:
+def diagnose_labels(
+    drive: Drive, sensor: SensorModel | None = None, seed: int = 0, certainty: Certainty | None = None
+) -> LabelFinding:
     """Compare labelled boxes with the bodies of the twin: does each edge lose a + b·d, d the gap to the points?
 
     Every vehicle is one fact, however often it was labelled: signs are flipped vehicle by vehicle, and intervals are
@@ -98,6 +113,7 @@ def diagnose_labels(drive: Drive, sensor: SensorModel | None = None, seed: int =
         drive: with labels, points and a twin that was not made from these labels.
         sensor: whose own `box_shrink`, if it has one, is taken for known; parameters found are totals.
         seed: of the signs.
+        certainty: how sure a finding must be; by default as sure as the conventions of the field have it.
     """
     rows = gather(drive)
     if not len(rows):
@@ -107,7 +123,7 @@ def diagnose_labels(drive: Drive, sensor: SensorModel | None = None, seed: int =
     if rows.tracks < _FEWEST_TRACKS:
         why = f"{rows.tracks} labelled vehicles are too few; {_FEWEST_TRACKS} are needed"
         return LabelFinding("untold", len(rows), rows.tracks, why=why)
-    return _judged(rows, _known(sensor), np.random.default_rng([seed, 5]))
+    return _judged(rows, _known(sensor), certainty or Certainty(), np.random.default_rng([seed, 5]))
 
 
 def _known(sensor: SensorModel | None) -> BoxShrink | None:
@@ -115,24 +131,24 @@ def _known(sensor: SensorModel | None) -> BoxShrink | None:
     return next((one for one in effects if isinstance(one, BoxShrink)), None)
 
 
-def _judged(rows: LabelRows, known: BoxShrink | None, rng: np.random.Generator) -> LabelFinding:
+def _judged(rows: LabelRows, known: BoxShrink | None, by: Certainty, rng: np.random.Generator) -> LabelFinding:
     before = np.zeros_like(rows.loss_m) if known is None else np.array(known.a_m) + np.array(known.b) * rows.gap_m
-    p_value, critical = _gate(rows, rows.loss_m - before, rng)
+    p_value, critical = _gate(rows, rows.loss_m - before, by.level, rng)
     judge = rows.track % _JUDGE_EVERY == _JUDGE_EVERY - 1
     fitted = _fit(rows, ~judge) if (~judge).sum() >= _FEWEST_TRACKS else _fit(rows, np.ones(len(rows), bool))
     after = fitted.a + fitted.b * rows.gap_m
     told = judge if judge.any() else np.ones(len(rows), bool)
     found = _fit(rows, np.ones(len(rows), bool))
     return LabelFinding(
-        verdict="missing" if p_value <= _LEVEL else "none",
+        verdict="missing" if p_value <= by.level else "none",
         objects=len(rows),
         tracks=rows.tracks,
         p_value=p_value,
         a_m=tuple(np.round(found.a, 5).tolist()),
         b=tuple(np.round(found.b, 5).tolist()),
         lift_m=found.lift,
-        ci95={"a_m": found.ends(0), "b": found.ends(1)},
-        smallest_m=tuple(((critical + _POWER) * _error_of_mean(rows)).tolist()),
+        ci95={"a_m": found.ends(0, by.coverage), "b": found.ends(1, by.coverage)},
+        smallest_m=tuple(((critical + by.power) * _error_of_mean(rows)).tolist()),
         error_before=float(np.abs(rows.loss_m - before)[told].mean()),
         error_after=float(np.abs(rows.loss_m - after)[told].mean()),
     )
@@ -148,8 +164,8 @@ class _Law:
     errors: np.ndarray
     freedom: int
 
-    def ends(self, row: int) -> list[list[float]]:
-        half = float(stats.t.ppf((1 + _COVERAGE) / 2, max(self.freedom, 1))) * self.errors[row]
+    def ends(self, row: int, coverage: float) -> list[list[float]]:
+        half = float(stats.t.ppf((1 + coverage) / 2, max(self.freedom, 1))) * self.errors[row]
         middle, top = (self.a, 2.0) if row == 0 else (self.b, 1.0)
         pairs = zip((middle - half).tolist(), (middle + half).tolist(), strict=True)
         return [[max(low, 0.0), min(high, top)] for low, high in pairs]
@@ -175,7 +191,7 @@ def _fit(rows: LabelRows, chosen: np.ndarray) -> _Law:
     return _Law(a, b, round(lift, 4), errors, len(np.unique(track)) - 2)
 
 
-def _gate(rows: LabelRows, loss: np.ndarray, rng: np.random.Generator) -> tuple[float, float]:
+def _gate(rows: LabelRows, loss: np.ndarray, level: float, rng: np.random.Generator) -> tuple[float, float]:
     """Family-wise p-value over all edges, of the constant and of the slope, by flipping signs of vehicles."""
     gap = rows.gap_m - rows.gap_m.mean(0)
     scores = _by_track(np.concatenate([loss, loss * gap], 1), rows.track)
@@ -183,7 +199,7 @@ def _gate(rows: LabelRows, loss: np.ndarray, rng: np.random.Generator) -> tuple[
     seen = np.abs(scores.sum(0)) / size
     signs = rng.choice((-1.0, 1.0), (_FLIPS, len(scores)))
     largest = (np.abs(signs @ scores) / size).max(1)
-    return float((1 + (largest >= seen.max()).sum()) / (1 + _FLIPS)), float(np.quantile(largest, 1 - _LEVEL))
+    return float((1 + (largest >= seen.max()).sum()) / (1 + _FLIPS)), float(np.quantile(largest, 1 - level))
 
 
 def _error_of_mean(rows: LabelRows) -> np.ndarray:

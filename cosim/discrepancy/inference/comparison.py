@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -21,11 +21,13 @@ class Gain:
         value: of the whole sample, whose beams weigh one on average.
         error: its standard error, from cluster to cluster.
         freedom: degrees of freedom of that error.
+        sums: of each clustering (clusters,) what each cluster adds; the same clusters of all models of one sample.
     """
 
     value: float
     error: float
     freedom: float
+    sums: tuple[np.ndarray, ...]
 
     @property
     def p_value(self) -> float:
@@ -39,13 +41,14 @@ class Gain:
         """From differences by cluster, in strata whose clusters are alike (Welch–Satterthwaite)."""
         used = [one[one != 0] for one in strata]
         used = [one for one in used if len(one) > 1]
-        value = float(sum(one.sum() for one in strata))
+        sums = (np.concatenate(strata),)
+        value = float(sums[0].sum())
         squares = np.array([len(one) * float(np.var(one, ddof=1)) for one in used])
         total = float(squares.sum())
         if total <= 0:
-            return cls(value, 0.0, 0.0)
+            return cls(value, 0.0, 0.0, sums)
         degrees = np.array([len(one) - 1 for one in used])
-        return cls(value, float(np.sqrt(total)), total**2 / float((squares**2 / degrees).sum()))
+        return cls(value, float(np.sqrt(total)), total**2 / float((squares**2 / degrees).sum()), sums)
 
 
 def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = False) -> Gain:
@@ -74,7 +77,29 @@ def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = Fals
     by_part = np.bincount(clusters.part, beams)
     by_thing = np.bincount(np.maximum(clusters.unit_track, 0), things)
     found = [Gain.of([by_track, scans]), Gain.of([by_part, scans, by_thing])]
-    return max(found, key=lambda one: one.error)
+    return replace(max(found, key=lambda one: one.error), sums=tuple(one.sums[0] for one in found))
+
+
+def stability(gains: Sequence[Gain], prices: Sequence[float], halves: int, rng: np.random.Generator) -> np.ndarray:
+    """Share (k,) of random halves of the clusters in which each of k models is the best.
+
+    A half in which none gains more than its price is won by none. The clustering that is less sure of a winner counts
+    (stability selection: Meinshausen and Bühlmann, J. R. Stat. Soc. B 2010; Shah and Samworth, same journal, 2013).
+
+    Args:
+        gains: of the models over the same other one, on the same sample.
+        prices: gain that each must bring on half a sample.
+        halves: how many are drawn.
+        rng: for the draws.
+    """
+    found = []
+    for clustering in zip(*(one.sums for one in gains), strict=True):
+        count = len(clustering[0])
+        drawn = rng.permuted(np.tile(np.arange(count) < (count + 1) // 2, (halves, 1)), axis=1)
+        worth = drawn @ np.stack(clustering, 1) - np.asarray(prices)
+        won = np.bincount(np.where(worth.max(1) > 0, worth.argmax(1), len(gains)), minlength=len(gains) + 1)
+        found.append(won[:-1] / halves)
+    return min(found, key=lambda share: float(share.max()))
 
 
 def _of_law(fitter: Fitter, fitted: Fitted, known: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from cosim.discrepancy.aligned import PARTS, AlignedFrame, Judged
 from cosim.discrepancy.groups.covariates import covariates
 from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.scores import CLIP_M, FrameScores, Totals
+from cosim.discrepancy.settings import Settings
 
 MATCHED, AMBIGUOUS, DROPPED, SPURIOUS, UNFORESEEN, SILENT = range(6)
 _OF_SCANS = {
@@ -49,6 +50,7 @@ class Rows:
             1 m; intensities are left out where another material may have been met or the sensor cuts them off; `drop`
             is returned (1 or 0) − its probability; `spurious` is 1 for a return from nowhere − the chance of one;
             `range_variance` and `intensity_variance` are squares over stated variances − 1.
+        settings: those that frames were traced with.
     """
 
     covariates: dict[str, Column]
@@ -57,6 +59,7 @@ class Rows:
     frame: np.ndarray
     before: dict[str, np.ndarray]
     after: dict[str, np.ndarray]
+    settings: Settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,6 +199,7 @@ def _rows(before: AlignedFrame, after: AlignedFrame, number: int, rng: np.random
         frame=np.full(len(used), number),
         before={name: values[used] for name, values in residuals_of(before).items()},
         after={name: values[used] for name, values in residuals_of(after).items()},
+        settings=after.frame.settings,
     )
 
 
@@ -208,6 +212,7 @@ def _joined(parts: Sequence[Rows]) -> Rows:
         frame=np.concatenate([rows.frame for rows in parts]),
         before={name: np.concatenate([rows.before[name] for rows in parts]) for name in parts[0].before},
         after={name: np.concatenate([rows.after[name] for rows in parts]) for name in parts[0].after},
+        settings=parts[0].settings,
     )
 
 

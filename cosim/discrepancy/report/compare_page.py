@@ -10,10 +10,10 @@ from cosim.discrepancy.report.budget_section import budget_section
 from cosim.discrepancy.report.explorer_section import Explored, explorer_section, explorer_style
 from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.report.residual_charts import CHANNELS, Chart
-from cosim.discrepancy.report.sentences import source_words, times
 from cosim.discrepancy.report.worth_section import worth_section
 from cosim.discrepancy.scores import SCALES
 from cosim.discrepancy.slices import Slice
+from cosim.discrepancy.words import source_words, times
 from cosim.report import document, facts, meter, notes_section, section, table
 
 _SIDES = ("at the poses as given", "poses, objects and the map aligned")
@@ -33,7 +33,8 @@ def format_comparison(found: Comparison, command: str, explored: Explored | None
     title = f"{found.sensor} against {found.drive}"
     text = (
         "Before: at the poses as given. After: with errors of poses, objects and the map taken out as far as a fit "
-        "knows them; what is left then is the sensor’s. Bands are 95 % intervals of means of equally filled bins; what "
+        "knows them; what is left then is the sensor’s. "
+        f"Bands are {found.settings.covered} intervals of means of equally filled bins; what "
         "beams of a frame, or of a sector of it, share is in them. <b>Click a bin to see its beams.</b>"
     )
     sections = [

@@ -8,26 +8,15 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from cosim.discrepancy.diagnosis import Diagnosis, Finding
+from cosim.discrepancy.diagnosis import Diagnosis, Finding, budget_words, floor_words, smallest_rows, smallest_words
 from cosim.discrepancy.report.bins import shown
 from cosim.discrepancy.report.budget_section import budget_section
 from cosim.discrepancy.report.explorer_section import Explored, explorer_section, explorer_style
 from cosim.discrepancy.report.layout import LAYOUT
-from cosim.discrepancy.report.sentences import (
-    Vocabulary,
-    budget_words,
-    channel_words,
-    floor_words,
-    smallest_rows,
-    smallest_words,
-    spread_words,
-    unexplained_words,
-    unknown_words,
-)
 from cosim.discrepancy.report.unexplained_section import unexplained_section
 from cosim.discrepancy.report.unknown_section import unknown_section
 from cosim.discrepancy.report.worth_section import worth_section
-from cosim.discrepancy.settings import DEFAULT
+from cosim.discrepancy.words import FEW, Vocabulary, channel_words, spread_words, unexplained_words, unknown_words
 from cosim.report import document, figure, notes_section, section, table
 from cosim.report.phrases import listed, p_cell
 from cosim.report.plot import Axis, Plot
@@ -55,8 +44,8 @@ def format_diagnosis(
         "On frames that judge, not on those that were fitted. " if found.split.is_held_out else "On the fitted frames. "
     ) + (
         "Errors of poses, objects and the map are taken out of residuals, before and after, as far as they are known. "
-        "Bands are 95 % intervals of means of equally filled bins; what beams of a sector of a frame share is in them. "
-        "<b>Click a bin to see its beams.</b>"
+        f"Bands are {found.settings.covered} intervals of means of equally filled bins; "
+        "what beams of a sector of a frame share is in them. <b>Click a bin to see its beams.</b>"
     )
     sections = [
         f"<header><h1>{escape(title)}</h1>{_verdict(found, words, explored)}{_next(found, drive, sensor)}</header>",
@@ -76,13 +65,9 @@ def format_diagnosis(
 
 
 def explored_of(found: Diagnosis) -> Explored | None:
-    """The beams of the judging frames, and charts of them; None where a diagnosis has none."""
-    return Explored.of(found.judged, LAYOUT.scans, charted(found))
-
-
-def charted(found: Diagnosis) -> list[str]:
-    """What findings and leftovers depend on: charted beside the usual covariates."""
-    return [name for one in (*found.unexplained, *found.unknowns) for name in one.covariates]
+    """The beams of the judging frames, and charts of them, also by what findings and leftovers depend on; or None."""
+    told = [name for one in (*found.unexplained, *found.unknowns) for name in one.covariates]
+    return Explored.of(found.judged, LAYOUT.scans, told)
 
 
 def _verdict(found: Diagnosis, words: Vocabulary, explored: Explored | None) -> str:
@@ -92,7 +77,7 @@ def _verdict(found: Diagnosis, words: Vocabulary, explored: Explored | None) -> 
         said.append(f'<span class="bad">Labels are biased</span>: {law}.')
     left = _left(found, explored)
     if not said and not left:
-        smallest = smallest_words(found, words, most=LAYOUT.few)
+        smallest = smallest_words(found, words, most=FEW)
         said.append('<span class="good">Nothing is missing that would show.</span>')
         said.append(f"It would have shown {escape(smallest)}, and so on below." if smallest else "")
     elif not said:
@@ -127,7 +112,7 @@ def _unknown(found: Diagnosis) -> list[str]:
 def _left(found: Diagnosis, explored: Explored | None) -> list[str]:
     """What the screen still finds, and what charts show beside it."""
     if found.unexplained:
-        names = [escape(unexplained_words(one)) for one in found.unexplained[: LAYOUT.few]]
+        names = [escape(unexplained_words(one)) for one in found.unexplained[:FEW]]
         more = len(found.unexplained) - len(names)
         names += [f"{more} more"] if more else []
         return [f'<span class="warn">Not explained</span>: <a href="#unexplained">{listed(names)}</a>.']
@@ -135,7 +120,7 @@ def _left(found: Diagnosis, explored: Explored | None) -> list[str]:
     if not names:
         return []
     said = '<span class="warn">Judging frames show more than the screen does</span>: '
-    return [f'{said}<a href="#residuals">{escape(listed(names[: LAYOUT.few]))}</a>.']
+    return [f'{said}<a href="#residuals">{escape(listed(names[:FEW]))}</a>.']
 
 
 def left_words(explored: Explored | None) -> list[str]:
@@ -179,14 +164,15 @@ def _waterfall(found: Diagnosis) -> str:
         return ""
     held = "frames that took no part in any fit" if found.split.is_held_out else "the fitted frames: there are too few"
     text = (
-        f"On {held}, with poses, objects and surfaces aligned; whiskers are 95 % intervals of the level, from frame to "
-        "frame. A fall is surer than they show, as some frames are harder for every model: the table above has it."
+        f"On {held}, with poses, objects and surfaces aligned; whiskers are {found.settings.covered} intervals of the "
+        "level, from frame to frame. A fall is surer than they show, as some frames are harder for every model: the "
+        "table above has it."
     )
     wide = min(1100, 400 + 220 * (len(found.effects) + len(found.unknowns)))
     names = ["as given", *(f"+ {one.effect}" for one in found.effects), *("+ unknown" for _ in found.unknowns)]
     aligned = zip(names, found.budget.aligned_steps, strict=False)
     steps = [(name, one.error, one.standard_error) for name, one in aligned]
-    svg = waterfall(steps, found.noise_floor, "aligned error, held-out frames", DEFAULT.coverage)
+    svg = waterfall(steps, found.noise_floor, "aligned error, held-out frames", found.settings.coverage)
     return section("How the error falls", figure("", "", svg, "full", wide), text=text)
 
 
@@ -196,7 +182,8 @@ def _effects(found: Diagnosis, words: Vocabulary) -> str:
     rows = "".join(_rows(one, words, _change(found, one)) for one in found.effects)
     charts = "".join(_laser_charts(one, words) for one in found.effects)
     heads = (
-        "<thead><tr><th></th><th>parameter</th><th>value</th><th>95 % interval</th><th>p</th><th>aligned error</th>"
+        "<thead><tr><th></th><th>parameter</th><th>value</th>"
+        f"<th>{found.settings.covered} interval</th><th>p</th><th>aligned error</th>"
         "<th class=words>law</th></tr></thead>"
     )
     text = (

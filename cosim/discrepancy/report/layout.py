@@ -18,8 +18,6 @@ class Layout:
     dots: int = 40  # in a chart, more are a line alone
     alike: float = 0.02  # share of the largest size within which charts stand in their usual order
     common: float = 0.02  # share of rows from which a bin takes part in the scale of a chart
-    few: int = 3  # that a sentence lists, and `worth_a_word` floors from which it does
-    worth_a_word: float = 0.02
     excess: float = 0.05  # share of the excess from which a channel is worth a word
     told: float = 5e-4  # of an error: less is told as 0.000
     unexplained: int = 6  # charts of what is left

@@ -11,7 +11,6 @@ import numpy as np
 from cosim.discrepancy.report.beams import Rows
 from cosim.discrepancy.report.bins import NO_BIN, Bins
 from cosim.discrepancy.report.layout import LAYOUT
-from cosim.discrepancy.settings import DEFAULT
 from cosim.report import figure
 from cosim.report.binned import Binned, binned
 from cosim.report.plot import Axis, Plot
@@ -85,12 +84,14 @@ class Chart:
         channel: what is off.
         bins: of the covariate.
         before, after: means by bin, in the channel's unit; `before` is None where both are the same.
+        level: error rate of what all charts show together.
     """
 
     channel: Channel
     bins: Bins
     before: Binned | None
     after: Binned
+    level: float
 
     @property
     def first(self) -> Binned:
@@ -99,7 +100,7 @@ class Chart:
 
     def shows(self, binned: Binned, charts: int) -> bool:
         """Whether a dependence is there that is no chance, of so many charts that were looked at."""
-        return binned.p_value * charts < DEFAULT.level and binned.size > self.channel.clear
+        return binned.p_value * charts < self.level and binned.size > self.channel.clear
 
 
 def all_charts(rows: Rows, bins: Mapping[str, Bins], is_one: bool) -> dict[str, list[Chart]]:
@@ -123,13 +124,14 @@ def chart(rows: Rows, channel: str, bins: Bins, is_one: bool) -> Chart | None:
 
     def means(residual: np.ndarray, cluster: np.ndarray) -> Binned:
         told = np.where(bins.of_rows == NO_BIN, np.nan, kind.factor * residual.astype(float))
-        return binned(np.nan_to_num(values), place, told, cluster, DEFAULT.coverage, LAYOUT.fewest)
+        return binned(np.nan_to_num(values), place, told, cluster, rows.settings.coverage, LAYOUT.fewest)
 
     after = means(rows.after[channel], rows.cluster)
     if len(after.bin) < 2:
         return None
     before = None if is_one else means(rows.before[channel], rows.before_cluster)
-    return Chart(kind, bins, before if before is not None and len(before.bin) > 1 else None, after)
+    before = before if before is not None and len(before.bin) > 1 else None
+    return Chart(kind, bins, before, after, rows.settings.level)
 
 
 def scale_of(charts: Sequence[Chart]) -> float:
@@ -162,7 +164,7 @@ def _said(one: Chart, side: Binned, charts: int) -> str:
         return f'off by <span class="warn">±{one.channel.said(side.size)}</span>'
     return (
         "nothing beyond chance"
-        if side.p_value * charts >= DEFAULT.level
+        if side.p_value * charts >= one.level
         else f"less than {one.channel.said(one.channel.clear)}"
     )
 

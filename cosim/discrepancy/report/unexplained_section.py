@@ -10,8 +10,8 @@ from cosim.discrepancy.report.bins import Bins, bins_of
 from cosim.discrepancy.report.explorer_section import Explored
 from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.report.residual_charts import CHANNELS, Channel, Chart, chart, drawn, pair_chart, scale_of
-from cosim.discrepancy.report.sentences import channel_words
 from cosim.discrepancy.unexplained import Unexplained
+from cosim.discrepancy.words import channel_words
 from cosim.report import figure, section, table
 from cosim.report.phrases import p_cell
 from cosim.report.plot import Axis, Plot

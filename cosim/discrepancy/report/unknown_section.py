@@ -8,9 +8,9 @@ import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis
 from cosim.discrepancy.report.layout import LAYOUT
-from cosim.discrepancy.report.sentences import channel_words, table_words
 from cosim.discrepancy.unknown.formulas import evaluate
 from cosim.discrepancy.unknown.shape import Shape
+from cosim.discrepancy.words import channel_words, table_words
 from cosim.report import figure, section
 from cosim.report.plot import Axis, Plot
 

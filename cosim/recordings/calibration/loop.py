@@ -14,8 +14,8 @@ from typing import Any
 
 from cosim.discrepancy.diagnose import diagnose
 from cosim.discrepancy.report import explored_of, format_diagnosis
-from cosim.discrepancy.report.sentences import Vocabulary
 from cosim.discrepancy.settings import DEFAULT, Settings
+from cosim.discrepancy.words import Vocabulary
 from cosim.drives.files import read_text
 from cosim.drives.sensor_files import write_sensor
 from cosim.drives.writer import OutputError, explained

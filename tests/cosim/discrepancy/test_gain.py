@@ -9,7 +9,7 @@ import pytest
 
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.diagnose import case_of, given
-from cosim.discrepancy.inference.comparison import Gain, gain
+from cosim.discrepancy.inference.comparison import Gain, gain, stability
 from cosim.discrepancy.inference.fit import Fitter
 from cosim.discrepancy.sampling.drawing import draw_sample
 from cosim.discrepancy.state import Model, viewed
@@ -65,3 +65,47 @@ def test_frames_that_took_no_part_deny_what_only_fits(biased_yard: Yard) -> None
     assert gain(judges.fitter, judges.fitted, right).p_value < 0.05
     assert gain(judges.fitter, judges.fitted, wrong).p_value > 0.95
     assert replace(right, effects=()).loglik > judges.fitted.loglik
+
+
+HALVES = 999
+
+
+def _shares(*clusters: np.ndarray, prices: tuple[float, ...] | None = None) -> np.ndarray:
+    gains = [Gain.of([one]) for one in clusters]
+    return stability(gains, prices or (1.0,) * len(gains), HALVES, np.random.default_rng(3))
+
+
+def test_what_gains_more_in_nearly_every_cluster_wins_every_half() -> None:
+    rng = np.random.default_rng(1)
+    better, worse = 2 + rng.standard_normal(100), 1 + rng.standard_normal(100)
+    assert _shares(better, worse) == pytest.approx([1, 0], abs=0.01)
+
+
+def test_two_that_gain_alike_share_the_halves() -> None:
+    rng = np.random.default_rng(2)
+    apart = rng.standard_normal(100)
+    apart -= apart.mean()
+    shares = _shares(2 + apart, 2 - apart, 1 + rng.standard_normal(100))
+    assert shares[:2] == pytest.approx([0.5, 0.5], abs=0.05)
+    assert shares[2] < 0.01
+
+
+def test_what_lives_off_a_single_cluster_is_not_stable() -> None:
+    single = np.where(np.arange(100) == 7, 1000.0, 0.0)
+    assert _shares(single) == pytest.approx([0.5], abs=0.05), "nothing wins where that cluster is not"
+    assert _shares(single, np.full(100, 1.0)) == pytest.approx([0.5, 0.5], abs=0.05)
+
+
+def test_numbers_must_earn_their_price() -> None:
+    alike = np.ones(100)
+    assert _shares(alike, alike + 0.1, prices=(1.0, 30.0)) == pytest.approx([1, 0])
+    assert _shares(alike, prices=(60.0,)) == pytest.approx([0])
+
+
+def test_the_clustering_that_is_less_sure_of_a_winner_counts() -> None:
+    even, single = np.ones(100), np.where(np.arange(100) == 7, 100.0, 0.0)
+    both = [
+        replace(Gain.of([even]), sums=(even, single)),
+        replace(Gain.of([0.5 * even]), sums=(0.5 * even, 0.5 * even)),
+    ]
+    assert stability(both, (1.0, 1.0), HALVES, np.random.default_rng(3)) == pytest.approx([0.5, 0.5], abs=0.05)

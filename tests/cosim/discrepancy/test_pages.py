@@ -23,10 +23,11 @@ from cosim.discrepancy import compare, diagnose
 from cosim.discrepancy.aligned import HeldOut
 from cosim.discrepancy.budget import Budget
 from cosim.discrepancy.data.split import Split
-from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
+from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding, headline
 from cosim.discrepancy.report import explored_of, format_comparison, format_diagnosis, left_words
-from cosim.discrepancy.report.sentences import Vocabulary, headline, source_words
+from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unexplained import Unexplained
+from cosim.discrepancy.words import Vocabulary, source_words
 from cosim.report import Piece, stacked_bar, write_page
 from cosim.report.binned import binned, quantile_edges
 from cosim.report.waterfall import waterfall
@@ -344,6 +345,13 @@ def test_the_line_of_a_diagnosis() -> None:
     line = headline(diagnosis(finding(also=())), Vocabulary())
     assert "range_walk (amplitude 3.10 cm ± 0.20, decay 4.00 ± 0.50), p < 0.001" in line
     assert "aligned 1.200 → 1.030, at the floor" in line
+
+
+def test_pages_tell_the_coverage_that_a_diagnosis_used() -> None:
+    narrow = replace(diagnosis(finding()), settings=Settings(coverage=0.9))
+    text = format_diagnosis(narrow, Vocabulary(), "drive", "my.yaml")
+    assert "<th>90 % interval</th>" in text
+    assert "95 %" not in text
 
 
 def test_sources_are_told_in_floors() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.labels.bias import _judged
+from cosim.labels.bias import Certainty, LabelFinding, _judged
 from cosim.labels.bodies import LabelRows
 
 
@@ -18,8 +18,13 @@ def rows(rng: np.random.Generator, a: float, b: float, mood_m: float, tracks: in
     return LabelRows(track, loss, gap, np.full(len(track), 0.5), 0.04 + 0.5 * (a + b * gap[:, 2]))
 
 
+def judged(seed: int, a: float, b: float, mood_m: float, by: Certainty | None = None) -> LabelFinding:
+    drawn = rows(np.random.default_rng(seed), a, b, mood_m)
+    return _judged(drawn, None, by or Certainty(), np.random.default_rng(seed))
+
+
 def test_the_law_is_found() -> None:
-    found = _judged(rows(np.random.default_rng(1), 0.15, 0.2, 0.03), None, np.random.default_rng(2))
+    found = judged(1, 0.15, 0.2, 0.03)
     assert found.verdict == "missing"
     assert found.a_m == pytest.approx((0.15,) * 3, abs=0.03)
     assert found.b == pytest.approx((0.2,) * 3, abs=0.03)
@@ -28,8 +33,15 @@ def test_the_law_is_found() -> None:
 
 
 def test_wavering_annotators_seldom_alarm() -> None:
-    verdicts = [
-        _judged(rows(np.random.default_rng(seed), 0.0, 0.0, 0.05), None, np.random.default_rng(seed)).verdict
-        for seed in range(40)
-    ]
+    verdicts = [judged(seed, 0.0, 0.0, 0.05).verdict for seed in range(40)]
     assert verdicts.count("missing") <= 5
+
+
+def test_who_asks_says_how_sure_a_finding_must_be() -> None:
+    usual = judged(1, 0.15, 0.2, 0.03)
+    surer = judged(1, 0.15, 0.2, 0.03, Certainty(coverage=0.99, power=1.28))
+    assert usual.ci95 is not None
+    assert surer.ci95 is not None
+    assert np.all(np.ptp(surer.ci95["a_m"], axis=1) > np.ptp(usual.ci95["a_m"], axis=1))
+    assert np.all(np.array(surer.smallest_m) > usual.smallest_m), "to be seen with 90 % power takes more"
+    assert judged(1, 0.15, 0.2, 0.03, Certainty(level=usual.p_value / 2)).verdict == "none"

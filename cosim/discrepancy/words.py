@@ -1,22 +1,20 @@
-"""Findings in words: parameters with their units and intervals, and the one line that a command says."""
+"""What all findings are told in: parameters with their units and intervals, channels, where an error comes from."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
-from cosim.discrepancy.diagnosis import Diagnosis, Finding
-from cosim.discrepancy.report.layout import LAYOUT
-from cosim.discrepancy.settings import DEFAULT
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.shape import Shape
-from cosim.report.phrases import as_sure, listed, p_words
+from cosim.report.phrases import as_sure, listed
 from sensors.effects.base import Effect, Parameter
 from sensors.effects.registry import effect_classes
 
-_PLAIN = ("range_bias", "elevation_offset", "range_walk", "incidence_falloff", "random_dropout")
+FEW = 3  # that a sentence lists
+_WORTH_A_WORD = 0.02  # floors from which it does
 
 
 class Vocabulary:
@@ -66,50 +64,6 @@ class Vocabulary:
         return ", ".join(said)
 
 
-def headline(found: Diagnosis, words: Vocabulary, left: Sequence[str] = ()) -> str:
-    """The line that `cosim diagnose` says; `left` names what judging frames show although nothing was found."""
-    parts = [_found(one, words) for one in found.effects]
-    if parts:
-        ambiguous = any(one.also_possible for one in found.effects)
-        parts[0] = f"{'ambiguous' if ambiguous else 'missing'}: {parts[0]}"
-    parts += [f"unknown: {unknown_words(one)}" for one in found.unknowns]
-    if found.labels is not None and found.labels.verdict == "missing":
-        parts.append(str(found.labels))
-    if found.unexplained:
-        parts.append(f"unexplained: {listed([unexplained_words(one) for one in found.unexplained[: LAYOUT.few]])}")
-    elif left:
-        parts.append(f"judging frames still show {listed(list(left[: LAYOUT.few]))}")
-    if not parts:
-        smallest = smallest_words(found, words, most=3)
-        parts.append(f"nothing missing that would show{f'; would have seen {smallest}' if smallest else ''}")
-    return f"{'; '.join(parts)}; {budget_words(found, is_complete=found.verdict == 'none' and not left)}"
-
-
-def budget_words(found: Diagnosis, *, is_complete: bool) -> str:
-    """Where the error comes from: `error 1.32, 4.3 × the noise floor: 3.1 of it poses, 0.2 objects, nothing missing`.
-
-    Args:
-        found: the diagnosis.
-        is_complete: whether nothing is missing, which is said then.
-    """
-    budget, said = found.budget, f"{error_words(found)} {found.error_before:.3f}"
-    if not budget.floor:
-        fall = _fall(found.error_before, found.error_after)
-        return f"{error_words(found)} {fall}; what noise alone would make is not known"
-    made = source_words(budget.parts, budget.floor, is_complete=is_complete)
-    aligned = _fall(budget.given_aligned, budget.error_aligned)
-    said += f", {times(budget.error / budget.floor)} the noise floor{made and f': {made}'}"
-    if found.effects or found.unknowns:
-        said += f"; {found.error_after:.3f} with what was found"
-    return f"{said}; aligned {aligned}, {floor_words(found)}"
-
-
-def _fall(before: float, after: float) -> str:
-    """An error, and what it becomes."""
-    same = round(before, 3) == round(after, 3)
-    return f"{before:.3f}" if same else f"{before:.3f} → {after:.3f}"
-
-
 def source_words(parts: Mapping[str, float], floor: float, *, is_complete: bool) -> str:
     """What an error is made of beside noise, in floors: `3.1 of it poses, 0.2 objects, nothing missing`.
 
@@ -118,9 +72,7 @@ def source_words(parts: Mapping[str, float], floor: float, *, is_complete: bool)
         floor: the error that noise alone makes.
         is_complete: whether nothing is missing, which is said then.
     """
-    shares = {
-        name: value / floor for name, value in parts.items() if name in SOURCES and value > LAYOUT.worth_a_word * floor
-    }
+    shares = {name: value / floor for name, value in parts.items() if name in SOURCES and value > _WORTH_A_WORD * floor}
     if is_complete:
         shares.pop("missing", None)
     names = {**SOURCES, "unexplained": "left over"} if is_complete else SOURCES
@@ -161,14 +113,6 @@ _OTHER_SPREADS = {
 }
 
 
-def floor_words(found: Diagnosis) -> str:
-    """Where the aligned error ends beside its noise floor; empty where that is not known."""
-    above = found.above_floor
-    if above is None:
-        return ""
-    return "at the floor" if above <= DEFAULT.at_floor else f"{times(1 + above)} the floor"
-
-
 def times(ratio: float) -> str:
     """A ratio: `4.3 ×`, or `1.12 ×` near 1."""
     return f"{ratio:.1f} ×" if ratio >= 1.95 else f"{ratio:.2f} ×"
@@ -193,11 +137,6 @@ _CHANNELS = {
 }  # fmt: skip
 
 
-def error_words(found: Diagnosis) -> str:
-    """Which error it is that a diagnosis tells."""
-    return "held-out error" if found.split.is_held_out else "error on the fitted frames themselves"
-
-
 def unknown_words(unknown: Shape) -> str:
     """What an unknown effect does, in short."""
     channel = channel_words(unknown.channel)
@@ -216,30 +155,6 @@ def table_words(unknown: Shape) -> str:
         for row in unknown.outstanding()
     )
     return ", ".join(said)
-
-
-def smallest_words(found: Diagnosis, words: Vocabulary, most: int) -> str:
-    """Smallest amplitudes that would have been seen, of the first few effects, plain ones before others."""
-    rows = [row for row in smallest_rows(found) if words.is_possible(*row)]
-    rows.sort(key=lambda row: _PLAIN.index(row[0]) if row[0] in _PLAIN else len(_PLAIN))
-    said = [f"{effect} from {words.quantity(effect, name, value)}" for effect, name, value in rows[:most]]
-    return ", ".join(said)
-
-
-def smallest_rows(found: Diagnosis) -> list[tuple[str, str, float]]:
-    """Effect, amplitude and smallest detectable value, where it is above 0."""
-    return [
-        (effect, name, value)
-        for effect, values in sorted(found.smallest_detectable.items())
-        for name, value in values.items()
-        if np.isfinite(value) and value > 0
-    ]
-
-
-def _found(one: Finding, words: Vocabulary) -> str:
-    values = words.parameters(one.effect, one.params, one.ci95)
-    alike = f"; not separable from {', '.join(one.also_possible)}" if one.also_possible else ""
-    return f"{one.effect} ({values}), {p_words(one.p_value)}{alike}"
 
 
 def _short(name: str) -> str:
