@@ -53,6 +53,7 @@ class Sampling:
     scans_each: int = 6  # of each map that are fitted where there are several
     judges_each: int = 3  # that judge
     apart: int = 6  # scans from one that is fitted to the next there: so near that they see the same surfaces
+    as_far: float = 0.9  # of the farthest way in so many scans: such a stretch next to a map's middle is looked at
     most_beams: int = 4_300_000  # of all scans of maps that are looked at; each takes a kilobyte
     cell_m: float = 5.0  # of the static world
     sky_rad: float = 0.1  # of azimuth, a sector of the sky

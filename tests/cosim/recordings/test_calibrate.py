@@ -12,13 +12,15 @@ import pytest
 
 from cosim.cli import main
 from cosim.drives.twin.scene import scene_instances
+from cosim.recordings import open_recording
+from cosim.recordings.mapping.odometry import find_trajectory
 from sensors.beams import Beams
 from sensors.pattern import Pattern, load_pattern
 from sensors.sensor_model import load_sensor
 from sensors.tracing import Tracer
 from tests.cosim.conftest import refused
 from tests.cosim.recordings.simulated import yard
-from tests.cosim.recordings.test_twin import carried, path
+from tests.cosim.recordings.test_twin import STEP_M, carried, path
 from tests.sharing import made_once
 
 OFFSET_DEG = 0.6
@@ -40,6 +42,12 @@ def record(folder: Path, poses: np.ndarray, pattern: Pattern, dims_m: float | No
         light = light if dims_m is None else light / (1 + away / dims_m) ** 2
         np.column_stack([xyz, light]).astype("<f4").tofile(folder / f"{number:06d}.bin")
     return folder
+
+
+def test_odometry_does_not_travel_with_the_cone_that_raised_beams_make_of_level_ground(tmp_path: Path) -> None:
+    pytest.importorskip("kiss_icp")
+    scans = record(tmp_path / "scans", path(8), load_pattern("vlp32c"))
+    assert find_trajectory(open_recording(scans), 0.1).path_m == pytest.approx(7 * STEP_M, rel=0.1)
 
 
 @pytest.fixture(scope="module")
