@@ -127,8 +127,8 @@ def _moving(names: Sequence[str], places: Mapping[str, np.ndarray], most: int, a
 def _nearest(names: Sequence[str], others: Sequence[str], places: Mapping[str, np.ndarray], most: int) -> Sequence[str]:
     """So many names, in order, of places next to where others are in the middle."""
     middle = places[others[len(others) // 2]]
-    away = [float(np.linalg.norm(places[name] - middle)) for name in names]
-    return [names[row] for row in sorted(np.argsort(away, kind="stable")[:most].tolist())]
+    order = sorted(range(len(names)), key=lambda row: float(np.linalg.norm(places[names[row]] - middle)))
+    return [names[row] for row in sorted(order[:most])]
 
 
 def _spread(names: Sequence[str], most: int) -> tuple[str, ...]:
