@@ -223,6 +223,7 @@ class Pick:
     alike_sigmas: float = 1.0  # standard errors of a difference of gains below which two cannot be told apart
     clear: float = 2.0  # standard errors by which a shape must explain more than an effect
     few_numbers: int = 2  # of effects that go first on a map made of the scans
+    most_gain: float = 0.9  # quantile of gains by place, at which they are cut off there in a second look
     of_ranges: int = 4  # candidates of ranges that are fitted there
     of_others: int = 2  # of each other channel
     shapes: int = 2  # dependences of a channel that are solved a round
