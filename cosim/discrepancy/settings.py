@@ -53,6 +53,7 @@ class Sampling:
     scans_each: int = 6  # of each map that are fitted where there are several
     judges_each: int = 3  # that judge
     apart: int = 6  # scans from one that is fitted to the next there: so near that they see the same surfaces
+    as_far: float = 0.9  # of the farthest way in so many scans: such a stretch next to a map's middle is looked at
     most_beams: int = 4_300_000  # of all scans of maps that are looked at; each takes a kilobyte
     cell_m: float = 5.0  # of the static world
     sky_rad: float = 0.1  # of azimuth, a sector of the sky
@@ -221,6 +222,7 @@ class Pick:
     tried: int = 4  # candidates a round, until one helps
     halves: int = 999  # random halves of the clusters on which candidates compete: they tell shares to 0.01
     few_numbers: int = 2  # of effects that go first on a map made of the scans
+    most_gain: float = 0.9  # quantile of gains by place, at which they are cut off there in a second look
     of_ranges: int = 4  # candidates of ranges that are fitted there
     of_others: int = 2  # of each other channel
     shapes: int = 2  # dependences of a channel that are solved a round

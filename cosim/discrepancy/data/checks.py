@@ -39,7 +39,8 @@ def check_fit(frame: TracedFrame, drive: Drive) -> None:
     usable = observed.returned & observed.trusted
     if not usable.any():
         raise DriveError(
-            f"{drive.root}: no point of frame {frame.name} fits a beam of the sensor's pattern; name its own"
+            f"{drive.root}: no point of frame {frame.name} fits a beam of the sensor's pattern and lies where the twin "
+            "may be compared; name the sensor's own pattern, or record while the sensor moves"
         )
     residual = observed.range_from(frame.shot.rays.origin) - solid.range_m
     gap = np.abs(np.nan_to_num(residual[usable], nan=1e3, posinf=1e3, neginf=1e3))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,22 +47,28 @@ def split_drive(drive: Drive, beams: int, settings: Sampling = DEFAULT.sampling)
     """
     if has_surfels(drive.root) and {_FIT, _HELD_OUT} <= set(drive.splits):
         fit, held_out = (_by_map(drive, drive.split(name)) for name in (_FIT, _HELD_OUT))
-        return split_of_maps(fit, held_out, beams, settings)
+        places = {frame.name: frame.twin.ego.pose[:3, 3] for frame in drive}
+        return split_of_maps(fit, held_out, places, beams, settings)
     poor = [name for name in drive.frames if not _tells_of_ranges(drive[name])]
     return split_frames(drive.frames, poor, settings)
 
 
 def split_of_maps(
-    fit: Sequence[Sequence[str]], held_out: Sequence[Sequence[str]], beams: int, settings: Sampling = DEFAULT.sampling
+    fit: Sequence[Sequence[str]],
+    held_out: Sequence[Sequence[str]],
+    places: Mapping[str, np.ndarray],
+    beams: int,
+    settings: Sampling = DEFAULT.sampling,
 ) -> Split:
     """The split of scans that maps were made of, and of those that took no part.
 
     One map gives scans from end to end. Of several, as many as memory bears and evenly spread along the drive, each
-    gives some about its middle.
+    gives some of a stretch on which the sensor moves far: scans of a sensor that waits show every surface alike.
 
     Args:
         fit: names of the scans that made a map, in order, a sequence for each.
         held_out: names of those that took no part in it.
+        places: (3,) of the sensor by name, in the axes of each map [m].
         beams: of a turn.
         settings: numbers that decide.
     """
@@ -75,10 +81,12 @@ def split_of_maps(
     told = [told[row] for row in _rows(len(told), most)]
     each = max(settings.map_scans // len(told), settings.scans_each)
     judges = max(settings.map_judges // len(told), settings.judges_each)
-    return Split(
-        tuple(name for mine, _ in told for name in _spread(_middle(mine, each * settings.apart), each)),
-        tuple(name for _, theirs in told for name in _spread(_middle(theirs, 2 * judges), judges)),
-    )
+    fitted, judging = list[str](), list[str]()
+    for mine, theirs in told:
+        stretch = _moving(mine, places, each * settings.apart, settings.as_far)
+        fitted += _spread(stretch, each)
+        judging += _spread(_nearest(theirs, stretch, places, 2 * judges), judges)
+    return Split(tuple(fitted), tuple(judging))
 
 
 def split_frames(names: Sequence[str], poor: Collection[str] = (), settings: Sampling = DEFAULT.sampling) -> Split:
@@ -105,10 +113,22 @@ def _by_map(drive: Drive, names: Sequence[str]) -> list[list[str]]:
     return list(found.values())
 
 
-def _middle(names: Sequence[str], most: int) -> Sequence[str]:
-    """So many names in the middle."""
-    first = max((len(names) - most) // 2, 0)
-    return names[first : first + most]
+def _moving(names: Sequence[str], places: Mapping[str, np.ndarray], most: int, as_far: float) -> Sequence[str]:
+    """So many names that follow each other and along which the sensor moves far; of such, those next to the middle."""
+    steps = np.linalg.norm(np.diff([places[name] for name in names], axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    count = min(most, len(names))
+    moved = along[count - 1 :] - along[: len(names) - count + 1]
+    far = np.flatnonzero(moved >= as_far * moved.max())
+    first = int(far[np.abs(far - (len(moved) - 1) / 2).argmin()])
+    return names[first : first + count]
+
+
+def _nearest(names: Sequence[str], others: Sequence[str], places: Mapping[str, np.ndarray], most: int) -> Sequence[str]:
+    """So many names, in order, of places next to where others are in the middle."""
+    middle = places[others[len(others) // 2]]
+    order = sorted(range(len(names)), key=lambda row: float(np.linalg.norm(places[names[row]] - middle)))
+    return [names[row] for row in sorted(order[:most])]
 
 
 def _spread(names: Sequence[str], most: int) -> tuple[str, ...]:

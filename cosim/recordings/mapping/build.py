@@ -43,7 +43,8 @@ class SurfelMap:
         motion: (n, 6) of the sensor in a sweep, see `motion.between`.
         pose_ego: (4, 4) of the sensor on the vehicle: x forward, z up, origin on the ground below it.
         ground: (m,) bool, which surfels are ground.
-        trusted: (m,) bool, which are seen so often, and have so little else about them, that beams may be compared.
+        trusted: (m,) bool, which are seen so often, by beams of several elevations, and have so little else about them,
+            that beams may be compared.
         held_out: numbers of scans that took no part.
         error_m: (n,) robust standard deviation of each scan's points across the surfels; NaN without any.
         on_map: (n,) share of each scan's points that lie in a surfel's cell.
@@ -127,6 +128,7 @@ def build_map(
     _demand_surfels(recording, surfels)
     rounds.append(thickness(surfels))
     solid = (solid_shares(cloud, surfels, settings.cell_m) > _SOLID) & (surfels.scans >= _WELL_SEEN)
+    solid &= surfels.of_several_lasers(settings)
     del cloud
     on_scan()
     local = [scan.at_pose_time(sweep_scale * own) for scan, own in zip(scans, motion, strict=True)]

@@ -13,6 +13,7 @@ from cosim.recordings.recording import Recording
 _FEW_SCANS, _FEWEST_SURE = 20, 5
 _LOST_SHARE = 0.5  # of the usual share of points on the map: below, a scan's pose is doubtful
 _LEAST_HELD = 0.001  # in every direction; a bare tunnel holds a scan by some 0.0002 along it, streets by 0.01 or more
+_FEW_TRUSTED = 0.2  # of the surfaces
 _SHOWN = 8
 
 
@@ -80,6 +81,11 @@ def notes_of(prepared: Prepared, made: WholeMap, looked: int) -> list[str]:
         notes.append(
             f"{_counted(lost)} ({_named(recording, lost)}): few of the points lie on the map, as odometry that went "
             "astray or a crowd leaves them: poses are doubtful there"
+        )
+    if made.trusted.mean() < _FEW_TRUSTED:
+        notes.append(
+            f"{int(made.trusted.sum())} of {len(made)} surfaces may be compared: the others were drawn by one laser "
+            "alone, as by a sensor that stands, were seen by few scans, or have much else about them"
         )
     if not made.mount_known:
         notes.append("no ground was found: the sensor is taken to be 1.8 m above it; recording.yaml may say mount:")

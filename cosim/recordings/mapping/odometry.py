@@ -21,7 +21,7 @@ _NEAREST_M, _FARTHEST_M = 2.0, 80.0
 _JUMP = 4.0  # times the usual change of motion from scan to scan that is a jump of the odometry
 _LEAST_JUMP_M = 0.5
 _STANDING_M = 1.0
-_GROUND_REACH_M, _GROUND_BAND_M, _LEAST_LEFT = 25.0, 0.3, 0.2
+_GROUND_REACH_M, _GROUND_BAND_M, _GROUND_SLOPE, _LEAST_LEFT = 25.0, 0.3, 0.02, 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +106,18 @@ def _register(
 
 
 def _without_ground(xyz: np.ndarray) -> np.ndarray:
-    """Points (n, 3) of a scan but those at the commonest height below the sensor, if a fifth is left."""
-    near = xyz[(np.hypot(xyz[:, 0], xyz[:, 1]) < _GROUND_REACH_M) & (xyz[:, 2] < -_GROUND_BAND_M), 2]
+    """Points (n, 3) of a scan but those about the commonest height below the sensor, if a fifth is left.
+
+    The band widens with distance by one in fifty: beams that look a degree higher than they are said to draw level
+    ground as a cone, whose far rings would travel with the sensor.
+    """
+    away = np.hypot(xyz[:, 0], xyz[:, 1])
+    near = xyz[(away < _GROUND_REACH_M) & (xyz[:, 2] < -_GROUND_BAND_M), 2]
     if not len(near):
         return xyz
     counts, edges = np.histogram(near, np.arange(-6.0, 0.1, 0.1))
     ground = edges[counts.argmax()] + 0.05
-    kept = np.abs(xyz[:, 2] - ground) > _GROUND_BAND_M
+    kept = np.abs(xyz[:, 2] - ground) > _GROUND_BAND_M + _GROUND_SLOPE * away
     return xyz[kept] if kept.mean() > _LEAST_LEFT else xyz
 
 

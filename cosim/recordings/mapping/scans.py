@@ -86,7 +86,7 @@ def cloud_of(scans: Sequence[LocalScan], poses: np.ndarray, motion: np.ndarray, 
         motion: (n, 6) of the sensor in a sweep that points are freed of.
         numbers: which scans.
     """
-    xyz, ray, reach = [], [], []
+    xyz, ray, reach, elevation = [], [], [], []
     for number in numbers:
         world = applied(poses[number], scans[number].at_pose_time(motion[number]))
         beam = world - poses[number, :3, 3]
@@ -94,11 +94,14 @@ def cloud_of(scans: Sequence[LocalScan], poses: np.ndarray, motion: np.ndarray, 
         xyz.append(world.astype(np.float32))
         ray.append((beam / away[:, None]).astype(np.float32))
         reach.append(away.astype(np.float32))
+        sent = scans[number].xyz
+        elevation.append(np.degrees(np.arctan2(sent[:, 2], np.hypot(sent[:, 0], sent[:, 1]))))
     sizes = [len(part) for part in xyz]
     return Cloud(
         np.concatenate(xyz),
         np.repeat(np.array(numbers, np.int32), sizes),
         np.concatenate(reach),
         np.concatenate(ray),
+        np.concatenate(elevation),
         np.concatenate([scans[number].intensity for number in numbers]),
     )

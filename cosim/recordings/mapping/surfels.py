@@ -26,6 +26,8 @@ class SurfelSettings:
         least_scans: that saw it; fewer tell no thickness.
         thickest_m: standard deviation of points across the plane, at most [m].
         flattest: variance across the plane over the smaller one along it, at most; above, points form no plane.
+        least_apart_deg: standard deviation of the elevations at which beams of a surfel leave the sensor, at least, for
+            it to tell anything; what one laser alone has drawn is a part of its cone, on which no range is ever wrong.
     """
 
     cell_m: float = 0.4
@@ -33,6 +35,7 @@ class SurfelSettings:
     least_scans: int = 3
     thickest_m: float = 0.05
     flattest: float = 0.15
+    least_apart_deg: float = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +47,7 @@ class Cloud:
         scan: (n,) int32 number of the scan.
         range_m: (n,) float32 measured.
         ray: (n, 3) float32 unit directions of the beams, world axes.
+        elevation_deg: (n,) float32 of the beams, in the sensor's axes as they were sent.
         intensity: (n,) float32; zeros where there is none.
     """
 
@@ -51,6 +55,7 @@ class Cloud:
     scan: np.ndarray
     range_m: np.ndarray
     ray: np.ndarray
+    elevation_deg: np.ndarray
     intensity: np.ndarray
 
     def __len__(self) -> int:
@@ -70,6 +75,7 @@ class Surfels:
         points, scans: (m,) how many lie on it, and how many scans saw it.
         range_m: (m, 2) nearest and farthest look.
         cos_incidence: (m, 2) steepest and flattest look.
+        apart_deg: (m,) standard deviation of the elevations at which beams left the sensor.
         reflectance: (m,) mean intensity.
     """
 
@@ -83,6 +89,7 @@ class Surfels:
     scans: np.ndarray
     range_m: np.ndarray
     cos_incidence: np.ndarray
+    apart_deg: np.ndarray
     reflectance: np.ndarray
 
     def __len__(self) -> int:
@@ -98,6 +105,10 @@ class Surfels:
             return np.full(len(key), -1)
         row = np.minimum(np.searchsorted(self.key, key), len(self) - 1)
         return np.where(self.key[row] == key, row, -1)
+
+    def of_several_lasers(self, settings: SurfelSettings) -> np.ndarray:
+        """(m,) bool: which were drawn by beams of several elevations."""
+        return self.apart_deg >= settings.least_apart_deg
 
     def level(self) -> np.ndarray:
         """(m,) bool: which lie flat, as ground does."""
@@ -173,6 +184,8 @@ def _described(
     low, high = ends(cloud.xyz[rows].astype(np.float64), (3,))
     near, far = ends(cloud.range_m[rows].astype(np.float64), ())
     flat, steep = ends(cos, ())
+    mean = np.bincount(cell, cloud.elevation_deg[rows], cells) / count
+    apart = cloud.elevation_deg[rows] - mean[cell]
     return Surfels(
         key=keys,
         centre=centre,
@@ -184,6 +197,7 @@ def _described(
         scans=np.bincount((seen >> 32).astype(np.int64), minlength=cells),
         range_m=np.stack([near, far], 1),
         cos_incidence=np.stack([steep, flat], 1),
+        apart_deg=np.sqrt(np.bincount(cell, apart**2, cells) / count),
         reflectance=np.bincount(cell, cloud.intensity[rows], cells) / count,
     )
 

@@ -148,7 +148,8 @@ def write_map_twin(
     whole, recording = whole_map(prepared.segments, prepared.paths, maps), prepared.recording
     names = tuple(f"{number:06d}" for number in range(len(recording)))
     fit, held = frames_of(prepared, whole, names)
-    split = split_of_maps(fit, held, prepared.pattern.rings * prepared.pattern.firings)
+    places = dict(zip(names, whole.poses[:, :3, 3], strict=True))
+    split = split_of_maps(fit, held, places, prepared.pattern.rings * prepared.pattern.firings)
     looked = len({whole.segment_of[names.index(name)] for name in split.fit})
     twin = RecordingTwin(
         folder=folder,

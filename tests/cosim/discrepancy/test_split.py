@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from cosim.discrepancy.data.split import split_frames, split_of_maps
@@ -36,19 +37,37 @@ def test_frames_that_tell_little_confirm_nothing() -> None:
     assert split.confirm == tuple(names[17:20])
 
 
+def on_the_way(count: int, waits: range = range(0)) -> dict[str, np.ndarray]:
+    """Places of a sensor that moves half a metre from frame to frame, but for some at which it waits."""
+    steps = [0.0 if row in waits else 0.5 for row in range(count)]
+    return {f"{row:06d}": np.array([x, 0.0, 1.8]) for row, x in enumerate(np.cumsum(steps))}
+
+
 def test_one_map_is_looked_at_from_end_to_end_and_several_about_their_middles() -> None:
-    names = [f"{row:06d}" for row in range(2000)]
-    alone = split_of_maps([names[:140]], [names[140:155]], 133_312)
+    names, places = [f"{row:06d}" for row in range(2000)], on_the_way(2000)
+    alone = split_of_maps([names[:140]], [names[140:155]], places, 133_312)
     assert (len(alone.fit), len(alone.test)) == (24, 8) and alone.fit[0] == names[0] and alone.fit[-1] == names[139]
     parts = [names[start : start + 150] for start in range(0, 1950, 150)]
-    several = split_of_maps([part[:132] for part in parts], [part[132:] for part in parts], 28_800)
+    several = split_of_maps([part[:132] for part in parts], [part[132:] for part in parts], places, 28_800)
     assert several.is_held_out and len(several.fit) == 13 * 6
     steps = [int(after) - int(before) for before, after in zip(several.fit[:5], several.fit[1:6], strict=True)]
     assert max(steps) <= 8
+    assert abs(np.mean([int(name) for name in several.fit[:6]]) - 66) < 2
+
+
+def test_a_stretch_on_which_the_sensor_moves_is_looked_at_and_judged_by_scans_next_to_it() -> None:
+    names, waits = [f"{row:06d}" for row in range(600)], range(30, 90)
+    parts = [names[start : start + 150] for start in range(0, 600, 150)]
+    fit, held_out = [[name for name in part if int(name) % 10] for part in parts], [part[::10] for part in parts]
+    places = on_the_way(600, waits)
+    split = split_of_maps(fit, held_out, places, 28_800)
+    assert int(split.fit[0]) >= 80 and int(split.fit[5]) < 150
+    fitted, judging = ([places[name][0] for name in some] for some in (split.fit[:6], split.test[:3]))
+    assert min(fitted) - 5 <= min(judging) and max(judging) <= max(fitted) + 5
 
 
 def test_scans_that_are_looked_at_do_not_grow_with_the_drive() -> None:
-    names = [f"{row:06d}" for row in range(36000)]
+    names, places = [f"{row:06d}" for row in range(36000)], on_the_way(36000)
     parts = [names[start : start + 150] for start in range(0, 36000, 150)]
-    split = split_of_maps([part[:132] for part in parts], [part[132:] for part in parts], 133_312)
+    split = split_of_maps([part[:132] for part in parts], [part[132:] for part in parts], places, 133_312)
     assert 133_312 * len(split.fit + split.test) <= 5_000_000

@@ -12,13 +12,17 @@ import pytest
 
 from cosim.cli import main
 from cosim.drives.twin.scene import scene_instances
+from cosim.recordings import open_recording
+from cosim.recordings.calibration.rounds import widened
+from cosim.recordings.mapping.odometry import find_trajectory
 from sensors.beams import Beams
+from sensors.effects.beams.elevation_offset import ElevationOffset
 from sensors.pattern import Pattern, load_pattern
 from sensors.sensor_model import load_sensor
 from sensors.tracing import Tracer
 from tests.cosim.conftest import refused
 from tests.cosim.recordings.simulated import yard
-from tests.cosim.recordings.test_twin import carried, path
+from tests.cosim.recordings.test_twin import STEP_M, carried, path
 from tests.sharing import made_once
 
 OFFSET_DEG = 0.6
@@ -42,6 +46,12 @@ def record(folder: Path, poses: np.ndarray, pattern: Pattern, dims_m: float | No
     return folder
 
 
+def test_odometry_does_not_travel_with_the_cone_that_raised_beams_make_of_level_ground(tmp_path: Path) -> None:
+    pytest.importorskip("kiss_icp")
+    scans = record(tmp_path / "scans", path(8), load_pattern("vlp32c"))
+    assert find_trajectory(open_recording(scans), 0.1).path_m == pytest.approx(7 * STEP_M, rel=0.1)
+
+
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A calibration on twenty-four scans: `scans/`, `out/` and `told.json` in one folder."""
@@ -56,17 +66,26 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    reason="the screen sees both effects, listed as unexplained, but their fits gain nothing", strict=True
-)
 def test_points_freed_of_what_was_found_make_a_thinner_map(calibrated: Path) -> None:
     rounds = json.loads((calibrated / "told.json").read_text())["rounds"]
-    found = {one["effect"] for each in rounds for one in each["findings"]}
-    assert found & {"sweep_motion", "elevation_offset"}
+    found = {one["effect"]: one for each in rounds for one in each["findings"]}
+    assert set(found) == {"sweep_motion", "elevation_offset"}
+    for effect, amplitude, true in (("sweep_motion", "sweep_s", 0.1), ("elevation_offset", "offset_deg", OFFSET_DEG)):
+        low, high = found[effect]["ci95"][amplitude]
+        assert low < true < high
     for name in ("thickness_ground_m", "thickness_walls_m", "held_out_m"):
         assert rounds[1][name] < rounds[0][name]
     sensor = load_sensor(calibrated / "out" / rounds[1]["sensor_out"])
-    assert found <= {one.name for one in sensor.effects}
+    assert set(found) <= {one.name for one in sensor.effects}
+
+
+def test_an_interval_knows_what_the_map_takes_up_of_what_its_points_were_not_freed_of() -> None:
+    told = {"params": {"offset_deg": 0.2}, "ci95": {"offset_deg": [0.19, 0.21]}}
+    first = widened("elevation_offset", told, [])["offset_deg"]
+    again = widened("elevation_offset", told, [ElevationOffset(offset_deg=0.18)])["offset_deg"]
+    assert first[0] == again[0] == 0.19 and 0.21 < again[1] < 0.215 < 0.23 < first[1]
+    noise = {"params": {"sigma_m": 0.02}, "ci95": {"sigma_m": [0.01, 0.03]}}
+    assert widened("range_noise", noise, []) == noise["ci95"], "moves no point"
 
 
 @pytest.mark.slow

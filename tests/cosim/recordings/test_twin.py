@@ -144,10 +144,12 @@ def test_surfels_lie_on_the_plane_and_know_its_scatter() -> None:
     rng = np.random.default_rng(0)
     xyz = rng.uniform(-3, 3, (40000, 3))
     xyz[:, 2] = 0.1 * xyz[:, 0] + 0.17 + rng.normal(0, 0.01, len(xyz))
-    ray = np.tile([0, 0, -1.0], (len(xyz), 1))
-    ones = np.ones(len(xyz))
-    cloud = Cloud(xyz.astype(np.float32), rng.integers(0, 9, len(xyz)), ones, ray, ones)
+    ray, ones = np.tile([0, 0, -1.0], (len(xyz), 1)), np.ones(len(xyz))
+    elevation_deg = np.where(xyz[:, 0] < 0, -8.0, rng.choice([-8.0, -10.0], len(xyz)))  # of one laser, of two
+    cloud = Cloud(xyz.astype(np.float32), rng.integers(0, 9, len(xyz)), ones, ray, elevation_deg, ones)
     surfels, _ = make_surfels(cloud, SurfelSettings())
+    several = surfels.of_several_lasers(SurfelSettings())
+    assert several[surfels.low[:, 0] > 0.1].all() and not several[surfels.high[:, 0] < 0].any()
     assert len(surfels) > 100 and np.median(surfels.sd_m) == pytest.approx(0.01, rel=0.1)
     normal = np.array([-0.1, 0, 1]) / np.hypot(1, 0.1)
     assert np.median(surfels.normal @ normal) > 0.9995
@@ -174,6 +176,7 @@ def test_standing_scans_are_said_to_tell_little(tmp_path: Path) -> None:
     assert find_trajectory(recording, 0.1).standing
     made = write_recording_twin(recording, tmp_path / "twin")
     assert any("seen from one place" in note for note in made.notes)
+    assert made.made.trusted[made.made.ground].mean() < 0.1  # cells that one laser alone has drawn
 
 
 def test_bad_input_is_refused(tmp_path: Path) -> None:
