@@ -10,11 +10,11 @@ from cosim.discrepancy.report.budget_section import budget_section
 from cosim.discrepancy.report.explorer_section import Explored, explorer_section, explorer_style
 from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.report.residual_charts import CHANNELS, Chart
-from cosim.discrepancy.report.worth_section import worth_section
 from cosim.discrepancy.scores import SCALES
 from cosim.discrepancy.slices import Slice
 from cosim.discrepancy.words import source_words, times
 from cosim.report import document, facts, meter, notes_section, section, table
+from cosim.variants.worth_section import worth_section
 
 _SIDES = ("at the poses as given", "poses, objects and the map aligned")
 _CHANNEL_WORDS = {"range": "ranges", "intensity": "intensities", "drop": "returns", "spurious": "stray points"}

@@ -15,13 +15,13 @@ from cosim.discrepancy.report.explorer_section import Explored, explorer_section
 from cosim.discrepancy.report.layout import LAYOUT
 from cosim.discrepancy.report.unexplained_section import unexplained_section
 from cosim.discrepancy.report.unknown_section import unknown_section
-from cosim.discrepancy.report.worth_section import worth_section
 from cosim.discrepancy.words import FEW, Vocabulary, channel_words, spread_words, unexplained_words, unknown_words
 from cosim.report import document, figure, notes_section, section, table
 from cosim.report.phrases import listed, p_cell
 from cosim.report.plot import Axis, Plot
 from cosim.report.ranking_table import ranking_section
 from cosim.report.waterfall import waterfall
+from cosim.variants.worth_section import worth_section
 from sensors.effects.confusions import separations
 
 _SIDES = ("the model as given", "with what was found")
