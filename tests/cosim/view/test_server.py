@@ -19,7 +19,7 @@ from tests.cosim.view.unpacking import unpacked
 def server(labelled_drive: Path) -> Iterator[ViewServer]:
     shown = show_drives([Drive(labelled_drive)], "000000,000001", None, None, for_file=False)
     with ViewServer(shown) as server:
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))  # s between looks for its end
         thread.start()
         yield server
         server.shutdown()

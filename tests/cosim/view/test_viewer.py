@@ -262,7 +262,7 @@ def test_no_name_becomes_markup(browser: Chromium, bare_drive: Path, tmp_path: P
 def test_a_served_page_traces_when_residuals_are_asked_for(browser: Chromium, yard: Yard) -> None:
     shown = show_drives([Drive(yard.drive)], None, None, str(yard.sensor), for_file=False)
     with ViewServer(shown) as server:
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
         thread.start()
         browser.open(server.address)
         plain = pixels(browser)
