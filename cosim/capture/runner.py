@@ -22,7 +22,7 @@ from cosim.drives.writer import DriveWriter
 from cosim.engine import Engine, Event, LocalEngine, Skipped
 from cosim.errors import CosimError
 from sensors.sensor_model import SensorModel
-from sumo_nets import read_town
+from sumo_nets import RECIPES, read_town
 
 _log = logging.getLogger(__name__)
 _REPORTED_PACKAGES = ("cosim", "eclipse-sumo", "embreex", "numpy", "trimesh", "pyrender2")
@@ -72,7 +72,10 @@ def run(
         AssetError, TownError, SensorError, CameraError: likewise.
     """
     sensors = rig_sensors(config)
+    given = config.world is not None or config.trajectories is not None
     for name in config.towns:
+        if name in RECIPES and not given:
+            continue  # a built-in town holds nothing to be told about, and workers read it anyway
         town = read_town(name)
         for note in town.notes:
             _log.warning("%s", note)
