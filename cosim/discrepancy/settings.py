@@ -222,7 +222,6 @@ class Pick:
     tried: int = 4  # candidates a round, until one helps
     halves: int = 999  # random halves of the clusters on which candidates compete: they tell shares to 0.01
     few_numbers: int = 2  # of effects that go first on a map made of the scans
-    most_gain: float = 0.9  # quantile of gains by place, at which they are cut off there in a second look
     of_ranges: int = 4  # candidates of ranges that are fitted there
     of_others: int = 2  # of each other channel
     shapes: int = 2  # dependences of a channel that are solved a round
