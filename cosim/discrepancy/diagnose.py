@@ -169,7 +169,7 @@ def gain_elsewhere(case: Case, state: State, view: View, judges: View, *, of_noi
     On frames that took no part. Of a map made of the scans these are few, next to each other, and say little of how
     surfaces look from near and far. There all frames judge, by surfaces in places that took no part: whose own places
     are free as those of the others are. Such places are few, and one wall may gain more than all others together: so it
-    is asked, too, how sure the gain is without the most of what a few places gain.
+    is asked, too, how sure the gain is without the most of that.
 
     Args:
         case: of the diagnosis.
@@ -186,8 +186,7 @@ def gain_elsewhere(case: Case, state: State, view: View, judges: View, *, of_noi
     told = gain(judges.fitter, before, judges.fitted, of_noise=of_noise)
     if not view.fitter.sample.of_own_map:
         return told
-    least = gain(judges.fitter, before, judges.fitted, of_noise=of_noise, most=case.settings.pick.most_gain)
-    return min(told, least, key=lambda one: one.p_value)
+    return min(told, told.without_outlier(), key=lambda one: one.p_value)
 
 
 def concluded(case: Case, state: State) -> Diagnosis:

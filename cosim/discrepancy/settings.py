@@ -123,6 +123,7 @@ class Descent:
     steps: int = 12  # at most
     rough_steps: int = 10  # of a candidate
     halvings: int = 5  # of a step
+    brightnesses: Six = (0.3, 0.7, 0.95, 1.05, 1.4, 3.0)  # times what a surface of a map has, that are tried a step
     least_told: float = 1e-5  # of what would be known laser by laser without random effects; less is not told at all
     rounds: int = 3  # of tracing anew where beams were bent
     turned_rad: float = 7e-4  # by how much a beam may have turned from where it was traced
@@ -222,7 +223,6 @@ class Pick:
     tried: int = 4  # candidates a round, until one helps
     halves: int = 999  # random halves of the clusters on which candidates compete: they tell shares to 0.01
     few_numbers: int = 2  # of effects that go first on a map made of the scans
-    most_gain: float = 0.9  # quantile of gains by place, at which they are cut off there in a second look
     of_ranges: int = 4  # candidates of ranges that are fitted there
     of_others: int = 2  # of each other channel
     shapes: int = 2  # dependences of a channel that are solved a round

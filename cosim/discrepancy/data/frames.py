@@ -145,7 +145,7 @@ class FrameTracer:
         if own_map is None:
             trusted, unsure_m, unsure_intensity = _known(frame, shot, observed, self.settings.beams.grazing)
         else:
-            surface, trusted, unsure_m = _on_map(own_map, shot, observed, self.settings.beams.grazing)
+            surface, trusted, unsure_m = _on_map(own_map, shot, observed, ego, self.settings.beams.grazing)
             unsure_intensity = np.zeros(len(observed.rays), np.float32)
         border, seam = self._neighbours.at_border(traced.hits)
         edge, nearest_m = self._neighbours.at_edge(traced.hits)
@@ -203,15 +203,18 @@ def _known(frame: Frame, shot: Shot, observed: Observed, grazing: float) -> tupl
 
 
 def _on_map(
-    surfaces: MapSurfaces, shot: Shot, observed: Observed, grazing: float
+    surfaces: MapSurfaces, shot: Shot, observed: Observed, ego: EgoMotion, grazing: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Surfaces of a map that beams meet, which beams may be compared, and how unsure roughness makes ranges."""
-    met, measured = _places(shot, observed)
     solid, traced = shot.hits.solid, shot.traced
     assert traced is not None  # frames are traced
-    surface = surfaces.met(met, solid.instance).astype(np.int32)
+    surface = surfaces.met(_places(shot, observed)[0], solid.instance).astype(np.int32)
     slope = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
-    return surface, observed.trusted & surfaces.compared(surface, measured), surfaces.unsure_m(surface, slope, grazing)
+    returned = traced.origin + traced.direction * observed.along_m[:, None]
+    turning = np.cross([0.0, 0.0, ego.yaw_rate_radps], returned - ego.pose[:3, 3])
+    moved = (observed.rays.time_s - traced.time_s)[:, None] * (ego.velocity_mps + turning)
+    trusted = observed.trusted & surfaces.compared(surface, returned, moved)
+    return surface, trusted, surfaces.unsure_m(surface, slope, grazing)
 
 
 def _places(shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray]:

@@ -136,16 +136,19 @@ class MapSurfaces:
         off = np.einsum("ij,ij->i", place - self.centre[row], self.normal[row])
         return np.where((self.cells[at] == cell) & (np.abs(off) < self.settings.on_plane_m), row, -1)
 
-    def compared(self, met: np.ndarray, measured: np.ndarray) -> np.ndarray:
-        """Which beams may be compared, (n,) bool.
+    def compared(self, met: np.ndarray, measured: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """Which beams may be compared, (n,) bool: those that return from about the surface, or would if moved in part.
 
         Args:
             met: (n,) rows of the surfaces that beams meet.
             measured: (n, 3) world places of their returns; NaN where a beam has none.
+            moved: (n, 3) how the sensor moved until the beam was fired, as far as the model does not say so [m].
         """
         row = np.maximum(met, 0)
         off = np.einsum("ij,ij->i", measured - self.centre[row], self.normal[row])
-        return (met >= 0) & self.trusted[row] & ~(np.abs(off) > self.settings.margin_m)
+        both = np.stack([off, off + np.einsum("ij,ij->i", moved, self.normal[row])])
+        away = np.where(np.sign(both[0]) == np.sign(both[1]), np.abs(both).min(0), 0.0)
+        return (met >= 0) & self.trusted[row] & ~(away > self.settings.margin_m)
 
     def unsure_m(self, met: np.ndarray, slope: np.ndarray, grazing: float) -> np.ndarray:
         """(n,) float32 standard deviation of ranges to rough surfaces.

@@ -37,18 +37,9 @@ class Gain:
         return float(stats.t.sf(self.value / self.error, self.freedom))
 
     @classmethod
-    def of(cls, strata: Sequence[np.ndarray], most: float | None = None) -> Gain:
-        """From differences by cluster, in strata whose clusters are alike (Welch–Satterthwaite).
-
-        Args:
-            strata: of clusters.
-            most: quantile of the sizes of a stratum's differences at which its gains are cut off, losses never. What is
-                left bounds the gain from below, and is surer where a few clusters gain by far the most.
-        """
+    def of(cls, strata: Sequence[np.ndarray]) -> Gain:
+        """From differences by cluster, in strata whose clusters are alike (Welch–Satterthwaite)."""
         used = [one[one != 0] for one in strata]
-        if most is not None:
-            used = [np.minimum(one, np.quantile(np.abs(one), most)) if len(one) else one for one in used]
-            strata = used
         used = [one for one in used if len(one) > 1]
         sums = (np.concatenate(strata),)
         value = float(sums[0].sum())
@@ -59,8 +50,18 @@ class Gain:
         degrees = np.array([len(one) - 1 for one in used])
         return cls(value, float(np.sqrt(total)), total**2 / float((squares**2 / degrees).sum()), sums)
 
+    def without_outlier(self) -> Gain:
+        """A lower bound that is surer where one cluster gains more than all others that gain together; else the same.
 
-def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = False, most: float | None = None) -> Gain:
+        Its gain is cut off at the size of the next largest difference (Winsor; Dixon, Ann. Math. Stat. 1960).
+        """
+        if all(2 * one.max() <= one.clip(0).sum() for one in self.sums) or min(map(len, self.sums)) < 2:
+            return self
+        cut = [np.minimum(one, np.sort(np.abs(one))[-2]) for one in self.sums]
+        return max((Gain.of([one]) for one in cut), key=lambda one: one.p_value)
+
+
+def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = False) -> Gain:
     """Gain of one fit over another, random effects with their laws.
 
     The gain per beam does not depend on how many beams were drawn; its error is of clusters: objects, cells of the
@@ -70,7 +71,6 @@ def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = Fals
         fitter: of the sample that both are of.
         before, after: fits, or models as they are with random effects fitted.
         of_noise: hold spreads against how neighbours differ instead, which no misfit of the mean enters.
-        most: quantile at which gains of clusters are cut off, see `Gain.of`.
     """
     clusters, sample = fitter.random.clusters, fitter.sample
     if of_noise:
@@ -86,8 +86,8 @@ def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = Fals
     by_track = by_track + np.bincount(np.maximum(clusters.unit_track, 0), things, len(by_track))[: len(by_track)]
     by_part = np.bincount(clusters.part, beams)
     by_thing = np.bincount(np.maximum(clusters.unit_track, 0), things)
-    found = [Gain.of([by_track, scans], most), Gain.of([by_part, scans, by_thing], most)]
-    unsure = max(found, key=lambda one: one.error if most is None else one.p_value)
+    found = [Gain.of([by_track, scans]), Gain.of([by_part, scans, by_thing])]
+    unsure = max(found, key=lambda one: one.error)
     return replace(unsure, sums=tuple(one.sums[0] for one in found))
 
 

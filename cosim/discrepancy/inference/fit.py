@@ -211,6 +211,7 @@ class Fitter:
         """Gauss–Newton steps at one blur, variances updated along."""
         state = replace(state, fit=self.judged(state.prediction, state.estimate, blur))
         for number in range(steps):
+            state = self._lit(state, blur)
             value = self._penalised(state)
             evidence = Evidence.of(self.sample, state.fit, blur).reweighted(state.fit, self.settings.law)
             if blur == 0.0 and number in (1, 2, 4):
@@ -226,6 +227,7 @@ class Fitter:
                 part = 0.5**halving
                 moved = replace(state.estimate, u=state.estimate.u + part * change_u)
                 trial = self._state(_moved(state.effects, free, part * step), moved, blur)
+                trial = self._lit(trial, blur, state.estimate)
                 reached = self._penalised(trial)
                 if reached > value:
                     gained, state = reached - value, trial
@@ -240,6 +242,37 @@ class Fitter:
             ):
                 break
         return state
+
+    def _lit(self, state: _State, blur: float, other: Estimate | None = None) -> _State:
+        """With each surface of a map made of the scans as bright as is likeliest, all else as it is.
+
+        Their noise grows with brightness, so that slopes lead astray where one is dark or of two kinds.
+
+        Args:
+            state: of a fit.
+            blur: as of `judge`.
+            other: whose brightnesses are tried; by default multiples of those that surfaces have.
+        """
+        rows, sample = self.random.rows("albedo_of_map"), self.sample
+        if not sample.of_own_map or rows.stop == rows.start:
+            return state
+        bright, darkest = 1 + state.estimate.u[rows], self.settings.unsure.darkest
+        factors = self.settings.descent.brightnesses
+        others = [factor * bright for factor in factors] if other is None else [1 + other.u[rows]]
+        cell, used = np.maximum(sample.surface, 0), sample.share * (sample.surface >= 0)
+
+        def tried(bright: np.ndarray) -> tuple[_State, np.ndarray]:
+            estimate = replace(state.estimate, u=state.estimate.u.copy())
+            estimate.u[rows] = bright - 1
+            lit = replace(state, estimate=estimate, fit=self.judged(state.prediction, estimate, blur))
+            return lit, np.bincount(cell, used * lit.fit.loglik, len(bright))
+
+        best, reached = bright, np.bincount(cell, used * state.fit.loglik, len(bright))
+        for trial in others:
+            trial = np.maximum(trial, darkest)
+            value = tried(trial)[1]
+            best, reached = np.where(value > reached, trial, best), np.maximum(value, reached)
+        return tried(best)[0]
 
     def _least_told(self, free: Sequence[Free]) -> float:
         """See `LinearModel.step`: of lists on a map made of the scans, which tells no gain that all lasers share."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import sparse
 
 from cosim.discrepancy.inference.columns import Column, Factored, SparseMatrix, ridged, scaled, stacked
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
@@ -100,8 +100,8 @@ class LinearModel:
 
         Args:
             estimate: random effects as they are.
-            least_told: share of the information about a direction of the parameters that random effects must leave;
-                with less the step does not go that way, as there is nothing to tell how far.
+            least_told: share of what would be known of parameters one by one, which random effects and the other
+                parameters must leave of a direction; with less the step does not go that way, as nothing tells how far.
         """
         right = self._scored(self.z, len(self.used)) - self.precision * estimate.u[self.used]
         step = np.zeros(self.parameters)
@@ -112,13 +112,12 @@ class LinearModel:
         return step, change
 
     def _told(self, slope: np.ndarray, least: float) -> np.ndarray:
-        """The step (p,) of a slope (p,), along directions of which random effects leave a share of what is known."""
+        """The step (p,) of a slope (p,), along directions of which a share is left of what is known one by one."""
         if not least:
             return np.linalg.solve(self.fixed_information, slope)
         known = np.diag(self._own_information)
         scale = np.sqrt(np.where(known > 0, known, 1.0))
-        both = np.outer(scale, scale)
-        share, way = linalg.eigh(self.fixed_information / both, ridged(self._own_information / both))
+        share, way = np.linalg.eigh(self.fixed_information / np.outer(scale, scale))
         way, share = way[:, share > least], share[share > least]
         return way @ ((way.T @ (slope / scale)) / share) / scale
 

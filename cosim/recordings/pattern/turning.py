@@ -25,6 +25,8 @@ _FEWEST, _MOST = 180, 8192  # firings a turn
 _CLEAR = 0.5  # of the amplitude that a perfect grid would have
 _STEPS = (0.25, 1.4)  # distances between neighbours that are one step
 _RUN_SHARE = 0.9
+_FEWEST_OF_RING = 100  # points in a row that are a ring, or a part of it
+_WIDEST = np.pi / 4  # that a laser may be offset to either side
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,13 +155,8 @@ def _fan(
     if order == "firing by firing":
         return _side_by_side(scans, which, lasers), "firing order"
     if order == "ring by ring" and clockwise is not None:
-        starts = np.array(
-            [_ring_starts(s.azimuth_rad, row, lasers, sense) for s, row in zip(scans, which, strict=True)]
-        )
-        first = np.nanmin(np.where(np.isfinite(starts), starts, np.inf), axis=0)
-        fan = np.where(np.isfinite(first), sense * (first - np.pi / max(firings, 1)), 0.0)
-        wide = float(np.ptp(np.quantile(fan, (0.1, 0.9))))  # a few rings begin late behind what shades them
-        if 2 * 2 * np.pi / max(firings, 1) < wide < np.pi:
+        fan = _of_ring_ends(scans, which, lasers, sense, 2 * np.pi / max(firings, 1))
+        if float(np.ptp(np.quantile(fan, (0.1, 0.9)))) > 2 * 2 * np.pi / max(firings, 1):
             return np.degrees(fan), "ring starts"
     return np.zeros(lasers), "not at all"
 
@@ -211,16 +208,28 @@ def _wrapped(angle_rad: np.ndarray) -> np.ndarray:
     return (angle_rad + np.pi) % (2 * np.pi) - np.pi
 
 
-def _ring_starts(azimuth: np.ndarray, row: np.ndarray, lasers: int, sense: float) -> np.ndarray:
-    """How far beyond the seam each ring's first point lies along the turn [rad], (k,); NaN without points."""
-    found = np.full(lasers, np.nan)
-    first = np.flatnonzero(np.diff(row, prepend=-2) != 0)
-    length = np.diff(first, append=len(row))
-    seam = np.pi if sense < 0 and abs(azimuth[0]) > np.pi / 2 else 0.0
-    for at, size in zip(first, length, strict=True):
-        if size > 100 and row[at] >= 0 and np.isnan(found[row[at]]):
-            found[row[at]] = (sense * (azimuth[at] - seam) + np.pi) % (2 * np.pi) - np.pi
-    return found
+def _of_ring_ends(
+    scans: Sequence[Scan], which: Sequence[np.ndarray], lasers: int, sense: float, step: float
+) -> np.ndarray:
+    """Offsets [rad] (k,) from where each ring begins and ends in any scan, as rings turn once, all from one seam.
+
+    A ring begins late and ends early where nothing returns, as into the sky: its first and last points bound its offset
+    from both sides. Within these bounds it is taken to be what rings have whose offset is told. The seam is in front or
+    behind, wherever most rings begin.
+    """
+    first, last = np.full((len(scans), lasers), np.nan), np.full((len(scans), lasers), np.nan)
+    for number, (scan, row) in enumerate(zip(scans, which, strict=True)):
+        begin = np.flatnonzero(np.diff(row, prepend=-2) != 0)
+        end = np.append(begin[1:], len(row)) - 1
+        long = (end - begin > _FEWEST_OF_RING) & (row[begin] >= 0)
+        first[number, row[begin[long][::-1]]] = sense * scan.azimuth_rad[begin[long][::-1]]  # of several, the first
+        last[number, row[end[long]]] = sense * scan.azimuth_rad[end[long]]
+    seam = np.pi if np.median(np.cos(first[np.isfinite(first)])) < 0 else 0.0
+    most = np.fmin.reduce((first - seam + _WIDEST) % (2 * np.pi) - _WIDEST) - step / 2
+    least = np.fmax.reduce((last - seam - _WIDEST) % (2 * np.pi) + _WIDEST) - 2 * np.pi + step / 2
+    told = most - least < 2 * step
+    usual = float(np.median((most + least)[told])) / 2 if told.any() else 0.0
+    return sense * np.where(np.isfinite(most), np.clip(usual, least, np.maximum(least, most)), usual)
 
 
 def _settled(samples: list[np.ndarray]) -> np.ndarray:

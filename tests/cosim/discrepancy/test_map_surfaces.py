@@ -52,8 +52,11 @@ def test_beams_are_compared_where_they_return_from_about_a_trusted_surface_or_no
     surfaces = Maps(drive_with(tmp_path / "drive", wall(trusted=np.array([1] * 39 + [0], np.uint8)))).of(None)
     assert surfaces is not None
     measured = np.array([[4.9, 0, 1], [4.5, 0, 1], [np.nan] * 3, [5.0, 15.6, 1], [5.0, 0, 1]])
-    compared = surfaces.compared(np.array([0, 0, 0, 39, -1]), measured)
-    np.testing.assert_array_equal(compared, [True, False, True, False, False])
+    met, still = np.array([0, 0, 0, 39, -1]), np.zeros((5, 3))
+    np.testing.assert_array_equal(surfaces.compared(met, measured, still), [True, False, True, False, False])
+    for moved, seen in ((0.4, True), (1.5, True), (-0.4, False)):
+        compared = surfaces.compared(met, measured, still + [moved, 0, 0])
+        np.testing.assert_array_equal(compared, [True, seen, True, False, False], f"it had moved by {moved} m")
 
 
 def test_roughness_is_what_noise_of_ranges_does_not_explain(tmp_path: Path) -> None:
