@@ -12,12 +12,8 @@ from shapely import Geometry
 from assets.world.surfaces import Outlines
 
 ROAD_EDGE_M = 2.0  # edge length of carriageway triangles
-_TERRAIN = (
-    (1.5, 2.5),
-    (3.0, 8.0),
-    (5.0, 30.0),
-    (12.0, np.inf),
-)  # edge length of triangles up to a distance from streets
+# edge lengths of terrain's triangles, each up to a distance from the streets
+_TERRAIN = ((1.5, 2.5), (3.0, 8.0), (5.0, 30.0), (12.0, np.inf))
 _SHORTEST_M = 0.12
 
 CARRIAGEWAY, PAVEMENT, TERRAIN = 0, 1, 2

@@ -41,9 +41,11 @@ def test_a_name_says_all_of_a_towns_unevenness(base):
 
 
 def test_roads_are_even_to_a_centimetre_or_two_and_land_less_so(base):
-    spread = [np.std(second_differences(base, middles(base, zone), 1.0)) for zone in (CARRIAGEWAY, TERRAIN)]
-    assert 0.003 < spread[0] < 0.015
-    assert spread[1] > 1.5 * spread[0]
+    verge = middles(base, TERRAIN)
+    verge = verge[shapely.dwithin(base.paved, shapely.points(verge), 2.0)]
+    road, land = (np.std(second_differences(base, points, 1.0)) for points in (middles(base, CARRIAGEWAY), verge))
+    assert 0.003 < road < 0.015
+    assert land > 1.5 * road
 
 
 def test_unevenness_grows_with_the_distance_over_which_it_is_looked_at(base):
@@ -83,4 +85,4 @@ def test_a_ribbon_over_a_ridge_is_nowhere_below_it():
 
     mesh = ribbons(np.array([[0.0, 0.0]]), np.array([[5.0, 0.0]]), 2.0, ridge, "asphalt_patch")
     z, _ = fall(mesh, np.column_stack([np.linspace(0.01, 4.99, 99), np.full(99, 0.3)]))
-    assert (z - ridge(np.column_stack([np.linspace(0.01, 4.99, 99), np.zeros(99)])) > -2e-3).all()
+    assert (z - ridge(np.column_stack([np.linspace(0.01, 4.99, 99), np.zeros(99)])) > -3e-3).all()

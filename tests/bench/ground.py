@@ -1,9 +1,9 @@
 """How uneven the ground is, ours beside real: `python -m tests.bench.ground DRIVE... [--real DIR] [--frames FILE]`.
 
-Ground is told as it is in scans without labels: square cells whose points all lie low and rise by less than a kerb and a
-half over a plane. Two figures, each a distribution over places: the scatter of a cell's points about its plane, by range;
-and, along single rings, where no laser's calibration enters, how far a point lies from the middle of its neighbours a lag
-before and behind (second differences, whose growth with the lag is the ground's spectrum).
+Ground is told as it is in scans without labels: square cells whose points all lie low and within a kerb and a half of
+a plane. Two figures, each as quartiles and ninth decile over places: the scatter of a cell's points about its plane,
+by range; and, along single rings, where no laser's calibration enters, second differences of height, whose growth with
+the lag is the ground's spectrum.
 """
 
 from __future__ import annotations
