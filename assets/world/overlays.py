@@ -40,7 +40,10 @@ def ribbons(
     between = (corners + np.roll(corners, -1, axis=1)) / 2
     chords = (heights + np.roll(heights, -1, axis=1)) / 2
     sunk = (z(between.reshape(-1, 2)).reshape(-1, 4) - chords).max(1)  # under a ridge between two corners
-    heights += np.maximum(sunk, 0.0)[:, None]
+    _, corner = np.unique(np.round(corners.reshape(-1, 2), 4), axis=0, return_inverse=True)
+    lift = np.zeros(corner.max() + 1)
+    np.maximum.at(lift, corner.reshape(-1, 4), np.maximum(sunk, 0.0)[:, None])  # pieces stay joined
+    heights += lift[corner.reshape(-1, 4)]
     quads = np.arange(4 * len(corners)).reshape(-1, 4)
     vertices = np.column_stack([corners.reshape(-1, 2), heights.reshape(-1)])
     return Mesh.of(vertices, quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), material)

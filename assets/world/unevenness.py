@@ -1,8 +1,8 @@
 """What makes ground no plane: roads fall to their gutters, subsoil settles, slabs and verges lie as they like.
 
-Heights about the smooth surface are a sum of octaves, each a random B-spline of its own spacing, whose deviation grows
-with a power of that (self-affine surfaces: the vertical counterpart of ISO 8608's spectra of roads). How much each zone
-has was fitted to real scans: see tests/bench/ground.py.
+Heights about the smooth surface are a sum of octaves, each a random B-spline of its own spacing. Like those of real ground
+second differences of height along a line grow nearly with their lag (roads: ISO 8608). How much of it each zone
+has follows real scans, see tests/bench/ground.py.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from scipy.spatial import KDTree
 
 from assets.world.ground import CARRIAGEWAY, PAVEMENT, TERRAIN, Plan, zone_borders
 
-_CROSSFALL, _FALLS_FROM_M = 0.02, 4.0  # rise over run towards the gutter, from this far on either side
-_SETTLED_M, _GROWTH = 0.008, 0.4  # deviation of the octave of 1 m on all ground, and the power of its spacing
-_SETTLED_SPACINGS_M = (1.0, 2.0, 4.0, 8.0)
-_LOOSE_M = {CARRIAGEWAY: 0.0, PAVEMENT: 0.008, TERRAIN: 0.030}  # deviation of what a zone has besides
+_CROSSFALL, _FALLS_FROM_M = 0.015, 4.0  # rise over run towards the gutter, from this far on either side
+_SETTLED_M = 0.011  # deviation of each octave on all ground
+_SETTLED_SPACINGS_M = (1.0, 2.0, 4.0)
+_LOOSE_M = {CARRIAGEWAY: 0.0, PAVEMENT: 0.008, TERRAIN: 0.040}  # deviation of what a zone has besides
 _LOOSE_SPACINGS_M = (0.8, 1.6)
 _SPLINE = 2.0 / 3.0, 1.0 / 6.0  # a cubic B-spline at its knot and beside it
 
@@ -33,7 +33,7 @@ def unevenness(plan: Plan, name: str) -> np.ndarray:
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     zone = _inner_zone(plan)
     loose = np.array([_LOOSE_M[k] for k in (CARRIAGEWAY, PAVEMENT, TERRAIN)])[zone]
-    settled = sum(_SETTLED_M * m**_GROWTH * _octave(plan.points, m, rng) for m in _SETTLED_SPACINGS_M)
+    settled = sum(_SETTLED_M * _octave(plan.points, m, rng) for m in _SETTLED_SPACINGS_M)
     rough = sum(_octave(plan.points, m, rng) for m in _LOOSE_SPACINGS_M) / np.sqrt(len(_LOOSE_SPACINGS_M))
     return settled + loose * rough + _crossfall(plan)
 
