@@ -16,7 +16,7 @@ from cosim.traffic.simulation import Traffic
 from sumo_nets import DemandConfig, read_town
 from tests.cosim.inspector import centres
 
-STEPS = 500
+STEPS = 300
 
 
 @dataclass
@@ -94,7 +94,7 @@ def test_they_walk_and_do_not_jump(seen):
 
 
 def test_the_same_seed_gives_the_same_people():
-    one, other = watch(60), watch(60)
+    one, other = watch(25), watch(25)
     assert one.people[-1].ids == other.people[-1].ids
     assert np.array_equal(one.people[-1].front, other.people[-1].front)
 
