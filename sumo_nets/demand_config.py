@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from assets.ranges import CountRange, Range, draw, draw_count
 from sumo_nets.recipe import Demand, KindShares
+
+
+def _a_share(values: tuple[float, float]) -> tuple[float, float]:
+    if values[1] > 1:
+        raise ValueError(f"a share of {values[1]:g} is above 1; give 0 to 1")
+    return values
 
 
 class DemandConfig(BaseModel):
@@ -27,6 +33,10 @@ class DemandConfig(BaseModel):
     )
     parked_factor: Range = Field(default=(0.6, 1.2), description="parked vehicles over what is usual in the town [1]")
     walking_factor: Range = Field(default=(0.3, 2.0), description="people on foot over what is usual in the town [1]")
+    beside_parked: Annotated[Range, AfterValidator(_a_share)] = Field(
+        default=(0.0, 0.04),
+        description="share of the parked vehicles that somebody loads, gets into or stands beside [1]",
+    )
     kinds: KindShares | None = Field(
         default=None, description="mean shares of the kinds on the move; none: the town's own"
     )

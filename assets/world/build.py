@@ -19,12 +19,12 @@ from assets.world.given import given_buildings
 from assets.world.greenery import hedgerow_trees, planted_trees, trees_mesh
 from assets.world.ground import TERRAIN
 from assets.world.groundwork import Groundwork, lay_groundwork
-from assets.world.height_field import HeightField
 from assets.world.houses import design
 from assets.world.markings import repairs_mesh
 from assets.world.obstacles import Obstacles
 from assets.world.plots import lay_out
 from assets.world.props import SignalHead, props_mesh
+from assets.world.sheet import Sheet
 from assets.world.styles import style_of
 from assets.world.terrain import terrain_materials
 
@@ -38,14 +38,14 @@ class World:
     Attributes:
         mesh: all surfaces.
         ground: what wheels and feet stand on: carriageway, kerbs, pavement and terrain, without markings.
-        height: the smooth base surface z = H(x, y), (n, 2) → (n,); the carriageway lies on it.
+        height: the sheet z = H(x, y), (n, 2) → (n,), on which the carriageway lies.
         bounds: (2, 2) lower and upper corner of the land, x and y.
         signals: heads of traffic signals, whose lamps are dark in the mesh.
     """
 
     mesh: Mesh
     ground: Mesh
-    height: HeightField
+    height: Sheet
     bounds: np.ndarray
     signals: tuple[SignalHead, ...] = ()
 

@@ -12,8 +12,8 @@ from shapely import Geometry
 from assets.world.surfaces import Outlines
 
 ROAD_EDGE_M = 2.0  # edge length of carriageway triangles
-_NEAR_EDGE_M, _FAR_EDGE_M = 5.0, 12.0  # terrain
-_NEAR_STREET_M = 30.0
+# edge lengths of terrain's triangles, each up to a distance from the streets
+_TERRAIN = ((1.5, 2.5), (3.0, 8.0), (5.0, 30.0), (12.0, np.inf))
 _SHORTEST_M = 0.12
 
 CARRIAGEWAY, PAVEMENT, TERRAIN = 0, 1, 2
@@ -24,11 +24,13 @@ class Plan:
     """The triangulated plan of a town.
 
     Attributes:
+        triangles: Delaunay triangulation of all points.
         points: (n, 2) float64 world x, y.
         faces: (m, 3) counter-clockwise rows of `points`.
         zone: (m,) CARRIAGEWAY, PAVEMENT or TERRAIN.
     """
 
+    triangles: Delaunay
     points: np.ndarray
     faces: np.ndarray
     zone: np.ndarray
@@ -41,7 +43,8 @@ def triangulate(outlines: Outlines, low: np.ndarray, high: np.ndarray) -> Plan:
     edge_points, midpoints = _unencroached(linework)
     clearance = KDTree(np.concatenate([edge_points, midpoints]))
     points = np.concatenate([edge_points, *_fill(paved, low, high, clearance)])
-    faces = Delaunay(points).simplices
+    triangles = Delaunay(points)
+    faces = triangles.simplices
     a, b, c = (points[faces[:, k]] for k in range(3))
     area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     faces = np.where((area < 0)[:, None], faces[:, ::-1], faces)[np.abs(area) > 1e-5]
@@ -50,7 +53,25 @@ def triangulate(outlines: Outlines, low: np.ndarray, high: np.ndarray) -> Plan:
     zone = np.full(len(faces), TERRAIN, np.uint8)
     zone[shapely.contains_xy(paved, centre[:, 0], centre[:, 1])] = PAVEMENT
     zone[shapely.contains_xy(outlines.carriageway, centre[:, 0], centre[:, 1])] = CARRIAGEWAY
-    return Plan(points, faces, zone)
+    return Plan(triangles, points, faces, zone)
+
+
+def zone_borders(plan: Plan) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Directed edges between zones: start and end point rows, the zone on the left, the zone on the right.
+
+    Every border edge appears twice, once from either side.
+    """
+    start = plan.faces.reshape(-1)
+    end = np.roll(plan.faces, -1, axis=1).reshape(-1)
+    zone = np.repeat(plan.zone, 3).astype(np.int64)
+    n = len(plan.points)
+    forward, backward = start.astype(np.int64) * n + end, end.astype(np.int64) * n + start
+    order = np.argsort(forward)
+    slot = np.minimum(np.searchsorted(forward[order], backward), len(order) - 1)
+    twin = order[slot]
+    paired = forward[twin] == backward
+    border = paired & (zone != zone[twin])
+    return start[border], end[border], zone[border], zone[twin][border]
 
 
 def _unencroached(linework: Geometry) -> tuple[np.ndarray, np.ndarray]:
@@ -91,15 +112,14 @@ def _fill(paved: Geometry, low: np.ndarray, high: np.ndarray, clearance: KDTree)
     fine = fine[shapely.contains_xy(paved, fine[:, 0], fine[:, 1])]
     fine = fine[clearance.query(fine)[0] > 0.58 * ROAD_EDGE_M]
     parts = [fine]
-    for edge, nearest, farthest in (
-        (_NEAR_EDGE_M, 0.5 * _NEAR_EDGE_M, _NEAR_STREET_M),
-        (_FAR_EDGE_M, _NEAR_STREET_M, np.inf),
-    ):
+    nearest = 0.58 * _TERRAIN[0][0]
+    for edge, farthest in _TERRAIN:
         grid = _hexagonal(low, high, edge)
         distance = clearance.query(grid)[0]
         grid = grid[(distance > nearest) & (distance <= farthest)]
         parts.append(grid[~shapely.contains_xy(paved, grid[:, 0], grid[:, 1])])
-    return [*parts, _border(low, high, _FAR_EDGE_M)]
+        nearest = farthest
+    return [*parts, _border(low, high, _TERRAIN[-1][0])]
 
 
 def _border(low: np.ndarray, high: np.ndarray, edge_m: float) -> np.ndarray:

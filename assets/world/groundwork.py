@@ -11,11 +11,13 @@ from assets.cache import cached
 from assets.mesh import Mesh
 from assets.streets import Streets
 from assets.world.ground import CARRIAGEWAY, TERRAIN, Plan, triangulate
-from assets.world.height_field import HeightField, fit_height_field
+from assets.world.height_field import fit_height_field
 from assets.world.kerbside import Kerbside, kerbside
 from assets.world.markings import markings_mesh
 from assets.world.relief import Relief, ground_mesh, kerb_stones
+from assets.world.sheet import Sheet
 from assets.world.surfaces import Outlines, open_roads, outline
+from assets.world.unevenness import unevenness
 
 _MARGIN_M = 120.0  # land beyond the streets
 
@@ -28,7 +30,7 @@ class Groundwork:
         streets: the network it was made of.
         town: (2, 2) lower and upper corner of the streets, x and y.
         bounds: (2, 2) the same of the land.
-        height: the smooth base surface.
+        height: the sheet that everything lies on: the smooth surface, uneven as ground is.
         outlines: what is paved.
         paved: all of that together.
         open_roads: along which nobody lives.
@@ -42,7 +44,7 @@ class Groundwork:
     streets: Streets
     town: np.ndarray
     bounds: np.ndarray
-    height: HeightField
+    height: Sheet
     outlines: Outlines
     paved: Geometry
     open_roads: Geometry
@@ -72,10 +74,11 @@ def lay_groundwork(streets: Streets) -> Groundwork:
     places = np.concatenate([lane.centre[:, :2] for lane in streets.lanes])
     low, high = places.min(0), places.max(0)
     bounds = np.stack([low - _MARGIN_M, high + _MARGIN_M])
-    height = fit_height_field(streets, *bounds)
     outlines = outline(streets)
-    relief = Relief(height, outlines.crossings)
     plan = triangulate(outlines, *bounds)
+    smooth = fit_height_field(streets, *bounds)(plan.points)
+    height = Sheet(plan.triangles, smooth + unevenness(plan, streets.name))
+    relief = Relief(height, outlines.crossings)
     return Groundwork(
         streets=streets,
         town=np.stack([low, high]),

@@ -1,4 +1,4 @@
-"""Thin sheets draped over the smooth surface: ribbons and discs a few millimetres above the road."""
+"""Thin sheets draped over the ground: ribbons and discs a few millimetres above the road."""
 
 from __future__ import annotations
 
@@ -9,27 +9,44 @@ import numpy as np
 from assets.mesh import Mesh
 
 Heights = Callable[[np.ndarray], np.ndarray]
-_PIECE_M = 2.1  # a sheet longer than this is cut so that it follows the surface
+_PIECE_M = 0.9  # a sheet longer or wider than this is cut so that it follows the ground
 
 
-def ribbons(start: np.ndarray, end: np.ndarray, width_m: np.ndarray | float, z: Heights, material: str) -> Mesh:
-    """Straight bands from `start` to `end` (n, 2), facing up, at heights `z` of their corners."""
+def ribbons(
+    start: np.ndarray,
+    end: np.ndarray,
+    width_m: np.ndarray | float,
+    z: Heights,
+    material: str,
+    piece_m: float = _PIECE_M,
+) -> Mesh:
+    """Straight bands from `start` to `end` (n, 2), facing up, at heights `z` of their corners and nowhere below it."""
     length = np.linalg.norm(end - start, axis=1)
     keep = length > 0.02
     start, end, length = start[keep], end[keep], length[keep]
     width = np.broadcast_to(np.asarray(width_m, np.float64), len(keep))[keep]
     if len(start) == 0:
         return Mesh.empty()
-    count = np.maximum(1, np.ceil(length / _PIECE_M)).astype(int)
+    along, across = (np.maximum(1, np.ceil(span / piece_m)).astype(int) for span in (length, width))
+    count = along * across
     which = np.repeat(np.arange(len(start)), count)
     part = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
-    step = ((end - start) / count[:, None])[which]
-    first = start[which] + step * part[:, None]
-    side = ((end - start) / length[:, None])[which][:, ::-1] * [-1.0, 1.0] * (width[which] / 2)[:, None]
-    corners = np.stack([first - side, first + step - side, first + step + side, first + side], axis=1)
-    xy = corners.reshape(-1, 2)
-    quads = np.arange(len(xy)).reshape(-1, 4)
-    return Mesh.of(np.column_stack([xy, z(xy)]), quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), material)
+    run = ((end - start) / along[:, None])[which]
+    left = ((end - start) / length[:, None])[:, ::-1] * [-1.0, 1.0] * width[:, None]
+    rise = (left / across[:, None])[which]
+    first = (start - left / 2)[which] + run * (part // across[which])[:, None] + rise * (part % across[which])[:, None]
+    corners = np.stack([first, first + run, first + run + rise, first + rise], axis=1)
+    heights = z(corners.reshape(-1, 2)).reshape(-1, 4)
+    between = (corners + np.roll(corners, -1, axis=1)) / 2
+    chords = (heights + np.roll(heights, -1, axis=1)) / 2
+    sunk = (z(between.reshape(-1, 2)).reshape(-1, 4) - chords).max(1)  # under a ridge between two corners
+    _, corner = np.unique(np.round(corners.reshape(-1, 2), 4), axis=0, return_inverse=True)
+    lift = np.zeros(corner.max() + 1)
+    np.maximum.at(lift, corner.reshape(-1, 4), np.maximum(sunk, 0.0)[:, None])  # pieces stay joined
+    heights += lift[corner.reshape(-1, 4)]
+    quads = np.arange(4 * len(corners)).reshape(-1, 4)
+    vertices = np.column_stack([corners.reshape(-1, 2), heights.reshape(-1)])
+    return Mesh.of(vertices, quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), material)
 
 
 def discs(centre: np.ndarray, radius_m: float, z: Heights, material: str, corners: int = 12) -> Mesh:

@@ -1,8 +1,7 @@
-"""From plan to ground mesh: each zone at its height over the smooth surface, kerbs between them."""
+"""From plan to ground mesh: each zone at its height over the common sheet, kerbs between them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +10,9 @@ from shapely import Geometry
 
 from assets.materials import material_index
 from assets.mesh import Mesh
-from assets.world.ground import CARRIAGEWAY, PAVEMENT, TERRAIN, Plan
+from assets.world.ground import CARRIAGEWAY, PAVEMENT, ROAD_EDGE_M, TERRAIN, Plan, zone_borders
 from assets.world.overlays import ribbons
+from assets.world.sheet import Sheet
 
 KERB_M = 0.12
 LOWERED_KERB_M = 0.02  # at crossings
@@ -23,14 +23,14 @@ _RAMP_M = (0.2, 1.4)  # distances from a crossing between which the kerb rises t
 
 @dataclass(frozen=True, eq=False)
 class Relief:
-    """How high each zone lies over the smooth surface.
+    """How high each zone lies over the common sheet.
 
     Attributes:
-        height: the smooth surface H, (n, 2) → (n,), metres.
+        height: the sheet H, (n, 2) → (n,), metres; the carriageway lies on it.
         crossings: where kerbs are lowered.
     """
 
-    height: Callable[[np.ndarray], np.ndarray]
+    height: Sheet
     crossings: Geometry
 
     def rise_m(self, points: np.ndarray, zone: int) -> np.ndarray:
@@ -68,19 +68,20 @@ def kerb_stones(plan: Plan, relief: Relief) -> Mesh:
     run = last - first
     away = run[:, ::-1] * [1.0, -1.0] / np.maximum(np.linalg.norm(run, axis=1, keepdims=True), 1e-6)
     middle = away * _STONE_M / 2
-    return ribbons(first + middle, last + middle, _STONE_M, lambda xy: relief.z(xy, PAVEMENT) + _STONE_RISE_M, "kerb")
+    return ribbons(
+        first + middle, last + middle, _STONE_M, lambda xy: relief.z(xy, PAVEMENT) + _STONE_RISE_M, "kerb", ROAD_EDGE_M
+    )  # as long as the triangles that they lie on
 
 
 def ground_mesh(plan: Plan, relief: Relief, terrain_materials: np.ndarray) -> Mesh:
     """Carriageway, pavement, terrain and the vertical kerbs between them.
 
     Args:
-        plan: the triangulated plan.
+        plan: the triangulated plan, whose points are those of the sheet.
         relief: heights of the zones.
         terrain_materials: (t,) material row of each terrain triangle, in the plan's order.
     """
-    base = relief.height(plan.points)
-    heights = np.stack([base + relief.rise_m(plan.points, zone) for zone in range(3)])
+    heights = np.stack([relief.height.z + relief.rise_m(plan.points, zone) for zone in range(3)])
     materials = np.array([material_index("asphalt"), material_index("paving"), 0], np.uint8)[plan.zone]
     materials[plan.zone == TERRAIN] = terrain_materials
     vertices = np.concatenate([np.column_stack([plan.points, z]) for z in heights])
@@ -106,21 +107,3 @@ def _kerbs(plan: Plan, heights: np.ndarray) -> Mesh:
     n = len(start)
     quads = np.arange(4 * n).reshape(4, n).T
     return Mesh.of(np.concatenate(corners), quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), "kerb")
-
-
-def zone_borders(plan: Plan) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Directed edges between zones: start and end point rows, the zone on the left, the zone on the right.
-
-    Every border edge appears twice, once from either side.
-    """
-    start = plan.faces.reshape(-1)
-    end = np.roll(plan.faces, -1, axis=1).reshape(-1)
-    zone = np.repeat(plan.zone, 3).astype(np.int64)
-    n = len(plan.points)
-    forward, backward = start.astype(np.int64) * n + end, end.astype(np.int64) * n + start
-    order = np.argsort(forward)
-    slot = np.minimum(np.searchsorted(forward[order], backward), len(order) - 1)
-    twin = order[slot]
-    paired = forward[twin] == backward
-    border = paired & (zone != zone[twin])
-    return start[border], end[border], zone[border], zone[twin][border]

@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from assets.ranges import draw
 from cosim.capture.collection import COMPANY_M, StillWatch, Watch
 from cosim.capture.config import RunConfig
 from cosim.capture.mast import Mast, stand_mast
@@ -83,7 +84,7 @@ def _simulate(
     # A user's scenario is simulated step by step from its beginning: a saved state does not hold all that one may have.
     seen_s = config.warm_up_s if town.scenario is not None else min(config.warm_up_s, _LEAD_IN_S)
     with tempfile.TemporaryDirectory(prefix="cosim-") as folder:
-        sumocfg = populated(town, config, rng, Path(folder))
+        sumocfg, beside_parked = populated(town, config, rng, Path(folder))
         seed, state, own = int(rng.integers(2**31)), None, town.scenario is not None
         if config.warm_up_s > seen_s:
             state = warmed_up(sumocfg, seed, config.warm_up_s - seen_s, Path(folder))
@@ -94,6 +95,7 @@ def _simulate(
                 int(rng.integers(2**31)),
                 sight_m=max(_SIGHT_M, config.label_range_m),
                 may_appear=own,
+                beside_parked=beside_parked,
                 on_step=on_step,
             )
             actors = living.step() if state else living.advance(max(2, round(seen_s / config.step_s)))
@@ -146,9 +148,14 @@ def _until_somebody_drives(traffic: Traffic, living: DrivenTraffic, actors: Acto
     return actors
 
 
-def populated(town: Town, config: RunConfig, rng: np.random.Generator, folder: Path) -> Path:
-    """The scenario to simulate: a population of its own for a built-in town, a user's town as it is."""
+def populated(town: Town, config: RunConfig, rng: np.random.Generator, folder: Path) -> tuple[Path, float]:
+    """The scenario to simulate: a population of its own for a built-in town, a user's town as it is.
+
+    Returns:
+        The scenario's file, and the share of its parked vehicles that people are about.
+    """
     if town.scenario is not None:
-        return town.runnable(folder)
+        return town.runnable(folder), 0.0
     demand = config.population.draw(RECIPES[town.name].demand, rng)
-    return write_demand(town, demand, int(rng.integers(2**31)), folder)
+    share = draw(config.population.beside_parked, rng.spawn(1)[0])
+    return write_demand(town, demand, int(rng.integers(2**31)), folder), share

@@ -48,7 +48,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         tempfile.TemporaryDirectory(prefix="cosim-") as folder,
         ProgressReport(console, f"simulating {options.seconds:g} s of traffic"),
     ):
-        sumocfg = populated(town, nobody, np.random.default_rng([config.seed, 0]), Path(folder))
+        sumocfg, _ = populated(town, nobody, np.random.default_rng([config.seed, 0]), Path(folder))
         tracks = record(
             sumocfg,
             config.behaviour,

@@ -9,6 +9,7 @@ import numpy as np
 from cosim.traffic.actors import Actors
 from cosim.traffic.admission import Admission
 from cosim.traffic.behaviour import BehaviourConfig, Drivers, Event
+from cosim.traffic.behaviour.bystanders import Bystanders
 from cosim.traffic.behaviour.kerbside import Kerbside
 from cosim.traffic.behaviour.roads import Roads
 from cosim.traffic.motion import Motion
@@ -26,6 +27,7 @@ class DrivenTraffic:
         sight_m: nobody appears or vanishes this near to a protected vehicle.
         may_appear: whether vehicles may appear there all the same.
         on_step: called after every step.
+        beside_parked: share of the parked vehicles that somebody stands or walks about [1].
     """
 
     def __init__(
@@ -36,6 +38,7 @@ class DrivenTraffic:
         sight_m: float = 120.0,
         *,
         may_appear: bool = False,
+        beside_parked: float = 0.0,
         on_step: Callable[[], None] = lambda: None,
     ) -> None:
         self._on_step = on_step
@@ -47,7 +50,8 @@ class DrivenTraffic:
         self._sight_m = sight_m
         self._vicinity: Vicinity | None = None
         self._entrances = Admission(traffic, self._motion, self._protected, 0.0 if may_appear else sight_m)
-        self._drivers = Drivers(config, seed, self._roads, self._protected, sight_m)
+        self._bystanders = Bystanders(beside_parked, seed, self._roads)
+        self._drivers = Drivers(config, seed, self._roads, self._protected, sight_m, self._bystanders.cars)
 
     @property
     def events(self) -> list[Event]:
@@ -92,7 +96,8 @@ class DrivenTraffic:
             self._vicinity.look(self._drivers.acting)
             self._drivers.share = self._vicinity.share
         actors = self._kerbside.arrange(self._traffic, self._roads, self._traffic.step())
-        actors = self._motion.update(self._entrances.admit(actors))
+        actors = self._bystanders.join(self._traffic, self._motion, self._entrances.admit(actors))
+        actors = self._motion.update(actors)
         self._drivers.apply(self._traffic, self._motion, actors)
         self._on_step()
         return actors

@@ -65,7 +65,7 @@ def stay(town: str, config: BehaviourConfig, seconds: float, seed: int, toleranc
     """Simulate and watch a town; one SUMO simulation runs in this process meanwhile."""
     inspector, teleports, counts = Inspector(tolerance_m=tolerance_m), 0, []
     with Traffic(read_town(town).sumocfg, seed=seed) as traffic:
-        living = DrivenTraffic(traffic, config, seed=seed)
+        living = DrivenTraffic(traffic, config, seed=seed, beside_parked=0.05)
         steps, ego, rng = round(seconds / traffic.step_s), "", np.random.default_rng(seed)
         for number in range(steps):
             actors = living.step()

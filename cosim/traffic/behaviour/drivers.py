@@ -34,13 +34,22 @@ class Drivers:
         seed: of all draws; those of habits follow from it and a vehicle's id alone.
         roads: the network.
         exempt: vehicles (the ego) that neither park nor collide, now or from a later step on.
+        attended: parked vehicles that do not drive off, now or from a later step on.
         sight_m: nobody vanishes this near to an exempt vehicle.
 
     Attributes:
         share: of the town's drivers, those that are given; as large a share of the incidents falls to them.
     """
 
-    def __init__(self, config: BehaviourConfig, seed: int, roads: Roads, exempt: set[str], sight_m: float) -> None:
+    def __init__(
+        self,
+        config: BehaviourConfig,
+        seed: int,
+        roads: Roads,
+        exempt: set[str],
+        sight_m: float,
+        attended: set[str],
+    ) -> None:
         def rng(name: str) -> np.random.Generator:
             return np.random.default_rng([seed, zlib.crc32(name.encode())])
 
@@ -66,7 +75,7 @@ class Drivers:
             )
         )
         self._stage: Stage | None = None
-        self._exempt = exempt
+        self._exempt, self._attended = exempt, attended
         self.share = 1.0
 
     @property
@@ -98,6 +107,7 @@ class Drivers:
                 rows,
                 traffic.step_s,
                 exempt=self._exempt,
+                attended=self._attended,
                 sight_m=self._sight_m,
             )
         self._stage.share = self.share

@@ -77,7 +77,7 @@ class Patience:
             at = stage.rows.get(other) if other is not None else None
             if other is None or at is None or actors.parked[at] or other in stage.steered or other in self._go_first:
                 continue
-            if abs(actors.speed_mps[at]) < _STANDS_MPS:
+            if abs(actors.speed_mps[at]) < _STANDS_MPS and actors.kinds[at] != "pedestrian":
                 api.setSpeedMode(other, _GOES_FIRST)
                 self._go_first[other] = actors.time_s + _GOES_FIRST_S
         for vehicle, until in list(self._go_first.items()):

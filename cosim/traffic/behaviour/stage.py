@@ -28,6 +28,7 @@ class Stage:
         rows: vehicle → row of `actors`.
         step_s: SUMO's step length.
         busy: vehicles in a manoeuvre, which no other may begin with.
+        attended: parked vehicles that people are about, which do not drive off.
         exempt: vehicles that neither park nor collide nor are taken away (the ego).
         sight_m: nobody may vanish this near to one of them.
         share: of the town's drivers, those among `actors`.
@@ -46,6 +47,7 @@ class Stage:
     rows: dict[str, int]
     step_s: float
     busy: set[str] = field(default_factory=set)
+    attended: set[str] = field(default_factory=set)
     exempt: set[str] = field(default_factory=set)
     sight_m: float = 120.0
     share: float = 1.0
@@ -61,8 +63,8 @@ class Stage:
         return self.traffic.api
 
     def engaged(self, vehicle: str) -> bool:
-        """Whether no manoeuvre may begin with a vehicle: it is in one, or a taxi on its way to somebody."""
-        return vehicle in self.busy or self.traffic.dispatched(vehicle)
+        """Whether no manoeuvre may begin with a vehicle: in one, attended, or a taxi on its way to somebody."""
+        return vehicle in self.busy or vehicle in self.attended or self.traffic.dispatched(vehicle)
 
     def see(self, actors: Actors) -> None:
         """Go on to the next step."""
@@ -96,12 +98,16 @@ class Stage:
         return per_min > 0 and bool(rng.random() < per_min / 60 * self.step_s * self.share)
 
     def boxes_near(self, place: np.ndarray, but: str) -> np.ndarray:
-        """Boxes (k, 5) of vehicles near a place (2,): x, y, heading, length, width; without one vehicle."""
+        """Boxes (k, 5) of vehicles near a place (2,), and of people beside them: x, y, heading, length, width.
+
+        Without one vehicle.
+        """
         actors = self.actors
         forward = np.column_stack([np.cos(actors.heading_rad), np.sin(actors.heading_rad)])
-        centre = actors.front[:, :2] - forward * actors.size[:, :1] / 2
+        walks = np.array([kind == "pedestrian" for kind in actors.kinds], bool)
+        centre = actors.front[:, :2] - forward * np.where(walks[:, None], 0.0, actors.size[:, :1] / 2)
         near = np.hypot(*(centre - place).T) < NEAR_M
-        near &= np.array([kind != "pedestrian" for kind in actors.kinds], bool)
+        near &= ~walks | np.array([not lane for lane in actors.lanes], bool)
         if but in self.rows:
             near[self.rows[but]] = False
         return np.column_stack([centre, actors.heading_rad, actors.size[:, :2]])[near]

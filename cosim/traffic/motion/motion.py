@@ -78,6 +78,10 @@ class Motion:
         if vehicle in self._rows:
             self._of["lane_offset"][self._rows[vehicle]] = offset_m
 
+    def offset(self, vehicle: str) -> float:
+        """How far beside the middle of its lane a vehicle drives, positive to the left [m]."""
+        return self._lane_offsets.get(vehicle, 0.0)
+
     def play(self, vehicle: str, script: Script) -> None:
         """Let a vehicle move by a script from the next step on, whatever SUMO does with it."""
         row = self._rows[vehicle]
@@ -223,9 +227,14 @@ class Motion:
     def _take_steps(self, actors: Actors, drives: np.ndarray, wanted: BicycleState) -> None:
         """Everyone goes where he wants, except where bodies would touch."""
         of, step = self._of, self._step_s
-        wheels = np.flatnonzero(~self._walks)
+        # whom SUMO's vehicles do not know of
+        stands = self._walks & np.array([not lane for lane in actors.lanes], bool)
+        wheels = np.flatnonzero(~self._walks | stands)
+        on_foot = stands[wheels]
         state = {name: of[name][wheels].copy() for name in ("front", "heading", "curvature", "speed")}
         state["curvature"][actors.parked[wheels]] = state["speed"][actors.parked[wheels]] = 0.0
+        state["speed"][on_foot] = state["curvature"][on_foot] = 0.0
+        state["front"][on_foot] += _bumpers(actors, of["heading"], wheels[on_foot])
         want, place = {name: values.copy() for name, values in state.items()}, np.searchsorted(wheels, drives)
         want["front"][place], want["heading"][place] = wanted.front, wanted.heading_rad
         want["curvature"][place], want["speed"][place] = wanted.curvature_per_m, wanted.speed_mps
@@ -241,14 +250,15 @@ class Motion:
         )
         taken, waits, blocks = take_steps(company, step)
         self._blocks = {actors.ids[wheels[i]]: actors.ids[wheels[j]] for i, j in blocks.items()}
+        rolls = wheels[~on_foot]
         for name, values in taken.items():
-            of[name][wheels] = values
+            of[name][rolls] = values[~on_foot]
         of["aside"][wheels] *= np.exp(-np.abs(taken["speed"]) * step / _ASIDE_M)
-        self._note_footsteps(actors, wheels[~actors.parked[wheels]])
+        self._note_footsteps(actors, rolls[~actors.parked[rolls]])
         of["waits"][wheels] = np.where(waits, of["waits"][wheels] + step, 0.0)
-        stands = waits & (taken["speed"] < _STANDS_MPS)
+        stays = waits & (taken["speed"] < _STANDS_MPS)
         stuck = of["stuck"][wheels]
-        of["stuck"][wheels] = np.where(waits, stuck + step * stands, np.maximum(stuck - 2 * step, 0.0))
+        of["stuck"][wheels] = np.where(waits, stuck + step * stays, np.maximum(stuck - 2 * step, 0.0))
 
     def _note_footsteps(self, actors: Actors, rows: np.ndarray) -> None:
         of = self._of
@@ -394,6 +404,12 @@ class Motion:
         self._rows = {name: row for row, name in enumerate(actors.ids)}
         self._chassis = Chassis.of(actors.kinds, actors.size[:, 0])
         self._walks = np.array([kind == "pedestrian" for kind in actors.kinds], bool)
+
+
+def _bumpers(actors: Actors, heading_rad: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """From the middles of boxes to their front ends (k, 2)."""
+    forward = np.column_stack([np.cos(heading_rad[rows]), np.sin(heading_rad[rows])])
+    return actors.size[rows, :1] / 2 * forward
 
 
 def _length(vectors: np.ndarray) -> np.ndarray:

@@ -28,7 +28,7 @@ def live(
     """A town's first minutes: what was seen, events, teleports, and the last step."""
     inspector, teleports, ego = Inspector(), 0, ""
     with Traffic(read_town(town).sumocfg, seed=seed) as traffic:
-        living = DrivenTraffic(traffic, config, seed=seed)
+        living = DrivenTraffic(traffic, config, seed=seed, beside_parked=0.05)
         for number in range(steps):
             actors = living.step()
             teleports += traffic.api.simulation.getStartingTeleportNumber()
