@@ -15,7 +15,7 @@ from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
 from cosim.discrepancy.sampling.drawing import whole_sample
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.scores import Ensemble, FrameScores, Totals, model_chance, scored
-from cosim.discrepancy.state import Case, View, are_sharp, seen_by, spreads
+from cosim.discrepancy.state import Case, View, seen_by, spreads
 from sensors.effects.base import Effect
 
 PARTS = ("poses", "objects", "map")
@@ -113,8 +113,7 @@ class Aligned:
             alone = self._random.without(self._estimate, ("map", "albedo_of_map"))
             self._estimate = seen_by(view, effects, alone).estimate
         sizes = spreads(self._random, self._estimate)
-        clear = are_sharp(case.settings, sizes)
-        self._wide = [None if clear else one.unsure(*sizes) for one in frames]
+        self._wide = [one.unsure(*sizes) if any(sizes) else None for one in frames]
         origin = case.sensor.origin
         self._members = [
             Ensemble.of(one, self._effects, model_chance(0, number), origin) for number, one in enumerate(frames)

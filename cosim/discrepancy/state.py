@@ -14,7 +14,7 @@ from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score_test import Tested
 from cosim.discrepancy.sampling.drawing import draw_sample
-from cosim.discrepancy.sampling.sample import Sample
+from cosim.discrepancy.sampling.silhouettes import with_silhouettes
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unknown.shape import Shape
 from sensors.effects.base import Effect
@@ -104,7 +104,7 @@ class View:
     Attributes:
         names: of the frames.
         frames: traced as effects bent their beams.
-        fitter: of a sample of their beams; ambiguous ones are left out.
+        fitter: of a sample of their beams.
         fitted: the model fitted to it.
     """
 
@@ -180,12 +180,12 @@ def viewed(
         if fitter is not None and number < rounds and _is_far(fitter, effects):
             frames, fitter = tuple(case.tracer.trace_all(names, bending(effects))), None
         if fitter is None:
-            sample = draw_sample(frames, rows, np.random.default_rng([case.seed, rows]), judging=side)
+            sample = draw_sample(frames, rows, np.random.default_rng([case.seed, rows]), edges=True, judging=side)
             if sizes is None:
-                plain = Fitter(sample)
+                plain = Fitter(sample.clear_of([one.edge for one in frames]))
                 start = plain.fit(effects, (), start).estimate
                 sizes = spreads(plain.random, start)
-            fitter = Fitter(clear_sample(frames, sample, sizes))
+            fitter = Fitter(with_silhouettes(frames, sample, *sizes))
             start = fitter.random.begun_from(start)
         free = [one for one in all_free(effects, model.fitted, fitter.rings) if one.unknown.name not in held]
         fitted = fitter.fit(effects, free, start)
@@ -222,20 +222,15 @@ def seen_by(view: View, effects: Sequence[Effect], estimate: Estimate | None = N
     return view.fitter.fit(effects, (), view.fitted.estimate if estimate is None else estimate)
 
 
-def clear_sample(frames: Sequence[TracedFrame], sample: Sample, sizes: tuple[float, float]) -> Sample:
-    """The sample without beams that errors of poses and objects of such sizes may have moved across an edge."""
-    return sample if are_sharp(sample.settings, sizes) else sample.clear_of([one.unsure(*sizes) for one in frames])
-
-
-def are_sharp(settings: Settings, sizes: tuple[float, float]) -> bool:
-    """Whether edges are as sharp as they were traced where poses and objects are off by no more than such sizes."""
-    return sizes[0] < settings.unsure.sharp_m and sizes[1] < settings.unsure.sharp_rad
-
-
 def spreads(random: RandomEffects, estimate: Estimate) -> tuple[float, float]:
-    """How far edges may stand off: shift [m] and turn [rad], so many standard deviations of poses and objects."""
+    """How far edges may stand off: shift [m] and turn [rad], so many standard deviations of poses and objects.
+
+    0 both where they are as good as sharp.
+    """
     by, poses = random.sample.settings.unsure, random.spread(estimate, "poses")
     shifts = [poses[:3], *(random.spread(estimate, name)[:2] for name in ("objects", "objects_by_scan"))]
     shift_m = by.edge_sigmas * float(np.sqrt(sum(np.max(one, initial=0.0) ** 2 for one in shifts)))
     turn_rad = by.edge_sigmas * float(np.max(poses[3:], initial=0.0))
+    if shift_m < by.sharp_m and turn_rad < by.sharp_rad:
+        return 0.0, 0.0
     return min(shift_m, by.widest_m), min(turn_rad, by.widest_rad)

@@ -39,7 +39,9 @@ class TracedFrame:
         unsure_m, unsure_intensity: (n,) how far the twin itself may be off where the beam meets it: along the beam and
             in brightness, standard deviations; 0 where it is surveyed.
         edge: (n,) bool: beams whose outcome is ambiguous, because a touch aside the world is another.
+        grazed: (n,) bool: those of them that run along what they meet rather than to it.
         nearest_m: (n,) range of the nearest surface at that edge; infinite away from edges.
+        neighbours: of the beams.
         border: (n,) bool: beams whose brightness is, because a touch aside the material is another.
         seam: (n,) bool: the same where the other is so much brighter or darker that the brightness tells which it was.
         leaning: (6,) error of the LiDAR's pose that was traced with: a shift [m], and a turn about its axes [rad].
@@ -58,7 +60,9 @@ class TracedFrame:
     unsure_m: np.ndarray
     unsure_intensity: np.ndarray
     edge: np.ndarray
+    grazed: np.ndarray
     nearest_m: np.ndarray
+    neighbours: Neighbours
     border: np.ndarray
     seam: np.ndarray
     leaning: np.ndarray
@@ -69,12 +73,28 @@ class TracedFrame:
     surface: np.ndarray
     settings: Settings
 
+    @property
+    def is_surveyed(self) -> bool:
+        """Whether silhouettes stand where the twin has them: neither its own points nor boxes and models tell that."""
+        return self.map is None and not self.own_axes
+
     def unsure(self, shift_m: float, turn_rad: float) -> np.ndarray:
         """(n,) bool: beams that meet something else, or another material, if poses are off by so much."""
-        pattern, solid, settings = self.shot.pattern, self.shot.hits.solid, self.settings.beams
-        seam = self.border | self.seam
-        found = widened(self.edge, self.nearest_m, pattern, shift_m, turn_rad, settings)
-        found |= widened(seam, np.where(seam, solid.range_m, np.inf), pattern, shift_m, turn_rad, settings)
+        return self.near_edges(shift_m, turn_rad) | self.beside_edges(shift_m, turn_rad)
+
+    def near_edges(self, shift_m: float, turn_rad: float) -> np.ndarray:
+        """(n,) bool: of these, beams that stand at an edge between two surfaces then."""
+        return widened(self.edge, self.nearest_m, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
+
+    def other_sides(self, beams: np.ndarray, shift_m: float, turn_rad: float) -> tuple[np.ndarray, np.ndarray]:
+        """See `Neighbours.other_sides`."""
+        return self.neighbours.other_sides(self.shot.hits, beams, shift_m, turn_rad)
+
+    def beside_edges(self, shift_m: float, turn_rad: float) -> np.ndarray:
+        """(n,) bool: of these, beams that then meet another material, or something thin that no beam meets."""
+        seam, reach = self.border | self.seam, self.shot.hits.solid.range_m
+        apart = np.where(seam, reach, np.inf)
+        found = widened(seam, apart, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
         return found | self._beside(shift_m, turn_rad)
 
     def _beside(self, shift_m: float, turn_rad: float) -> np.ndarray:
@@ -148,7 +168,7 @@ class FrameTracer:
             surface, trusted, unsure_m = _on_map(own_map, shot, observed, self.settings.beams.grazing)
             unsure_intensity = np.zeros(len(observed.rays), np.float32)
         border, seam = self._neighbours.at_border(traced.hits)
-        edge, nearest_m = self._neighbours.at_edge(traced.hits)
+        edge, grazed, nearest_m = self._neighbours.at_edge(traced.hits)
         return TracedFrame(
             name=name,
             place=twin.static or "",
@@ -158,7 +178,9 @@ class FrameTracer:
             unsure_m=unsure_m,
             unsure_intensity=unsure_intensity,
             edge=edge,
+            grazed=grazed,
             nearest_m=nearest_m,
+            neighbours=self._neighbours,
             border=border,
             seam=seam,
             leaning=leaning,

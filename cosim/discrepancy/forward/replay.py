@@ -222,11 +222,18 @@ class FrameReplay(Replayed):
 
     Args:
         frame: the frame.
-        beams: (n,) rows of its beams, sorted.
+        beams: (n,) rows of its beams.
         measured: what beams beside them returned, see `Shot.beside`.
+        met: (n,) rows of the beams whose surfaces they meet, where that are not their own.
     """
 
-    def __init__(self, frame: TracedFrame, beams: np.ndarray, measured: Mapping[str, np.ndarray] | None = None) -> None:
+    def __init__(
+        self,
+        frame: TracedFrame,
+        beams: np.ndarray,
+        measured: Mapping[str, np.ndarray] | None = None,
+        met: np.ndarray | None = None,
+    ) -> None:
         super().__init__()
         assert frame.shot.world is not None  # frames are traced
         self._shot, self._rows, self._world = frame.shot, beams, frame.shot.world
@@ -234,13 +241,19 @@ class FrameReplay(Replayed):
         self.is_calibrated = frame.observed.recovered
         self.along_m = frame.observed.along_m[beams].astype(np.float64)
         self.unsure = (frame.unsure_m[beams].astype(np.float64), frame.unsure_intensity[beams].astype(np.float64))
-        hits = frame.shot.hits
-        self.solid = hits.solid.take(beams)
-        self.met = Planes.of(frame, beams, self.solid)
-        behind = np.isin(hits.pane_beam, beams)
-        self.pane = hits.pane.take(np.flatnonzero(behind))
-        self.pane_beam = np.searchsorted(beams, hits.pane_beam[behind]).astype(np.int32)
-        self.paned = Planes.of(frame, hits.pane_beam[behind], self.pane)
+        hits, traced, whose = frame.shot.hits, frame.shot.traced, beams if met is None else met
+        assert traced is not None  # frames are traced
+        self.solid = hits.solid.take(whose)
+        self.met = Planes.of(frame, whose, self.solid)
+        if met is not None:
+            time_s = np.broadcast_to(traced.time_s, len(frame.shot.rays))[beams].astype(np.float64)
+            ranges = self.met.ranges(traced.origin[beams], traced.direction[beams].astype(np.float64), time_s)
+            self.solid = reached(self.solid, np.where(met == beams, self.solid.range_m, ranges))
+        pane = np.full(len(frame.shot.rays), -1)
+        pane[hits.pane_beam] = np.arange(len(hits.pane_beam))
+        self.pane_beam = np.flatnonzero(pane[whose] >= 0).astype(np.int32)
+        self.pane = hits.pane.take(pane[whose[self.pane_beam]])
+        self.paned = Planes.of(frame, whose[self.pane_beam], self.pane)
         self.paint, self.table = hits.paint, hits.table
         self.measured = measured
         self.egos, self.poses, self.frame = (frame.ego,), (self._world.pose,), np.zeros(len(beams), int)

@@ -131,4 +131,4 @@ def stray_weight(fitter: Fitter, fitted: Fitted) -> float:
     sample = fitter.sample
     weight = sample.weight[sample.returned & sample.compared & (fitted.fit.matched < 0.5)]
     own = float((weight**2).sum() / weight.sum()) if len(weight) else 1.0
-    return own / float(sample.weight.mean())
+    return own / sample.mean_weight

@@ -28,12 +28,13 @@ class Fit:
         range_z, intensity_z, rise_z: residuals in standard deviations; 0 where there are none.
         intensity_pull, intensity_known: what intensities say of their mean, and how much they would on average, in
             standard deviations.
+        met: probability that the beam met its row's surface; 1 away from edges.
         matched: probability that the return is the surface's.
         bright: probability that its brightness is, too; 0 where that is not to be told.
         whole: (n,) bool: intensities that the limits hardly ever cut off.
         seen: probability of a return of the surface, away from 0 and 1.
         expected_seen: the same as it is expected: of a beam that is certain to return no return tells anything.
-        loglik: (n,) log-likelihood.
+        loglik: (n,) log-likelihood, of each beam in its first row.
     """
 
     range_z: np.ndarray
@@ -43,6 +44,7 @@ class Fit:
     intensity_sigma: np.ndarray
     intensity_pull: np.ndarray
     intensity_known: np.ndarray
+    met: np.ndarray
     matched: np.ndarray
     bright: np.ndarray
     whole: np.ndarray
@@ -59,9 +61,10 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
         expected: of the same beams.
         blur: a standard deviation [m] added to every range: fits that are far off find their way with it.
     """
-    law, mean, returned = sample.settings.law, expected.range_m, sample.returned
+    law, mean, own = sample.settings.law, expected.range_m, sample.own
     sigma = np.hypot(range_spread_m(expected, law), blur)
-    z = np.where(returned & np.isfinite(mean), (sample.along_m - mean) / sigma, 0.0)
+    along_m, returned = sample.along_m[own], sample.returned[own]
+    z = np.where(returned & np.isfinite(mean), (along_m - mean) / sigma, 0.0)
     z = np.nan_to_num(z)
     seen = np.where(np.isfinite(mean), np.clip(expected.seen, law.lost_share, 1 - law.lost_share), 0.0)
     seen = np.where(sample.compared, seen, 0.0)
@@ -71,13 +74,14 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
     surface = certain * np.exp(student(z)) / sigma
     elsewhere = law.stray_share / law.reach_m + expected.stray
     density = surface + elsewhere
-    loglik = np.where(returned, np.log(density), np.log(np.maximum(expected.silent, law.lost_share)))
-    loglik = np.where(sample.compared, loglik, 0.0)
-    matched = np.where(returned, surface / density, 0.0)
+    outcome = np.where(returned, density, np.maximum(expected.silent, law.lost_share))
+    likelihood, met = _mixed(sample, outcome)
+    loglik = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)
+    matched = np.where(returned, met * surface / density, 0.0)
 
     rise = np.nan_to_num(sample.above_m - expected.rise_m)
-    rise_z = np.where(returned, rise / np.hypot(law.rise_sigma_m, blur), 0.0)
-    loglik += np.where(returned, student(rise_z), 0.0)
+    rise_z = np.where(sample.returned, rise / np.hypot(law.rise_sigma_m, blur), 0.0)
+    loglik += np.where(sample.returned, student(rise_z), 0.0)
     spread = intensity_spread(expected, law)
     none = np.zeros(len(z))
     light = _Light(none, none, none, none, none > 0, none)
@@ -86,8 +90,36 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
         loglik += matched * light.loglik
     bright = matched * light.own
     return Fit(
-        z, light.z, rise_z, sigma, spread, light.pull, light.known, matched, bright, light.whole, seen, whole, loglik
-    )
+        z, light.z, rise_z, sigma, spread, light.pull, light.known, met, matched, bright, light.whole, seen, whole,
+        loglik,
+    )  # fmt: skip
+
+
+def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Likelihoods (n,) of beams in their first rows, and the probability (n,) that they met the surface of each row.
+
+    Beams near edges meet either side, or neither: then they return from anywhere, or not at all. The shares of both
+    are the likeliest ones (Dempster, Laird and Rubin, J. R. Stat. Soc. B 1977), so that slopes know nothing of them.
+
+    Args:
+        sample: the measurements.
+        outcome: (n,) likelihood of what each beam did, if it met the surface of that row.
+    """
+    law, own, met = sample.settings.law, sample.own, np.ones(len(outcome))
+    near = np.flatnonzero(sample.edge & sample.first & sample.compared)
+    if not len(near):
+        return outcome, met
+    likelihood = np.where(sample.first, np.bincount(own, sample.chance * outcome, len(own)), 1.0)
+    sides, returned, weight = likelihood[near], sample.returned[near], sample.weight[near]
+    neither, weight = np.stack([returned / law.reach_m, ~returned]), weight / weight.sum()
+    share, before = np.full(2, law.neither_share), np.zeros(2)
+    while np.abs(share - before).max() > law.neither_known:
+        before, parts = share, share[:, None] * neither
+        share = parts / ((1 - share.sum()) * sides + parts.sum(0)) @ weight
+    likelihood[near] = (1 - share.sum()) * sides + share @ neither
+    rows = np.flatnonzero(sample.edge)
+    met[rows] = (1 - share.sum()) * (sample.chance * outcome)[rows] / likelihood[own[rows]]
+    return likelihood, met
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,13 +62,13 @@ class Evidence:
             "range": matched * pull(range_z) / range_sigma,
             "rise": returned * pull(rise_z) / rise_sigma,
             "range_variance": paired * _spread_excess(range_gap, law),
-            "drop": binary * (fit.matched - fit.expected_seen),
+            "drop": binary * (fit.matched - fit.met * fit.expected_seen),
         }
         information: dict[Quantity, np.ndarray] = {
             "range": matched * MEAN_INFORMATION / range_sigma**2,
             "rise": returned * MEAN_INFORMATION / rise_sigma**2,
             "range_variance": paired * _SPREAD_INFORMATION,
-            "drop": binary,
+            "drop": binary * fit.met,
         }
         if sample.has_intensity:
             bright = weight * fit.bright

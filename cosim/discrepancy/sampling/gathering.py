@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,25 +12,51 @@ from cosim.discrepancy.forward.joined import Replay
 from cosim.discrepancy.forward.replay import FrameReplay
 from cosim.discrepancy.sampling.sample import Sample
 from cosim.discrepancy.settings import Sampling
-from sensors.hits import NOTHING, STATIC
+from sensors.hits import NOTHING, STATIC, Surface
 
 _ASIDE = {"previous": (0, -1), "above": (-1, 0), "below": (1, 0)}  # rings down, and firings along
 BESIDE = tuple(f"{name}_{what}" for name in _ASIDE for what in ("range", "intensity", "lost"))
 
 
-def gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Sample:
-    """A sample of frames, of which beams, how many each stands for and the rows of partners are chosen."""
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """Rows that are taken of a frame; see `Sample` for all but `met`.
+
+    Attributes:
+        beam, weight: (n,).
+        partner, own: (n,) int rows among these.
+        met: (n,) int the beam whose surface each row is about: its own, or one beyond an edge.
+        chance: (n,) float.
+        edge: (n,) bool.
+    """
+
+    beam: np.ndarray
+    weight: np.ndarray
+    partner: np.ndarray
+    own: np.ndarray
+    met: np.ndarray
+    chance: np.ndarray
+    edge: np.ndarray
+
+    @classmethod
+    def plain(cls, beam: np.ndarray, weight: np.ndarray, partner: np.ndarray) -> Chosen:
+        """Beams that meet the surfaces which they were traced to."""
+        rows = len(beam)
+        return cls(beam, weight, partner, np.arange(rows), beam, np.ones(rows), np.zeros(rows, bool))
+
+
+def gathered(frames: Sequence[TracedFrame], chosen: Sequence[Chosen]) -> Sample:
+    """A sample of frames, of which rows are chosen."""
     replays, columns, rows = [], [], 0
-    for number, (frame, (beams, weight, partner)) in enumerate(zip(frames, chosen, strict=True)):
-        beside = _beside(frame, beams)
-        replays.append(FrameReplay(frame, beams, beside))
-        partner = np.where(partner >= 0, partner + rows, -1)
-        columns.append(
-            {"frame": np.full(len(beams), number), "beam": beams, "weight": weight, "partner": partner}
-            | _columns(frame, beams)
-            | beside
-        )
-        rows += len(beams)
+    for number, (frame, taken) in enumerate(zip(frames, chosen, strict=True)):
+        beside = _beside(frame, taken.beam)
+        replay = FrameReplay(frame, taken.beam, beside, taken.met)
+        replays.append(replay)
+        told = {name: getattr(taken, name) for name in ("beam", "weight", "chance", "edge")}
+        told |= {"frame": np.full(len(taken.beam), number), "own": taken.own + rows}
+        told["partner"] = np.where(taken.partner >= 0, taken.partner + rows, -1)
+        columns.append(told | _columns(frame, replay.solid, taken) | beside)
+        rows += len(taken.beam)
     joined = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
     track, names, cells = _tracks(
         frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"], frames[0].settings.sampling
@@ -66,9 +93,9 @@ def gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, n
     )
 
 
-def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
-    observed, shot = frame.observed, frame.shot
-    solid = shot.hits.solid.take(beams)
+def _columns(frame: TracedFrame, solid: Surface, taken: Chosen) -> dict[str, np.ndarray]:
+    observed, shot, beams = frame.observed, frame.shot, taken.beam
+    first = taken.own == np.arange(len(beams))
     assert shot.traced is not None  # frames are traced
     direction = shot.traced.direction[beams].astype(np.float64)
     normal = solid.normal.astype(np.float64)
@@ -85,14 +112,13 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
     place = shot.traced.origin[beams] + direction * np.nan_to_num(reach)[:, None]
     rays, toward = shot.rays, normal * steep[:, None]
     return {
-        "along_m": observed.along_m[beams].astype(np.float64),
+        "along_m": np.where(first, observed.along_m[beams], np.nan).astype(np.float64),
         "above_m": observed.above_m[beams].astype(np.float64),
-        "intensity": observed.intensity[beams].astype(np.float64),
+        "intensity": np.where(first, observed.intensity[beams], np.nan).astype(np.float64),
         "pose_derivative": np.nan_to_num(pose, posinf=0, neginf=0),
         "unsure_m": frame.unsure_m[beams].astype(np.float64),
         "unsure_intensity": frame.unsure_intensity[beams].astype(np.float64),
-        "edge": frame.edge[beams],
-        "border": frame.border[beams],
+        "border": frame.border[beams] | taken.edge,
         "seam": frame.seam[beams],
         "compared": observed.trusted[beams],
         "object_derivative": _of_object(frame, solid.instance, toward, place),

@@ -64,7 +64,10 @@ class Sample:
         surface: (n,) int number of the cell of the static world: a square of the ground plan and a direction of its
             normal; −1 elsewhere.
         surface_derivative: (n,) change of range by a shift of that cell along its normal [m/m]; 0 elsewhere.
-        edge: (n,) bool ambiguous beams.
+        own: (n,) int row of the same beam: its own but for rows that are about what a beam meets if it stands beyond an
+            edge, which measured nothing of themselves.
+        chance: (n,) that the beam meets what its row is about; of the rows of a beam they are 1 together.
+        edge: (n,) bool: near an edge, so that the beam may meet neither.
         border: (n,) bool beams of ambiguous brightness.
         seam: (n,) bool the same, where the brightness itself tells whose it is.
         compared: (n,) bool: beams that can be compared with the twin; of others it only tells something where their
@@ -105,6 +108,8 @@ class Sample:
     object_scan: np.ndarray
     surface: np.ndarray
     surface_derivative: np.ndarray
+    own: np.ndarray
+    chance: np.ndarray
     edge: np.ndarray
     border: np.ndarray
     seam: np.ndarray
@@ -139,7 +144,17 @@ class Sample:
     @cached_property
     def share(self) -> np.ndarray:
         """(n,) weights that are 1 on average."""
-        return self.weight / self.weight.mean()
+        return self.weight / self.mean_weight
+
+    @cached_property
+    def first(self) -> np.ndarray:
+        """(n,) bool: one row of each beam."""
+        return self.own == np.arange(len(self))
+
+    @cached_property
+    def mean_weight(self) -> float:
+        """How many beams a beam stands for on average."""
+        return float(self.weight[self.first].mean())
 
     @cached_property
     def returned(self) -> np.ndarray:
@@ -198,7 +213,7 @@ class Sample:
             mine = self.frame == number
             off[mine] = mask[self.beam[mine]]
         partner = np.where(off | off[np.maximum(self.partner, 0)], -1, self.partner)
-        return replace(self, compared=self.compared & ~off, edge=self.edge | off, partner=partner)
+        return replace(self, compared=self.compared & ~off, partner=partner)
 
     def _frames(self) -> Iterator[tuple[FrameReplay, np.ndarray]]:
         for number, replay in enumerate(self.replay.frames):
