@@ -80,7 +80,8 @@ class TracedFrame:
 
     def unsure(self, shift_m: float, turn_rad: float) -> np.ndarray:
         """(n,) bool: beams that meet something else, or another material, if poses are off by so much."""
-        return self.near_edges(shift_m, turn_rad) | self.beside_edges(shift_m, turn_rad)
+        found = self.near_edges(shift_m, turn_rad)
+        return found | self.beside_edges(shift_m, turn_rad, ~found)
 
     def near_edges(self, shift_m: float, turn_rad: float) -> np.ndarray:
         """(n,) bool: of these, beams that stand at an edge between two surfaces then."""
@@ -90,22 +91,22 @@ class TracedFrame:
         """See `Neighbours.other_sides`."""
         return self.neighbours.other_sides(self.shot.hits, beams, shift_m, turn_rad)
 
-    def beside_edges(self, shift_m: float, turn_rad: float) -> np.ndarray:
-        """(n,) bool: of these, beams that then meet another material, or something thin that no beam meets."""
-        seam, reach = self.border | self.seam, self.shot.hits.solid.range_m
-        apart = np.where(seam, reach, np.inf)
-        found = widened(seam, apart, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
-        return found | self._beside(shift_m, turn_rad)
+    def beside_edges(self, shift_m: float, turn_rad: float, asked: np.ndarray) -> np.ndarray:
+        """(n,) bool: of those asked for (n,), beams that then meet another material, or something thin."""
+        seam = self.border | self.seam
+        apart = np.where(seam, self.shot.hits.solid.range_m, np.inf)
+        found = asked & widened(seam, apart, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
+        return found | self._beside(shift_m, turn_rad, asked & ~found)
 
-    def _beside(self, shift_m: float, turn_rad: float) -> np.ndarray:
-        """(n,) bool: beams that return from nothing they meet, but from what is there a touch aside.
+    def _beside(self, shift_m: float, turn_rad: float, asked: np.ndarray) -> np.ndarray:
+        """(n,) bool: of those asked for, beams that return from nothing they meet, but from what is there a touch aside.
 
         Wires and thin poles may stand between beams, so that no beam of the twin tells that there is an edge.
         """
         settings = self.settings.beams
         traced, world, measured = self.shot.traced, self.shot.world, self.observed.range_from(self.shot.rays.origin)
         assert traced is not None and world is not None  # frames are traced
-        asked = self.observed.returned & self.observed.trusted
+        asked = asked & self.observed.returned & self.observed.trusted
         far = asked & ~(np.abs(measured - self.shot.hits.solid.range_m) < settings.same_m)
         rows = np.flatnonzero(far)
         direction, upwards_m = traced.direction[rows], traced.hits.pose[:3, 2]

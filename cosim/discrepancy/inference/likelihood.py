@@ -5,6 +5,7 @@ A beam returns from the surface it meets with probability `seen`; then its range
 with a small uniform density on top of what scan effects say. Intensities count as far as the return is the surface's;
 those at the limits of what the sensor tells say that they would have been there or beyond. Where another material
 begins beside a beam, any brightness is as likely as its own.
+Beams near edges meet either side, or neither (`_mixed`).
 Where a return stands above its beam tells of the sensor whatever surface it was, so it counts for every return, and is
 all that counts of beams that cannot be compared with the twin.
 """
@@ -98,28 +99,41 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
 def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Likelihoods (n,) of beams in their first rows, and the probability (n,) that they met the surface of each row.
 
-    Beams near edges meet either side, or neither: then they return from anywhere, or not at all. The shares of both
-    are the likeliest ones (Dempster, Laird and Rubin, J. R. Stat. Soc. B 1977), so that slopes know nothing of them.
+    Beams near edges met one of the sides, or neither: these return from anywhere, or not at all.
 
     Args:
         sample: the measurements.
         outcome: (n,) likelihood of what each beam did, if it met the surface of that row.
     """
-    law, own, met = sample.settings.law, sample.own, np.ones(len(outcome))
-    near = np.flatnonzero(sample.edge & sample.first & sample.compared)
+    near, rows = np.flatnonzero(sample.edge & sample.first), np.flatnonzero(sample.edge)
     if not len(near):
-        return outcome, met
-    likelihood = np.where(sample.first, np.bincount(own, sample.chance * outcome, len(own)), 1.0)
-    sides, returned, weight = likelihood[near], sample.returned[near], sample.weight[near]
-    neither, weight = np.stack([returned / law.reach_m, ~returned]), weight / weight.sum()
-    share, before = np.full(2, law.neither_share), np.zeros(2)
+        return outcome, np.ones(len(outcome))
+    likelihood = np.where(sample.first, np.bincount(sample.own, sample.chance * outcome, len(outcome)), 1.0)
+    returned = sample.returned[near]
+    neither = np.stack([returned / sample.settings.law.reach_m, ~returned])
+    share = shares_of_neither(likelihood[near], neither, sample.weight[near], sample.settings.law)
+    either, met = 1 - share.sum(), np.ones(len(outcome))
+    likelihood[near] = either * likelihood[near] + share @ neither
+    met[rows] = either * (sample.chance * outcome)[rows] / likelihood[sample.own[rows]]
+    return likelihood, met
+
+
+def shares_of_neither(sides: np.ndarray, neither: np.ndarray, weight: np.ndarray, law: Law) -> np.ndarray:
+    """The likeliest shares (c,) of components of a mixture (Dempster, Laird and Rubin, J. R. Stat. Soc. B 1977).
+
+    Being the likeliest, they leave slopes of the likelihood as if they were known.
+
+    Args:
+        sides: (k,) likelihoods of the component that has what shares leave.
+        neither: (c, k) those of the others.
+        weight: (k,) how much each counts.
+        law: settings.
+    """
+    share, before = np.full(len(neither), law.neither_share), np.zeros(len(neither))
     while np.abs(share - before).max() > law.neither_known:
         before, parts = share, share[:, None] * neither
-        share = parts / ((1 - share.sum()) * sides + parts.sum(0)) @ weight
-    likelihood[near] = (1 - share.sum()) * sides + share @ neither
-    rows = np.flatnonzero(sample.edge)
-    met[rows] = (1 - share.sum()) * (sample.chance * outcome)[rows] / likelihood[own[rows]]
-    return likelihood, met
+        share = parts / ((1 - share.sum()) * sides + parts.sum(0)) @ weight / weight.sum()
+    return share
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,7 +44,10 @@ def _sides(
     if shift_m > 0 or turn_rad > 0:
         near = frame.near_edges(shift_m, turn_rad)[beam] & compared
         thinned, edge = near & ~edge, near  # the others were when they were drawn
-        kept = np.where(thinned, rng.random(len(mine)) < share, near | ~frame.beside_edges(shift_m, turn_rad)[beam])
+        asked = np.zeros(len(frame.edge), bool)
+        asked[beam] = ~near
+        off = frame.beside_edges(shift_m, turn_rad, asked)[beam]
+        kept = np.where(thinned, rng.random(len(mine)) < share, ~off)
         rows, sigmas = np.flatnonzero(near & kept), sample.settings.unsure.edge_sigmas
         side[rows], chance[rows] = frame.other_sides(beam[rows], shift_m / sigmas, turn_rad / sigmas)
     chance = np.where(chance > sample.settings.unsure.least_chance, chance, 0.0)
