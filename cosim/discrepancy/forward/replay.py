@@ -236,14 +236,14 @@ class FrameReplay(Replayed):
     ) -> None:
         super().__init__()
         assert frame.shot.world is not None  # frames are traced
-        self._shot, self._rows, self._world = frame.shot, beams, frame.shot.world
+        self._shot, self._world = frame.shot, frame.shot.world
         self.nominal = _rows(frame.observed.rays, beams)
         self.is_calibrated = frame.observed.recovered
         self.along_m = frame.observed.along_m[beams].astype(np.float64)
         self.unsure = (frame.unsure_m[beams].astype(np.float64), frame.unsure_intensity[beams].astype(np.float64))
         hits, traced, whose = frame.shot.hits, frame.shot.traced, beams if met is None else met
         assert traced is not None  # frames are traced
-        self.solid = hits.solid.take(whose)
+        self._rows, self.solid = whose, hits.solid.take(whose)
         self.met = Planes.of(frame, whose, self.solid)
         if met is not None:
             time_s = np.broadcast_to(traced.time_s, len(frame.shot.rays))[beams].astype(np.float64)
