@@ -174,7 +174,8 @@ def viewed(
         frames = tuple(case.tracer.trace_all(names, bending(model.effects)) if traced is None else traced)
     effects, start = model.effects, None if before is None else before.fitted.estimate
     fitter: Fitter | None = None if before is None else before.fitter
-    sizes = None if before is None else spreads(before.fitter.random, before.fitted.estimate)
+    random = None if fitter is None else fitter.random
+    sizes = None if random is None or start is None else spreads(random, start)
     rounds = case.settings.descent.rounds
     for number in range(rounds + 1):
         if fitter is not None and number < rounds and _is_far(fitter, effects):
@@ -183,10 +184,10 @@ def viewed(
             sample = draw_sample(frames, rows, np.random.default_rng([case.seed, rows]), edges=True, judging=side)
             if sizes is None:
                 plain = Fitter(sample.clear_of([one.edge for one in frames]))
-                start = plain.fit(effects, (), start).estimate
-                sizes = spreads(plain.random, start)
+                start, random = plain.fit(effects, (), start).estimate, plain.random
+                sizes = spreads(random, start)
             fitter = Fitter(with_silhouettes(frames, sample, *sizes))
-            start = fitter.random.begun_from(start)
+            start, random = fitter.random.begun_from(random, start), fitter.random
         free = [one for one in all_free(effects, model.fitted, fitter.rings) if one.unknown.name not in held]
         fitted = fitter.fit(effects, free, start)
         effects, start = fitted.effects, fitted.estimate
