@@ -80,7 +80,8 @@ class Law:
     rise_sigma_m: float = 0.003  # of a point above its beam
     stray_share: float = 1e-5  # of beams that return from elsewhere
     reach_m: float = 120.0  # over which these are spread evenly
-    neither_share: float = 0.01  # of beams near edges that return from anywhere, and of those that are lost, to begin with
+    neither_share: float = 0.01  # of beams near edges, that each way to meet neither side has to begin with
+    around_m: float = 1.0  # spread about what stands around, from which these return then
     neither_known: float = 1e-6  # to which these are found
     lost_share: float = 1e-3  # least chance of a return, and of none
     clear_of_limits: float = 2.5  # standard deviations from a limit at which noise is hardly ever cut off

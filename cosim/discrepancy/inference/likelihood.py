@@ -99,7 +99,8 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
 def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Likelihoods (n,) of beams in their first rows, and the probability (n,) that they met the surface of each row.
 
-    Beams near edges met one of the sides, or neither: these return from anywhere, or not at all.
+    Beams near edges met one of the sides, or neither: these return from about what stands around, from anywhere, or not
+    at all.
 
     Args:
         sample: the measurements.
@@ -109,9 +110,12 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     if not len(near):
         return outcome, np.ones(len(outcome))
     likelihood = np.where(sample.first, np.bincount(sample.own, sample.chance * outcome, len(outcome)), 1.0)
-    returned = sample.returned[near]
-    neither = np.stack([returned / sample.settings.law.reach_m, ~returned])
-    share = shares_of_neither(likelihood[near], neither, sample.weight[near], sample.settings.law)
+    law, returned, along_m = sample.settings.law, sample.returned[near], sample.along_m[near]
+    around = np.exp(student((along_m[:, None] - sample.around_m[near]) / law.around_m)) / law.around_m
+    there = np.isfinite(sample.around_m[near]).sum(1)
+    about = np.where(there > 0, np.nansum(around, 1) / np.maximum(there, 1), 1 / law.reach_m)
+    neither = np.stack([np.where(returned, about, 0.0), returned / law.reach_m, ~returned])
+    share = shares_of_neither(likelihood[near], neither, sample.weight[near], law)
     either, met = 1 - share.sum(), np.ones(len(outcome))
     likelihood[near] = either * likelihood[near] + share @ neither
     met[rows] = either * (sample.chance * outcome)[rows] / likelihood[sample.own[rows]]
@@ -124,8 +128,8 @@ def shares_of_neither(sides: np.ndarray, neither: np.ndarray, weight: np.ndarray
     Being the likeliest, they leave slopes of the likelihood as if they were known.
 
     Args:
-        sides: (k,) likelihoods of the component that has what shares leave.
-        neither: (c, k) those of the others.
+        sides: (k,) likelihoods of the component that has what the others leave.
+        neither: (c, k) likelihoods of these.
         weight: (k,) how much each counts.
         law: settings.
     """

@@ -119,6 +119,7 @@ def _columns(frame: TracedFrame, solid: Surface, taken: Chosen) -> dict[str, np.
         "unsure_m": frame.unsure_m[beams].astype(np.float64),
         "unsure_intensity": frame.unsure_intensity[beams].astype(np.float64),
         "border": frame.border[beams] | taken.edge,
+        "around_m": _around(frame, beams),
         "seam": frame.seam[beams],
         "compared": observed.trusted[beams],
         "object_derivative": _of_object(frame, solid.instance, toward, place),
@@ -137,6 +138,12 @@ def _columns(frame: TracedFrame, solid: Surface, taken: Chosen) -> dict[str, np.
         "place": place,
         "reflectance": shot.hits.reflectance(solid).astype(np.float64),
     }
+
+
+def _around(frame: TracedFrame, beams: np.ndarray) -> np.ndarray:
+    """Ranges (n, k) that beams beside some meet; NaN for none."""
+    rows, solid = frame.neighbours.rows[:, beams].T, frame.shot.hits.solid
+    return np.where((rows >= 0) & solid.exists[rows], solid.range_m[rows], np.nan)
 
 
 def _facing(normal: np.ndarray) -> np.ndarray:

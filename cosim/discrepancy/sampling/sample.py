@@ -68,6 +68,7 @@ class Sample:
             edge, which measured nothing of themselves.
         chance: (n,) that the beam meets what its row is about; of the rows of a beam they are 1 together.
         edge: (n,) bool: near an edge, so that the beam may meet neither.
+        around_m: (n, k) ranges that beams beside each meet; NaN for none.
         border: (n,) bool beams of ambiguous brightness.
         seam: (n,) bool the same, where the brightness itself tells whose it is.
         compared: (n,) bool: beams that can be compared with the twin; of others it only tells something where their
@@ -111,6 +112,7 @@ class Sample:
     own: np.ndarray
     chance: np.ndarray
     edge: np.ndarray
+    around_m: np.ndarray
     border: np.ndarray
     seam: np.ndarray
     compared: np.ndarray

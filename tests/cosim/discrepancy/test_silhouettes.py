@@ -24,7 +24,7 @@ from sensors.effects.points.range_bias import RangeBias
 from tests.cosim.discrepancy.small_drive import Yard
 
 SHIFT_M, TURN_RAD = 0.15, 5e-3
-SHARES = np.array([0.03, 0.02])
+SHARES = np.array([0.02, 0.01, 0.02])
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ def test_a_beam_near_an_edge_returns_from_somewhere_or_not_at_all(case: Case, fr
     other[np.isin(near, sample.own[_second(sample)])] = _second(sample)[np.isin(sample.own[_second(sample)], near)]
     middles = np.stack([expected.range_m[near], np.nan_to_num(expected.range_m[other], nan=1.0)])
     steps = np.sinh(np.linspace(-8, 8, 241))[:, None, None] * sigma[near]
-    grid = np.vstack([(middles + steps).reshape(-1, len(near)), np.linspace(0, law.reach_m, 41)[:, None] + 0 * near])
+    grid = np.vstack([(middles + steps).reshape(-1, len(near)), np.linspace(0, law.reach_m, 241)[:, None] + 0 * near])
     grid = np.sort(np.clip(grid, 0, law.reach_m), axis=0)
     at_once = float(np.exp(likelihood.student(np.zeros(1)))[0])  # of every rise here, which is as it is expected
 
@@ -157,7 +157,7 @@ def test_without_edges_and_with_nothing_but_edges(case: Case, frames) -> None:
     assert np.all(plain.met == 1)
     outer = judge(replace(sample, edge=np.ones(len(sample), bool)), expected)
     assert np.isfinite(outer.loglik).all() and np.all((outer.met >= 0) & (outer.met <= 1))
-    assert np.all(outer.met < 1), "any beam may have met neither"
+    assert outer.met[sample.first].mean() < plain.met.mean(), "any beam may have met neither"
     assert np.all(np.bincount(sample.own, outer.met) <= 1 + 1e-9)
 
 
