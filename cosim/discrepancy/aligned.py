@@ -214,7 +214,7 @@ class _Whole:
 
     def shifts(self, parts: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """What those of some parts do: (n,) shift of ranges [m] and factor of intensities."""
-        u = np.where(self.random.of_part(parts), self.told.u, self.random.start().u)
+        u = np.where(self.random.of_part(parts), self.told.u, 0.0)
         moved = self.random.adjusted(self.expected, Estimate(u, self.told.variance))
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = np.where(self.expected.intensity > 0, moved.intensity / self.expected.intensity, 1.0)

@@ -181,7 +181,7 @@ def viewed(
         if fitter is not None and number < rounds and _is_far(fitter, effects):
             frames, fitter = tuple(case.tracer.trace_all(names, bending(effects))), None
         if fitter is None:
-            sample = draw_sample(frames, rows, np.random.default_rng([case.seed, rows]), edges=True, judging=side)
+            sample = draw_sample(frames, rows, np.random.default_rng([case.seed, rows]), judging=side)
             if sizes is None:
                 plain = Fitter(sample.clear_of([one.edge for one in frames]))
                 start, random = plain.fit(effects, (), start).estimate, plain.random

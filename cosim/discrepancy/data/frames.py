@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from cosim.discrepancy.data.ambiguity import Neighbours, widened
 from cosim.discrepancy.data.map_surfaces import Maps, MapSurfaces
@@ -44,7 +43,6 @@ class TracedFrame:
         neighbours: of the beams.
         border: (n,) bool: beams whose brightness is, because a touch aside the material is another.
         seam: (n,) bool: the same where the other is so much brighter or darker that the brightness tells which it was.
-        leaning: (6,) error of the LiDAR's pose that was traced with: a shift [m], and a turn about its axes [rad].
         own_axes: whether its twin was made from its own points, so that its pose cannot be wrong.
         ego, instances: at the pose time.
         map: of the drive's own scans, if the twin is one.
@@ -65,7 +63,6 @@ class TracedFrame:
     neighbours: Neighbours
     border: np.ndarray
     seam: np.ndarray
-    leaning: np.ndarray
     own_axes: bool
     ego: EgoMotion
     instances: Instances
@@ -148,14 +145,12 @@ class FrameTracer:
         self._tracers = TracerCache(sensor.pattern.range_m)
         self._maps = Maps(drive, settings.sampling)
 
-    def trace(self, name: str, effects: tuple[Effect, ...], leaning: np.ndarray | None = None) -> TracedFrame:
-        """One frame, as beams changed by `effects` meet it, from a pose that is off by `leaning`, see `TracedFrame`."""
-        leaning = np.zeros(6) if leaning is None else leaning
+    def trace(self, name: str, effects: tuple[Effect, ...]) -> TracedFrame:
+        """One frame, as beams changed by `effects` meet it."""
         frame = self.drive[name]
         twin = frame.twin
         instances, ego, pattern = scene_instances(twin.instances), ego_motion(twin), self.sensor.pattern
-        pose = lidar_pose(twin) @ _moved(leaning)
-        world = World(self._scenes.of(frame), pose, instances, ego, pattern.range_m, self._tracers)
+        world = World(self._scenes.of(frame), lidar_pose(twin), instances, ego, pattern.range_m, self._tracers)
         observed = observe(frame, pattern, self._rays, self._unit, self.settings.beams)
         before = Shot(pattern, observed.rays, world=world, frame_time_s=twin.time_s)
         streams = Streams(np.random.default_rng(0))
@@ -184,7 +179,6 @@ class FrameTracer:
             neighbours=self._neighbours,
             border=border,
             seam=seam,
-            leaning=leaning,
             own_axes=frame.has("twin/trust"),
             ego=ego,
             instances=instances,
@@ -193,20 +187,9 @@ class FrameTracer:
             settings=self.settings,
         )
 
-    def trace_all(
-        self, names: Sequence[str], effects: tuple[Effect, ...], leaning: np.ndarray | None = None
-    ) -> list[TracedFrame]:
-        """Several frames, each from a pose off by its row of `leaning` (frames, 6)."""
-        rows = np.zeros((len(names), 6)) if leaning is None else leaning
-        return [self.trace(name, effects, row) for name, row in zip(names, rows, strict=True)]
-
-
-def _moved(leaning: np.ndarray) -> np.ndarray:
-    """(4, 4) of a shift and a turn."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = Rotation.from_rotvec(leaning[3:]).as_matrix()
-    matrix[:3, 3] = leaning[:3]
-    return matrix
+    def trace_all(self, names: Sequence[str], effects: tuple[Effect, ...]) -> list[TracedFrame]:
+        """Several frames."""
+        return [self.trace(name, effects) for name in names]
 
 
 def _known(frame: Frame, shot: Shot, observed: Observed, grazing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -89,7 +89,9 @@ class RandomEffects:
     def __init__(self, sample: Sample, *, has_poses: bool = True) -> None:
         self.sample, settings = sample, sample.settings.unsure
         self._settings = settings
-        self._pose_errors = PoseErrors(sample.pose_derivative, sample.frame, sample.range_m, sample.leaning, settings)
+        self._pose_errors = PoseErrors(
+            sample.pose_derivative, sample.frame, sample.range_m, len(sample.names), settings
+        )
         scans, things = len(sample.names), sample.instance >= 0
         self._track = np.where(things, np.unique(np.where(things, sample.track, -1), return_inverse=True)[1], -1)
         if not things.all():
@@ -161,15 +163,12 @@ class RandomEffects:
     def start(self) -> Estimate:
         """None of anything, but pose errors of the spread that fits start from."""
         variance = np.array([value**2 for one in self.blocks for value in one.start])
-        u = np.zeros(self.size)
-        poses = self.rows("poses")
-        u[poses] = self.sample.leaning.ravel()[: poses.stop - poses.start]
-        return Estimate(u, variance)
+        return Estimate(np.zeros(self.size), variance)
 
     def without(self, estimate: Estimate, names: Sequence[str]) -> Estimate:
         """To start from, with no random effects of some kinds."""
         gone = np.array([name in names for name, _ in self.laws])
-        return Estimate(self.start().u, np.where(gone, 0.0, estimate.variance))
+        return Estimate(np.zeros(self.size), np.where(gone, 0.0, estimate.variance))
 
     def begun_from(self, other: RandomEffects | None, estimate: Estimate | None) -> Estimate:
         """To start from what another sample of the same drive told; from nothing where that has none."""
@@ -188,8 +187,8 @@ class RandomEffects:
         return Estimate(self._told(other, estimate, scan), known)
 
     def _told(self, other: RandomEffects, estimate: Estimate, scan: int) -> np.ndarray:
-        """Random effects (m,) that another sample has, too, from row `scan` of its scans on; as they begin elsewhere."""
-        u = self.start().u
+        """Random effects (m,) that another sample has, too, from row `scan` of its scans on; 0 elsewhere."""
+        u = np.zeros(self.size)
         for block in self.blocks:
             theirs = estimate.u[other.rows(block.name)]
             if not len(theirs):
@@ -235,11 +234,9 @@ class RandomEffects:
         return found
 
     def poses(self, estimate: Estimate) -> np.ndarray:
-        """(scans, 6) pose errors; those that were traced with where poses have no errors."""
-        rows = self.rows("poses")
-        if rows.stop == rows.start:
-            return self.sample.leaning
-        return estimate.u[rows].reshape(-1, _AXES)
+        """(scans, 6) pose errors; 0 where poses have none."""
+        found = estimate.u[self.rows("poses")].reshape(-1, _AXES)
+        return found if len(found) else np.zeros((len(self.sample.names), _AXES))
 
     def spread(self, estimate: Estimate, name: str) -> np.ndarray:
         """Standard deviations of one kind, by law, 0 where nothing is known of them; empty where there are none."""

@@ -16,7 +16,6 @@ def draw_sample(
     count: int,
     rng: np.random.Generator,
     *,
-    edges: bool = False,
     judging: bool | None = None,
 ) -> Sample:
     """A sample of about `count` beams in neighbouring pairs: of every frame alike, more of objects than of the rest.
@@ -27,13 +26,12 @@ def draw_sample(
         frames: in order of time.
         count: how many beams to take, roughly.
         rng: for the draw.
-        edges: whether beams at edges take part, where these are surveyed.
         judging: of a map made of the scans, take surfaces of those places that judge, or of the others; all by default.
     """
     if frames and frames[0].map is not None:
         return gathered(frames, _of_maps(frames, count, rng, judging))
     share = max(count // max(len(frames), 1), 1)
-    return gathered(frames, [_choose(frame, share, rng, edges) for frame in frames])
+    return gathered(frames, [_choose(frame, share, rng) for frame in frames])
 
 
 def whole_sample(frame: TracedFrame) -> Sample:
@@ -42,11 +40,11 @@ def whole_sample(frame: TracedFrame) -> Sample:
     return gathered([frame], [Chosen.plain(np.arange(count), np.ones(count), np.full(count, -1))])
 
 
-def _choose(frame: TracedFrame, share: int, rng: np.random.Generator, edges: bool) -> Chosen:
+def _choose(frame: TracedFrame, share: int, rng: np.random.Generator) -> Chosen:
     """Beams of a frame."""
     solid, rings, settings = frame.shot.hits.solid, frame.shot.rays.ring, frame.settings.sampling
     clear = frame.observed.trusted & ~frame.edge
-    usable = frame.observed.trusted & ~frame.grazed if edges and frame.is_surveyed else clear
+    usable = frame.observed.trusted & ~frame.grazed if frame.is_surveyed else clear
     residual = np.abs(frame.observed.range_from(frame.shot.rays.origin) - solid.range_m)
     odd = frame.observed.returned & ~(residual < frame.settings.beams.same_m)
     odd &= clear
@@ -77,9 +75,7 @@ def _choose(frame: TracedFrame, share: int, rng: np.random.Generator, edges: boo
     return Chosen.plain(np.append(beams, lone)[order], weight[order], partner[order])
 
 
-def _of_maps(
-    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None
-) -> list[Chosen]:
+def _of_maps(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None) -> list[Chosen]:
     """As `_choose`, for each frame; of each map as many beams as frames lie in it."""
     by_place: dict[str, list[int]] = {}
     for number, one in enumerate(frames):
@@ -91,9 +87,7 @@ def _of_maps(
     return [found[number] for number in range(len(frames))]
 
 
-def _of_map(
-    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None
-) -> list[Chosen]:
+def _of_map(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None) -> list[Chosen]:
     """As `_choose`, for each frame: several looks at each of some surfaces, rather at those seen from near and far."""
     surfaces = frames[0].map
     assert surfaces is not None  # asked before

@@ -80,7 +80,6 @@ def gathered(frames: Sequence[TracedFrame], chosen: Sequence[Chosen]) -> Sample:
         track=track,
         track_names=names,
         cells=cells,
-        leaning=np.array([one.leaning for one in frames]),
         own_axes=all(one.own_axes for one in frames),
         of_own_map=any(one.map is not None for one in frames),
         scan_values={

@@ -82,7 +82,6 @@ class Sample:
         reflectance: (n,) of the surface.
         beside: by name, (n,) what beams beside each measured: `previous` of its ring, `above` and `below` it; ranges
             [m] and intensities are 0 where nothing returned, `lost` is 1 where a surface should have been seen.
-        leaning: (scans, 6) pose errors that were traced with, see `TracedFrame`.
         own_axes: whether scans stand where their twins were made, so that poses have no errors.
         of_own_map: whether the twin is a map made of the scans: places of surfaces and scans are free.
         scan_values: by name, (scans,) pose time, and the ego vehicle's speed, acceleration and yaw rate.
@@ -134,7 +133,6 @@ class Sample:
     place: np.ndarray
     reflectance: np.ndarray
     beside: dict[str, np.ndarray]
-    leaning: np.ndarray
     own_axes: bool
     of_own_map: bool
     scan_values: dict[str, np.ndarray]

@@ -38,7 +38,7 @@ def frames(case: Case):
 
 
 def _sampled(frames, rows: int = 12_000, shift_m: float = SHIFT_M, turn_rad: float = TURN_RAD) -> Sample:
-    drawn = draw_sample(frames, rows, np.random.default_rng(1), edges=True)
+    drawn = draw_sample(frames, rows, np.random.default_rng(1))
     return with_silhouettes(frames, drawn, shift_m, turn_rad)
 
 
