@@ -81,6 +81,7 @@ class Law:
     stray_share: float = 1e-5  # of beams that return from elsewhere
     reach_m: float = 120.0  # over which these are spread evenly
     neither_share: float = 0.01  # of beams near edges, that each way to meet neither side has to begin with
+    nearest_m: float = 0.5  # from which on they return from anywhere
     around_m: float = 1.0  # spread about what stands around, from which these return then
     neither_known: float = 1e-6  # to which these are found
     lost_share: float = 1e-3  # least chance of a return, and of none

@@ -50,8 +50,8 @@ class Neighbours:
         Where beams grazing a surface are concerned the plane's range is no use, so they count as edges too.
 
         Returns:
-            (n,) bool; which of them graze (n,) bool; and (n,) range of the nearest surface by whose shift such an edge moves, also of a crease, whose
-            two sides are apart by less than what makes an edge; infinite away from both.
+            (n,) bool; which of them graze (n,) bool; and (n,) range of the nearest surface by whose shift such an edge
+            moves, also of a crease, whose two sides are apart by less than what makes an edge; infinite away from both.
         """
         planes = _Planes(hits, self._settings)
         edge, reach = planes.grazed, planes.reach_m

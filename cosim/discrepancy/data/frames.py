@@ -84,10 +84,6 @@ class TracedFrame:
         """(n,) bool: of these, beams that stand at an edge between two surfaces then."""
         return widened(self.edge, self.nearest_m, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
 
-    def other_sides(self, beams: np.ndarray, shift_m: float, turn_rad: float) -> tuple[np.ndarray, np.ndarray]:
-        """See `Neighbours.other_sides`."""
-        return self.neighbours.other_sides(self.shot.hits, beams, shift_m, turn_rad)
-
     def beside_edges(self, shift_m: float, turn_rad: float, asked: np.ndarray) -> np.ndarray:
         """(n,) bool: of those asked for (n,), beams that then meet another material, or something thin."""
         seam = self.border | self.seam
@@ -96,7 +92,7 @@ class TracedFrame:
         return found | self._beside(shift_m, turn_rad, asked & ~found)
 
     def _beside(self, shift_m: float, turn_rad: float, asked: np.ndarray) -> np.ndarray:
-        """(n,) bool: of those asked for, beams that return from nothing they meet, but from what is there a touch aside.
+        """(n,) bool: of those asked for, beams that return from nothing they meet, but from what is a touch aside.
 
         Wires and thin poles may stand between beams, so that no beam of the twin tells that there is an edge.
         """

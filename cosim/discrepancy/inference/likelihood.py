@@ -99,8 +99,8 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
 def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Likelihoods (n,) of beams in their first rows, and the probability (n,) that they met the surface of each row.
 
-    Beams near edges met one of the sides, or neither: these return from about what stands around, from anywhere, or not
-    at all.
+    Beams near edges met one of the sides, or neither: these return from about what stands around, from anywhere, as
+    likely near by as far away, or not at all.
 
     Args:
         sample: the measurements.
@@ -114,7 +114,8 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     around = np.exp(student((along_m[:, None] - sample.around_m[near]) / law.around_m)) / law.around_m
     there = np.isfinite(sample.around_m[near]).sum(1)
     about = np.where(there > 0, np.nansum(around, 1) / np.maximum(there, 1), 1 / law.reach_m)
-    neither = np.stack([np.where(returned, about, 0.0), returned / law.reach_m, ~returned])
+    anywhere = 1 / (np.maximum(along_m, law.nearest_m) * np.log(law.reach_m / law.nearest_m))
+    neither = np.stack([np.where(returned, about, 0.0), np.where(returned, anywhere, 0.0), ~returned])
     share = shares_of_neither(likelihood[near], neither, sample.weight[near], law)
     either, met = 1 - share.sum(), np.ones(len(outcome))
     likelihood[near] = either * likelihood[near] + share @ neither

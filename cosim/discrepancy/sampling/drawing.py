@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
-from cosim.discrepancy.sampling.gathering import Chosen, gathered
+from cosim.discrepancy.sampling.gathering import Taken, gathered
 from cosim.discrepancy.sampling.sample import Sample
 
 
@@ -37,10 +37,10 @@ def draw_sample(
 def whole_sample(frame: TracedFrame) -> Sample:
     """All beams of one frame."""
     count = len(frame.observed.rays)
-    return gathered([frame], [Chosen.plain(np.arange(count), np.ones(count), np.full(count, -1))])
+    return gathered([frame], [_taken(np.arange(count), np.ones(count), np.full(count, -1))])
 
 
-def _choose(frame: TracedFrame, share: int, rng: np.random.Generator) -> Chosen:
+def _choose(frame: TracedFrame, share: int, rng: np.random.Generator) -> Taken:
     """Beams of a frame."""
     solid, rings, settings = frame.shot.hits.solid, frame.shot.rays.ring, frame.settings.sampling
     clear = frame.observed.trusted & ~frame.edge
@@ -67,15 +67,19 @@ def _choose(frame: TracedFrame, share: int, rng: np.random.Generator) -> Chosen:
         follows, np.arange(len(beams)) + 1, np.where(np.append(False, follows[:-1]), np.arange(len(beams)) - 1, -1)
     )
     if not len(lone):
-        return Chosen.plain(beams, weight, partner)
+        return _taken(beams, weight, partner)
     weight = np.append(weight, np.full(len(lone), weight.mean() if len(beams) else 1.0))
     order = np.argsort(np.append(beams, lone))
     place = np.argsort(order)
     partner = np.append(np.where(partner >= 0, place[partner], -1), np.full(len(lone), -1))
-    return Chosen.plain(np.append(beams, lone)[order], weight[order], partner[order])
+    return _taken(np.append(beams, lone)[order], weight[order], partner[order])
 
 
-def _of_maps(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None) -> list[Chosen]:
+def _taken(beam: np.ndarray, weight: np.ndarray, partner: np.ndarray) -> Taken:
+    return {"beam": beam, "weight": weight, "partner": partner}
+
+
+def _of_maps(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None) -> list[Taken]:
     """As `_choose`, for each frame; of each map as many beams as frames lie in it."""
     by_place: dict[str, list[int]] = {}
     for number, one in enumerate(frames):
@@ -87,7 +91,7 @@ def _of_maps(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator
     return [found[number] for number in range(len(frames))]
 
 
-def _of_map(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None) -> list[Chosen]:
+def _of_map(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None) -> list[Taken]:
     """As `_choose`, for each frame: several looks at each of some surfaces, rather at those seen from near and far."""
     surfaces = frames[0].map
     assert surfaces is not None  # asked before
@@ -105,7 +109,7 @@ def _of_map(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator,
         beside = np.minimum(first + 1, len(one.surface) - 1)
         pairs = one.surface[beside] == one.surface[first]
         beams = np.intersect1d(np.append(first, beside[pairs]), rows)
-        found.append(Chosen.plain(beams, np.ones(len(beams)), _partners(beams, one)))
+        found.append(_taken(beams, np.ones(len(beams)), _partners(beams, one)))
     return found
 
 

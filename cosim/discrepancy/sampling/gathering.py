@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,46 +16,28 @@ from sensors.hits import NOTHING, STATIC, Surface
 _ASIDE = {"previous": (0, -1), "above": (-1, 0), "below": (1, 0)}  # rings down, and firings along
 BESIDE = tuple(f"{name}_{what}" for name in _ASIDE for what in ("range", "intensity", "lost"))
 
+Taken = dict[str, np.ndarray]  # rows of a frame, see `gathered`
 
-@dataclass(frozen=True, eq=False)
-class Chosen:
-    """Rows that are taken of a frame; see `Sample` for all but `met`.
 
-    Attributes:
-        beam, weight: (n,).
-        partner, own: (n,) int rows among these.
-        met: (n,) int the beam whose surface each row is about: its own, or one beyond an edge.
-        chance: (n,) float.
-        edge: (n,) bool.
+def gathered(frames: Sequence[TracedFrame], chosen: Sequence[Taken]) -> Sample:
+    """A sample of frames.
+
+    Args:
+        frames: traced.
+        chosen: of each its rows: `beam`, `weight` and `partner` as in `Sample`, rows counted within the frame. Where
+            beams have several, `own`, `chance` and `edge`, too, and `met`: the beam whose surface a row is about.
     """
-
-    beam: np.ndarray
-    weight: np.ndarray
-    partner: np.ndarray
-    own: np.ndarray
-    met: np.ndarray
-    chance: np.ndarray
-    edge: np.ndarray
-
-    @classmethod
-    def plain(cls, beam: np.ndarray, weight: np.ndarray, partner: np.ndarray) -> Chosen:
-        """Beams that meet the surfaces which they were traced to."""
-        rows = len(beam)
-        return cls(beam, weight, partner, np.arange(rows), beam, np.ones(rows), np.zeros(rows, bool))
-
-
-def gathered(frames: Sequence[TracedFrame], chosen: Sequence[Chosen]) -> Sample:
-    """A sample of frames, of which rows are chosen."""
     replays, columns, rows = [], [], 0
-    for number, (frame, taken) in enumerate(zip(frames, chosen, strict=True)):
-        beside = _beside(frame, taken.beam)
-        replay = FrameReplay(frame, taken.beam, beside, taken.met)
-        replays.append(replay)
-        told = {name: getattr(taken, name) for name in ("beam", "weight", "chance", "edge")}
-        told |= {"frame": np.full(len(taken.beam), number), "own": taken.own + rows}
-        told["partner"] = np.where(taken.partner >= 0, taken.partner + rows, -1)
-        columns.append(told | _columns(frame, replay.solid, taken) | beside)
-        rows += len(taken.beam)
+    for number, (frame, told) in enumerate(zip(frames, chosen, strict=True)):
+        beams, count = told["beam"], len(told["beam"])
+        told = {"own": np.arange(count), "chance": np.ones(count), "edge": np.zeros(count, bool)} | told
+        beside = _beside(frame, beams)
+        replays.append(FrameReplay(frame, beams, beside, told.pop("met", beams)))
+        told |= {"frame": np.full(count, number), "first": told["own"] == np.arange(count)}
+        columns.append(told | _columns(frame, replays[-1].solid, told) | beside)
+        for name in ("own", "partner"):
+            columns[-1][name] = np.where(told[name] >= 0, told[name] + rows, -1)
+        rows += count
     joined = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
     track, names, cells = _tracks(
         frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"], frames[0].settings.sampling
@@ -92,9 +73,8 @@ def gathered(frames: Sequence[TracedFrame], chosen: Sequence[Chosen]) -> Sample:
     )
 
 
-def _columns(frame: TracedFrame, solid: Surface, taken: Chosen) -> dict[str, np.ndarray]:
-    observed, shot, beams = frame.observed, frame.shot, taken.beam
-    first = taken.own == np.arange(len(beams))
+def _columns(frame: TracedFrame, solid: Surface, told: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    observed, shot, beams, first = frame.observed, frame.shot, told["beam"], told["first"]
     assert shot.traced is not None  # frames are traced
     direction = shot.traced.direction[beams].astype(np.float64)
     normal = solid.normal.astype(np.float64)
@@ -117,7 +97,7 @@ def _columns(frame: TracedFrame, solid: Surface, taken: Chosen) -> dict[str, np.
         "pose_derivative": np.nan_to_num(pose, posinf=0, neginf=0),
         "unsure_m": frame.unsure_m[beams].astype(np.float64),
         "unsure_intensity": frame.unsure_intensity[beams].astype(np.float64),
-        "border": frame.border[beams] | taken.edge,
+        "border": frame.border[beams] | told["edge"],
         "around_m": _around(frame, beams),
         "seam": frame.seam[beams],
         "compared": observed.trusted[beams],

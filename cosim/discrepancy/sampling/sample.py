@@ -66,6 +66,7 @@ class Sample:
         surface_derivative: (n,) change of range by a shift of that cell along its normal [m/m]; 0 elsewhere.
         own: (n,) int row of the same beam: its own but for rows that are about what a beam meets if it stands beyond an
             edge, which measured nothing of themselves.
+        first: (n,) bool: one row of each beam, its own.
         chance: (n,) that the beam meets what its row is about; of the rows of a beam they are 1 together.
         edge: (n,) bool: near an edge, so that the beam may meet neither.
         around_m: (n, k) ranges that beams beside each meet; NaN for none.
@@ -109,6 +110,7 @@ class Sample:
     surface: np.ndarray
     surface_derivative: np.ndarray
     own: np.ndarray
+    first: np.ndarray
     chance: np.ndarray
     edge: np.ndarray
     around_m: np.ndarray
@@ -145,11 +147,6 @@ class Sample:
     def share(self) -> np.ndarray:
         """(n,) weights that are 1 on average."""
         return self.weight / self.mean_weight
-
-    @cached_property
-    def first(self) -> np.ndarray:
-        """(n,) bool: one row of each beam."""
-        return self.own == np.arange(len(self))
 
     @cached_property
     def mean_weight(self) -> float:

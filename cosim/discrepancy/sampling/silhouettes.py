@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
-from cosim.discrepancy.sampling.gathering import Chosen, gathered
+from cosim.discrepancy.sampling.gathering import Taken, gathered
 from cosim.discrepancy.sampling.sample import Sample
 
 
@@ -34,7 +34,7 @@ def with_silhouettes(frames: Sequence[TracedFrame], sample: Sample, shift_m: flo
 
 def _sides(
     frame: TracedFrame, sample: Sample, number: int, shift_m: float, turn_rad: float, rng: np.random.Generator
-) -> Chosen:
+) -> Taken:
     """A frame's rows, those that are about other sides at the end."""
     mine, share = np.flatnonzero(sample.frame == number), sample.settings.sampling.edge_share
     beam, weight, compared = sample.beam[mine], sample.weight[mine], sample.compared[mine]
@@ -49,19 +49,20 @@ def _sides(
         off = frame.beside_edges(shift_m, turn_rad, asked)[beam]
         kept = np.where(thinned, rng.random(len(mine)) < share, ~off)
         rows, sigmas = np.flatnonzero(near & kept), sample.settings.unsure.edge_sigmas
-        side[rows], chance[rows] = frame.other_sides(beam[rows], shift_m / sigmas, turn_rad / sigmas)
+        spread, hits = (shift_m / sigmas, turn_rad / sigmas), frame.shot.hits
+        side[rows], chance[rows] = frame.neighbours.other_sides(hits, beam[rows], *spread)
     chance = np.where(chance > sample.settings.unsure.least_chance, chance, 0.0)
     paired = kept & ~edge & (sample.partner[mine] >= 0)
     partner = np.where(paired, sample.partner[mine] - mine[:1].sum(), -1)
     partner = np.where(paired[partner] & (partner >= 0), (np.cumsum(kept) - 1)[partner], -1)
     own, kind = np.nonzero(chance)
     rows = np.flatnonzero(kept)
-    return Chosen(
-        beam=np.append(beam[rows], beam[own]),
-        weight=np.where(thinned, weight / share, weight)[np.append(rows, own)],
-        partner=np.append(partner[rows], np.full(len(own), -1)),
-        own=np.append(np.arange(len(rows)), np.searchsorted(rows, own)),
-        met=np.append(beam[rows], side[own, kind]),
-        chance=np.append(1 - chance.sum(1)[rows], chance[own, kind]),
-        edge=edge[np.append(rows, own)],
-    )
+    return {
+        "beam": np.append(beam[rows], beam[own]),
+        "weight": np.where(thinned, weight / share, weight)[np.append(rows, own)],
+        "partner": np.append(partner[rows], np.full(len(own), -1)),
+        "own": np.append(np.arange(len(rows)), np.searchsorted(rows, own)),
+        "met": np.append(beam[rows], side[own, kind]),
+        "chance": np.append(1 - chance.sum(1)[rows], chance[own, kind]),
+        "edge": edge[np.append(rows, own)],
+    }

@@ -71,7 +71,7 @@ def test_chances_of_a_beams_sides_make_one(frames) -> None:
 def test_the_chance_is_that_of_standing_beyond_an_edge_somewhere_between_two_beams(frames) -> None:
     frame, sigma = frames[0], 0.004
     beams = np.flatnonzero(frame.edge & ~frame.grazed)
-    side, chance = frame.other_sides(beams, 0.0, sigma)
+    side, chance = frame.neighbours.other_sides(frame.shot.hits, beams, 0.0, sigma)
     before, after = frame.neighbours.rows[[0, 1]]
     next_to = (side[:, 0] == before[beams]) | (side[:, 0] == after[beams])
     assert next_to.sum() > 100
@@ -106,8 +106,10 @@ def test_a_beam_near_an_edge_returns_from_somewhere_or_not_at_all(case: Case, fr
     other[np.isin(near, sample.own[_second(sample)])] = _second(sample)[np.isin(sample.own[_second(sample)], near)]
     middles = np.stack([expected.range_m[near], np.nan_to_num(expected.range_m[other], nan=1.0)])
     steps = np.sinh(np.linspace(-8, 8, 241))[:, None, None] * sigma[near]
-    grid = np.vstack([(middles + steps).reshape(-1, len(near)), np.linspace(0, law.reach_m, 241)[:, None] + 0 * near])
-    grid = np.sort(np.clip(grid, 0, law.reach_m), axis=0)
+    grid = np.vstack(
+        [(middles + steps).reshape(-1, len(near)), np.geomspace(law.nearest_m, law.reach_m, 481)[:, None] + 0 * near]
+    )
+    grid = np.sort(np.clip(grid, law.nearest_m, law.reach_m), axis=0)
     at_once = float(np.exp(likelihood.student(np.zeros(1)))[0])  # of every rise here, which is as it is expected
 
     def chance(along_m: np.ndarray) -> np.ndarray:
@@ -152,7 +154,9 @@ def test_shares_of_neither_are_the_likeliest() -> None:
 def test_without_edges_and_with_nothing_but_edges(case: Case, frames) -> None:
     sample = _sampled(frames)
     expected = _expected(case, sample)
-    inner = replace(sample, edge=np.zeros(len(sample), bool), own=np.arange(len(sample)))
+    inner = replace(
+        sample, edge=np.zeros(len(sample), bool), own=np.arange(len(sample)), first=np.ones(len(sample), bool)
+    )
     plain = judge(inner, expected)
     assert np.all(plain.met == 1)
     outer = judge(replace(sample, edge=np.ones(len(sample), bool)), expected)
