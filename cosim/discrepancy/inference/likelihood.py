@@ -99,8 +99,8 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
 def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Likelihoods (n,) of beams in their first rows, and the probability (n,) that they met the surface of each row.
 
-    Beams near edges met one of the sides, or neither: these return from about what stands around, from anywhere, as
-    likely near by as far away, or not at all.
+    Beams near edges met one of the sides, or neither: these do what beams about them would, return from
+    anywhere, nearer places being likelier (their logarithms are level), or are lost.
 
     Args:
         sample: the measurements.
@@ -110,12 +110,11 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     if not len(near):
         return outcome, np.ones(len(outcome))
     likelihood = np.where(sample.first, np.bincount(sample.own, sample.chance * outcome, len(outcome)), 1.0)
-    law, returned, along_m = sample.settings.law, sample.returned[near], sample.along_m[near]
-    around = np.exp(student((along_m[:, None] - sample.around_m[near]) / law.around_m)) / law.around_m
-    there = np.isfinite(sample.around_m[near]).sum(1)
-    about = np.where(there > 0, np.nansum(around, 1) / np.maximum(there, 1), 1 / law.reach_m)
-    anywhere = 1 / (np.maximum(along_m, law.nearest_m) * np.log(law.reach_m / law.nearest_m))
-    neither = np.stack([np.where(returned, about, 0.0), np.where(returned, anywhere, 0.0), ~returned])
+    law, returned = sample.settings.law, sample.returned[near]
+    reach = np.clip(np.nan_to_num(sample.along_m[near]), law.nearest_m, law.reach_m)
+    anywhere = 1 / (reach * np.log(law.reach_m / law.nearest_m))
+    around = sample.outcome_around[sample.first[sample.edge]]
+    neither = np.stack([around, np.where(returned, anywhere, 0.0), ~returned])
     share = shares_of_neither(likelihood[near], neither, sample.weight[near], law)
     either, met = 1 - share.sum(), np.ones(len(outcome))
     likelihood[near] = either * likelihood[near] + share @ neither

@@ -98,7 +98,7 @@ def _columns(frame: TracedFrame, solid: Surface, told: dict[str, np.ndarray]) ->
         "unsure_m": frame.unsure_m[beams].astype(np.float64),
         "unsure_intensity": frame.unsure_intensity[beams].astype(np.float64),
         "border": frame.border[beams] | told["edge"],
-        "around_m": _around(frame, beams),
+        "around_m": frame.neighbours.around(shot.hits, beams[told["edge"]]),
         "seam": frame.seam[beams],
         "compared": observed.trusted[beams],
         "object_derivative": _of_object(frame, solid.instance, toward, place),
@@ -117,12 +117,6 @@ def _columns(frame: TracedFrame, solid: Surface, told: dict[str, np.ndarray]) ->
         "place": place,
         "reflectance": shot.hits.reflectance(solid).astype(np.float64),
     }
-
-
-def _around(frame: TracedFrame, beams: np.ndarray) -> np.ndarray:
-    """Ranges (n, k) that beams beside some meet; NaN for none."""
-    rows, solid = frame.neighbours.rows[:, beams].T, frame.shot.hits.solid
-    return np.where((rows >= 0) & solid.exists[rows], solid.range_m[rows], np.nan)
 
 
 def _facing(normal: np.ndarray) -> np.ndarray:

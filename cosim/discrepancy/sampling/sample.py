@@ -69,7 +69,7 @@ class Sample:
         first: (n,) bool: one row of each beam, its own.
         chance: (n,) that the beam meets what its row is about; of the rows of a beam they are 1 together.
         edge: (n,) bool: near an edge, so that the beam may meet neither.
-        around_m: (n, k) ranges that beams beside each meet; NaN for none.
+        around_m: (e, k) ranges that beams beside those near edges meet, in the order of these; infinite for none.
         border: (n,) bool beams of ambiguous brightness.
         seam: (n,) bool the same, where the brightness itself tells whose it is.
         compared: (n,) bool: beams that can be compared with the twin; of others it only tells something where their
@@ -147,6 +147,14 @@ class Sample:
     def share(self) -> np.ndarray:
         """(n,) weights that are 1 on average."""
         return self.weight / self.mean_weight
+
+    @cached_property
+    def outcome_around(self) -> np.ndarray:
+        """(e,) likelihood of what beams near edges did, had they met what one of the beams about them meets."""
+        by, along_m, there = self.settings.beams, self.along_m[self.edge][:, None], np.isfinite(self.around_m)
+        spread = by.jump_m + by.jump_share * np.where(there, self.around_m, 0.0)
+        near = np.exp(-(((along_m - self.around_m) / spread) ** 2) / 2) / (np.sqrt(2 * np.pi) * spread)
+        return np.where(np.isnan(along_m), ~there, near).mean(1)
 
     @cached_property
     def mean_weight(self) -> float:

@@ -159,7 +159,8 @@ def test_without_edges_and_with_nothing_but_edges(case: Case, frames) -> None:
     )
     plain = judge(inner, expected)
     assert np.all(plain.met == 1)
-    outer = judge(replace(sample, edge=np.ones(len(sample), bool)), expected)
+    around = np.full((len(sample), 2), 5.0)
+    outer = judge(replace(sample, edge=np.ones(len(sample), bool), around_m=around), expected)
     assert np.isfinite(outer.loglik).all() and np.all((outer.met >= 0) & (outer.met <= 1))
     assert outer.met[sample.first].mean() < plain.met.mean(), "any beam may have met neither"
     assert np.all(np.bincount(sample.own, outer.met) <= 1 + 1e-9)
