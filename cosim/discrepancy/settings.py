@@ -24,10 +24,6 @@ class Beams:
     crease_share: float = 0.002
     most_firings: int = 24  # that an edge may be away
     most_rings: int = 4  # that an edge may be away
-    around: tuple[int, int] = (
-        6,
-        2,
-    )  # firings and rings to each side of a beam near an edge, in which anything may stand
     apart: float = 0.3  # of the brighter reflectance, by which materials are told apart: three times a noise of 10 %
     directions: int = 8  # in which something thin beside a beam is looked for
     grazing: float = 0.02  # cosine of incidence below which a beam runs along a surface rather than to it
@@ -84,7 +80,7 @@ class Law:
     rise_sigma_m: float = 0.003  # of a point above its beam
     stray_share: float = 1e-5  # of beams that return from elsewhere
     reach_m: float = 120.0  # over which these are spread evenly
-    neither_share: float = 0.01  # of beams near edges, that each way to meet neither side has to begin with
+    neither_share: float = 0.01  # of beams near edges that return from anywhere, and of lost ones, to begin with
     nearest_m: float = 0.5  # from which on they return from anywhere
     neither_known: float = 1e-6  # to which these are found
     lost_share: float = 1e-3  # least chance of a return, and of none

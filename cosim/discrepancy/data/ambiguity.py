@@ -104,17 +104,6 @@ class Neighbours:
                 left, at, near = (one[~jump] for one in (left, at, far))
         return side, chance
 
-    def around(self, hits: Hits, beams: np.ndarray) -> np.ndarray:
-        """(b, k) ranges that beams beside, above and below some (b,) meet; infinite for none."""
-        firings, rings, reach = *self._settings.around, np.where(hits.solid.exists, hits.solid.range_m, np.inf)
-        found = []
-        for steps, most in zip(self.rows[[0, 1, -2, -1]], (firings, firings, rings, rings), strict=True):
-            at = beams
-            for _ in range(most):
-                at = np.where(at >= 0, steps[at], -1)
-                found.append(np.where(at >= 0, reach[at], np.inf))
-        return np.stack(found, 1)
-
     def at_border(self, hits: Hits) -> tuple[np.ndarray, np.ndarray]:
         """Beams beside which the surface is of another material, so that brightness may be either's, (n,) bool twice.
 

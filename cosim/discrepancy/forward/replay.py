@@ -18,7 +18,7 @@ from cosim.discrepancy.data.observation import upwards
 from cosim.discrepancy.forward.expectation import Expectation, expect
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
-from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.base import BeamEffect, Effect, ScanEffect
 from sensors.effects.beams.ring_elevation import RingElevation
 from sensors.hits import NOTHING, Hits, Surface
 from sensors.motion import EgoMotion, yaw_matrices
@@ -105,13 +105,15 @@ class Expected:
     Attributes:
         of: means, spreads and probabilities.
         along_m, above_m: (n,) how far the reported optical centre stands along and above each beam [m].
-        stray: (n,) density [1/m] of returns from elsewhere at the measured range; 0 where nothing was measured.
+        stray, split: (n,) density [1/m] of returns from elsewhere at the measured range, and what other parts of the
+            beam itself have of it; 0 where nothing was measured.
     """
 
     of: Expectation
     along_m: np.ndarray
     above_m: np.ndarray
     stray: np.ndarray
+    split: np.ndarray
 
 
 class Replayed:
@@ -157,7 +159,7 @@ class Replayed:
         direction = shot.rays.direction
         upward, along, above = shot.kept("optical centres", lambda: _centres(shot.rays))
         found = expect(effects, shot, self.unsure)
-        stray = np.zeros(len(self.along_m))
+        stray, split = np.zeros(len(self.along_m)), np.zeros(len(self.along_m))
         if looks is not None:
             # Points stand where the unit's calibration has its lasers look, not along the pattern's beams; how far
             # above these follows from the measured range, whatever surface it was.
@@ -168,8 +170,10 @@ class Replayed:
         rows = np.flatnonzero(~np.isnan(self.along_m))
         for effect in effects:
             if type(effect).density is not Effect.density:
-                stray[rows] += effect.density(rows, self.along_m[rows] - along[rows], shot)
-        return Expected(found, along, above, stray)
+                density = effect.density(rows, self.along_m[rows] - along[rows], shot)
+                stray[rows] += density
+                split[rows] += 0.0 if isinstance(effect, ScanEffect) else density
+        return Expected(found, along, above, stray, split)
 
     def shot(self, effects: Sequence[Effect]) -> Shot:
         """The beams as those bent by the beam effects among `effects` meet what they do."""

@@ -113,7 +113,7 @@ def _strays(sample: Sample, fitted: Fitted, after: Prediction, step: float) -> S
 
 def _taken(sample: Sample, fitted: Fitted, after: Prediction) -> np.ndarray:
     """(n,) Share of all beams whose own returns give way to strays."""
-    return sample.share * sample.chance * _given_way(fitted, after) / np.count_nonzero(sample.first)
+    return sample.share * sample.clear * _given_way(fitted, after) / np.count_nonzero(sample.first)
 
 
 def _given_way(fitted: Fitted, after: Prediction) -> np.ndarray:

@@ -73,9 +73,11 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
     # That a beam returned shows a loss however rare; of beams that did not, none is certain to.
     certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, law.lost_share), 0.0)
     surface = certain * np.exp(student(z)) / sigma
-    elsewhere = law.stray_share / law.reach_m + expected.stray
+    # What fog and its like add near edges cannot be told from what else stands there: these tell the rest, given that.
+    untouched = np.where(sample.edge, np.maximum(expected.seen + expected.silent, law.lost_share), 1.0)
+    elsewhere = law.stray_share / law.reach_m + np.where(sample.edge, expected.split, expected.stray)
     density = surface + elsewhere
-    outcome = np.where(returned, density, np.maximum(expected.silent, law.lost_share))
+    outcome = np.where(returned, density, np.maximum(expected.silent, law.lost_share)) / untouched
     likelihood, met = _mixed(sample, outcome)
     loglik = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)
     matched = np.where(returned, met * surface / density, 0.0)
@@ -99,8 +101,8 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
 def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Likelihoods (n,) of beams in their first rows, and the probability (n,) that they met the surface of each row.
 
-    Beams near edges met one of the sides, or neither: these do what beams about them would, return from
-    anywhere, nearer places being likelier (their logarithms are level), or are lost.
+    Beams near edges met one of the sides, or neither: these return from anywhere, from nearer the likelier (their
+    logarithms are level), or not at all.
 
     Args:
         sample: the measurements.
@@ -113,8 +115,7 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     law, returned = sample.settings.law, sample.returned[near]
     reach = np.clip(np.nan_to_num(sample.along_m[near]), law.nearest_m, law.reach_m)
     anywhere = 1 / (reach * np.log(law.reach_m / law.nearest_m))
-    around = sample.outcome_around[sample.first[sample.edge]]
-    neither = np.stack([around, np.where(returned, anywhere, 0.0), ~returned])
+    neither = np.stack([np.where(returned, anywhere, 0.0), ~returned])
     share = shares_of_neither(likelihood[near], neither, sample.weight[near], law)
     either, met = 1 - share.sum(), np.ones(len(outcome))
     likelihood[near] = either * likelihood[near] + share @ neither

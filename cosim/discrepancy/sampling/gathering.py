@@ -98,7 +98,6 @@ def _columns(frame: TracedFrame, solid: Surface, told: dict[str, np.ndarray]) ->
         "unsure_m": frame.unsure_m[beams].astype(np.float64),
         "unsure_intensity": frame.unsure_intensity[beams].astype(np.float64),
         "border": frame.border[beams] | told["edge"],
-        "around_m": frame.neighbours.around(shot.hits, beams[told["edge"]]),
         "seam": frame.seam[beams],
         "compared": observed.trusted[beams],
         "object_derivative": _of_object(frame, solid.instance, toward, place),

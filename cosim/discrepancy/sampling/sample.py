@@ -25,6 +25,7 @@ class Prediction:
         seen: probability that the surface's return is reported.
         silent: probability that nothing is.
         stray: (n,) density [1/m] of returns from elsewhere at the measured range; 0 where nothing was measured.
+        split: (n,) what other parts of the beam itself have of it.
         unsure_m, unsure_intensity: how far the twin itself may be off, standard deviations beside those of the sensor.
     """
 
@@ -36,6 +37,7 @@ class Prediction:
     seen: np.ndarray
     silent: np.ndarray
     stray: np.ndarray
+    split: np.ndarray
     unsure_m: np.ndarray
     unsure_intensity: np.ndarray
 
@@ -69,7 +71,6 @@ class Sample:
         first: (n,) bool: one row of each beam, its own.
         chance: (n,) that the beam meets what its row is about; of the rows of a beam they are 1 together.
         edge: (n,) bool: near an edge, so that the beam may meet neither.
-        around_m: (e, k) ranges that beams beside those near edges meet, in the order of these; infinite for none.
         border: (n,) bool beams of ambiguous brightness.
         seam: (n,) bool the same, where the brightness itself tells whose it is.
         compared: (n,) bool: beams that can be compared with the twin; of others it only tells something where their
@@ -113,7 +114,6 @@ class Sample:
     first: np.ndarray
     chance: np.ndarray
     edge: np.ndarray
-    around_m: np.ndarray
     border: np.ndarray
     seam: np.ndarray
     compared: np.ndarray
@@ -149,12 +149,9 @@ class Sample:
         return self.weight / self.mean_weight
 
     @cached_property
-    def outcome_around(self) -> np.ndarray:
-        """(e,) likelihood of what beams near edges did, had they met what one of the beams about them meets."""
-        by, along_m, there = self.settings.beams, self.along_m[self.edge][:, None], np.isfinite(self.around_m)
-        spread = by.jump_m + by.jump_share * np.where(there, self.around_m, 0.0)
-        near = np.exp(-(((along_m - self.around_m) / spread) ** 2) / 2) / (np.sqrt(2 * np.pi) * spread)
-        return np.where(np.isnan(along_m), ~there, near).mean(1)
+    def clear(self) -> np.ndarray:
+        """(n,) bool: beams that tell of returns from nowhere."""
+        return self.compared & ~self.edge
 
     @cached_property
     def mean_weight(self) -> float:
@@ -207,6 +204,7 @@ class Sample:
             seen=found.of.seen,
             silent=found.of.silent,
             stray=found.stray,
+            split=found.split,
             unsure_m=self.unsure_m,
             unsure_intensity=self.unsure_intensity,
         )
