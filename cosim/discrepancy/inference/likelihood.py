@@ -87,22 +87,18 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
     loglik += np.where(sample.returned, student(rise_z), 0.0)
     spread = intensity_spread(expected, law)
     none = np.zeros(len(z))
-    light = _Light(none, none, none, none, none > 0, none)
-    if sample.has_intensity:
-        light = _light(sample, expected, spread)
-        loglik += matched * light.loglik
-    bright = matched * light.own
+    light = _light(sample, expected, spread) if sample.has_intensity else (none, none, none, none, none > 0, none)
+    light_z, pull, known, whose, uncut, of_light = light
+    loglik += matched * of_light
     return Fit(
-        z, light.z, rise_z, sigma, spread, light.pull, light.known, met, matched, bright, light.whole, seen, whole,
-        loglik,
-    )  # fmt: skip
+        z, light_z, rise_z, sigma, spread, pull, known, met, matched, matched * whose, uncut, seen, whole, loglik
+    )
 
 
 def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Likelihoods (n,) of beams in their first rows, and the probability (n,) that they met the surface of each row.
 
-    Beams near edges met one of the sides, or neither: these return from anywhere, from nearer the likelier (their
-    logarithms are level), or not at all.
+    Beams near edges met one of the sides, or neither: these return from anywhere, or not at all.
 
     Args:
         sample: the measurements.
@@ -113,9 +109,7 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         return outcome, np.ones(len(outcome))
     likelihood = np.where(sample.first, np.bincount(sample.own, sample.chance * outcome, len(outcome)), 1.0)
     law, returned = sample.settings.law, sample.returned[near]
-    reach = np.clip(np.nan_to_num(sample.along_m[near]), law.nearest_m, law.reach_m)
-    anywhere = 1 / (reach * np.log(law.reach_m / law.nearest_m))
-    neither = np.stack([np.where(returned, anywhere, 0.0), ~returned])
+    neither = np.stack([returned / law.reach_m, ~returned])
     share = shares_of_neither(likelihood[near], neither, sample.weight[near], law)
     either, met = 1 - share.sum(), np.ones(len(outcome))
     likelihood[near] = either * likelihood[near] + share @ neither
@@ -141,19 +135,11 @@ def shares_of_neither(sides: np.ndarray, neither: np.ndarray, weight: np.ndarray
     return share
 
 
-@dataclass(frozen=True, eq=False)
-class _Light:
-    """What the intensities of n beams say, if their returns are the surfaces' they were traced to; see `Fit`."""
+def _light(sample: Sample, expected: Prediction, spread: np.ndarray) -> tuple[np.ndarray, ...]:
+    """What intensities say if returns are the surfaces' they were traced to: z, pull, known, own and whole of `Fit`.
 
-    z: np.ndarray
-    pull: np.ndarray
-    known: np.ndarray
-    own: np.ndarray
-    whole: np.ndarray
-    loglik: np.ndarray
-
-
-def _light(sample: Sample, expected: Prediction, spread: np.ndarray) -> _Light:
+    Own is the probability that the brightness is that surface's; at the end (n,) log-likelihoods.
+    """
     mean, limits, law = expected.intensity, sample.intensity_limits, sample.settings.law
     measured = np.where(sample.returned, sample.intensity, mean)
     told = censored(measured, mean, spread, limits)
@@ -164,7 +150,7 @@ def _light(sample: Sample, expected: Prediction, spread: np.ndarray) -> _Light:
     mine = law.own_at_seams * np.exp(told.loglik)
     own = np.where(sample.seam, mine / (mine + other), 1.0) * ~sample.border
     loglik = np.where(sample.seam, np.log(mine + other), told.loglik) * ~sample.border
-    return _Light((measured - mean) / spread, told.pull, told.information, own, whole, loglik)
+    return (measured - mean) / spread, told.pull, told.information, own, whole, loglik
 
 
 def range_spread_m(expected: Prediction, law: Law) -> np.ndarray:

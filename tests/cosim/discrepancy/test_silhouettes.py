@@ -106,10 +106,8 @@ def test_a_beam_near_an_edge_returns_from_somewhere_or_not_at_all(case: Case, fr
     other[np.isin(near, sample.own[_second(sample)])] = _second(sample)[np.isin(sample.own[_second(sample)], near)]
     middles = np.stack([expected.range_m[near], np.nan_to_num(expected.range_m[other], nan=1.0)])
     steps = np.sinh(np.linspace(-8, 8, 241))[:, None, None] * sigma[near]
-    grid = np.vstack(
-        [(middles + steps).reshape(-1, len(near)), np.geomspace(law.nearest_m, law.reach_m, 481)[:, None] + 0 * near]
-    )
-    grid = np.sort(np.clip(grid, law.nearest_m, law.reach_m), axis=0)
+    grid = np.vstack([(middles + steps).reshape(-1, len(near)), np.linspace(0, law.reach_m, 41)[:, None] + 0 * near])
+    grid = np.sort(np.clip(grid, 0, law.reach_m), axis=0)
     at_once = float(np.exp(likelihood.student(np.zeros(1)))[0])  # of every rise here, which is as it is expected
 
     def chance(along_m: np.ndarray) -> np.ndarray:
