@@ -8,15 +8,16 @@ from functools import cached_property
 
 import numpy as np
 
-from cosim.discrepancy.data.frames import TracedFrame, bending, in_order
-from cosim.discrepancy.forward.expectation import Expectation, expect
+from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
 from cosim.discrepancy.sampling.drawing import whole_sample
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.scores import Ensemble, FrameScores, Totals, model_chance, scored
 from cosim.discrepancy.state import Case, View, seen_by, spreads
+from sensors.effects.acting import bending, in_order
 from sensors.effects.base import Effect
+from sensors.effects.expectation import Expectation, expect
 
 PARTS = ("poses", "objects", "map")
 _Moved = tuple[np.ndarray | float, np.ndarray | float]

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cosim.discrepancy.candidates import with_rings
-from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending, in_order
+from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
@@ -17,7 +16,9 @@ from cosim.discrepancy.sampling.drawing import draw_sample
 from cosim.discrepancy.sampling.silhouettes import with_silhouettes
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unknown.shape import Shape
+from sensors.effects.acting import bending, in_order
 from sensors.effects.base import Effect
+from sensors.effects.lasers import with_rings
 from sensors.sensor_model import SensorModel
 
 

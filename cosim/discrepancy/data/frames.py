@@ -15,8 +15,8 @@ from cosim.drives.kitti import Drive, Frame
 from cosim.drives.twin import read_trust
 from cosim.drives.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
 from sensors.beams import Beams
-from sensors.effects.acting import Streams, act_on_beams
-from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.acting import Streams, act_on_beams, in_order
+from sensors.effects.base import Effect
 from sensors.motion import EgoMotion
 from sensors.rays import Rays
 from sensors.scene import Instances
@@ -224,13 +224,3 @@ def _places(shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray]:
     pose, direction = shot.hits.pose, observed.rays.direction
     point = observed.along_m[:, None] * direction + observed.above_m[:, None] * upwards(direction)
     return met, point @ pose[:3, :3].T + pose[:3, 3]
-
-
-def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Effects in the order in which they act."""
-    return tuple(sorted(effects, key=lambda effect: effect.phase))
-
-
-def bending(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Those that bend beams, for which frames must be traced anew."""
-    return tuple(effect for effect in effects if isinstance(effect, BeamEffect))

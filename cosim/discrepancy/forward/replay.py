@@ -15,11 +15,11 @@ import numpy as np
 from assets.materials import MaterialTable
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.data.observation import upwards
-from cosim.discrepancy.forward.expectation import Expectation, expect
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
 from sensors.effects.base import BeamEffect, Effect, ScanEffect
 from sensors.effects.beams.ring_elevation import RingElevation
+from sensors.effects.expectation import Expectation, expect
 from sensors.hits import NOTHING, Hits, Surface
 from sensors.motion import EgoMotion, yaw_matrices
 from sensors.pattern import Pattern
