@@ -21,16 +21,7 @@ from cosim.discrepancy.eliminate import confirmed, eliminated, redrawn, simplifi
 from cosim.discrepancy.inference.comparison import Gain, gain
 from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.inference.score_test import Tested
-from cosim.discrepancy.select import (
-    Candidate,
-    as_found,
-    candidates,
-    chosen,
-    roundings,
-    screened,
-    screened_pairs,
-    tiers,
-)
+from cosim.discrepancy.select import Candidate, as_found, candidates, chosen, roundings, screened, screened_pairs, tiers
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.state import Case, Model, State, View, fitted_anew, given, judged, seen_by, viewed
 from cosim.discrepancy.unexplained import unexplained

@@ -260,10 +260,7 @@ class RandomEffects:
         share = self.brightness(estimate)
         spread = expected.intensity_sigma * (share if self.sample.of_own_map else 1.0)
         return replace(
-            expected,
-            range_m=expected.range_m + moved,
-            intensity=expected.intensity * share,
-            intensity_sigma=spread,
+            expected, range_m=expected.range_m + moved, intensity=expected.intensity * share, intensity_sigma=spread
         )
 
     def brightness(self, estimate: Estimate) -> np.ndarray:

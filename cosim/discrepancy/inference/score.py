@@ -12,11 +12,7 @@ from typing import Literal
 import numpy as np
 
 from cosim.discrepancy.inference.censored import MEAN_INFORMATION, pull
-from cosim.discrepancy.inference.likelihood import (
-    Fit,
-    intensity_spread,
-    range_spread_m,
-)
+from cosim.discrepancy.inference.likelihood import Fit, intensity_spread, range_spread_m
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.settings import Law
 
@@ -33,13 +29,7 @@ class Evidence:
     information: dict[Quantity, np.ndarray]
 
     @classmethod
-    def of(
-        cls,
-        sample: Sample,
-        fit: Fit,
-        rise_blur: float = 0.0,
-        wider: tuple[float, float] = (1.0, 1.0),
-    ) -> Evidence:
+    def of(cls, sample: Sample, fit: Fit, rise_blur: float = 0.0, wider: tuple[float, float] = (1.0, 1.0)) -> Evidence:
         """The evidence in a fit; weighted so that beams of the sample stand for all.
 
         Args:

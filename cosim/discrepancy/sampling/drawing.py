@@ -12,11 +12,7 @@ from cosim.discrepancy.sampling.sample import Sample
 
 
 def draw_sample(
-    frames: Sequence[TracedFrame],
-    count: int,
-    rng: np.random.Generator,
-    *,
-    judging: bool | None = None,
+    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, *, judging: bool | None = None
 ) -> Sample:
     """A sample of about `count` beams in neighbouring pairs: of every frame alike, more of objects than of the rest.
 
