@@ -99,18 +99,6 @@ def candidate_kinds(extra: Sequence[type[Effect]] = (), rings: int = 64) -> tupl
     return tuple(for_rings(kind, rings) for kind in kinds.values() if _is_asked_for(kind))
 
 
-def as_known(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """The same effects of the classes that the catalogue and the user know."""
-    known = effect_classes()
-    kinds = [known.get(effect.name, type(effect)) for effect in effects]
-    return tuple(
-        kind.model_validate(effect.model_dump())
-        if type(effect) is not kind and issubclass(type(effect), kind)
-        else effect
-        for effect, kind in zip(effects, kinds, strict=True)
-    )
-
-
 def confusable(one: type[Effect], other: type[Effect]) -> bool:
     """Whether either says that the other's traces look like its own."""
     return one.name in other.confusable_with or other.name in one.confusable_with

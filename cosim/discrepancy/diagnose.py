@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.discrepancy.budget import budget_of
-from cosim.discrepancy.candidates import as_known, candidate_kinds
+from cosim.discrepancy.candidates import candidate_kinds
 from cosim.discrepancy.data.checks import check_fit, opened
 from cosim.discrepancy.data.frames import FrameTracer
 from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told, struck_notes
@@ -30,6 +30,7 @@ from cosim.drives.twin.surfels import has_surfels
 from cosim.labels.bias import Certainty, diagnose_labels
 from sensors.effects.base import Effect
 from sensors.effects.labels.box_shrink import BoxShrink
+from sensors.effects.lasers import as_known
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import create_model
 
 from sensors.effects.base import Effect
+from sensors.effects.registry import effect_classes
 
 
 def for_rings(kind: type[Effect], rings: int) -> type[Effect]:
@@ -27,6 +28,18 @@ def with_rings(effects: Sequence[Effect], rings: int) -> tuple[Effect, ...]:
     kinds = [for_rings(type(effect), rings) for effect in effects]
     return tuple(
         effect if kind is type(effect) else kind.model_validate(effect.model_dump())
+        for effect, kind in zip(effects, kinds, strict=True)
+    )
+
+
+def as_known(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """The same effects of the classes that the catalogue and the user know."""
+    known = effect_classes()
+    kinds = [known.get(effect.name, type(effect)) for effect in effects]
+    return tuple(
+        kind.model_validate(effect.model_dump())
+        if type(effect) is not kind and issubclass(type(effect), kind)
+        else effect
         for effect, kind in zip(effects, kinds, strict=True)
     )
 
