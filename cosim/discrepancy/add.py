@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from cosim.discrepancy.aligned import HeldOut
 from cosim.discrepancy.budget import held_out
-from cosim.discrepancy.candidates import as_known, for_rings, with_values
+from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.diagnose import begun, case_of
 from cosim.discrepancy.groups.effects import effect_groups
@@ -24,6 +24,7 @@ from cosim.discrepancy.words import Vocabulary
 from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
 from sensors.effects.base import Effect, LabelEffect, RoundingEffect
+from sensors.effects.lasers import as_known, for_rings
 from sensors.effects.registry import find_effect
 from sensors.errors import SensorError
 from sensors.pattern import first_problem

@@ -8,15 +8,16 @@ from functools import cached_property
 
 import numpy as np
 
-from cosim.discrepancy.data.frames import TracedFrame, bending, in_order
-from cosim.discrepancy.forward.expectation import Expectation, expect
+from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
 from cosim.discrepancy.sampling.drawing import whole_sample
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.scores import Ensemble, FrameScores, Totals, model_chance, scored
-from cosim.discrepancy.state import Case, View, are_sharp, seen_by, spreads
+from cosim.discrepancy.state import Case, View, seen_by, spreads
+from sensors.effects.acting import bending, in_order
 from sensors.effects.base import Effect
+from sensors.effects.expectation import Expectation, expect
 
 PARTS = ("poses", "objects", "map")
 _Moved = tuple[np.ndarray | float, np.ndarray | float]
@@ -113,8 +114,7 @@ class Aligned:
             alone = self._random.without(self._estimate, ("map", "albedo_of_map"))
             self._estimate = seen_by(view, effects, alone).estimate
         sizes = spreads(self._random, self._estimate)
-        clear = are_sharp(case.settings, sizes)
-        self._wide = [None if clear else one.unsure(*sizes) for one in frames]
+        self._wide = [one.unsure(*sizes) if any(sizes) else None for one in frames]
         origin = case.sensor.origin
         self._members = [
             Ensemble.of(one, self._effects, model_chance(0, number), origin) for number, one in enumerate(frames)
@@ -215,7 +215,7 @@ class _Whole:
 
     def shifts(self, parts: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """What those of some parts do: (n,) shift of ranges [m] and factor of intensities."""
-        u = np.where(self.random.of_part(parts), self.told.u, self.random.start().u)
+        u = np.where(self.random.of_part(parts), self.told.u, 0.0)
         moved = self.random.adjusted(self.expected, Estimate(u, self.told.variance))
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = np.where(self.expected.intensity > 0, moved.intensity / self.expected.intensity, 1.0)

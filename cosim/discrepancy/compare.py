@@ -12,12 +12,10 @@ import numpy as np
 
 from cosim.discrepancy.aligned import Judged
 from cosim.discrepancy.budget import Budget, budget_of
-from cosim.discrepancy.candidates import with_rings
 from cosim.discrepancy.data.checks import check_fit, opened
-from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending, in_order
+from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.notes import drive_notes
 from cosim.discrepancy.data.split import Split
-from cosim.discrepancy.forward.expectation import expect
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
 from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, score_frame
 from cosim.discrepancy.settings import DEFAULT, Settings
@@ -26,7 +24,10 @@ from cosim.discrepancy.state import Case, Model, viewed
 from cosim.discrepancy.words import source_words, times
 from cosim.drives.kitti import Drive
 from cosim.variants.worth import Worth
+from sensors.effects.acting import bending, in_order
 from sensors.effects.base import Effect
+from sensors.effects.expectation import expect
+from sensors.effects.lasers import with_rings
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.discrepancy.budget import budget_of
-from cosim.discrepancy.candidates import as_known, candidate_kinds
+from cosim.discrepancy.candidates import candidate_kinds
 from cosim.discrepancy.data.checks import check_fit, opened
 from cosim.discrepancy.data.frames import FrameTracer
 from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told, struck_notes
@@ -21,16 +21,7 @@ from cosim.discrepancy.eliminate import confirmed, eliminated, redrawn, simplifi
 from cosim.discrepancy.inference.comparison import Gain, gain
 from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.inference.score_test import Tested
-from cosim.discrepancy.select import (
-    Candidate,
-    as_found,
-    candidates,
-    chosen,
-    roundings,
-    screened,
-    screened_pairs,
-    tiers,
-)
+from cosim.discrepancy.select import Candidate, as_found, candidates, chosen, roundings, screened, screened_pairs, tiers
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.state import Case, Model, State, View, fitted_anew, given, judged, seen_by, viewed
 from cosim.discrepancy.unexplained import unexplained
@@ -39,6 +30,7 @@ from cosim.drives.twin.surfels import has_surfels
 from cosim.labels.bias import Certainty, diagnose_labels
 from sensors.effects.base import Effect
 from sensors.effects.labels.box_shrink import BoxShrink
+from sensors.effects.lasers import as_known
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
-from cosim.discrepancy.forward.expectation import Expectation
 from cosim.discrepancy.scores import CLIP_M, MEMBERS, SCALES, FrameScores
+from sensors.effects.expectation import Expectation
 
 
 @dataclass(frozen=True, eq=False)

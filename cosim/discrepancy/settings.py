@@ -58,6 +58,7 @@ class Sampling:
     cell_m: float = 5.0  # of the static world
     sky_rad: float = 0.1  # of azimuth, a sector of the sky
     odd_share: float = 0.3  # of a sample at most, for beams that return from where nothing is
+    edge_share: float = 0.25  # of the chance of other beams, that beams at edges are taken with: they tell less
     rare_share: float = 0.2  # of a sample, for materials that few beams meet
     lone_share: float = 0.25  # of a sample, for returns that tell of the sensor alone
     looks: int = 16  # at each surface of a map: more tell hardly more than more surfaces would
@@ -79,6 +80,8 @@ class Law:
     rise_sigma_m: float = 0.003  # of a point above its beam
     stray_share: float = 1e-5  # of beams that return from elsewhere
     reach_m: float = 120.0  # over which these are spread evenly
+    neither_share: float = 0.01  # of beams near edges that return from anywhere, and of lost ones, to begin with
+    neither_known: float = 1e-6  # to which these are found
     lost_share: float = 1e-3  # least chance of a return, and of none
     clear_of_limits: float = 2.5  # standard deviations from a limit at which noise is hardly ever cut off
     own_at_seams: float = 0.5  # chance that brightness is a beam's own beside another material
@@ -109,6 +112,7 @@ class Unsure:
     same_surface: float = 0.5  # share of its range by which a beam may be bent away on a surface
     flattest: float = 0.5  # share of the slope between a beam and its plane that must outlive a turn
     edge_sigmas: float = 3.5  # standard deviations of pose and object errors by which edges are widened
+    least_chance: float = 1e-3  # that a beam meets the other side, from which that is looked at
     widest_m: float = 0.15  # to which they are
     widest_rad: float = 2e-3  # the same of turns
     sharp_m: float = 2e-3  # of poses and objects, below which edges are as sharp as they were traced

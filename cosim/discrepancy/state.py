@@ -7,17 +7,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cosim.discrepancy.candidates import with_rings
-from cosim.discrepancy.data.frames import FrameTracer, TracedFrame, bending, in_order
+from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score_test import Tested
 from cosim.discrepancy.sampling.drawing import draw_sample
-from cosim.discrepancy.sampling.sample import Sample
+from cosim.discrepancy.sampling.silhouettes import with_silhouettes
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unknown.shape import Shape
+from sensors.effects.acting import bending, in_order
 from sensors.effects.base import Effect
+from sensors.effects.lasers import with_rings
 from sensors.sensor_model import SensorModel
 
 
@@ -104,7 +105,7 @@ class View:
     Attributes:
         names: of the frames.
         frames: traced as effects bent their beams.
-        fitter: of a sample of their beams; ambiguous ones are left out.
+        fitter: of a sample of their beams.
         fitted: the model fitted to it.
     """
 
@@ -174,7 +175,8 @@ def viewed(
         frames = tuple(case.tracer.trace_all(names, bending(model.effects)) if traced is None else traced)
     effects, start = model.effects, None if before is None else before.fitted.estimate
     fitter: Fitter | None = None if before is None else before.fitter
-    sizes = None if before is None else spreads(before.fitter.random, before.fitted.estimate)
+    random = None if fitter is None else fitter.random
+    sizes = None if random is None or start is None else spreads(random, start)
     rounds = case.settings.descent.rounds
     for number in range(rounds + 1):
         if fitter is not None and number < rounds and _is_far(fitter, effects):
@@ -182,11 +184,11 @@ def viewed(
         if fitter is None:
             sample = draw_sample(frames, rows, np.random.default_rng([case.seed, rows]), judging=side)
             if sizes is None:
-                plain = Fitter(sample)
-                start = plain.fit(effects, (), start).estimate
-                sizes = spreads(plain.random, start)
-            fitter = Fitter(clear_sample(frames, sample, sizes))
-            start = fitter.random.begun_from(start)
+                plain = Fitter(sample.clear_of([one.edge for one in frames]))
+                start, random = plain.fit(effects, (), start).estimate, plain.random
+                sizes = spreads(random, start)
+            fitter = Fitter(with_silhouettes(frames, sample, *sizes))
+            start, random = fitter.random.begun_from(random, start), fitter.random
         free = [one for one in all_free(effects, model.fitted, fitter.rings) if one.unknown.name not in held]
         fitted = fitter.fit(effects, free, start)
         effects, start = fitted.effects, fitted.estimate
@@ -222,20 +224,15 @@ def seen_by(view: View, effects: Sequence[Effect], estimate: Estimate | None = N
     return view.fitter.fit(effects, (), view.fitted.estimate if estimate is None else estimate)
 
 
-def clear_sample(frames: Sequence[TracedFrame], sample: Sample, sizes: tuple[float, float]) -> Sample:
-    """The sample without beams that errors of poses and objects of such sizes may have moved across an edge."""
-    return sample if are_sharp(sample.settings, sizes) else sample.clear_of([one.unsure(*sizes) for one in frames])
-
-
-def are_sharp(settings: Settings, sizes: tuple[float, float]) -> bool:
-    """Whether edges are as sharp as they were traced where poses and objects are off by no more than such sizes."""
-    return sizes[0] < settings.unsure.sharp_m and sizes[1] < settings.unsure.sharp_rad
-
-
 def spreads(random: RandomEffects, estimate: Estimate) -> tuple[float, float]:
-    """How far edges may stand off: shift [m] and turn [rad], so many standard deviations of poses and objects."""
+    """How far edges may stand off: shift [m] and turn [rad], so many standard deviations of poses and objects.
+
+    0 both where they are as good as sharp.
+    """
     by, poses = random.sample.settings.unsure, random.spread(estimate, "poses")
     shifts = [poses[:3], *(random.spread(estimate, name)[:2] for name in ("objects", "objects_by_scan"))]
     shift_m = by.edge_sigmas * float(np.sqrt(sum(np.max(one, initial=0.0) ** 2 for one in shifts)))
     turn_rad = by.edge_sigmas * float(np.max(poses[3:], initial=0.0))
+    if shift_m < by.sharp_m and turn_rad < by.sharp_rad:
+        return 0.0, 0.0
     return min(shift_m, by.widest_m), min(turn_rad, by.widest_rad)

@@ -19,6 +19,16 @@ from sensors.returns import Returns
 from sensors.shot import Shot
 
 
+def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Effects in the order in which they act."""
+    return tuple(sorted(effects, key=lambda effect: effect.phase))
+
+
+def bending(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Those that bend beams, for which frames must be traced anew."""
+    return tuple(effect for effect in effects if isinstance(effect, BeamEffect))
+
+
 class Streams:
     """One stream of random numbers an effect, so that adding one leaves the draws of the others as they were."""
 

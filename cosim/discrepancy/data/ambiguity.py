@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import ndtr
 
 from cosim.discrepancy.settings import Beams
 from sensors.hits import Hits
@@ -43,43 +44,65 @@ class Neighbours:
             rows.append(row)
         self.rows = np.stack(rows)
 
-    def at_edge(self, hits: Hits) -> tuple[np.ndarray, np.ndarray]:
+    def at_edge(self, hits: Hits) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Beams beside which the world does not go on as the plane they meet, and how near what is there stands.
 
         Where beams grazing a surface are concerned the plane's range is no use, so they count as edges too.
 
         Returns:
-            (n,) bool; and (n,) range of the nearest surface by whose shift such an edge moves, also of a crease, whose
-            two sides are apart by less than what makes an edge; infinite away from both.
+            (n,) bool; which of them graze (n,) bool; and (n,) range of the nearest surface by whose shift such an edge
+            moves, also of a crease, whose two sides are apart by less than what makes an edge; infinite away from both.
         """
-        solid, settings = hits.solid, self._settings
-        rotation = hits.pose[:3, :3].astype(np.float32)
-        direction = hits.rays.direction @ rotation.T
-        origin = hits.rays.origin @ rotation.T
-        normal = solid.normal
-        offset = np.einsum("ij,ij->i", normal, origin + direction * np.where(solid.exists, solid.range_m, 0)[:, None])
-        cos = np.abs(np.einsum("ij,ij->i", normal, direction))
-        edge = solid.exists & (cos < settings.grazing)
-        reach = np.where(solid.exists, solid.range_m, np.float32(np.inf))
+        planes = _Planes(hits, self._settings)
+        edge, reach = planes.grazed, planes.reach_m
         nearest = np.where(edge, reach, np.float32(np.inf))
         for row in self.rows:
             there = row >= 0
             other = np.where(there, row, 0)
-            slope = np.einsum("ij,ij->i", normal, direction[other])
-            foot = offset - np.einsum("ij,ij->i", normal, origin[other])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ahead = foot / slope
-            found = solid.range_m[other]
-            away = np.abs(found - ahead)
-            jump = ~(away < settings.jump_m + settings.jump_share * found)
-            differs = (solid.exists != solid.exists[other]) | (
-                solid.exists & (jump | (solid.instance != solid.instance[other]))
-            )
-            differs &= there
-            edge |= differs
-            differs |= there & solid.exists & ~(away < settings.crease_m + settings.crease_share * found)
-            nearest = np.where(differs, np.minimum(nearest, np.minimum(reach, reach[other])), nearest)
-        return edge, nearest
+            jump, crease = planes.end(slice(None), other)
+            edge = edge | (there & jump)
+            ends = there & (jump | crease)
+            nearest = np.where(ends, np.minimum(nearest, np.minimum(reach, reach[other])), nearest)
+        return edge, planes.grazed, nearest
+
+    def other_sides(
+        self, hits: Hits, beams: np.ndarray, shift_m: float, turn_rad: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What some beams (k,) meet if poses and objects are so far off that they come to lie beyond an edge.
+
+        An edge stands anywhere between a beam that meets one side and the next one, which meets the other. Of all edges
+        beside a beam that counts which it is likeliest beyond, and so of creases.
+
+        Args:
+            hits: of all beams.
+            beams: rows of those that are asked for.
+            shift_m, turn_rad: standard deviations of shifts of what makes an edge, and of turns of the sensor.
+
+        Returns:
+            (k, 2) the beams next to each that meet the other side of an edge and of a crease, −1 for none; and how
+            likely it is that the beam itself meets that, (k, 2).
+        """
+        planes, settings = _Planes(hits, self._settings), self._settings
+        side, chance = np.full((len(beams), 2), -1), np.zeros((len(beams), 2))
+        before, after, above, below = self.rows[[0, 1, -2, -1]]
+        for steps, most in ((before, settings.most_firings), (after, settings.most_firings),
+                            (above, settings.most_rings), (below, settings.most_rings)):  # fmt: skip
+            left, at, near = np.arange(len(beams)), beams, np.zeros(len(beams))
+            for _ in range(most):
+                at = steps[at]
+                left, at, near = (one[at >= 0] for one in (left, at, near))
+                mine = beams[left]
+                away = planes.direction[mine] - planes.direction[at]
+                far = np.linalg.norm(away, axis=1)
+                reach = np.maximum(np.minimum(planes.reach_m[mine], planes.reach_m[at]), 0.5)
+                spread = np.maximum(np.hypot(shift_m / reach, turn_rad), 1e-9)
+                jump, crease = planes.end(mine, at)
+                likely = _beyond(near / spread, far / spread)
+                for kind, ends in enumerate((jump, crease & ~jump)):
+                    more = ends & (likely > chance[left, kind])
+                    side[left[more], kind], chance[left[more], kind] = at[more], likely[more]
+                left, at, near = (one[~jump] for one in (left, at, far))
+        return side, chance
 
     def at_border(self, hits: Hits) -> tuple[np.ndarray, np.ndarray]:
         """Beams beside which the surface is of another material, so that brightness may be either's, (n,) bool twice.
@@ -128,6 +151,47 @@ def widened(
         far = angle[step:] > gap
         wide[:-step] |= far
     return wide.ravel()
+
+
+class _Planes:
+    """The planes that beams of a scan meet, in world axes about its middle.
+
+    Attributes:
+        direction: (n, 3) of the beams.
+        reach_m: (n,) range; infinite where nothing is met.
+        grazed: (n,) bool: whether a beam runs along its plane rather than to it.
+    """
+
+    def __init__(self, hits: Hits, settings: Beams) -> None:
+        rotation = hits.pose[:3, :3].astype(np.float32)
+        self._solid, self._settings, self._normal = hits.solid, settings, hits.solid.normal
+        self._exists = hits.solid.exists
+        self.direction, self._origin = hits.rays.direction @ rotation.T, hits.rays.origin @ rotation.T
+        point = self._origin + self.direction * np.where(self._exists, hits.solid.range_m, 0)[:, None]
+        self._offset = np.einsum("ij,ij->i", self._normal, point)
+        self.reach_m = np.where(self._exists, hits.solid.range_m, np.float32(np.inf))
+        self.grazed = self._exists & (np.abs(np.einsum("ij,ij->i", self._normal, self.direction)) < settings.grazing)
+
+    def end(self, beams: np.ndarray | slice, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(k,) bool twice: whether planes of some beams do not go on to others (k,), by far and by little."""
+        solid, by, normal, exists = self._solid, self._settings, self._normal[beams], self._exists[beams]
+        slope = np.einsum("ij,ij->i", normal, self.direction[other])
+        foot = self._offset[beams] - np.einsum("ij,ij->i", normal, self._origin[other])
+        found = solid.range_m[other]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            away = np.abs(found - foot / slope)
+        jump = ~(away < by.jump_m + by.jump_share * found) | (solid.instance[beams] != solid.instance[other])
+        crease = exists & ~(away < by.crease_m + by.crease_share * found)
+        return (exists != self._exists[other]) | (exists & jump), crease
+
+
+def _beyond(near: np.ndarray, far: np.ndarray) -> np.ndarray:
+    """Chance (k,) that a normal deviate is beyond what stands anywhere between `near` and `far` (k,)."""
+
+    def below(z: np.ndarray) -> np.ndarray:  # its slope is the chance of a deviate beyond z
+        return z * ndtr(-z) - np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi)
+
+    return (below(far) - below(near)) / (far - near)
 
 
 def _phase(rays: Rays) -> np.ndarray:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from cosim.discrepancy.data.ambiguity import Neighbours, widened
 from cosim.discrepancy.data.map_surfaces import Maps, MapSurfaces
@@ -16,8 +15,8 @@ from cosim.drives.kitti import Drive, Frame
 from cosim.drives.twin import read_trust
 from cosim.drives.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_instances
 from sensors.beams import Beams
-from sensors.effects.acting import Streams, act_on_beams
-from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.acting import Streams, act_on_beams, in_order
+from sensors.effects.base import Effect
 from sensors.motion import EgoMotion
 from sensors.rays import Rays
 from sensors.scene import Instances
@@ -39,10 +38,11 @@ class TracedFrame:
         unsure_m, unsure_intensity: (n,) how far the twin itself may be off where the beam meets it: along the beam and
             in brightness, standard deviations; 0 where it is surveyed.
         edge: (n,) bool: beams whose outcome is ambiguous, because a touch aside the world is another.
+        grazed: (n,) bool: those of them that run along what they meet rather than to it.
         nearest_m: (n,) range of the nearest surface at that edge; infinite away from edges.
+        neighbours: of the beams.
         border: (n,) bool: beams whose brightness is, because a touch aside the material is another.
         seam: (n,) bool: the same where the other is so much brighter or darker that the brightness tells which it was.
-        leaning: (6,) error of the LiDAR's pose that was traced with: a shift [m], and a turn about its axes [rad].
         own_axes: whether its twin was made from its own points, so that its pose cannot be wrong.
         ego, instances: at the pose time.
         map: of the drive's own scans, if the twin is one.
@@ -58,10 +58,11 @@ class TracedFrame:
     unsure_m: np.ndarray
     unsure_intensity: np.ndarray
     edge: np.ndarray
+    grazed: np.ndarray
     nearest_m: np.ndarray
+    neighbours: Neighbours
     border: np.ndarray
     seam: np.ndarray
-    leaning: np.ndarray
     own_axes: bool
     ego: EgoMotion
     instances: Instances
@@ -69,23 +70,36 @@ class TracedFrame:
     surface: np.ndarray
     settings: Settings
 
+    @property
+    def is_surveyed(self) -> bool:
+        """Whether silhouettes stand where the twin has them: neither its own points nor boxes and models tell that."""
+        return self.map is None and not self.own_axes
+
     def unsure(self, shift_m: float, turn_rad: float) -> np.ndarray:
         """(n,) bool: beams that meet something else, or another material, if poses are off by so much."""
-        pattern, solid, settings = self.shot.pattern, self.shot.hits.solid, self.settings.beams
-        seam = self.border | self.seam
-        found = widened(self.edge, self.nearest_m, pattern, shift_m, turn_rad, settings)
-        found |= widened(seam, np.where(seam, solid.range_m, np.inf), pattern, shift_m, turn_rad, settings)
-        return found | self._beside(shift_m, turn_rad)
+        found = self.near_edges(shift_m, turn_rad)
+        return found | self.beside_edges(shift_m, turn_rad, ~found)
 
-    def _beside(self, shift_m: float, turn_rad: float) -> np.ndarray:
-        """(n,) bool: beams that return from nothing they meet, but from what is there a touch aside.
+    def near_edges(self, shift_m: float, turn_rad: float) -> np.ndarray:
+        """(n,) bool: of these, beams that stand at an edge between two surfaces then."""
+        return widened(self.edge, self.nearest_m, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
+
+    def beside_edges(self, shift_m: float, turn_rad: float, asked: np.ndarray) -> np.ndarray:
+        """(n,) bool: of those asked for (n,), beams that then meet another material, or something thin."""
+        seam = self.border | self.seam
+        apart = np.where(seam, self.shot.hits.solid.range_m, np.inf)
+        found = asked & widened(seam, apart, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
+        return found | self._beside(shift_m, turn_rad, asked & ~found)
+
+    def _beside(self, shift_m: float, turn_rad: float, asked: np.ndarray) -> np.ndarray:
+        """(n,) bool: of those asked for, beams that return from nothing they meet, but from what is a touch aside.
 
         Wires and thin poles may stand between beams, so that no beam of the twin tells that there is an edge.
         """
         settings = self.settings.beams
         traced, world, measured = self.shot.traced, self.shot.world, self.observed.range_from(self.shot.rays.origin)
         assert traced is not None and world is not None  # frames are traced
-        asked = self.observed.returned & self.observed.trusted
+        asked = asked & self.observed.returned & self.observed.trusted
         far = asked & ~(np.abs(measured - self.shot.hits.solid.range_m) < settings.same_m)
         rows = np.flatnonzero(far)
         direction, upwards_m = traced.direction[rows], traced.hits.pose[:3, 2]
@@ -127,14 +141,12 @@ class FrameTracer:
         self._tracers = TracerCache(sensor.pattern.range_m)
         self._maps = Maps(drive, settings.sampling)
 
-    def trace(self, name: str, effects: tuple[Effect, ...], leaning: np.ndarray | None = None) -> TracedFrame:
-        """One frame, as beams changed by `effects` meet it, from a pose that is off by `leaning`, see `TracedFrame`."""
-        leaning = np.zeros(6) if leaning is None else leaning
+    def trace(self, name: str, effects: tuple[Effect, ...]) -> TracedFrame:
+        """One frame, as beams changed by `effects` meet it."""
         frame = self.drive[name]
         twin = frame.twin
         instances, ego, pattern = scene_instances(twin.instances), ego_motion(twin), self.sensor.pattern
-        pose = lidar_pose(twin) @ _moved(leaning)
-        world = World(self._scenes.of(frame), pose, instances, ego, pattern.range_m, self._tracers)
+        world = World(self._scenes.of(frame), lidar_pose(twin), instances, ego, pattern.range_m, self._tracers)
         observed = observe(frame, pattern, self._rays, self._unit, self.settings.beams)
         before = Shot(pattern, observed.rays, world=world, frame_time_s=twin.time_s)
         streams = Streams(np.random.default_rng(0))
@@ -148,7 +160,7 @@ class FrameTracer:
             surface, trusted, unsure_m = _on_map(own_map, shot, observed, ego, self.settings.beams.grazing)
             unsure_intensity = np.zeros(len(observed.rays), np.float32)
         border, seam = self._neighbours.at_border(traced.hits)
-        edge, nearest_m = self._neighbours.at_edge(traced.hits)
+        edge, grazed, nearest_m = self._neighbours.at_edge(traced.hits)
         return TracedFrame(
             name=name,
             place=twin.static or "",
@@ -158,10 +170,11 @@ class FrameTracer:
             unsure_m=unsure_m,
             unsure_intensity=unsure_intensity,
             edge=edge,
+            grazed=grazed,
             nearest_m=nearest_m,
+            neighbours=self._neighbours,
             border=border,
             seam=seam,
-            leaning=leaning,
             own_axes=frame.has("twin/trust"),
             ego=ego,
             instances=instances,
@@ -170,20 +183,9 @@ class FrameTracer:
             settings=self.settings,
         )
 
-    def trace_all(
-        self, names: Sequence[str], effects: tuple[Effect, ...], leaning: np.ndarray | None = None
-    ) -> list[TracedFrame]:
-        """Several frames, each from a pose off by its row of `leaning` (frames, 6)."""
-        rows = np.zeros((len(names), 6)) if leaning is None else leaning
-        return [self.trace(name, effects, row) for name, row in zip(names, rows, strict=True)]
-
-
-def _moved(leaning: np.ndarray) -> np.ndarray:
-    """(4, 4) of a shift and a turn."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = Rotation.from_rotvec(leaning[3:]).as_matrix()
-    matrix[:3, 3] = leaning[:3]
-    return matrix
+    def trace_all(self, names: Sequence[str], effects: tuple[Effect, ...]) -> list[TracedFrame]:
+        """Several frames."""
+        return [self.trace(name, effects) for name in names]
 
 
 def _known(frame: Frame, shot: Shot, observed: Observed, grazing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -225,13 +227,3 @@ def _places(shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray]:
     pose, direction = shot.hits.pose, observed.rays.direction
     point = observed.along_m[:, None] * direction + observed.above_m[:, None] * upwards(direction)
     return met, point @ pose[:3, :3].T + pose[:3, 3]
-
-
-def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Effects in the order in which they act."""
-    return tuple(sorted(effects, key=lambda effect: effect.phase))
-
-
-def bending(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Those that bend beams, for which frames must be traced anew."""
-    return tuple(effect for effect in effects if isinstance(effect, BeamEffect))

@@ -49,7 +49,10 @@ class Replay:
         found = [one.expect(effects) for one in self.frames]
         return Expected(
             _joined([one.of for one in found]),
-            *(np.concatenate([getattr(one, name) for one in found]) for name in ("along_m", "above_m", "stray")),
+            *(
+                np.concatenate([getattr(one, name) for one in found])
+                for name in ("along_m", "above_m", "stray", "split")
+            ),
         )
 
     @cached_property

@@ -15,11 +15,11 @@ import numpy as np
 from assets.materials import MaterialTable
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.data.observation import upwards
-from cosim.discrepancy.forward.expectation import Expectation, expect
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
-from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.base import BeamEffect, Effect, ScanEffect
 from sensors.effects.beams.ring_elevation import RingElevation
+from sensors.effects.expectation import Expectation, expect
 from sensors.hits import NOTHING, Hits, Surface
 from sensors.motion import EgoMotion, yaw_matrices
 from sensors.pattern import Pattern
@@ -105,13 +105,15 @@ class Expected:
     Attributes:
         of: means, spreads and probabilities.
         along_m, above_m: (n,) how far the reported optical centre stands along and above each beam [m].
-        stray: (n,) density [1/m] of returns from elsewhere at the measured range; 0 where nothing was measured.
+        stray, split: (n,) density [1/m] of returns from elsewhere at the measured range, and what other parts of the
+            beam itself have of it; 0 where nothing was measured.
     """
 
     of: Expectation
     along_m: np.ndarray
     above_m: np.ndarray
     stray: np.ndarray
+    split: np.ndarray
 
 
 class Replayed:
@@ -157,7 +159,7 @@ class Replayed:
         direction = shot.rays.direction
         upward, along, above = shot.kept("optical centres", lambda: _centres(shot.rays))
         found = expect(effects, shot, self.unsure)
-        stray = np.zeros(len(self.along_m))
+        stray, split = np.zeros(len(self.along_m)), np.zeros(len(self.along_m))
         if looks is not None:
             # Points stand where the unit's calibration has its lasers look, not along the pattern's beams; how far
             # above these follows from the measured range, whatever surface it was.
@@ -168,8 +170,10 @@ class Replayed:
         rows = np.flatnonzero(~np.isnan(self.along_m))
         for effect in effects:
             if type(effect).density is not Effect.density:
-                stray[rows] += effect.density(rows, self.along_m[rows] - along[rows], shot)
-        return Expected(found, along, above, stray)
+                density = effect.density(rows, self.along_m[rows] - along[rows], shot)
+                stray[rows] += density
+                split[rows] += 0.0 if isinstance(effect, ScanEffect) else density
+        return Expected(found, along, above, stray, split)
 
     def shot(self, effects: Sequence[Effect]) -> Shot:
         """The beams as those bent by the beam effects among `effects` meet what they do."""
@@ -222,25 +226,38 @@ class FrameReplay(Replayed):
 
     Args:
         frame: the frame.
-        beams: (n,) rows of its beams, sorted.
+        beams: (n,) rows of its beams.
         measured: what beams beside them returned, see `Shot.beside`.
+        met: (n,) rows of the beams whose surfaces they meet, where that are not their own.
     """
 
-    def __init__(self, frame: TracedFrame, beams: np.ndarray, measured: Mapping[str, np.ndarray] | None = None) -> None:
+    def __init__(
+        self,
+        frame: TracedFrame,
+        beams: np.ndarray,
+        measured: Mapping[str, np.ndarray] | None = None,
+        met: np.ndarray | None = None,
+    ) -> None:
         super().__init__()
         assert frame.shot.world is not None  # frames are traced
-        self._shot, self._rows, self._world = frame.shot, beams, frame.shot.world
+        self._shot, self._world = frame.shot, frame.shot.world
         self.nominal = _rows(frame.observed.rays, beams)
         self.is_calibrated = frame.observed.recovered
         self.along_m = frame.observed.along_m[beams].astype(np.float64)
         self.unsure = (frame.unsure_m[beams].astype(np.float64), frame.unsure_intensity[beams].astype(np.float64))
-        hits = frame.shot.hits
-        self.solid = hits.solid.take(beams)
-        self.met = Planes.of(frame, beams, self.solid)
-        behind = np.isin(hits.pane_beam, beams)
-        self.pane = hits.pane.take(np.flatnonzero(behind))
-        self.pane_beam = np.searchsorted(beams, hits.pane_beam[behind]).astype(np.int32)
-        self.paned = Planes.of(frame, hits.pane_beam[behind], self.pane)
+        hits, traced, whose = frame.shot.hits, frame.shot.traced, beams if met is None else met
+        assert traced is not None  # frames are traced
+        self._rows, self.solid = whose, hits.solid.take(whose)
+        self.met = Planes.of(frame, whose, self.solid)
+        if met is not None:
+            time_s = np.broadcast_to(traced.time_s, len(frame.shot.rays))[beams].astype(np.float64)
+            ranges = self.met.ranges(traced.origin[beams], traced.direction[beams].astype(np.float64), time_s)
+            self.solid = reached(self.solid, np.where(met == beams, self.solid.range_m, ranges))
+        pane = np.full(len(frame.shot.rays), -1)
+        pane[hits.pane_beam] = np.arange(len(hits.pane_beam))
+        self.pane_beam = np.flatnonzero(pane[whose] >= 0).astype(np.int32)
+        self.pane = hits.pane.take(pane[whose[self.pane_beam]])
+        self.paned = Planes.of(frame, whose[self.pane_beam], self.pane)
         self.paint, self.table = hits.paint, hits.table
         self.measured = measured
         self.egos, self.poses, self.frame = (frame.ego,), (self._world.pose,), np.zeros(len(beams), int)

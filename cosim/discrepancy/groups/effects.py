@@ -108,12 +108,12 @@ def _strays(sample: Sample, fitted: Fitted, after: Prediction, step: float) -> S
     if not np.any(taken):
         return None
     gain = float(taken @ np.log1p(_given_way(fitted, after) / sample.settings.law.stray_share) / taken.sum())
-    return Strays(taken * len(sample), step, 1 / float(sample.weight.mean()), gain)
+    return Strays(taken * np.count_nonzero(sample.first), step, 1 / sample.mean_weight, gain)
 
 
 def _taken(sample: Sample, fitted: Fitted, after: Prediction) -> np.ndarray:
     """(n,) Share of all beams whose own returns give way to strays."""
-    return sample.share * _given_way(fitted, after) / len(sample)
+    return sample.share * sample.clear * _given_way(fitted, after) / np.count_nonzero(sample.first)
 
 
 def _given_way(fitted: Fitted, after: Prediction) -> np.ndarray:

@@ -5,6 +5,7 @@ A beam returns from the surface it meets with probability `seen`; then its range
 with a small uniform density on top of what scan effects say. Intensities count as far as the return is the surface's;
 those at the limits of what the sensor tells say that they would have been there or beyond. Where another material
 begins beside a beam, any brightness is as likely as its own.
+Beams near edges meet either side, or neither (`_mixed`).
 Where a return stands above its beam tells of the sensor whatever surface it was, so it counts for every return, and is
 all that counts of beams that cannot be compared with the twin.
 """
@@ -28,12 +29,13 @@ class Fit:
         range_z, intensity_z, rise_z: residuals in standard deviations; 0 where there are none.
         intensity_pull, intensity_known: what intensities say of their mean, and how much they would on average, in
             standard deviations.
+        met: probability that the beam met its row's surface; 1 away from edges.
         matched: probability that the return is the surface's.
         bright: probability that its brightness is, too; 0 where that is not to be told.
         whole: (n,) bool: intensities that the limits hardly ever cut off.
         seen: probability of a return of the surface, away from 0 and 1.
         expected_seen: the same as it is expected: of a beam that is certain to return no return tells anything.
-        loglik: (n,) log-likelihood.
+        loglik: (n,) log-likelihood, of each beam in its first row.
     """
 
     range_z: np.ndarray
@@ -43,6 +45,7 @@ class Fit:
     intensity_sigma: np.ndarray
     intensity_pull: np.ndarray
     intensity_known: np.ndarray
+    met: np.ndarray
     matched: np.ndarray
     bright: np.ndarray
     whole: np.ndarray
@@ -59,9 +62,10 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
         expected: of the same beams.
         blur: a standard deviation [m] added to every range: fits that are far off find their way with it.
     """
-    law, mean, returned = sample.settings.law, expected.range_m, sample.returned
+    law, mean, own = sample.settings.law, expected.range_m, sample.own
     sigma = np.hypot(range_spread_m(expected, law), blur)
-    z = np.where(returned & np.isfinite(mean), (sample.along_m - mean) / sigma, 0.0)
+    along_m, returned = sample.along_m[own], sample.returned[own]
+    z = np.where(returned & np.isfinite(mean), (along_m - mean) / sigma, 0.0)
     z = np.nan_to_num(z)
     seen = np.where(np.isfinite(mean), np.clip(expected.seen, law.lost_share, 1 - law.lost_share), 0.0)
     seen = np.where(sample.compared, seen, 0.0)
@@ -69,40 +73,73 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
     # That a beam returned shows a loss however rare; of beams that did not, none is certain to.
     certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, law.lost_share), 0.0)
     surface = certain * np.exp(student(z)) / sigma
-    elsewhere = law.stray_share / law.reach_m + expected.stray
+    # What fog and its like add near edges cannot be told from what else stands there: these tell the rest, given that.
+    untouched = np.where(sample.edge, np.maximum(expected.seen + expected.silent, law.lost_share), 1.0)
+    elsewhere = law.stray_share / law.reach_m + np.where(sample.edge, expected.split, expected.stray)
     density = surface + elsewhere
-    loglik = np.where(returned, np.log(density), np.log(np.maximum(expected.silent, law.lost_share)))
-    loglik = np.where(sample.compared, loglik, 0.0)
-    matched = np.where(returned, surface / density, 0.0)
+    outcome = np.where(returned, density, np.maximum(expected.silent, law.lost_share)) / untouched
+    likelihood, met = _mixed(sample, outcome)
+    loglik = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)
+    matched = np.where(returned, met * surface / density, 0.0)
 
     rise = np.nan_to_num(sample.above_m - expected.rise_m)
-    rise_z = np.where(returned, rise / np.hypot(law.rise_sigma_m, blur), 0.0)
-    loglik += np.where(returned, student(rise_z), 0.0)
+    rise_z = np.where(sample.returned, rise / np.hypot(law.rise_sigma_m, blur), 0.0)
+    loglik += np.where(sample.returned, student(rise_z), 0.0)
     spread = intensity_spread(expected, law)
     none = np.zeros(len(z))
-    light = _Light(none, none, none, none, none > 0, none)
-    if sample.has_intensity:
-        light = _light(sample, expected, spread)
-        loglik += matched * light.loglik
-    bright = matched * light.own
+    light = _light(sample, expected, spread) if sample.has_intensity else (none, none, none, none, none > 0, none)
+    light_z, pull, known, whose, uncut, of_light = light
+    loglik += matched * of_light
     return Fit(
-        z, light.z, rise_z, sigma, spread, light.pull, light.known, matched, bright, light.whole, seen, whole, loglik
+        z, light_z, rise_z, sigma, spread, pull, known, met, matched, matched * whose, uncut, seen, whole, loglik
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Light:
-    """What the intensities of n beams say, if their returns are the surfaces' they were traced to; see `Fit`."""
+def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Likelihoods (n,) of beams in their first rows, and the probability (n,) that they met the surface of each row.
 
-    z: np.ndarray
-    pull: np.ndarray
-    known: np.ndarray
-    own: np.ndarray
-    whole: np.ndarray
-    loglik: np.ndarray
+    Beams near edges met one of the sides, or neither: these return from anywhere, or not at all.
+
+    Args:
+        sample: the measurements.
+        outcome: (n,) likelihood of what each beam did, if it met the surface of that row.
+    """
+    near, rows = np.flatnonzero(sample.edge & sample.first), np.flatnonzero(sample.edge)
+    if not len(near):
+        return outcome, np.ones(len(outcome))
+    likelihood = np.where(sample.first, np.bincount(sample.own, sample.chance * outcome, len(outcome)), 1.0)
+    law, returned = sample.settings.law, sample.returned[near]
+    neither = np.stack([returned / law.reach_m, ~returned])
+    share = shares_of_neither(likelihood[near], neither, sample.weight[near], law)
+    either, met = 1 - share.sum(), np.ones(len(outcome))
+    likelihood[near] = either * likelihood[near] + share @ neither
+    met[rows] = either * (sample.chance * outcome)[rows] / likelihood[sample.own[rows]]
+    return likelihood, met
 
 
-def _light(sample: Sample, expected: Prediction, spread: np.ndarray) -> _Light:
+def shares_of_neither(sides: np.ndarray, neither: np.ndarray, weight: np.ndarray, law: Law) -> np.ndarray:
+    """The likeliest shares (c,) of components of a mixture (Dempster, Laird and Rubin, J. R. Stat. Soc. B 1977).
+
+    Being the likeliest, they leave slopes of the likelihood as if they were known.
+
+    Args:
+        sides: (k,) likelihoods of the component that has what the others leave.
+        neither: (c, k) likelihoods of these.
+        weight: (k,) how much each counts.
+        law: settings.
+    """
+    share, before = np.full(len(neither), law.neither_share), np.zeros(len(neither))
+    while np.abs(share - before).max() > law.neither_known:
+        before, parts = share, share[:, None] * neither
+        share = parts / ((1 - share.sum()) * sides + parts.sum(0)) @ weight / weight.sum()
+    return share
+
+
+def _light(sample: Sample, expected: Prediction, spread: np.ndarray) -> tuple[np.ndarray, ...]:
+    """What intensities say if returns are the surfaces' they were traced to: z, pull, known, own and whole of `Fit`.
+
+    Own is the probability that the brightness is that surface's; at the end (n,) log-likelihoods.
+    """
     mean, limits, law = expected.intensity, sample.intensity_limits, sample.settings.law
     measured = np.where(sample.returned, sample.intensity, mean)
     told = censored(measured, mean, spread, limits)
@@ -113,7 +150,7 @@ def _light(sample: Sample, expected: Prediction, spread: np.ndarray) -> _Light:
     mine = law.own_at_seams * np.exp(told.loglik)
     own = np.where(sample.seam, mine / (mine + other), 1.0) * ~sample.border
     loglik = np.where(sample.seam, np.log(mine + other), told.loglik) * ~sample.border
-    return _Light((measured - mean) / spread, told.pull, told.information, own, whole, loglik)
+    return (measured - mean) / spread, told.pull, told.information, own, whole, loglik
 
 
 def range_spread_m(expected: Prediction, law: Law) -> np.ndarray:

@@ -19,13 +19,11 @@ from cosim.discrepancy.settings import DEFAULT, Unsure
 class PoseErrors:
     """Pose errors (scans, 6): shifts [m] and turns [rad] in the LiDAR's axes.
 
-    Beams were traced with some already; how ranges change is told from there.
-
     Args:
         derivative: (n, 6) change of range per metre and radian.
         frame: (n,) int scan of each beam.
         reach_m: (n,) range of the plane it meets; NaN where there is none.
-        traced: (scans, 6) those that beams were traced with.
+        scans: how many.
         settings: numbers that decide.
     """
 
@@ -34,7 +32,7 @@ class PoseErrors:
         derivative: np.ndarray,
         frame: np.ndarray,
         reach_m: np.ndarray,
-        traced: np.ndarray,
+        scans: int,
         settings: Unsure = DEFAULT.unsure,
     ) -> None:
         self._settings = settings
@@ -43,8 +41,7 @@ class PoseErrors:
         columns = self._frame[:, None] * 6 + np.arange(6)
         rows = np.repeat(np.arange(len(frame)), 6)
         self._places = (rows, columns.ravel())
-        self._shape = (len(frame), traced.size)
-        self._traced = traced
+        self._shape = (len(frame), 6 * scans)
 
     def shift(self, pose: np.ndarray, bent_m: np.ndarray | None = None) -> np.ndarray:
         """Change of ranges (n,) [m], which effects have brought to `bent_m` (n,); as they were traced by default."""
@@ -72,7 +69,7 @@ class PoseErrors:
 
     def _parts(self, pose: np.ndarray, bent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Δ, and R/R₁ − Δ′/R."""
-        of_beam = (pose - self._traced)[self._frame]
+        of_beam = pose[self._frame]
         moved = np.einsum("ij,ij->i", self._derivative[:, :3], of_beam[:, :3])
         turned = np.einsum("ij,ij->i", self._derivative[:, 3:], of_beam[:, 3:])
         return moved, np.maximum(bent - turned / self._reach, self._settings.flattest)

@@ -89,7 +89,9 @@ class RandomEffects:
     def __init__(self, sample: Sample, *, has_poses: bool = True) -> None:
         self.sample, settings = sample, sample.settings.unsure
         self._settings = settings
-        self._pose_errors = PoseErrors(sample.pose_derivative, sample.frame, sample.range_m, sample.leaning, settings)
+        self._pose_errors = PoseErrors(
+            sample.pose_derivative, sample.frame, sample.range_m, len(sample.names), settings
+        )
         scans, things = len(sample.names), sample.instance >= 0
         self._track = np.where(things, np.unique(np.where(things, sample.track, -1), return_inverse=True)[1], -1)
         if not things.all():
@@ -161,22 +163,18 @@ class RandomEffects:
     def start(self) -> Estimate:
         """None of anything, but pose errors of the spread that fits start from."""
         variance = np.array([value**2 for one in self.blocks for value in one.start])
-        u = np.zeros(self.size)
-        poses = self.rows("poses")
-        u[poses] = self.sample.leaning.ravel()[: poses.stop - poses.start]
-        return Estimate(u, variance)
+        return Estimate(np.zeros(self.size), variance)
 
     def without(self, estimate: Estimate, names: Sequence[str]) -> Estimate:
         """To start from, with no random effects of some kinds."""
         gone = np.array([name in names for name, _ in self.laws])
-        return Estimate(self.start().u, np.where(gone, 0.0, estimate.variance))
+        return Estimate(np.zeros(self.size), np.where(gone, 0.0, estimate.variance))
 
-    def begun_from(self, other: Estimate | None) -> Estimate:
-        """Variances of another sample of the same drive, and its random effects where they are the same."""
-        start = self.start()
-        if other is None or len(other.variance) != len(start.variance):
-            return start
-        return other if len(other.u) == self.size else Estimate(start.u, other.variance)
+    def begun_from(self, other: RandomEffects | None, estimate: Estimate | None) -> Estimate:
+        """To start from what another sample of the same drive told; from nothing where that has none."""
+        if other is None or estimate is None or other.laws != self.laws:
+            return self.start()
+        return Estimate(self._told(other, estimate, 0), estimate.variance)
 
     def transferred(self, other: RandomEffects, estimate: Estimate, scan: int) -> Estimate:
         """The random effects of a sample of one scan, as they were estimated from another sample with that scan.
@@ -185,31 +183,31 @@ class RandomEffects:
             other, estimate: of the other sample.
             scan: its row there.
         """
-        u = self.start().u
-        for block in self.blocks:
-            rows, theirs = self.rows(block.name), other.rows(block.name)
-            if theirs.stop == theirs.start:
-                continue
-            values = estimate.u[theirs]
-            if block.name == "poses":
-                u[rows] = values[scan * _AXES : (scan + 1) * _AXES]
-                continue
-            each = 4 if block.name.startswith("objects") else 1
-            known = {key: place for place, key in enumerate(other.keys(block.name))}
-            for place, key in enumerate(self.keys(block.name)):
-                row = known.get(key if block.name != "objects_by_scan" else (key[0], scan))
-                if row is not None:
-                    start = rows.start + place * each
-                    u[start : start + each] = values[row * each : (row + 1) * each]
-        return Estimate(u, np.where(estimate.variance[: len(self.laws)] > 0, 1.0, 0.0))
+        known = np.where(estimate.variance[: len(self.laws)] > 0, 1.0, 0.0)
+        return Estimate(self._told(other, estimate, scan), known)
 
-    def keys(self, name: str) -> list[tuple]:
-        """What each unit of one kind is: name of the track, and scan or direction of the normal."""
+    def _told(self, other: RandomEffects, estimate: Estimate, scan: int) -> np.ndarray:
+        """Random effects (m,) that another sample has, too, from row `scan` of its scans on; 0 elsewhere."""
+        u = np.zeros(self.size)
+        for block in self.blocks:
+            theirs = estimate.u[other.rows(block.name)]
+            if not len(theirs):
+                continue
+            known = {key: place for place, key in enumerate(other._keys(block.name, 0))}
+            row = np.array([known.get(key, -1) for key in self._keys(block.name, scan)], int)
+            mine = u[self.rows(block.name)].reshape(len(row), -1)
+            mine[row >= 0] = theirs.reshape(len(known), -1)[row[row >= 0]]
+        return u
+
+    def _keys(self, name: str, scan: int) -> list[tuple]:
+        """What each unit of one kind is: a scan from `scan` on, or a track's name with its scan, or with a facing."""
         sample = self.sample
+        if name == "poses":
+            return [(scan + row,) for row in range(len(sample.names))]
         number, more = {
             "objects": (self._track, np.zeros(len(sample), int)),
             "albedo": (self._track, np.zeros(len(sample), int)),
-            "objects_by_scan": (sample.object_scan, sample.frame),
+            "objects_by_scan": (sample.object_scan, scan + sample.frame),
             "map": (sample.surface, sample.facing),
             "albedo_of_map": (sample.surface, sample.facing),
         }[name]
@@ -236,11 +234,9 @@ class RandomEffects:
         return found
 
     def poses(self, estimate: Estimate) -> np.ndarray:
-        """(scans, 6) pose errors; those that were traced with where poses have no errors."""
-        rows = self.rows("poses")
-        if rows.stop == rows.start:
-            return self.sample.leaning
-        return estimate.u[rows].reshape(-1, _AXES)
+        """(scans, 6) pose errors; 0 where poses have none."""
+        found = estimate.u[self.rows("poses")].reshape(-1, _AXES)
+        return found if len(found) else np.zeros((len(self.sample.names), _AXES))
 
     def spread(self, estimate: Estimate, name: str) -> np.ndarray:
         """Standard deviations of one kind, by law, 0 where nothing is known of them; empty where there are none."""
@@ -264,10 +260,7 @@ class RandomEffects:
         share = self.brightness(estimate)
         spread = expected.intensity_sigma * (share if self.sample.of_own_map else 1.0)
         return replace(
-            expected,
-            range_m=expected.range_m + moved,
-            intensity=expected.intensity * share,
-            intensity_sigma=spread,
+            expected, range_m=expected.range_m + moved, intensity=expected.intensity * share, intensity_sigma=spread
         )
 
     def brightness(self, estimate: Estimate) -> np.ndarray:

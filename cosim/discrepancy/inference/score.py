@@ -12,11 +12,7 @@ from typing import Literal
 import numpy as np
 
 from cosim.discrepancy.inference.censored import MEAN_INFORMATION, pull
-from cosim.discrepancy.inference.likelihood import (
-    Fit,
-    intensity_spread,
-    range_spread_m,
-)
+from cosim.discrepancy.inference.likelihood import Fit, intensity_spread, range_spread_m
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.settings import Law
 
@@ -33,13 +29,7 @@ class Evidence:
     information: dict[Quantity, np.ndarray]
 
     @classmethod
-    def of(
-        cls,
-        sample: Sample,
-        fit: Fit,
-        rise_blur: float = 0.0,
-        wider: tuple[float, float] = (1.0, 1.0),
-    ) -> Evidence:
+    def of(cls, sample: Sample, fit: Fit, rise_blur: float = 0.0, wider: tuple[float, float] = (1.0, 1.0)) -> Evidence:
         """The evidence in a fit; weighted so that beams of the sample stand for all.
 
         Args:
@@ -62,13 +52,13 @@ class Evidence:
             "range": matched * pull(range_z) / range_sigma,
             "rise": returned * pull(rise_z) / rise_sigma,
             "range_variance": paired * _spread_excess(range_gap, law),
-            "drop": binary * (fit.matched - fit.expected_seen),
+            "drop": binary * (fit.matched - fit.met * fit.expected_seen),
         }
         information: dict[Quantity, np.ndarray] = {
             "range": matched * MEAN_INFORMATION / range_sigma**2,
             "rise": returned * MEAN_INFORMATION / rise_sigma**2,
             "range_variance": paired * _SPREAD_INFORMATION,
-            "drop": binary,
+            "drop": binary * fit.met,
         }
         if sample.has_intensity:
             bright = weight * fit.bright

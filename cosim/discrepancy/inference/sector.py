@@ -14,7 +14,7 @@ AZIMUTH, WIDTH = "azimuth_deg", "width_deg"
 def crowded_sector(sample: Sample, fit: Fit, by: Search = DEFAULT.search) -> dict[str, float]:
     """Middle and width [°] of the sector whose share of strays stands out most from its share of beams."""
     turn = np.degrees(sample.azimuth) % 360
-    stray = sample.returned & sample.compared & (fit.matched < 0.5)
+    stray = sample.returned & sample.clear & (fit.matched < 0.5)
     if not stray.any():
         return {AZIMUTH: 0.0, WIDTH: 360.0}
     strays, beams = _Share(turn[stray], sample.weight[stray]), _Share(turn, sample.weight)

@@ -20,12 +20,7 @@ from cosim.report.plot import Axis, Plot
 def unexplained_section(found: tuple[Unexplained, ...], explored: Explored | None) -> str:
     """HTML; empty where nothing is left."""
     rows = [
-        [
-            escape(channel_words(one.channel)),
-            escape(_on(one)),
-            escape(size_words(one)),
-            escape(p_cell(one.p_value)),
-        ]
+        [escape(channel_words(one.channel)), escape(_on(one)), escape(size_words(one)), escape(p_cell(one.p_value))]
         for one in found
     ]
     listed = table(["what is off", "by", "size", "p"], rows, words=(1,))

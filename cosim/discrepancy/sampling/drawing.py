@@ -7,55 +7,48 @@ from collections.abc import Sequence
 import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
-from cosim.discrepancy.sampling.gathering import gathered
+from cosim.discrepancy.sampling.gathering import Taken, gathered
 from cosim.discrepancy.sampling.sample import Sample
 
 
 def draw_sample(
-    frames: Sequence[TracedFrame],
-    count: int,
-    rng: np.random.Generator,
-    *,
-    edges: bool = False,
-    judging: bool | None = None,
+    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, *, judging: bool | None = None
 ) -> Sample:
     """A sample of about `count` beams in neighbouring pairs: of every frame alike, more of objects than of the rest.
 
     Materials that few beams meet, as those of plates and signs, are taken nearly whole.
 
-
     Args:
         frames: in order of time.
         count: how many beams to take, roughly.
         rng: for the draw.
-        edges: whether ambiguous beams take part.
         judging: of a map made of the scans, take surfaces of those places that judge, or of the others; all by default.
     """
     if frames and frames[0].map is not None:
-        return gathered(frames, _of_maps(frames, count, rng, edges, judging))
+        return gathered(frames, _of_maps(frames, count, rng, judging))
     share = max(count // max(len(frames), 1), 1)
-    return gathered(frames, [_choose(frame, share, rng, edges) for frame in frames])
+    return gathered(frames, [_choose(frame, share, rng) for frame in frames])
 
 
 def whole_sample(frame: TracedFrame) -> Sample:
     """All beams of one frame."""
     count = len(frame.observed.rays)
-    return gathered([frame], [(np.arange(count), np.ones(count), np.full(count, -1))])
+    return gathered([frame], [_taken(np.arange(count), np.ones(count), np.full(count, -1))])
 
 
-def _choose(
-    frame: TracedFrame, share: int, rng: np.random.Generator, edges: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Beams, how many each stands for, and the row of each one's partner."""
+def _choose(frame: TracedFrame, share: int, rng: np.random.Generator) -> Taken:
+    """Beams of a frame."""
     solid, rings, settings = frame.shot.hits.solid, frame.shot.rays.ring, frame.settings.sampling
-    usable = frame.observed.trusted & (edges | ~frame.edge)
+    clear = frame.observed.trusted & ~frame.edge
+    usable = frame.observed.trusted & ~frame.grazed if frame.is_surveyed else clear
     residual = np.abs(frame.observed.range_from(frame.shot.rays.origin) - solid.range_m)
     odd = frame.observed.returned & ~(residual < frame.settings.beams.same_m)
-    odd &= usable
+    odd &= clear
     chance = np.where(solid.instance >= 0, 3.0, np.where(solid.exists, 1.0, 0.15)) * usable
+    chance = np.where(clear, chance, settings.edge_share * chance)
     chance = np.clip(chance * (share / 2 / max(chance.sum(), 1.0)), 0, 1)
     chance = np.where(odd, np.maximum(chance, min(1.0, settings.odd_share * share / max(odd.sum(), 1))), chance)
-    chance = np.maximum(chance, _rare(solid.material, usable & solid.exists, settings.rare_share * share))
+    chance = np.maximum(chance, _rare(solid.material, clear & solid.exists, settings.rare_share * share))
     first = rng.random(len(chance)) < chance
     taken = (first | np.append(False, first[:-1])) & usable
     before = np.append(0.0, chance[:-1])
@@ -70,17 +63,19 @@ def _choose(
         follows, np.arange(len(beams)) + 1, np.where(np.append(False, follows[:-1]), np.arange(len(beams)) - 1, -1)
     )
     if not len(lone):
-        return beams, weight, partner
+        return _taken(beams, weight, partner)
     weight = np.append(weight, np.full(len(lone), weight.mean() if len(beams) else 1.0))
     order = np.argsort(np.append(beams, lone))
     place = np.argsort(order)
     partner = np.append(np.where(partner >= 0, place[partner], -1), np.full(len(lone), -1))
-    return np.append(beams, lone)[order], weight[order], partner[order]
+    return _taken(np.append(beams, lone)[order], weight[order], partner[order])
 
 
-def _of_maps(
-    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, edges: bool, judging: bool | None
-) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _taken(beam: np.ndarray, weight: np.ndarray, partner: np.ndarray) -> Taken:
+    return {"beam": beam, "weight": weight, "partner": partner}
+
+
+def _of_maps(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None) -> list[Taken]:
     """As `_choose`, for each frame; of each map as many beams as frames lie in it."""
     by_place: dict[str, list[int]] = {}
     for number, one in enumerate(frames):
@@ -88,17 +83,15 @@ def _of_maps(
     found = {}
     for numbers in by_place.values():
         mine = [frames[number] for number in numbers]
-        found |= dict(zip(numbers, _of_map(mine, count * len(mine) // len(frames), rng, edges, judging), strict=True))
+        found |= dict(zip(numbers, _of_map(mine, count * len(mine) // len(frames), rng, judging), strict=True))
     return [found[number] for number in range(len(frames))]
 
 
-def _of_map(
-    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, edges: bool, judging: bool | None
-) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _of_map(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None) -> list[Taken]:
     """As `_choose`, for each frame: several looks at each of some surfaces, rather at those seen from near and far."""
     surfaces = frames[0].map
     assert surfaces is not None  # asked before
-    usable = [np.flatnonzero(one.observed.trusted & (edges | ~one.edge)) for one in frames]
+    usable = [np.flatnonzero(one.observed.trusted & ~one.edge) for one in frames]
     met = np.concatenate([one.surface[rows] for one, rows in zip(frames, usable, strict=True)])
     most, looks = frames[0].settings.sampling.looks, np.bincount(met, minlength=len(surfaces))
     if judging is not None:
@@ -112,7 +105,7 @@ def _of_map(
         beside = np.minimum(first + 1, len(one.surface) - 1)
         pairs = one.surface[beside] == one.surface[first]
         beams = np.intersect1d(np.append(first, beside[pairs]), rows)
-        found.append((beams, np.ones(len(beams)), _partners(beams, one)))
+        found.append(_taken(beams, np.ones(len(beams)), _partners(beams, one)))
     return found
 
 

@@ -11,25 +11,33 @@ from cosim.discrepancy.forward.joined import Replay
 from cosim.discrepancy.forward.replay import FrameReplay
 from cosim.discrepancy.sampling.sample import Sample
 from cosim.discrepancy.settings import Sampling
-from sensors.hits import NOTHING, STATIC
+from sensors.hits import NOTHING, STATIC, Surface
 
 _ASIDE = {"previous": (0, -1), "above": (-1, 0), "below": (1, 0)}  # rings down, and firings along
 BESIDE = tuple(f"{name}_{what}" for name in _ASIDE for what in ("range", "intensity", "lost"))
 
+Taken = dict[str, np.ndarray]  # rows of a frame, see `gathered`
 
-def gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Sample:
-    """A sample of frames, of which beams, how many each stands for and the rows of partners are chosen."""
+
+def gathered(frames: Sequence[TracedFrame], chosen: Sequence[Taken]) -> Sample:
+    """A sample of frames.
+
+    Args:
+        frames: traced.
+        chosen: of each its rows: `beam`, `weight` and `partner` as in `Sample`, rows counted within the frame. Where
+            beams have several, `own`, `chance` and `edge`, too, and `met`: the beam whose surface a row is about.
+    """
     replays, columns, rows = [], [], 0
-    for number, (frame, (beams, weight, partner)) in enumerate(zip(frames, chosen, strict=True)):
+    for number, (frame, told) in enumerate(zip(frames, chosen, strict=True)):
+        beams, count = told["beam"], len(told["beam"])
+        told = {"own": np.arange(count), "chance": np.ones(count), "edge": np.zeros(count, bool)} | told
         beside = _beside(frame, beams)
-        replays.append(FrameReplay(frame, beams, beside))
-        partner = np.where(partner >= 0, partner + rows, -1)
-        columns.append(
-            {"frame": np.full(len(beams), number), "beam": beams, "weight": weight, "partner": partner}
-            | _columns(frame, beams)
-            | beside
-        )
-        rows += len(beams)
+        replays.append(FrameReplay(frame, beams, beside, told.pop("met", beams)))
+        told |= {"frame": np.full(count, number), "first": told["own"] == np.arange(count)}
+        columns.append(told | _columns(frame, replays[-1].solid, told) | beside)
+        for name in ("own", "partner"):
+            columns[-1][name] = np.where(told[name] >= 0, told[name] + rows, -1)
+        rows += count
     joined = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
     track, names, cells = _tracks(
         frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"], frames[0].settings.sampling
@@ -53,7 +61,6 @@ def gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, n
         track=track,
         track_names=names,
         cells=cells,
-        leaning=np.array([one.leaning for one in frames]),
         own_axes=all(one.own_axes for one in frames),
         of_own_map=any(one.map is not None for one in frames),
         scan_values={
@@ -66,9 +73,8 @@ def gathered(frames: Sequence[TracedFrame], chosen: Sequence[tuple[np.ndarray, n
     )
 
 
-def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
-    observed, shot = frame.observed, frame.shot
-    solid = shot.hits.solid.take(beams)
+def _columns(frame: TracedFrame, solid: Surface, told: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    observed, shot, beams, first = frame.observed, frame.shot, told["beam"], told["first"]
     assert shot.traced is not None  # frames are traced
     direction = shot.traced.direction[beams].astype(np.float64)
     normal = solid.normal.astype(np.float64)
@@ -85,14 +91,13 @@ def _columns(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
     place = shot.traced.origin[beams] + direction * np.nan_to_num(reach)[:, None]
     rays, toward = shot.rays, normal * steep[:, None]
     return {
-        "along_m": observed.along_m[beams].astype(np.float64),
+        "along_m": np.where(first, observed.along_m[beams], np.nan).astype(np.float64),
         "above_m": observed.above_m[beams].astype(np.float64),
-        "intensity": observed.intensity[beams].astype(np.float64),
+        "intensity": np.where(first, observed.intensity[beams], np.nan).astype(np.float64),
         "pose_derivative": np.nan_to_num(pose, posinf=0, neginf=0),
         "unsure_m": frame.unsure_m[beams].astype(np.float64),
         "unsure_intensity": frame.unsure_intensity[beams].astype(np.float64),
-        "edge": frame.edge[beams],
-        "border": frame.border[beams],
+        "border": frame.border[beams] | told["edge"],
         "seam": frame.seam[beams],
         "compared": observed.trusted[beams],
         "object_derivative": _of_object(frame, solid.instance, toward, place),

@@ -25,6 +25,7 @@ class Prediction:
         seen: probability that the surface's return is reported.
         silent: probability that nothing is.
         stray: (n,) density [1/m] of returns from elsewhere at the measured range; 0 where nothing was measured.
+        split: (n,) what other parts of the beam itself have of it.
         unsure_m, unsure_intensity: how far the twin itself may be off, standard deviations beside those of the sensor.
     """
 
@@ -36,6 +37,7 @@ class Prediction:
     seen: np.ndarray
     silent: np.ndarray
     stray: np.ndarray
+    split: np.ndarray
     unsure_m: np.ndarray
     unsure_intensity: np.ndarray
 
@@ -64,7 +66,11 @@ class Sample:
         surface: (n,) int number of the cell of the static world: a square of the ground plan and a direction of its
             normal; −1 elsewhere.
         surface_derivative: (n,) change of range by a shift of that cell along its normal [m/m]; 0 elsewhere.
-        edge: (n,) bool ambiguous beams.
+        own: (n,) int row of the same beam: its own but for rows that are about what a beam meets if it stands beyond an
+            edge, which measured nothing of themselves.
+        first: (n,) bool: one row of each beam, its own.
+        chance: (n,) that the beam meets what its row is about; of the rows of a beam they are 1 together.
+        edge: (n,) bool: near an edge, so that the beam may meet neither.
         border: (n,) bool beams of ambiguous brightness.
         seam: (n,) bool the same, where the brightness itself tells whose it is.
         compared: (n,) bool: beams that can be compared with the twin; of others it only tells something where their
@@ -78,7 +84,6 @@ class Sample:
         reflectance: (n,) of the surface.
         beside: by name, (n,) what beams beside each measured: `previous` of its ring, `above` and `below` it; ranges
             [m] and intensities are 0 where nothing returned, `lost` is 1 where a surface should have been seen.
-        leaning: (scans, 6) pose errors that were traced with, see `TracedFrame`.
         own_axes: whether scans stand where their twins were made, so that poses have no errors.
         of_own_map: whether the twin is a map made of the scans: places of surfaces and scans are free.
         scan_values: by name, (scans,) pose time, and the ego vehicle's speed, acceleration and yaw rate.
@@ -105,6 +110,9 @@ class Sample:
     object_scan: np.ndarray
     surface: np.ndarray
     surface_derivative: np.ndarray
+    own: np.ndarray
+    first: np.ndarray
+    chance: np.ndarray
     edge: np.ndarray
     border: np.ndarray
     seam: np.ndarray
@@ -127,7 +135,6 @@ class Sample:
     place: np.ndarray
     reflectance: np.ndarray
     beside: dict[str, np.ndarray]
-    leaning: np.ndarray
     own_axes: bool
     of_own_map: bool
     scan_values: dict[str, np.ndarray]
@@ -139,7 +146,17 @@ class Sample:
     @cached_property
     def share(self) -> np.ndarray:
         """(n,) weights that are 1 on average."""
-        return self.weight / self.weight.mean()
+        return self.weight / self.mean_weight
+
+    @cached_property
+    def clear(self) -> np.ndarray:
+        """(n,) bool: beams that tell of returns from nowhere."""
+        return self.compared & ~self.edge
+
+    @cached_property
+    def mean_weight(self) -> float:
+        """How many beams a beam stands for on average."""
+        return float(self.weight[self.first].mean())
 
     @cached_property
     def returned(self) -> np.ndarray:
@@ -187,6 +204,7 @@ class Sample:
             seen=found.of.seen,
             silent=found.of.silent,
             stray=found.stray,
+            split=found.split,
             unsure_m=self.unsure_m,
             unsure_intensity=self.unsure_intensity,
         )
@@ -198,7 +216,7 @@ class Sample:
             mine = self.frame == number
             off[mine] = mask[self.beam[mine]]
         partner = np.where(off | off[np.maximum(self.partner, 0)], -1, self.partner)
-        return replace(self, compared=self.compared & ~off, edge=self.edge | off, partner=partner)
+        return replace(self, compared=self.compared & ~off, partner=partner)
 
     def _frames(self) -> Iterator[tuple[FrameReplay, np.ndarray]]:
         for number, replay in enumerate(self.replay.frames):

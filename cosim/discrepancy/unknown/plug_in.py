@@ -11,11 +11,7 @@ from cosim.discrepancy.unknown.shape import Shape
 from sensors.effects.base import Effect
 from sensors.effects.registry import find_effect
 
-_BASES = {
-    "range": "PointEffect",
-    "intensity": "PointEffect",
-    "drop": "DetectionEffect",
-}
+_BASES = {"range": "PointEffect", "intensity": "PointEffect", "drop": "DetectionEffect"}
 _COVARIATES = {
     "range": "returns.range_m",
     "incidence": "np.degrees(np.arccos(shot.cos_incidence(returns)))",

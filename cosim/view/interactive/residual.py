@@ -66,18 +66,18 @@ class ResidualTracer:
 
     @cached_property
     def _effects(self) -> tuple[Effect, ...]:
-        from cosim.discrepancy.data.frames import in_order
+        from sensors.effects.acting import in_order
 
         return in_order(self._sensor.effects)
 
     @cached_property
     def _bending(self) -> tuple[Effect, ...]:
-        from cosim.discrepancy.data.frames import bending
+        from sensors.effects.acting import bending
 
         return bending(self._effects)
 
     def _trace(self, name: str) -> PointResiduals:
-        from cosim.discrepancy.forward.expectation import expect
+        from sensors.effects.expectation import expect
 
         traced = self._tracer.trace(name, self._bending)
         observed, shot = traced.observed, traced.shot

@@ -85,7 +85,7 @@ def _strongest_group(beam: np.ndarray, middle: Hits, aside: Hits, pulse_m: float
     slanted = (instance[1:] == instance[:-1]) & parallel & (gap < _SAME_FACE_SLANT * np.where(met[:-1], r[:-1], 0))
     linked = ((gap < pulse_m) | slanted) & met[1:]
     group = np.concatenate([np.zeros((1, len(beam)), int), np.cumsum(~linked, axis=0)])
-    strength = np.stack([np.where(group == number, s, 0).sum(0) for number in range(len(r))])
+    strength = np.stack([np.where((group == number) & met, s, 0).sum(0) for number in range(len(r))])
     chosen = (group == strength.argmax(0)) & met
     # A black surface has no signal to weigh with: its samples count alike.
     weight = np.where(chosen, np.maximum(s, np.float32(1e-9)), 0)

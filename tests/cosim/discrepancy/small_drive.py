@@ -12,12 +12,12 @@ import yaml
 from assets.mesh import Mesh
 from assets.shapes import box, plate
 from cosim.discrepancy.data.checks import opened
-from cosim.discrepancy.data.frames import in_order
 from cosim.discrepancy.diagnose import case_of, given
 from cosim.discrepancy.state import Model, View, viewed
 from cosim.drives.kitti import PointRays, write_points, write_rays
 from cosim.drives.twin import Ego, Instance, Lidar, TwinFrame, read_glb, write_frame, write_glb, write_materials
 from cosim.drives.twin.scene import ego_motion, lidar_pose, scene_instances
+from sensors.effects.acting import in_order
 from sensors.effects.base import Effect
 from sensors.pattern import Pattern
 from sensors.scene import Scene

@@ -19,7 +19,7 @@ def _road(reach_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _errors(derivative: np.ndarray, reach_m: np.ndarray) -> PoseErrors:
-    return PoseErrors(derivative, np.zeros(len(reach_m), int), reach_m, np.zeros((1, 6)))
+    return PoseErrors(derivative, np.zeros(len(reach_m), int), reach_m, 1)
 
 
 def _pitched(degrees: float) -> np.ndarray:

@@ -30,7 +30,7 @@ def _strays(middle_deg: float, width_deg: float, rng: np.random.Generator) -> tu
     chance = np.where(apart <= width_deg / 2, 0.08, 0.002)
     stray = rng.random(len(azimuth)) < chance
     every = np.ones(len(azimuth))
-    sample = SimpleNamespace(azimuth=azimuth, returned=every > 0, compared=every > 0, weight=every)
+    sample = SimpleNamespace(azimuth=azimuth, returned=every > 0, clear=every > 0, weight=every)
     return cast(Any, sample), cast(Any, SimpleNamespace(matched=1.0 - stray))
 
 

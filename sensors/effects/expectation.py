@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.discrepancy.forward.rounding import rounded
 from sensors.effects.base import EchoEffect, Effect, NoiseEffect, PointEffect, RoundingEffect, ScanEffect
 from sensors.effects.phases import CLIP_BEFORE
+from sensors.effects.rounding import rounded
 from sensors.returns import Returns
 from sensors.shot import Shot
 

@@ -1,0 +1,173 @@
+"""Beams near edges meet either side, or neither: how likely each is, and what the mixture says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from cosim.discrepancy.data.checks import opened
+from cosim.discrepancy.diagnose import case_of, given
+from cosim.discrepancy.inference import likelihood
+from cosim.discrepancy.inference.comparison import gain
+from cosim.discrepancy.inference.fit import Fitter
+from cosim.discrepancy.inference.likelihood import judge, range_spread_m, shares_of_neither
+from cosim.discrepancy.inference.score import Evidence
+from cosim.discrepancy.sampling.drawing import draw_sample
+from cosim.discrepancy.sampling.sample import Prediction, Sample
+from cosim.discrepancy.sampling.silhouettes import with_silhouettes
+from cosim.discrepancy.settings import DEFAULT
+from cosim.discrepancy.state import Case
+from sensors.effects.points.range_bias import RangeBias
+from tests.cosim.discrepancy.small_drive import Yard
+
+SHIFT_M, TURN_RAD = 0.15, 5e-3
+SHARES = np.array([0.03, 0.02])
+
+
+@pytest.fixture(scope="module")
+def case(biased_yard: Yard) -> Case:
+    return case_of(opened(biased_yard.drive), biased_yard.sensor)
+
+
+@pytest.fixture(scope="module")
+def frames(case: Case):
+    return case.tracer.trace_all(case.split.fit, ())
+
+
+def _sampled(frames, rows: int = 12_000, shift_m: float = SHIFT_M, turn_rad: float = TURN_RAD) -> Sample:
+    drawn = draw_sample(frames, rows, np.random.default_rng(1))
+    return with_silhouettes(frames, drawn, shift_m, turn_rad)
+
+
+def _expected(case: Case, sample: Sample) -> Prediction:
+    """Every beam has some chance of not returning."""
+    expected = sample.predict(given(case))
+    seen = np.minimum(expected.seen, 0.9)
+    return replace(expected, seen=seen, silent=expected.silent + expected.seen - seen)
+
+
+def _second(sample: Sample) -> np.ndarray:
+    """Rows about another side, one of each beam that has any."""
+    rows = np.flatnonzero(~sample.first)
+    return rows[np.unique(sample.own[rows], return_index=True)[1]]
+
+
+@pytest.fixture
+def known_shares(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(likelihood, "shares_of_neither", lambda *of: SHARES)
+
+
+def test_chances_of_a_beams_sides_make_one(frames) -> None:
+    sample = _sampled(frames)
+    assert np.count_nonzero(~sample.first) > 300
+    np.testing.assert_allclose(np.bincount(sample.own, sample.chance, len(sample))[sample.first], 1)
+    assert sample.chance.min() > 0 and np.all(sample.chance[~sample.first] <= 0.5)
+    assert np.array_equal(sample.own[sample.own], sample.own), "beams have one row of their own"
+
+
+def test_the_chance_is_that_of_standing_beyond_an_edge_somewhere_between_two_beams(frames) -> None:
+    frame, sigma = frames[0], 0.004
+    beams = np.flatnonzero(frame.edge & ~frame.grazed)
+    side, chance = frame.neighbours.other_sides(frame.shot.hits, beams, 0.0, sigma)
+    before, after = frame.neighbours.rows[[0, 1]]
+    next_to = (side[:, 0] == before[beams]) | (side[:, 0] == after[beams])
+    assert next_to.sum() > 100
+    direction = frame.shot.traced.direction
+    far = np.linalg.norm(direction[beams] - direction[side[:, 0]], axis=1)[next_to] / sigma
+    foreseen = [integrate.quad(stats.norm.sf, 0, one)[0] / one for one in far[:50]]
+    np.testing.assert_allclose(chance[next_to, 0][:50], foreseen, rtol=1e-4)
+
+
+def test_sharp_edges_have_one_side(frames) -> None:
+    sample = _sampled(frames, shift_m=0.0, turn_rad=0.0)
+    assert sample.first.all() and sample.edge.any()
+
+
+def test_beyond_an_edge_stands_what_the_beam_there_meets(case: Case, frames) -> None:
+    sample, truth = _sampled(frames), []
+    for row in np.flatnonzero(~sample.first)[::7]:
+        solid = frames[sample.frame[row]].shot.hits.solid
+        around = frames[sample.frame[row]].neighbours.rows[:, sample.beam[row]]
+        truth.append(sample.instance[row] in (*solid.instance[around], solid.instance[sample.beam[row]]))
+    assert np.mean(truth) > 0.9
+
+
+@pytest.mark.usefixtures("known_shares")
+def test_a_beam_near_an_edge_returns_from_somewhere_or_not_at_all(case: Case, frames) -> None:
+    sample = _sampled(frames, 6_000)
+    expected = _expected(case, sample)
+    sample = replace(sample, intensity=np.zeros(len(sample)), above_m=expected.rise_m)
+    sigma, law = range_spread_m(expected, sample.settings.law), sample.settings.law
+    near = np.flatnonzero(sample.first & sample.edge & np.isfinite(expected.range_m))
+    other = near.copy()
+    other[np.isin(near, sample.own[_second(sample)])] = _second(sample)[np.isin(sample.own[_second(sample)], near)]
+    middles = np.stack([expected.range_m[near], np.nan_to_num(expected.range_m[other], nan=1.0)])
+    steps = np.sinh(np.linspace(-8, 8, 241))[:, None, None] * sigma[near]
+    grid = np.vstack([(middles + steps).reshape(-1, len(near)), np.linspace(0, law.reach_m, 41)[:, None] + 0 * near])
+    grid = np.sort(np.clip(grid, 0, law.reach_m), axis=0)
+    at_once = float(np.exp(likelihood.student(np.zeros(1)))[0])  # of every rise here, which is as it is expected
+
+    def chance(along_m: np.ndarray) -> np.ndarray:
+        every = np.full(len(sample), np.nan)
+        every[near] = along_m
+        return np.exp(judge(replace(sample, along_m=every), expected).loglik[near])
+
+    several = np.bincount(sample.own, minlength=len(sample))[near] > 2
+    whole = integrate.trapezoid(np.stack([chance(one) for one in grid]) / at_once, grid, axis=0)
+    whole += chance(np.full(len(near), np.nan))
+    assert len(near) > 300
+    np.testing.assert_allclose(whole[~several], 1, atol=2e-3)
+
+
+@pytest.mark.usefixtures("known_shares")
+def test_scores_of_both_sides_are_slopes_of_the_mixture(case: Case, frames) -> None:
+    sample = _sampled(frames)
+    expected, step = _expected(case, sample), 1e-6
+    score = Evidence.of(sample, judge(sample, expected)).score["range"]
+    for rows in (np.flatnonzero(sample.first), _second(sample)):
+        aside = np.zeros(len(sample))
+        aside[rows] = step
+        up, down = (judge(sample, replace(expected, range_m=expected.range_m + by)).loglik for by in (aside, -aside))
+        slope = (sample.share * (up - down) / (2 * step))[sample.own[rows]]
+        assert np.count_nonzero(score[rows]) > 100
+        np.testing.assert_allclose(slope, score[rows], rtol=2e-3, atol=2e-3 * np.abs(score[rows]).max())
+
+
+def test_shares_of_neither_are_the_likeliest() -> None:
+    rng = np.random.default_rng(3)
+    sides, weight = rng.exponential(size=2000), rng.uniform(0.5, 2, 2000)
+    neither = np.stack([np.where(rng.random(2000) < 0.1, 20.0, 0.05), np.where(rng.random(2000) < 0.05, 10.0, 0.0)])
+    share = shares_of_neither(sides, neither, weight, DEFAULT.law)
+
+    def loglik(share: np.ndarray) -> float:
+        return float(weight @ np.log((1 - share.sum()) * sides + share @ neither))
+
+    for way in (np.array([1e-3, 0]), np.array([0, 1e-3]), np.array([1e-3, -1e-3])):
+        assert loglik(share) > max(loglik(share + way), loglik(share - way))
+
+
+def test_without_edges_and_with_nothing_but_edges(case: Case, frames) -> None:
+    sample = _sampled(frames)
+    expected = _expected(case, sample)
+    inner = replace(
+        sample, edge=np.zeros(len(sample), bool), own=np.arange(len(sample)), first=np.ones(len(sample), bool)
+    )
+    plain = judge(inner, expected)
+    assert np.all(plain.met == 1)
+    outer = judge(replace(sample, edge=np.ones(len(sample), bool)), expected)
+    assert np.isfinite(outer.loglik).all() and np.all((outer.met >= 0) & (outer.met <= 1))
+    assert outer.met[sample.first].mean() < plain.met.mean(), "any beam may have met neither"
+    assert np.all(np.bincount(sample.own, outer.met) <= 1 + 1e-9)
+
+
+def test_gain_per_beam_near_edges_does_not_depend_on_how_many_were_drawn(case: Case, frames) -> None:
+    each = []
+    for rows in (6_000, 24_000):
+        fitter = Fitter(_sampled(frames, rows))
+        without = fitter.fit(given(case), ())
+        biased = fitter.at((*given(case), RangeBias(offset_m=0.04)), without.estimate)
+        each.append(gain(fitter, without, biased).value / np.count_nonzero(fitter.sample.first))
+    assert each[0] == pytest.approx(each[1], rel=0.1)
