@@ -31,6 +31,7 @@ _MAKE_ROOM = ("car", "van")
 _ROUND_BENDS_M = 12.0  # farther away a vehicle's place is told along its lane
 _ELBOW_M = 0.1
 _NEIGHBOURS_M = 9.0
+_BODY_REACH_M = 20.0
 
 
 @dataclass(eq=False)
@@ -130,11 +131,15 @@ class Bystanders:
         self.cars.update(self._people)
         if not self._people and not self._usual_m:
             return actors
-        passers = self._passers(motion, actors, rows)
+        driving = _driving(motion, actors)
+        passers = {
+            car: _passers_by(person, _middle(actors, rows[car]), float(actors.heading_rad[rows[car]]), driving)
+            for car, person in self._people.items()
+        }
         poses = []
         for car, person in sorted(self._people.items()):
             self._decide(person, actors.time_s)
-            poses.append(self._walk(person, passers[car], actors, rows[car], traffic.step_s))
+            poses.append(self._walk(person, passers[car], driving, (actors, rows[car]), traffic.step_s))
         self._make_room(motion, passers, traffic.step_s)
         return actors.and_then(self._as_actors(actors, np.array(poses))) if poses else actors
 
@@ -186,17 +191,6 @@ class Bystanders:
         alone = self._people.keys().isdisjoint(actors.ids[other] for other in near)  # gaps are for one
         return alone and not ((found.first < 3) & (found.second >= 3)).any()
 
-    def _passers(self, motion: Motion, actors: Actors, rows: dict[str, int]) -> dict[str, list[_Passer]]:
-        """Who comes by each attended vehicle, by its name."""
-        drives = ~actors.parked & np.array([kind != "pedestrian" for kind in actors.kinds], bool)
-        driving = actors.take(np.flatnonzero(drives))
-        front, heading = motion.poses(driving)  # where bodies are, not where SUMO wants them
-        driving = replace(driving, front=np.column_stack([front, driving.front[:, 2]]), heading_rad=heading)
-        return {
-            car: _passers_by(person, _middle(actors, rows[car]), float(actors.heading_rad[rows[car]]), driving)
-            for car, person in self._people.items()
-        }
-
     @staticmethod
     def _decide(person: _Person, now_s: float) -> None:
         """Where to next."""
@@ -205,7 +199,9 @@ class Bystanders:
             person.until_s = now_s + person.rng.uniform(*_STAYS_S)
 
     @staticmethod
-    def _walk(person: _Person, passers: list[_Passer], actors: Actors, row: int, step_s: float) -> list[float]:
+    def _walk(
+        person: _Person, passers: list[_Passer], driving: Actors, car: tuple[Actors, int], step_s: float
+    ) -> list[float]:
         """One step; gives x, y, height and heading."""
         goal, hurries = float(person.stations[person.wants]), False
         if person.in_street:
@@ -217,30 +213,36 @@ class Bystanders:
                 goal = float(person.stations[_END]) if in_time else person.at_m  # or makes himself small
         elif person.wants == _STREET and any(passer.threatens(_STEPS_OUT_S) for passer in passers):
             goal = float(person.stations[_END])
+        actors, row = car
+        middle, heading = _middle(actors, row), float(actors.heading_rad[row])
         pace = _HURRIES_MPS if hurries else _WALKS_MPS
-        person.at_m += float(np.clip(goal - person.at_m, -pace * step_s, pace * step_s))
+        onward = person.at_m + float(np.clip(goal - person.at_m, -pace * step_s, pace * step_s))
+        looks_m = np.clip(goal, onward - _ELBOW_M, onward + _ELBOW_M)
+        if onward != person.at_m and _blocked(
+            middle + _turned(person.place(looks_m)[0][None], heading), person, driving
+        ):
+            goal = onward = person.at_m
+        person.at_m = onward
         place, ahead = person.place(person.at_m)
-        arrived = abs(goal - person.at_m) < 1e-6
-        if not arrived:
+        if abs(goal - person.at_m) > 1e-6:
             ahead = ahead * np.sign(goal - person.at_m)
         elif goal == person.stations[_END]:
             ahead = -place
-        looks = np.arctan2(ahead[1], ahead[0])
-        heading = float(actors.heading_rad[row])
-        x, y = _middle(actors, row) + _turned(place[None], heading)[0]
-        return [x, y, actors.front[row, 2], heading + looks]
+        x, y = middle + _turned(place[None], heading)[0]
+        return [x, y, actors.front[row, 2], heading + float(np.arctan2(ahead[1], ahead[0]))]
 
     def _make_room(self, motion: Motion, passers: dict[str, list[_Passer]], step_s: float) -> None:
         """Let those who drive by keep away from who stands in the street, as far as their lane is wide."""
         wanted: dict[str, float] = {}
         for car, person in self._people.items():
             for passer in passers[car] if person.in_street else ():
-                if passer.room_m is not None and passer.in_s < _STEPS_OUT_S:
-                    wanted[passer.name] = max(wanted.get(passer.name, -np.inf), passer.room_m)
+                if passer.shift_m is not None and passer.in_s < _STEPS_OUT_S:
+                    wanted[passer.name] = max(wanted.get(passer.name, -np.inf), passer.shift_m)
         for name in sorted(wanted.keys() - self._usual_m.keys()):
             self._usual_m[name] = motion.offset(name)
         for name, usual_m in list(self._usual_m.items()):
-            goal, now = max(usual_m, wanted.get(name, usual_m)), motion.offset(name)
+            now = motion.offset(name)
+            goal = max(usual_m, now + wanted.get(name, -np.inf))
             motion.keep_offset(name, now + float(np.clip(goal - now, -_SHIFTS_MPS * step_s, _SHIFTS_MPS * step_s)))
             if name not in wanted and now == usual_m:
                 del self._usual_m[name]
@@ -272,20 +274,38 @@ class _Passer:
         name: who.
         in_s: until it is there; zero while it passes.
         apart_m: how far its body keeps from who stands at the street's door, sideways.
-        room_m: place in its lane where it would keep away, if it can.
+        shift_m: how much farther left it would keep away and still be in its lane; none where it cannot.
         stands: whether it does not move.
     """
 
     name: str
     in_s: float
     apart_m: float
-    room_m: float | None
+    shift_m: float | None
     stands: bool
 
     def threatens(self, within_s: float) -> bool:
         """Whether it comes by too near, so soon, to who stands in the street, and makes no room."""
-        makes_room = self.room_m is not None and self.in_s > _LATEST_ROOM_S
+        makes_room = self.shift_m is not None and self.in_s > _LATEST_ROOM_S
         return self.in_s < within_s and self.apart_m < _CLEAR_M and not makes_room
+
+
+def _driving(motion: Motion, actors: Actors) -> Actors:
+    """Those who drive, where their bodies are rather than where SUMO wants them."""
+    wheeled = np.array([kind != "pedestrian" for kind in actors.kinds], bool)
+    driving = actors.take(np.flatnonzero(~actors.parked & wheeled))
+    front, heading = motion.poses(driving)
+    return replace(driving, front=np.column_stack([front, driving.front[:, 2]]), heading_rad=heading)
+
+
+def _blocked(place: np.ndarray, person: _Person, driving: Actors) -> bool:
+    """Whether somebody at a place (1, 2) would touch one of those who drive."""
+    near = np.flatnonzero(np.hypot(*(driving.front[:, :2] - place).T) < _BODY_REACH_M)
+    centre = np.concatenate([place, [_middle(driving, row) for row in near]]) if len(near) else place
+    room = np.full((1, 2), max(person.size[:2]) + _ELBOW_M)
+    heading = np.concatenate([np.zeros(1), driving.heading_rad[near]])
+    found = overlaps(centre, heading, np.concatenate([room, driving.size[near, :2]]))
+    return bool((found.first == 0).any())
 
 
 def _passers_by(person: _Person, centre: np.ndarray, heading: float, driving: Actors) -> list[_Passer]:
@@ -304,16 +324,17 @@ def _passers_by(person: _Person, centre: np.ndarray, heading: float, driving: Ac
         left = (onward * street).min() - onward * x - long - reach  # until it is there
         if onward * x - long > (onward * street).max() + reach:
             continue
-        aside, room = y - door[1], None
+        aside, shift = y - door[1], None
         if driving.lanes[row] == lane.id:
+            place = lane.project(middle)[1]
             if abs(x) > _ROUND_BENDS_M:
-                aside, wide = lane.project(middle)[1] - standing, width / 2
+                aside, wide = place - standing, width / 2
             needed = standing + reach + _CLEAR_M + _ELBOW_M + width / 2
             if driving.kinds[row] in _MAKE_ROOM and needed < (lane.width_m - width) / 2:
-                room = float(needed)
+                shift = float(needed - place)
         speed = abs(float(driving.speed_mps[row]))
         in_s = max(left - _NEAR_M, 0.0) / max(speed, _SETS_OFF_MPS)
-        found.append(_Passer(driving.ids[row], in_s, float(abs(aside) - wide - reach), room, speed < _STANDS_MPS))
+        found.append(_Passer(driving.ids[row], in_s, float(abs(aside) - wide - reach), shift, speed < _STANDS_MPS))
     return found
 
 
