@@ -35,9 +35,10 @@ class Admission:
         before = set(self._known)
         wheeled = [row for row, kind in enumerate(actors.kinds) if kind != "pedestrian"]
         new = [row for row in wheeled if actors.ids[row] not in before and not actors.parked[row]]
+        people = [row for row, kind in enumerate(actors.kinds) if kind == "pedestrian" and not actors.lanes[row]]
         away: set[str] = set()
         if new:
-            touching = self._touching(actors, np.array(wheeled), set(new))
+            touching = self._touching(actors, np.array([*wheeled, *people]), set(new))
             away = {actors.ids[row] for row in new if row in touching or (before and self._in_sight(actors, row))}
             for vehicle in sorted(away):
                 self._traffic.remove(vehicle)
@@ -45,12 +46,13 @@ class Admission:
         self._known = actors.ids
         return actors
 
-    def _touching(self, actors: Actors, wheeled: np.ndarray, new: set[int]) -> set[int]:
+    def _touching(self, actors: Actors, bodies: np.ndarray, new: set[int]) -> set[int]:
         front, heading = self._motion.poses(actors)
         forward = np.column_stack([np.cos(heading), np.sin(heading)])
-        centre = front - forward * actors.size[:, :1] / 2
-        found = overlaps(centre[wheeled], heading[wheeled], actors.size[wheeled, :2] + _CLEAR_M)
-        pairs = zip(wheeled[found.first].tolist(), wheeled[found.second].tolist(), strict=True)
+        walks = np.array([kind == "pedestrian" for kind in actors.kinds], bool)
+        centre = front - forward * np.where(walks[:, None], 0.0, actors.size[:, :1] / 2)
+        found = overlaps(centre[bodies], heading[bodies], actors.size[bodies, :2] + _CLEAR_M)
+        pairs = zip(bodies[found.first].tolist(), bodies[found.second].tolist(), strict=True)
         return {j if j in new else i for i, j in pairs if i in new or j in new}
 
     def _in_sight(self, actors: Actors, row: int) -> bool:

@@ -96,8 +96,8 @@ class DrivenTraffic:
             self._vicinity.look(self._drivers.acting)
             self._drivers.share = self._vicinity.share
         actors = self._kerbside.arrange(self._traffic, self._roads, self._traffic.step())
-        actors = self._bystanders.join(self._traffic, self._motion, self._entrances.admit(actors))
-        actors = self._motion.update(actors)
+        actors = self._bystanders.join(self._traffic, self._motion, actors)
+        actors = self._motion.update(self._entrances.admit(actors))
         self._drivers.apply(self._traffic, self._motion, actors)
         self._on_step()
         return actors

@@ -90,7 +90,7 @@ def _step(measured: np.ndarray, foretold: np.ndarray, quantity: int, by: Lattice
     _, own = _spectrum(foretold[_usable(foretold, quantity, by)], quantity, by)
     peak = np.append(False, (line[1:-1] >= line[:-2]) & (line[1:-1] >= line[2:]))
     peak = np.append(peak, False) & (frequency >= 1 / by.coarsest[quantity])
-    clear = np.flatnonzero(peak & (line > by.clear) & (1 - line < by.clearer * (1 - own)))
+    clear = np.flatnonzero(peak & (line > by.clear) & (1 - line + by.stored[quantity] < by.clearer * (1 - own)))
     if not len(clear):
         return None
     step = 1 / float(frequency[clear[0]])

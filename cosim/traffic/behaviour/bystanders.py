@@ -20,13 +20,18 @@ _DOOR_AT = (-0.05, 0.15)  # of the car's length before its middle
 _WALKS_MPS, _HURRIES_MPS = 0.9, 1.8
 _LOOKS_M = 60.0
 _STEPS_OUT_S, _STEPS_BACK_S = 9.0, 5.0  # no vehicle comes by so soon
-_NEAR_M = 5.0  # at rest, too
+_NEAR_M = 3.0
+_SETS_OFF_MPS = 4.0  # who stands or creeps may soon be so fast
+_STANDS_MPS = 0.1
+_LOOKS_ROUND_S = 0.7
 _CLEAR_M = 0.25  # between passing bodies
 _LATEST_ROOM_S = 2.0  # who has not made room by then will not
 _SHIFTS_MPS = 0.4
 _MAKE_ROOM = ("car", "van")
 _ROUND_BENDS_M = 12.0  # farther away a vehicle's place is told along its lane
 _ELBOW_M = 0.1
+_NEIGHBOURS_M = 9.0
+_BODY_REACH_M = 20.0
 
 
 @dataclass(eq=False)
@@ -57,6 +62,16 @@ class _Person:
     @property
     def name(self) -> str:
         return f"by_{self.car}"
+
+    @property
+    def corner_m(self) -> float:
+        """Where the way reaches the street, less half a body."""
+        return float(self.stations[_STREET] - np.linalg.norm(self.way[3] - self.way[2]) - self.size[1] / 2)
+
+    @property
+    def in_street(self) -> bool:
+        """Whether one is past the corner on the street's side, or in it."""
+        return self.at_m > self.corner_m
 
     def place(self, at_m: float) -> tuple[np.ndarray, np.ndarray]:
         """Place (2,) and direction (2,) of the way at a distance along it."""
@@ -116,14 +131,17 @@ class Bystanders:
         self.cars.update(self._people)
         if not self._people and not self._usual_m:
             return actors
+        driving = _driving(motion, actors)
+        passers = {
+            car: _passers_by(person, _middle(actors, rows[car]), float(actors.heading_rad[rows[car]]), driving)
+            for car, person in self._people.items()
+        }
         poses = []
         for car, person in sorted(self._people.items()):
-            self._decide(person, actors, rows[car])
-            poses.append(self._walk(person, actors, rows[car], traffic.step_s))
-        self._make_room(motion, actors, traffic.step_s)
-        if not poses:
-            return actors
-        return actors.and_then(self._as_actors(actors, np.array(poses)))
+            self._decide(person, actors.time_s)
+            poses.append(self._walk(person, passers[car], driving, (actors, rows[car]), traffic.step_s))
+        self._make_room(motion, passers, traffic.step_s)
+        return actors.and_then(self._as_actors(actors, np.array(poses))) if poses else actors
 
     def _come(self, traffic: Traffic, actors: Actors, row: int) -> None:
         """Perhaps let somebody stand by a parked vehicle, where its neighbours leave room."""
@@ -164,69 +182,70 @@ class Bystanders:
         wheeled = np.array([kind != "pedestrian" for kind in actors.kinds], bool)
         wheeled[row] = False
         centre, heading = _middle(actors, row), actors.heading_rad[row]
-        near = wheeled & (np.hypot(*(actors.front[:, :2] - centre).T) < 15.0)
-        others = np.array([_middle(actors, other) for other in np.flatnonzero(near)]).reshape(-1, 2)
+        near = np.flatnonzero(wheeled & (np.hypot(*(actors.front[:, :2] - centre).T) < _NEIGHBOURS_M))
+        others = np.array([_middle(actors, other) for other in near]).reshape(-1, 2)
         room = np.full((3, 2), max(size[:2]) + 2 * _ELBOW_M)
         spots = centre + _turned(way[:3], heading)  # the last lies in the lane
         boxes = np.concatenate([spots, others]), np.concatenate([np.full(3, heading), actors.heading_rad[near]])
         found = overlaps(*boxes, np.concatenate([room, actors.size[near, :2]]))
-        return not ((found.first < 3) & (found.second >= 3)).any()
+        alone = self._people.keys().isdisjoint(actors.ids[other] for other in near)  # gaps are for one
+        return alone and not ((found.first < 3) & (found.second >= 3)).any()
 
-    def _decide(self, person: _Person, actors: Actors, row: int) -> None:
+    @staticmethod
+    def _decide(person: _Person, now_s: float) -> None:
         """Where to next."""
-        now = actors.time_s
-        if now >= person.until_s:
+        if now_s >= person.until_s:
             person.wants = person.wants + int(person.rng.choice((-1, 1))) if person.wants == _END else _END
-            person.until_s = now + person.rng.uniform(*_STAYS_S)
+            person.until_s = now_s + person.rng.uniform(*_STAYS_S)
 
-    def _walk(self, person: _Person, actors: Actors, row: int, step_s: float) -> list[float]:
+    @staticmethod
+    def _walk(
+        person: _Person, passers: list[_Passer], driving: Actors, car: tuple[Actors, int], step_s: float
+    ) -> list[float]:
         """One step; gives x, y, height and heading."""
-        out = self._in_street(person)
-        goal = float(person.stations[person.wants])
-        hurries = False
-        if person.wants == _STREET or out:
-            hurries = out and self._somebody_passes(person, actors, row, _STEPS_BACK_S)
-            if hurries or (not out and self._somebody_passes(person, actors, row, _STEPS_OUT_S)):
-                goal = float(person.stations[_END])
+        goal, hurries = float(person.stations[person.wants]), False
+        if person.in_street:
+            threats = [passer for passer in passers if passer.threatens(_STEPS_BACK_S)]
+            hurries = bool(threats)
+            if threats:
+                back_s = (person.at_m - person.corner_m) / _HURRIES_MPS + _LOOKS_ROUND_S
+                in_time = all(passer.in_s > back_s or passer.stands for passer in threats)
+                goal = float(person.stations[_END]) if in_time else person.at_m  # or makes himself small
+        elif person.wants == _STREET and any(passer.threatens(_STEPS_OUT_S) for passer in passers):
+            goal = float(person.stations[_END])
+        actors, row = car
+        middle, heading = _middle(actors, row), float(actors.heading_rad[row])
         pace = _HURRIES_MPS if hurries else _WALKS_MPS
-        person.at_m += float(np.clip(goal - person.at_m, -pace * step_s, pace * step_s))
+        onward = person.at_m + float(np.clip(goal - person.at_m, -pace * step_s, pace * step_s))
+        looks_m = np.clip(goal, onward - _ELBOW_M, onward + _ELBOW_M)
+        if onward != person.at_m and _blocked(
+            middle + _turned(person.place(looks_m)[0][None], heading), person, driving
+        ):
+            goal = onward = person.at_m
+        person.at_m = onward
         place, ahead = person.place(person.at_m)
-        arrived = abs(goal - person.at_m) < 1e-6
-        looks = np.arctan2(*-place[::-1]) if arrived else np.arctan2(*(ahead * np.sign(goal - person.at_m))[::-1])
-        heading = float(actors.heading_rad[row])
-        x, y = _middle(actors, row) + _turned(place[None], heading)[0]
-        return [x, y, actors.front[row, 2], heading + looks]
+        if abs(goal - person.at_m) > 1e-6:
+            ahead = ahead * np.sign(goal - person.at_m)
+        elif goal == person.stations[_END]:
+            ahead = -place
+        x, y = middle + _turned(place[None], heading)[0]
+        return [x, y, actors.front[row, 2], heading + float(np.arctan2(ahead[1], ahead[0]))]
 
-    def _somebody_passes(self, person: _Person, actors: Actors, row: int, within_s: float) -> bool:
-        """Whether a vehicle that does not make room comes by too near to who stands at the street's door."""
-        for passer in _passers(person, actors, row):
-            makes_room = passer.room_m is not None and passer.in_s > _LATEST_ROOM_S
-            if passer.in_s < within_s and passer.apart_m < _CLEAR_M and not makes_room:
-                return True
-        return False
-
-    def _make_room(self, motion: Motion, actors: Actors, step_s: float) -> None:
+    def _make_room(self, motion: Motion, passers: dict[str, list[_Passer]], step_s: float) -> None:
         """Let those who drive by keep away from who stands in the street, as far as their lane is wide."""
-        rows = {name: row for row, name in enumerate(actors.ids)}
         wanted: dict[str, float] = {}
-        for car, person in sorted(self._people.items()):
-            if self._in_street(person):
-                for passer in _passers(person, actors, rows[car]):
-                    if passer.room_m is not None and passer.in_s < _STEPS_OUT_S:
-                        name = actors.ids[passer.row]
-                        wanted[name] = max(wanted.get(name, -np.inf), passer.room_m)
+        for car, person in self._people.items():
+            for passer in passers[car] if person.in_street else ():
+                if passer.shift_m is not None and passer.in_s < _STEPS_OUT_S:
+                    wanted[passer.name] = max(wanted.get(passer.name, -np.inf), passer.shift_m)
         for name in sorted(wanted.keys() - self._usual_m.keys()):
             self._usual_m[name] = motion.offset(name)
         for name, usual_m in list(self._usual_m.items()):
-            goal, now = max(usual_m, wanted.get(name, usual_m)), motion.offset(name)
+            now = motion.offset(name)
+            goal = max(usual_m, now + wanted.get(name, -np.inf))
             motion.keep_offset(name, now + float(np.clip(goal - now, -_SHIFTS_MPS * step_s, _SHIFTS_MPS * step_s)))
-            if name not in rows or (name not in wanted and now == usual_m):
+            if name not in wanted and now == usual_m:
                 del self._usual_m[name]
-
-    @staticmethod
-    def _in_street(person: _Person) -> bool:
-        corner = float(person.stations[_STREET] - np.linalg.norm(person.way[3] - person.way[2]))
-        return person.at_m > corner - person.size[1] / 2
 
     def _as_actors(self, actors: Actors, poses: np.ndarray) -> Actors:
         people = [person for _, person in sorted(self._people.items())]
@@ -252,43 +271,70 @@ class _Passer:
     """A vehicle that comes by a parked one.
 
     Attributes:
-        row: of the actors.
+        name: who.
         in_s: until it is there; zero while it passes.
         apart_m: how far its body keeps from who stands at the street's door, sideways.
-        room_m: place in its lane where it would keep away, if it can.
+        shift_m: how much farther left it would keep away and still be in its lane; none where it cannot.
+        stands: whether it does not move.
     """
 
-    row: int
+    name: str
     in_s: float
     apart_m: float
-    room_m: float | None
+    shift_m: float | None
+    stands: bool
+
+    def threatens(self, within_s: float) -> bool:
+        """Whether it comes by too near, so soon, to who stands in the street, and makes no room."""
+        makes_room = self.shift_m is not None and self.in_s > _LATEST_ROOM_S
+        return self.in_s < within_s and self.apart_m < _CLEAR_M and not makes_room
 
 
-def _passers(person: _Person, actors: Actors, row: int) -> list[_Passer]:
-    centre, heading = _middle(actors, row), float(actors.heading_rad[row])
-    door, lane, reach = person.way[3], person.lane, float(max(person.size[:2])) / 2
-    wheeled = ~actors.parked & np.array([kind != "pedestrian" for kind in actors.kinds], bool)
-    wheeled &= np.hypot(*(actors.front[:, :2] - centre).T) < _LOOKS_M
+def _driving(motion: Motion, actors: Actors) -> Actors:
+    """Those who drive, where their bodies are rather than where SUMO wants them."""
+    wheeled = np.array([kind != "pedestrian" for kind in actors.kinds], bool)
+    driving = actors.take(np.flatnonzero(~actors.parked & wheeled))
+    front, heading = motion.poses(driving)
+    return replace(driving, front=np.column_stack([front, driving.front[:, 2]]), heading_rad=heading)
+
+
+def _blocked(place: np.ndarray, person: _Person, driving: Actors) -> bool:
+    """Whether somebody at a place (1, 2) would touch one of those who drive."""
+    near = np.flatnonzero(np.hypot(*(driving.front[:, :2] - place).T) < _BODY_REACH_M)
+    centre = np.concatenate([place, [_middle(driving, row) for row in near]]) if len(near) else place
+    room = np.full((1, 2), max(person.size[:2]) + _ELBOW_M)
+    heading = np.concatenate([np.zeros(1), driving.heading_rad[near]])
+    found = overlaps(centre, heading, np.concatenate([room, driving.size[near, :2]]))
+    return bool((found.first == 0).any())
+
+
+def _passers_by(person: _Person, centre: np.ndarray, heading: float, driving: Actors) -> list[_Passer]:
+    """Those of the driving who come by a vehicle whose middle is at `centre` (2,)."""
+    door, lane, reach = person.way[3], person.lane, float(person.size[1]) / 2
+    street = person.way[2:, 0]  # from the corner to the door
     standing = lane.project(centre + _turned(door[None], heading)[0])[1]
     found = []
-    for other in np.flatnonzero(wheeled).tolist():
-        turn, (length, width) = float(actors.heading_rad[other] - heading), actors.size[other, :2]
+    for row in np.flatnonzero(np.hypot(*(driving.front[:, :2] - centre).T) < _LOOKS_M).tolist():
+        turn, (length, width) = float(driving.heading_rad[row] - heading), driving.size[row, :2]
         long = abs(np.cos(turn)) * length / 2 + abs(np.sin(turn)) * width / 2
         wide = abs(np.sin(turn)) * length / 2 + abs(np.cos(turn)) * width / 2
-        x, y = _turned((_middle(actors, other) - centre)[None], -heading)[0]
-        onward = np.sign(np.cos(turn)) * (-1 if actors.speed_mps[other] < 0 else 1)
-        left = (door[0] - x) * onward - long - reach  # until it is there
-        if left < -2 * (long + reach):
+        middle = _middle(driving, row)
+        x, y = _turned((middle - centre)[None], -heading)[0]
+        onward = np.sign(np.cos(turn)) * (-1 if driving.speed_mps[row] < 0 else 1)
+        left = (onward * street).min() - onward * x - long - reach  # until it is there
+        if onward * x - long > (onward * street).max() + reach:
             continue
-        aside, room = y - door[1], None
-        if actors.lanes[other] == lane.id:
+        aside, shift = y - door[1], None
+        if driving.lanes[row] == lane.id:
+            place = lane.project(middle)[1]
             if abs(x) > _ROUND_BENDS_M:
-                aside, wide = lane.project(_middle(actors, other))[1] - standing, width / 2
+                aside, wide = place - standing, width / 2
             needed = standing + reach + _CLEAR_M + _ELBOW_M + width / 2
-            if actors.kinds[other] in _MAKE_ROOM and needed < (lane.width_m - width) / 2:
-                room = float(needed)
-        in_s = max(left - _NEAR_M, 0.0) / max(abs(float(actors.speed_mps[other])), 0.1)
-        found.append(_Passer(other, in_s, float(abs(aside) - wide - reach), room))
+            if driving.kinds[row] in _MAKE_ROOM and needed < (lane.width_m - width) / 2:
+                shift = float(needed - place)
+        speed = abs(float(driving.speed_mps[row]))
+        in_s = max(left - _NEAR_M, 0.0) / max(speed, _SETS_OFF_MPS)
+        found.append(_Passer(driving.ids[row], in_s, float(abs(aside) - wide - reach), shift, speed < _STANDS_MPS))
     return found
 
 
@@ -302,8 +348,8 @@ def _way_round(
     car: np.ndarray, body: np.ndarray, door: float, gap_m: float, end: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Way (4, 2) from the kerb's door round one end of a car to the street's door, and stations (3,) on it [m]."""
-    beside = car[1] / 2 + gap_m + max(body[:2]) / 2
-    behind = end * (car[0] / 2 + gap_m + max(body[:2]) / 2)
+    beside = car[1] / 2 + gap_m + body[1] / 2  # along the car at its doors, towards it at its end
+    behind = end * (car[0] / 2 + gap_m + body[0] / 2)
     at = door * car[0]
     way = np.array([[at, -beside], [behind, -beside], [behind, beside], [at, beside]])
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])

@@ -59,7 +59,7 @@ def test_a_beam_returns_from_somewhere_or_not_at_all(view: View) -> None:
 
     returns = np.stack([chance(expected.range_m + np.sinh(one) * sigma) * np.cosh(one) for one in grid]) / at_once
     whole = integrate.trapezoid(returns, grid, axis=0) * sigma + chance(np.full(len(sigma), np.nan))
-    met = sample.compared & np.isfinite(expected.range_m)
+    met = sample.compared & np.isfinite(expected.range_m) & ~sample.edge
     assert met.sum() > 1000
     np.testing.assert_allclose(whole[met], 1, atol=1e-4)
 

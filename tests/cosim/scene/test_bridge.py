@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 
 from assets import CATALOGUE, Mesh, build_model
+from assets.world import lay_groundwork
 from cosim.scene.bridge import Bridge, models_of_size
 from cosim.scene.ground import Ground
+from tests.assets.small_town import small_town
 from tests.cosim.road_users import road_users
 
 
@@ -99,3 +101,20 @@ def test_velocity_follows_the_road():
     np.testing.assert_allclose(np.linalg.norm(placed.velocity_mps, axis=1), 10)
     drives = np.array([kind != "pedestrian" for kind in row.kinds])
     assert np.allclose(placed.velocity_mps[drives, 2], 10 * np.sin(np.arctan(0.06)), atol=1e-5)
+
+
+def test_wheels_and_feet_rest_on_uneven_ground():
+    base = lay_groundwork(small_town())
+    ground, x = Ground(base.ground), np.linspace(-70.0, 70.0, 29)
+    place = np.column_stack([x, np.full(29, 1.6), base.height(np.column_stack([x, np.full(29, 1.6)]))])
+    for kind in ("car", "pedestrian"):
+        size = next(spec.size_m for spec in CATALOGUE.values() if spec.kind == kind)
+        row = road_users([kind] * 29, place.tolist(), sizes=[size] * 29)
+        placed = Bridge(ground, seed=1).place(row)
+        for i, name in enumerate(placed.models):
+            spec = CATALOGUE[name]
+            across = spec.track_m / 2 * placed.scales[i, 1]
+            along = np.array([spec.front_axle_x_m, spec.rear_axle_x_m]) * placed.scales[i, 0] if across else [0.0]
+            wheels = np.array([placed.poses[i] @ [a, b, 0, 1] for a in along for b in (across, -across)])
+            over = wheels[:, 2] - ground.height(wheels[:, :3])
+            assert np.abs(over).max() < 0.04 and abs(over.mean()) < 0.01
