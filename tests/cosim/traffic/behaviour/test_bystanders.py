@@ -16,12 +16,12 @@ from cosim.traffic.simulation import Traffic
 from sumo_nets import DemandConfig, read_town
 from tests.cosim.inspector import centres
 
-STEPS = 300
+STEPS = 250
 
 
 @dataclass
 class Seen:
-    """What happened in a town's first minute with people about every fifth parked car."""
+    """What happened in a town's first 25 seconds with people about every fifth parked car."""
 
     people: list[Actors] = field(default_factory=list)
     parked: set[str] = field(default_factory=set)
