@@ -34,7 +34,7 @@ class DemandConfig(BaseModel):
     parked_factor: Range = Field(default=(0.6, 1.2), description="parked vehicles over what is usual in the town [1]")
     walking_factor: Range = Field(default=(0.3, 2.0), description="people on foot over what is usual in the town [1]")
     beside_parked: Annotated[Range, AfterValidator(_a_share)] = Field(
-        default=(0.0, 0.03),
+        default=(0.0, 0.05),
         description="share of the parked vehicles that somebody loads, gets into or stands beside [1]",
     )
     kinds: KindShares | None = Field(

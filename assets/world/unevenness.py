@@ -16,9 +16,9 @@ from scipy.spatial import KDTree
 from assets.world.ground import CARRIAGEWAY, PAVEMENT, TERRAIN, Plan, zone_borders
 
 _CROSSFALL, _FALLS_FROM_M = 0.015, 4.0  # rise over run towards the gutter, from this far on either side
-_SETTLED_M = 0.011  # deviation of each octave on all ground
+_SETTLED_M = 0.009  # deviation of each octave on all ground
 _SETTLED_SPACINGS_M = (1.0, 2.0, 4.0)
-_LOOSE_M = {CARRIAGEWAY: 0.0, PAVEMENT: 0.008, TERRAIN: 0.040}  # deviation of what a zone has besides
+_LOOSE_M = {CARRIAGEWAY: 0.0, PAVEMENT: 0.008, TERRAIN: 0.050}  # deviation of what a zone has besides
 _LOOSE_SPACINGS_M = (0.8, 1.6)
 _SPLINE = 2.0 / 3.0, 1.0 / 6.0  # a cubic B-spline at its knot and beside it
 

@@ -81,7 +81,7 @@ class Law:
     stray_share: float = 1e-5  # of beams that return from elsewhere
     reach_m: float = 120.0  # over which these are spread evenly
     neither_share: float = 0.01  # of beams near edges that return from anywhere, and of lost ones, to begin with
-    neither_known: float = 1e-6  # to which these are found
+    neither_known: float = 1e-5  # to which these are found
     lost_share: float = 1e-3  # least chance of a return, and of none
     clear_of_limits: float = 2.5  # standard deviations from a limit at which noise is hardly ever cut off
     own_at_seams: float = 0.5  # chance that brightness is a beam's own beside another material

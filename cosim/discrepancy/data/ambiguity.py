@@ -90,7 +90,7 @@ class Neighbours:
             left, at, near = np.arange(len(beams)), beams, np.zeros(len(beams))
             for _ in range(most):
                 at = steps[at]
-                left, at, near = (one[at >= 0] for one in (left, at, near))
+                left, at, near = left[at >= 0], at[at >= 0], near[at >= 0]
                 mine = beams[left]
                 away = planes.direction[mine] - planes.direction[at]
                 far = np.linalg.norm(away, axis=1)
@@ -101,7 +101,7 @@ class Neighbours:
                 for kind, ends in enumerate((jump, crease & ~jump)):
                     more = ends & (likely > chance[left, kind])
                     side[left[more], kind], chance[left[more], kind] = at[more], likely[more]
-                left, at, near = (one[~jump] for one in (left, at, far))
+                left, at, near = left[~jump], at[~jump], far[~jump]
         return side, chance
 
     def at_border(self, hits: Hits) -> tuple[np.ndarray, np.ndarray]:

@@ -255,9 +255,10 @@ class FrameReplay(Replayed):
             self.solid = reached(self.solid, np.where(met == beams, self.solid.range_m, ranges))
         pane = np.full(len(frame.shot.rays), -1)
         pane[hits.pane_beam] = np.arange(len(hits.pane_beam))
-        self.pane_beam = np.flatnonzero(pane[whose] >= 0).astype(np.int32)
-        self.pane = hits.pane.take(pane[whose[self.pane_beam]])
-        self.paned = Planes.of(frame, whose[self.pane_beam], self.pane)
+        own = (pane[beams] >= 0) & (whose == beams)  # a plane of glass goes no farther than its pane
+        self.pane_beam = np.flatnonzero(own).astype(np.int32)
+        self.pane = hits.pane.take(pane[beams[own]])
+        self.paned = Planes.of(frame, beams[own], self.pane)
         self.paint, self.table = hits.paint, hits.table
         self.measured = measured
         self.egos, self.poses, self.frame = (frame.ego,), (self._world.pose,), np.zeros(len(beams), int)

@@ -28,7 +28,7 @@ def with_silhouettes(frames: Sequence[TracedFrame], sample: Sample, shift_m: flo
     wide = shift_m > 0 or turn_rad > 0
     if not all(one.is_surveyed for one in frames):
         return sample.clear_of([one.unsure(shift_m, turn_rad) for one in frames] if wide else [])
-    rng = np.random.default_rng(len(sample))
+    rng = np.random.default_rng(0)
     return gathered(frames, [_sides(one, sample, row, shift_m, turn_rad, rng) for row, one in enumerate(frames)])
 
 

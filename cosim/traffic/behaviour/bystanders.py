@@ -15,7 +15,7 @@ from cosim.traffic.simulation import Traffic
 _KERB, _END, _STREET = 0, 1, 2  # where one stands, in the order of the way round the car
 _OFTEN = (0.3, 0.25, 0.45)
 _STAYS_S = (8.0, 40.0)
-_GAP_M = (0.05, 0.30)  # between body and car
+_GAP_M = (0.02, 0.15)  # between body and car
 _DOOR_AT = (-0.05, 0.15)  # of the car's length before its middle
 _WALKS_MPS, _HURRIES_MPS = 0.9, 1.8
 _LOOKS_M = 60.0
@@ -182,7 +182,7 @@ class Bystanders:
         wheeled = np.array([kind != "pedestrian" for kind in actors.kinds], bool)
         wheeled[row] = False
         centre, heading = _middle(actors, row), actors.heading_rad[row]
-        near = np.flatnonzero(wheeled & (np.hypot(*(actors.front[:, :2] - centre).T) < _NEIGHBOURS_M))
+        near = np.flatnonzero(wheeled & (np.hypot(*(actors.front[:, :2] - centre).T) < _NEIGHBOURS_M)).tolist()
         others = np.array([_middle(actors, other) for other in near]).reshape(-1, 2)
         room = np.full((3, 2), max(size[:2]) + 2 * _ELBOW_M)
         spots = centre + _turned(way[:3], heading)  # the last lies in the lane
@@ -300,7 +300,7 @@ def _driving(motion: Motion, actors: Actors) -> Actors:
 
 def _blocked(place: np.ndarray, person: _Person, driving: Actors) -> bool:
     """Whether somebody at a place (1, 2) would touch one of those who drive."""
-    near = np.flatnonzero(np.hypot(*(driving.front[:, :2] - place).T) < _BODY_REACH_M)
+    near = np.flatnonzero(np.hypot(*(driving.front[:, :2] - place).T) < _BODY_REACH_M).tolist()
     centre = np.concatenate([place, [_middle(driving, row) for row in near]]) if len(near) else place
     room = np.full((1, 2), max(person.size[:2]) + _ELBOW_M)
     heading = np.concatenate([np.zeros(1), driving.heading_rad[near]])

@@ -67,7 +67,9 @@ def make_yard(
         (drive / part).mkdir(parents=True)
     write_glb(drive / "twin/static.glb", _world())
     write_glb(drive / "twin/models/crate.glb", car or box((4.0, 1.8, 1.5), (0, 0, 0.75), "car_paint"))
-    write_materials(drive / "twin/materials.yaml", ("asphalt", "grass", "concrete", "brick", "wood", "car_paint"))
+    write_materials(
+        drive / "twin/materials.yaml", ("asphalt", "grass", "concrete", "brick", "wood", "car_paint", "car_glass")
+    )
     scene = Scene(read_glb(drive / "twin/static.glb"), lambda name: read_glb(drive / f"twin/models/{name}.glb"))
     sensor = SensorModel(PATTERN, effects, "true")
     for number in range(frames):

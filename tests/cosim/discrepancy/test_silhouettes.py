@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import integrate, stats
 
+from assets.mesh import Mesh
+from assets.shapes import box
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.diagnose import case_of, given
 from cosim.discrepancy.inference import likelihood
@@ -21,7 +24,7 @@ from cosim.discrepancy.sampling.silhouettes import with_silhouettes
 from cosim.discrepancy.settings import DEFAULT
 from cosim.discrepancy.state import Case
 from sensors.effects.points.range_bias import RangeBias
-from tests.cosim.discrepancy.small_drive import Yard
+from tests.cosim.discrepancy.small_drive import Yard, make_yard
 
 SHIFT_M, TURN_RAD = 0.15, 5e-3
 SHARES = np.array([0.03, 0.02])
@@ -171,3 +174,16 @@ def test_gain_per_beam_near_edges_does_not_depend_on_how_many_were_drawn(case: C
         biased = fitter.at((*given(case), RangeBias(offset_m=0.04)), without.estimate)
         each.append(gain(fitter, without, biased).value / np.count_nonzero(fitter.sample.first))
     assert each[0] == pytest.approx(each[1], rel=0.1)
+
+
+def test_what_stands_beyond_an_edge_is_not_seen_through_the_glass_there(tmp_path: Path) -> None:
+    body, cabin = box((4.0, 1.8, 0.8), (0, 0, 0.4), "car_paint"), box((2.0, 1.6, 0.7), (0, 0, 1.15), "car_glass")
+    yard = make_yard(tmp_path, car=Mesh.merge([body, cabin]))
+    case = case_of(opened(yard.drive), yard.sensor)
+    frames = case.tracer.trace_all(case.split.fit, ())
+    sample = _sampled(frames, 24_000)
+    replays = sample.replay.frames
+    assert any(np.isin(frame.shot.hits.pane_beam, sample.beam[~sample.first]).any() for frame in frames)
+    for number, replay in enumerate(replays):
+        assert sample.first[sample.frame == number][replay.pane_beam].all()
+        assert np.isfinite(replay.shot(()).hits.pane.range_m).all()

@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
-from assets.materials import MATERIALS
+from assets.materials import MATERIAL_NAMES, MATERIALS
 from assets.mesh import Mesh
 from assets.shapes import box
+from sensors.effects.surfaces.footprint import strongest_echo
+from sensors.hits import STATIC, Hits, Surface
+from sensors.normals import encode_normals
 from sensors.scene import Scene
+from sensors.shot import returns_of
 from tests.sensors.effects.scenes import dense, effect, no_model, sensor, shoot
 from tests.sensors.worlds import plane, wall
 
@@ -54,3 +58,20 @@ def test_flat_surfaces_answer_as_a_thin_beam_does():
         material = "concrete" if atol < 0.01 else "asphalt"
         expected = MATERIALS[material].reflectance
         assert dense(returns, BEAMS, "intensity")[near] == pytest.approx(expected, abs=1e-4)
+
+
+def test_parts_that_meet_nothing_have_no_signal():
+    """Whatever material they are left with: a sample that is bent off its plane keeps that plane's."""
+    codes = encode_normals(np.tile(np.array([[-1.0, 0, 0]], np.float32), (4, 1)))
+    bright, dark = (np.uint8(MATERIAL_NAMES.index(name)) for name in ("plaster_white", "asphalt"))
+
+    def hits(ranges: list[float], material: np.uint8) -> Hits:
+        rows = len(ranges)
+        reach, instance = np.array(ranges, np.float32), np.full(rows, STATIC, np.int16)
+        solid = Surface(reach, codes[:rows], np.full(rows, material), instance)
+        none = solid.take(np.zeros(0, int))
+        return Hits(None, np.eye(4), solid, np.zeros(0, np.int32), none, np.zeros(0, np.float32))  # type: ignore[arg-type]
+
+    middle = hits([np.inf], bright)
+    found = strongest_echo(returns_of(middle), middle, hits([10.0, 14.0, 14.0, np.inf], dark), pulse_m=0.9)
+    assert found.range_m == pytest.approx([14.0])
