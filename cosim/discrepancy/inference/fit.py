@@ -220,6 +220,7 @@ class Fitter:
             columns = self.columns(state.effects, free, state.prediction, state.estimate)
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
             step, change_u = model.step(state.estimate, self._least_told(free))
+            step = self._without_common_gain(state.effects, free, step)
             if not (np.isfinite(step).all() and np.isfinite(change_u).all()):
                 break
             gained, still = -np.inf, self._still(state.effects, free)
@@ -268,6 +269,16 @@ class Fitter:
             value = tried(trial)[1]
             best, reached = np.where(value > reached, trial, best), np.maximum(value, reached)
         return tried(best)[0]
+
+    def _without_common_gain(self, effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarray) -> np.ndarray:
+        """A step (p,) in which lasers get brighter only beside each other: what all share is the map's reflectance."""
+        step, at = step.copy(), 0
+        for one in free:
+            part = step[at : at + one.unknown.rings]
+            if one.unknown.rings > 1 and self.sample.of_own_map and effects[one.effect].channel == "intensity":
+                part -= part.mean()
+            at += one.unknown.rings
+        return step
 
     def _still(self, effects: tuple[Effect, ...], free: Sequence[Free]) -> list[np.ndarray]:
         """Shares (p,) of a step that are tried: all; on a map made of the scans also none of what is of noise.
