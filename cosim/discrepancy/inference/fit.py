@@ -19,7 +19,7 @@ from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score import Evidence, Quantity, change, dispersion
 from cosim.discrepancy.inference.search import is_searched, searched
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from sensors.effects.base import Effect, RoundingEffect, ScanEffect
+from sensors.effects.base import Effect, NoiseEffect, RoundingEffect, ScanEffect
 
 
 @dataclass(frozen=True)
@@ -220,14 +220,15 @@ class Fitter:
             columns = self.columns(state.effects, free, state.prediction, state.estimate)
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
             step, change_u = model.step(state.estimate, self._least_told(free))
+            step = self._without_common_gain(state.effects, free, step)
             if not (np.isfinite(step).all() and np.isfinite(change_u).all()):
                 break
-            gained = -np.inf
+            gained, still = -np.inf, self._still(state.effects, free)
             for halving in range(self.settings.descent.halvings):
                 part = 0.5**halving
                 moved = replace(state.estimate, u=state.estimate.u + part * change_u)
-                trial = self._state(_moved(state.effects, free, part * step), moved, blur)
-                trial = self._lit(trial, blur, state.estimate)
+                tried = [self._state(_moved(state.effects, free, part * own * step), moved, blur) for own in still]
+                trial = max((self._lit(one, blur, state.estimate) for one in tried), key=self._penalised)
                 reached = self._penalised(trial)
                 if reached > value:
                     gained, state = reached - value, trial
@@ -246,19 +247,14 @@ class Fitter:
     def _lit(self, state: _State, blur: float, other: Estimate | None = None) -> _State:
         """With each surface of a map made of the scans as bright as is likeliest, all else as it is.
 
-        Their noise grows with brightness, so that slopes lead astray where one is dark or of two kinds.
-
-        Args:
-            state: of a fit.
-            blur: as of `judge`.
-            other: whose brightnesses are tried; by default multiples of those that surfaces have.
+        Tried is what surfaces have in another estimate, by default multiples of what they have: noise grows with
+        brightness, so that slopes lead astray where a surface is dark or of two kinds.
         """
         rows, sample = self.random.rows("albedo_of_map"), self.sample
         if not sample.of_own_map or rows.stop == rows.start:
             return state
         bright, darkest = 1 + state.estimate.u[rows], self.settings.unsure.darkest
-        factors = self.settings.descent.brightnesses
-        others = [factor * bright for factor in factors] if other is None else [1 + other.u[rows]]
+        multiples = [factor * bright for factor in self.settings.descent.brightnesses]
         cell, used = np.maximum(sample.surface, 0), sample.share * (sample.surface >= 0)
 
         def tried(bright: np.ndarray) -> tuple[_State, np.ndarray]:
@@ -268,11 +264,30 @@ class Fitter:
             return lit, np.bincount(cell, used * lit.fit.loglik, len(bright))
 
         best, reached = bright, np.bincount(cell, used * state.fit.loglik, len(bright))
-        for trial in others:
+        for trial in multiples if other is None else [1 + other.u[rows]]:
             trial = np.maximum(trial, darkest)
             value = tried(trial)[1]
             best, reached = np.where(value > reached, trial, best), np.maximum(value, reached)
         return tried(best)[0]
+
+    def _without_common_gain(self, effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarray) -> np.ndarray:
+        """A step (p,) in which lasers get brighter only beside each other: what all share is the map's reflectance."""
+        step, at = step.copy(), 0
+        for one in free:
+            part = step[at : at + one.unknown.rings]
+            if one.unknown.rings > 1 and self.sample.of_own_map and effects[one.effect].channel == "intensity":
+                part -= part.mean()
+            at += one.unknown.rings
+        return step
+
+    def _still(self, effects: tuple[Effect, ...], free: Sequence[Free]) -> list[np.ndarray]:
+        """Shares (p,) of a step that are tried: all; on a map made of the scans also none of what is of noise.
+
+        Steps of noise follow how neighbours differ, and may lead away from what is likeliest.
+        """
+        rings = np.array([one.unknown.rings for one in free], int)
+        others = np.repeat([float(not isinstance(effects[one.effect], NoiseEffect)) for one in free], rings)
+        return [np.ones(len(others)), *([others] if self.sample.of_own_map and not others.all() else [])]
 
     def _least_told(self, free: Sequence[Free]) -> float:
         """See `LinearModel.step`: of lists on a map made of the scans, which tells no gain that all lasers share."""

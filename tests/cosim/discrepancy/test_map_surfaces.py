@@ -55,7 +55,7 @@ def test_beams_are_compared_where_they_return_from_about_a_trusted_surface_or_no
     met, still = np.array([0, 0, 0, 39, -1]), np.zeros((5, 3))
     np.testing.assert_array_equal(surfaces.compared(met, measured, still), [True, False, True, False, False])
     for moved, seen in ((0.4, True), (1.5, True), (-0.4, False)):
-        compared = surfaces.compared(met, measured, still + np.array([moved, 0.0, 0.0]))
+        compared = surfaces.compared(met, measured, np.tile([moved, 0, 0], (5, 1)))
         np.testing.assert_array_equal(compared, [True, seen, True, False, False], f"it had moved by {moved} m")
 
 

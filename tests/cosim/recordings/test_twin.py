@@ -11,6 +11,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cosim.cli import main
+from cosim.discrepancy.data.checks import opened
+from cosim.discrepancy.diagnose import begun, case_of
+from cosim.discrepancy.inference.fit import all_free
+from cosim.discrepancy.settings import DEFAULT
 from cosim.drives.kitti import Drive
 from cosim.drives.twin.scene import TwinScenes, lidar_pose, scene_instances
 from cosim.drives.writer import OutputError
@@ -20,8 +24,12 @@ from cosim.recordings.mapping.holding import holding
 from cosim.recordings.mapping.motion import deskewed, motions
 from cosim.recordings.mapping.odometry import find_trajectory
 from cosim.recordings.mapping.surfels import Cloud, SurfelSettings, make_surfels, quads
+from sensors.effects.beams.sweep_motion import SweepMotion
+from sensors.effects.points.intensity_noise import IntensityNoise
+from sensors.effects.points.range_noise import RangeNoise
 from sensors.pattern import Pattern, load_pattern
 from sensors.rays import Rays
+from sensors.sensor_model import SensorModel
 from sensors.tracing import Tracer
 from tests.cosim.conftest import refused
 from tests.cosim.recordings.simulated import HEIGHT_M, yard
@@ -195,3 +203,20 @@ def refused_bag(folder: Path) -> str:
 
     (folder / "bags").mkdir()
     return refused("twin", write_bag(folder / "bags", "sqlite3", {}), "--out", folder / "out")
+
+
+def test_a_fit_finds_the_motion_in_the_sweep_beside_noise_that_is_fitted_along(twin: Path) -> None:
+    drive = Drive(twin / "twin")
+    sensor = SensorModel(load_pattern(str(drive.pattern)), (RangeNoise(sigma_m=0.02), IntensityNoise(sigma_rel=0.1)))
+    case = case_of(
+        opened(drive), sensor, settings=replace(DEFAULT, rows=8_000), along=("range_noise", "intensity_noise")
+    )
+    state = begun(case)
+    fitter, fitted = state.view.fitter, state.view.fitted
+    again = fitter.fit(fitted.effects, (), fitted.estimate)
+    assert again.loglik - fitted.loglik < 5, "surfaces are as bright as is likeliest at once"
+    effects = (*fitted.effects, SweepMotion(sweep_s=0.0))
+    free = all_free(effects, range(len(effects)), fitter.rings)
+    moving = fitter.fit(effects, free, fitted.estimate)
+    assert moving.loglik - fitted.loglik > 50
+    assert moving.effects[-1].model_dump()["sweep_s"] == pytest.approx(0.1, rel=0.3)
