@@ -1,7 +1,7 @@
 """What makes ground no plane: roads fall to their gutters, subsoil settles, slabs and verges lie as they like.
 
 Heights about the smooth surface are a sum of octaves, each a random B-spline of its own spacing. As on real ground,
-second differences of height along a line grow nearly with their lag (roads: ISO 8608). How much of it each zone has
+second differences of height along a line grow nearly with their lag (of roads: ISO 8608). How much of it each zone has
 follows real scans, see tests/bench/ground.py.
 """
 
