@@ -254,7 +254,7 @@ class Fitter:
         if not sample.of_own_map or rows.stop == rows.start:
             return state
         bright, darkest = 1 + state.estimate.u[rows], self.settings.unsure.darkest
-        multiples = [factor * bright for factor in self.settings.descent.brightnesses]
+        tries = [1 + other.u[rows]] if other else [by * bright for by in self.settings.descent.brightnesses]
         cell, used = np.maximum(sample.surface, 0), sample.share * (sample.surface >= 0)
 
         def tried(bright: np.ndarray) -> tuple[_State, np.ndarray]:
@@ -264,8 +264,7 @@ class Fitter:
             return lit, np.bincount(cell, used * lit.fit.loglik, len(bright))
 
         best, reached = bright, np.bincount(cell, used * state.fit.loglik, len(bright))
-        for trial in multiples if other is None else [1 + other.u[rows]]:
-            trial = np.maximum(trial, darkest)
+        for trial in (np.maximum(one, darkest) for one in tries):
             value = tried(trial)[1]
             best, reached = np.where(value > reached, trial, best), np.maximum(value, reached)
         return tried(best)[0]
@@ -281,10 +280,7 @@ class Fitter:
         return step
 
     def _still(self, effects: tuple[Effect, ...], free: Sequence[Free]) -> list[np.ndarray]:
-        """Shares (p,) of a step that are tried: all; on a map made of the scans also none of what is of noise.
-
-        Steps of noise follow how neighbours differ, and may lead away from what is likeliest.
-        """
+        """Shares (p,) of a step that are tried: all; on maps of the scans also none of noise, told by neighbours."""
         rings = np.array([one.unknown.rings for one in free], int)
         others = np.repeat([float(not isinstance(effects[one.effect], NoiseEffect)) for one in free], rings)
         return [np.ones(len(others)), *([others] if self.sample.of_own_map and not others.all() else [])]
