@@ -17,10 +17,8 @@ from scipy.spatial import KDTree
 
 from cosim.discrepancy.settings import DEFAULT, Sampling
 from cosim.drives.kitti import Drive
-from cosim.drives.twin.surfels import has_surfels, read_surfels, surfel_file
+from cosim.drives.twin.surfels import cell_keys, has_surfels, read_surfels, surfel_file
 from sensors.hits import STATIC
-
-_FAR = 1 << 20  # cells from the origin to the edge of what can be numbered
 
 
 class Maps:
@@ -89,7 +87,7 @@ class MapSurfaces:
             FormatError: the file is damaged.
         """
         arrays, cell_m = read_surfels(file)
-        cells = _cell_numbers(arrays["centre"], cell_m)
+        cells = cell_keys(arrays["centre"], cell_m)
         order = np.argsort(cells, kind="stable")
         rough = _roughness(arrays["sd_m"], arrays["cos_incidence"].mean(1), settings.least_rough)
         centre, trusted = arrays["centre"], arrays["trusted"] > 0
@@ -130,7 +128,7 @@ class MapSurfaces:
 
     def _in_cell(self, place: np.ndarray) -> np.ndarray:
         """Row (n,) of the surface in the cell of each place, if that lies on its plane; −1 elsewhere."""
-        cell = _cell_numbers(place, self.cell_m)
+        cell = cell_keys(place, self.cell_m)
         at = np.minimum(np.searchsorted(self.cells, cell), len(self) - 1)
         row = self.order[at]
         off = np.einsum("ij,ij->i", place - self.centre[row], self.normal[row])
@@ -178,12 +176,6 @@ class MapSurfaces:
         share = np.where(flat, *(_share_before(looks[order], mine, count / 2) for mine in (flat, ~flat)))
         order = order[np.argsort(share, kind="stable")]
         return order[np.cumsum(looks[order]) <= count]
-
-
-def _cell_numbers(place: np.ndarray, cell_m: float) -> np.ndarray:
-    """Numbers (n,) int64 of the cells of places (n, 3)."""
-    cell = np.floor(place / cell_m).astype(np.int64) + _FAR
-    return (cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2]
 
 
 def _share_before(looks: np.ndarray, mine: np.ndarray, count: float) -> np.ndarray:

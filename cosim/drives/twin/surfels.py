@@ -13,6 +13,7 @@ from sensors.npz import NpzError, npz_arrays
 _FILE, _FOLDER = "twin/surfels.npz", "twin/surfels"
 _ARRAYS = {"centre": (3,), "normal": (3,), "sd_m": (), "range_m": (2,), "cos_incidence": (2,), "trusted": ()}
 _CELL = "cell_m"
+_MOST_CELLS = 1 << 20  # from the origin to the edge of what can be numbered
 
 
 def has_surfels(root: Path) -> bool:
@@ -54,3 +55,9 @@ def read_surfels(file: Path) -> tuple[dict[str, np.ndarray], float]:
     if found[_CELL].shape != (1,) or not found[_CELL][0] > 0:
         raise FormatError(f"{file}: {_CELL} is no size of cells; make the twin anew with `cosim twin`")
     return arrays, float(found[_CELL][0])
+
+
+def cell_keys(xyz: np.ndarray, cell_m: float) -> np.ndarray:
+    """Numbers of the cells of places (n, 3), (n,) int64."""
+    cell = np.floor(np.asarray(xyz, np.float64) / cell_m).astype(np.int64) + _MOST_CELLS
+    return (cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2]

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from scipy import linalg, sparse
 
+from cosim.drives.twin.surfels import cell_keys
 from cosim.recordings.mapping.motion import applied, nudged
 from cosim.recordings.mapping.scans import LocalScan, cloud_of
-from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, cell_keys, make_surfels
+from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, make_surfels
 
 OUTLIER_M = 0.15  # a point farther off a surfel is of something else
 _HUBER_M = 0.03

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cosim.drives.twin.surfels import cell_keys
 from cosim.recordings.mapping.adjust import OUTLIER_M, adjusted, place, placed_in_turn
 from cosim.recordings.mapping.holding import holding
 from cosim.recordings.mapping.level import ground, levelled, up
@@ -14,7 +15,7 @@ from cosim.recordings.mapping.motion import applied, motions
 from cosim.recordings.mapping.moving import FreeSpace
 from cosim.recordings.mapping.odometry import Trajectory
 from cosim.recordings.mapping.scans import cloud_of, local_scans
-from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, cell_keys, make_surfels, solid_shares
+from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, make_surfels, solid_shares
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import RecordingError
 from cosim.recordings.settings import Mount

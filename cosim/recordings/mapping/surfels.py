@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.drives.twin.surfels import cell_keys
+
 _CHUNK = 1_000_000  # points at a time
 _SOLID_SIGMAS, _SOLID_LEAST_M, _ABOUT = 3.0, 0.03, 0.75
-_OFFSET = 1 << 20  # cells from the origin to the edge of what can be numbered
 
 
 @dataclass(frozen=True)
@@ -113,12 +114,6 @@ class Surfels:
     def level(self) -> np.ndarray:
         """(m,) bool: which lie flat, as ground does."""
         return np.abs(self.normal[:, 2]) > 0.95
-
-
-def cell_keys(xyz: np.ndarray, cell_m: float) -> np.ndarray:
-    """Numbers of the cells of places (n, 3), (n,) int64."""
-    cell = np.floor(np.asarray(xyz, np.float64) / cell_m).astype(np.int64) + _OFFSET
-    return (cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2]
 
 
 def make_surfels(cloud: Cloud, settings: SurfelSettings) -> tuple[Surfels, int]:
