@@ -44,26 +44,28 @@ def budget_of(case: Case, view: View, models: Sequence[tuple[Effect, ...]]) -> t
         models: the effects as given, and after every finding.
     """
     last = Aligned(case, view, models[-1])
-    first = last if len(models) == 1 else Aligned(case, view, models[0], [last])
-    near, steps, of_aligned = first, [], []
-    for number, effects in enumerate(models):
-        if number == len(models) - 1:
-            near = last
-        elif number:
-            near = Aligned(case, view, effects, [near, last])
-        steps.append(near.held_out())
-        of_aligned.append(near.held_out(PARTS))
-    of_first, of_last = ([one.error(PARTS[:count]) for count in range(len(PARTS) + 1)] for one in (first, last))
-    floor, aligned = last.floor(), of_last[-1]
+    seen = [Aligned(case, view, models[0], [last])] if len(models) > 1 else []
+    for effects in models[1:-1]:
+        seen.append(Aligned(case, view, effects, [seen[-1], last]))
+    seen.append(last)
+    of_first, of_last = _levels(seen[0]), _levels(last)
+    floor, aligned = last.floor(), of_last[PARTS]
     noise = aligned if floor is None else min(floor, aligned)
     parts = {"noise": noise}
     for place, name in enumerate(PARTS):
-        falls = (levels[place] - levels[place + 1] for levels in (of_first, of_last))
-        parts[name] = float(np.mean(list(falls)))
-    parts["missing"] = 0.5 * (of_first[0] - of_last[0] + of_first[-1] - of_last[-1])
+        before, after, rest = PARTS[:place], PARTS[: place + 1], PARTS[place + 1 :]
+        falls = [one[before] - one[after] + one[rest] - one[PARTS[place:]] for one in (of_first, of_last)]
+        parts[name] = 0.5 * float(np.mean(falls))
+    parts["missing"] = 0.5 * (of_first[()] - of_last[()] + of_first[PARTS] - of_last[PARTS])
     parts["unexplained"] = aligned - noise
-    budget = Budget(of_first[0], aligned, of_first[-1], floor, parts, tuple(steps), tuple(of_aligned))
-    return budget, Judged(first, last)
+    steps, of_aligned = (tuple(one.held_out(which) for one in seen) for which in ((), PARTS))
+    return Budget(of_first[()], aligned, of_first[PARTS], floor, parts, steps, of_aligned), Judged(seen[0], last)
+
+
+def _levels(one: Aligned) -> dict[tuple[str, ...], float]:
+    """Errors with poses, objects and the map taken out one after the other, in this order and in the reverse."""
+    orders = [parts for at in range(len(PARTS) + 1) for parts in (PARTS[:at], PARTS[at:])]
+    return {parts: one.error(parts) for parts in dict.fromkeys(orders)}
 
 
 def held_out(case: Case, view: View, effects: Sequence[Effect]) -> HeldOut:
