@@ -18,6 +18,7 @@ def _diagnosed(made: Made) -> dict:
     return diagnose(made.drive, made.sensor).to_json()
 
 
+@pytest.mark.slow
 def test_nothing_hidden_nothing_found(base: Path, tmp_path: Path) -> None:
     found = _diagnosed(make_drive(base, tmp_path / "drive", replace(_SMALL, seed=11)))
     assert found["verdict"] == "none"

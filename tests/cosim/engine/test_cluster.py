@@ -71,6 +71,7 @@ def done(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir() if "." not in path.name}
 
 
+@pytest.mark.slow
 def test_tasks_survive_children_that_die_and_workers_that_join_late(tmp_path):
     (tmp_path / "tasks").mkdir()
     events: list[Event] = []
