@@ -119,6 +119,7 @@ class Aligned:
         self._members = [
             Ensemble.of(one, self._effects, model_chance(0, number), origin) for number, one in enumerate(frames)
         ]
+        self._held_out: dict[tuple[str, ...], HeldOut] = {}
         self._moved: dict[tuple[str, ...], list[_Moved]] = {(): [(0.0, 1.0)] * len(frames)}
 
     def __len__(self) -> int:
@@ -150,13 +151,11 @@ class Aligned:
 
     def held_out(self, parts: tuple[str, ...] = ()) -> HeldOut:
         """Errors frame by frame, with the random effects of some parts of the budget taken out."""
-        each = [Totals.of(frame, scores) for frame, scores in zip(self._frames, self._scores(parts), strict=True)]
-        return HeldOut(
-            error=sum(each, Totals()).error,
-            by_frame=np.array([one.error for one in each]),
-            beams=np.array([one.beams for one in each]),
-            floor=None,
-        )
+        if parts not in self._held_out:
+            each = [Totals.of(frame, scores) for frame, scores in zip(self._frames, self._scores(parts), strict=True)]
+            by_frame, beams = np.array([one.error for one in each]), np.array([one.beams for one in each])
+            self._held_out[parts] = HeldOut(sum(each, Totals()).error, by_frame, beams, None)
+        return self._held_out[parts]
 
     def _scores(self, parts: tuple[str, ...]) -> list[FrameScores]:
         return [

@@ -48,24 +48,18 @@ def budget_of(case: Case, view: View, models: Sequence[tuple[Effect, ...]]) -> t
     for effects in models[1:-1]:
         seen.append(Aligned(case, view, effects, [seen[-1], last]))
     seen.append(last)
-    of_first, of_last = _levels(seen[0]), _levels(last)
-    floor, aligned = last.floor(), of_last[PARTS]
+    first, floor, aligned = seen[0], last.floor(), last.error(PARTS)
     noise = aligned if floor is None else min(floor, aligned)
     parts = {"noise": noise}
     for place, name in enumerate(PARTS):
         before, after, rest = PARTS[:place], PARTS[: place + 1], PARTS[place + 1 :]
-        falls = [one[before] - one[after] + one[rest] - one[PARTS[place:]] for one in (of_first, of_last)]
-        parts[name] = 0.5 * float(np.mean(falls))
-    parts["missing"] = 0.5 * (of_first[()] - of_last[()] + of_first[PARTS] - of_last[PARTS])
+        orders = ((before, after), (rest, PARTS[place:]))
+        falls = [one.error(more) - one.error(less) for one in (first, last) for more, less in orders]
+        parts[name] = float(np.mean(falls))
+    parts["missing"] = 0.5 * (first.error(()) - last.error(()) + first.error(PARTS) - last.error(PARTS))
     parts["unexplained"] = aligned - noise
     steps, of_aligned = (tuple(one.held_out(which) for one in seen) for which in ((), PARTS))
-    return Budget(of_first[()], aligned, of_first[PARTS], floor, parts, steps, of_aligned), Judged(seen[0], last)
-
-
-def _levels(one: Aligned) -> dict[tuple[str, ...], float]:
-    """Errors with poses, objects and the map taken out one after the other, in this order and in the reverse."""
-    orders = [parts for at in range(len(PARTS) + 1) for parts in (PARTS[:at], PARTS[at:])]
-    return {parts: one.error(parts) for parts in dict.fromkeys(orders)}
+    return Budget(first.error(()), aligned, first.error(PARTS), floor, parts, steps, of_aligned), Judged(first, last)
 
 
 def held_out(case: Case, view: View, effects: Sequence[Effect]) -> HeldOut:
