@@ -17,13 +17,11 @@ from cosim.driver_discrepancy.network import read_network
 from cosim.driver_discrepancy.placed import Placed, place
 from cosim.driver_discrepancy.pool import Simulations
 from cosim.driver_discrepancy.replay import Replay, route_files, write_replay
+from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
 from cosim.driver_discrepancy.summary import Summary, summarise
 from cosim.driver_discrepancy.tracks import TrackError, Tracks, read_tracks, with_true_headings
 from cosim.traffic.behaviour import BehaviourConfig
 from sumo_nets import read_town
-
-_SHORTEST_S = 10.0
-_JUDGE_EVERY = 3  # every third vehicle judges and takes no part in fits
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +49,12 @@ class Case:
 
 
 @contextmanager
-def opened(measured: Tracks | str | Path, config: RunConfig | str | Path, workers: int | None) -> Iterator[Case]:
+def opened(
+    measured: Tracks | str | Path,
+    config: RunConfig | str | Path,
+    workers: int | None,
+    by: TrafficSettings = DEFAULT,
+) -> Iterator[Case]:
     """Read a measurement and make its town and demand ready; ends all processes at the end.
 
     Raises:
@@ -61,8 +64,10 @@ def opened(measured: Tracks | str | Path, config: RunConfig | str | Path, worker
     settings = config if isinstance(config, RunConfig) else load_config(Path(config))
     tracks = measured if isinstance(measured, Tracks) else read_tracks(Path(measured))
     tracks, notes = _thinned(with_true_headings(tracks), settings.step_s)
-    if tracks.seconds < _SHORTEST_S:
-        raise TrackError(f"the trajectories last {tracks.seconds:.1f} s; give at least {_SHORTEST_S:.0f} s of traffic")
+    if tracks.seconds < by.shortest_s:
+        raise TrackError(
+            f"the trajectories last {tracks.seconds:.1f} s; give at least {by.shortest_s:.0f} s of traffic"
+        )
     if len(settings.towns) > 1:
         notes.append(f"the configuration names {len(settings.towns)} towns: the first is taken")
     town = read_town(next(iter(settings.towns)))
@@ -70,7 +75,7 @@ def opened(measured: Tracks | str | Path, config: RunConfig | str | Path, worker
     with tempfile.TemporaryDirectory(prefix="cosim-traffic-") as folder:
         replay = write_replay(placed, town, Path(folder))
         with Simulations(replay, placed.network, settings.step_s, workers) as simulations:
-            fitted, judging = _split(placed)
+            fitted, judging = _split(placed, by.judge_every)
             yield Case(
                 measured=summarise(placed),
                 behaviour=with_common_luck(settings.behaviour),
@@ -94,7 +99,7 @@ def _thinned(tracks: Tracks, step_s: float) -> tuple[Tracks, list[str]]:
     return thin, [f"samples every {tracks.step_s:.3g} s were thinned to the simulation's step of {step_s:g} s"]
 
 
-def _split(placed: Placed) -> tuple[frozenset[str], frozenset[str]]:
+def _split(placed: Placed, judge_every: int) -> tuple[frozenset[str], frozenset[str]]:
     """Vehicles that are fitted and that judge, drivers and parkers alike; drawn by their names."""
     tracks = placed.tracks
     first = np.searchsorted(tracks.vehicle, np.arange(len(tracks.ids)))
@@ -102,7 +107,7 @@ def _split(placed: Placed) -> tuple[frozenset[str], frozenset[str]]:
     for parked in (True, False):
         mine = [name for name, row in zip(tracks.ids, first.tolist(), strict=True) if placed.parked[row] == parked]
         mine.sort(key=lambda name: zlib.crc32(name.encode()))
-        judging.update(mine[_JUDGE_EVERY - 1 :: _JUDGE_EVERY])
+        judging.update(mine[judge_every - 1 :: judge_every])
     return frozenset(tracks.ids) - judging, frozenset(judging)
 
 

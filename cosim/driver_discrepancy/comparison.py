@@ -13,6 +13,7 @@ from cosim.capture.config import RunConfig
 from cosim.driver_discrepancy.case import opened
 from cosim.driver_discrepancy.distance import MANNERS, SCALES, UNITS, error, floor, mean_channels
 from cosim.driver_discrepancy.gate import Evidence, run_gate
+from cosim.driver_discrepancy.settings import DEFAULT
 from cosim.driver_discrepancy.summary import STATISTICS, Summary
 from cosim.driver_discrepancy.tracks import Tracks
 
@@ -31,7 +32,6 @@ UNIT_OF = {
     "reaction_lag": "s",
     "startup_lag": "s",
 }
-_NEAR = 1.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class TrafficComparison:
     @property
     def worst(self) -> Row | None:
         """The statistic that differs most, if luck does not explain it."""
-        told = [row for row in self.statistics if row.p_value <= 0.05]
+        told = [row for row in self.statistics if row.p_value <= DEFAULT.level]
         return max(told, key=lambda row: abs(row.measured - row.model) / row.sigma) if told else None
 
     def to_json(self) -> dict[str, Any]:
@@ -95,7 +95,8 @@ class TrafficComparison:
     def __str__(self) -> str:
         at = f"error {self.error:.3f}, noise floor {self.noise_floor:.3f}"
         if self.worst is None:
-            return at + ("; at the floor" if self.error <= _NEAR * self.noise_floor else "; nothing beyond luck")
+            at_floor = self.error <= (1 + DEFAULT.at_floor) * self.noise_floor
+            return at + ("; at the floor" if at_floor else "; nothing beyond luck")
         row = self.worst
         unit = f" {UNIT_OF[row.name]}" if UNIT_OF[row.name] else ""
         return f"{at}; worst: {row.name.replace('_', ' ')} {row.measured:.3g}{unit}, model {row.model:.3g}"

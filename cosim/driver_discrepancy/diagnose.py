@@ -16,18 +16,13 @@ from cosim.driver_discrepancy.comparison import TrafficComparison, compared
 from cosim.driver_discrepancy.diagnosis import Candidate, TrafficDiagnosis, TrafficFinding
 from cosim.driver_discrepancy.distance import MANNERS, error, floor, mean_channels
 from cosim.driver_discrepancy.estimate import Estimator, Fit, intervals
-from cosim.driver_discrepancy.gate import LEVEL, Evidence, Verdict, run_gate, smallest
+from cosim.driver_discrepancy.gate import Evidence, Verdict, run_gate, smallest
+from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
 from cosim.driver_discrepancy.summary import STATISTICS, Summary
 from cosim.driver_discrepancy.tracks import Tracks
 from cosim.traffic.behaviour import BehaviourConfig
 
 _LOG = logging.getLogger(__name__)
-_ALIKE_BIC = 10.0
-_MOST_EFFECTS = 5
-_FITTED = 3  # candidates a round that are fitted by simulation
-_FIT_SEEDS = 3
-_SLOPE_SEEDS = 1
-_NEARLY = 0.3  # of the best promise, to be worth a fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +51,7 @@ def traffic_diagnose(
     *,
     seeds: int = 10,
     workers: int | None = None,
+    settings: TrafficSettings = DEFAULT,
     on_progress: Callable[[str], None] | None = None,
 ) -> TrafficDiagnosis:
     """Find the driver behaviours that a model lacks against measured trajectories.
@@ -65,26 +61,29 @@ def traffic_diagnose(
         config: the model: town and behaviour of a run's configuration, or its file.
         seeds: simulations from which luck is known.
         workers: processes; one a core by default.
+        settings: numbers that decide.
         on_progress: is told what is being done.
 
     Raises:
         CosimError: the trajectories cannot be used, or are not of this town.
         TownError: the town cannot be used.
     """
-    settings = config if isinstance(config, RunConfig) else load_config(Path(config))
-    if settings.behaviour.as_given:
+    run_config = config if isinstance(config, RunConfig) else load_config(Path(config))
+    if run_config.behaviour.as_given:
         raise ConfigError(
             "behaviour sumo leaves drivers as the vTypes have them, so nothing could be fitted; take calm"
         )
-    with opened(measured, settings, workers) as case:
-        return _Detective(case, settings, seeds, on_progress or _LOG.debug).run()
+    with opened(measured, run_config, workers, settings) as case:
+        return _Detective(case, run_config, seeds, settings, on_progress or _LOG.debug).run()
 
 
 class _Detective:
     """One diagnosis."""
 
-    def __init__(self, case: Case, settings: RunConfig, seeds: int, say: Callable[[str], None]) -> None:
-        self._case, self._settings, self._say = case, settings, say
+    def __init__(
+        self, case: Case, config: RunConfig, seeds: int, by: TrafficSettings, say: Callable[[str], None]
+    ) -> None:
+        self._case, self._config, self._by, self._say = case, config, by, say
         self._seeds = tuple(range(seeds))
         self._simulations = case.simulations
         self._slopes: dict[str, np.ndarray] = {}
@@ -96,7 +95,7 @@ class _Detective:
     def run(self) -> TrafficDiagnosis:
         """Everything in order."""
         first = look = self._look(self._case.behaviour)
-        while len(self._found) < _MOST_EFFECTS and look.verdict.p_value <= LEVEL:
+        while len(self._found) < self._by.most_findings and look.verdict.p_value <= self._by.level:
             better = self._better(look)
             if better is None:
                 break
@@ -107,14 +106,14 @@ class _Detective:
         """Simulate the model with every seed, and run the gate."""
         self._say(f"simulating with {len(self._seeds)} seeds")
         runs = self._simulations.run([(config, seed) for seed in self._seeds])
-        evidence = Evidence.of(self._case.measured, runs)
+        evidence = Evidence.of(self._case.measured, runs, self._by)
         ids = self._case.fitted
         return _Look(
             config,
             runs,
-            run_gate(evidence, np.random.default_rng(1)),
+            run_gate(evidence, np.random.default_rng(1), self._by),
             evidence,
-            Evidence.of(self._case.measured.of(ids), [run.of(ids) for run in runs]),
+            Evidence.of(self._case.measured.of(ids), [run.of(ids) for run in runs], self._by),
         )
 
     def _learn(self, look: _Look, behaviours: Sequence[Behaviour]) -> None:
@@ -122,25 +121,25 @@ class _Detective:
         new = [one for one in behaviours if one.name not in self._slopes]
         if new:
             self._say(f"learning what {', '.join(one.name for one in new)} changes")
-            self._slopes |= self._estimator(_SLOPE_SEEDS).slopes(look.config, new, STATISTICS)
+            self._slopes |= self._estimator(self._by.fitting.slope_seeds).slopes(look.config, new, STATISTICS)
 
     def _better(self, look: _Look) -> _Look | None:
         """Add the behaviour with which most is explained, and look again; None where none helps."""
         taken = {one.behaviour for one in self._found} | self._refused
         open_ = [one for one in BEHAVIOURS.values() if one.name not in taken]
-        shown = [one for one in open_ if look.verdict.by_behaviour[one.name] <= LEVEL]
+        shown = [one for one in open_ if look.verdict.by_behaviour[one.name] <= self._by.level]
         if not shown:
             return None
         self._learn(look, shown)
         slopes = self._slopes_for(look.fitted.names)
-        estimator = self._estimator(_SLOPE_SEEDS)
+        estimator = self._estimator(self._by.fitting.slope_seeds)
         promise = {
             one.name: estimator.promise(look.fitted, one, slopes[one.name], look.config) - self._penalty(one)
             for one in shown
         }
         shown.sort(key=lambda one: -promise[one.name])
-        worth = [one for one in shown if promise[one.name] > _NEARLY * promise[shown[0].name]] or shown
-        tries = [self._try(one, look, slopes) for one in worth[:_FITTED]]
+        worth = [one for one in shown if promise[one.name] > self._by.fitting.nearly * promise[shown[0].name]] or shown
+        tries = [self._try(one, look, slopes) for one in worth[: self._by.fitting.tried]]
         tries.sort(key=lambda one: -one.delta_bic)
         self._ranking = self._ranking or self._ranked(shown, promise, tries, look)
         for one in tries:
@@ -155,7 +154,7 @@ class _Detective:
         """Fit a behaviour together with those found before."""
         self._say(f"fitting {behaviour.name}")
         together = [*(BEHAVIOURS[one.behaviour] for one in self._found), behaviour]
-        estimator = self._estimator(_FIT_SEEDS)
+        estimator = self._estimator(self._by.fitting.seeds)
         fit = estimator.fit(look.config, together, look.fitted, slopes)
         return _Try(behaviour, fit, fit.chi2_before - fit.chi2 - self._penalty(behaviour))
 
@@ -182,9 +181,8 @@ class _Detective:
     def _add(self, one: _Try, tries: Sequence[_Try], look: _Look, after: _Look) -> None:
         self._say(f"adding {one.behaviour.name}")
         name = one.behaviour.name
-        alike = tuple(
-            other.behaviour.name for other in tries if other is not one and other.delta_bic > one.delta_bic - _ALIKE_BIC
-        )
+        least = one.delta_bic - self._by.alike_bic
+        alike = tuple(other.behaviour.name for other in tries if other is not one and other.delta_bic > least)
         before = one.behaviour.read(look.config, self._case.background)
         self._found.append(
             TrafficFinding(
@@ -207,11 +205,11 @@ class _Detective:
         if self._fit is not None:
             rows = [STATISTICS.index(name) for name in last.fitted.names]
             aligned = replace(self._fit, slopes=self._fit.slopes[rows])
-            fit = self._estimator(_FIT_SEEDS).polished(aligned, behaviours, last.fitted)
-            ends = intervals(fit, behaviours, last.fitted.freedom)
+            fit = self._estimator(self._by.fitting.seeds).polished(aligned, behaviours, last.fitted)
+            ends = intervals(fit, behaviours, last.fitted.freedom, self._by.coverage)
             config = fit.config
             findings = [_settled(one, fit.values[one.behaviour], ends[one.behaviour]) for one in findings]
-        left = [name for name, p_value in last.verdict.by_statistic.items() if p_value <= LEVEL]
+        left = [name for name, p_value in last.verdict.by_statistic.items() if p_value <= self._by.level]
         ambiguous = any(one.also_possible for one in findings)
         return TrafficDiagnosis(
             verdict="ambiguous" if ambiguous else "missing" if findings else "unknown" if left else "none",
@@ -223,7 +221,7 @@ class _Detective:
             error_before=self._held_out(first),
             error_after=self._held_out(last),
             noise_floor=floor([run.of(self._case.judging) for run in last.runs]),
-            config=self._settings.model_copy(update={"behaviour": config}) if findings else self._settings,
+            config=self._config.model_copy(update={"behaviour": config}) if findings else self._config,
             unexplained=tuple(left),
             simulations=self._simulations.count,
         )
@@ -236,9 +234,10 @@ class _Detective:
     def _smallest(self, last: _Look) -> dict[str, dict[str, float]]:
         """Changes that would have been seen."""
         self._say("learning how small a change would have shown")
-        slopes = self._estimator(_SLOPE_SEEDS).own_slopes(last.config, last.all.names)
+        slopes = self._estimator(self._by.fitting.slope_seeds).own_slopes(last.config, last.all.names)
         return {
-            name: smallest(last.all, last.verdict, behaviour, slopes[name]) for name, behaviour in BEHAVIOURS.items()
+            name: smallest(last.all, last.verdict, behaviour, slopes[name], self._by)
+            for name, behaviour in BEHAVIOURS.items()
         }
 
     def _ranked(
@@ -253,7 +252,7 @@ class _Detective:
         return tuple(sorted(rows, key=lambda row: -row.delta_bic))
 
     def _estimator(self, seeds: int) -> Estimator:
-        return Estimator(self._simulations, self._case.fitted, self._case.background, self._seeds[:seeds])
+        return Estimator(self._simulations, self._case.fitted, self._case.background, self._seeds[:seeds], self._by)
 
     def _penalty(self, behaviour: Behaviour) -> float:
         return len(behaviour.knobs) * float(np.log(max(len(self._case.fitted), 2)))

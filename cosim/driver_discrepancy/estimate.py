@@ -11,13 +11,9 @@ from scipy import stats
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS, TOGETHER, Background, Behaviour, Knob
 from cosim.driver_discrepancy.gate import Evidence
 from cosim.driver_discrepancy.pool import Simulations
+from cosim.driver_discrepancy.settings import TrafficSettings
 from cosim.driver_discrepancy.summary import STATISTICS, Summary
 from cosim.traffic.behaviour import BehaviourConfig
-
-_ROUNDS = 5
-_SMALL = 0.1  # fall of chi² that is not worth a simulation
-_WEAK = 5.0  # times a parameter's own step: how far it may be expected to be off where nothing tells
-_GOOD = 0.25  # a squared difference that luck makes more often than not
 
 Values = dict[str, dict[str, float]]
 
@@ -50,15 +46,22 @@ class Estimator:
         ids: vehicles that are fitted.
         background: what configurations leave to the town.
         seeds: of the simulations of a fit.
+        by: numbers that decide.
     """
 
     def __init__(
-        self, simulations: Simulations, ids: frozenset[str], background: Background, seeds: Sequence[int]
+        self,
+        simulations: Simulations,
+        ids: frozenset[str],
+        background: Background,
+        seeds: Sequence[int],
+        by: TrafficSettings,
     ) -> None:
         self._simulations = simulations
         self._ids = ids
         self._background = background
         self._seeds = tuple(seeds)
+        self._by = by
 
     def slopes(
         self, config: BehaviourConfig, behaviours: Sequence[Behaviour], names: Sequence[str]
@@ -105,7 +108,7 @@ class Estimator:
         """How much chi² would fall if statistics went on as straight as they begin."""
         values = behaviour.read(config, self._background)
         jacobian = slopes / evidence.sigma[:, None]
-        step = _solve(jacobian, evidence.z, behaviour.knobs)
+        step = self._solve(jacobian, evidence.z, behaviour.knobs)
         now = np.array([values[knob.name] for knob in behaviour.knobs])
         low = np.array([knob.low for knob in behaviour.knobs]) - now
         high = np.array([knob.high for knob in behaviour.knobs]) - now
@@ -134,17 +137,17 @@ class Estimator:
         jacobian *= own[:, None]
         at = np.clip(at, low, high)
         before = rest = self._rest(config, behaviours, at, evidence)
-        for _ in range(_ROUNDS):
-            step = np.clip(at + _solve(jacobian, rest, plain), low, high) - at
+        for _ in range(self._by.fitting.rounds):
+            step = np.clip(at + self._solve(jacobian, rest, plain), low, high) - at
             foreseen = rest - jacobian @ step
-            if own @ rest**2 - own @ foreseen**2 < _SMALL:
+            if own @ rest**2 - own @ foreseen**2 < self._by.fitting.enough:
                 break
             new = self._rest(config, behaviours, at + step, evidence)
             secant = np.outer(rest - new - jacobian @ step, step) / max(float(step @ step), 1e-12)
             jacobian += secant * own[:, None]
             if own @ new**2 < own @ rest**2:
                 at, rest = at + step, new
-            if own @ rest**2 < _GOOD * own.sum():
+            if own @ rest**2 < self._by.fitting.luck * own.sum():
                 break
         values = _by_name(behaviours, at)
         full = np.zeros((len(STATISTICS), len(knobs)))
@@ -155,7 +158,7 @@ class Estimator:
             chi2_before=float(before @ before),
             chi2=float(rest @ rest),
             slopes=full,
-            covariance=_covariance(jacobian, plain),
+            covariance=self._covariance(jacobian, plain),
         )
 
     def polished(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: Evidence) -> Fit:
@@ -164,8 +167,8 @@ class Estimator:
         at = np.array([fit.values[one.name][knob.name] for one in behaviours for knob in one.knobs])
         jacobian = fit.slopes / evidence.sigma[:, None]
         low, high = (np.array([getattr(knob, end) for knob in knobs]) for end in ("low", "high"))
-        covariance = _covariance(jacobian, knobs)
-        step = np.clip(at + _solve(jacobian, evidence.z, knobs), low, high) - at
+        covariance = self._covariance(jacobian, knobs)
+        step = np.clip(at + self._solve(jacobian, evidence.z, knobs), low, high) - at
         step = np.clip(step, -np.sqrt(np.diag(covariance)), np.sqrt(np.diag(covariance)))
         values = _by_name(behaviours, at + step)
         config = _written(fit.config, behaviours, values)
@@ -188,10 +191,20 @@ class Estimator:
         found = run.of(self._ids).statistics()
         return [found[name] for name in names]
 
+    def _covariance(self, jacobian: np.ndarray, knobs: Sequence[Knob]) -> np.ndarray:
+        """Covariance of parameters; what the data do not tell is held by weak priors."""
+        weak = np.array([1 / (self._by.fitting.weak_steps * knob.step) ** 2 for knob in knobs])
+        return np.linalg.inv(jacobian.T @ jacobian + np.diag(weak))
 
-def intervals(fit: Fit, behaviours: Sequence[Behaviour], freedom: float) -> dict[str, dict[str, list[float]]]:
-    """95 % intervals of all parameters, within their bounds."""
-    half = float(stats.t.ppf(0.975, freedom)) * np.sqrt(np.diag(fit.covariance))
+    def _solve(self, jacobian: np.ndarray, rest: np.ndarray, knobs: Sequence[Knob]) -> np.ndarray:
+        return self._covariance(jacobian, knobs) @ (jacobian.T @ rest)
+
+
+def intervals(
+    fit: Fit, behaviours: Sequence[Behaviour], freedom: float, coverage: float
+) -> dict[str, dict[str, list[float]]]:
+    """Intervals of all parameters, within their bounds, that hold them with the probability `coverage`."""
+    half = float(stats.t.ppf((1 + coverage) / 2, freedom)) * np.sqrt(np.diag(fit.covariance))
     found: dict[str, dict[str, list[float]]] = {}
     knobs = [(behaviour, knob) for behaviour in behaviours for knob in behaviour.knobs]
     for (behaviour, knob), side in zip(knobs, half.tolist(), strict=True):
@@ -208,16 +221,6 @@ def _changed(behaviour: Behaviour, name: str, values: Mapping[str, float]) -> di
     if abs(changed[name] - values[name]) < abs(knob.step) / 3:
         changed = behaviour.clipped({**values, name: values[name] - knob.step})
     return changed
-
-
-def _covariance(jacobian: np.ndarray, knobs: Sequence[Knob]) -> np.ndarray:
-    """Covariance of parameters; what the data do not tell is held by weak priors."""
-    weak = np.array([1 / (_WEAK * knob.step) ** 2 for knob in knobs])
-    return np.linalg.inv(jacobian.T @ jacobian + np.diag(weak))
-
-
-def _solve(jacobian: np.ndarray, rest: np.ndarray, knobs: Sequence[Knob]) -> np.ndarray:
-    return _covariance(jacobian, knobs) @ (jacobian.T @ rest)
 
 
 def _by_name(behaviours: Sequence[Behaviour], at: np.ndarray) -> Values:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS, Behaviour
+from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
 from cosim.driver_discrepancy.summary import COUNTS, MEANS, MEDIANS, SPREADS, STATISTICS, Summary
 
-LEVEL = 0.05
 RESOLUTION = {
     "free_speed": 0.012,
     "free_speed_spread": 0.012,
@@ -27,10 +27,6 @@ RESOLUTION = {
     "startup_lag": 0.10,
 }
 """Differences so small are the simulator's, not drivers': added to the luck in squares."""
-_VEHICLE_FREEDOM = 4.0  # what the spread between vehicles counts beside that between seeds
-_FEWEST, _FEWEST_OF_MEDIANS = 3, 6
-_DRAWS = 20_000
-_POWER_80 = 0.84
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,19 +54,19 @@ class Evidence:
         return (self.measured - self.model) / self.sigma
 
     @classmethod
-    def of(cls, measured: Summary, runs: Sequence[Summary]) -> Evidence:
+    def of(cls, measured: Summary, runs: Sequence[Summary], by: TrafficSettings = DEFAULT) -> Evidence:
         """From the measured summary and the model's, a seed each.
 
         The variance of a statistic is that between seeds and that between measured vehicles, pooled: each vehicle is
         one fact, however many samples it has, and a simulation another.
         """
         mine, rows = measured.statistics(), [run.statistics() for run in runs]
-        names = tuple(name for name in STATISTICS if _told(name, measured, runs, mine, rows))
+        names = tuple(name for name in STATISTICS if _told(name, measured, runs, mine, rows, by))
         model = np.array([[row[name] for name in names] for row in rows], float).reshape(len(runs), len(names))
         count, mean = len(runs), model.mean(0)
         between = model.var(0, ddof=1) if count > 1 else np.zeros(len(names))
         vehicles = np.array([_variance(measured, name) for name in names], float)
-        weight = np.where(np.isfinite(vehicles), _VEHICLE_FREEDOM, 0.0)
+        weight = np.where(np.isfinite(vehicles), by.gate.vehicle_freedom, 0.0)
         pooled = (weight * np.nan_to_num(vehicles) + (count - 1) * between) / np.maximum(weight + count - 1, 1)
         floor = np.array([_resolution(name, measured) for name in names], float)
         spread = np.sqrt(np.maximum(between, 1e-18))
@@ -79,7 +75,7 @@ class Evidence:
             measured=np.array([mine[name] for name in names], float),
             model=mean,
             sigma=np.sqrt(pooled * (1 + 1 / count) + floor**2),
-            freedom=_VEHICLE_FREEDOM + count - 1,
+            freedom=by.gate.vehicle_freedom + count - 1,
             luck=(model - mean) / spread * np.sqrt(count / max(count - 1, 1)),
         )
 
@@ -92,7 +88,7 @@ class Verdict:
         p_value: family-wise: the chance that any statistic would differ so much if nothing were missing.
         by_behaviour: the same for the statistics that show a behaviour.
         by_statistic: the same for each statistic.
-        critical: |z| that luck exceeds in 5 of 100 recordings, in any statistic.
+        critical: |z| that luck exceeds in any statistic as often as the level says.
     """
 
     p_value: float
@@ -101,30 +97,36 @@ class Verdict:
     critical: float
 
 
-def run_gate(evidence: Evidence, rng: np.random.Generator) -> Verdict:
+def run_gate(evidence: Evidence, rng: np.random.Generator, by: TrafficSettings = DEFAULT) -> Verdict:
     """Max-T over all statistics, family-wise.
 
     The null distribution of the largest |z| is drawn with the correlations that the seeds show (multiplier bootstrap,
-    Chernozhukov, Chetverikov and Kato, Ann. Statist. 2013), half of them taken for chance, and Student's tails.
+    Chernozhukov, Chetverikov and Kato, Ann. Statist. 2013), a share of them taken for chance, and Student's tails.
     """
-    kinds = len(evidence.names)
+    kinds, draws, correlated = len(evidence.names), by.gate.draws, by.gate.correlated
     if not kinds:
         return Verdict(1.0, dict.fromkeys(BEHAVIOURS, 1.0), {}, float("inf"))
-    shared = rng.standard_normal((_DRAWS, len(evidence.luck))) @ evidence.luck / np.sqrt(len(evidence.luck))
-    drawn = np.sqrt(0.5) * shared + np.sqrt(0.5) * rng.standard_normal((_DRAWS, kinds))
-    drawn /= np.sqrt(rng.chisquare(evidence.freedom, (_DRAWS, kinds)) / evidence.freedom)
+    shared = rng.standard_normal((draws, len(evidence.luck))) @ evidence.luck / np.sqrt(len(evidence.luck))
+    drawn = np.sqrt(correlated) * shared + np.sqrt(1 - correlated) * rng.standard_normal((draws, kinds))
+    drawn /= np.sqrt(rng.chisquare(evidence.freedom, (draws, kinds)) / evidence.freedom)
     largest = np.abs(drawn).max(1)
     size = np.abs(evidence.z)
-    p_values = (1 + (largest[:, None] >= size).sum(0)) / (1 + _DRAWS)
+    p_values = (1 + (largest[:, None] >= size).sum(0)) / (1 + draws)
     by_statistic = dict(zip(evidence.names, p_values.tolist(), strict=True))
     by_behaviour = {
         name: min((by_statistic[one] for one in behaviour.statistics if one in by_statistic), default=1.0)
         for name, behaviour in BEHAVIOURS.items()
     }
-    return Verdict(float(p_values.min()), by_behaviour, by_statistic, float(np.quantile(largest, 1 - LEVEL)))
+    return Verdict(float(p_values.min()), by_behaviour, by_statistic, float(np.quantile(largest, 1 - by.level)))
 
 
-def smallest(evidence: Evidence, verdict: Verdict, behaviour: Behaviour, slopes: np.ndarray) -> dict[str, float]:
+def smallest(
+    evidence: Evidence,
+    verdict: Verdict,
+    behaviour: Behaviour,
+    slopes: np.ndarray,
+    by: TrafficSettings = DEFAULT,
+) -> dict[str, float]:
     """Change of each parameter that would have been seen with 80 % power.
 
     Args:
@@ -132,13 +134,14 @@ def smallest(evidence: Evidence, verdict: Verdict, behaviour: Behaviour, slopes:
         verdict: its gate's.
         behaviour: whose parameters.
         slopes: (k, parameters) change of statistics with them.
+        by: numbers that decide.
     """
     found = {}
     rows = [evidence.names.index(name) for name in behaviour.statistics if name in evidence.names]
     for column, knob in enumerate(behaviour.knobs):
         steepest = max((abs(slopes[row, column]) / evidence.sigma[row] for row in rows), default=0.0)
         if steepest > 0:
-            found[knob.name] = float((verdict.critical + _POWER_80) / steepest)
+            found[knob.name] = float((verdict.critical + by.power) / steepest)
     return found
 
 
@@ -148,10 +151,11 @@ def _told(
     runs: Sequence[Summary],
     mine: Mapping[str, float],
     rows: Sequence[Mapping[str, float]],
+    by: TrafficSettings,
 ) -> bool:
     if not np.isfinite(mine[name]) or not all(np.isfinite(row[name]) for row in rows):
         return False
-    least = _FEWEST_OF_MEDIANS if name in MEDIANS else _FEWEST
+    least = by.gate.fewest_of_medians if name in MEDIANS else by.gate.fewest
     return name in COUNTS or min(one.count(name) for one in (measured, *runs)) >= least
 
 

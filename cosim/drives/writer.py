@@ -200,7 +200,11 @@ class DriveWriter:
         return entries
 
     def finish(self, files: Mapping[str, bytes], summary: str) -> None:
-        """Sort the manifest and write what describes the whole drive, the summary last."""
+        """Sort the manifest and write what describes the whole drive, the summary last.
+
+        What processes that were killed left half-written is cleared away: by now nobody writes frames.
+        """
+        self._clear_partial()
         frames, notes = self.manifest(), self.notes()
         entries = [*(frames[name] for name in sorted(frames)), *(notes[key] for key in sorted(notes))]
         self.write(MANIFEST, _as_lines(entries))

@@ -66,6 +66,18 @@ def test_half_written_files_of_an_interrupted_run_are_cleared(tmp_path):
     assert contents(tmp_path / "d") == {UNFINISHED, "velodyne/000000.bin"}
 
 
+def test_what_a_killed_process_left_half_written_is_no_part_of_the_drive(tmp_path):
+    drives = {}
+    for name in ("calm", "killed"):
+        writer = started(tmp_path / name)
+        writer.write_frame("000000", {"velodyne/000000.bin": b"abc"}, {})
+        if name == "killed":
+            (tmp_path / name / "velodyne/.000000.bin.elsewhere-123.partial").write_bytes(b"ab")
+        writer.finish({}, SETTINGS)
+        drives[name] = contents(tmp_path / name), (tmp_path / name / SUMMARY).read_bytes()
+    assert drives["killed"] == drives["calm"]
+
+
 def test_an_unfinished_drive_only_goes_on_with_its_own_settings(tmp_path):
     started(tmp_path / "d")
     with pytest.raises(OutputError, match=r"seed: 1.*seed: 2.*another --out"):

@@ -1,0 +1,55 @@
+"""The numbers that decide in the loop for drivers, each with its unit; those of one step stand together.
+
+They were chosen on recordings of town02 with seeds that no benchmark uses. What defines a statistic, such as from which
+gap on a driver is free, stands beside it in `manners`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from cosim.discrepancy import settings as sensor_loop
+
+
+@dataclass(frozen=True)
+class Gate:
+    """When measured traffic differs from a model's by more than luck."""
+
+    vehicle_freedom: float = 4.0  # degrees of freedom of the spread between vehicles, beside those between seeds
+    correlated: float = 0.5  # share of what seeds show of correlations between statistics that is no chance
+    draws: int = 20_000  # of the largest standardised difference
+    fewest: int = 3  # vehicles that tell a mean
+    fewest_of_medians: int = 6  # and a median
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """Fits by simulation."""
+
+    tried: int = 3  # candidates a round
+    seeds: int = 3  # simulations a step of a fit
+    slope_seeds: int = 1  # simulations of a slope: common random numbers leave little luck in differences
+    nearly: float = 0.3  # of the best candidate's foreseen gain, to be worth a fit
+    rounds: int = 5  # steps of a fit at most
+    enough: float = 0.1  # fall of chi² that is not worth a simulation
+    weak_steps: float = 5.0  # of a parameter, that it may be expected to be off where nothing tells
+    luck: float = 0.25  # a squared difference that luck makes more often than not
+
+
+@dataclass(frozen=True)
+class TrafficSettings:
+    """All of them; level, coverage, power and the floor's margin are those of the loop for sensors."""
+
+    level: float = sensor_loop.DEFAULT.level  # family-wise error rate of the gate
+    coverage: float = sensor_loop.DEFAULT.coverage  # of intervals
+    power: float = sensor_loop.DEFAULT.screen.power  # deviate that 80 % power adds to a critical value
+    at_floor: float = sensor_loop.DEFAULT.at_floor  # share by which an error may be above its floor
+    alike_bic: float = 10.0  # ΔBIC within which two candidates are not told apart (Kass and Raftery, JASA 1995)
+    most_findings: int = 5
+    shortest_s: float = 10.0  # of a recording
+    judge_every: int = 3  # one of so many vehicles judges and takes no part in fits
+    gate: Gate = field(default_factory=Gate)
+    fitting: Fitting = field(default_factory=Fitting)
+
+
+DEFAULT = TrafficSettings()
