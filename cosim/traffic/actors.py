@@ -52,6 +52,18 @@ class Actors:
     body_pitch_rad: np.ndarray
     body_roll_rad: np.ndarray
 
+    def to_front(self, heading_rad: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+        """From the middles of boxes to where `front` is (k, 2), of those of some rows (all by default) [m].
+
+        Args:
+            heading_rad: (n,) of all, as they are to stand.
+            rows: (k,).
+        """
+        rows = np.arange(len(self)) if rows is None else rows
+        walks = np.array([self.kinds[row] == "pedestrian" for row in rows], bool)
+        forward = np.column_stack([np.cos(heading_rad[rows]), np.sin(heading_rad[rows])])
+        return np.where(walks[:, None], 0.0, self.size[rows, :1] / 2) * forward
+
     def without(self, ids: Collection[str]) -> Actors:
         """All but some."""
         return self.take(np.array([row for row, name in enumerate(self.ids) if name not in ids], int))

@@ -48,9 +48,7 @@ class Admission:
 
     def _touching(self, actors: Actors, bodies: np.ndarray, new: set[int]) -> set[int]:
         front, heading = self._motion.poses(actors)
-        forward = np.column_stack([np.cos(heading), np.sin(heading)])
-        walks = np.array([kind == "pedestrian" for kind in actors.kinds], bool)
-        centre = front - forward * np.where(walks[:, None], 0.0, actors.size[:, :1] / 2)
+        centre = front - actors.to_front(heading)
         found = overlaps(centre[bodies], heading[bodies], actors.size[bodies, :2] + _CLEAR_M)
         pairs = zip(bodies[found.first].tolist(), bodies[found.second].tolist(), strict=True)
         return {j if j in new else i for i, j in pairs if i in new or j in new}

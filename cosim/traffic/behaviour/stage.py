@@ -103,9 +103,8 @@ class Stage:
         Without one vehicle.
         """
         actors = self.actors
-        forward = np.column_stack([np.cos(actors.heading_rad), np.sin(actors.heading_rad)])
         walks = np.array([kind == "pedestrian" for kind in actors.kinds], bool)
-        centre = actors.front[:, :2] - forward * np.where(walks[:, None], 0.0, actors.size[:, :1] / 2)
+        centre = actors.front[:, :2] - actors.to_front(actors.heading_rad)
         near = np.hypot(*(centre - place).T) < NEAR_M
         near &= ~walks | np.array([not lane for lane in actors.lanes], bool)
         if but in self.rows:
