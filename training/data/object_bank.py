@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,7 +47,7 @@ class ObjectBank:
     def __init__(self, samples: Sequence[Sample], wanted: Mapping[int, int], min_points: int = 5) -> None:
         self._wanted = dict(wanted)
         self._objects: dict[int, list[BankedObject]] = {kind: [] for kind in wanted}
-        self._grounds = {sample: _ground(sample) for sample in samples}
+        self._grounds = _grounds(samples)
         for sample in samples:
             rows = np.flatnonzero(np.isin(sample.kinds, list(wanted)))
             inside = points_in_boxes(sample.points, as_boxes(sample.boxes[rows]))
@@ -108,6 +108,20 @@ def _ground(sample: Sample) -> Ground:
     from training.data.level_ground import find_ground
 
     return find_ground(torch.from_numpy(np.insert(sample.points, 0, 0, axis=1)), 1, _GROUND)
+
+
+def _grounds(samples: Sequence[Sample]) -> dict[Sample, Ground]:
+    """The ground of each frame; heights of all lie in one array.
+
+    Thousands of small arrays, each between large ones that come and go, would hold four times their memory.
+    """
+    if not samples:
+        return {}
+    first = _ground(samples[0])
+    heights = first.height.repeat(len(samples), 1, 1)
+    for number, sample in enumerate(samples):
+        heights[number] = _ground(sample).height[0]
+    return {sample: replace(first, height=height[None]) for sample, height in zip(samples, heights, strict=True)}
 
 
 def _rises(ground: Ground, boxes: np.ndarray) -> np.ndarray:
