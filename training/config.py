@@ -29,6 +29,7 @@ class TrainConfig(BaseModel):
     model: ModelSettings = Field(default=ModelSettings(), description="the detector: a preset's name, or its keys")
     classes: tuple[str, ...] = Field(default=("Car",), min_length=1, description="what to find")
     epochs: int = Field(default=15, ge=1, le=10_000, description="times every frame is seen")
+    steps: int | None = Field(default=None, ge=1, description="steps in all, in place of `epochs`; none: `epochs` says")
     batch_size: int = Field(default=4, ge=1, le=1024, description="frames a step and process")
     learning_rate: float = Field(default=0.003, gt=0, le=1, description="highest of the one-cycle schedule")
     weight_decay: float = Field(default=0.01, ge=0, le=1, description="of AdamW")

@@ -69,7 +69,7 @@ class Training:
         self._validate, self._on_step = validate, on_step
         self._frames = AugmentedFrames(samples, config.augment, config.classes, config.seed)
         self._order = Steps(len(samples), config.batch_size, config.seed, place.rank, place.world)
-        self._steps = config.epochs * self._order.per_epoch
+        self._steps = config.steps or config.epochs * self._order.per_epoch
         torch.manual_seed(config.seed)
         self.detector = build_detector(config.model, config.classes)
         if config.from_checkpoint is not None:
@@ -105,8 +105,9 @@ class Training:
                     seconds = round(time.monotonic() - since, 3)
                     log.write(done, epoch=epoch, learning_rate=rate, losses=losses, seconds=seconds)
                 self._on_step(Moment(done, self._steps, epoch, losses))
-                whole = done % self._order.per_epoch == 0
-                if whole and (epoch % self._config.validate_every == 0 or done == self._steps):
+                last = done == self._steps
+                whole = last or done % self._order.per_epoch == 0
+                if whole and (epoch % self._config.validate_every == 0 or last):
                     scores = self._validate(self.detector)
                     if scores:
                         log.write(done, epoch=epoch, validation=scores)

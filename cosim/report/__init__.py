@@ -1,7 +1,7 @@
 """What every page is made of: the document, its style, tables, meters, bars, legends, buttons, words."""
 
 from cosim.report.html import document
-from cosim.report.parts import button, facts, figure, legend, meter, notes_section, section, table
+from cosim.report.parts import button, facts, figure, legend, meter, notes_section, section, signed, table
 from cosim.report.stacked_bar import Piece, stacked_bar
 from cosim.report.write import write_page
 
@@ -15,6 +15,7 @@ __all__ = [
     "meter",
     "notes_section",
     "section",
+    "signed",
     "stacked_bar",
     "table",
     "write_page",

@@ -44,6 +44,12 @@ def facts(items: Iterable[tuple[str, str]]) -> str:
     return f"<dl>{cells}</dl>" if cells else ""
 
 
+def signed(value: float, digits: int = 1) -> str:
+    """A difference with its sign; what rounds to zero has none."""
+    rounded = round(value, digits)
+    return f"{rounded:+.{digits}f}".replace("-", "−") if rounded else f"{0:.{digits}f}"
+
+
 def meter(share: float) -> str:
     """A bar that is filled by a share, 0 to 1."""
     return f'<span class="meter"><i style="width:{100 * min(max(share, 0.0), 1.0):.1f}%"></i></span>'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from cosim.report import section, table
+from cosim.report import section, signed, table
 from cosim.variants.worth import Interval, Worth
 
 
@@ -18,10 +18,12 @@ def worth_section(worth: Worth | None) -> str:
         return ""
     order = sorted(worth.effects, key=lambda one: -abs(one.change))
     rows = [["the drive’s own scans", f"{worth.measured:.1f}", "", ""]]
-    rows.append(["the model’s scans", f"{worth.model:.1f}", *_change(worth.gap, worth.gap_ci95, "to the drive’s own")])
+    rows.append(
+        ["the model’s scans", f"{worth.model:.1f}", *_change(worth.gap, worth.gap_ci95, "against the drive’s own")]
+    )
     for one in order:
-        words = "more than chance" if one.ci95[0] > 0 or one.ci95[1] < 0 else "may be chance"
-        rows.append([f"without {escape(one.effect)}", f"{one.ap:.1f}", *_change(one.change, one.ci95, words)])
+        told = _change(one.change, one.ci95, _verdict(one.change, one.ci95))
+        rows.append([f"without {escape(one.effect)}", f"{one.ap:.1f}", *told])
     text = (
         f"{escape(worth.scored)}, of the detector <code>{escape(worth.detector)}</code> on {worth.frames:,} frames "
         f"with {worth.objects:,} objects that count. Their twins are measured by the whole model, then without one "
@@ -35,5 +37,10 @@ def worth_section(worth: Worth | None) -> str:
 
 def _change(value: float, bounds: Interval, words: str) -> list[str]:
     low, high = bounds
-    said = f"{value:+.1f} <small>{low:+.1f} – {high:+.1f}</small>"
-    return [said.replace("-", "−"), words]
+    return [f"{signed(value)} <small>{signed(low)} – {signed(high)}</small>", words]
+
+
+def _verdict(change: float, bounds: Interval) -> str:
+    if not any(round(value, 1) for value in (change, *bounds)):
+        return "makes no difference"
+    return "more than chance" if bounds[0] > 0 or bounds[1] < 0 else "may be chance"

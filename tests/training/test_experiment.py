@@ -17,7 +17,7 @@ from tests.training.test_resuming import _TINY
 from training.config import parse_train_config
 from training.experiments import load_table, table_names
 from training.experiments.comparisons import differences, gains
-from training.experiments.frames import Inputs, real_lessons, with_as_many_steps
+from training.experiments.frames import Inputs, real_lessons, tuned_config, with_as_many_steps
 from training.experiments.run import Row
 
 
@@ -127,6 +127,12 @@ def test_a_gain_is_after_less_before():
     row = Row("dual", {**scores(50.0), "before": scores(40.0), "gain_ci95": {"3d": [-2.0, 15.0]}})
     (gain,) = gains([row, Row("real", scores(60.0))])
     assert gain.gap == pytest.approx(10) and gain.verdict == "may be chance"
+
+
+def test_fine_tuning_counts_epochs_whatever_the_training_counted():
+    config = parse_train_config({"train": [], "steps": 1350}, "config")
+    assert tuned_config(config, {}).steps is None
+    assert tuned_config(config, {"steps": 300}).steps == 300
 
 
 def test_fewer_real_frames_are_seen_for_as_many_steps(drives):

@@ -71,6 +71,15 @@ def test_an_interrupted_training_resumes_to_the_same_loss_curve(tiny_drive, tmp_
     assert [number for number, _ in curve(tmp_path / "whole")] == list(range(1, 9))
 
 
+def test_steps_end_a_training_within_an_epoch(tiny_drive, tmp_path):
+    config = write_config(tmp_path, tiny_drive, steps=3, checkpoint_every=100)  # two steps are an epoch
+    assert main(["train", str(config), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert [number for number, _ in curve(tmp_path / "out")] == [1, 2, 3]
+    from training.checkpoints import read_checkpoint
+
+    assert read_checkpoint(tmp_path / "out" / "checkpoint.pt")["step"] == 3
+
+
 def test_other_settings_do_not_go_on_from_a_checkpoint(tiny_drive, tmp_path, capsys):
     config = write_config(tmp_path, tiny_drive, epochs=1)
     assert main(["train", str(config), "--out", str(tmp_path / "out"), "--quiet"]) == 0

@@ -94,7 +94,9 @@ def test_an_effect_that_hides_the_car_is_worth_all_that_is_found(yard, tmp_path)
     assert worth["frames"] == worth["objects"] == 4
     assert worth["ap_model"] == 0 and hiding["change"] == hiding["ap"] > 50
     assert hiding["ci95"][0] > 0 and noise["change"] == 0
-    assert "without random_dropout" in (tmp_path / "index.html").read_text()
+    page = (tmp_path / "index.html").read_text()
+    assert "without random_dropout" in page
+    assert "<td>0.0 <small>0.0 – 0.0</small></td>" in page and "makes no difference" in page
 
 
 def test_a_drive_without_labels_is_refused_in_a_line(biased_yard_unlabelled, tmp_path, capsys):

@@ -12,7 +12,7 @@ from training.data.source import Source
 from training.errors import TrainingError
 from training.experiments.table import ExperimentTable
 
-_FINE_TUNING = {"epochs": 20, "learning_rate": 0.0005}
+_FINE_TUNING = {"epochs": 20, "steps": None, "learning_rate": 0.0005}
 
 
 @dataclass(frozen=True)

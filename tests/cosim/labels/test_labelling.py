@@ -56,7 +56,7 @@ def test_a_car_in_sight_is_whole_and_visible(labeller):
     assert boxes.yaw[0] == pytest.approx(0.4, abs=1e-3)
 
 
-@pytest.mark.parametrize(("hidden_share", "occluded"), [(0.03, 0), (0.2, 1), (0.4, 1), (0.6, 2), (0.85, 2)])
+@pytest.mark.parametrize(("hidden_share", "occluded"), [(0.0, 0), (0.05, 1), (0.4, 1), (0.6, 2), (0.85, 2)])
 def test_occlusion_follows_the_share_of_hidden_pixels(labeller, hidden_share, occluded):
     row = placed(pose(20.0, 0.0))
     whole = ideal_image(row)

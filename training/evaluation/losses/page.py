@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from cosim.report import Piece, document, facts, section, stacked_bar, table
+from cosim.report import Piece, document, facts, section, signed, stacked_bar, table
 from cosim.report.phrases import listed
 from training.evaluation.losses.box_errors import PARTS
 from training.evaluation.losses.find import SPLIT, Losses, difference, intervals
@@ -106,13 +106,12 @@ def _table(sets: Sequence[Losses], metric: Metric) -> str:
         heads.append("first − second")
         between = difference(*splits)
         for row, key in zip(rows, ("ap", *kinds), strict=True):
-            row.append(_with(*between[key], signed=True))
+            row.append(_with(*between[key], of_two=True))
     return table(heads, rows)
 
 
-def _with(value: float, bounds: tuple[float, float] | None, signed: bool = False) -> str:
-    form = "+.1f" if signed else ".1f"
-    told, *ends = (_minus(f"{round(one, 1) + 0.0:{form}}") for one in (value, *(bounds or ())))
+def _with(value: float, bounds: tuple[float, float] | None, of_two: bool = False) -> str:
+    told, *ends = (signed(one) if of_two else _minus(f"{one:z.1f}") for one in (value, *(bounds or ())))
     return f"{told}<small>{' – '.join(ends)}</small>" if ends else told
 
 
