@@ -39,7 +39,8 @@ def read_surfels(file: Path) -> tuple[dict[str, np.ndarray], float]:
     """Arrays with a row for each of m surfaces, and the size of the cells, of which each holds one surface at most.
 
     `centre` and `normal` (m, 3), world axes; `reach_m` (m, 8) how far points reach along `sides`; `sd_m` (m,) their
-    scatter across; `range_m` and `cos_incidence` (m, 2) of the nearest and farthest look; `trusted` (m,), above 0 where seen well, with little else about.
+    scatter across; `range_m` and `cos_incidence` (m, 2) of the nearest and farthest look; `trusted` (m,), above 0 where
+    seen well, with little else about.
 
     Raises:
         FormatError: the file is damaged.

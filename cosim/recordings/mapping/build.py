@@ -230,9 +230,7 @@ def sweep_motion(
         surfels, _ = make_surfels(cloud_of(scans, poses, strength * own.motion, numbers), settings)
         if len(surfels) < _FEWEST_SURFELS:
             break
-        poses, strength = adjusted_with_sweep(
-            scans, poses, own.motion, strength, numbers, surfels, settings.cell_m
-        )
+        poses, strength = adjusted_with_sweep(scans, poses, own.motion, strength, numbers, surfels, settings.cell_m)
     return SweepMotion(strength, {scale: _upright_m(scans, own, scale, numbers, settings) for scale in scales})
 
 

@@ -22,8 +22,8 @@ from cosim.recordings import RecordingError, open_recording
 from cosim.recordings.mapping import write_recording_twin
 from cosim.recordings.mapping.holding import holding
 from cosim.recordings.mapping.motion import deskewed, motions
-from cosim.recordings.mapping.odometry import find_trajectory
 from cosim.recordings.mapping.moving import FreeSpace, looked_at
+from cosim.recordings.mapping.odometry import find_trajectory
 from cosim.recordings.mapping.surfels import Cloud, SurfelSettings, make_surfels, quads
 from sensors.effects.beams.sweep_motion import SweepMotion
 from sensors.effects.points.intensity_noise import IntensityNoise
