@@ -62,7 +62,9 @@ class Sampling:
     rare_share: float = 0.2  # of a sample, for materials that few beams meet
     lone_share: float = 0.25  # of a sample, for returns that tell of the sensor alone
     looks: int = 16  # at each surface of a map: more tell hardly more than more surfaces would
-    margin_m: float = 0.3  # across a surface of a map, within which a return is its
+    margin_m: float = 0.3  # along a beam from a surface of a map, within which a return is its,
+    across_m: float = 0.03  # further across it, by which beams that graze it may be bent,
+    across_sigmas: float = 4.0  # and scatters of its points: what stands on the ground is off by more
     on_plane_m: float = 0.02  # across it, within which a traced hit is
     neighbours: int = 6  # surfaces about a hit that are asked whether it lies on them
     place_m: float = 8.0  # squares of the ground by whose surfaces findings are judged

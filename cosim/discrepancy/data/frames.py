@@ -210,12 +210,13 @@ def _on_map(
     """Surfaces of a map that beams meet, which beams may be compared, and how unsure roughness makes ranges."""
     solid, traced = shot.hits.solid, shot.traced
     assert traced is not None  # frames are traced
-    surface = surfaces.met(_places(shot, observed)[0], solid.instance).astype(np.int32)
+    place = _places(shot, observed)[0]
+    surface = surfaces.met(place, solid.instance).astype(np.int32)
     slope = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
     returned = traced.origin + traced.direction * observed.along_m[:, None]
     turning = np.cross([0.0, 0.0, ego.yaw_rate_radps], returned - ego.pose[:3, 3])
     moved = (observed.rays.time_s - traced.time_s)[:, None] * (ego.velocity_mps + turning)
-    trusted = observed.trusted & surfaces.compared(surface, returned, moved)
+    trusted = observed.trusted & surfaces.compared(surface, place, slope, returned, moved)
     return surface, trusted, surfaces.unsure_m(surface, slope, grazing)
 
 

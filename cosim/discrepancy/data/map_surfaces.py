@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 
 from cosim.discrepancy.settings import DEFAULT, Sampling
 from cosim.drives.kitti import Drive
-from cosim.drives.twin.surfels import cell_keys, has_surfels, read_surfels, surfel_file
+from cosim.drives.twin.surfels import cell_keys, has_surfels, read_surfels, sides, surfel_file
 from sensors.hits import STATIC
 
 
@@ -58,8 +58,9 @@ class MapSurfaces:
     Attributes:
         centre: (m, 3) world places [m].
         normal: (m, 3) unit normals.
-        rough_m: (m,) standard deviation of the surface itself about its plane: what scatter of points the noise of
-            ranges does not explain.
+        sd_m: (m,) standard deviation of its points about its plane.
+        rough_m: (m,) that of the surface itself: what the noise of ranges does not explain of it.
+        reach_m: (m, 8) how far points reach along `sides` of the normal.
         range_m: (m, 2) nearest and farthest look.
         trusted: (m,) bool: seen well, and with little else about them.
         cell_m: size of the cells, of which each holds one surface at most.
@@ -70,7 +71,9 @@ class MapSurfaces:
 
     centre: np.ndarray
     normal: np.ndarray
+    sd_m: np.ndarray
     rough_m: np.ndarray
+    reach_m: np.ndarray
     range_m: np.ndarray
     trusted: np.ndarray
     cell_m: float
@@ -92,7 +95,10 @@ class MapSurfaces:
         rough = _roughness(arrays["sd_m"], arrays["cos_incidence"].mean(1), settings.least_rough)
         centre, trusted = arrays["centre"], arrays["trusted"] > 0
         tree, seen = KDTree(centre), arrays["range_m"]
-        return cls(centre, arrays["normal"], rough, seen, trusted, cell_m, tree, cells[order], order, settings)
+        return cls(
+            centre, arrays["normal"], arrays["sd_m"], rough, arrays["reach_m"], seen, trusted, cell_m, tree,
+            cells[order], order, settings,
+        )  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.centre)
@@ -102,6 +108,11 @@ class MapSurfaces:
         """(m,) bool: those in squares of the ground by whose surfaces findings are judged, the others being fitted."""
         square = np.floor(self.centre[:, :2] / self.settings.place_m).astype(int)
         return (square[:, 0] + square[:, 1]) % self.settings.judge_every == 0
+
+    @cached_property
+    def sides(self) -> np.ndarray:
+        """(m, 8, 3) directions of `reach_m`."""
+        return sides(self.normal)
 
     def met(self, place: np.ndarray, instance: np.ndarray) -> np.ndarray:
         """Row (n,) of the surface that each beam meets; −1 where none.
@@ -134,19 +145,33 @@ class MapSurfaces:
         off = np.einsum("ij,ij->i", place - self.centre[row], self.normal[row])
         return np.where((self.cells[at] == cell) & (np.abs(off) < self.settings.on_plane_m), row, -1)
 
-    def compared(self, met: np.ndarray, measured: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    def compared(
+        self, met: np.ndarray, place: np.ndarray, slope: np.ndarray, measured: np.ndarray, moved: np.ndarray
+    ) -> np.ndarray:
         """Which beams may be compared, (n,) bool: those that return from about the surface, or would if moved in part.
+
+        They meet it among the points that it was made of: a beam beside them that is lost may never have met anything.
+        About it is what a wrong range explains, and a little more across it: what returns from a kerb or a wheel is
+        hardly off the ground, however far from where a beam that grazes the ground would meet that.
 
         Args:
             met: (n,) rows of the surfaces that beams meet.
+            place: (n, 3) world places at which they do.
+            slope: (n,) cosines of incidence.
             measured: (n, 3) world places of their returns; NaN where a beam has none.
             moved: (n, 3) how the sensor moved until the beam was fired, as far as the model does not say so [m].
         """
-        row = np.maximum(met, 0)
+        row, by = np.maximum(met, 0), self.settings
         off = np.einsum("ij,ij->i", measured - self.centre[row], self.normal[row])
         both = np.stack([off, off + np.einsum("ij,ij->i", moved, self.normal[row])])
         away = np.where(np.sign(both[0]) == np.sign(both[1]), np.abs(both).min(0), 0.0)
-        return (met >= 0) & self.trusted[row] & ~(away > self.settings.margin_m)
+        about = by.margin_m * slope + by.across_m + by.across_sigmas * self.sd_m[row]
+        found = (met >= 0) & self.trusted[row] & ~(away > about)
+        rows = np.flatnonzero(found)
+        rest, row = place[rows] - self.centre[row[rows]], row[rows]
+        for side in range(self.sides.shape[1]):
+            found[rows] &= np.einsum("ij,ij->i", rest, self.sides[row, side]) <= self.reach_m[row, side]
+        return found
 
     def unsure_m(self, met: np.ndarray, slope: np.ndarray, grazing: float) -> np.ndarray:
         """(n,) float32 standard deviation of ranges to rough surfaces.

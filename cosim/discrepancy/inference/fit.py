@@ -210,16 +210,23 @@ class Fitter:
     def _descended(self, state: _State, free: tuple[Free, ...], blur: float, steps: int) -> _State:
         """Gauss–Newton steps at one blur, variances updated along."""
         state = replace(state, fit=self.judged(state.prediction, state.estimate, blur))
+        lasers = self._of_lasers(state.effects, free)
+        precision = np.zeros(len(lasers))
+
+        def worth(one: _State) -> float:
+            return self._penalised(one) - 0.5 * float(precision @ _away(one.effects, free) ** 2)
+
         for number in range(steps):
             state = self._lit(state, blur)
-            value = self._penalised(state)
+            value = worth(state)
             evidence = Evidence.of(self.sample, state.fit, blur).reweighted(state.fit, self.settings.law)
             if blur == 0.0 and number in (1, 2, 4):
                 begun = self.random.begun(state.estimate, state.prediction, evidence)
                 state = replace(state, estimate=begun)
             columns = self.columns(state.effects, free, state.prediction, state.estimate)
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
-            step, change_u = model.step(state.estimate, self._least_told(free))
+            law = (precision, _away(state.effects, free)) if precision.any() else None
+            step, change_u = model.step(state.estimate, self._least_told(free), law)
             step = self._without_common_gain(state.effects, free, step)
             if not (np.isfinite(step).all() and np.isfinite(change_u).all()):
                 break
@@ -228,11 +235,13 @@ class Fitter:
                 part = 0.5**halving
                 moved = replace(state.estimate, u=state.estimate.u + part * change_u)
                 tried = [self._state(_moved(state.effects, free, part * own * step), moved, blur) for own in still]
-                trial = max((self._lit(one, blur, state.estimate) for one in tried), key=self._penalised)
-                reached = self._penalised(trial)
+                trial = max((self._lit(one, blur, state.estimate) for one in tried), key=worth)
+                reached = worth(trial)
                 if reached > value:
                     gained, state = reached - value, trial
                     break
+            if lasers.any():
+                precision = _laws(lasers, _away(state.effects, free), model.fixed_information + np.diag(precision))
             after = self.random.updated(state.estimate, model.known)
             settled = bool(np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12))
             state = replace(state, estimate=after)
@@ -279,6 +288,16 @@ class Fitter:
             at += one.unknown.rings
         return step
 
+    def _of_lasers(self, effects: tuple[Effect, ...], free: Sequence[Free]) -> np.ndarray:
+        """(p,) int: which list with a number a laser each parameter is of, from 1; 0 for others, and off own maps.
+
+        On a map made of the scans level ground does not tell beams that look lower in proportion to their slopes from a
+        sensor that sits higher: so numbers of lasers are deviates of a normal law, as small as the data let them be.
+        """
+        lists = [bool(one.unknown.rings > 1 and self.sample.of_own_map and type(effects[one.effect]).neutral)
+                 for one in free]  # fmt: skip
+        return np.repeat(np.cumsum(lists, dtype=int) * lists, [one.unknown.rings for one in free])
+
     def _still(self, effects: tuple[Effect, ...], free: Sequence[Free]) -> list[np.ndarray]:
         """Shares (p,) of a step that are tried: all; on maps of the scans also none of noise, told by neighbours."""
         rings = np.array([one.unknown.rings for one in free], int)
@@ -312,6 +331,26 @@ def all_free(effects: Sequence[Effect], which: Sequence[int], rings: int) -> tup
             if unknown.rings == 1 or length == rings:
                 found.append(Free(place, unknown))
     return tuple(found)
+
+
+def _away(effects: tuple[Effect, ...], free: Sequence[Free]) -> np.ndarray:
+    """How far lists with a number a laser are from doing nothing (p,); 0 of other parameters."""
+    found = [np.zeros(0)]
+    for one in free:
+        effect, name, away = effects[one.effect], one.unknown.name, np.zeros(one.unknown.rings)
+        if one.unknown.rings > 1 and effect.neutral is not None:
+            away = np.asarray(getattr(effect, name), float) - np.ravel(effect.neutral[name])[0]
+        found.append(away)
+    return np.concatenate(found)
+
+
+def _laws(lasers: np.ndarray, away: np.ndarray, information: np.ndarray) -> np.ndarray:
+    """Precisions (p,) of the laws of lists, one step towards the likeliest (EM: Dempster, Laird and Rubin, 1977)."""
+    spread = away**2 + np.diag(np.linalg.pinv(information, hermitian=True))
+    found = np.zeros(len(lasers))
+    for one in range(1, int(lasers.max()) + 1):
+        found[lasers == one] = 1 / max(float(spread[lasers == one].mean()), 1e-12)
+    return found
 
 
 def _moved(effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarray) -> tuple[Effect, ...]:

@@ -95,29 +95,36 @@ class LinearModel:
             x[name] = sparse.hstack([own, more], format="csr")
         return replace(self, x=x)
 
-    def step(self, estimate: Estimate, least_told: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    def step(
+        self, estimate: Estimate, least_told: float = 0.0, law: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """A Gauss–Newton step of parameters (p,) and of all random effects (m,).
 
         Args:
             estimate: random effects as they are.
             least_told: share of what would be known of parameters one by one, which random effects and the other
                 parameters must leave of a direction; with less the step does not go that way, as nothing tells how far.
+            law: precisions (p,) of normal laws of the parameters, and how far these are from their means (p,).
         """
         right = self._scored(self.z, len(self.used)) - self.precision * estimate.u[self.used]
         step = np.zeros(self.parameters)
         if self.parameters:
-            step = self._told(self._scored(self.x, self.parameters) - self._across.T @ self._solve(right), least_told)
+            slope = self._scored(self.x, self.parameters) - self._across.T @ self._solve(right)
+            if law is None:
+                step = self._told(slope, self.fixed_information, least_told)
+            else:
+                step = self._told(slope - law[0] * law[1], self.fixed_information + np.diag(law[0]), least_told)
         change = np.zeros(len(estimate.u))
         change[self.used] = self._solve(right - self._across @ step)
         return step, change
 
-    def _told(self, slope: np.ndarray, least: float) -> np.ndarray:
+    def _told(self, slope: np.ndarray, information: np.ndarray, least: float) -> np.ndarray:
         """The step (p,) of a slope (p,), along directions of which a share is left of what is known one by one."""
         if not least:
-            return np.linalg.solve(self.fixed_information, slope)
+            return np.linalg.solve(information, slope)
         known = np.diag(self._own_information)
         scale = np.sqrt(np.where(known > 0, known, 1.0))
-        share, way = np.linalg.eigh(self.fixed_information / np.outer(scale, scale))
+        share, way = np.linalg.eigh(information / np.outer(scale, scale))
         way, share = way[:, share > least], share[share > least]
         return way @ ((way.T @ (slope / scale)) / share) / scale
 

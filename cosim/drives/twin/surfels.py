@@ -11,7 +11,11 @@ from cosim.errors import FormatError
 from sensors.npz import NpzError, npz_arrays
 
 _FILE, _FOLDER = "twin/surfels.npz", "twin/surfels"
-_ARRAYS = {"centre": (3,), "normal": (3,), "sd_m": (), "range_m": (2,), "cos_incidence": (2,), "trusted": ()}
+_SIDES = 8
+_ARRAYS = {
+    "centre": (3,), "normal": (3,), "reach_m": (_SIDES,), "sd_m": (), "range_m": (2,), "cos_incidence": (2,),
+    "trusted": (),
+}  # fmt: skip
 _CELL = "cell_m"
 _MOST_CELLS = 1 << 20  # from the origin to the edge of what can be numbered
 
@@ -34,8 +38,9 @@ def surfel_file(root: Path, static: str | None) -> Path:
 def read_surfels(file: Path) -> tuple[dict[str, np.ndarray], float]:
     """Arrays with a row for each of m surfaces, and the size of the cells, of which each holds one surface at most.
 
-    `centre` and `normal` (m, 3), world axes; `sd_m` (m,) scatter of points across; `range_m` and `cos_incidence` (m, 2)
-    of the nearest and farthest look; `trusted` (m,), above 0 where seen well, with little else about.
+    `centre` and `normal` (m, 3), world axes; `reach_m` (m, 8) how far points reach along `sides`; `sd_m` (m,) their
+    scatter across; `range_m` and `cos_incidence` (m, 2) of the nearest and farthest look; `trusted` (m,), above 0 where
+    seen well, with little else about.
 
     Raises:
         FormatError: the file is damaged.
@@ -55,6 +60,15 @@ def read_surfels(file: Path) -> tuple[dict[str, np.ndarray], float]:
     if found[_CELL].shape != (1,) or not found[_CELL][0] > 0:
         raise FormatError(f"{file}: {_CELL} is no size of cells; make the twin anew with `cosim twin`")
     return arrays, float(found[_CELL][0])
+
+
+def sides(normal: np.ndarray) -> np.ndarray:
+    """Eight directions (m, 8, 3), evenly about, in planes of unit normals (m, 3)."""
+    aside = np.cross(normal, np.eye(3)[np.abs(normal).argmin(1)])
+    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
+    upward = np.cross(normal, aside)
+    turn = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)[:, None]
+    return np.cos(turn) * aside[:, None] + np.sin(turn) * upward[:, None]
 
 
 def cell_keys(xyz: np.ndarray, cell_m: float) -> np.ndarray:

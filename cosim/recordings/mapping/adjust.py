@@ -26,14 +26,16 @@ _PRIOR = np.array([1e3, 1e3, 1e3, 1e2, 1e2, 1e2])  # holds what no surface holds
 _FEWEST = 50
 _CHUNK = 4096  # surfels that are eliminated at a time
 _HELD = 1e12  # information that the first scan stays where it is
+_LEAST_TOLD = 1e-3  # information that points are freed of as much motion as they are
 _WINDOW, _RENEWED, _THIN = 12, 2, 0.5  # scans of a local map, scans that share one, and of their points which share
 _LOCAL = {"cell_m": 0.8, "least_points": 10, "least_scans": 1}
 
 
 @dataclass(frozen=True, eq=False)
 class _Match:
-    """Points of a scan on surfels: rows of these, weights, distances and slopes by turn and shift of the pose."""
+    """Points of a scan on surfels: which, rows of surfels, weights, distances, slopes by turn and shift of the pose."""
 
+    point: np.ndarray
     row: np.ndarray
     weight: np.ndarray
     off: np.ndarray
@@ -48,9 +50,9 @@ def _matched(xyz: np.ndarray, pose: np.ndarray, surfels: Surfels, cell_m: float)
     normal = surfels.normal[row]
     off = np.einsum("ij,ij->i", world - surfels.centre[row], normal)
     near = np.abs(off) < OUTLIER_M
-    row, world, normal, off = row[near], world[near], normal[near], off[near]
+    on, row, world, normal, off = on[near], row[near], world[near], normal[near], off[near]
     weight = np.minimum(1.0, _HUBER_M / np.maximum(np.abs(off), 1e-9))
-    return _Match(row, weight, off, np.concatenate([np.cross(world - pose[:3, 3], normal), normal], 1))
+    return _Match(on, row, weight, off, np.concatenate([np.cross(world - pose[:3, 3], normal), normal], 1))
 
 
 def place(xyz: np.ndarray, pose: np.ndarray, surfels: Surfels, cell_m: float, rounds: int) -> np.ndarray:
@@ -111,28 +113,65 @@ def adjusted(
         surfels: made of these scans at these poses.
         cell_m: their size.
     """
+    return _stepped(scans, poses, motion, np.zeros_like(motion), numbers, surfels, cell_m)[0]
+
+
+def adjusted_with_sweep(
+    scans: Sequence[LocalScan],
+    poses: np.ndarray,
+    motion: np.ndarray,
+    scale: float,
+    numbers: Sequence[int],
+    surfels: Surfels,
+    cell_m: float,
+) -> tuple[np.ndarray, float]:
+    """As `adjusted`, with what share `scale` of the motion (n, 6) points are to be freed of as one more unknown."""
+    poses, change = _stepped(scans, poses, scale * motion, motion, numbers, surfels, cell_m)
+    return poses, scale + change
+
+
+def _stepped(
+    scans: Sequence[LocalScan],
+    poses: np.ndarray,
+    motion: np.ndarray,
+    further: np.ndarray,
+    numbers: Sequence[int],
+    surfels: Surfels,
+    cell_m: float,
+) -> tuple[np.ndarray, float]:
+    """Poses after a step, and how many times a further motion (n, 6) points are to be freed of; 0 where it is none."""
     count, size = len(numbers), len(surfels)
-    own, right = np.zeros((count, 6, 6)), np.zeros(6 * count)
-    weight, pulled = np.full(size, 1e-6), np.zeros(size)
+    own, right = np.zeros((count, 6, 6)), np.zeros(6 * count + 1)
+    beside, alone = np.zeros(6 * count), _LEAST_TOLD
+    weight, pulled, by_sweep = np.full(size, 1e-6), np.zeros(size), np.zeros(size)
     shared = []
     for turn, number in enumerate(numbers):
-        met = _matched(scans[number].at_pose_time(motion[number]), poses[number], surfels, cell_m)
+        xyz, mine = scans[number].at_pose_time(motion[number]), slice(6 * turn, 6 * turn + 6)
+        met = _matched(xyz, poses[number], surfels, cell_m)
         weighted = met.slope * met.weight[:, None]
         own[turn] = weighted.T @ met.slope + np.diag(_PRIOR)
-        right[6 * turn : 6 * turn + 6] = -weighted.T @ met.off
+        right[mine] = -weighted.T @ met.off
         weight += np.bincount(met.row, met.weight, size)
         pulled += np.bincount(met.row, met.weight * met.off, size)
         shared.append(sparse.csr_matrix(np.stack([np.bincount(met.row, column, size) for column in weighted.T])))
-    matrix: Any = linalg.block_diag(*own)
-    across: Any = sparse.vstack(shared).tocsc()
+        if further[number].any():
+            moved = scans[number].at_pose_time(motion[number] + further[number])[met.point] - xyz[met.point]
+            along = np.einsum("ij,ij->i", moved @ poses[number, :3, :3].T, met.slope[:, 3:])
+            beside[mine] = weighted.T @ along
+            alone += float(met.weight @ along**2)
+            right[-1] -= float((met.weight * along) @ met.off)
+            by_sweep += np.bincount(met.row, met.weight * along, size)
+    matrix: Any = linalg.block_diag(*own, alone)
+    matrix[-1, :-1] = matrix[:-1, -1] = beside
+    across: Any = sparse.vstack([*shared, sparse.csr_matrix(by_sweep)]).tocsc()
     right += across @ (pulled / weight)
     scaled: Any = across @ sparse.diags(1 / np.sqrt(weight))
     for start in range(0, size, _CHUNK):
         part = np.asarray(scaled[:, start : start + _CHUNK].todense())
         matrix -= part @ part.T
     matrix[:6, :6] += _HELD * np.eye(6)
-    change = linalg.solve(matrix, right, assume_a="pos").reshape(-1, 6)
+    change = linalg.solve(matrix, right, assume_a="pos")
     found = poses.copy()
-    for turn, number in enumerate(numbers):
-        found[number] = nudged(poses[number], change[turn])
-    return found
+    for number, step in zip(numbers, change[:-1].reshape(-1, 6), strict=True):
+        found[number] = nudged(poses[number], step)
+    return found, float(change[-1])

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.drives.twin.surfels import cell_keys
-from cosim.recordings.mapping.adjust import OUTLIER_M, adjusted, place, placed_in_turn
+from cosim.recordings.mapping.adjust import OUTLIER_M, adjusted, adjusted_with_sweep, place, placed_in_turn
 from cosim.recordings.mapping.holding import holding
 from cosim.recordings.mapping.level import ground, levelled, up
 from cosim.recordings.mapping.motion import applied, motions
-from cosim.recordings.mapping.moving import FreeSpace
+from cosim.recordings.mapping.moving import FreeSpace, looked_at
 from cosim.recordings.mapping.odometry import Trajectory
-from cosim.recordings.mapping.scans import cloud_of, local_scans
+from cosim.recordings.mapping.scans import LocalScan, cloud_of, local_scans
 from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, make_surfels, solid_shares
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import RecordingError
@@ -25,7 +25,7 @@ _HELD_PARTS, _HELD_LONG = 3, 30
 _HELD_SHARE, _HELD_FEWEST, _HELD_MOST = 0.1, 2, 20
 _FEWEST_SURFELS, _FEWEST_ON_MAP = 50, 50
 _SOLID, _WELL_SEEN = 0.9, 4  # share of the points about a surfel that lie on it, and scans, to be trusted
-_SWEEP_SCANS = 20
+_SWEEP_SCANS, _SWEEP_STEPS = 20, 6
 _SWEEP_THICKEST_M = 0.1  # so that cells are not left out where the motion is taken wrongly
 
 
@@ -133,7 +133,7 @@ def build_map(
     del cloud
     on_scan()
     local = [scan.at_pose_time(sweep_scale * own) for scan, own in zip(scans, motion, strict=True)]
-    space = FreeSpace(surfels)
+    space = FreeSpace(surfels, looked_at(local[number] for number in fitted))
     for number in fitted:
         space.add(local[number], poses[number])
     moving = space.moving()
@@ -192,13 +192,31 @@ def _errors(
     return error, share
 
 
-def sweep_thickness(
-    recording: Recording, trajectory: Trajectory, sweep_s: float, settings: SurfelSettings, scales: tuple[float, ...]
-) -> dict[float, float]:
-    """Thickness of upright surfaces [m] with the sensor's motion in a sweep taken so many times as strong.
+@dataclass(frozen=True)
+class SweepMotion:
+    """How strong the sensor's motion in a sweep is in the points: 0 where they were freed of it before, else 1.
 
-    A map of some scans in the middle is made anew for each; it is thinnest where the motion is right. Level ground does
-    not feel a motion along it, and tells where there is next to nothing else.
+    Attributes:
+        strength: of the likeliest map.
+        thickness_m: of upright surfaces [m], with the motion taken so many times as strong.
+    """
+
+    strength: float
+    thickness_m: dict[float, float]
+
+    @property
+    def scale(self) -> float:
+        """What points are to be freed of: 0 or 1."""
+        return float(self.strength > 0.5)
+
+
+def sweep_motion(
+    recording: Recording, trajectory: Trajectory, sweep_s: float, settings: SurfelSettings, scales: tuple[float, ...]
+) -> SweepMotion:
+    """How strong the motion in a sweep is, from a map of some scans in the middle.
+
+    The strength is one more unknown beside their poses and the places of surfaces: along a straight road nearly all of
+    them lie along the motion, and get no thicker by it, so that thickness alone, for the page, says little.
     """
     count = min(len(recording), _SWEEP_SCANS)
     first = (len(recording) - count) // 2
@@ -206,18 +224,32 @@ def sweep_thickness(
     scans = local_scans(recording.between(first, first + count), sweep_s)
     own = replace(trajectory, poses=trajectory.poses[rows], motion=trajectory.motion[rows])
     numbers = [number for number in range(count) if len(scans[number])]
-    settings, found = replace(settings, thickest_m=_SWEEP_THICKEST_M), {}
-    for scale in scales:
-        motion, poses = scale * own.motion, own.poses
-        if own.from_odometry:
-            poses = placed_in_turn(scans, poses, motion, numbers)
-        for _ in range(2):
-            surfels, _ = make_surfels(cloud_of(scans, poses, motion, numbers), settings)
-            if len(surfels) < _FEWEST_SURFELS:
-                break
-            poses = adjusted(scans, poses, motion, numbers, surfels, settings.cell_m)
+    settings, strength = replace(settings, thickest_m=_SWEEP_THICKEST_M), 1.0
+    poses = _begun(scans, own, strength, numbers)
+    for _ in range(_SWEEP_STEPS):
+        surfels, _ = make_surfels(cloud_of(scans, poses, strength * own.motion, numbers), settings)
+        if len(surfels) < _FEWEST_SURFELS:
+            break
+        poses, strength = adjusted_with_sweep(scans, poses, own.motion, strength, numbers, surfels, settings.cell_m)
+    return SweepMotion(strength, {scale: _upright_m(scans, own, scale, numbers, settings) for scale in scales})
+
+
+def _begun(scans: Sequence[LocalScan], own: Trajectory, scale: float, numbers: Sequence[int]) -> np.ndarray:
+    """Poses to begin with, where points are freed of so much motion."""
+    return placed_in_turn(scans, own.poses, scale * own.motion, numbers) if own.from_odometry else own.poses
+
+
+def _upright_m(
+    scans: Sequence[LocalScan], own: Trajectory, scale: float, numbers: Sequence[int], settings: SurfelSettings
+) -> float:
+    """Thickness of upright surfaces, of all where there are few, in a map of points freed of so much motion."""
+    motion, poses = scale * own.motion, _begun(scans, own, scale, numbers)
+    for _ in range(2):
         surfels, _ = make_surfels(cloud_of(scans, poses, motion, numbers), settings)
-        upright = ~surfels.level()
-        rows = upright if upright.sum() >= _FEWEST_SURFELS else ~np.zeros(len(surfels), bool)
-        found[scale] = float(np.median(surfels.sd_m[rows])) if len(surfels) else float("nan")
-    return found
+        if len(surfels) < _FEWEST_SURFELS:
+            break
+        poses = adjusted(scans, poses, motion, numbers, surfels, settings.cell_m)
+    surfels, _ = make_surfels(cloud_of(scans, poses, motion, numbers), settings)
+    upright = ~surfels.level()
+    rows = upright if upright.sum() >= _FEWEST_SURFELS else ~np.zeros(len(surfels), bool)
+    return float(np.median(surfels.sd_m[rows])) if len(surfels) else float("nan")

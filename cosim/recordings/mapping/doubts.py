@@ -21,10 +21,12 @@ def frames_of(prepared: Prepared, made: WholeMap, names: Sequence[str]) -> tuple
     """Names of the scans that made maps and of those that took no part, a list a segment.
 
     Segments without a map are left out; where others are left, so are those in which the sensor stands, as each surface
-    is seen from one place there, and scans whose poses are doubtful.
+    is seen from one place there, those whose path jumps, as surfaces are in two places there, and scans whose poses are
+    doubtful.
     """
-    useful = made.mapped & ~np.array([path.standing for path in prepared.paths])
-    asked = useful if useful.any() else made.mapped
+    asked = made.mapped
+    for bad in (_standing(prepared), _jumping(prepared)):
+        asked = asked & ~bad if (asked & ~bad).any() else asked
     numbers = np.flatnonzero(asked).tolist()
     doubtful = {*_slipping(prepared, made), *_lost(made)}
     sure = [one for one in made.fitted if one not in doubtful and asked[made.segment_of[one]]]
@@ -35,6 +37,16 @@ def frames_of(prepared: Prepared, made: WholeMap, names: Sequence[str]) -> tuple
         return [[names[one] for one in chosen if made.segment_of[one] == number] for number in numbers]
 
     return by_segment(made.fitted), by_segment(made.held_out)
+
+
+def _standing(prepared: Prepared) -> np.ndarray:
+    """(k,) bool: segments in which the sensor stays where it is."""
+    return np.array([path.standing for path in prepared.paths])
+
+
+def _jumping(prepared: Prepared) -> np.ndarray:
+    """(k,) bool: segments in which the path jumps."""
+    return np.array([bool(path.doubtful) for path in prepared.paths])
 
 
 def _slipping(prepared: Prepared, made: WholeMap) -> list[int]:
@@ -53,7 +65,7 @@ def _lost(made: WholeMap) -> list[int]:
 
 def notes_of(prepared: Prepared, made: WholeMap, looked: int) -> list[str]:
     """What is missing, doubtful or cannot be told, a sentence each."""
-    path, recording, sweep = prepared.path, prepared.recording, prepared.sweep_m
+    path, recording = prepared.path, prepared.recording
     notes = [f"poses: {path.source}", *_segment_notes(prepared, made, looked)]
     slipping, lost = _slipping(prepared, made), _lost(made)
     if path.standing and len(slipping) < len(recording) / 2:
@@ -61,8 +73,8 @@ def notes_of(prepared: Prepared, made: WholeMap, looked: int) -> list[str]:
             f"the sensor moves {path.extent_m:.2f} m in all, so each surface is seen from one place: sweep "
             "motion, and whatever changes with range or angle alone, cannot be told from the surfaces themselves"
         )
-    elif sweep and min(sweep, key=lambda scale: sweep[scale]) <= 0:
-        notes.append("the map is thinnest without the sweep's motion: scans look motion-compensated already")
+    elif not prepared.sweep_scale:
+        notes.append("the likeliest map is one without the sensor's motion in a sweep: scans look motion-compensated")
     if len(recording) < _FEW_SCANS:
         notes.append(
             f"{len(recording)} scans only: few looks at every surface, so thickness and effects are poorly told"
@@ -102,9 +114,17 @@ def _segment_notes(prepared: Prepared, made: WholeMap, looked: int) -> list[str]
         return []
     notes = [f"{len(made.segments)} segments, a map each; a diagnosis looks at scans of {looked} of them"]
     blank = [one for one in made.segments if not made.mapped[one.number]]
-    still = [one for one in made.segments if made.mapped[one.number] and prepared.paths[one.number].standing]
-    for some, why in ((blank, "no map, for want of surfaces that three scans show"), (still, "the sensor stands")):
-        if some:
+    standing, jumping = _standing(prepared), _jumping(prepared)
+    still = [one for one in made.segments if made.mapped[one.number] and standing[one.number]]
+    torn = [
+        one for one in made.segments if made.mapped[one.number] and jumping[one.number] and not standing[one.number]
+    ]
+    reasons = (
+        (blank, "no map, for want of surfaces that three scans show"), (still, "the sensor stands"),
+        (torn, "the path jumps, so that surfaces lie in two places"),
+    )  # fmt: skip
+    for some, why in reasons:
+        if some and len(some) < len(made.segments):
             shown = ", ".join(f"{one.begin}–{one.end - 1}" for one in some[:_SHOWN])
             notes.append(f"left out of a diagnosis: {len(some)} segments (scans {shown}): {why}")
     return notes

@@ -157,9 +157,9 @@ def _by_scans(twin: RecordingTwin) -> str:
 
 
 def _sweep(twin: RecordingTwin) -> str:
-    if not twin.sweep_m:
+    if twin.sweep is None:
         return ""
-    scale, value = np.array(sorted(twin.sweep_m.items())).T
+    scale, value = np.array(sorted(twin.sweep.thickness_m.items())).T
     low, high = 1000 * np.nanmin(value), 1000 * np.nanmax(value)
     pad = 0.15 * (high - low) + 0.1
     plot = Plot(
@@ -170,7 +170,8 @@ def _sweep(twin: RecordingTwin) -> str:
     plot.line(scale, 1000 * value, "a", dots=True)
     return figure(
         "Motion within a sweep",
-        "upright surfaces of a map of the middle scans, made anew: thinnest where the motion is right",
+        "upright surfaces of a map of the middle scans, made anew each time; fitted along with poses and surfaces "
+        f"the motion is {twin.sweep.strength:.2f} times as strong",
         plot.svg(),
     )
 

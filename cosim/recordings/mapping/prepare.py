@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.engine import Engine
-from cosim.recordings.mapping.build import sweep_thickness
+from cosim.recordings.mapping.build import SweepMotion, sweep_motion
 from cosim.recordings.mapping.kept import Arrays, Kept, arrays_of_path, digest, path_of
 from cosim.recordings.mapping.odometry import Trajectory, find_trajectory
 from cosim.recordings.mapping.segments import Segment, segments_of, together
@@ -36,8 +36,7 @@ class Prepared:
         ring_of: (k,) ring of the pattern for each laser that the points show.
         segments: that are mapped each by itself.
         paths: of the sensor in each.
-        sweep_m: thickness of a map of some scans, with the sweep's motion taken so many times as strong.
-        sweep_scale: how strong it is, 0 or 1: whether points were freed of it before.
+        sweep: how strong the sensor's motion in a sweep is; None where the sensor stands.
     """
 
     recording: Recording
@@ -46,8 +45,12 @@ class Prepared:
     ring_of: np.ndarray
     segments: tuple[Segment, ...]
     paths: tuple[Trajectory, ...]
-    sweep_m: dict[float, float]
-    sweep_scale: float
+    sweep: SweepMotion | None
+
+    @property
+    def sweep_scale(self) -> float:
+        """Share of its motion in a sweep that points are to be freed of: 0 or 1."""
+        return 1.0 if self.sweep is None else self.sweep.scale
 
     @property
     def path(self) -> Trajectory:
@@ -97,8 +100,7 @@ def prepare(
     paths = tuple(path_of(kept.read(segment)) for segment in segments)
     on_step("sweep motion")
     sweep = _sweep(recording, segments, paths, beams.sweep_s)
-    scale = float(_likeliest_scale(sweep) > 0.5)
-    return Prepared(recording, beams, found, ring_of, segments, paths, sweep, scale)
+    return Prepared(recording, beams, found, ring_of, segments, paths, sweep)
 
 
 def about(recording: Recording, *things: object) -> str:
@@ -117,27 +119,16 @@ def _path(recording: Recording, sweep_s: float, segment: Segment, on_scan: Calla
 
 def _sweep(
     recording: Recording, segments: tuple[Segment, ...], paths: tuple[Trajectory, ...], sweep_s: float
-) -> dict[float, float]:
-    """Thickness by strength of the sweep's motion, in that segment that moves farthest of the three in the middle."""
+) -> SweepMotion | None:
+    """Of that segment that moves farthest of the three in the middle; None where the sensor stands there."""
     middle = (len(segments) - 1) // 2
     near = range(max(middle - 1, 0), min(middle + 2, len(segments)))
     number = max(near, key=lambda one: paths[one].extent_m)
     path, segment = paths[number], segments[number]
     if path.standing:
-        return {}
+        return None
     part = recording.between(segment.first, segment.last)
-    return sweep_thickness(part, path, sweep_s, SurfelSettings(), _SWEEP_SCALES)
-
-
-def _likeliest_scale(sweep: dict[float, float]) -> float:
-    """How strong the sensor's motion in a sweep is where the map is thinnest, by a parabola; 1 if nothing tells."""
-    told = {scale: value for scale, value in sweep.items() if np.isfinite(value)}
-    if len(told) < 3:
-        return 1.0
-    scale, value = np.array(sorted(told.items())).T
-    curve, slope, _ = np.polyfit(scale, value, 2)
-    best = -slope / (2 * curve) if curve > 0 else scale[value.argmin()]
-    return float(np.clip(best, scale[0], scale[-1]))
+    return sweep_motion(part, path, sweep_s, SurfelSettings(), _SWEEP_SCALES)
 
 
 def _rings(found: FoundPattern, beams: Pattern, given: str) -> np.ndarray:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.drives.twin.surfels import cell_keys
+from cosim.drives.twin.surfels import cell_keys, sides
 
 _CHUNK = 1_000_000  # points at a time
 _SOLID_SIGMAS, _SOLID_LEAST_M, _ABOUT = 3.0, 0.03, 0.75
@@ -72,6 +72,7 @@ class Surfels:
         centre: (m, 3) float64 world places [m].
         normal: (m, 3) float64 unit normals, towards the sensor.
         low, high: (m, 3) float64 corners of the box about the points of each.
+        reach_m: (m, 8) how far points reach from the centre along `sides` of the normal.
         sd_m: (m,) standard deviation of points across the plane.
         points, scans: (m,) how many lie on it, and how many scans saw it.
         range_m: (m, 2) nearest and farthest look.
@@ -85,6 +86,7 @@ class Surfels:
     normal: np.ndarray
     low: np.ndarray
     high: np.ndarray
+    reach_m: np.ndarray
     sd_m: np.ndarray
     points: np.ndarray
     scans: np.ndarray
@@ -180,6 +182,8 @@ def _described(
     near, far = ends(cloud.range_m[rows].astype(np.float64), ())
     flat, steep = ends(cos, ())
     mean = np.bincount(cell, cloud.elevation_deg[rows], cells) / count
+    rest, around = cloud.xyz[rows] - centre[cell], sides(normal)
+    reach = [ends(np.einsum("ij,ij->i", rest, around[cell, side]), ())[1] for side in range(around.shape[1])]
     apart = cloud.elevation_deg[rows] - mean[cell]
     return Surfels(
         key=keys,
@@ -187,6 +191,7 @@ def _described(
         normal=normal,
         low=low,
         high=high,
+        reach_m=np.stack(reach, 1),
         sd_m=np.sqrt(np.bincount(cell, off**2, cells) / count),
         points=np.bincount(cell, minlength=cells),
         scans=np.bincount((seen >> 32).astype(np.int64), minlength=cells),

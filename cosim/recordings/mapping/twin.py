@@ -14,7 +14,7 @@ import numpy as np
 from cosim.discrepancy.data.split import split_of_maps
 from cosim.drives.writer import OutputError
 from cosim.engine import Engine
-from cosim.recordings.mapping.build import build_map
+from cosim.recordings.mapping.build import SweepMotion, build_map
 from cosim.recordings.mapping.correction import Correction
 from cosim.recordings.mapping.doubts import frames_of, notes_of
 from cosim.recordings.mapping.drive_files import DriveFiles
@@ -42,7 +42,7 @@ class RecordingTwin:
         found: what the points show of the pattern.
         path: before the map refined it.
         made: the map.
-        sweep_m: thickness of the map with the sweep's motion taken so many times as strong.
+        sweep: how strong the sensor's motion in a sweep is in the points; None where the sensor stands.
         notes: what is missing, doubtful or cannot be told, a sentence each.
     """
 
@@ -53,12 +53,12 @@ class RecordingTwin:
     found: FoundPattern
     path: Trajectory
     made: WholeMap
-    sweep_m: dict[float, float]
+    sweep: SweepMotion | None
     notes: tuple[str, ...]
 
     def as_json(self) -> dict[str, Any]:
         """For `--json`."""
-        made, held, fitted = self.made, list(self.made.held_out), list(self.made.fitted)
+        made, sweep, held, fitted = self.made, self.sweep, list(self.made.held_out), list(self.made.fitted)
         return {
             "out": str(self.folder),
             "scans": len(self.names),
@@ -73,7 +73,10 @@ class RecordingTwin:
             "cells_without_plane": made.no_plane,
             "thickness_ground_m": round(_middle(made.sd_m[made.ground]), 5),
             "thickness_walls_m": round(_middle(made.sd_m[~made.level]), 5),
-            "thickness_by_sweep_scale_m": {f"{scale:g}": round(value, 5) for scale, value in self.sweep_m.items()},
+            "sweep_strength": sweep and round(sweep.strength, 3),
+            "thickness_by_sweep_scale_m": {
+                f"{scale:g}": round(value, 5) for scale, value in (sweep.thickness_m if sweep else {}).items()
+            },
             "held_out": [self.names[number] for number in held],
             "error_fitted_m": round(_middle(made.error_m[fitted]), 5),
             "error_held_out_m": round(_middle(made.error_m[held]), 5) if held else None,
@@ -159,7 +162,7 @@ def write_map_twin(
         found=prepared.found,
         path=prepared.path,
         made=whole,
-        sweep_m=prepared.sweep_m,
+        sweep=prepared.sweep,
         notes=(*recording.notes, *prepared.found.notes, *notes_of(prepared, whole, looked)),
     )
     on_step("files")

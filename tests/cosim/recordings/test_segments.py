@@ -6,6 +6,8 @@ import json
 import shutil
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from cosim.cli import main
 from cosim.drives.kitti import Drive
+from cosim.recordings.mapping.doubts import frames_of
 from cosim.recordings.mapping.kept import Kept
 from cosim.recordings.mapping.segments import segments_of, together
 from sensors.pattern import load_pattern
@@ -96,3 +99,24 @@ def test_a_diagnosis_looks_at_scans_of_every_segment(twin: Path, tmp_path: Path)
     out = ["--json", str(tmp_path / "told.json"), "--out", str(tmp_path / "page")]
     assert main(["compare", str(twin / "twin"), "--sensor", str(sensor), *out, "--quiet"]) == 0
     assert json.loads((tmp_path / "told.json").read_text())["channels"]["range"]["rmse_m"] < 0.2
+
+
+def test_segments_whose_path_jumps_or_stands_are_looked_at_only_where_there_are_no_others() -> None:
+    each, names = 10, [f"{number:06d}" for number in range(30)]
+    made: Any = SimpleNamespace(
+        mapped=np.ones(3, bool),
+        segment_of=np.repeat(np.arange(3), each),
+        fitted=tuple(range(30)),
+        held_out=(),
+        on_map=np.ones(30),
+        held=np.ones(30),
+    )
+
+    def looked_at(*paths: tuple[bool, tuple[int, ...]]) -> list[int]:
+        all_paths = [SimpleNamespace(standing=standing, doubtful=jumps) for standing, jumps in paths]
+        prepared: Any = SimpleNamespace(paths=all_paths, path=SimpleNamespace(from_odometry=True))
+        return [int(mine[0]) // each for mine in frames_of(prepared, made, names)[0]]
+
+    assert looked_at((False, ()), (False, (4,)), (True, ())) == [0]
+    assert looked_at((True, ()), (False, (4,)), (False, (2, 3))) == [1, 2]
+    assert looked_at((True, ()), (True, ()), (True, ())) == [0, 1, 2]

@@ -22,6 +22,7 @@ from cosim.recordings import RecordingError, open_recording
 from cosim.recordings.mapping import write_recording_twin
 from cosim.recordings.mapping.holding import holding
 from cosim.recordings.mapping.motion import deskewed, motions
+from cosim.recordings.mapping.moving import FreeSpace, looked_at
 from cosim.recordings.mapping.odometry import find_trajectory
 from cosim.recordings.mapping.surfels import Cloud, SurfelSettings, make_surfels, quads
 from sensors.effects.beams.sweep_motion import SweepMotion
@@ -220,3 +221,26 @@ def test_a_fit_finds_the_motion_in_the_sweep_beside_noise_that_is_fitted_along(t
     moving = fitter.fit(effects, free, fitted.estimate)
     assert moving.loglik - fitted.loglik > 50
     assert moving.effects[-1].model_dump()["sweep_s"] == pytest.approx(0.1, rel=0.3)
+
+
+def test_what_stood_before_the_sky_and_is_gone_moves_and_what_is_too_far_to_return_does_not() -> None:
+    rng, away = np.random.default_rng(0), 10.2
+    board = np.column_stack([rng.normal(away, 0.01, 400), rng.uniform(-0.2, 0.2, 400), rng.uniform(0.0, 0.4, 400)])
+    pole = np.column_stack([rng.normal(away, 0.01, 400), rng.uniform(2.0, 2.4, 400), rng.uniform(0.0, 0.4, 400)])
+    xyz = np.concatenate([board, pole]).astype(np.float32)
+    reach = np.linalg.norm(xyz, axis=1)
+    scan = np.tile(np.arange(4, dtype=np.int32), 200)
+    plain = np.zeros(800, np.float32)
+    surfels, _ = make_surfels(Cloud(xyz, scan, reach, xyz / reach[:, None], plain, plain), SurfelSettings())
+    is_board = np.abs(surfels.centre[:, 1]) < 1
+    both, one = xyz, pole.astype(np.float32)
+    space = FreeSpace(surfels, looked_at([both]))
+    for seen in (both, one, one, one, one):
+        space.add(seen, np.eye(4))
+    np.testing.assert_array_equal(space.moving(), is_board)
+    farther = np.eye(4)
+    farther[0, 3] = -away
+    space = FreeSpace(surfels, looked_at([both]))
+    for _ in range(4):
+        space.add(np.zeros((0, 3), np.float32), farther)
+    assert not space.moving().any()
