@@ -9,6 +9,7 @@ import numpy as np
 
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split
+from cosim.discrepancy.inference.comparison import ToldBy
 from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score_test import Tested
@@ -58,6 +59,7 @@ class Found:
         also_possible: what explains the data as well.
         shape: of an unknown one.
         interval: known beforehand, of what is no parameter of a fit.
+        told_by: what tells other frames of it.
     """
 
     effect: str
@@ -66,6 +68,7 @@ class Found:
     also_possible: tuple[str, ...] = ()
     shape: Shape | None = None
     interval: dict[str, list[float]] | None = None
+    told_by: ToldBy = "beams"
 
     @property
     def is_fact(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy import stats
@@ -11,6 +12,8 @@ from scipy import stats
 from cosim.discrepancy.inference.fit import Fitted, Fitter
 from cosim.discrepancy.inference.likelihood import Fit
 from cosim.discrepancy.sampling.sample import Sample
+
+ToldBy = Literal["beams", "noise", "poses"]  # what tells of a change: see `gain`
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +64,7 @@ class Gain:
         return max((Gain.of([one]) for one in cut), key=lambda one: one.p_value)
 
 
-def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = False) -> Gain:
+def gain(fitter: Fitter, before: Fitted, after: Fitted, by: ToldBy = "beams") -> Gain:
     """Gain of one fit over another, random effects with their laws.
 
     The gain per beam does not depend on how many beams were drawn; its error is of clusters: objects, cells of the
@@ -70,16 +73,19 @@ def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = Fals
     Args:
         fitter: of the sample that both are of.
         before, after: fits, or models as they are with random effects fitted.
-        of_noise: hold spreads against how neighbours differ instead, which no misfit of the mean enters.
+        by: beams and random effects; or how neighbours differ, which no misfit of the mean enters; or pose errors alone:
+            a beam is as likely where an effect moves it as where they do, but for what no plane tells of so far a way.
     """
     clusters, sample = fitter.random.clusters, fitter.sample
-    if of_noise:
+    if by == "noise":
         beams = _quasi_likelihood(sample, after.fit) - _quasi_likelihood(sample, before.fit)
         law = np.zeros(fitter.random.size)
     else:
         beams = sample.share * (after.fit.loglik - before.fit.loglik)
         known = fitter.random.informed(before.prediction, before.evidence)
         law = _of_law(fitter, after, known) - _of_law(fitter, before, known)
+    if by == "poses":
+        beams, law = np.zeros(len(beams)), np.where(clusters.unit_scan >= 0, law, 0.0)
     scans = np.bincount(clusters.unit_scan[clusters.unit_scan >= 0], law[clusters.unit_scan >= 0])
     things = np.where(clusters.unit_track >= 0, law, 0.0)
     by_track = np.bincount(clusters.track, beams)

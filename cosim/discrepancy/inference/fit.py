@@ -95,12 +95,17 @@ class Fitter:
         Args:
             effects: all effects of the sensor.
             free: what may change.
-            start: random effects to start with; by default none but pose errors of the usual spread.
+            start: random effects to start with, or with none so wide where that is likelier; by default none but pose
+                errors of the usual spread.
             steps: most Gauss–Newton steps.
             roughly: search no closer than it takes to tell candidates apart.
         """
         free = tuple(free)
         state = self._state(tuple(effects), self.random.start() if start is None else start)
+        none = replace(state.estimate, u=np.zeros_like(state.estimate.u))
+        if state.estimate.u.any() and not self.sample.of_own_map:
+            other = replace(state, estimate=none, fit=self.judged(state.prediction, none))
+            state = max(state, other, key=self._penalised)
         sought = [one.by_search or isinstance(one, ScanEffect) for one in state.effects]
         gradual = tuple(one for one in free if not sought[one.effect])
         state = self._settled(state, gradual, self.settings.descent.steps if steps is None else steps)
@@ -125,7 +130,7 @@ class Fitter:
         self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction, estimate: Estimate
     ) -> tuple[Column, ...]:
         """How the prediction changes with each free parameter, random effects as they are."""
-        found, slope = [], self.random.light_slope(estimate)
+        found, passed_on = [], self.random.passed_on(at, estimate)
         for one in free:
             effect, unknown = effects[one.effect], one.unknown
             value = np.asarray(getattr(effect, unknown.name), float)
@@ -133,7 +138,7 @@ class Fitter:
             moved = with_values(effect, {unknown.name: value + step})
             after = self.sample.predict((*effects[: one.effect], moved, *effects[one.effect + 1 :]))
             delta: dict[Quantity, np.ndarray] = {
-                name: values / step * (slope if name == "intensity" else 1.0)
+                name: values / step * passed_on.get(name, 1.0)
                 for name, values in change(at, after, self.settings.law).items()
             }
             ring = self.sample.ring if unknown.rings > 1 else None

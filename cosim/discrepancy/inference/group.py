@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from cosim.discrepancy.inference.columns import SparseMatrix
+from cosim.discrepancy.inference.random_effects import Estimate
 from cosim.discrepancy.inference.score import Quantity
 from sensors.effects.base import Effect
 
@@ -49,6 +50,7 @@ class Group:
         place: where the effect stands among the sensor's, if it is there already.
         gain: (n,) what the weak form adds to every beam's log-likelihood, for effects that no slope tells of.
         strays: what it adds, if it adds strays.
+        begun: random effects that a fit of it starts from; those that there are by default.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Group:
     place: int | None = None
     gain: np.ndarray | None = None
     strays: Strays | None = None
+    begun: Estimate | None = None
 
     @property
     def is_effect(self) -> bool:

@@ -59,6 +59,14 @@ class PoseErrors:
         values = (self._derivative * scale).ravel()
         return sparse.csr_matrix((values, self._places), self._shape)
 
+    def onward(self, pose: np.ndarray, bent_m: np.ndarray) -> np.ndarray:
+        """(n,) dR′/dR₁: how much farther a surface comes out that effects have brought to `bent_m` (n,), per metre."""
+        moved, slope = self._parts(pose, self._bent(bent_m))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = self._reach / bent_m
+            found = (1 + moved / self._reach) * (ratio / slope) ** 2
+        return np.where(np.abs(ratio - 1) < self._settings.same_surface, found, 1.0)
+
     def _bent(self, bent_m: np.ndarray | None) -> np.ndarray:
         """R/R₁; 1 where that is another surface's."""
         if bent_m is None:

@@ -128,6 +128,11 @@ class RandomEffects:
         }
 
     @property
+    def least_poses(self) -> np.ndarray:
+        """(6,) variances of pose errors below which there are none."""
+        return np.array(self._settings.least_poses) ** 2
+
+    @property
     def size(self) -> int:
         """How many random effects there are."""
         return int(self._ends[-1])
@@ -238,6 +243,14 @@ class RandomEffects:
         found = estimate.u[self.rows("poses")].reshape(-1, _AXES)
         return found if len(found) else np.zeros((len(self.sample.names), _AXES))
 
+    def with_poses(self, estimate: Estimate, poses: np.ndarray) -> Estimate:
+        """With other pose errors (scans, 6), as wide as they are."""
+        u, variance = estimate.u.copy(), estimate.variance.copy()
+        u[self.rows("poses")] = poses.ravel()
+        mine = np.array([name == "poses" for name, _ in self.laws])
+        variance[mine] = np.maximum((poses**2).mean(0), self._least[mine])
+        return Estimate(u, variance)
+
     def spread(self, estimate: Estimate, name: str) -> np.ndarray:
         """Standard deviations of one kind, by law, 0 where nothing is known of them; empty where there are none."""
         variance = np.where(self._free, 0.0, estimate.variance)
@@ -271,9 +284,14 @@ class RandomEffects:
                 bright = bright + self._hot(one) @ part
         return np.maximum(1 + bright, self._settings.darkest)
 
-    def light_slope(self, estimate: Estimate) -> np.ndarray:
-        """Factor (n,) by which slopes of intensities change where reflectances are free; elsewhere it is near one."""
-        return self.brightness(estimate) if self.sample.of_own_map else np.ones(len(self.sample))
+    def passed_on(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, np.ndarray]:
+        """Factors (n,) by which changes of what effects predict come out beside the random effects as they are.
+
+        Far ground at a flat angle moves by another length where the pose is off; brightness is near one but where
+        reflectances are free.
+        """
+        found: dict[Quantity, np.ndarray] = {"range": self._pose_errors.onward(self.poses(estimate), expected.range_m)}
+        return found | ({"intensity": self.brightness(estimate)} if self.sample.of_own_map else {})
 
     def designs(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, SparseMatrix]:
         """Derivatives (n, m) of each quantity that they change; of active ones alone, other columns are empty."""
