@@ -246,7 +246,7 @@ def _fitted(state: State, group: Group, p_value: float = 1.0) -> Candidate:
     after = fitter.fit(effects, (*mine, *along), start, steps=fitter.settings.descent.rough_steps, roughly=True)
     of_noise = isinstance(after.effects[place], NoiseEffect)
     told = gain(fitter, fitted, after, "noise" if of_noise else "beams")
-    told = told if of_noise else replace(told, value=after.loglik - fitted.loglik)
+    told = told if of_noise else replace(told, value=after.loglik - fitted.loglik - told.of_shape)
     told_by: ToldBy = "noise" if of_noise else "beams" if group.begun is None else "poses"
     numbers = sum(one.unknown.rings for one in mine)
     model = state.model.replaced(after.effects, place)
@@ -350,7 +350,7 @@ def _with_shape(state: State, shape: Shape, p_value: float) -> Candidate | None:
     mine, along = _free(state, effects, place)
     after = fitter.fit(effects, (*mine, *along), fitted.estimate, steps=fitter.settings.descent.rough_steps)
     told = gain(fitter, fitted, after)
-    told = replace(told, value=after.loglik - fitted.loglik)
+    told = replace(told, value=after.loglik - fitted.loglik - told.of_shape)
     numbers = len(mine) if shape.formula is not None else len(shape.y)
     if shape.factor is not None:
         numbers += len(shape.factor.formula.parameters)

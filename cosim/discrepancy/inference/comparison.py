@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
+from cosim.discrepancy.inference.censored import student
 from cosim.discrepancy.inference.fit import Fitted, Fitter
 from cosim.discrepancy.inference.likelihood import Fit
 from cosim.discrepancy.sampling.sample import Sample
@@ -25,12 +26,14 @@ class Gain:
         error: its standard error, from cluster to cluster.
         freedom: degrees of freedom of that error.
         sums: of each clustering (clusters,) what each cluster adds; the same clusters of all models of one sample.
+        of_shape: what of the likelihood's gain was left out, as the noise's shape alone would make it.
     """
 
     value: float
     error: float
     freedom: float
     sums: tuple[np.ndarray, ...]
+    of_shape: float = 0.0
 
     @property
     def p_value(self) -> float:
@@ -76,12 +79,15 @@ def gain(fitter: Fitter, before: Fitted, after: Fitted, by: ToldBy = "beams") ->
         by: beams and random effects; or how neighbours differ, which no misfit of the mean enters; or pose errors alone:
             a beam is as likely where an effect moves it as where they do, but for what no plane tells of so far a way.
     """
-    clusters, sample = fitter.random.clusters, fitter.sample
+    clusters, sample, of_shape = fitter.random.clusters, fitter.sample, 0.0
     if by == "noise":
         beams = _quasi_likelihood(sample, after.fit) - _quasi_likelihood(sample, before.fit)
         law = np.zeros(fitter.random.size)
     else:
         beams = sample.share * (after.fit.loglik - before.fit.loglik)
+        shape = _of_shape(sample, after.fit) - _of_shape(sample, before.fit)
+        if shape.sum() > 0:
+            beams, of_shape = beams - shape, float(shape.sum())
         known = fitter.random.informed(before.prediction, before.evidence)
         law = _of_law(fitter, after, known) - _of_law(fitter, before, known)
     if by == "poses":
@@ -94,7 +100,7 @@ def gain(fitter: Fitter, before: Fitted, after: Fitted, by: ToldBy = "beams") ->
     by_thing = np.bincount(np.maximum(clusters.unit_track, 0), things)
     found = [Gain.of([by_track, scans]), Gain.of([by_part, scans, by_thing])]
     unsure = max(found, key=lambda one: one.error)
-    return replace(unsure, sums=tuple(one.sums[0] for one in found))
+    return replace(unsure, sums=tuple(one.sums[0] for one in found), of_shape=of_shape)
 
 
 def stability(gains: Sequence[Gain], prices: Sequence[float], halves: int, rng: np.random.Generator) -> np.ndarray:
@@ -129,6 +135,15 @@ def _of_law(fitter: Fitter, fitted: Fitted, known: np.ndarray) -> np.ndarray:
     return np.where(
         active, -0.5 * fitted.estimate.u**2 * precision + 0.5 * np.log(precision / (precision + known)), 0.0
     )
+
+
+def _of_shape(sample: Sample, fit: Fit) -> np.ndarray:
+    """(n,) what the law of ranges adds to their quasi-likelihood −½z², which only their mean counts for.
+
+    The likeliest place of a law without skew is not the mean of noise that has one: there a bias gains that is none.
+    """
+    z = fit.range_z
+    return sample.share * fit.matched * (student(z) + 0.5 * np.minimum(z**2, sample.settings.law.most_squared))
 
 
 def _quasi_likelihood(sample: Sample, fit: Fit) -> np.ndarray:

@@ -19,7 +19,7 @@ from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score import Evidence, Quantity, change, dispersion
 from cosim.discrepancy.inference.search import is_searched, searched
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from sensors.effects.base import Effect, NoiseEffect, RoundingEffect, ScanEffect
+from sensors.effects.base import BeamEffect, Effect, NoiseEffect, RoundingEffect, ScanEffect
 
 
 @dataclass(frozen=True)
@@ -135,15 +135,22 @@ class Fitter:
             effect, unknown = effects[one.effect], one.unknown
             value = np.asarray(getattr(effect, unknown.name), float)
             step = unknown.step if np.all(value + unknown.step <= unknown.high) else -unknown.step
-            moved = with_values(effect, {unknown.name: value + step})
-            after = self.sample.predict((*effects[: one.effect], moved, *effects[one.effect + 1 :]))
+            after, before = self._moved(effects, one, value + step), at
+            if isinstance(effect, BeamEffect) and np.all(value - step >= unknown.low):
+                # Ground at a flat angle is far from linear: such slopes are taken from both sides.
+                before, step = self._moved(effects, one, value - step), 2 * step
             delta: dict[Quantity, np.ndarray] = {
                 name: values / step * passed_on.get(name, 1.0)
-                for name, values in change(at, after, self.settings.law).items()
+                for name, values in change(before, after, self.settings.law).items()
             }
             ring = self.sample.ring if unknown.rings > 1 else None
             found.append(Column(delta, ring, unknown.rings))
         return tuple(found)
+
+    def _moved(self, effects: tuple[Effect, ...], one: Free, value: np.ndarray) -> Prediction:
+        """What is expected with another value of a parameter."""
+        moved = with_values(effects[one.effect], {one.unknown.name: value})
+        return self.sample.predict((*effects[: one.effect], moved, *effects[one.effect + 1 :]))
 
     def system(self, fitted: Fitted) -> LinearModel:
         """The linear mixed model at a fit, residuals as wide as they are."""
