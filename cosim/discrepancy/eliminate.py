@@ -27,7 +27,7 @@ def simplified(case: Case, state: State) -> State:
         case.say(f"asking whether something simpler does as well as {one.effect}")
         simpler = simpler_than(case, state, place)
         if simpler is not None:
-            renamed = replace(one, effect=simpler.name, place=simpler.place, told_by=simpler.told_by)
+            renamed = replace(one, effect=simpler.name, told_by=simpler.told_by)
             kept = tuple(renamed if other is one else other for other in state.found)
             state = _with_candidate(case, state, simpler, kept)
     return state

@@ -8,10 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.discrepancy.candidates import confusable, with_values
-from cosim.discrepancy.groups.dependences import depends_on_scans, main_effects, of_covariates, of_noise, of_pairs
+from cosim.discrepancy.groups.dependences import (
+    depends_on_scans,
+    main_effects,
+    of_covariates,
+    of_noise,
+    of_pairs,
+    of_phases,
+)
 from cosim.discrepancy.groups.dependences import of_scans as of_levels
 from cosim.discrepancy.groups.effects import effect_groups
-from cosim.discrepancy.groups.phases import of_phases
 from cosim.discrepancy.groups.quantization import Lattice, find_lattices
 from cosim.discrepancy.inference.comparison import Gain, ToldBy, gain, stability
 from cosim.discrepancy.inference.fit import Fitted, Fitter, Free, all_free
@@ -390,4 +396,4 @@ def as_found(case: Case, state: State, one: Candidate, found: Sequence[Candidate
     interval = one.lattice.interval if one.lattice is not None else None
     left = found[found.index(one) :] if one in found else [one]
     alike = tuple(other.name for other in _alike(case, state, left))
-    return Found(one.name, one.place, one.p_value, alike, one.shape, interval, one.told_by)
+    return Found(one.name, one.p_value, alike, one.shape, interval, one.told_by)

@@ -54,7 +54,6 @@ class Found:
 
     Attributes:
         effect: its name.
-        place: where it stands among the effects.
         p_value: its own, family-wise.
         also_possible: what explains the data as well.
         shape: of an unknown one.
@@ -63,7 +62,6 @@ class Found:
     """
 
     effect: str
-    place: int
     p_value: float
     also_possible: tuple[str, ...] = ()
     shape: Shape | None = None

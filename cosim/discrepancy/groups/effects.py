@@ -87,8 +87,9 @@ def _told(
                 place=place, gain=gain, strays=strays,
             )  # fmt: skip
         return
-    moved, passed_on = change(fitted.prediction, after, sample.settings.law), fitter.random.passed_on(
-        fitted.prediction, fitted.estimate
+    moved, passed_on = (
+        change(fitted.prediction, after, sample.settings.law),
+        fitter.random.passed_on(fitted.prediction, fitted.estimate),
     )
     delta: dict[Quantity, np.ndarray] = {
         name: values / step * passed_on.get(name, 1.0)

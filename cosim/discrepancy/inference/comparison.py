@@ -76,8 +76,8 @@ def gain(fitter: Fitter, before: Fitted, after: Fitted, by: ToldBy = "beams") ->
     Args:
         fitter: of the sample that both are of.
         before, after: fits, or models as they are with random effects fitted.
-        by: beams and random effects; or how neighbours differ, which no misfit of the mean enters; or pose errors alone:
-            a beam is as likely where an effect moves it as where they do, but for what no plane tells of so far a way.
+        by: beams and random effects; or how neighbours differ, which no misfit of the mean enters; or pose errors
+            alone: beams are as likely where an effect moves them as where these do, but for what planes do not tell.
     """
     clusters, sample, of_shape = fitter.random.clusters, fitter.sample, 0.0
     if by == "noise":

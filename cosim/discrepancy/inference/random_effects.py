@@ -128,6 +128,11 @@ class RandomEffects:
         }
 
     @property
+    def knows_no_poses(self) -> bool:
+        """Whether there are no errors of poses, or nothing is known of how large they are."""
+        return not any(one.name == "poses" and not one.free for one in self.blocks)
+
+    @property
     def least_poses(self) -> np.ndarray:
         """(6,) variances of pose errors below which there are none."""
         return np.array(self._settings.least_poses) ** 2

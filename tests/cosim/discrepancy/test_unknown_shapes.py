@@ -110,7 +110,7 @@ def test_an_oscillation_between_regular_scans_says_which_others_look_the_same() 
 
 def found_in(view: View, one: Shape) -> tuple[State, Found]:
     """Where a diagnosis stands that added a shape, which is the first effect of a view."""
-    found = Found(view.fitted.effects[0].name, 0, 0.001, shape=one)
+    found = Found(view.fitted.effects[0].name, 0.001, shape=one)
     return State(Model(view.fitted.effects, (0,)), view, view, (found,)), found
 
 
