@@ -130,7 +130,19 @@ class Fitter:
         self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction, estimate: Estimate
     ) -> tuple[Column, ...]:
         """How the prediction changes with each free parameter, random effects as they are."""
-        found, passed_on = [], self.random.passed_on(at, estimate)
+        return self.passed_on(self.slopes(effects, free, at), at, estimate)
+
+    def passed_on(self, slopes: Sequence[Column], at: Prediction, estimate: Estimate) -> tuple[Column, ...]:
+        """Slopes as they come out beside the random effects."""
+        by = self.random.passed_on(at, estimate)
+        return tuple(
+            replace(one, delta={name: values * by.get(name, 1.0) for name, values in one.delta.items()})
+            for one in slopes
+        )
+
+    def slopes(self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction) -> tuple[Column, ...]:
+        """How what effects predict changes with each free parameter."""
+        found = []
         for one in free:
             effect, unknown = effects[one.effect], one.unknown
             value = np.asarray(getattr(effect, unknown.name), float)
@@ -140,8 +152,7 @@ class Fitter:
                 # Ground at a flat angle is far from linear: such slopes are taken from both sides.
                 before, step = self._moved(effects, one, value - step), 2 * step
             delta: dict[Quantity, np.ndarray] = {
-                name: values / step * passed_on.get(name, 1.0)
-                for name, values in change(before, after, self.settings.law).items()
+                name: values / step for name, values in change(before, after, self.settings.law).items()
             }
             ring = self.sample.ring if unknown.rings > 1 else None
             found.append(Column(delta, ring, unknown.rings))
@@ -221,7 +232,8 @@ class Fitter:
 
     def _descended(self, state: _State, free: tuple[Free, ...], blur: float, steps: int) -> _State:
         """Gauss–Newton steps at one blur, variances updated along."""
-        state = replace(state, fit=self.judged(state.prediction, state.estimate, blur))
+        state, about = replace(state, fit=self.judged(state.prediction, state.estimate, blur)), None
+        slopes: tuple[Column, ...] = ()
         for number in range(steps):
             state = self._lit(state, blur)
             value = self._penalised(state)
@@ -229,7 +241,9 @@ class Fitter:
             if blur == 0.0 and number in (1, 2, 4):
                 begun = self.random.begun(state.estimate, state.prediction, evidence)
                 state = replace(state, estimate=begun)
-            columns = self.columns(state.effects, free, state.prediction, state.estimate)
+            if about is None or _is_away(about, state.effects, free):
+                about, slopes = state.effects, self.slopes(state.effects, free, state.prediction)
+            columns = self.passed_on(slopes, state.prediction, state.estimate)
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
             step, change_u = model.step(state.estimate, self._least_told(free))
             step = self._without_common_gain(state.effects, free, step)
@@ -245,7 +259,7 @@ class Fitter:
                 if reached > value:
                     gained, state = reached - value, trial
                     break
-            after = self.random.updated(state.estimate, model.known)
+            after = self.random.updated(state.estimate, model.solver)
             settled = bool(np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12))
             state = replace(state, estimate=after)
             if (
@@ -324,6 +338,14 @@ def all_free(effects: Sequence[Effect], which: Sequence[int], rings: int) -> tup
             if unknown.rings == 1 or length == rings:
                 found.append(Free(place, unknown))
     return tuple(found)
+
+
+def _is_away(about: tuple[Effect, ...], effects: tuple[Effect, ...], free: Sequence[Free]) -> bool:
+    """Whether a parameter has moved so far that slopes about where it was tell too little."""
+    moves = [
+        np.subtract(*(getattr(all_of[one.effect], one.unknown.name) for all_of in (about, effects))) for one in free
+    ]
+    return any(np.any(np.abs(move) > one.unknown.step) for move, one in zip(moves, free, strict=True))
 
 
 def _moved(effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarray) -> tuple[Effect, ...]:

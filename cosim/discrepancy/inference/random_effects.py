@@ -327,19 +327,19 @@ class RandomEffects:
                 found += design.multiply(design).T @ evidence.information[name]
         return found
 
-    def updated(self, estimate: Estimate, known: SparseMatrix) -> Estimate:
+    def updated(self, estimate: Estimate, solver: Factored | None) -> Estimate:
         """Variances after one update: MacKay's fixed point (Neural Comput. 1992), traces by random probes.
 
         Args:
             estimate: with predictions at the present variances.
-            known: (a, a) information of the active random effects, their laws left out.
+            solver: of the information of the active random effects, their laws included.
         """
         used, variance = np.flatnonzero(self.active(estimate)), estimate.variance.copy()
-        if not len(used):
+        if solver is None:
             return estimate
         precision, law = self.precision(estimate)[used], self._law[used]
         signs = np.random.default_rng(0).choice((-1.0, 1.0), (len(used), self._settings.probes))
-        unsure = (signs * Factored(known + sparse.diags(precision), self.apart[used]).solve(signs)).mean(1)
+        unsure = (signs * solver.solve(signs)).mean(1)
         told = np.bincount(law, 1 - precision * unsure, len(variance))
         size = np.bincount(law, estimate.u[used] ** 2, len(variance))
         mine, most = np.unique(law), self._settings.most_step
