@@ -95,15 +95,16 @@ class Fitter:
         Args:
             effects: all effects of the sensor.
             free: what may change.
-            start: random effects to start with, or with none so wide where that is likelier; by default none but pose
-                errors of the usual spread.
+            start: random effects to start with, but for pose errors where it is likelier without; by default none but
+                pose errors of the usual spread.
             steps: most Gauss–Newton steps.
             roughly: search no closer than it takes to tell candidates apart.
         """
         free = tuple(free)
         state = self._state(tuple(effects), self.random.start() if start is None else start)
-        none = replace(state.estimate, u=np.zeros_like(state.estimate.u))
-        if state.estimate.u.any() and not self.sample.of_own_map:
+        none = replace(state.estimate, u=state.estimate.u.copy())
+        none.u[self.random.rows("poses")] = 0.0
+        if not self.random.knows_no_poses:  # an effect that is new may have taken over what pose errors were
             other = replace(state, estimate=none, fit=self.judged(state.prediction, none))
             state = max(state, other, key=self._penalised)
         sought = [one.by_search or isinstance(one, ScanEffect) for one in state.effects]
