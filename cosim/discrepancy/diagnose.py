@@ -12,9 +12,8 @@ import numpy as np
 
 from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.candidates import candidate_kinds
-from cosim.discrepancy.data.checks import check_fit, opened
+from cosim.discrepancy.data.checks import check_fit, drive_notes, fit_notes, not_told, opened, struck_notes
 from cosim.discrepancy.data.frames import FrameTracer
-from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told, struck_notes
 from cosim.discrepancy.data.split import split_drive, split_frames
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.eliminate import confirmed, eliminated, redrawn, simplified

@@ -21,9 +21,8 @@ from cosim.discrepancy.groups.effects import effect_groups
 from cosim.discrepancy.groups.quantization import Lattice, find_lattices
 from cosim.discrepancy.inference.comparison import Gain, ToldBy, gain, stability
 from cosim.discrepancy.inference.fit import Fitted, Fitter, Free, all_free
-from cosim.discrepancy.inference.group import Group
 from cosim.discrepancy.inference.handover import handed_over
-from cosim.discrepancy.inference.score_test import Tested, screen
+from cosim.discrepancy.inference.score_test import Group, Tested, screen
 from cosim.discrepancy.state import Case, Found, Model, State
 from cosim.discrepancy.unknown.plug_in import shape_effect
 from cosim.discrepancy.unknown.shape import Shape

@@ -13,8 +13,7 @@ from cosim.discrepancy.inference.comparison import ToldBy
 from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score_test import Tested
-from cosim.discrepancy.sampling.drawing import draw_sample
-from cosim.discrepancy.sampling.silhouettes import with_silhouettes
+from cosim.discrepancy.sampling.drawing import draw_sample, with_silhouettes
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unknown.shape import Shape
 from sensors.effects.acting import bending, in_order

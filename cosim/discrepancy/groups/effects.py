@@ -7,10 +7,9 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from cosim.discrepancy.candidates import unknowns, weak_forms, with_values
-from cosim.discrepancy.inference.columns import Column, SparseMatrix
 from cosim.discrepancy.inference.fit import Fitted, Fitter
-from cosim.discrepancy.inference.group import Group, Strays
-from cosim.discrepancy.inference.score import Quantity, change
+from cosim.discrepancy.inference.score import Column, Quantity, SparseMatrix, change
+from cosim.discrepancy.inference.score_test import Group, Strays
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from sensors.effects.base import Effect
 

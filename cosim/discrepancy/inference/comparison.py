@@ -9,9 +9,8 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
-from cosim.discrepancy.inference.censored import student
 from cosim.discrepancy.inference.fit import Fitted, Fitter
-from cosim.discrepancy.inference.likelihood import Fit
+from cosim.discrepancy.inference.likelihood import Fit, student
 from cosim.discrepancy.sampling.sample import Sample
 
 ToldBy = Literal["beams", "noise", "poses"]  # what tells of a change: see `gain`

@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
-from cosim.discrepancy.inference.columns import Column
 from cosim.discrepancy.inference.likelihood import Fit, judge, range_spread_m
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
-from cosim.discrepancy.inference.score import Evidence, Quantity, change, dispersion
+from cosim.discrepancy.inference.score import Column, Evidence, Quantity, change, dispersion
 from cosim.discrepancy.inference.search import is_searched, searched
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from sensors.effects.base import BeamEffect, Effect, NoiseEffect, RoundingEffect, ScanEffect
@@ -102,9 +101,9 @@ class Fitter:
         """
         free = tuple(free)
         state = self._state(tuple(effects), self.random.start() if start is None else start)
-        none = replace(state.estimate, u=state.estimate.u.copy())
-        none.u[self.random.rows("poses")] = 0.0
-        if not self.random.knows_no_poses:  # an effect that is new may have taken over what pose errors were
+        if self.random.has_poses:  # an effect that is new may have taken over what pose errors were
+            u = np.where(np.arange(self.random.size) < self.random.rows("poses").stop, 0.0, state.estimate.u)
+            none = replace(state.estimate, u=u)
             other = replace(state, estimate=none, fit=self.judged(state.prediction, none))
             state = max(state, other, key=self._penalised)
         sought = [one.by_search or isinstance(one, ScanEffect) for one in state.effects]

@@ -14,9 +14,9 @@ import numpy as np
 
 from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.inference.fit import Fitted, Fitter
-from cosim.discrepancy.inference.group import Group
 from cosim.discrepancy.inference.linear_model import LinearModel
-from cosim.discrepancy.inference.score_test import Tested
+from cosim.discrepancy.inference.random_effects import Estimate
+from cosim.discrepancy.inference.score_test import Group, Tested
 
 
 def handed_over(
@@ -32,9 +32,10 @@ def handed_over(
     """
     random, by, scans = fitter.random, fitter.settings.screen, len(fitter.sample.names)
     asked = [one for one in groups if one.channel == "pose" and one.start is not None and "range" in one.columns]
-    if not asked or random.knows_no_poses:
+    if not asked or not random.has_poses:
         return
     poses = random.poses(fitted.estimate)
+    least = np.array(fitter.settings.unsure.least_poses) ** 2
     known = random.informed(fitted.prediction, fitted.evidence)[: poses.size].reshape(poses.shape).mean(0)
     order = rng.permuted(np.tile(np.arange(scans), (by.draws, 1)), axis=1)
     u = np.concatenate([poses[None], poses[order] * rng.choice((-1.0, 1.0), (by.draws, scans, 1))])
@@ -43,7 +44,7 @@ def handed_over(
         mine = list({one.amplitude: one for one in asked if one.name == name}.values())
         each = [model.projected(one.columns)[0][: poses.size, 0].reshape(poses.shape) for one in mine]
         taken = np.stack(each, -1)
-        rows.append((mine, taken, *explained(u, taken, random.least_poses, known)))
+        rows.append((mine, taken, *explained(u, taken, least, known)))
     gains = np.stack([gain for *_, gain in rows])
     sizes = (gains - gains[:, 1:].mean(1, keepdims=True)) / np.maximum(gains[:, 1:].std(1, keepdims=True), 1e-12)
     largest = sizes[:, 1:].max(0)
@@ -53,7 +54,9 @@ def handed_over(
         assert effect is not None  # asked before
         off = vars(fitted.effects[place]) if place is not None else dict(type(effect).neutral or {})
         values = {one.amplitude: off[one.amplitude] + more for one, more in zip(mine, step, strict=True)}
-        begun = random.with_poses(fitted.estimate, poses - taken @ step)
+        left, (u, variance) = poses - taken @ step, (fitted.estimate.u, fitted.estimate.variance)  # poses come first
+        wide = np.maximum((left**2).mean(0), least)
+        begun = Estimate(np.append(left, u[left.size :]), np.append(wide, variance[len(wide) :]))
         start = with_values(effect, {**off, **values})
         group = Group(effect.name, "pose", {}, len(mine), start=start, place=place, begun=begun)
         yield Tested(group, float(size), p_value, float(gain[0]), step, float("nan"), float("nan"))

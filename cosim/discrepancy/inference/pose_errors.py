@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from cosim.discrepancy.inference.columns import SparseMatrix
+from cosim.discrepancy.inference.score import SparseMatrix
 from cosim.discrepancy.settings import DEFAULT, Unsure
 
 

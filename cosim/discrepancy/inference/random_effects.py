@@ -15,11 +15,9 @@ from itertools import pairwise
 import numpy as np
 from scipy import sparse
 
-from cosim.discrepancy.inference.columns import Factored, SparseMatrix
 from cosim.discrepancy.inference.pose_errors import PoseErrors
-from cosim.discrepancy.inference.score import Evidence, Quantity
+from cosim.discrepancy.inference.score import Evidence, Factored, Quantity, SparseMatrix
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from cosim.discrepancy.settings import Unsure
 
 _AXES = 6
 
@@ -122,20 +120,17 @@ class RandomEffects:
         )
         self.laws = tuple((one.name, row) for one in self.blocks for row in range(len(one.start)))
         self._free = np.array([one.free for one in self.blocks for _ in one.start], bool)
-        self._least = np.array([_least(settings)[name][row] ** 2 for name, row in self.laws])
+        least, of_map = dict.fromkeys(("objects", "objects_by_scan"), settings.least_objects), (settings.least_map_m,)
+        least |= {"poses": settings.least_poses, "map": of_map}
+        self._least = np.array([least.get(name, (settings.least_albedo,))[row] ** 2 for name, row in self.laws])
         self._fixed = {
             one.name: self._matrix(one) for one in self.blocks if one.name != "poses" and one.quantity == "range"
         }
 
     @property
-    def knows_no_poses(self) -> bool:
-        """Whether there are no errors of poses, or nothing is known of how large they are."""
-        return not any(one.name == "poses" and not one.free for one in self.blocks)
-
-    @property
-    def least_poses(self) -> np.ndarray:
-        """(6,) variances of pose errors below which there are none."""
-        return np.array(self._settings.least_poses) ** 2
+    def has_poses(self) -> bool:
+        """Whether poses have errors, and something is known of how large these are."""
+        return any(one.name == "poses" and not one.free for one in self.blocks)
 
     @property
     def size(self) -> int:
@@ -247,14 +242,6 @@ class RandomEffects:
         """(scans, 6) pose errors; 0 where poses have none."""
         found = estimate.u[self.rows("poses")].reshape(-1, _AXES)
         return found if len(found) else np.zeros((len(self.sample.names), _AXES))
-
-    def with_poses(self, estimate: Estimate, poses: np.ndarray) -> Estimate:
-        """With other pose errors (scans, 6), as wide as they are."""
-        u, variance = estimate.u.copy(), estimate.variance.copy()
-        u[self.rows("poses")] = poses.ravel()
-        mine = np.array([name == "poses" for name, _ in self.laws])
-        variance[mine] = np.maximum((poses**2).mean(0), self._least[mine])
-        return Estimate(u, variance)
 
     def spread(self, estimate: Estimate, name: str) -> np.ndarray:
         """Standard deviations of one kind, by law, 0 where nothing is known of them; empty where there are none."""
@@ -407,10 +394,3 @@ class RandomEffects:
             ones = np.ones(len(used))
             self._fixed[block.name] = sparse.csr_matrix((ones, (used, number[used])), (len(number), block.size))
         return self._fixed[block.name]
-
-
-def _least(settings: Unsure) -> dict[str, tuple[float, ...]]:
-    """Standard deviations below which there is none, by law: [m], [rad], or a share."""
-    objects, albedo = settings.least_objects, (settings.least_albedo,)
-    of_map = {"map": (settings.least_map_m,), "albedo": albedo, "albedo_of_map": albedo}
-    return {"poses": settings.least_poses, "objects": objects, "objects_by_scan": objects, **of_map}

@@ -14,8 +14,8 @@ import numpy as np
 from scipy import optimize
 
 from cosim.discrepancy.candidates import Unknown, with_values
-from cosim.discrepancy.inference.columns import Column
 from cosim.discrepancy.inference.likelihood import Fit
+from cosim.discrepancy.inference.score import Column
 from cosim.discrepancy.sampling.sample import Sample
 from cosim.discrepancy.settings import DEFAULT, Search
 from sensors.effects.base import EchoEffect, Effect, ScanEffect

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.discrepancy.groups.covariates import covariates
+from cosim.discrepancy.groups.dependences import covariates
 from cosim.discrepancy.select import reshaped
 from cosim.discrepancy.state import Found, Model, State, View
-from cosim.discrepancy.unknown.formulas import best_formula
 from cosim.discrepancy.unknown.plug_in import class_name, effect_source, shape_effect
-from cosim.discrepancy.unknown.shape import Shape
+from cosim.discrepancy.unknown.shape import Shape, best_formula
 from sensors.effects.lasers import as_known, for_rings, with_rings
 from sensors.effects.points.range_noise import RangeNoise
 from sensors.effects.registry import find_effect
