@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from cosim.discrepancy.aligned import HeldOut
-from cosim.discrepancy.budget import held_out
+from cosim.discrepancy.budget import HeldOut, held_out
 from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.diagnose import begun, case_of

@@ -12,13 +12,12 @@ import numpy as np
 
 from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.candidates import candidate_kinds
-from cosim.discrepancy.data.checks import check_fit, opened
+from cosim.discrepancy.data.checks import check_fit, drive_notes, fit_notes, not_told, opened, struck_notes
 from cosim.discrepancy.data.frames import FrameTracer
-from cosim.discrepancy.data.notes import drive_notes, fit_notes, not_told, struck_notes
 from cosim.discrepancy.data.split import split_drive, split_frames
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.eliminate import confirmed, eliminated, redrawn, simplified
-from cosim.discrepancy.inference.comparison import Gain, gain
+from cosim.discrepancy.inference.comparison import Gain, ToldBy, gain
 from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.inference.score_test import Tested
 from cosim.discrepancy.select import Candidate, as_found, candidates, chosen, roundings, screened, screened_pairs, tiers
@@ -147,7 +146,7 @@ def accepted(case: Case, state: State, one: Candidate, found: Sequence[Candidate
     model = replace(one.model, effects=view.fitted.effects)
     judges = judged(case, state.judges, model)
     if not one.is_fact and case.split.is_held_out:
-        told = gain_elsewhere(case, state, view, judges, of_noise=one.of_noise)
+        told = gain_elsewhere(case, state, view, judges, one.told_by)
         case.say(f"{one.name} gains {told.value:.1f} ± {told.error:.1f} on frames that took no part")
         if told.p_value > case.settings.level:
             return None
@@ -155,7 +154,7 @@ def accepted(case: Case, state: State, one: Candidate, found: Sequence[Candidate
     return after.with_found(as_found(case, state, one, found))
 
 
-def gain_elsewhere(case: Case, state: State, view: View, judges: View, *, of_noise: bool) -> Gain:
+def gain_elsewhere(case: Case, state: State, view: View, judges: View, by: ToldBy) -> Gain:
     """What a model gains where it was not fitted.
 
     On frames that took no part. Of a map made of the scans these are few, next to each other, and say little of how
@@ -167,7 +166,7 @@ def gain_elsewhere(case: Case, state: State, view: View, judges: View, *, of_noi
         case: of the diagnosis.
         state: before.
         view, judges: frames that are fitted, and that judge, as the model tells them.
-        of_noise: whether the model differs in spreads alone.
+        by: what tells of the candidate.
     """
     same = judges.fitter is state.judges.fitter
     if view.fitter.sample.of_own_map:
@@ -175,7 +174,7 @@ def gain_elsewhere(case: Case, state: State, view: View, judges: View, *, of_noi
         names = (*view.names, *judges.names)
         judges, same = viewed(case, names, frozen, case.settings.judging_rows, traced=frames, judging=True), False
     before = state.judges.fitted if same else seen_by(judges, state.model.effects)
-    told = gain(judges.fitter, before, judges.fitted, of_noise=of_noise)
+    told = gain(judges.fitter, before, judges.fitted, by)
     if not view.fitter.sample.of_own_map:
         return told
     return min(told, told.without_outlier(), key=lambda one: one.p_value)

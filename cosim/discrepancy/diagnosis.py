@@ -9,8 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cosim.discrepancy.aligned import HeldOut, Judged
-from cosim.discrepancy.budget import Budget
+from cosim.discrepancy.budget import Budget, HeldOut, Judged
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.unexplained import Unexplained

@@ -10,7 +10,6 @@ from cosim.discrepancy.inference.comparison import Gain, gain
 from cosim.discrepancy.inference.intervals import plainly_on
 from cosim.discrepancy.select import Candidate, reshaped, simpler_than
 from cosim.discrepancy.state import Case, Found, Model, State, View, fitted_anew, given, judged, seen_by, viewed
-from sensors.effects.base import NoiseEffect
 
 
 def simplified(case: Case, state: State) -> State:
@@ -28,7 +27,7 @@ def simplified(case: Case, state: State) -> State:
         case.say(f"asking whether something simpler does as well as {one.effect}")
         simpler = simpler_than(case, state, place)
         if simpler is not None:
-            renamed = replace(one, effect=simpler.name, place=simpler.place)
+            renamed = replace(one, effect=simpler.name, told_by=simpler.told_by)
             kept = tuple(renamed if other is one else other for other in state.found)
             state = _with_candidate(case, state, simpler, kept)
     return state
@@ -48,9 +47,8 @@ def eliminated(case: Case, state: State) -> State:
         view = fitted_anew(case, less, state.view)
         if view.fitter is not state.view.fitter:
             continue
-        of_noise = isinstance(state.model.effects[place], NoiseEffect)
-        told = gain(view.fitter, view.fitted, state.view.fitted, of_noise=of_noise)
-        value = told.value if of_noise else state.view.fitted.loglik - view.fitted.loglik
+        told = gain(view.fitter, view.fitted, state.view.fitted, one.told_by)
+        value = told.value if one.told_by == "noise" else state.view.fitted.loglik - view.fitted.loglik
         if told.p_value > case.settings.level or value < np.log(len(view.fitter.sample)):
             state = _moved_on(case, state, less, view, _all_but(one, state))
             sure = plainly_on(state.view.fitter, state.view.fitted, given(case))
@@ -110,7 +108,7 @@ def _gain(view: View, model: Model, one: Found, given: Model) -> Gain:
     place = model.place_of(one.effect)
     assert place is not None  # found
     before = seen_by(view, model.without(place, given.effects).effects)
-    return gain(view.fitter, before, view.fitted, of_noise=isinstance(model.effects[place], NoiseEffect))
+    return gain(view.fitter, before, view.fitted, one.told_by)
 
 
 def _without(case: Case, state: State, one: Found) -> State:

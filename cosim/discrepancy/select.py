@@ -8,15 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.discrepancy.candidates import confusable, with_values
-from cosim.discrepancy.groups.dependences import depends_on_scans, main_effects, of_covariates, of_noise, of_pairs
+from cosim.discrepancy.groups.dependences import (
+    depends_on_scans,
+    main_effects,
+    of_covariates,
+    of_noise,
+    of_pairs,
+    of_phases,
+)
 from cosim.discrepancy.groups.dependences import of_scans as of_levels
 from cosim.discrepancy.groups.effects import effect_groups
-from cosim.discrepancy.groups.phases import of_phases
 from cosim.discrepancy.groups.quantization import Lattice, find_lattices
-from cosim.discrepancy.inference.comparison import Gain, gain, stability
+from cosim.discrepancy.inference.comparison import Gain, ToldBy, gain, stability
 from cosim.discrepancy.inference.fit import Fitted, Fitter, Free, all_free
-from cosim.discrepancy.inference.group import Group
-from cosim.discrepancy.inference.score_test import Tested, screen
+from cosim.discrepancy.inference.handover import handed_over
+from cosim.discrepancy.inference.score_test import Group, Tested, screen
 from cosim.discrepancy.state import Case, Found, Model, State
 from cosim.discrepancy.unknown.plug_in import shape_effect
 from cosim.discrepancy.unknown.shape import Shape
@@ -38,6 +44,7 @@ class Candidate:
         p_value: of its group.
         shape: of an unknown one.
         lattice: of a rounding.
+        told_by: what tells other frames of it.
     """
 
     name: str
@@ -49,6 +56,7 @@ class Candidate:
     p_value: float
     shape: Shape | None = None
     lattice: Lattice | None = None
+    told_by: ToldBy = "beams"
 
     def price(self, beams: float) -> float:
         """Gain that its numbers, and the choice of a shape, must bring (half the BIC's penalty)."""
@@ -71,11 +79,6 @@ class Candidate:
         """Whether other frames cannot deny it: a step of the file, or levels of the very scans that were fitted."""
         return self.lattice is not None or (self.shape is not None and self.shape.is_of_scans)
 
-    @property
-    def of_noise(self) -> bool:
-        """Whether it is about spread alone."""
-        return isinstance(self.fitted.effects[self.place], NoiseEffect)
-
 
 def screened(case: Case, state: State) -> list[Tested]:
     """Every group but pairs, tested at once."""
@@ -92,7 +95,10 @@ def screened(case: Case, state: State) -> list[Tested]:
         fitter.sample.of_own_map
     ):  # how rough its surfaces are is only estimated, so what spreads depend on tells nothing
         groups = [one for one in groups if one.is_effect or one.channel != "range_variance"]
-    return screen(fitter.system(fitted), fitted.estimate, groups, fitter.random.clusters, case.settings, rng)
+    model = fitter.system(fitted)
+    found = screen(model, fitted.estimate, groups, fitter.random.clusters, case.settings, rng)
+    of_poses = handed_over(fitter, fitted, model, groups, rng)
+    return sorted([*found, *of_poses], key=lambda one: (one.p_value, -one.value))
 
 
 def screened_pairs(case: Case, state: State) -> list[Tested]:
@@ -241,15 +247,15 @@ def _fitted(state: State, group: Group, p_value: float = 1.0) -> Candidate:
     fitter, fitted = state.view.fitter, state.view.fitted
     effects, place = _started(fitter, fitted, group)
     mine, along = _free(state, effects, place)
-    after = fitter.fit(
-        effects, (*mine, *along), fitted.estimate, steps=fitter.settings.descent.rough_steps, roughly=True
-    )
+    start = fitted.estimate if group.begun is None else group.begun
+    after = fitter.fit(effects, (*mine, *along), start, steps=fitter.settings.descent.rough_steps, roughly=True)
     of_noise = isinstance(after.effects[place], NoiseEffect)
-    told = gain(fitter, fitted, after, of_noise=of_noise)
-    told = told if of_noise else replace(told, value=after.loglik - fitted.loglik)
+    told = gain(fitter, fitted, after, "noise" if of_noise else "beams")
+    told = told if of_noise else replace(told, value=after.loglik - fitted.loglik - told.of_shape)
+    told_by: ToldBy = "noise" if of_noise else "beams" if group.begun is None else "poses"
     numbers = sum(one.unknown.rings for one in mine)
     model = state.model.replaced(after.effects, place)
-    return Candidate(group.name, model, place, after, told, numbers, p_value)
+    return Candidate(group.name, model, place, after, told, numbers, p_value, told_by=told_by)
 
 
 def simpler_than(case: Case, state: State, place: int) -> Candidate | None:
@@ -349,7 +355,7 @@ def _with_shape(state: State, shape: Shape, p_value: float) -> Candidate | None:
     mine, along = _free(state, effects, place)
     after = fitter.fit(effects, (*mine, *along), fitted.estimate, steps=fitter.settings.descent.rough_steps)
     told = gain(fitter, fitted, after)
-    told = replace(told, value=after.loglik - fitted.loglik)
+    told = replace(told, value=after.loglik - fitted.loglik - told.of_shape)
     numbers = len(mine) if shape.formula is not None else len(shape.y)
     if shape.factor is not None:
         numbers += len(shape.factor.formula.parameters)
@@ -368,7 +374,8 @@ def _started(fitter: Fitter, fitted: Fitted, group: Group) -> tuple[tuple[Effect
     effect = group.start
     assert effect is not None  # of a candidate
     if group.place is not None:
-        return fitted.effects, group.place
+        begun = fitted.effects[group.place] if group.begun is None else effect
+        return (*fitted.effects[: group.place], begun, *fitted.effects[group.place + 1 :]), group.place
     if not group.amplitude or isinstance(effect, RoundingEffect):
         return (*fitted.effects, effect), len(fitted.effects)
     off = (type(effect).neutral or {})[group.amplitude]
@@ -388,4 +395,4 @@ def as_found(case: Case, state: State, one: Candidate, found: Sequence[Candidate
     interval = one.lattice.interval if one.lattice is not None else None
     left = found[found.index(one) :] if one in found else [one]
     alike = tuple(other.name for other in _alike(case, state, left))
-    return Found(one.name, one.place, one.p_value, alike, one.shape, interval)
+    return Found(one.name, one.p_value, alike, one.shape, interval, one.told_by)

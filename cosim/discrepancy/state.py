@@ -9,11 +9,11 @@ import numpy as np
 
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split
+from cosim.discrepancy.inference.comparison import ToldBy
 from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score_test import Tested
-from cosim.discrepancy.sampling.drawing import draw_sample
-from cosim.discrepancy.sampling.silhouettes import with_silhouettes
+from cosim.discrepancy.sampling.drawing import draw_sample, with_silhouettes
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unknown.shape import Shape
 from sensors.effects.acting import bending, in_order
@@ -53,19 +53,19 @@ class Found:
 
     Attributes:
         effect: its name.
-        place: where it stands among the effects.
         p_value: its own, family-wise.
         also_possible: what explains the data as well.
         shape: of an unknown one.
         interval: known beforehand, of what is no parameter of a fit.
+        told_by: what tells other frames of it.
     """
 
     effect: str
-    place: int
     p_value: float
     also_possible: tuple[str, ...] = ()
     shape: Shape | None = None
     interval: dict[str, list[float]] | None = None
+    told_by: ToldBy = "beams"
 
     @property
     def is_fact(self) -> bool:

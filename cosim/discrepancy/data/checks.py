@@ -1,12 +1,15 @@
-"""Refuses drives that cannot be compared, and says why before anything is called a missing effect."""
+"""Refuses drives that cannot be compared, saying why; and notes on what a drive does not let one know."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
+from cosim.discrepancy.data.observation import intensity_unit
+from cosim.discrepancy.settings import DEFAULT, Beams
 from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
 
@@ -62,3 +65,73 @@ def check_fit(frame: TracedFrame, drive: Drive) -> None:
             f"upright in it lie within {settings.same_m:g} m, the median is {np.median(standing):.2f} m off; "
             "check which frame is which"
         )
+
+
+_OF_OWN_MAP = ("mount_rotation", "mount_translation", "suspension_pitch", "time_offset", "range_scale")
+_OF_WHAT_IS_IN_NO_MAP = ("backscatter", "false_alarms", "mirror_ghost", "blooming")
+_OF_POSES = ("mount_rotation", "mount_translation", "suspension_pitch")
+_NO_MATTER = ("image_", "depth_", "semantic_", "instance_", "label_2", "oxts", "hits")
+
+
+def drive_notes(drive: Drive, *, frames: int, bad: int, strays: int, has_intensity: bool) -> tuple[str, ...]:
+    """Of a drive that is compared with its twin.
+
+    Args:
+        drive: with its twin.
+        frames: how many of them are compared.
+        bad, strays: points of these with NaN or infinity, and those that fit no beam.
+        has_intensity: whether points have any.
+    """
+    said = [note for note in drive.missing if not note.startswith(_NO_MATTER)]
+    if drive.materials_path is None:
+        said.append("twin/materials.yaml is absent: reflectances are taken from colours, so intensities mean little")
+    if bad:
+        said.append(f"{bad} points with NaN or infinity were left out")
+    if strays:
+        said.append(f"{strays} points fit no beam of the sensor's pattern and were left out")
+    if (unit := intensity_unit(drive)) != 1:
+        said.append(f"intensities are bytes: they were divided by {unit:g}")
+    if not has_intensity:
+        said.append("there are no intensities: that channel is left out")
+    if frames == 1:
+        said.append("one frame only: what differs from frame to frame cannot be told from what is constant")
+    return tuple(said)
+
+
+def not_told(fitted: int, of_own_map: bool, settings: Beams = DEFAULT.beams) -> tuple[str, ...]:
+    """Effects that so many scans cannot tell from errors of their poses, or a map made of them from its own."""
+    return (
+        *(_OF_POSES if fitted < settings.fewest_scans else ()),
+        *((*_OF_OWN_MAP, *_OF_WHAT_IS_IN_NO_MAP) if of_own_map else ()),
+    )
+
+
+def fit_notes(fitted: int, is_held_out: bool, of_own_map: bool, settings: Beams = DEFAULT.beams) -> tuple[str, ...]:
+    """Of how many frames were fitted, whether others judged, and whether the twin is a map made of them."""
+    said = []
+    if of_own_map:
+        said.append(
+            "the twin is a map made of the scans: places and reflectances of surfaces and poses of scans are free, so "
+            f"{', '.join(_OF_OWN_MAP)} and a constant offset along all normals are not told by this drive"
+        )
+        said.append(
+            "returns from what the map does not hold are left out, be it traffic, leaves or fog: "
+            f"{', '.join(_OF_WHAT_IS_IN_NO_MAP)} are not told by this drive"
+        )
+    if fitted < settings.fewest_scans:
+        count = "one frame is" if fitted == 1 else f"{fitted} frames are"
+        said.append(
+            f"{count} too few to tell a sensor that is off as a whole from poses that are: "
+            f"{', '.join(_OF_POSES[:-1])} and {_OF_POSES[-1]} do not show"
+        )
+    if not is_held_out:
+        said.append("no frame was left to judge by: errors after a fit are flattering")
+    return tuple(said)
+
+
+def struck_notes(names: Sequence[str]) -> tuple[str, ...]:
+    """Of findings that the untouched segment denied."""
+    return tuple(
+        f"{name} was found and struck out again: the last frames, by which nothing was chosen, are told better without"
+        for name in names
+    )

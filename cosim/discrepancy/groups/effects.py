@@ -7,10 +7,9 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from cosim.discrepancy.candidates import unknowns, weak_forms, with_values
-from cosim.discrepancy.inference.columns import Column, SparseMatrix
 from cosim.discrepancy.inference.fit import Fitted, Fitter
-from cosim.discrepancy.inference.group import Group, Strays
-from cosim.discrepancy.inference.score import Quantity, change
+from cosim.discrepancy.inference.score import Column, Quantity, SparseMatrix, change
+from cosim.discrepancy.inference.score_test import Group, Strays
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from sensors.effects.base import Effect
 
@@ -87,10 +86,15 @@ def _told(
                 place=place, gain=gain, strays=strays,
             )  # fmt: skip
         return
-    moved = {name: values / step for name, values in change(fitted.prediction, after, sample.settings.law).items()}
-    if "intensity" in moved:
-        moved["intensity"] = moved["intensity"] * fitter.random.light_slope(fitted.estimate)
-    delta: dict[Quantity, np.ndarray] = {name: one for name, one in moved.items() if name in fitted.evidence.score}
+    moved, passed_on = (
+        change(fitted.prediction, after, sample.settings.law),
+        fitter.random.passed_on(fitted.prediction, fitted.estimate),
+    )
+    delta: dict[Quantity, np.ndarray] = {
+        name: values / step * passed_on.get(name, 1.0)
+        for name, values in moved.items()
+        if name in fitted.evidence.score
+    }
     if delta:
         free = next(unknown for unknown in unknowns(type(weak)) if unknown.name == amplitude)
         column = Column(delta, sample.ring if free.rings > 1 else None, free.rings)

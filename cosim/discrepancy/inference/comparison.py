@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy import stats
 
 from cosim.discrepancy.inference.fit import Fitted, Fitter
-from cosim.discrepancy.inference.likelihood import Fit
+from cosim.discrepancy.inference.likelihood import Fit, student
 from cosim.discrepancy.sampling.sample import Sample
+
+ToldBy = Literal["beams", "noise", "poses"]  # what tells of a change: see `gain`
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +25,14 @@ class Gain:
         error: its standard error, from cluster to cluster.
         freedom: degrees of freedom of that error.
         sums: of each clustering (clusters,) what each cluster adds; the same clusters of all models of one sample.
+        of_shape: what of the likelihood's gain was left out, as the noise's shape alone would make it.
     """
 
     value: float
     error: float
     freedom: float
     sums: tuple[np.ndarray, ...]
+    of_shape: float = 0.0
 
     @property
     def p_value(self) -> float:
@@ -61,7 +66,7 @@ class Gain:
         return max((Gain.of([one]) for one in cut), key=lambda one: one.p_value)
 
 
-def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = False) -> Gain:
+def gain(fitter: Fitter, before: Fitted, after: Fitted, by: ToldBy = "beams") -> Gain:
     """Gain of one fit over another, random effects with their laws.
 
     The gain per beam does not depend on how many beams were drawn; its error is of clusters: objects, cells of the
@@ -70,16 +75,22 @@ def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = Fals
     Args:
         fitter: of the sample that both are of.
         before, after: fits, or models as they are with random effects fitted.
-        of_noise: hold spreads against how neighbours differ instead, which no misfit of the mean enters.
+        by: beams and random effects; or how neighbours differ, which no misfit of the mean enters; or pose errors
+            alone: beams are as likely where an effect moves them as where these do, but for what planes do not tell.
     """
-    clusters, sample = fitter.random.clusters, fitter.sample
-    if of_noise:
+    clusters, sample, of_shape = fitter.random.clusters, fitter.sample, 0.0
+    if by == "noise":
         beams = _quasi_likelihood(sample, after.fit) - _quasi_likelihood(sample, before.fit)
         law = np.zeros(fitter.random.size)
     else:
         beams = sample.share * (after.fit.loglik - before.fit.loglik)
+        shape = _of_shape(sample, after.fit) - _of_shape(sample, before.fit)
+        if shape.sum() > 0:
+            beams, of_shape = beams - shape, float(shape.sum())
         known = fitter.random.informed(before.prediction, before.evidence)
         law = _of_law(fitter, after, known) - _of_law(fitter, before, known)
+    if by == "poses":
+        beams, law = np.zeros(len(beams)), np.where(clusters.unit_scan >= 0, law, 0.0)
     scans = np.bincount(clusters.unit_scan[clusters.unit_scan >= 0], law[clusters.unit_scan >= 0])
     things = np.where(clusters.unit_track >= 0, law, 0.0)
     by_track = np.bincount(clusters.track, beams)
@@ -88,7 +99,7 @@ def gain(fitter: Fitter, before: Fitted, after: Fitted, *, of_noise: bool = Fals
     by_thing = np.bincount(np.maximum(clusters.unit_track, 0), things)
     found = [Gain.of([by_track, scans]), Gain.of([by_part, scans, by_thing])]
     unsure = max(found, key=lambda one: one.error)
-    return replace(unsure, sums=tuple(one.sums[0] for one in found))
+    return replace(unsure, sums=tuple(one.sums[0] for one in found), of_shape=of_shape)
 
 
 def stability(gains: Sequence[Gain], prices: Sequence[float], halves: int, rng: np.random.Generator) -> np.ndarray:
@@ -123,6 +134,15 @@ def _of_law(fitter: Fitter, fitted: Fitted, known: np.ndarray) -> np.ndarray:
     return np.where(
         active, -0.5 * fitted.estimate.u**2 * precision + 0.5 * np.log(precision / (precision + known)), 0.0
     )
+
+
+def _of_shape(sample: Sample, fit: Fit) -> np.ndarray:
+    """(n,) what the law of ranges adds to their quasi-likelihood −½z², which only their mean counts for.
+
+    The likeliest place of a law without skew is not the mean of noise that has one: there a bias gains that is none.
+    """
+    z = fit.range_z
+    return sample.share * fit.matched * (student(z) + 0.5 * np.minimum(z**2, sample.settings.law.most_squared))
 
 
 def _quasi_likelihood(sample: Sample, fit: Fit) -> np.ndarray:

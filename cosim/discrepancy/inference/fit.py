@@ -12,14 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
-from cosim.discrepancy.inference.columns import Column
 from cosim.discrepancy.inference.likelihood import Fit, judge, range_spread_m
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
-from cosim.discrepancy.inference.score import Evidence, Quantity, change, dispersion
+from cosim.discrepancy.inference.score import Column, Evidence, Quantity, change, dispersion
 from cosim.discrepancy.inference.search import is_searched, searched
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from sensors.effects.base import Effect, NoiseEffect, RoundingEffect, ScanEffect
+from sensors.effects.base import BeamEffect, Effect, NoiseEffect, RoundingEffect, ScanEffect
 
 
 @dataclass(frozen=True)
@@ -95,12 +94,18 @@ class Fitter:
         Args:
             effects: all effects of the sensor.
             free: what may change.
-            start: random effects to start with; by default none but pose errors of the usual spread.
+            start: random effects to start with, but for pose errors where it is likelier without; by default none but
+                pose errors of the usual spread.
             steps: most Gauss–Newton steps.
             roughly: search no closer than it takes to tell candidates apart.
         """
         free = tuple(free)
         state = self._state(tuple(effects), self.random.start() if start is None else start)
+        if self.random.has_poses:  # an effect that is new may have taken over what pose errors were
+            u = np.where(np.arange(self.random.size) < self.random.rows("poses").stop, 0.0, state.estimate.u)
+            none = replace(state.estimate, u=u)
+            other = replace(state, estimate=none, fit=self.judged(state.prediction, none))
+            state = max(state, other, key=self._penalised)
         sought = [one.by_search or isinstance(one, ScanEffect) for one in state.effects]
         gradual = tuple(one for one in free if not sought[one.effect])
         state = self._settled(state, gradual, self.settings.descent.steps if steps is None else steps)
@@ -125,20 +130,38 @@ class Fitter:
         self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction, estimate: Estimate
     ) -> tuple[Column, ...]:
         """How the prediction changes with each free parameter, random effects as they are."""
-        found, slope = [], self.random.light_slope(estimate)
+        return self.passed_on(self.slopes(effects, free, at), at, estimate)
+
+    def passed_on(self, slopes: Sequence[Column], at: Prediction, estimate: Estimate) -> tuple[Column, ...]:
+        """Slopes as they come out beside the random effects."""
+        by = self.random.passed_on(at, estimate)
+        return tuple(
+            replace(one, delta={name: values * by.get(name, 1.0) for name, values in one.delta.items()})
+            for one in slopes
+        )
+
+    def slopes(self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction) -> tuple[Column, ...]:
+        """How what effects predict changes with each free parameter."""
+        found = []
         for one in free:
             effect, unknown = effects[one.effect], one.unknown
             value = np.asarray(getattr(effect, unknown.name), float)
             step = unknown.step if np.all(value + unknown.step <= unknown.high) else -unknown.step
-            moved = with_values(effect, {unknown.name: value + step})
-            after = self.sample.predict((*effects[: one.effect], moved, *effects[one.effect + 1 :]))
+            after, before = self._moved(effects, one, value + step), at
+            if isinstance(effect, BeamEffect) and np.all(value - step >= unknown.low):
+                # Ground at a flat angle is far from linear: such slopes are taken from both sides.
+                before, step = self._moved(effects, one, value - step), 2 * step
             delta: dict[Quantity, np.ndarray] = {
-                name: values / step * (slope if name == "intensity" else 1.0)
-                for name, values in change(at, after, self.settings.law).items()
+                name: values / step for name, values in change(before, after, self.settings.law).items()
             }
             ring = self.sample.ring if unknown.rings > 1 else None
             found.append(Column(delta, ring, unknown.rings))
         return tuple(found)
+
+    def _moved(self, effects: tuple[Effect, ...], one: Free, value: np.ndarray) -> Prediction:
+        """What is expected with another value of a parameter."""
+        moved = with_values(effects[one.effect], {one.unknown.name: value})
+        return self.sample.predict((*effects[: one.effect], moved, *effects[one.effect + 1 :]))
 
     def system(self, fitted: Fitted) -> LinearModel:
         """The linear mixed model at a fit, residuals as wide as they are."""
@@ -209,7 +232,8 @@ class Fitter:
 
     def _descended(self, state: _State, free: tuple[Free, ...], blur: float, steps: int) -> _State:
         """Gauss–Newton steps at one blur, variances updated along."""
-        state = replace(state, fit=self.judged(state.prediction, state.estimate, blur))
+        state, about = replace(state, fit=self.judged(state.prediction, state.estimate, blur)), None
+        slopes: tuple[Column, ...] = ()
         lasers = self._of_lasers(state.effects, free)
         precision = np.zeros(len(lasers))
 
@@ -223,7 +247,9 @@ class Fitter:
             if blur == 0.0 and number in (1, 2, 4):
                 begun = self.random.begun(state.estimate, state.prediction, evidence)
                 state = replace(state, estimate=begun)
-            columns = self.columns(state.effects, free, state.prediction, state.estimate)
+            if about is None or _is_away(about, state.effects, free):
+                about, slopes = state.effects, self.slopes(state.effects, free, state.prediction)
+            columns = self.passed_on(slopes, state.prediction, state.estimate)
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
             law = (precision, _away(state.effects, free)) if precision.any() else None
             step, change_u = model.step(state.estimate, self._least_told(free), law)
@@ -242,7 +268,7 @@ class Fitter:
                     break
             if lasers.any():
                 precision = _laws(lasers, _away(state.effects, free), model.fixed_information + np.diag(precision))
-            after = self.random.updated(state.estimate, model.known)
+            after = self.random.updated(state.estimate, model.solver)
             settled = bool(np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12))
             state = replace(state, estimate=after)
             if (
@@ -351,6 +377,14 @@ def _laws(lasers: np.ndarray, away: np.ndarray, information: np.ndarray) -> np.n
     for one in range(1, int(lasers.max()) + 1):
         found[lasers == one] = 1 / max(float(spread[lasers == one].mean()), 1e-12)
     return found
+
+
+def _is_away(about: tuple[Effect, ...], effects: tuple[Effect, ...], free: Sequence[Free]) -> bool:
+    """Whether a parameter has moved so far that slopes about where it was tell too little."""
+    moves = [
+        np.subtract(*(getattr(all_of[one.effect], one.unknown.name) for all_of in (about, effects))) for one in free
+    ]
+    return any(np.any(np.abs(move) > one.unknown.step) for move, one in zip(moves, free, strict=True))
 
 
 def _moved(effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarray) -> tuple[Effect, ...]:

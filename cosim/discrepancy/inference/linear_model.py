@@ -9,9 +9,17 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from cosim.discrepancy.inference.columns import Column, Factored, SparseMatrix, ridged, scaled, stacked
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
-from cosim.discrepancy.inference.score import Evidence, Quantity
+from cosim.discrepancy.inference.score import (
+    Column,
+    Evidence,
+    Factored,
+    Quantity,
+    SparseMatrix,
+    ridged,
+    scaled,
+    stacked,
+)
 from cosim.discrepancy.sampling.sample import Prediction
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from cosim.discrepancy.inference.columns import SparseMatrix
+from cosim.discrepancy.inference.score import SparseMatrix
 from cosim.discrepancy.settings import DEFAULT, Unsure
 
 
@@ -58,6 +58,14 @@ class PoseErrors:
         scale = np.repeat(np.stack([1 / slope, farther / slope], 1), 3, axis=1)
         values = (self._derivative * scale).ravel()
         return sparse.csr_matrix((values, self._places), self._shape)
+
+    def onward(self, pose: np.ndarray, bent_m: np.ndarray) -> np.ndarray:
+        """(n,) dR′/dR₁: how much farther a surface comes out that effects have brought to `bent_m` (n,), per metre."""
+        moved, slope = self._parts(pose, self._bent(bent_m))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = self._reach / bent_m
+            found = (1 + moved / self._reach) * (ratio / slope) ** 2
+        return np.where(np.abs(ratio - 1) < self._settings.same_surface, found, 1.0)
 
     def _bent(self, bent_m: np.ndarray | None) -> np.ndarray:
         """R/R₁; 1 where that is another surface's."""

@@ -15,11 +15,9 @@ from itertools import pairwise
 import numpy as np
 from scipy import sparse
 
-from cosim.discrepancy.inference.columns import Factored, SparseMatrix
 from cosim.discrepancy.inference.pose_errors import PoseErrors
-from cosim.discrepancy.inference.score import Evidence, Quantity
+from cosim.discrepancy.inference.score import Evidence, Factored, Quantity, SparseMatrix
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from cosim.discrepancy.settings import Unsure
 
 _AXES = 6
 
@@ -122,10 +120,17 @@ class RandomEffects:
         )
         self.laws = tuple((one.name, row) for one in self.blocks for row in range(len(one.start)))
         self._free = np.array([one.free for one in self.blocks for _ in one.start], bool)
-        self._least = np.array([_least(settings)[name][row] ** 2 for name, row in self.laws])
+        least, of_map = dict.fromkeys(("objects", "objects_by_scan"), settings.least_objects), (settings.least_map_m,)
+        least |= {"poses": settings.least_poses, "map": of_map}
+        self._least = np.array([least.get(name, (settings.least_albedo,))[row] ** 2 for name, row in self.laws])
         self._fixed = {
             one.name: self._matrix(one) for one in self.blocks if one.name != "poses" and one.quantity == "range"
         }
+
+    @property
+    def has_poses(self) -> bool:
+        """Whether poses have errors, and something is known of how large these are."""
+        return any(one.name == "poses" and not one.free for one in self.blocks)
 
     @property
     def size(self) -> int:
@@ -271,9 +276,14 @@ class RandomEffects:
                 bright = bright + self._hot(one) @ part
         return np.maximum(1 + bright, self._settings.darkest)
 
-    def light_slope(self, estimate: Estimate) -> np.ndarray:
-        """Factor (n,) by which slopes of intensities change where reflectances are free; elsewhere it is near one."""
-        return self.brightness(estimate) if self.sample.of_own_map else np.ones(len(self.sample))
+    def passed_on(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, np.ndarray]:
+        """Factors (n,) by which changes of what effects predict come out beside the random effects as they are.
+
+        Far ground at a flat angle moves by another length where the pose is off; brightness is near one but where
+        reflectances are free.
+        """
+        found: dict[Quantity, np.ndarray] = {"range": self._pose_errors.onward(self.poses(estimate), expected.range_m)}
+        return found | ({"intensity": self.brightness(estimate)} if self.sample.of_own_map else {})
 
     def designs(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, SparseMatrix]:
         """Derivatives (n, m) of each quantity that they change; of active ones alone, other columns are empty."""
@@ -304,19 +314,19 @@ class RandomEffects:
                 found += design.multiply(design).T @ evidence.information[name]
         return found
 
-    def updated(self, estimate: Estimate, known: SparseMatrix) -> Estimate:
+    def updated(self, estimate: Estimate, solver: Factored | None) -> Estimate:
         """Variances after one update: MacKay's fixed point (Neural Comput. 1992), traces by random probes.
 
         Args:
             estimate: with predictions at the present variances.
-            known: (a, a) information of the active random effects, their laws left out.
+            solver: of the information of the active random effects, their laws included.
         """
         used, variance = np.flatnonzero(self.active(estimate)), estimate.variance.copy()
-        if not len(used):
+        if solver is None:
             return estimate
         precision, law = self.precision(estimate)[used], self._law[used]
         signs = np.random.default_rng(0).choice((-1.0, 1.0), (len(used), self._settings.probes))
-        unsure = (signs * Factored(known + sparse.diags(precision), self.apart[used]).solve(signs)).mean(1)
+        unsure = (signs * solver.solve(signs)).mean(1)
         told = np.bincount(law, 1 - precision * unsure, len(variance))
         size = np.bincount(law, estimate.u[used] ** 2, len(variance))
         mine, most = np.unique(law), self._settings.most_step
@@ -384,10 +394,3 @@ class RandomEffects:
             ones = np.ones(len(used))
             self._fixed[block.name] = sparse.csr_matrix((ones, (used, number[used])), (len(number), block.size))
         return self._fixed[block.name]
-
-
-def _least(settings: Unsure) -> dict[str, tuple[float, ...]]:
-    """Standard deviations below which there is none, by law: [m], [rad], or a share."""
-    objects, albedo = settings.least_objects, (settings.least_albedo,)
-    of_map = {"map": (settings.least_map_m,), "albedo": albedo, "albedo_of_map": albedo}
-    return {"poses": settings.least_poses, "objects": objects, "objects_by_scan": objects, **of_map}

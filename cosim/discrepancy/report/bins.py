@@ -8,8 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cosim.discrepancy.report.beams import Column, Rows, Scan, renumbered
-from cosim.discrepancy.report.layout import LAYOUT
+from cosim.discrepancy.report.beams import LAYOUT, Column, Rows, Scan, renumbered
 from cosim.report.binned import quantile_edges
 
 NO_BIN = 255

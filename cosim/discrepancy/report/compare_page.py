@@ -2,19 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
+from types import MappingProxyType
 
-from cosim.discrepancy.compare import Comparison
-from cosim.discrepancy.report.budget_section import budget_section
-from cosim.discrepancy.report.explorer_section import Explored, explorer_section, explorer_style
-from cosim.discrepancy.report.layout import LAYOUT
+from cosim.discrepancy.compare import Comparison, Slice
+from cosim.discrepancy.report.beams import LAYOUT
 from cosim.discrepancy.report.residual_charts import CHANNELS, Chart
+from cosim.discrepancy.report.unexplained_section import Explored, explorer_section, explorer_style
 from cosim.discrepancy.scores import SCALES
-from cosim.discrepancy.slices import Slice
 from cosim.discrepancy.words import source_words, times
-from cosim.report import document, facts, meter, notes_section, section, table
+from cosim.report import Piece, document, facts, meter, notes_section, section, stacked_bar, table
 from cosim.variants.worth_section import worth_section
+
+_COLOURS = {
+    "noise": "#6b7688", "poses": "#5aa9ff", "objects": "#56c8c0", "map": "#a58bf0", "missing": "#ffb23e",
+    "unexplained": "#f0606a",
+}  # fmt: skip
+_NAMES = {"map": "the map", "missing": "missing effects"}
+_REMEDIES = {
+    "noise": "nothing to mend: a model that is right has it, too",
+    "poses": "mend the calibration and the poses of scans",
+    "objects": "mend the places of labelled objects",
+    "map": "mend the map",
+    "missing": "mend the sensor model: the improved one has them",
+    "unexplained": "not known",
+}
+
+
+def budget_section(parts: Mapping[str, float], *, text: str, why: Mapping[str, str] = MappingProxyType({})) -> str:
+    """HTML; empty without parts.
+
+    Args:
+        parts: noise, poses, objects, map, missing and unexplained; they add up to the error.
+        text: what the error is of (HTML).
+        why: other words on some parts.
+    """
+    if not parts:
+        return ""
+    told = {**_REMEDIES, **why}
+    pieces = [
+        Piece(_NAMES.get(name, name), value, _COLOURS[name], told[name])
+        for name, value in parts.items()
+        if abs(value) >= LAYOUT.told or name in ("noise", "unexplained")
+    ]
+    bar = stacked_bar(pieces, "where the error comes from")
+    return section("Where the error comes from", bar, text=text, anchor="budget")
+
 
 _SIDES = ("at the poses as given", "poses, objects and the map aligned")
 _CHANNEL_WORDS = {"range": "ranges", "intensity": "intensities", "drop": "returns", "spurious": "stray points"}
@@ -170,11 +204,8 @@ def _slices(slices: Sequence[Slice]) -> str:
 
 
 def _residual(one: Slice) -> str:
-    return {
-        "range": f"{100 * one.bias:+.2f} cm",
-        "drop": f"{one.bias:+.1%} returns",
-        "intensity": f"{one.bias:+.4f}",
-    }[one.channel]
+    said = {"range": f"{100 * one.bias:+.2f} cm", "drop": f"{one.bias:+.1%} returns"}
+    return said.get(one.channel, f"{one.bias:+.4f}")
 
 
 def _spread(one: Slice) -> str:

@@ -9,12 +9,16 @@ import numpy as np
 from scipy import stats
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding, budget_words, floor_words, smallest_rows, smallest_words
+from cosim.discrepancy.report.beams import LAYOUT
 from cosim.discrepancy.report.bins import shown
-from cosim.discrepancy.report.budget_section import budget_section
-from cosim.discrepancy.report.explorer_section import Explored, explorer_section, explorer_style
-from cosim.discrepancy.report.layout import LAYOUT
-from cosim.discrepancy.report.unexplained_section import unexplained_section
-from cosim.discrepancy.report.unknown_section import unknown_section
+from cosim.discrepancy.report.compare_page import budget_section
+from cosim.discrepancy.report.unexplained_section import (
+    Explored,
+    explorer_section,
+    explorer_style,
+    unexplained_section,
+    unknown_section,
+)
 from cosim.discrepancy.words import FEW, Vocabulary, channel_words, spread_words, unexplained_words, unknown_words
 from cosim.report import document, figure, notes_section, section, table
 from cosim.report.phrases import listed, p_cell

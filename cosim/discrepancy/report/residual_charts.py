@@ -8,9 +8,8 @@ from html import escape
 
 import numpy as np
 
-from cosim.discrepancy.report.beams import Rows
+from cosim.discrepancy.report.beams import LAYOUT, Rows
 from cosim.discrepancy.report.bins import NO_BIN, Bins
-from cosim.discrepancy.report.layout import LAYOUT
 from cosim.report import figure
 from cosim.report.binned import Binned, binned
 from cosim.report.plot import Axis, Plot

@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.discrepancy.report.beams import AMBIGUOUS, DROPPED, MATCHED, SILENT, SPURIOUS, UNFORESEEN, Scan, Side
+from cosim.discrepancy.report.beams import AMBIGUOUS, DROPPED, LAYOUT, MATCHED, SILENT, SPURIOUS, UNFORESEEN, Scan, Side
 from cosim.discrepancy.report.bins import Bins
-from cosim.discrepancy.report.layout import LAYOUT
 from cosim.report import button, legend
 from cosim.view.scripts import scene_script
 

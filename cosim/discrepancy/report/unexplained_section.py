@@ -1,20 +1,109 @@
-"""What is still significant in the end, each with the residuals that show it."""
+"""What no effect explains: unknown shapes, and what is still significant in the end with the residuals that show it."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from html import escape
+from importlib.resources import files
 
 import numpy as np
 
-from cosim.discrepancy.report.bins import Bins, bins_of
-from cosim.discrepancy.report.explorer_section import Explored
-from cosim.discrepancy.report.layout import LAYOUT
-from cosim.discrepancy.report.residual_charts import CHANNELS, Channel, Chart, chart, drawn, pair_chart, scale_of
+from cosim.discrepancy.budget import Judged
+from cosim.discrepancy.diagnosis import Diagnosis
+from cosim.discrepancy.report.beams import LAYOUT, Beams
+from cosim.discrepancy.report.bins import USUAL, Bins, bins_of
+from cosim.discrepancy.report.residual_charts import (
+    CHANNELS,
+    Channel,
+    Chart,
+    all_charts,
+    chart,
+    drawn,
+    pair_chart,
+    scale_of,
+)
+from cosim.discrepancy.report.scan_view import scan_view
 from cosim.discrepancy.unexplained import Unexplained
-from cosim.discrepancy.words import channel_words
-from cosim.report import figure, section, table
+from cosim.discrepancy.unknown.shape import Shape, evaluate
+from cosim.discrepancy.words import channel_words, table_words
+from cosim.report import button, figure, legend, section, table
 from cosim.report.phrases import p_cell
 from cosim.report.plot import Axis, Plot
+
+
+@dataclass(frozen=True, eq=False)
+class Explored:
+    """What a page shows of judged frames.
+
+    Attributes:
+        beams: of the frames.
+        bins: of covariates, by name.
+        charts: by channel.
+    """
+
+    beams: Beams
+    bins: dict[str, Bins]
+    charts: dict[str, list[Chart]]
+
+    @classmethod
+    def of(cls, judged: Judged | None, shown: int, more: Collection[str] = ()) -> Explored | None:
+        """Of judged frames, `shown` of them whole; `more` names covariates beside the usual ones."""
+        return None if judged is None else cls.of_beams(Beams.of(judged, shown), more)
+
+    @classmethod
+    def of_beams(cls, beams: Beams, more: Collection[str] = ()) -> Explored:
+        """Of beams that have been gathered."""
+        bins = bins_of(beams.rows, (*USUAL, *more))
+        return cls(beams, bins, all_charts(beams.rows, bins, beams.is_one))
+
+    @property
+    def count(self) -> int:
+        """How many charts there are."""
+        return sum(len(charts) for charts in self.charts.values())
+
+    @property
+    def left(self) -> tuple[Chart, ...]:
+        """Charts that show a dependence in the end, the surest first."""
+        found = [one for charts in self.charts.values() for one in charts if one.shows(one.after, self.count)]
+        return tuple(sorted(found, key=lambda one: one.after.p_value))
+
+
+def explorer_section(found: Explored | None, sides: Sequence[str], *, text: str) -> str:
+    """HTML; empty without frames.
+
+    Args:
+        found: what is shown.
+        sides: words on before and after, as in legends.
+        text: what was taken out of residuals (HTML).
+    """
+    if found is None or not found.charts:
+        return ""
+    told = sides[-1:] if found.beams.is_one else sides
+    first = next(iter(found.charts))
+    tabs = "".join(button(charts[0].channel.title, name == first, tab=name) for name, charts in found.charts.items())
+    panels = "".join(_panel(charts, found.count, name == first) for name, charts in found.charts.items())
+    colours = legend([(f"var(--{style})", escape(word)) for style, word in zip("ba"[-len(told) :], told, strict=True)])
+    picks = f'<div class="picks" role="group" aria-label="channel">{tabs}</div>'
+    left = f'<div class="residuals">{picks}{colours}{panels}</div>'
+    right = scan_view(found.beams.scans, found.bins, told)
+    body = f'<div class="explore">{left}{right}</div>'
+    return section("Residuals, and the beams that they are of", body, text=text, anchor="residuals")
+
+
+def _panel(charts: Sequence[Chart], count: int, is_shown: bool) -> str:
+    top, channel = scale_of(charts), charts[0].channel
+    figures = "".join(drawn(one, top, count) for one in charts)
+    hidden = "" if is_shown else " hidden"
+    return (
+        f'<div data-panel="{channel.name}"{hidden}><p>{channel.signs} Those with most to tell first, one scale.</p>'
+        f'<div class="charts">{figures}</div></div>'
+    )
+
+
+def explorer_style() -> str:
+    """CSS of what `explorer_section` gives."""
+    return "\n" + (files("cosim.discrepancy.report") / "explorer.css").read_text(encoding="utf-8")
 
 
 def unexplained_section(found: tuple[Unexplained, ...], explored: Explored | None) -> str:
@@ -95,3 +184,68 @@ def _shape(explored: Explored, channel: Channel) -> str:
     plot.steps(edges, share, "a")
     plot.line(edges, normal, "b")
     return plot.svg()
+
+
+_UNITS = {"range": " (m)", "intensity": " (relative)", "drop": " (probability)"}
+
+
+def unknown_section(found: Diagnosis) -> str:
+    """HTML: formulas, as fitted, plug-ins, and curves; empty where nothing is unknown."""
+    if not found.unknowns:
+        return ""
+    return section("What no effect of the catalogue explains", *(_unknown(unknown) for unknown in found.unknowns))
+
+
+def _unknown(unknown: Shape) -> str:
+    fit = f"<p>The formula explains {unknown.r2:.1%} of the shape.</p>" if unknown.formula else ""
+    fitted = ", ".join(_plain(name, value, unknown.ci95.get(name)) for name, value in unknown.params.items())
+    fitted = f"<p>Fitted together with everything else: {escape(fitted)}.</p>" if fitted else ""
+    law = table_words(unknown) if unknown.names and unknown.factor is None else unknown.text
+    return (
+        f'<p>{escape(_depends(unknown))}</p><p class="formula">{escape(law)}</p>{fit}{fitted}'
+        f"<p>The improved sensor has it as <code>{escape(unknown.name)}.py</code> beside it: a plug-in to be renamed "
+        f"and edited once its cause is known.</p>{_curve_of(unknown)}"
+    )
+
+
+def _plain(name: str, value: float, interval: list[float] | None) -> str:
+    said = f"{name} {value:.3g}".replace("-", "−")
+    return said if interval is None else f"{said} ± {(interval[1] - interval[0]) / 2:.2g}"
+
+
+def _depends(unknown: Shape) -> str:
+    unit = f" [{unknown.unit}]" if unknown.unit else ""
+    of = "" if unknown.names else f", x{unit}"
+    on = " and ".join(unknown.covariates).replace("_", " ")
+    return f"{channel_words(unknown.channel).capitalize()} depends on {on}{of}:"
+
+
+def _curve_of(unknown: Shape) -> str:
+    x, y, sigma = (np.asarray(part, float) for part in (unknown.x, unknown.y, unknown.sigma))
+    name = unknown.covariate.replace("_", " ")
+    if unknown.names:
+        order = np.argsort(-np.abs(y / np.maximum(sigma, 1e-12)), kind="stable")[: LAYOUT.values]
+        x, y, sigma = np.arange(len(order), dtype=float), y[order], sigma[order]
+        axis = Axis(-0.5, len(order) - 0.5, name, names=[unknown.names[row].replace("_", " ") for row in order])
+    else:
+        unit = f" ({unknown.unit})" if unknown.unit else ""
+        axis = Axis(float(x.min()), float(x.max()) if np.ptp(x) > 0 else float(x.min()) + 1, f"{name}{unit}")
+    low, high = float((y - 2 * sigma).min()), float((y + 2 * sigma).max())
+    reach = max(high, 0.0) - min(low, 0.0) or 1e-9
+    label = f"{channel_words(unknown.channel)} left over{_UNITS.get(unknown.channel, '')}"
+    upright = Axis(min(low, 0.0) - 0.15 * reach, max(high, 0.0) + 0.15 * reach, label)
+    plot = Plot(axis, upright, f"left over against {name}", 900, 320)
+    plot.line(np.array([axis.low, axis.high]), np.zeros(2), "zero")
+    if unknown.names:
+        for place, level, side in zip(x, y, 2 * sigma, strict=True):
+            plot.line(np.full(2, place), np.array([level - side, level + side]), "a")
+        plot.line(x, y, "none", dots=True)
+    else:
+        plot.band(x, y - 2 * sigma, y + 2 * sigma, "a")
+        plot.line(x, y, "a", dots=True)
+        if unknown.formula is not None:
+            fine = np.linspace(axis.low, axis.high, 300)
+            plot.line(fine, evaluate(unknown.formula, fine), "b")
+    text = "What is left over without it. Dots: bins with two standard errors."
+    text += "" if unknown.formula is None or unknown.names else " Blue: the formula."
+    return figure("", text, plot.svg(), kind="full", width_px=900)

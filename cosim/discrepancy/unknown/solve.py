@@ -7,16 +7,13 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse, stats
 
-from cosim.discrepancy.groups.covariates import OF_SCANS, Covariate, covariates, over_a_turn
-from cosim.discrepancy.groups.dependences import binned_group, scale
-from cosim.discrepancy.inference.columns import SparseMatrix
+from cosim.discrepancy.groups.dependences import OF_SCANS, Covariate, binned_group, covariates, over_a_turn, scale
 from cosim.discrepancy.inference.fit import Fitted, Fitter
-from cosim.discrepancy.inference.group import Group
 from cosim.discrepancy.inference.linear_model import LinearModel
-from cosim.discrepancy.inference.score import Evidence, Quantity
+from cosim.discrepancy.inference.score import Evidence, Quantity, SparseMatrix
+from cosim.discrepancy.inference.score_test import Group
 from cosim.discrepancy.sampling.sample import Prediction
-from cosim.discrepancy.unknown.formulas import best_formula
-from cosim.discrepancy.unknown.shape import Factor, Shape
+from cosim.discrepancy.unknown.shape import Factor, Shape, best_formula
 
 
 def shape_of(fitter: Fitter, fitted: Fitted, group: Group, p_value: float) -> Shape | None:

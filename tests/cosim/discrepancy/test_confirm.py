@@ -28,7 +28,7 @@ def believing(case: Case, offset_m: float) -> State:
     """Where a diagnosis stands that found such a bias."""
     effects = (*given(case), RangeBias(offset_m=offset_m))
     view = viewed(case, case.split.fit, Model(effects), 8_000)
-    found = Found("range_bias", len(effects) - 1, 0.001)
+    found = Found("range_bias", 0.001)
     return State(Model(effects, (len(effects) - 1,)), view, view, (found,))
 
 

@@ -126,3 +126,18 @@ def test_the_clustering_that_is_less_sure_of_a_winner_counts() -> None:
         replace(Gain.of([0.5 * even]), sums=(0.5 * even, 0.5 * even)),
     ]
     assert stability(both, (1.0, 1.0), HALVES, np.random.default_rng(3)) == pytest.approx([0.5, 0.5], abs=0.05)
+
+
+def test_what_the_law_of_noise_gains_by_a_skew_is_no_bias(biased_yard: Yard) -> None:
+    case = case_of(opened(biased_yard.drive), biased_yard.sensor)
+    view = viewed(case, case.split.fit, Model((*given(case), RangeBias(offset_m=0.04))), 6_000)
+    fitter, rng = view.fitter, np.random.default_rng(1)
+    expected = fitter.random.adjusted(view.fitted.prediction, view.fitted.estimate).range_m
+    skewed = 0.01 * (rng.exponential(size=len(expected)) - 1)  # of mean zero
+    sample = replace(fitter.sample, along_m=np.where(fitter.sample.returned, expected + skewed, np.nan))
+    skew = Fitter(sample)
+    right = skew.at(view.fitted.effects, view.fitted.estimate)
+    likelier = skew.at((*given(case), RangeBias(offset_m=0.038)), view.fitted.estimate)
+    assert likelier.loglik > right.loglik, "where its law has most returns"
+    found = gain(skew, right, likelier)
+    assert found.of_shape > 0 and found.value < 0

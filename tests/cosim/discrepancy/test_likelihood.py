@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from cosim.discrepancy.inference.censored import NU, SCALE, censored, student
-from cosim.discrepancy.inference.likelihood import judge, range_spread_m
+from cosim.discrepancy.inference.likelihood import NU, SCALE, censored, judge, range_spread_m, student
 from cosim.discrepancy.inference.score import Evidence
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.state import View

@@ -20,8 +20,7 @@ import pytest
 
 from cosim.cli import main
 from cosim.discrepancy import compare, diagnose
-from cosim.discrepancy.aligned import HeldOut
-from cosim.discrepancy.budget import Budget
+from cosim.discrepancy.budget import Budget, HeldOut
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding, headline
 from cosim.discrepancy.report import explored_of, format_comparison, format_diagnosis, left_words

@@ -64,3 +64,13 @@ def test_a_beam_that_meets_nothing_is_not_moved() -> None:
     errors = _errors(derivative, np.array([5.0, np.nan]))
     assert errors.shift(_pitched(0.1))[1] == 0
     assert not errors.slopes(_pitched(0.1)).toarray()[1].any()
+
+
+@pytest.mark.parametrize("bent_deg", [0.0, 0.3])
+def test_what_effects_move_comes_out_beside_a_pose_error_as_differences_tell(bent_deg: float) -> None:
+    reach = np.array([5.0, 20.0, 50.0])
+    derivative, down = _road(reach)
+    errors, bent = _errors(derivative, reach), _HEIGHT_M / np.sin(down + np.radians(bent_deg))
+    pose, step = np.array([[0.05, 0.02, -0.03, 0.001, 0.002, -0.001]]), 1e-5
+    ahead, behind = (bent + side + errors.shift(pose, bent + side) for side in (step, -step))
+    np.testing.assert_allclose((ahead - behind) / (2 * step), errors.onward(pose, bent), rtol=1e-6)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cosim.discrepancy.inference.cluster_bootstrap import redrawn_interval
+from cosim.discrepancy.inference.intervals import redrawn_interval
 
 SCANS, EACH = 20, 50
 BEAMS = np.repeat(np.arange(SCANS), EACH)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.discrepancy.inference.censored import MEAN_INFORMATION, NU, SCALE, censored, pull
+from cosim.discrepancy.inference.likelihood import MEAN_INFORMATION, NU, SCALE, censored, pull
 
 SIGMA, DRAWS = 0.1, 200_000
 

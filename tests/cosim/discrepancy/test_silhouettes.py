@@ -18,9 +18,8 @@ from cosim.discrepancy.inference.comparison import gain
 from cosim.discrepancy.inference.fit import Fitter
 from cosim.discrepancy.inference.likelihood import judge, range_spread_m, shares_of_neither
 from cosim.discrepancy.inference.score import Evidence
-from cosim.discrepancy.sampling.drawing import draw_sample
+from cosim.discrepancy.sampling.drawing import draw_sample, with_silhouettes
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from cosim.discrepancy.sampling.silhouettes import with_silhouettes
 from cosim.discrepancy.settings import DEFAULT
 from cosim.discrepancy.state import Case
 from sensors.effects.points.range_bias import RangeBias

@@ -13,8 +13,7 @@ from cosim.discrepancy import Diagnosis, diagnose
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.diagnose import begun, case_of
 from cosim.discrepancy.inference import score_test
-from cosim.discrepancy.inference.search import widening
-from cosim.discrepancy.inference.sector import crowded_sector
+from cosim.discrepancy.inference.search import crowded_sector, widening
 from cosim.discrepancy.select import screened
 from sensors.effects.base import Effect
 from sensors.effects.points.range_noise import RangeNoise

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.discrepancy.groups.covariates import covariates
+from cosim.discrepancy.groups.dependences import covariates
 from cosim.discrepancy.select import reshaped
 from cosim.discrepancy.state import Found, Model, State, View
-from cosim.discrepancy.unknown.formulas import best_formula
 from cosim.discrepancy.unknown.plug_in import class_name, effect_source, shape_effect
-from cosim.discrepancy.unknown.shape import Shape
+from cosim.discrepancy.unknown.shape import Shape, best_formula
 from sensors.effects.lasers import as_known, for_rings, with_rings
 from sensors.effects.points.range_noise import RangeNoise
 from sensors.effects.registry import find_effect
@@ -110,7 +109,7 @@ def test_an_oscillation_between_regular_scans_says_which_others_look_the_same() 
 
 def found_in(view: View, one: Shape) -> tuple[State, Found]:
     """Where a diagnosis stands that added a shape, which is the first effect of a view."""
-    found = Found(view.fitted.effects[0].name, 0, 0.001, shape=one)
+    found = Found(view.fitted.effects[0].name, 0.001, shape=one)
     return State(Model(view.fitted.effects, (0,)), view, view, (found,)), found
 
 
