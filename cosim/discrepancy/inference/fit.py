@@ -148,7 +148,9 @@ class Fitter:
             value = np.asarray(getattr(effect, unknown.name), float)
             step = unknown.step if np.all(value + unknown.step <= unknown.high) else -unknown.step
             after, before = self._moved(effects, one, value + step), at
-            if isinstance(effect, BeamEffect) and np.all(value - step >= unknown.low):
+            if isinstance(effect, BeamEffect) and np.all(
+                np.clip(value - step, unknown.low, unknown.high) == value - step
+            ):
                 # Ground at a flat angle is far from linear: such slopes are taken from both sides.
                 before, step = self._moved(effects, one, value - step), 2 * step
             delta: dict[Quantity, np.ndarray] = {
