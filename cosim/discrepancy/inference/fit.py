@@ -126,14 +126,8 @@ class Fitter:
         """The part (n,) that every beam has in it."""
         return -self.sample.share * self._state(effects, estimate).fit.loglik
 
-    def columns(
-        self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction, estimate: Estimate
-    ) -> tuple[Column, ...]:
-        """How the prediction changes with each free parameter, random effects as they are."""
-        return self.passed_on(self.slopes(effects, free, at), at, estimate)
-
     def passed_on(self, slopes: Sequence[Column], at: Prediction, estimate: Estimate) -> tuple[Column, ...]:
-        """Slopes as they come out beside the random effects."""
+        """Slopes as they come out beside the random effects: how the prediction changes with each free parameter."""
         by = self.random.passed_on(at, estimate)
         return tuple(
             replace(one, delta={name: values * by.get(name, 1.0) for name, values in one.delta.items()})
@@ -148,7 +142,9 @@ class Fitter:
             value = np.asarray(getattr(effect, unknown.name), float)
             step = unknown.step if np.all(value + unknown.step <= unknown.high) else -unknown.step
             after, before = self._moved(effects, one, value + step), at
-            if isinstance(effect, BeamEffect) and np.all(value - step >= unknown.low):
+            if isinstance(effect, BeamEffect) and np.all(
+                np.clip(value - step, unknown.low, unknown.high) == value - step
+            ):
                 # Ground at a flat angle is far from linear: such slopes are taken from both sides.
                 before, step = self._moved(effects, one, value - step), 2 * step
             delta: dict[Quantity, np.ndarray] = {
@@ -200,14 +196,14 @@ class Fitter:
         return judge(self.sample, self.random.adjusted(prediction, estimate), blur)
 
     def _ended(self, state: _State, free: tuple[Free, ...]) -> Fitted:
-        columns = self.columns(state.effects, free, state.prediction, state.estimate)
+        columns = self.passed_on(self.slopes(state.effects, free, state.prediction), state.prediction, state.estimate)
         evidence = Evidence.of(self.sample, state.fit)
         loglik = self._marginal(state, evidence)
         return Fitted(state.effects, free, state.estimate, loglik, state.prediction, state.fit, evidence, columns)
 
     def _searched(self, state: _State, free: tuple[Free, ...], roughly: bool) -> tuple[Effect, ...]:
         """With numbers that no slope tells of, such as hard limits, where they are likeliest."""
-        columns = self.columns(state.effects, free, state.prediction, state.estimate)
+        columns = self.passed_on(self.slopes(state.effects, free, state.prediction), state.prediction, state.estimate)
         which = [
             (one.effect, one.unknown, column)
             for one, column in zip(free, columns, strict=True)

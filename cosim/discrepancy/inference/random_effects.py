@@ -283,7 +283,9 @@ class RandomEffects:
         reflectances are free.
         """
         found: dict[Quantity, np.ndarray] = {"range": self._pose_errors.onward(self.poses(estimate), expected.range_m)}
-        return found | ({"intensity": self.brightness(estimate)} if self.sample.of_own_map else {})
+        if self.sample.of_own_map:
+            found["intensity"] = self.brightness(estimate)
+        return found
 
     def designs(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, SparseMatrix]:
         """Derivatives (n, m) of each quantity that they change; of active ones alone, other columns are empty."""
