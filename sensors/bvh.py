@@ -13,14 +13,14 @@ from embreex.rtcore_scene import EmbreeScene
 
 from assets.materials import TABLE, MaterialTable
 from assets.mesh import Mesh
+from sensors.hit_buffer import face_records
 from sensors.hits import STATIC
-from sensors.nearest import face_records
 
 _WORTH_SHARING = 20_000
 
 
 class Bvh:
-    """Nearest-hit queries on a mesh, with the surface's properties by triangle.
+    """HitBuffer-hit queries on a mesh, with the surface's properties by triangle.
 
     Args:
         mesh: what to hit.
@@ -31,7 +31,7 @@ class Bvh:
     Attributes:
         normal: (m, 3) float32 face normals in the mesh's axes.
         is_glass: (m,) bool.
-        records: (m + 1,) int64, what `Nearest` keeps of each face; the last is that of a miss.
+        records: (m + 1,) int64, what `HitBuffer` keeps of each face; the last is that of a miss.
     """
 
     def __init__(self, mesh: Mesh, threads: int = 1, instance: int = STATIC, table: MaterialTable = TABLE) -> None:
@@ -53,7 +53,7 @@ class Bvh:
     def first_hit(
         self, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray, near: float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Nearest triangle along each ray.
+        """HitBuffer triangle along each ray.
 
         Args:
             origin: (n, 3) float32.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sensors.hits import Hits
-from sensors.meeting import meet_instance, meet_static, yawed
+from sensors.intersection import meet_instance, meet_static, yawed
 from sensors.motion import EgoMotion, moved_poses
 from sensors.ray_index import RayIndex
 from sensors.rays import Rays

@@ -10,9 +10,9 @@ import itertools
 
 import numpy as np
 
+from sensors.hit_buffer import HitBuffer
 from sensors.hits import Hits
-from sensors.meeting import meet_static
-from sensors.nearest import Nearest
+from sensors.intersection import meet_static
 from sensors.ray_index import RayIndex
 from sensors.rays import Rays
 from sensors.scene import Instances, Scene
@@ -61,7 +61,7 @@ class Tracer:
         )
 
     def _meet_instances(
-        self, scene: Scene, pose: np.ndarray, instances: Instances, solid: Nearest, pane: Nearest, *, panes: bool
+        self, scene: Scene, pose: np.ndarray, instances: Instances, solid: HitBuffer, pane: HitBuffer, *, panes: bool
     ) -> None:
         models = {name: scene.model(name) for name in dict.fromkeys(instances.models)}
         number = {name: place for place, name in enumerate(models)}

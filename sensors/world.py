@@ -10,7 +10,7 @@ import numpy as np
 
 from sensors.beams import Beams
 from sensors.hits import Hits, Surface
-from sensors.meeting import shoot
+from sensors.intersection import shoot
 from sensors.motion import EgoMotion, instances_at
 from sensors.motion_tracing import MotionTracer
 from sensors.rays import Rays

@@ -87,7 +87,7 @@ def with_values(effect: Effect, values: Mapping[str, Any]) -> Effect:
     return kind.model_validate({**effect.model_dump(), **clipped})
 
 
-def candidate_kinds(extra: Sequence[type[Effect]] = (), rings: int = 64) -> tuple[type[Effect], ...]:
+def candidate_effects(extra: Sequence[type[Effect]] = (), rings: int = 64) -> tuple[type[Effect], ...]:
     """Effects that a diagnosis asks for: of the catalogue, installed ones, and the user's own.
 
     Args:

@@ -110,8 +110,8 @@ class SliceTally:
                     bias = one / count
                     spread = float(np.sqrt(max(two / count - bias**2, 0)))
                     share = cost / total
-                    pull = abs(bias) / SCALES[channel] * count / weight
-                    found.append((pull, Slice(self._words(key), channel, int(count), bias, spread, share)))
+                    weighted = abs(bias) / SCALES[channel] * count / weight
+                    found.append((weighted, Slice(self._words(key), channel, int(count), bias, spread, share)))
         found.sort(key=lambda row: -row[0])
         return tuple(one for _, one in found[:_SHOWN])
 

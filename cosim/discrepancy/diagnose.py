@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.discrepancy.budget import budget_of
-from cosim.discrepancy.candidates import candidate_kinds
+from cosim.discrepancy.candidates import candidate_effects
 from cosim.discrepancy.data.checks import check_fit, drive_notes, fit_notes, not_told, opened, struck_notes
 from cosim.discrepancy.data.frames import FrameTracer
 from cosim.discrepancy.data.split import split_drive, split_frames
@@ -94,7 +94,7 @@ def case_of(
         else split_frames(tuple(frames), settings=settings.sampling)
     )
     hidden = not_told(len(split.fit), has_surfels(drive.root), settings.beams)
-    kinds = tuple(one for one in candidate_kinds(extra, model.pattern.rings) if one.name not in hidden)
+    kinds = tuple(one for one in candidate_effects(extra, model.pattern.rings) if one.name not in hidden)
     return Case(model, FrameTracer(drive, model, settings), split, kinds, settings, seed, say, tuple(along))
 
 
@@ -257,7 +257,7 @@ def _steps(case: Case, state: State) -> list[tuple[Effect, ...]]:
 
 def _ranking(found: Sequence[Candidate], tested: Sequence[Tested]) -> list[tuple[str, float, float]]:
     """Candidates of the first round: name, twice the gain less its price (ΔBIC), and p."""
-    each = float(np.log(len(found[0].fitted.fit.loglik))) if found else 0.0
+    each = float(np.log(len(found[0].fitted.residuals.loglik))) if found else 0.0
     rows = [(one.name, 2 * one.gain.value - one.numbers * each, one.p_value) for one in found]
     there = {name for name, *_ in rows}
     for one in tested:

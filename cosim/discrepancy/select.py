@@ -85,7 +85,7 @@ def screened(case: Case, state: State) -> list[Tested]:
     fitter, fitted = state.view.fitter, state.view.fitted
     rng = np.random.default_rng([case.seed, 1])
     groups: list[Group] = [
-        *effect_groups(fitter, fitted, case.kinds, state.model.fitted),
+        *effect_groups(fitter, fitted, case.candidates, state.model.fitted),
         *of_covariates(fitter, fitted),
         *of_levels(fitter, fitted),
         *of_phases(fitter, fitted, rng),
@@ -114,7 +114,7 @@ def roundings(case: Case, state: State) -> list[Candidate]:
     """Steps that measured values stand on and the model's do not: facts of the file."""
     fitter, fitted = state.view.fitter, state.view.fitted
     rng, found = np.random.default_rng([case.seed, 3]), []
-    for one in find_lattices(fitter, fitted, case.kinds, rng):
+    for one in find_lattices(fitter, fitted, case.candidates, rng):
         kept = [place for place, effect in enumerate(fitted.effects) if effect.name != one.effect.name]
         place = next((p for p, effect in enumerate(fitted.effects) if effect.name == one.effect.name), len(kept))
         effects = (*fitted.effects[:place], one.effect, *fitted.effects[place + 1 :])
@@ -222,7 +222,7 @@ def _effects(case: Case, state: State, sure: Sequence[Tested], most: int | None 
         names = _first_of_channels(case, best)
     if most > 1:
         names += list({one.group.name: 0 for one in sure if one.group.is_effect})[:2]
-    kinds = {one.name: one for one in case.kinds}
+    kinds = {one.name: one for one in case.candidates}
     for name in list(names[:1] if most > 1 else ()):
         names += [other for other in best if name in kinds and other in kinds and confusable(kinds[name], kinds[other])]
     names = list(dict.fromkeys(names))
@@ -265,7 +265,7 @@ def simpler_than(case: Case, state: State, place: int) -> Candidate | None:
     numbers = sum(one.unknown.rings for one in all_free(fitted.effects, [place], fitter.rings))
     less = state.model.without(place, ())
     there = {one.name for one in less.effects}
-    alike = [kind for kind in case.kinds if confusable(kind, type(effect)) and kind.name not in there]
+    alike = [kind for kind in case.candidates if confusable(kind, type(effect)) and kind.name not in there]
     without = fitter.at(less.effects, fitted.estimate)
     reduced = replace(state, model=less, view=replace(state.view, fitted=without))
     found: list[Candidate] = []
@@ -384,7 +384,7 @@ def _started(fitter: Fitter, fitted: Fitted, group: Group) -> tuple[tuple[Effect
     for factor in fitter.settings.pick.strengths:
         trial = with_values(effect, {group.amplitude: off + weak * factor})
         prediction = fitter.sample.predict((*fitted.effects, trial))
-        value = float(fitter.sample.share @ fitter.judged(prediction, fitted.estimate).loglik)
+        value = float(fitter.sample.share @ fitter.residuals(prediction, fitted.estimate).loglik)
         if value > reached:
             best, reached = trial, value
     return (*fitted.effects, best), len(fitted.effects)

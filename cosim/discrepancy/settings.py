@@ -207,7 +207,7 @@ class Screen:
 
 
 @dataclass(frozen=True)
-class Lattices:
+class Quantization:
     """Steps that values stand on; pairs are of ranges [m] and intensities."""
 
     clear: float = 0.9  # mean cosine of values that count as multiples of a step
@@ -276,7 +276,7 @@ class Settings:
     descent: Descent = field(default_factory=Descent)
     search: Search = field(default_factory=Search)
     screen: Screen = field(default_factory=Screen)
-    lattices: Lattices = field(default_factory=Lattices)
+    quantization: Quantization = field(default_factory=Quantization)
     pick: Pick = field(default_factory=Pick)
     shapes: Shapes = field(default_factory=Shapes)
 

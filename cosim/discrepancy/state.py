@@ -30,7 +30,7 @@ class Case:
         sensor: as it was given.
         tracer: of the drive.
         split: which frames are fitted, and which judge.
-        kinds: the candidates.
+        candidates: effects that are asked for.
         settings: numbers that decide.
         seed: of samples and signs.
         say: is told what is being done.
@@ -40,7 +40,7 @@ class Case:
     sensor: SensorModel
     tracer: FrameTracer
     split: Split
-    kinds: tuple[type[Effect], ...]
+    candidates: tuple[type[Effect], ...]
     settings: Settings
     seed: int
     say: Callable[[str], None]

@@ -138,7 +138,7 @@ def undistorted(image: np.ndarray, K: np.ndarray, distortion: Distortion) -> np.
 
 
 def _remapped(images: Images, where: np.ndarray) -> Images:
-    """Nearest pixels: materials, numbers and depths have no means between them."""
+    """HitBuffer pixels: materials, numbers and depths have no means between them."""
     u, v = where[..., 0], where[..., 1]
     found = {
         name: None if array is None else cv2.remap(array, u, v, cv2.INTER_NEAREST)

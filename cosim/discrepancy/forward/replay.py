@@ -203,7 +203,7 @@ class Replayed:
 
     def _bent(self, effects: tuple[Effect, ...]) -> Shot:
         beams = self._left(effects)
-        origin, direction, time_s = _leaving(beams, self.egos, self.poses, self.frame)
+        origin, direction, time_s = _ray_origins(beams, self.egos, self.poses, self.frame)
         solid = reached(self.solid, self.met.ranges(origin, direction, time_s))
         rows = self.pane_beam
         pane = reached(self.pane, self.paned.ranges(origin[rows], direction[rows], time_s[rows]))
@@ -314,7 +314,7 @@ class FrameReplay(Replayed):
         )
 
 
-def _leaving(
+def _ray_origins(
     beams: Beams, egos: Sequence[EgoMotion], lidar_poses: Sequence[np.ndarray], frame: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """True optical centres and directions, (n, 3) float64 world axes, and instants (n,) [s] from the pose time.

@@ -252,10 +252,15 @@ def of_noise(fitter: Fitter, fitted: Fitted) -> Iterator[Group]:
 
 def _deviates(fitter: Fitter, fitted: Fitted) -> Iterator[tuple[Channel, np.ndarray, np.ndarray]]:
     """Residuals of ranges and intensities over their own spread, and which tell of noise."""
-    fit, by = fitted.fit, fitter.settings.screen
+    residuals, by = fitted.residuals, fitter.settings.screen
     of_channel: dict[Channel, tuple[np.ndarray, np.ndarray, np.ndarray, float]] = {
-        "range": (fit.range_z, fit.matched > 0.9, fit.range_sigma_m, by.least_noise_m),
-        "intensity": (fit.intensity_z, (fit.bright > 0.9) & fit.whole, fit.intensity_sigma, by.least_noise),
+        "range": (residuals.range_z, residuals.matched > 0.9, residuals.range_sigma_m, by.least_noise_m),
+        "intensity": (
+            residuals.intensity_z,
+            (residuals.bright > 0.9) & residuals.whole,
+            residuals.intensity_sigma,
+            by.least_noise,
+        ),
     }
     for channel, (z, clean, sigma, least) in of_channel.items():
         used = clean & fitter.sample.returned & (sigma > least) & (fitter.sample.unsure_m <= 0)

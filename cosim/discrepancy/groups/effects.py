@@ -22,7 +22,7 @@ def effect_groups(
     Args:
         fitter: of the sample.
         fitted: the model as it stands.
-        kinds: the candidates.
+        candidates: effects that are asked for.
         settled: places of effects whose parameters have been fitted: nothing more is to be found of them.
     """
     found: list[Group] = []
@@ -77,8 +77,8 @@ def _told(
         if few < 1:
             sparse = with_values(weak, {amplitude: getattr(weak, amplitude) - (1 - few) * step})
             after, step = sample.predict((*fitted.effects, sparse)), few * step
-        found = fitter.judged(after, fitted.estimate).loglik
-        gain = sample.share * (found - fitted.fit.loglik)
+        found = fitter.residuals(after, fitted.estimate).loglik
+        gain = sample.share * (found - fitted.residuals.loglik)
         if np.any(gain):
             strays = _strays(sample, fitted, after, step) if amplitude else None  # a whole setting is no unit
             yield Group(

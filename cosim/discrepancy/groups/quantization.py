@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import norm
 
 from cosim.discrepancy.inference.fit import Fitted, Fitter
-from cosim.discrepancy.settings import DEFAULT, Lattices, Settings
+from cosim.discrepancy.settings import DEFAULT, Quantization, Settings
 from sensors.effects.base import Effect, RoundingEffect
 
 
@@ -36,7 +36,7 @@ class Lattice:
 def find_lattices(
     fitter: Fitter, fitted: Fitted, kinds: Sequence[type[Effect]], rng: np.random.Generator
 ) -> list[Lattice]:
-    """Lattices of ranges and intensities beyond those of the model.
+    """Quantization of ranges and intensities beyond those of the model.
 
     Args:
         fitter: of the sample.
@@ -59,7 +59,7 @@ def find_lattices(
             if not shown.steps[quantity]:
                 continue
             foretold = mean + sigma * rng.standard_normal(len(mean))
-            step = _step(measured, foretold, quantity, settings.lattices)
+            step = _step(measured, foretold, quantity, settings.quantization)
             own = next((one.steps[quantity] for one in fitted.effects if one.name == kind.name), 0.0)  # type: ignore[attr-defined]
             if step is None or (own and step <= own * 1.01):
                 continue
@@ -70,10 +70,10 @@ def find_lattices(
 def _lattice(
     effect: RoundingEffect, step: float, measured: np.ndarray, weight: np.ndarray, quantity: int, settings: Settings
 ) -> Lattice:
-    usable = _usable(measured, quantity, settings.lattices)
+    usable = _usable(measured, quantity, settings.quantization)
     number = np.rint(np.where(usable, measured, 0.0) / step)
     rest = np.where(usable, measured - number * step, 0.0)
-    scatter = max(float(np.sqrt(np.mean(rest[usable] ** 2))), settings.lattices.stored[quantity])
+    scatter = max(float(np.sqrt(np.mean(rest[usable] ** 2))), settings.quantization.stored[quantity])
     each = np.log(step / scatter) - 0.5 * np.log(2 * np.pi) - 0.5 * (rest / scatter) ** 2
     error = scatter / max(float(np.sqrt((number[usable] ** 2).sum())), 1.0)
     reach = float(norm.ppf(settings.upper)) * error
@@ -81,7 +81,9 @@ def _lattice(
     return Lattice(effect, interval, gain=np.where(usable, weight * each, 0.0))
 
 
-def _step(measured: np.ndarray, foretold: np.ndarray, quantity: int, by: Lattices = DEFAULT.lattices) -> float | None:
+def _step(
+    measured: np.ndarray, foretold: np.ndarray, quantity: int, by: Quantization = DEFAULT.quantization
+) -> float | None:
     """The largest step that measured values are multiples of, or None."""
     values = measured[_usable(measured, quantity, by)]
     if len(values) < by.fewest:
@@ -100,13 +102,13 @@ def _step(measured: np.ndarray, foretold: np.ndarray, quantity: int, by: Lattice
     return step
 
 
-def _usable(values: np.ndarray, quantity: int, by: Lattices) -> np.ndarray:
+def _usable(values: np.ndarray, quantity: int, by: Quantization) -> np.ndarray:
     """Values that tell of a lattice: those cut off at the ends of their range stand on many."""
     with np.errstate(invalid="ignore"):
         return (values > by.finest[quantity] / 2) & (values < by.most[quantity])
 
 
-def _spectrum(values: np.ndarray, quantity: int, by: Lattices) -> tuple[np.ndarray, np.ndarray]:
+def _spectrum(values: np.ndarray, quantity: int, by: Quantization) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies, and the mean cosine of values at each."""
     width = by.finest[quantity] / 8
     bins = int(np.ceil(by.most[quantity] / width))

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from cosim.discrepancy.inference.fit import Fitted, Fitter
-from cosim.discrepancy.inference.likelihood import Fit, student
+from cosim.discrepancy.inference.likelihood import Residuals, student
 from cosim.discrepancy.sampling.sample import Sample
 
 ToldBy = Literal["beams", "noise", "poses"]  # what tells of a change: see `gain`
@@ -80,11 +80,11 @@ def gain(fitter: Fitter, before: Fitted, after: Fitted, by: ToldBy = "beams") ->
     """
     clusters, sample, of_shape = fitter.random.clusters, fitter.sample, 0.0
     if by == "noise":
-        beams = _quasi_likelihood(sample, after.fit) - _quasi_likelihood(sample, before.fit)
+        beams = _quasi_likelihood(sample, after.residuals) - _quasi_likelihood(sample, before.residuals)
         law = np.zeros(fitter.random.size)
     else:
-        beams = sample.share * (after.fit.loglik - before.fit.loglik)
-        shape = _of_shape(sample, after.fit) - _of_shape(sample, before.fit)
+        beams = sample.share * (after.residuals.loglik - before.residuals.loglik)
+        shape = _of_shape(sample, after.residuals) - _of_shape(sample, before.residuals)
         if shape.sum() > 0:
             beams, of_shape = beams - shape, float(shape.sum())
         known = fitter.random.informed(before.prediction, before.evidence)
@@ -136,16 +136,16 @@ def _of_law(fitter: Fitter, fitted: Fitted, known: np.ndarray) -> np.ndarray:
     )
 
 
-def _of_shape(sample: Sample, fit: Fit) -> np.ndarray:
+def _of_shape(sample: Sample, residuals: Residuals) -> np.ndarray:
     """(n,) what the law of ranges adds to their quasi-likelihood −½z², which only their mean counts for.
 
     The likeliest place of a law without skew is not the mean of noise that has one: there a bias gains that is none.
     """
-    z = fit.range_z
-    return sample.share * fit.matched * (student(z) + 0.5 * np.minimum(z**2, sample.settings.law.most_squared))
+    z = residuals.range_z
+    return sample.share * residuals.matched * (student(z) + 0.5 * np.minimum(z**2, sample.settings.law.most_squared))
 
 
-def _quasi_likelihood(sample: Sample, fit: Fit) -> np.ndarray:
+def _quasi_likelihood(sample: Sample, residuals: Residuals) -> np.ndarray:
     """(n,) −½d² − log σ of each beam, d the difference from its neighbour over σ√2 (Wedderburn, Biometrika 1974).
 
     Its maximum is the standard deviation of the noise, whatever law that follows; the likelihood of a Student-t has it
@@ -154,8 +154,8 @@ def _quasi_likelihood(sample: Sample, fit: Fit) -> np.ndarray:
     pair = np.maximum(sample.partner, 0)
     found = np.zeros(len(sample))
     for z, clean, sigma in (
-        (fit.range_z, fit.matched, fit.range_sigma_m),
-        (fit.intensity_z, fit.bright * fit.whole * ~sample.seam, fit.intensity_sigma),
+        (residuals.range_z, residuals.matched, residuals.range_sigma_m),
+        (residuals.intensity_z, residuals.bright * residuals.whole * ~sample.seam, residuals.intensity_sigma),
     ):
         both = sample.share * clean * clean[pair] * (sample.partner >= 0)
         gap = np.minimum((z - z[pair]) ** 2 / 2, sample.settings.law.most_squared)

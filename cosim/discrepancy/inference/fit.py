@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
-from cosim.discrepancy.inference.likelihood import Fit, judge, range_spread_m
+from cosim.discrepancy.inference.likelihood import Residuals, range_spread_m, residuals_of
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score import Column, Evidence, Quantity, change, dispersion
@@ -39,7 +39,7 @@ class Fitted:
         estimate: random effects and their variances.
         loglik: of the sample, random effects integrated out (Laplace).
         prediction: of the effects alone.
-        fit, evidence: at the end, with random effects.
+        residuals, evidence: at the end, with random effects.
         columns: linearisation there, one for each of `free`.
     """
 
@@ -48,7 +48,7 @@ class Fitted:
     estimate: Estimate
     loglik: float
     prediction: Prediction
-    fit: Fit
+    residuals: Residuals
     evidence: Evidence
     columns: tuple[Column, ...]
 
@@ -60,7 +60,7 @@ class _State:
     effects: tuple[Effect, ...]
     estimate: Estimate
     prediction: Prediction
-    fit: Fit
+    residuals: Residuals
 
 
 class Fitter:
@@ -104,7 +104,7 @@ class Fitter:
         if self.random.has_poses:  # an effect that is new may have taken over what pose errors were
             u = np.where(np.arange(self.random.size) < self.random.rows("poses").stop, 0.0, state.estimate.u)
             none = replace(state.estimate, u=u)
-            other = replace(state, estimate=none, fit=self.judged(state.prediction, none))
+            other = replace(state, estimate=none, residuals=self.residuals(state.prediction, none))
             state = max(state, other, key=self._penalised)
         sought = [one.by_search or isinstance(one, ScanEffect) for one in state.effects]
         gradual = tuple(one for one in free if not sought[one.effect])
@@ -124,7 +124,7 @@ class Fitter:
 
     def losses(self, effects: tuple[Effect, ...], estimate: Estimate) -> np.ndarray:
         """The part (n,) that every beam has in it."""
-        return -self.sample.share * self._state(effects, estimate).fit.loglik
+        return -self.sample.share * self._state(effects, estimate).residuals.loglik
 
     def passed_on(self, slopes: Sequence[Column], at: Prediction, estimate: Estimate) -> tuple[Column, ...]:
         """Slopes as they come out beside the random effects: how the prediction changes with each free parameter."""
@@ -161,8 +161,8 @@ class Fitter:
 
     def system(self, fitted: Fitted) -> LinearModel:
         """The linear mixed model at a fit, residuals as wide as they are."""
-        wider = dispersion(self.sample, fitted.fit)
-        evidence = fitted.evidence if wider == (1.0, 1.0) else Evidence.of(self.sample, fitted.fit, wider=wider)
+        wider = dispersion(self.sample, fitted.residuals)
+        evidence = fitted.evidence if wider == (1.0, 1.0) else Evidence.of(self.sample, fitted.residuals, wider=wider)
         return LinearModel.of(self.random, fitted.columns, evidence, fitted.prediction, fitted.estimate)
 
     def roughness(self, prediction: Prediction) -> float:
@@ -189,17 +189,17 @@ class Fitter:
     def _state(self, effects: tuple[Effect, ...], estimate: Estimate, blur: float = 0.0) -> _State:
         with np.errstate(over="ignore", invalid="ignore"):  # a trial may ask for the impossible, and be refused
             prediction = self.sample.predict(effects)
-        return _State(effects, estimate, prediction, self.judged(prediction, estimate, blur))
+        return _State(effects, estimate, prediction, self.residuals(prediction, estimate, blur))
 
-    def judged(self, prediction: Prediction, estimate: Estimate, blur: float = 0.0) -> Fit:
+    def residuals(self, prediction: Prediction, estimate: Estimate, blur: float = 0.0) -> Residuals:
         """How a prediction fits, changed as random effects do; `blur` as of `judge`."""
-        return judge(self.sample, self.random.adjusted(prediction, estimate), blur)
+        return residuals_of(self.sample, self.random.adjusted(prediction, estimate), blur)
 
     def _ended(self, state: _State, free: tuple[Free, ...]) -> Fitted:
         columns = self.passed_on(self.slopes(state.effects, free, state.prediction), state.prediction, state.estimate)
-        evidence = Evidence.of(self.sample, state.fit)
+        evidence = Evidence.of(self.sample, state.residuals)
         loglik = self._marginal(state, evidence)
-        return Fitted(state.effects, free, state.estimate, loglik, state.prediction, state.fit, evidence, columns)
+        return Fitted(state.effects, free, state.estimate, loglik, state.prediction, state.residuals, evidence, columns)
 
     def _searched(self, state: _State, free: tuple[Free, ...], roughly: bool) -> tuple[Effect, ...]:
         """With numbers that no slope tells of, such as hard limits, where they are likeliest."""
@@ -211,7 +211,7 @@ class Fitter:
         ]
         if not which:
             return state.effects
-        return searched(state.effects, which, self.loss(state.estimate), self.sample, state.fit, roughly=roughly)
+        return searched(state.effects, which, self.loss(state.estimate), self.sample, state.residuals, roughly=roughly)
 
     def _settled(self, start: _State, free: tuple[Free, ...], steps: int) -> _State:
         """Where Gauss–Newton steps lead; where that is still far off, or where they lead through widened ranges."""
@@ -224,11 +224,11 @@ class Fitter:
             other = self._descended(other, free, wide, steps)
             wide = wide / 4 if wide / 4 > self.settings.descent.fine_m else 0.0
         other = self._descended(other, free, 0.0, steps)
-        return max(state, other, key=lambda one: self._marginal(one, Evidence.of(self.sample, one.fit)))
+        return max(state, other, key=lambda one: self._marginal(one, Evidence.of(self.sample, one.residuals)))
 
     def _descended(self, state: _State, free: tuple[Free, ...], blur: float, steps: int) -> _State:
         """Gauss–Newton steps at one blur, variances updated along."""
-        state, about = replace(state, fit=self.judged(state.prediction, state.estimate, blur)), None
+        state, about = replace(state, residuals=self.residuals(state.prediction, state.estimate, blur)), None
         slopes: tuple[Column, ...] = ()
         lasers = self._of_lasers(state.effects, free)
         precision = np.zeros(len(lasers))
@@ -239,7 +239,7 @@ class Fitter:
         for number in range(steps):
             state = self._lit(state, blur)
             value = worth(state)
-            evidence = Evidence.of(self.sample, state.fit, blur).reweighted(state.fit, self.settings.law)
+            evidence = Evidence.of(self.sample, state.residuals, blur).reweighted(state.residuals, self.settings.law)
             if blur == 0.0 and number in (1, 2, 4):
                 begun = self.random.begun(state.estimate, state.prediction, evidence)
                 state = replace(state, estimate=begun)
@@ -291,10 +291,10 @@ class Fitter:
         def tried(bright: np.ndarray) -> tuple[_State, np.ndarray]:
             estimate = replace(state.estimate, u=state.estimate.u.copy())
             estimate.u[rows] = bright - 1
-            lit = replace(state, estimate=estimate, fit=self.judged(state.prediction, estimate, blur))
-            return lit, np.bincount(cell, used * lit.fit.loglik, len(bright))
+            lit = replace(state, estimate=estimate, residuals=self.residuals(state.prediction, estimate, blur))
+            return lit, np.bincount(cell, used * lit.residuals.loglik, len(bright))
 
-        best, reached = bright, np.bincount(cell, used * state.fit.loglik, len(bright))
+        best, reached = bright, np.bincount(cell, used * state.residuals.loglik, len(bright))
         for trial in (np.maximum(one, darkest) for one in tries):
             value = tried(trial)[1]
             best, reached = np.where(value > reached, trial, best), np.maximum(value, reached)
@@ -335,7 +335,7 @@ class Fitter:
         law = state.estimate.u**2 @ np.where(
             self.random.active(state.estimate), self.random.precision(state.estimate), 0
         )
-        return float(self.sample.share @ state.fit.loglik) - 0.5 * float(law)
+        return float(self.sample.share @ state.residuals.loglik) - 0.5 * float(law)
 
     def _marginal(self, state: _State, evidence: Evidence) -> float:
         model = LinearModel.of(self.random, (), evidence, state.prediction, state.estimate)

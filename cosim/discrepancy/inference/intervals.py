@@ -207,6 +207,6 @@ def _searched(fitter: Fitter, fitted: Fitted, place: int, columns: dict[Unknown,
 def stray_weight(fitter: Fitter, fitted: Fitted) -> float:
     """What a return from nowhere weighs on average in a sample whose beams weigh one."""
     sample = fitter.sample
-    weight = sample.weight[sample.returned & sample.clear & (fitted.fit.matched < 0.5)]
+    weight = sample.weight[sample.returned & sample.clear & (fitted.residuals.matched < 0.5)]
     own = float((weight**2).sum() / weight.sum()) if len(weight) else 1.0
     return own / sample.mean_weight

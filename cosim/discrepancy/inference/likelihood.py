@@ -34,7 +34,7 @@ def student(z: np.ndarray) -> np.ndarray:
     return _LOG_NORM - np.log(SCALE) - (NU + 1) / 2 * np.log1p(z**2 / (SCALE**2 * NU))
 
 
-def pull(z: np.ndarray) -> np.ndarray:
+def student_score(z: np.ndarray) -> np.ndarray:
     """−d log f/dz of the unit-variance Student-t: bounded."""
     return (NU + 1) * z / (SCALE**2 * NU + z**2)
 
@@ -45,12 +45,12 @@ class Censored:
 
     Attributes:
         loglik: log-density, or log-probability of those at a limit.
-        pull: its slope against the expected value, in standard deviations.
+        score: its slope against the expected value, in standard deviations.
         information: expected square of the slope; `MEAN_INFORMATION` far from limits.
     """
 
     loglik: np.ndarray
-    pull: np.ndarray
+    score: np.ndarray
     information: np.ndarray
 
 
@@ -58,7 +58,7 @@ def censored(value: np.ndarray, mean: np.ndarray, spread: np.ndarray, limits: tu
     """Hold values (n,) against what is expected of them before they are cut off at the limits."""
     low, high = ((limit - mean) / spread for limit in limits)
     z = (value - mean) / spread
-    loglik, slope = student(z) - np.log(spread), pull(z)
+    loglik, slope = student(z) - np.log(spread), student_score(z)
     for at, beyond, side in ((value <= limits[0], -low, -1.0), (value >= limits[1], high, 1.0)):
         room = beyond[at]
         outside = stats.t.sf(room / SCALE, NU)
@@ -76,7 +76,7 @@ def _known_below(room: np.ndarray) -> np.ndarray:
 @cache
 def _table() -> tuple[np.ndarray, np.ndarray]:
     room = np.linspace(-_FAR, _FAR, _KNOTS)
-    square = pull(room) ** 2 * np.exp(student(room))
+    square = student_score(room) ** 2 * np.exp(student(room))
     inside = np.append(0.0, np.cumsum((square[1:] + square[:-1]) / 2 * np.diff(room)))
     inside *= MEAN_INFORMATION / inside[-1]
     outside = np.exp(2 * student(room)) / stats.t.sf(room / SCALE, NU)
@@ -84,12 +84,12 @@ def _table() -> tuple[np.ndarray, np.ndarray]:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Residuals:
     """Of n beams.
 
     Attributes:
         range_z, intensity_z, rise_z: residuals in standard deviations; 0 where there are none.
-        intensity_pull, intensity_known: what intensities say of their mean, and how much they would on average, in
+        intensity_score, intensity_known: what intensities say of their mean, and how much they would on average, in
             standard deviations.
         met: probability that the beam met its row's surface; 1 away from edges.
         matched: probability that the return is the surface's.
@@ -105,7 +105,7 @@ class Fit:
     rise_z: np.ndarray
     range_sigma_m: np.ndarray
     intensity_sigma: np.ndarray
-    intensity_pull: np.ndarray
+    intensity_score: np.ndarray
     intensity_known: np.ndarray
     met: np.ndarray
     matched: np.ndarray
@@ -116,7 +116,7 @@ class Fit:
     loglik: np.ndarray
 
 
-def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
+def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Residuals:
     """Hold measurements against a prediction.
 
     Args:
@@ -150,10 +150,10 @@ def judge(sample: Sample, expected: Prediction, blur: float = 0.0) -> Fit:
     spread = intensity_spread(expected, law)
     none = np.zeros(len(z))
     light = _light(sample, expected, spread) if sample.has_intensity else (none, none, none, none, none > 0, none)
-    light_z, pull, known, whose, uncut, of_light = light
+    light_z, score, known, whose, uncut, of_light = light
     loglik += matched * of_light
-    return Fit(
-        z, light_z, rise_z, sigma, spread, pull, known, met, matched, matched * whose, uncut, seen, whole, loglik
+    return Residuals(
+        z, light_z, rise_z, sigma, spread, score, known, met, matched, matched * whose, uncut, seen, whole, loglik
     )
 
 
@@ -198,9 +198,10 @@ def shares_of_neither(sides: np.ndarray, neither: np.ndarray, weight: np.ndarray
 
 
 def _light(sample: Sample, expected: Prediction, spread: np.ndarray) -> tuple[np.ndarray, ...]:
-    """What intensities say if returns are the surfaces' they were traced to: z, pull, known, own and whole of `Fit`.
+    """What intensities say if returns are the surfaces' they were traced to, as in `Residuals`.
 
-    Own is the probability that the brightness is that surface's; at the end (n,) log-likelihoods.
+    Their z, score, known, own and whole; own is the probability that the brightness is that surface's; at the end
+    (n,) log-likelihoods.
     """
     mean, limits, law = expected.intensity, sample.intensity_limits, sample.settings.law
     measured = np.where(sample.returned, sample.intensity, mean)
@@ -212,7 +213,7 @@ def _light(sample: Sample, expected: Prediction, spread: np.ndarray) -> tuple[np
     mine = law.own_at_seams * np.exp(told.loglik)
     own = np.where(sample.seam, mine / (mine + other), 1.0) * ~sample.border
     loglik = np.where(sample.seam, np.log(mine + other), told.loglik) * ~sample.border
-    return (measured - mean) / spread, told.pull, told.information, own, whole, loglik
+    return (measured - mean) / spread, told.score, told.information, own, whole, loglik
 
 
 def range_spread_m(expected: Prediction, law: Law) -> np.ndarray:

@@ -13,7 +13,13 @@ from typing import Any, Literal
 import numpy as np
 from scipy import linalg, sparse
 
-from cosim.discrepancy.inference.likelihood import MEAN_INFORMATION, Fit, intensity_spread, pull, range_spread_m
+from cosim.discrepancy.inference.likelihood import (
+    MEAN_INFORMATION,
+    Residuals,
+    intensity_spread,
+    range_spread_m,
+    student_score,
+)
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.settings import Law
 
@@ -30,55 +36,57 @@ class Evidence:
     information: dict[Quantity, np.ndarray]
 
     @classmethod
-    def of(cls, sample: Sample, fit: Fit, rise_blur: float = 0.0, wider: tuple[float, float] = (1.0, 1.0)) -> Evidence:
+    def of(
+        cls, sample: Sample, residuals: Residuals, rise_blur: float = 0.0, wider: tuple[float, float] = (1.0, 1.0)
+    ) -> Evidence:
         """The evidence in a fit; weighted so that beams of the sample stand for all.
 
         Args:
-            sample, fit: the measurements, and how a model fits them.
+            sample, residuals: the measurements, and how a model fits them.
             rise_blur: a standard deviation [m] added to every rise.
             wider: by how much ranges and rises scatter more than is stated, see `dispersion`.
         """
         weight, law = sample.share, sample.settings.law
-        matched, returned = weight * fit.matched, weight * sample.returned
-        range_z, range_sigma = fit.range_z / wider[0], fit.range_sigma_m * wider[0]
-        rise_z, rise_sigma = fit.rise_z / wider[1], np.hypot(law.rise_sigma_m, rise_blur) * wider[1]
-        variance = fit.seen * (1 - fit.seen)
+        matched, returned = weight * residuals.matched, weight * sample.returned
+        range_z, range_sigma = residuals.range_z / wider[0], residuals.range_sigma_m * wider[0]
+        rise_z, rise_sigma = residuals.rise_z / wider[1], np.hypot(law.rise_sigma_m, rise_blur) * wider[1]
+        variance = residuals.seen * (1 - residuals.seen)
         possible = variance > 0
         pair = np.maximum(sample.partner, 0)
-        paired = weight * fit.matched * fit.matched[pair] * (sample.partner >= 0)
-        range_gap = (fit.range_z - fit.range_z[pair]) / np.sqrt(2)
-        intensity_gap = (fit.intensity_z - fit.intensity_z[pair]) / np.sqrt(2)
+        paired = weight * residuals.matched * residuals.matched[pair] * (sample.partner >= 0)
+        range_gap = (residuals.range_z - residuals.range_z[pair]) / np.sqrt(2)
+        intensity_gap = (residuals.intensity_z - residuals.intensity_z[pair]) / np.sqrt(2)
         binary = np.where(possible, weight / np.where(possible, variance, 1), 0.0)
         score: dict[Quantity, np.ndarray] = {
-            "range": matched * pull(range_z) / range_sigma,
-            "rise": returned * pull(rise_z) / rise_sigma,
+            "range": matched * student_score(range_z) / range_sigma,
+            "rise": returned * student_score(rise_z) / rise_sigma,
             "range_variance": paired * _spread_excess(range_gap, law),
-            "drop": binary * (fit.matched - fit.met * fit.expected_seen),
+            "drop": binary * (residuals.matched - residuals.met * residuals.expected_seen),
         }
         information: dict[Quantity, np.ndarray] = {
             "range": matched * MEAN_INFORMATION / range_sigma**2,
             "rise": returned * MEAN_INFORMATION / rise_sigma**2,
             "range_variance": paired * _SPREAD_INFORMATION,
-            "drop": binary * fit.met,
+            "drop": binary * residuals.met,
         }
         if sample.has_intensity:
-            bright = weight * fit.bright
-            plain = fit.bright * fit.whole * ~sample.seam
+            bright = weight * residuals.bright
+            plain = residuals.bright * residuals.whole * ~sample.seam
             lit = weight * plain * plain[pair] * (sample.partner >= 0)
-            score["intensity"] = bright * fit.intensity_pull / fit.intensity_sigma
-            information["intensity"] = bright * fit.intensity_known / fit.intensity_sigma**2
+            score["intensity"] = bright * residuals.intensity_score / residuals.intensity_sigma
+            information["intensity"] = bright * residuals.intensity_known / residuals.intensity_sigma**2
             score["intensity_variance"] = lit * _spread_excess(intensity_gap, law)
             information["intensity_variance"] = lit * _SPREAD_INFORMATION
         return cls(score, information)
 
-    def reweighted(self, fit: Fit, law: Law) -> Evidence:
-        """With the curvature of ranges far off that their pull has (iterated reweighting of a Student-t).
+    def reweighted(self, residuals: Residuals, law: Law) -> Evidence:
+        """With the curvature of ranges far off that their score has (iterated reweighting of a Student-t).
 
         On average over noise curvatures are as they are said; beams that are far off would hold a step back by the
-        curvature of beams that fit, though they hardly pull at all.
+        curvature of beams that fit, though they hardly count at all.
         """
-        far = np.abs(fit.range_z) > law.far_off
-        residual = np.where(far, fit.range_z, 1.0) * fit.range_sigma_m
+        far = np.abs(residuals.range_z) > law.far_off
+        residual = np.where(far, residuals.range_z, 1.0) * residuals.range_sigma_m
         loose = np.where(far, self.score["range"] / residual, self.information["range"])
         information: dict[Quantity, np.ndarray] = {**self.information, "range": loose}
         return Evidence(self.score, information)
@@ -99,10 +107,10 @@ def change(before: Prediction, after: Prediction, law: Law) -> dict[Quantity, np
     return {name: values for name, values in found.items() if np.any(np.abs(values) > 1e-12)}
 
 
-def dispersion(sample: Sample, fit: Fit) -> tuple[float, float]:
+def dispersion(sample: Sample, residuals: Residuals) -> tuple[float, float]:
     """By how much ranges and rises scatter more than is stated, at least 1 (McCullagh and Nelder 1989, § 9.2).
 
-    Heavy tails hardly pull where everything is far off; beside the scatter that there is, it does. The median of the
+    Heavy tails hardly count where everything is far off; beside the scatter that there is, it does. The median of the
     residuals' sizes tells of it.
     """
 
@@ -115,7 +123,7 @@ def dispersion(sample: Sample, fit: Fit) -> tuple[float, float]:
         below = np.cumsum(share[order])
         return max(float(size[order][np.searchsorted(below, 0.5 * below[-1])]) / sample.settings.law.median_size, 1.0)
 
-    return of(fit.range_z, sample.share * fit.matched), of(fit.rise_z, sample.share * sample.returned)
+    return of(residuals.range_z, sample.share * residuals.matched), of(residuals.rise_z, sample.share * sample.returned)
 
 
 def _spread_excess(gap: np.ndarray, law: Law) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import optimize
 
 from cosim.discrepancy.candidates import Unknown, with_values
-from cosim.discrepancy.inference.likelihood import Fit
+from cosim.discrepancy.inference.likelihood import Residuals
 from cosim.discrepancy.inference.score import Column
 from cosim.discrepancy.sampling.sample import Sample
 from cosim.discrepancy.settings import DEFAULT, Search
@@ -50,7 +50,7 @@ def searched(
     which: Sequence[tuple[int, Unknown, Column]],
     lost: Loss,
     sample: Sample,
-    fit: Fit,
+    residuals: Residuals,
     *,
     roughly: bool = False,
 ) -> tuple[Effect, ...]:
@@ -60,14 +60,14 @@ def searched(
         effects: all of the sensor.
         which: place, parameter and column of each.
         lost: negative log-likelihood of effects.
-        sample, fit: the measurements, and how the effects as they are fit them.
+        sample, residuals: the measurements, and how the effects as they are fit them.
         roughly: look once, and not closely, where every look costs new rays.
     """
     by = sample.settings.search
     names = {(place, unknown.name) for place, unknown, _ in which}
     sectors = {place for place, name in names if name == AZIMUTH and (place, WIDTH) in names}
     for place in sectors:
-        trial = _with(effects, place, crowded_sector(sample, fit, by))
+        trial = _with(effects, place, crowded_sector(sample, residuals, by))
         effects = trial if lost(trial) < lost(effects) else effects
     rest = [one for one in which if not (one[0] in sectors and one[1].name in (AZIMUTH, WIDTH))]
     settled = roughly and all(effects[place].by_search for place, _, _ in rest)
@@ -238,13 +238,13 @@ def _with(effects: tuple[Effect, ...], place: int, values: dict[str, float]) -> 
     return (*effects[:place], with_values(effects[place], values), *effects[place + 1 :])
 
 
-def crowded_sector(sample: Sample, fit: Fit, by: Search = DEFAULT.search) -> dict[str, float]:
+def crowded_sector(sample: Sample, residuals: Residuals, by: Search = DEFAULT.search) -> dict[str, float]:
     """Middle and width [°] of the sector whose share of strays stands out most from its share of beams.
 
     Kulldorff's scan statistic (Commun. Stat. 1997).
     """
     turn = np.degrees(sample.azimuth) % 360
-    stray = sample.returned & sample.clear & (fit.matched < 0.5)
+    stray = sample.returned & sample.clear & (residuals.matched < 0.5)
     if not stray.any():
         return {AZIMUTH: 0.0, WIDTH: 360.0}
     strays, beams = _Share(turn[stray], sample.weight[stray]), _Share(turn, sample.weight)

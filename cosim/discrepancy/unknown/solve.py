@@ -155,7 +155,7 @@ def _solved(fitter: Fitter, fitted: Fitted, channel: Quantity, columns: SparseMa
         if np.all(np.abs(step) < by.settled * np.sqrt(np.maximum(np.diag(covariance), 0)) + 1e-12):
             break
         changed = _shaped(fitted.prediction, channel, np.asarray(columns @ y), 1 - by.most_lost)
-        evidence = Evidence.of(fitter.sample, fitter.judged(changed, fitted.estimate))
+        evidence = Evidence.of(fitter.sample, fitter.residuals(changed, fitted.estimate))
     return y, covariance
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from sensors.effects.surfaces.footprint import directions_aside
-from sensors.effects.surfaces.known_footprints import SAMPLES, TURNED, KnownFootprints
+from sensors.effects.surfaces.footprint_cache import SAMPLES, TURNED, FootprintCache
 from sensors.hits import Hits, Surface
 from sensors.shot import Shot
 
@@ -66,7 +66,7 @@ class _Asked:
 
     def __init__(self, shot: Shot) -> None:
         every = np.arange(len(shot.rays))
-        footprints, solid = KnownFootprints(shot, every), shot.hits.solid
+        footprints, solid = FootprintCache(shot, every), shot.hits.solid
         met = [footprints.met(radius_rad) for radius_rad in _PROBED_RAD]
         changes = _changes(shot)
         for around in met:
@@ -74,7 +74,7 @@ class _Asked:
             changes |= (around.instance.reshape(-1, SAMPLES) != solid.instance[:, None]).any(1)
             changes |= (around.material.reshape(-1, SAMPLES) != solid.material[:, None]).any(1)
         self.beam = np.flatnonzero(changes)
-        self.known = KnownFootprints(shot, self.beam)
+        self.known = FootprintCache(shot, self.beam)
         self.probed = np.hstack([one.range_m.reshape(-1, SAMPLES)[self.beam] for one in met]).astype(np.float64)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from cosim.discrepancy.inference.likelihood import NU, SCALE, censored, judge, range_spread_m, student
+from cosim.discrepancy.inference.likelihood import NU, SCALE, censored, range_spread_m, residuals_of, student
 from cosim.discrepancy.inference.score import Evidence
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.state import View
@@ -54,7 +54,7 @@ def test_a_beam_returns_from_somewhere_or_not_at_all(view: View) -> None:
     at_once = float(np.exp(student(np.zeros(1)))[0])  # of every rise here, which is as it is expected
 
     def chance(along_m: np.ndarray) -> np.ndarray:
-        return np.exp(judge(replace(sample, along_m=along_m), expected).loglik)
+        return np.exp(residuals_of(replace(sample, along_m=along_m), expected).loglik)
 
     returns = np.stack([chance(expected.range_m + np.sinh(one) * sigma) * np.cosh(one) for one in grid]) / at_once
     whole = integrate.trapezoid(returns, grid, axis=0) * sigma + chance(np.full(len(sigma), np.nan))
@@ -74,8 +74,8 @@ def _moved(expected: Prediction, channel: str, by: float) -> Prediction:
 @pytest.mark.parametrize("channel", ["range", "intensity", "drop"])
 def test_scores_are_slopes_of_the_likelihood(view: View, channel: str) -> None:
     sample, expected = view.fitter.sample, _away_from_bounds(view)
-    score = Evidence.of(sample, judge(sample, expected)).score[channel]  # type: ignore[index]
-    up, down = (judge(sample, _moved(expected, channel, by)).loglik for by in (STEP[channel], -STEP[channel]))
+    score = Evidence.of(sample, residuals_of(sample, expected)).score[channel]  # type: ignore[index]
+    up, down = (residuals_of(sample, _moved(expected, channel, by)).loglik for by in (STEP[channel], -STEP[channel]))
     slope = sample.share * (up - down) / (2 * STEP[channel])
     sign = -1 if channel == "drop" else 1
     clean = _clean(sample, view)
@@ -92,5 +92,5 @@ def _away_from_bounds(view: View) -> Prediction:
 
 def _clean(sample: Sample, view: View) -> np.ndarray:
     """Beams that certainly met their surface, or met nothing: between two surfaces responsibilities move, too."""
-    matched = view.fitted.fit.matched
+    matched = view.fitted.residuals.matched
     return sample.compared & np.isfinite(view.fitted.prediction.range_m) & ((matched > 0.9999) | ~sample.returned)

@@ -81,7 +81,7 @@ def test_what_all_scans_share_shows_all_the_same(tmp_path: Path) -> None:
 def _screened(view: View, yard: Yard):
     case = case_of(opened(yard.drive), yard.sensor)
     model: LinearModel = view.fitter.system(view.fitted)
-    groups = effect_groups(view.fitter, view.fitted, case.kinds, ())
+    groups = effect_groups(view.fitter, view.fitted, case.candidates, ())
     rng = np.random.default_rng(0)
     return screen(model, view.fitted.estimate, groups, view.fitter.random.clusters, case.settings, rng)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.discrepancy.inference.likelihood import MEAN_INFORMATION, NU, SCALE, censored, pull
+from cosim.discrepancy.inference.likelihood import MEAN_INFORMATION, NU, SCALE, censored, student_score
 
 SIGMA, DRAWS = 0.1, 200_000
 
@@ -35,5 +35,5 @@ def test_the_likeliest_mean_of_values_mostly_cut_off_is_the_true_one():
 
 def test_far_from_limits_nothing_is_cut_off():
     found = _held(np.array([0.45, 0.5, 0.62]), 0.5)
-    np.testing.assert_allclose(found.pull, pull(np.array([-0.5, 0.0, 1.2])))
+    np.testing.assert_allclose(found.pull, student_score(np.array([-0.5, 0.0, 1.2])))
     np.testing.assert_allclose(found.information, MEAN_INFORMATION, rtol=1e-3)

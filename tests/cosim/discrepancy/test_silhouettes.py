@@ -16,7 +16,7 @@ from cosim.discrepancy.diagnose import case_of, given
 from cosim.discrepancy.inference import likelihood
 from cosim.discrepancy.inference.comparison import gain
 from cosim.discrepancy.inference.fit import Fitter
-from cosim.discrepancy.inference.likelihood import judge, range_spread_m, shares_of_neither
+from cosim.discrepancy.inference.likelihood import range_spread_m, residuals_of, shares_of_neither
 from cosim.discrepancy.inference.score import Evidence
 from cosim.discrepancy.sampling.drawing import draw_sample, with_silhouettes
 from cosim.discrepancy.sampling.sample import Prediction, Sample
@@ -115,7 +115,7 @@ def test_a_beam_near_an_edge_returns_from_somewhere_or_not_at_all(case: Case, fr
     def chance(along_m: np.ndarray) -> np.ndarray:
         every = np.full(len(sample), np.nan)
         every[near] = along_m
-        return np.exp(judge(replace(sample, along_m=every), expected).loglik[near])
+        return np.exp(residuals_of(replace(sample, along_m=every), expected).loglik[near])
 
     several = np.bincount(sample.own, minlength=len(sample))[near] > 2
     whole = integrate.trapezoid(np.stack([chance(one) for one in grid]) / at_once, grid, axis=0)
@@ -128,11 +128,12 @@ def test_a_beam_near_an_edge_returns_from_somewhere_or_not_at_all(case: Case, fr
 def test_scores_of_both_sides_are_slopes_of_the_mixture(case: Case, frames) -> None:
     sample = _sampled(frames)
     expected, step = _expected(case, sample), 1e-6
-    score = Evidence.of(sample, judge(sample, expected)).score["range"]
+    score = Evidence.of(sample, residuals_of(sample, expected)).score["range"]
     for rows in (np.flatnonzero(sample.first), _second(sample)):
         aside = np.zeros(len(sample))
         aside[rows] = step
-        up, down = (judge(sample, replace(expected, range_m=expected.range_m + by)).loglik for by in (aside, -aside))
+        moved = [replace(expected, range_m=expected.range_m + by) for by in (aside, -aside)]
+        up, down = (residuals_of(sample, one).loglik for one in moved)
         slope = (sample.share * (up - down) / (2 * step))[sample.own[rows]]
         assert np.count_nonzero(score[rows]) > 100
         np.testing.assert_allclose(slope, score[rows], rtol=2e-3, atol=2e-3 * np.abs(score[rows]).max())
@@ -157,9 +158,9 @@ def test_without_edges_and_with_nothing_but_edges(case: Case, frames) -> None:
     inner = replace(
         sample, edge=np.zeros(len(sample), bool), own=np.arange(len(sample)), first=np.ones(len(sample), bool)
     )
-    plain = judge(inner, expected)
+    plain = residuals_of(inner, expected)
     assert np.all(plain.met == 1)
-    outer = judge(replace(sample, edge=np.ones(len(sample), bool)), expected)
+    outer = residuals_of(replace(sample, edge=np.ones(len(sample), bool)), expected)
     assert np.isfinite(outer.loglik).all() and np.all((outer.met >= 0) & (outer.met <= 1))
     assert outer.met[sample.first].mean() < plain.met.mean(), "any beam may have met neither"
     assert np.all(np.bincount(sample.own, outer.met) <= 1 + 1e-9)

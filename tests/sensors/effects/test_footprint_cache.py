@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from sensors.effects.surfaces.known_footprints import KnownFootprints
+from sensors.effects.surfaces.footprint_cache import FootprintCache
 from sensors.rays import Rays
 from sensors.shot import Shot
 from tests.sensors.effects.scenes import cars, sensor, shoot, street
@@ -32,7 +32,7 @@ def differing(one, other, atol_m=2e-3):
 
 def test_what_lies_between_two_radii_is_what_rays_would_meet(whole):
     shot, beam = some_of(whole)
-    known, fresh = KnownFootprints(shot, beam), KnownFootprints(shot, beam)
+    known, fresh = FootprintCache(shot, beam), FootprintCache(shot, beam)
     lower, upper = known.met(LOWER_RAD), known.met(UPPER_RAD)
     traced = fresh.met(RADIUS_RAD)
     assert differing(lower, upper) > 0.02, "footprints of other radii meet something else"
@@ -41,7 +41,7 @@ def test_what_lies_between_two_radii_is_what_rays_would_meet(whole):
 
 def test_a_radius_asked_for_again_is_the_same_whatever_was_asked_between(whole):
     shot, beam = some_of(whole, 301)
-    known = KnownFootprints(shot, beam)
+    known = FootprintCache(shot, beam)
     first = known.met(RADIUS_RAD)
     for number in range(20):
         known.met(2e-3 + 1e-4 * number)
@@ -53,7 +53,7 @@ def test_beams_that_stand_a_little_aside_meet_the_same_faces(whole):
     traced = whole.traced
     origin, direction = traced.origin[shot.rows], traced.direction[shot.rows]
     time_s = np.broadcast_to(traced.time_s, len(whole.rays))[shot.rows]
-    known = KnownFootprints(shot, beam)
+    known = FootprintCache(shot, beam)
     assert known.bent(RADIUS_RAD, origin, direction, time_s) is known.met(RADIUS_RAD)
     higher = (traced.origin - traced.hits.pose[:3, 3] + np.array([0.0, 0.0, 0.02])).astype(np.float32)
     later = np.full(len(whole.rays), traced.delay_s, np.float32)
@@ -61,7 +61,7 @@ def test_beams_that_stand_a_little_aside_meet_the_same_faces(whole):
     aside = Shot(whole.pattern, whole.rays, traced=moved, world=whole.world)
     asked = Shot(shot.pattern, shot.rays, world=whole.world, whole=aside, rows=shot.rows)
     bent = known.bent(RADIUS_RAD, moved.origin[shot.rows], direction, time_s)
-    assert differing(bent, KnownFootprints(asked, beam).met(RADIUS_RAD), atol_m=0.03) < 0.03
+    assert differing(bent, FootprintCache(asked, beam).met(RADIUS_RAD), atol_m=0.03) < 0.03
 
 
 def test_what_moves_is_asked_anew_where_beams_leave_later(whole):
@@ -69,7 +69,7 @@ def test_what_moves_is_asked_anew_where_beams_leave_later(whole):
     traced = whole.traced
     origin, direction = traced.origin[shot.rows], traced.direction[shot.rows]
     time_s = np.broadcast_to(traced.time_s, len(whole.rays))[shot.rows] + np.float32(0.1)
-    known = KnownFootprints(shot, beam)
+    known = FootprintCache(shot, beam)
     met, later = known.met(RADIUS_RAD), known.bent(RADIUS_RAD, origin, direction, time_s)
     on_cars = met.instance >= 0
     assert on_cars.any() and not np.allclose(later.range_m[on_cars], met.range_m[on_cars], atol=0.1)

@@ -28,7 +28,7 @@ def face_records(normals: np.ndarray, materials: np.ndarray, glass: np.ndarray, 
     return records.view(np.int64)
 
 
-class Nearest:
+class HitBuffer:
     """The nearest surface offered so far to each of n rays.
 
     Attributes:
@@ -42,7 +42,7 @@ class Nearest:
         self._rows: list[np.ndarray] = []
 
     @classmethod
-    def nothing(cls, limit: np.ndarray) -> Nearest:
+    def nothing(cls, limit: np.ndarray) -> HitBuffer:
         """No surfaces within the limits (n,) float32."""
         record = np.zeros(1, RECORD)
         record["instance"] = NOTHING

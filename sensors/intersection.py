@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from sensors.bvh import Bvh
+from sensors.hit_buffer import HitBuffer
 from sensors.hits import Surface
-from sensors.nearest import Nearest
 from sensors.scene import Instances, Scene
 
 _STEP_BEHIND_GLASS_M = 1e-3
@@ -21,7 +21,7 @@ def shoot(
 ) -> Surface:
     """First solid surface along single rays (k, 3) in world axes, each at its own instant (k,)."""
     limit = np.full(len(origin), limit_m, np.float32)
-    solid, pane = Nearest.nothing(limit), Nearest.nothing(limit)
+    solid, pane = HitBuffer.nothing(limit), HitBuffer.nothing(limit)
     if len(origin):
         centre = origin.mean(0)
         start, direction = (origin - centre).astype(np.float32), direction.astype(np.float32)
@@ -79,7 +79,7 @@ def _instances_near(
 
 def meet_static(
     static: Bvh, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray, near: float = 0.0
-) -> tuple[Nearest, Nearest]:
+) -> tuple[HitBuffer, HitBuffer]:
     """First solid surface of each ray in the static world, and first pane of those that pass glass before it.
 
     Args:
@@ -89,11 +89,11 @@ def meet_static(
         limit: (n,) float32 farthest distance.
         near: from here on surfaces count.
     """
-    pane = Nearest.nothing(limit)
+    pane = HitBuffer.nothing(limit)
     if static.is_empty:
-        return Nearest.nothing(limit), pane
+        return HitBuffer.nothing(limit), pane
     distance, triangle = static.first_hit(origin, direction, limit, near)
-    solid = Nearest(distance, static.records.take(triangle))
+    solid = HitBuffer(distance, static.records.take(triangle))
     behind = np.flatnonzero(solid.glass)
     travelled = distance[behind]
     pane.put(behind, travelled, solid.records[behind])
@@ -122,8 +122,8 @@ def meet_instance(
     direction: np.ndarray,
     centre: np.ndarray,
     time_s: np.ndarray,
-    solid: Nearest,
-    pane: Nearest,
+    solid: HitBuffer,
+    pane: HitBuffer,
     near: float = 0.0,
     *,
     panes: bool = True,

@@ -18,7 +18,7 @@ _OFF_FACE_M, _OFF_FACE_SHARE = 0.01, 0.15
 _MOST = 12
 
 
-class KnownFootprints:
+class FootprintCache:
     """Samples around some beams of a revolution, as these were traced.
 
     Args:
