@@ -13,11 +13,10 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from cosim.discrepancy.settings import DEFAULT, Sampling
 from cosim.drives.kitti import Drive
-from cosim.drives.twin.surfels import cell_keys, has_surfels, read_surfels, sides, surfel_file
+from cosim.drives.twin.surfels import SurfelMap, has_surfels, read_surfels, surfel_file
 from sensors.hits import STATIC
 
 
@@ -52,34 +51,13 @@ class Maps:
 
 
 @dataclass(frozen=True, eq=False)
-class MapSurfaces:
-    """The m surfaces of a map.
+class MapSurfaces(SurfelMap):
+    """The m surfaces of a map, and what they tell of beams.
 
     Attributes:
-        centre: (m, 3) world places [m].
-        normal: (m, 3) unit normals.
-        sd_m: (m,) standard deviation of its points about its plane.
-        rough_m: (m,) that of the surface itself: what the noise of ranges does not explain of it.
-        reach_m: (m, 8) how far points reach along `sides` of the normal.
-        range_m: (m, 2) nearest and farthest look.
-        trusted: (m,) bool: seen well, and with little else about them.
-        cell_m: size of the cells, of which each holds one surface at most.
-        tree: of the centres.
-        cells: (m,) int64 numbers of the surfaces' cells, rising; `order`: (m,) rows of the surfaces in them.
         settings: numbers that decide.
     """
 
-    centre: np.ndarray
-    normal: np.ndarray
-    sd_m: np.ndarray
-    rough_m: np.ndarray
-    reach_m: np.ndarray
-    range_m: np.ndarray
-    trusted: np.ndarray
-    cell_m: float
-    tree: KDTree
-    cells: np.ndarray
-    order: np.ndarray
     settings: Sampling
 
     @classmethod
@@ -89,30 +67,13 @@ class MapSurfaces:
         Raises:
             FormatError: the file is damaged.
         """
-        arrays, cell_m = read_surfels(file)
-        cells = cell_keys(arrays["centre"], cell_m)
-        order = np.argsort(cells, kind="stable")
-        rough = _roughness(arrays["sd_m"], arrays["cos_incidence"].mean(1), settings.least_rough)
-        centre, trusted = arrays["centre"], arrays["trusted"] > 0
-        tree, seen = KDTree(centre), arrays["range_m"]
-        return cls(
-            centre, arrays["normal"], arrays["sd_m"], rough, arrays["reach_m"], seen, trusted, cell_m, tree,
-            cells[order], order, settings,
-        )  # fmt: skip
-
-    def __len__(self) -> int:
-        return len(self.centre)
+        return cls(**vars(read_surfels(file)), settings=settings)
 
     @cached_property
     def judge(self) -> np.ndarray:
         """(m,) bool: those in squares of the ground by whose surfaces findings are judged, the others being fitted."""
         square = np.floor(self.centre[:, :2] / self.settings.place_m).astype(int)
         return (square[:, 0] + square[:, 1]) % self.settings.judge_every == 0
-
-    @cached_property
-    def sides(self) -> np.ndarray:
-        """(m, 8, 3) directions of `reach_m`."""
-        return sides(self.normal)
 
     def met(self, place: np.ndarray, instance: np.ndarray) -> np.ndarray:
         """Row (n,) of the surface that each beam meets; −1 where none.
@@ -123,27 +84,8 @@ class MapSurfaces:
         """
         found = np.full(len(place), -1)
         rows = np.flatnonzero(instance == STATIC)
-        if not len(rows):
-            return found
-        found[rows] = self._in_cell(place[rows])
-        rows = rows[found[rows] < 0]  # over the rim of a cell
-        if not len(rows):
-            return found
-        _, near = self.tree.query(place[rows], k=min(self.settings.neighbours, len(self)))
-        near = near.reshape(len(rows), -1)
-        off = np.einsum("ikj,ikj->ik", place[rows][:, None] - self.centre[near], self.normal[near])
-        on = np.abs(off) < self.settings.on_plane_m
-        best = on.argmax(1)  # the nearest of those whose plane it lies on
-        found[rows] = np.where(on.any(1), near[np.arange(len(rows)), best], -1)
+        found[rows] = self.rows_at(place[rows], self.settings.on_plane_m, self.settings.neighbours)
         return found
-
-    def _in_cell(self, place: np.ndarray) -> np.ndarray:
-        """Row (n,) of the surface in the cell of each place, if that lies on its plane; −1 elsewhere."""
-        cell = cell_keys(place, self.cell_m)
-        at = np.minimum(np.searchsorted(self.cells, cell), len(self) - 1)
-        row = self.order[at]
-        off = np.einsum("ij,ij->i", place - self.centre[row], self.normal[row])
-        return np.where((self.cells[at] == cell) & (np.abs(off) < self.settings.on_plane_m), row, -1)
 
     def compared(
         self, met: np.ndarray, place: np.ndarray, slope: np.ndarray, measured: np.ndarray, moved: np.ndarray
@@ -168,10 +110,13 @@ class MapSurfaces:
         about = by.margin_m * slope + by.across_m + by.across_sigmas * self.sd_m[row]
         found = (met >= 0) & self.trusted[row] & ~(away > about)
         rows = np.flatnonzero(found)
-        rest, row = place[rows] - self.centre[row[rows]], row[rows]
-        for side in range(self.sides.shape[1]):
-            found[rows] &= np.einsum("ij,ij->i", rest, self.sides[row, side]) <= self.reach_m[row, side]
+        found[rows] = self.among_points(row[rows], place[rows])
         return found
+
+    @cached_property
+    def rough_m(self) -> np.ndarray:
+        """(m,) standard deviation of the surfaces themselves: what the noise of ranges does not explain of theirs."""
+        return self.roughness(self.settings.least_rough)
 
     def unsure_m(self, met: np.ndarray, slope: np.ndarray, grazing: float) -> np.ndarray:
         """(n,) float32 standard deviation of ranges to rough surfaces.
@@ -206,21 +151,3 @@ class MapSurfaces:
 def _share_before(looks: np.ndarray, mine: np.ndarray, count: float) -> np.ndarray:
     """(m,) looks of some surfaces up to each, as a share of a count."""
     return np.cumsum(np.where(mine, looks, 0)) / count
-
-
-def _roughness(sd_m: np.ndarray, slope: np.ndarray, least: float) -> np.ndarray:
-    """(m,) square root of sd² − σ²cos²; σ, of the noise of ranges, from how lower quartiles of sd² grow with cos².
-
-    Args:
-        sd_m: (m,) scatter of points across the surfaces.
-        slope: (m,) usual cosines of incidence.
-        least: share of sd that is left.
-    """
-    edges = np.quantile(slope**2, np.linspace(0, 1, 9))
-    slot = np.clip(np.searchsorted(edges, slope**2, side="right") - 1, 0, 7)
-    used = [k for k in range(8) if np.count_nonzero(slot == k) >= 5]
-    noise = 0.0
-    if len(used) > 2:
-        square = [float(np.quantile(sd_m[slot == k] ** 2, 0.25)) for k in used]
-        noise = max(float(np.polyfit([float(np.mean(slope[slot == k] ** 2)) for k in used], square, 1)[0]), 0.0)
-    return np.sqrt(np.maximum(sd_m**2 - noise * slope**2, (least * sd_m) ** 2))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from cosim.drives.files import read_bytes
 from cosim.errors import FormatError
@@ -35,12 +38,101 @@ def surfel_file(root: Path, static: str | None) -> Path:
     return root / (_FILE if static is None else f"{_FOLDER}/{Path(static).stem}.npz")
 
 
-def read_surfels(file: Path) -> tuple[dict[str, np.ndarray], float]:
-    """Arrays with a row for each of m surfaces, and the size of the cells, of which each holds one surface at most.
+@dataclass(frozen=True, eq=False)
+class SurfelMap:
+    """The m surfaces of a map.
 
-    `centre` and `normal` (m, 3), world axes; `reach_m` (m, 8) how far points reach along `sides`; `sd_m` (m,) their
-    scatter across; `range_m` and `cos_incidence` (m, 2) of the nearest and farthest look; `trusted` (m,), above 0 where
-    seen well, with little else about.
+    Attributes:
+        centre: (m, 3) world places [m].
+        normal: (m, 3) unit normals.
+        sd_m: (m,) standard deviation of its points about its plane.
+        reach_m: (m, 8) how far points reach along `sides` of the normal.
+        range_m: (m, 2) nearest and farthest look.
+        cos_incidence: (m, 2) of these.
+        trusted: (m,) bool: seen well, and with little else about them.
+        cell_m: size of the cells, of which each holds one surface at most.
+    """
+
+    centre: np.ndarray
+    normal: np.ndarray
+    sd_m: np.ndarray
+    reach_m: np.ndarray
+    range_m: np.ndarray
+    cos_incidence: np.ndarray
+    trusted: np.ndarray
+    cell_m: float
+
+    def __len__(self) -> int:
+        return len(self.centre)
+
+    def rows_at(self, place: np.ndarray, off_m: float, neighbours: int) -> np.ndarray:
+        """Row (n,) of the surface that each place (n, 3) lies on; −1 where none.
+
+        Args:
+            place: world places.
+            off_m: across a surface, within which a place lies on it.
+            neighbours: nearest surfaces that are asked where that of the place's own cell is not it.
+        """
+        found = self._row_in_cell(place, off_m)
+        rows = np.flatnonzero(found < 0)  # over the rim of a cell
+        if len(rows):
+            _, near = self._tree.query(place[rows], k=min(neighbours, len(self)))
+            near = near.reshape(len(rows), -1)
+            off = np.einsum("ikj,ikj->ik", place[rows][:, None] - self.centre[near], self.normal[near])
+            on = np.abs(off) < off_m
+            best = on.argmax(1)  # the nearest of those whose plane it lies on
+            found[rows] = np.where(on.any(1), near[np.arange(len(rows)), best], -1)
+        return found
+
+    def among_points(self, row: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """(n,) bool: whether places (n, 3) lie among the points that the surfaces of some rows (n,) were made of."""
+        rest, found = place - self.centre[row], np.ones(len(row), bool)
+        for side in range(_SIDES):
+            found &= np.einsum("ij,ij->i", rest, self._sides[row, side]) <= self.reach_m[row, side]
+        return found
+
+    def roughness(self, least: float) -> np.ndarray:
+        """(m,) square root of sd² − σ²cos²; σ, of the noise of ranges, from how lower quartiles of sd² grow with cos².
+
+        Args:
+            least: share of sd that is left.
+        """
+        square, variance, noise = self.cos_incidence.mean(1) ** 2, self.sd_m**2, 0.0
+        edges = np.quantile(square, np.linspace(0, 1, 9))
+        slot = np.clip(np.searchsorted(edges, square, side="right") - 1, 0, 7)
+        used = [slot == k for k in range(8) if np.count_nonzero(slot == k) >= 5]
+        if len(used) > 2:
+            lower = [float(np.quantile(variance[mine], 0.25)) for mine in used]
+            noise = max(float(np.polyfit([float(np.mean(square[mine])) for mine in used], lower, 1)[0]), 0.0)
+        return np.sqrt(np.maximum(variance - noise * square, least**2 * variance))
+
+    def _row_in_cell(self, place: np.ndarray, off_m: float) -> np.ndarray:
+        """Row (n,) of the surface in the cell of each place, if that lies on its plane; −1 elsewhere."""
+        cells, order = self._cells
+        cell = cell_keys(place, self.cell_m)
+        at = np.minimum(np.searchsorted(cells, cell), len(self) - 1)
+        row = order[at]
+        off = np.einsum("ij,ij->i", place - self.centre[row], self.normal[row])
+        return np.where((cells[at] == cell) & (np.abs(off) < off_m), row, -1)
+
+    @cached_property
+    def _cells(self) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers (m,) of the surfaces' cells, rising, and the rows (m,) of the surfaces in them."""
+        cells = cell_keys(self.centre, self.cell_m)
+        order = np.argsort(cells, kind="stable")
+        return cells[order], order
+
+    @cached_property
+    def _tree(self) -> KDTree:
+        return KDTree(self.centre)
+
+    @cached_property
+    def _sides(self) -> np.ndarray:
+        return sides(self.normal)
+
+
+def read_surfels(file: Path) -> SurfelMap:
+    """The map of a file.
 
     Raises:
         FormatError: the file is damaged.
@@ -59,7 +151,8 @@ def read_surfels(file: Path) -> tuple[dict[str, np.ndarray], float]:
         raise FormatError(f"{file}: {odd[0] if odd else 'centre'} has no row a surface; make the twin anew")
     if found[_CELL].shape != (1,) or not found[_CELL][0] > 0:
         raise FormatError(f"{file}: {_CELL} is no size of cells; make the twin anew with `cosim twin`")
-    return arrays, float(found[_CELL][0])
+    trusted = arrays.pop("trusted") > 0
+    return SurfelMap(**arrays, trusted=trusted, cell_m=float(found[_CELL][0]))
 
 
 def sides(normal: np.ndarray) -> np.ndarray:
