@@ -23,8 +23,8 @@ def _held(values: np.ndarray, mean: float):
 @pytest.mark.parametrize("mean", [0.0, 0.3, 0.85, 1.0, 1.1])
 def test_at_the_true_mean_slopes_average_out_and_scatter_as_the_information_says(mean):
     found = _held(_values(mean), mean)
-    assert abs(found.pull.mean()) < 0.01
-    assert (found.pull**2).mean() == pytest.approx(found.information[0], rel=0.02)
+    assert abs(found.score.mean()) < 0.01
+    assert (found.score**2).mean() == pytest.approx(found.information[0], rel=0.02)
 
 
 def test_the_likeliest_mean_of_values_mostly_cut_off_is_the_true_one():
@@ -35,5 +35,5 @@ def test_the_likeliest_mean_of_values_mostly_cut_off_is_the_true_one():
 
 def test_far_from_limits_nothing_is_cut_off():
     found = _held(np.array([0.45, 0.5, 0.62]), 0.5)
-    np.testing.assert_allclose(found.pull, student_score(np.array([-0.5, 0.0, 1.2])))
+    np.testing.assert_allclose(found.score, student_score(np.array([-0.5, 0.0, 1.2])))
     np.testing.assert_allclose(found.information, MEAN_INFORMATION, rtol=1e-3)
