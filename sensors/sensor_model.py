@@ -131,17 +131,26 @@ class SensorModel:
         ego: EgoMotion,
         rng: np.random.Generator | None = None,
         camera: CameraView | None = None,
+        frame_time_s: float = 0.0,
     ) -> Shot:
-        """One revolution of its true beams, before anything is measured.
+        """One revolution of its true beams at a pose time, before anything is measured.
 
         Sensors that differ in other than their pattern and beam effects may `answer` from the same shot.
         """
         world = World(scene, pose, instances, ego, self.pattern.range_m, self._tracers)
         streams = Streams(_given(rng))
-        before = Shot(self.pattern, self._rays, world=world)
+        before = Shot(self.pattern, self._rays, world=world, frame_time_s=frame_time_s)
         beams = act_on_beams(self._ordered, Beams.nominal(self._rays), before, streams, self.origin)
         traced = world.trace(beams)
-        return Shot(self.pattern, beams.rays, beams=beams, traced=traced, world=world, camera=camera)
+        return Shot(
+            self.pattern,
+            beams.rays,
+            beams=beams,
+            traced=traced,
+            world=world,
+            camera=camera,
+            frame_time_s=frame_time_s,
+        )
 
     def answer(
         self, shot: Shot, rng: np.random.Generator | None = None, memo: dict[tuple[str, ...], Returns] | None = None

@@ -110,10 +110,13 @@ class _FrameWork:
         if key not in self._shots:
             camera = frame.camera
             if stored:
-                shot = Shot(sensor.pattern, frame.hits.rays, traced=Traced(frame.hits), camera=camera)
+                traced = Traced(frame.hits)
+                shot = Shot(sensor.pattern, frame.hits.rays, traced=traced, camera=camera, frame_time_s=frame.time_s)
             else:
                 rng = self._source.rng(frame.name)
-                shot = sensor.trace(frame.scene, frame.lidar_pose, frame.instances, frame.ego, rng, camera)
+                shot = sensor.trace(
+                    frame.scene, frame.lidar_pose, frame.instances, frame.ego, rng, camera, frame.time_s
+                )
             self._shots[key] = shot
         return self._shots[key]
 

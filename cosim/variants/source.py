@@ -152,6 +152,11 @@ class SourceFrame:
         return self.hits.pose
 
     @property
+    def time_s(self) -> float:
+        """Pose time; 0 where no twin tells it."""
+        return self.frame.twin.time_s if self.frame.has("twin/frames") else 0.0
+
+    @property
     def scene(self) -> Scene:
         """The world to trace again."""
         return self._source.scenes.of(self.frame)

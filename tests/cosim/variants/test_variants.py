@@ -16,6 +16,27 @@ from tests.sharing import record
 
 _MANY = 20  # points, of some boxes and not of others
 TRACED = ("dual", "noise", "intensity", "raydrop")
+_WARM = '''
+"""A sensor that warms up."""
+from dataclasses import replace
+from typing import ClassVar
+from sensors.effects import PointEffect, number
+
+
+class Warm(PointEffect):
+    """R + g·t."""
+
+    name: ClassVar = "warm"
+    channel: ClassVar = "range"
+    equation: ClassVar = "R + g·t"
+    example: ClassVar = {"gain_mps": 1e-3}
+
+    gain_mps: float = number("growth", unit="m/s", ge=0, le=1)
+
+    def apply(self, returns, shot, rng):
+        """Longer."""
+        return replace(returns, range_m=returns.range_m + self.gain_mps * shot.frame_time_s)
+'''
 
 
 def checksums(folder: Path, *parts: str) -> dict[str, str]:
@@ -86,6 +107,24 @@ def test_a_fan_traced_again_in_the_twin_meets_what_was_stored(source_drive, tmp_
         if len(stored) == len(frame.points):
             away = np.linalg.norm(stored[:, :3] - frame.points[:, :3], axis=1)
             assert np.quantile(away, 0.999) < 2e-3
+
+
+@pytest.mark.parametrize("other", ["", ", {effect: mount_translation, x_m: 0, y_m: 0, z_m: 0}"])
+def test_an_effect_of_one_s_own_knows_the_time_of_the_frame(source_drive, tmp_path, other):
+    """Ranges grow by a millimetre a second of the drive, of stored hits and of new rays."""
+    (tmp_path / "warm.py").write_text(_WARM)
+    sensor = tmp_path / "warm.yaml"
+    for kind, entry in (
+        ("plain", "{effect: range_bias, offset_m: 0}"),
+        ("warm", "{effect: ./warm.py:Warm, gain_mps: 0.001}"),
+    ):
+        sensor.with_name(f"{kind}.yaml").write_text(f"pattern: hdl64e\neffects: [{entry}{other}]\n")
+        make_variants(source_drive, str(sensor.with_name(f"{kind}.yaml")), tmp_path / "v")
+    for frame in Drive(tmp_path / "v" / "warm"):
+        plain = Drive(tmp_path / "v" / "plain")[frame.name]
+        longer = np.linalg.norm(frame.points[:, :3], axis=1) - np.linalg.norm(plain.points[:, :3], axis=1)
+        assert np.median(longer) == pytest.approx(1e-3 * frame.twin.time_s, abs=1e-4)
+        assert frame.twin.time_s > 1
 
 
 def test_windows_answer_first_and_never_last(variants_folder):
