@@ -60,7 +60,11 @@ def _left_out(twin: RecordingTwin, result: dict) -> str:
             f"{result['cells_without_plane']:,}",
             "an edge, a bush, two surfaces, or too few scans",
         ],
-        ["surfaces of what moves", f"{result['surfels_moving']:,}", "beams passed through them in several scans"],
+        [
+            "surfaces of what moves",
+            f"{result['surfels_moving']:,}",
+            "beams passed through in several scans, or none came back",
+        ],
         ["scans held out", f"{len(twin.made.held_out)}", "placed on the map by their own pose only"],
     ]
     if twin.made.refused:

@@ -20,8 +20,9 @@ from cosim.drives.twin.scene import TwinScenes, lidar_pose, scene_instances
 from cosim.drives.writer import OutputError
 from cosim.recordings import RecordingError, open_recording
 from cosim.recordings.mapping import write_recording_twin
+from cosim.recordings.mapping.build import sweep_motion
 from cosim.recordings.mapping.holding import holding
-from cosim.recordings.mapping.motion import deskewed, motions
+from cosim.recordings.mapping.motion import deskewed, motions, scan_times
 from cosim.recordings.mapping.moving import FreeSpace, looked_at
 from cosim.recordings.mapping.odometry import find_trajectory
 from cosim.recordings.mapping.surfels import Cloud, SurfelSettings, make_surfels, quads
@@ -92,6 +93,20 @@ def test_the_path_and_the_height_of_the_sensor_are_found(twin: Path) -> None:
     assert result["lasers"] == 32
     assert 0.001 < result["thickness_ground_m"] < 0.03
     assert result["error_held_out_m"] < 0.04
+
+
+def test_whether_points_were_freed_of_the_motion_in_a_sweep_is_fitted_along(twin: Path, tmp_path: Path) -> None:
+    assert json.loads((twin / "twin.json").read_text())["sweep_strength"] == pytest.approx(1, abs=0.25)
+    pattern, motion = load_pattern("vlp32c"), motions(path())[0]
+    for file in sorted((twin / "scans").iterdir())[:10]:
+        points = np.fromfile(file, "<f4").reshape(-1, 4)
+        share = scan_times(np.arctan2(points[:, 1], points[:, 0]).astype(float), None, 1.0)
+        points[:, :3] = deskewed(points[:, :3].astype(float), share, motion)
+        points.tofile(tmp_path / file.name)
+    recording = open_recording(tmp_path)
+    trajectory = find_trajectory(recording, pattern.sweep_s)
+    found = sweep_motion(recording, trajectory, pattern.sweep_s, SurfelSettings(), ())
+    assert found.strength == pytest.approx(0, abs=0.25) and found.scale == 0
 
 
 def test_poses_of_the_twin_are_those_of_the_drive(twin: Path) -> None:
