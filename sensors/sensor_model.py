@@ -57,7 +57,11 @@ class SensorModel:
         return any(isinstance(effect, LabelEffect) for effect in self.effects)
 
     def measure(
-        self, hits: Hits, rng: np.random.Generator | None = None, camera: CameraView | None = None
+        self,
+        hits: Hits,
+        rng: np.random.Generator | None = None,
+        camera: CameraView | None = None,
+        frame_time_s: float = 0.0,
     ) -> PointCloud:
         """The points it reports of traced hits.
 
@@ -65,23 +69,28 @@ class SensorModel:
             hits: of this pattern's nominal beams.
             rng: for effects that draw; the same generator gives the same points.
             camera: what the grayscale camera saw.
+            frame_time_s: pose time of the frame.
 
         Raises:
             SensorError: an effect needs new rays, or a user's effect breaks the rules.
         """
         if not self.effects:
             return bare_returns(hits)
-        returns, shot = self.measure_returns(hits, rng, camera)
+        returns, shot = self.measure_returns(hits, rng, camera, frame_time_s)
         return points_of(returns, shot.rays)
 
     def measure_returns(
-        self, hits: Hits, rng: np.random.Generator | None = None, camera: CameraView | None = None
+        self,
+        hits: Hits,
+        rng: np.random.Generator | None = None,
+        camera: CameraView | None = None,
+        frame_time_s: float = 0.0,
     ) -> tuple[Returns, Shot]:
         """What `measure` makes points of, with the beam of each return."""
         new = [effect.name for effect in self.effects if effect.needs_new_rays]
         if new:
             raise SensorError(f"sensor {self.origin}: {', '.join(new)} cannot be made from stored hits; trace again")
-        shot = Shot(self.pattern, hits.rays, traced=Traced(hits), camera=camera)
+        shot = Shot(self.pattern, hits.rays, traced=Traced(hits), camera=camera, frame_time_s=frame_time_s)
         return self.answer(shot, rng), shot
 
     def trace_and_measure(
@@ -92,6 +101,7 @@ class SensorModel:
         ego: EgoMotion,
         rng: np.random.Generator | None = None,
         camera: CameraView | None = None,
+        frame_time_s: float = 0.0,
     ) -> PointCloud:
         """The points it reports of a scene, traced with its true beams.
 
@@ -102,11 +112,12 @@ class SensorModel:
             ego: the vehicle that carries the LiDAR, and its motion.
             rng: for effects that draw.
             camera: what the grayscale camera saw.
+            frame_time_s: pose time of the frame.
 
         Raises:
             SensorError: a user's effect breaks the rules.
         """
-        returns, shot = self.trace_returns(scene, pose, instances, ego, rng, camera)
+        returns, shot = self.trace_returns(scene, pose, instances, ego, rng, camera, frame_time_s)
         return points_of(returns, shot.rays)
 
     def trace_returns(
@@ -117,10 +128,11 @@ class SensorModel:
         ego: EgoMotion,
         rng: np.random.Generator | None = None,
         camera: CameraView | None = None,
+        frame_time_s: float = 0.0,
     ) -> tuple[Returns, Shot]:
         """What `trace_and_measure` makes points of, with the beam of each return."""
         given = _given(rng)
-        shot = self.trace(scene, pose, instances, ego, deepcopy(given), camera)
+        shot = self.trace(scene, pose, instances, ego, deepcopy(given), camera, frame_time_s)
         return self.answer(shot, given), shot
 
     def trace(

@@ -116,7 +116,7 @@ class Recorder:
         lit = with_lamps(others, bits, actors.time_s)
         lit = with_signals(lit, self._place.signals, signals, ego.pose[:3, 3], actors.time_s)
         seen = self._cameras.look(name, ego.pose, lidar_pose_ego, others, lit)
-        scans = self._lidars.scan(name, self._place.scene, lidar_pose_ego, others, ego, seen.view)
+        scans = self._lidars.scan(name, self._place.scene, lidar_pose_ego, others, ego, seen.view, actors.time_s)
         returns = self._lidars.returns(scans, len(others))
         exact = {
             camera: labeller.label(

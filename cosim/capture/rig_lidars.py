@@ -52,8 +52,9 @@ class RigLidars:
         instances: Instances,
         ego: Ego,
         view: CameraView | None,
+        time_s: float,
     ) -> dict[str, Scan]:
-        """Scans of one instant, by LiDAR; `lidar_pose_ego` (4, 4) is that of the first."""
+        """Scans of one instant, by LiDAR; `lidar_pose_ego` (4, 4) is that of the first, `time_s` as the twin has it."""
         motion = EgoMotion(ego.pose, ego.velocity_mps, ego.yaw_rate_radps, ego.acceleration_mps2)
         found = {}
         for name, sensor in self._sensors.items():
@@ -61,9 +62,9 @@ class RigLidars:
             hits = self._tracers[name].trace(scene, pose, instances)
             rng = measuring_rng(self._seed, frame, self._suffix(name))
             if sensor.needs_new_rays:
-                cloud = sensor.trace_and_measure(scene, pose, instances, motion, rng, view)
+                cloud = sensor.trace_and_measure(scene, pose, instances, motion, rng, view, time_s)
             else:
-                cloud = sensor.measure(hits, rng, view)
+                cloud = sensor.measure(hits, rng, view, time_s)
             found[name] = Scan(hits, cloud)
         return found
 

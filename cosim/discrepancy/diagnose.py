@@ -16,7 +16,7 @@ from cosim.discrepancy.data.checks import check_fit, drive_notes, fit_notes, not
 from cosim.discrepancy.data.frames import FrameTracer
 from cosim.discrepancy.data.split import split_drive, split_frames
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
-from cosim.discrepancy.eliminate import confirmed, eliminated, redrawn, simplified
+from cosim.discrepancy.eliminate import assured, confirmed, eliminated, redrawn, simplified
 from cosim.discrepancy.inference.comparison import Gain, ToldBy, gain
 from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.inference.score_test import Tested
@@ -71,7 +71,7 @@ def diagnose(
     before = None
     while state is not before and len(state.found) < settings.most_findings:
         before, state = state, added(case, state)
-    state = confirmed(case, redrawn(case, eliminated(case, simplified(case, state))))
+    state = confirmed(case, assured(case, redrawn(case, eliminated(case, simplified(case, state)))))
     return with_labels(concluded(case, state), asked)
 
 

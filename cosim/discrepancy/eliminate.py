@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from cosim.discrepancy.inference.comparison import Gain, gain
-from cosim.discrepancy.inference.intervals import plainly_on
+from cosim.discrepancy.inference.intervals import deviations, plainly_on
 from cosim.discrepancy.select import Candidate, reshaped, simpler_than
 from cosim.discrepancy.state import Case, Found, Model, State, View, fitted_anew, given, judged, seen_by, viewed
 
@@ -71,6 +71,19 @@ def redrawn(case: Case, state: State) -> State:
         kept = tuple(replace(other, shape=shape) if other is one else other for other in state.found)
         state = replace(state, found=kept) if better is None else _with_candidate(case, state, better, kept)
     return state
+
+
+def assured(case: Case, state: State) -> State:
+    """Without findings whose intervals hold doing nothing: the least sure is taken out first, the rest fitted anew."""
+    while True:
+        sizes = deviations(state.view.fitter, state.view.fitted, given(case)) if state.found else {}
+        places = [(state.model.place_of(one.effect), one) for one in state.found if not one.is_fact]
+        unsure = [(sizes[place], one) for place, one in places if place is not None and sizes.get(place, 1.0) < 1.0]
+        if not unsure:
+            return state
+        one = min(unsure, key=lambda row: row[0])[1]
+        case.say(f"{one.effect} may be nothing by its own interval")
+        state = _without(case, state, one)
 
 
 def confirmed(case: Case, state: State) -> State:

@@ -53,7 +53,7 @@ def rescans(
                 things, ego = scene_instances(twin.instances), ego_motion(twin)
                 own, pose = measuring_rng(seed, name, drive.lidar), lidar_pose(twin)
                 camera = view_of_frame(frame, frame.calibration, pose)
-                shots[key] = sensor.trace(scenes.of(frame), pose, things, ego, own, camera)
+                shots[key] = sensor.trace(scenes.of(frame), pose, things, ego, own, camera, twin.time_s)
             scans.append(points_of(sensor.answer(shots[key], rng), shots[key].rays).kitti)
         yield frame, scans
 

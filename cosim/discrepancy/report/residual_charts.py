@@ -45,30 +45,18 @@ class Channel:
 CHANNELS = {
     one.name: one
     for one in (
-        Channel(
-            "range", "Ranges", 100.0, "cm", "measured − model (cm)",
-            "Above zero: measured farther than the model.", 0.1,
-        ),
-        Channel(
-            "intensity", "Intensities", 1.0, "", "measured − model",
-            "Above zero: measured brighter than the model.", 0.003,
-        ),
-        Channel(
-            "drop", "Returns", 100.0, "%", "returned − expected (%)",
-            "Below zero: returns are lost that the model has.", 0.3,
-        ),
-        Channel(
-            "spurious", "Strays", 1000.0, "‰", "strays − expected (‰ of beams)",
-            "Above zero: returns from where nothing is that the model lacks.", 0.3,
-        ),
-        Channel(
-            "range_variance", "Spread of ranges", 100.0, "%", "variance beyond the model’s (%)",
-            "Above zero: ranges scatter more than the model says.", 5.0,
-        ),
-        Channel(
-            "intensity_variance", "Spread of intensities", 100.0, "%", "variance beyond the model’s (%)",
-            "Above zero: intensities scatter more than the model says.", 5.0,
-        ),
+        Channel("range", "Ranges", 100.0, "cm", "measured − model (cm)",
+                "Above zero: measured farther than the model.", 0.1),
+        Channel("intensity", "Intensities", 1.0, "", "measured − model",
+                "Above zero: measured brighter than the model.", 0.003),
+        Channel("drop", "Returns", 100.0, "%", "returned − expected (%)",
+                "Below zero: returns are lost that the model has.", 0.3),
+        Channel("spurious", "Strays", 1000.0, "‰", "strays − expected (‰ of beams)",
+                "Above zero: returns from where nothing is that the model lacks.", 0.3),
+        Channel("range_variance", "Spread of ranges", 100.0, "%", "variance beyond the model’s (%)",
+                "Above zero: ranges scatter more than the model says.", 5.0),
+        Channel("intensity_variance", "Spread of intensities", 100.0, "%", "variance beyond the model’s (%)",
+                "Above zero: intensities scatter more than the model says.", 5.0),
     )
 }  # fmt: skip
 USUAL_CHANNELS = ("range", "intensity", "drop", "spurious")

@@ -206,9 +206,11 @@ def test_an_interrupted_job_is_taken_up_and_gives_the_same_bytes(variants_folder
 
 
 def test_a_run_with_a_variant_s_sensor_measures_what_the_variant_of_a_run_does(hamlet_config, hamlet_drive, tmp_path):
-    """The same world, seed and frames; the twin's files hold poses to a micrometre."""
+    """The same world, seed, frames and times; the twin's files hold poses to a micrometre."""
+    (tmp_path / "warm.py").write_text(_WARM)
     own = tmp_path / "raydrop.yaml"
-    own.write_text(load_sensor("raydrop").to_yaml().replace("hdl64e", str(hamlet_config.with_name("small.yaml"))))
+    text = load_sensor("raydrop").to_yaml().replace("hdl64e", str(hamlet_config.with_name("small.yaml")))
+    own.write_text(text + "- {effect: ./warm.py:Warm, gain_mps: 0.05}\n")
     record(hamlet_config, tmp_path / "run", sensor=str(own))
     make_variants(hamlet_drive, str(own), tmp_path / "v")
     away = []
@@ -216,6 +218,8 @@ def test_a_run_with_a_variant_s_sensor_measures_what_the_variant_of_a_run_does(h
         other = Drive(tmp_path / "v" / "raydrop")[frame.name]
         assert len(frame.points) == pytest.approx(len(other.points), rel=2e-3)
         assert frame.points[:, 3].mean() == pytest.approx(other.points[:, 3].mean(), abs=2e-3)
+        mean_m, other_m = (np.linalg.norm(one.points[:, :3], axis=1).mean() for one in (frame, other))
+        assert mean_m == pytest.approx(other_m, abs=0.05) and frame.twin.time_s > 2  # 0.1 m, and more with time
         assert frame.labels.type == other.labels.type and frame.has("label_2_exact")
         away += [np.abs(frame.labels.cared_for.dimensions - other.labels.cared_for.dimensions)]
     assert np.quantile(np.concatenate(away), 0.9) < 0.1  # the outermost noisy points decide
