@@ -20,7 +20,11 @@ def headline(found: Calibration) -> str:
     """The outcome in a sentence or two, plain text."""
     names = found_effects(found)
     last, first = found.rounds[-1], found.rounds[0]
-    silent = "No effect of the catalogue was found." if last.unknowns or last.unexplained else "Nothing is missing."
+    silent = (
+        "No effect of the catalogue was found."
+        if last.unknowns or last.unexplained
+        else "Nothing is missing that these scans would show."
+    )
     said = f"Found: {', '.join(names)}." if names else silent
     if last.unknowns:
         said += f" {len(last.unknowns)} dependences that no known effect explains were added as shapes."
