@@ -195,12 +195,16 @@ def _slices(slices: Sequence[Slice]) -> str:
     rows = [
         [
             escape(one.where), one.channel, _residual(one), _spread(one), f"{one.beams:,}",
-            f"{meter(one.share)} {one.share:.1%}",
+            f"{one.share:.1%} {meter(one.share)}",
         ]
         for one in slices
     ]  # fmt: skip
     heads = ["", "", "mean residual", "spread", "beams", "share of the channel’s error"]
-    return section("Where it is worst", table(heads, rows, words=(1,)), text="At the poses as given." if rows else "")
+    return section(
+        "Where it is worst",
+        table(heads, rows, words=(1,)),
+        text="At the poses as given; where a mean residual costs most stands first." if rows else "",
+    )
 
 
 def _residual(one: Slice) -> str:
