@@ -43,8 +43,7 @@ def eliminated(case: Case, state: State) -> State:
         if place is None or one.interval is not None or place in sure:
             continue
         case.say(f"asking whether {one.effect} is still needed")
-        less = state.model.without(place, given(case))
-        view = fitted_anew(case, less, state.view)
+        less, view = _reduced(case, state, place)
         if view.fitter is not state.view.fitter:
             continue
         told = gain(view.fitter, view.fitted, state.view.fitted, one.told_by)
@@ -81,8 +80,7 @@ def assured(case: Case, state: State) -> State:
         if place is None or one.is_fact or sizes.get(place, 1.0) >= 1.0:
             continue
         case.say(f"asking whether {one.effect} is anything")
-        less = state.model.without(place, given(case))
-        view = fitted_anew(case, less, state.view)
+        less, view = _reduced(case, state, place)
         lost = state.view.fitted.loglik - view.fitted.loglik
         if view.fitter is state.view.fitter and lost < np.log(len(view.fitter.sample)):
             return assured(case, _moved_on(case, state, less, view, _all_but(one, state)))
@@ -131,8 +129,13 @@ def _without(case: Case, state: State, one: Found) -> State:
     """The rest fitted anew without a finding."""
     place = state.model.place_of(one.effect)
     assert place is not None  # found
+    return _moved_on(case, state, *_reduced(case, state, place), _all_but(one, state))
+
+
+def _reduced(case: Case, state: State, place: int) -> tuple[Model, View]:
+    """The model without the effect of a place, and as it is fitted anew."""
     less = state.model.without(place, given(case))
-    return _moved_on(case, state, less, fitted_anew(case, less, state.view), _all_but(one, state))
+    return less, fitted_anew(case, less, state.view)
 
 
 def _with_candidate(case: Case, state: State, one: Candidate, found: tuple[Found, ...]) -> State:
