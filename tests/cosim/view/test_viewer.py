@@ -71,7 +71,9 @@ def differing(one: np.ndarray, other: np.ndarray) -> int:
 
 
 def frame_shown(browser: Chromium) -> str:
+    """What the page says of its frame, once that is drawn: canvases follow with the browser's next picture."""
     browser.wait("cosimView.ready")
+    browser.evaluate(_DRAWN)
     return browser.evaluate("document.querySelector('.facts').textContent")
 
 
