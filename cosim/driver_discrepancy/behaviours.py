@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from cosim.driver_discrepancy.settings import DEFAULT
 from cosim.traffic.behaviour import BehaviourConfig
 from cosim.traffic.behaviour.distributions import Choice, Constant, Normal, Uniform
 
+_BY = DEFAULT.placing
 Drawn = Constant | Uniform | Normal | Choice
 Values = Mapping[str, float]
 _ROOT3 = 3**0.5
-_LIMIT_MPS = 13.9
 _DRAWS = 2000
 
 
@@ -121,8 +122,8 @@ def _plain(value: Any) -> Any:
 
 def _read_speeding(config: BehaviourConfig, _: Background) -> dict[str, float]:
     (share, one), (over, other) = moments(config.speeding_share), moments(config.speeding_kmh)
-    mean = 1 + share + over / 3.6 / _LIMIT_MPS
-    return {"speed_factor": mean, "speed_dev": float(np.hypot(one, other / 3.6 / _LIMIT_MPS))}
+    mean = 1 + share + over / 3.6 / _BY.usual_limit_mps
+    return {"speed_factor": mean, "speed_dev": float(np.hypot(one, other / 3.6 / _BY.usual_limit_mps))}
 
 
 def _write_speeding(config: BehaviourConfig, values: Values) -> BehaviourConfig:

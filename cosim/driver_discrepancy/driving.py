@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.driver_discrepancy.settings import DEFAULT
 from cosim.traffic.actors import Actors
 from cosim.traffic.behaviour import BehaviourConfig
 from cosim.traffic.behaviour.free_driving import MOTORISED
@@ -18,13 +19,7 @@ from cosim.traffic.behaviour.habits import Habits, draw_habits
 from cosim.traffic.behaviour.roads import Lane, Roads
 from cosim.traffic.simulation import Traffic
 
-_MOST_PER_MIN = 60.0
-_ONWARD_EVERY_S = 5.0
-_CLEAR_OF_ENDS_M, _HOLDS_S = 25.0, 6.0
-_BRAKES_MPS2, _WAITS_S = 1.8, 20.0
-_ROOM_M = (14.0, 8.0)  # behind and before a place on the other side
-_TRIES = 10
-_STANDS_MPS = 0.1
+_BY = DEFAULT.simulating
 
 
 @dataclass(eq=False)
@@ -69,7 +64,7 @@ class Driving:
             if actors.kinds[row] in MOTORISED and lane and not actors.parked[row]:
                 self._drive(actors, row, name, lane)
         if actors.time_s >= self._onward_s:
-            self._onward_s += _ONWARD_EVERY_S
+            self._onward_s += _BY.onward_every_s
             for name, lane in zip(actors.ids, actors.lanes, strict=True):
                 if name in self._drivers and lane and name not in self._turns:
                     self._traffic.prolong_route(name, self._ways)
@@ -98,7 +93,7 @@ class Driving:
                 driver.wish = None
             elif actors.lane_position_m[row] > place and actors.speed_mps[row] > 2:
                 driver.wish = None
-                self._traffic.api.vehicle.changeLane(name, index, _HOLDS_S)
+                self._traffic.api.vehicle.changeLane(name, index, _BY.lane_held_s)
 
     def _begin(self, name: str) -> _Driver:
         habits, api = draw_habits(self._config, self._seed, name), self._traffic.api.vehicle
@@ -123,9 +118,9 @@ class Driving:
         beside = {lane.index for lane in self._roads.of_edge[here.edge]}
         chances = ((1, driver.habits.changes_left, left), (-1, driver.habits.changes_right, right))
         wishes = [here.index + side for side, chance, luck in chances if here.index + side in beside and luck < chance]
-        if not wishes or here.length_m < 2 * _CLEAR_OF_ENDS_M:
+        if not wishes or here.length_m < 2 * _BY.turn_clear_of_ends_m:
             return None
-        place = 0.1 * here.length_m + at * (0.9 * here.length_m - _CLEAR_OF_ENDS_M)
+        place = 0.1 * here.length_m + at * (0.9 * here.length_m - _BY.turn_clear_of_ends_m)
         return here.id, place, wishes[int(which * len(wishes))]
 
     def _pull_out(self, actors: Actors, luck: float) -> None:
@@ -141,7 +136,7 @@ class Driving:
         api = self._traffic.api
         vtype, edges = api.vehicle.getTypeID(name).partition("@")[0], sorted(self._roads.of_edge)
         edges = [one for one in edges if one[0] != ":"]
-        for _ in range(_TRIES):
+        for _ in range(_BY.ways_tried):
             target = edges[int(self._ways.integers(len(edges)))]
             way = api.simulation.findRoute(edge, target, vtype).edges
             if len(way) > 2:
@@ -156,16 +151,17 @@ class Driving:
             here = self._roads.lanes.get(lane)
             if here is None or lane[0] == ":" or name in self._turns or name not in self._drivers:
                 continue
-            stop = actors.lane_position_m[row] + actors.speed_mps[row] ** 2 / (2 * _BRAKES_MPS2)
+            stop = actors.lane_position_m[row] + actors.speed_mps[row] ** 2 / (2 * _BY.turn_brakes_mps2)
             inner = here is self._roads.of_edge[here.edge][-1] and here.edge in self._roads.back
-            if inner and _CLEAR_OF_ENDS_M < stop < here.length_m - _CLEAR_OF_ENDS_M and actors.speed_mps[row] > 1:
+            inner &= _BY.turn_clear_of_ends_m < stop < here.length_m - _BY.turn_clear_of_ends_m
+            if inner and actors.speed_mps[row] > 1:
                 found.append((row, here))
         if found:
             row, here = found[int(luck * len(found))]
             back = self._roads.of_edge[self._roads.back[here.edge]][-1]
-            name, seconds = actors.ids[row], max(float(actors.speed_mps[row]) / _BRAKES_MPS2, 1.0)
+            name, seconds = actors.ids[row], max(float(actors.speed_mps[row]) / _BY.turn_brakes_mps2, 1.0)
             self._traffic.api.vehicle.slowDown(name, 0.0, seconds)
-            self._turns[name] = _Turn(here, back, actors.time_s + _WAITS_S)
+            self._turns[name] = _Turn(here, back, actors.time_s + _BY.turn_waits_s)
 
     def _turn(self, actors: Actors, name: str) -> None:
         turn, api = self._turns[name], self._traffic.api.vehicle
@@ -177,7 +173,7 @@ class Driving:
             del self._turns[name]
             if row >= 0:
                 api.setSpeed(name, -1)
-        elif actors.speed_mps[row] <= _STANDS_MPS:
+        elif actors.speed_mps[row] <= DEFAULT.placing.rests_mps:
             self._move_over(actors, name, row, turn)
 
     def _move_over(self, actors: Actors, name: str, row: int, turn: _Turn) -> None:
@@ -186,7 +182,7 @@ class Driving:
         api.setSpeed(name, 0.0)
         at, _ = turn.back.project(actors.front[row, :2])
         there = [i for i, lane in enumerate(actors.lanes) if lane == turn.back.id and not actors.parked[i]]
-        if all(not -_ROOM_M[0] < actors.lane_position_m[i] - at < _ROOM_M[1] for i in there):
+        if all(not -_BY.turn_room_m[0] < actors.lane_position_m[i] - at < _BY.turn_room_m[1] for i in there):
             spot, heading = turn.back.point(at)
             angle = float(90 - np.degrees(heading)) % 360
             api.moveToXY(name, turn.back.edge, turn.back.index, float(spot[0]), float(spot[1]), angle, 0)
@@ -194,7 +190,7 @@ class Driving:
 
 def _schedule(per_min: float, begin_s: float, seconds: float, rng: np.random.Generator) -> list[tuple[float, float]]:
     """Times and luck of incidents: a thinned Poisson process, so that a greater rate keeps those of a smaller one."""
-    count = rng.poisson(_MOST_PER_MIN * seconds / 60)
+    count = rng.poisson(_BY.most_per_min * seconds / 60)
     times, keep, luck = rng.uniform(begin_s, begin_s + seconds, count), rng.random(count), rng.random(count)
-    chosen = np.flatnonzero(keep < per_min / _MOST_PER_MIN)
+    chosen = np.flatnonzero(keep < per_min / _BY.most_per_min)
     return sorted(zip(times[chosen].tolist(), luck[chosen].tolist(), strict=True))

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.driver_discrepancy.settings import DEFAULT
 from cosim.traffic.motion.corners import corner_speed
 from cosim.traffic.road_users import KIND_OF_CLASS
 from sumo_nets.xml_guard import read_xml
 
-_STRAIGHT = 1.6  # times the limit must a bend allow
-_LIMIT_MPS = 13.9
+_BY = DEFAULT.placing
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ def read_network(net: Path, additional: tuple[Path, ...], routes: tuple[Path, ..
                 others.add(lane.get("id", ""))
                 continue
             shape = np.array([[float(v) for v in p.split(",")[:2]] for p in lane.get("shape", "").split()])
-            limit = float(lane.get("speed", _LIMIT_MPS))
+            limit = float(lane.get("speed", _BY.usual_limit_mps))
             lanes[lane.get("id", "")] = NetLane(
                 id=lane.get("id", ""),
                 edge=name,
@@ -133,7 +133,7 @@ def read_network(net: Path, additional: tuple[Path, ...], routes: tuple[Path, ..
                 width_m=float(lane.get("width", 3.2)),
                 shape=shape,
                 inside=function == "internal",
-                straight=corner_speed(shape) > _STRAIGHT * limit,
+                straight=corner_speed(shape) > _BY.straight * limit,
             )
         if not function:
             ends[name] = (edge.get("from", ""), edge.get("to", ""))

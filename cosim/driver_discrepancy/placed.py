@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.driver_discrepancy.network import Network
+from cosim.driver_discrepancy.settings import DEFAULT
 from cosim.driver_discrepancy.tracks import TrackError, Tracks
 
+_BY = DEFAULT.placing
 FOUR_WHEELS = ("car", "van", "truck", "bus")
-_RESTS_MPS = 0.1
-_USUAL_M = 4.5  # length of who is of no known type
-_LEADS_M = 80.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ def place(tracks: Tracks, network: Network) -> Placed:
         on[mine], limit[mine], free[mine] = True, lane.limit_mps, lane.straight and not lane.inside
         ends[mine] = lane.length_m - along[mine]
         beside[mine] = np.abs(left[mine]) > lane.width_m / 2
-    parked = _lasting(tracks, (tracks.speed_mps < _RESTS_MPS) & beside)
+    parked = _lasting(tracks, (tracks.speed_mps < _BY.rests_mps) & beside)
     leader, gap = _leaders(tracks, network, code, along, on & ~parked & ~beside)
     acceleration = _acceleration(tracks)
     return Placed(tracks, network, on, along, left, limit, ends, free, parked, acceleration, leader, gap)
@@ -91,7 +90,7 @@ def lengths(tracks: Tracks, network: Network) -> np.ndarray:
     usual = {kind: float(np.median(found)) for kind, found in by_kind.items()}
     types = network.types
     return np.array(
-        [types[name].length_m if name in types else usual.get(name, _USUAL_M) for name in tracks.types], float
+        [types[name].length_m if name in types else usual.get(name, _BY.usual_length_m) for name in tracks.types], float
     )
 
 
@@ -138,6 +137,6 @@ def _leaders(
     behind, ahead = behind[pairs], ahead[pairs]
     size = lengths(tracks, network)[tracks.vehicle[ahead]]
     clear = along[ahead] - along[behind] - size
-    near = clear < _LEADS_M
+    near = clear < _BY.leads_m
     leader[behind[near]], gap[behind[near]] = ahead[near], clear[near]
     return leader, gap

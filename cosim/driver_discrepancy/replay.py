@@ -12,14 +12,14 @@ import numpy as np
 
 from cosim.driver_discrepancy.network import Network
 from cosim.driver_discrepancy.placed import Placed
+from cosim.driver_discrepancy.settings import DEFAULT
 from cosim.driver_discrepancy.tracks import TrackError
 from sumo_nets import Town
 from sumo_nets.sumo_files import write_xml
 from sumo_nets.xml_guard import read_xml
 
+_BY = DEFAULT.simulating
 _FOREVER_S = 1_000_000
-_LEFT_EARLY_S = 2.0
-_CLEAR_M = 0.3
 _MOTORISED = ("car", "van", "truck", "bus", "motorcycle")
 
 
@@ -76,7 +76,7 @@ def write_replay(placed: Placed, town: Town, folder: Path) -> Replay:
             continue
         route, whole = _route(placed, streets)
         drivers.append((float(tracks.time_s[streets[0]]), _driver(placed, name, types[who], streets[0], route)))
-        if whole and tracks.time_s[rows[-1]] < last_s - _LEFT_EARLY_S and not placed.parked[rows[-1]]:
+        if whole and tracks.time_s[rows[-1]] < last_s - _BY.left_early_s and not placed.parked[rows[-1]]:
             leaving[name] = Leaving(len(route), route[-1], float(placed.along_m[streets[-1]]))
     if not drivers:
         raise TrackError("nobody drives on the town's lanes; measured trajectories must move")
@@ -171,7 +171,7 @@ def _parker(placed: Placed, name: str, vtype: str, row: int) -> list[str]:
     lots = [
         (abs(end - along), lot)
         for lot, (where, start, end) in network.lots.items()
-        if network.lanes.get(where, lane).edge == lane.edge and start - _CLEAR_M <= along <= end + _CLEAR_M
+        if network.lanes.get(where, lane).edge == lane.edge and start - _BY.clear_m <= along <= end + _BY.clear_m
     ]
     where = f'parkingArea="{min(lots)[1]}"' if lots else f'lane="{lane.id}" endPos="{along:.2f}" parking="true"'
     return [

@@ -37,6 +37,35 @@ class Fitting:
 
 
 @dataclass(frozen=True)
+class Placing:
+    """How measured tracks are put on their network."""
+
+    rests_mps: float = 0.1  # who is slower stands
+    leads_m: float = 80.0  # clear distance up to which somebody ahead is a leader
+    usual_length_m: float = 4.5  # of who is of no known type
+    usual_limit_mps: float = 13.9  # of a lane that has none
+    straight: float = 1.6  # times its limit must a lane's bend allow
+
+
+@dataclass(frozen=True)
+class Simulating:
+    """How the model's vehicles enter, drive and leave."""
+
+    clear_m: float = 0.3  # by which a parked vehicle may stand out of its lot
+    passed_m: float = 5.0  # before its last measured place, where a vehicle is taken out
+    left_early_s: float = 2.0  # before a recording's end, to have left the town
+    parked_every_s: float = 5.0  # between two samples of who is parked
+    onward_every_s: float = 5.0  # between two looks at who needs a longer way
+    ways_tried: int = 10  # to find it one
+    most_per_min: float = 60.0  # rate of incidents, the highest that can be asked for
+    turn_clear_of_ends_m: float = 25.0  # from a junction, to turn round in the road
+    turn_room_m: tuple[float, float] = (14.0, 8.0)  # free behind and before the place on the other side
+    turn_brakes_mps2: float = 1.8  # to stop before it
+    turn_waits_s: float = 20.0  # at most, for room
+    lane_held_s: float = 6.0  # for which a wish for a lane is held
+
+
+@dataclass(frozen=True)
 class TrafficSettings:
     """All of them; level, coverage, power and the floor's margin are those of the loop for sensors."""
 
@@ -50,6 +79,8 @@ class TrafficSettings:
     judge_every: int = 3  # one of so many vehicles judges and takes no part in fits
     gate: Gate = field(default_factory=Gate)
     fitting: Fitting = field(default_factory=Fitting)
+    placing: Placing = field(default_factory=Placing)
+    simulating: Simulating = field(default_factory=Simulating)
 
 
 DEFAULT = TrafficSettings()

@@ -10,13 +10,13 @@ import numpy as np
 
 from cosim.driver_discrepancy.driving import Driving
 from cosim.driver_discrepancy.replay import Leaving, Replay
+from cosim.driver_discrepancy.settings import DEFAULT
 from cosim.driver_discrepancy.tracks import Tracks, gathered
 from cosim.traffic.actors import Actors
 from cosim.traffic.behaviour import BehaviourConfig
 from cosim.traffic.simulation import Traffic
 
-_PARKED_EVERY_S = 5.0
-_PASSED_M = 5.0
+_BY = DEFAULT.simulating
 
 
 class Recorder:
@@ -60,7 +60,7 @@ class Recorder:
             return True
         if actors.time_s < self._parked_s.get(actors.ids[row], -np.inf):
             return False
-        self._parked_s[actors.ids[row]] = actors.time_s + _PARKED_EVERY_S
+        self._parked_s[actors.ids[row]] = actors.time_s + _BY.parked_every_s
         return True
 
 
@@ -124,6 +124,6 @@ class _Exits:
                 self._edge[name] = edge
                 self._passed[name] += 1
             there = edge == leaving.edge and self._passed[name] >= leaving.edges
-            if there and actors.lane_position_m[row] > leaving.along_m - _PASSED_M:
+            if there and actors.lane_position_m[row] > leaving.along_m - _BY.passed_m:
                 traffic.remove(name)
                 del self._leaving[name]
