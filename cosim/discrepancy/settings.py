@@ -81,6 +81,7 @@ class Law:
     intensity_floor: float = 0.002  # the same of intensities
     rise_sigma_m: float = 0.003  # of a point above its beam
     stray_share: float = 1e-5  # of beams that return from elsewhere
+    reference_share: float = 1e-4  # of spurious returns at which their score is taken: smaller shares are irrelevant
     reach_m: float = 120.0  # over which these are spread evenly
     neither_share: float = 0.01  # of beams near edges that return from anywhere, and of lost ones, to begin with
     neither_known: float = 1e-5  # to which these are found
@@ -91,6 +92,7 @@ class Law:
     most_squared: float = 100.0  # of a residual in standard deviations, for spreads
     far_off: float = 3.0  # standard deviations from which a residual's curvature is that which its pull has
     median_size: float = 0.6745  # of a standard normal deviate
+    steepest_m_per_rad: float = 300.0  # change of range per angle up to which it is taken as linear
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,7 @@ class Descent:
     steps: int = 12  # at most
     rough_steps: int = 10  # of a candidate
     halvings: int = 5  # of a step
+    ridge: float = 1e-6  # share of their information, a prior of coefficients of dependences
     brightnesses: Six = (0.3, 0.7, 0.95, 1.05, 1.4, 3.0)  # times what a surface of a map has, that are tried a step
     least_told: float = 1e-5  # of what would be known laser by laser without random effects; less is not told at all
     rounds: int = 3  # of tracing anew where beams were bent
@@ -182,6 +185,12 @@ class Screen:
 
     draws: int = 1999  # sign patterns of a wild bootstrap: they tell p to 0.0005
     bins: int = 10  # of a covariate; equal numbers of beams in each
+    fine_bins: int = 30  # of a covariate in a refit
+    cyclic_bins: int = 36  # of an angle in a refit
+    fewest_in_cell: int = 60  # beams in a bin of two covariates, or of a spread
+    object_reach_m: float = 80.0  # horizontally, of objects near which hits are looked at
+    object_far_m: float = 12.0  # beyond which all distances from objects are alike
+    retro_reach: int = 32  # firings from a reflector
     fewest_in_bin: int = 150  # beams; fewer tell nothing of a bin
     fewest_values: int = 4  # that a covariate has
     speed: float = 0.01  # [m/s] that is told apart

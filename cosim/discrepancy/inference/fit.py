@@ -12,6 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
+from cosim.discrepancy.inference.dependence import (
+    BasisColumns,
+    Dependence,
+    apply_changes,
+    changes_of,
+    channel_slopes,
+    spurious_densities,
+)
 from cosim.discrepancy.inference.likelihood import Residuals, range_spread_m, residuals_of
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
@@ -40,7 +48,9 @@ class Fitted:
         loglik: of the sample, random effects integrated out (Laplace).
         prediction: of the effects alone.
         residuals, evidence: at the end, with random effects.
-        columns: linearisation there, one for each of `free`.
+        columns: linearisation there, one for each of `free` and of the dependences that have derivatives.
+        dependences: fitted along, acting on what the effects predict.
+        bare: prediction of the effects without the dependences.
     """
 
     effects: tuple[Effect, ...]
@@ -50,7 +60,9 @@ class Fitted:
     prediction: Prediction
     residuals: Residuals
     evidence: Evidence
-    columns: tuple[Column, ...]
+    columns: tuple[Column | BasisColumns, ...]
+    dependences: tuple[Dependence, ...]
+    bare: Prediction
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +70,9 @@ class _State:
     """Where a fit stands."""
 
     effects: tuple[Effect, ...]
+    dependences: tuple[Dependence, ...]
     estimate: Estimate
+    bare: Prediction
     prediction: Prediction
     residuals: Residuals
 
@@ -88,6 +102,7 @@ class Fitter:
         *,
         steps: int | None = None,
         roughly: bool = False,
+        dependences: Sequence[Dependence] = (),
     ) -> Fitted:
         """Fit some parameters, starting from those the effects have.
 
@@ -98,9 +113,10 @@ class Fitter:
                 pose errors of the usual spread.
             steps: most Gauss–Newton steps.
             roughly: search no closer than it takes to tell candidates apart.
+            dependences: whose coefficients are fitted along.
         """
-        free = tuple(free)
-        state = self._state(tuple(effects), self.random.start() if start is None else start)
+        free, dependences = tuple(free), tuple(dependences)
+        state = self._state(tuple(effects), self.random.start() if start is None else start, dependences=dependences)
         if self.random.has_poses:  # an effect that is new may have taken over what pose errors were
             u = np.where(np.arange(self.random.size) < self.random.rows("poses").stop, 0.0, state.estimate.u)
             none = replace(state.estimate, u=u)
@@ -111,16 +127,19 @@ class Fitter:
         state = self._settled(state, gradual, self.settings.descent.steps if steps is None else steps)
         found = self._searched(state, free, roughly)
         if found != state.effects:
-            state = self._descended(self._state(found, state.estimate), (), 0.0, 3)
+            state = self._state(found, state.estimate, dependences=state.dependences)
+            state = self._descended(state, (), 0.0, 3)
         return self._ended(state, free)
 
-    def at(self, effects: Sequence[Effect], estimate: Estimate) -> Fitted:
-        """Effects and random effects as they are, nothing fitted."""
-        return self._ended(self._state(tuple(effects), estimate), ())
+    def at(self, effects: Sequence[Effect], estimate: Estimate, dependences: Sequence[Dependence] = ()) -> Fitted:
+        """Effects, dependences and random effects as they are, nothing fitted."""
+        return self._ended(self._state(tuple(effects), estimate, dependences=tuple(dependences)), ())
 
-    def loss(self, estimate: Estimate) -> Callable[[tuple[Effect, ...]], float]:
-        """Negative log-likelihood of effects, random effects as they are."""
-        return lambda effects: -self._penalised(self._state(effects, estimate))
+    def loss(
+        self, estimate: Estimate, dependences: tuple[Dependence, ...] = ()
+    ) -> Callable[[tuple[Effect, ...]], float]:
+        """Negative log-likelihood of effects, random effects and dependences as they are."""
+        return lambda effects: -self._penalised(self._state(effects, estimate, dependences=dependences))
 
     def losses(self, effects: tuple[Effect, ...], estimate: Estimate) -> np.ndarray:
         """The part (n,) that every beam has in it."""
@@ -186,24 +205,54 @@ class Fitter:
         """Whether a parameter is found by search."""
         return is_searched(effect, unknown, column, self.settings.search)
 
-    def _state(self, effects: tuple[Effect, ...], estimate: Estimate, blur: float = 0.0) -> _State:
+    def _state(
+        self,
+        effects: tuple[Effect, ...],
+        estimate: Estimate,
+        blur: float = 0.0,
+        dependences: tuple[Dependence, ...] = (),
+    ) -> _State:
         with np.errstate(over="ignore", invalid="ignore"):  # a trial may ask for the impossible, and be refused
-            prediction = self.sample.predict(effects)
-        return _State(effects, estimate, prediction, self.residuals(prediction, estimate, blur))
+            bare = self.sample.predict(effects)
+        prediction = apply_changes(self.sample, bare, changes_of(dependences)) if dependences else bare
+        return _State(effects, dependences, estimate, bare, prediction, self.residuals(prediction, estimate, blur))
+
+    def _columns(
+        self, state: _State, free: tuple[Free, ...], slopes: Sequence[Column] | None = None
+    ) -> tuple[Column | BasisColumns, ...]:
+        """Derivatives of the adjusted prediction: of the free parameters, then of the dependences' coefficients."""
+        slopes = self.slopes(state.effects, free, state.bare) if slopes is None else slopes
+        columns: list[Column | BasisColumns] = list(self.passed_on(slopes, state.prediction, state.estimate))
+        if state.dependences:
+            by = self.random.passed_on(state.prediction, state.estimate)
+            of_channel = channel_slopes(
+                self.sample, state.bare, changes_of(state.dependences), [one.channel for one in state.dependences]
+            )
+            for dependence in state.dependences:
+                delta = of_channel.get(dependence.channel, {})
+                columns.append(BasisColumns({k: v * by.get(k, 1.0) for k, v in delta.items()}, dependence.basis))
+        return tuple(columns)
 
     def residuals(self, prediction: Prediction, estimate: Estimate, blur: float = 0.0) -> Residuals:
         """How a prediction fits, changed as random effects do; `blur` as of `judge`."""
         return residuals_of(self.sample, self.random.adjusted(prediction, estimate), blur)
 
+    def residuals_at(self, adjusted: Prediction) -> Residuals:
+        """How a prediction that random effects have changed fits."""
+        return residuals_of(self.sample, adjusted)
+
     def _ended(self, state: _State, free: tuple[Free, ...]) -> Fitted:
-        columns = self.passed_on(self.slopes(state.effects, free, state.prediction), state.prediction, state.estimate)
+        columns = self._columns(state, free)
         evidence = Evidence.of(self.sample, state.residuals)
         loglik = self._marginal(state, evidence)
-        return Fitted(state.effects, free, state.estimate, loglik, state.prediction, state.residuals, evidence, columns)
+        return Fitted(
+            state.effects, free, state.estimate, loglik, state.prediction, state.residuals, evidence, columns,
+            state.dependences, state.bare,
+        )  # fmt: skip
 
     def _searched(self, state: _State, free: tuple[Free, ...], roughly: bool) -> tuple[Effect, ...]:
         """With numbers that no slope tells of, such as hard limits, where they are likeliest."""
-        columns = self.passed_on(self.slopes(state.effects, free, state.prediction), state.prediction, state.estimate)
+        columns = self.passed_on(self.slopes(state.effects, free, state.bare), state.prediction, state.estimate)
         which = [
             (one.effect, one.unknown, column)
             for one, column in zip(free, columns, strict=True)
@@ -211,13 +260,13 @@ class Fitter:
         ]
         if not which:
             return state.effects
-        return searched(state.effects, which, self.loss(state.estimate), self.sample, state.residuals, roughly=roughly)
+        return searched(state.effects, which, self.loss(state.estimate, state.dependences), self.sample, state.residuals, roughly=roughly)
 
     def _settled(self, start: _State, free: tuple[Free, ...], steps: int) -> _State:
         """Where Gauss–Newton steps lead; where that is still far off, or where they lead through widened ranges."""
         state = self._descended(start, free, 0.0, steps)
         wide = self.roughness(self.random.adjusted(state.prediction, state.estimate))
-        if not wide or not free:
+        if not wide or not (free or start.dependences):
             return state
         other = start
         while wide > 0:
@@ -244,26 +293,32 @@ class Fitter:
                 begun = self.random.begun(state.estimate, state.prediction, evidence)
                 state = replace(state, estimate=begun)
             if about is None or _is_away(about, state.effects, free):
-                about, slopes = state.effects, self.slopes(state.effects, free, state.prediction)
-            columns = self.passed_on(slopes, state.prediction, state.estimate)
+                about, slopes = state.effects, self.slopes(state.effects, free, state.bare)
+            columns = self._columns(state, free, slopes)
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
-            law = (precision, _away(state.effects, free)) if precision.any() else None
+            law = self._prior(model, state, precision, _away(state.effects, free))
             step, change_u = model.step(state.estimate, self._least_told(free), law)
+            step, change_c = step[: len(lasers)], step[len(lasers) :]
             step = self._without_common_gain(state.effects, free, step)
-            if not (np.isfinite(step).all() and np.isfinite(change_u).all()):
+            if not all(np.isfinite(part).all() for part in (step, change_u, change_c)):
                 break
+            state = self._with_shares(state, blur)
             gained, still = -np.inf, self._still(state.effects, free)
             for halving in range(self.settings.descent.halvings):
                 part = 0.5**halving
                 moved = replace(state.estimate, u=state.estimate.u + part * change_u)
-                tried = [self._state(_moved(state.effects, free, part * own * step), moved, blur) for own in still]
+                terms = _moved_dependences(state.dependences, part * change_c)
+                tried = [
+                    self._state(_moved(state.effects, free, part * own * step), moved, blur, terms) for own in still
+                ]
                 trial = max((self._lit(one, blur, state.estimate) for one in tried), key=worth)
                 reached = worth(trial)
                 if reached > value:
                     gained, state = reached - value, trial
                     break
             if lasers.any():
-                precision = _laws(lasers, _away(state.effects, free), model.fixed_information + np.diag(precision))
+                known = model.fixed_information[: len(lasers), : len(lasers)] + np.diag(precision)
+                precision = _laws(lasers, _away(state.effects, free), known)
             after = self.random.updated(state.estimate, model.solver)
             settled = bool(np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12))
             state = replace(state, estimate=after)
@@ -274,6 +329,38 @@ class Fitter:
             ):
                 break
         return state
+
+    def _prior(
+        self, model: LinearModel, state: _State, precision: np.ndarray, away: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Precisions of normal priors of all parameters and their distances from the means, see `LinearModel.step`.
+
+        Coefficients of dependences get a weak one, so that those that the data cannot determine stay at 0.
+        """
+        if not state.dependences:
+            return (precision, away) if precision.any() else None
+        coefficients = np.concatenate([one.coefficients for one in state.dependences])
+        known = np.maximum(model.own_information_diagonal[len(precision) :], 0.0)
+        weak = self.settings.descent.ridge * known + 1e-9
+        weak[known <= 0] = 1.0
+        return np.append(precision, weak), np.append(away, coefficients)
+
+    def _with_shares(self, state: _State, blur: float) -> _State:
+        """With one step of expectation maximisation for the shares of spurious returns."""
+        if not any(one.is_one_sided for one in state.dependences):
+            return state
+        sample, share = self.sample, self.sample.share * self.sample.clear * self.sample.first
+        density = spurious_densities(sample, state.prediction)
+        likelihood = np.exp(self.residuals(state.prediction, state.estimate, blur).outcome)
+        dependences = []
+        for one in state.dependences:
+            if one.is_one_sided:
+                start = np.where(one.coefficients > 0, one.coefficients, self.settings.law.stray_share)
+                new = one.basis.T @ (share * density[one.channel] / likelihood)
+                start = start * new / np.maximum(one.basis.T @ share, 1e-9)
+                one = replace(one, coefficients=start)
+            dependences.append(one)
+        return self._state(state.effects, state.estimate, blur, tuple(dependences))
 
     def _lit(self, state: _State, blur: float, other: Estimate | None = None) -> _State:
         """With each surface of a map made of the scans as bright as is likeliest, all else as it is.
@@ -353,6 +440,16 @@ def all_free(effects: Sequence[Effect], which: Sequence[int], rings: int) -> tup
             if unknown.rings == 1 or length == rings:
                 found.append(Free(place, unknown))
     return tuple(found)
+
+
+def _moved_dependences(dependences: Sequence[Dependence], step: np.ndarray) -> tuple[Dependence, ...]:
+    """Dependences with a step (c,) of all their coefficients; shares of spurious returns are fitted elsewhere."""
+    moved, at = [], 0
+    for one in dependences:
+        part = 0.0 if one.is_one_sided else step[at : at + one.size]
+        moved.append(replace(one, coefficients=one.coefficients + part))
+        at += one.size
+    return tuple(moved)
 
 
 def _away(effects: tuple[Effect, ...], free: Sequence[Free]) -> np.ndarray:

@@ -98,6 +98,7 @@ class Residuals:
         seen: probability of a return of the surface, away from 0 and 1.
         expected_seen: the same as it is expected: of a beam that is certain to return no return tells anything.
         loglik: (n,) log-likelihood, of each beam in its first row.
+        outcome: (n,) log-likelihood of range and return alone; 0 where a beam is not compared.
     """
 
     range_z: np.ndarray
@@ -114,6 +115,7 @@ class Residuals:
     seen: np.ndarray
     expected_seen: np.ndarray
     loglik: np.ndarray
+    outcome: np.ndarray
 
 
 def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Residuals:
@@ -141,7 +143,8 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     density = surface + elsewhere
     outcome = np.where(returned, density, np.maximum(expected.silent, law.lost_share)) / untouched
     likelihood, met = _mixed(sample, outcome)
-    loglik = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)
+    of_outcome = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)
+    loglik = of_outcome.copy()
     matched = np.where(returned, met * surface / density, 0.0)
 
     rise = np.nan_to_num(sample.above_m - expected.rise_m)
@@ -153,7 +156,7 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     light_z, score, known, whose, uncut, of_light = light
     loglik += matched * of_light
     return Residuals(
-        z, light_z, rise_z, sigma, spread, score, known, met, matched, matched * whose, uncut, seen, whole, loglik
+        z, light_z, rise_z, sigma, spread, score, known, met, matched, matched * whose, uncut, seen, whole, loglik, of_outcome
     )
 
 

@@ -92,6 +92,11 @@ class LinearModel:
         """(p, p) information of the parameters, random effects eliminated."""
         return ridged(self._own_information - self._across.T @ self._across_solved)
 
+    @property
+    def own_information_diagonal(self) -> np.ndarray:
+        """(p,) information of each parameter if the others and the random effects were known."""
+        return np.diag(self._own_information)
+
     def beside(self, columns: dict[Quantity, SparseMatrix]) -> LinearModel:
         """The same with further parameters, (n, k) columns by quantity."""
         rows = len(next(iter(self.evidence.score.values())))

@@ -23,8 +23,12 @@ from cosim.discrepancy.inference.likelihood import (
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.settings import Law
 
-Quantity = Literal["range", "rise", "intensity", "range_variance", "intensity_variance", "drop"]
-QUANTITIES: tuple[Quantity, ...] = ("range", "rise", "intensity", "range_variance", "intensity_variance", "drop")
+Quantity = Literal[
+    "range", "rise", "intensity", "range_variance", "intensity_variance", "drop", "spurious", "early", "late"
+]
+QUANTITIES: tuple[Quantity, ...] = (
+    "range", "rise", "intensity", "range_variance", "intensity_variance", "drop", "spurious", "early", "late"
+)  # fmt: skip
 _SPREAD_INFORMATION = 2.0  # of a Gaussian: of d log σ, E[(z² − 1)²]; and E[z² − 1] grows by 2 a unit of it
 
 
@@ -198,7 +202,7 @@ def stacked(columns: Sequence[Column], quantities: Collection[Quantity], rows: i
     found: dict[Quantity, SparseMatrix] = {}
     for quantity in QUANTITIES:
         changed = any(quantity in column.delta for column in columns)
-        if quantity in quantities and (changed or (columns and not found and quantity == QUANTITIES[-1])):
+        if quantity in quantities and (changed or (columns and not found and quantity == "drop")):
             found[quantity] = sparse.hstack([column.matrix(quantity, rows) for column in columns], format="csr")
     return found
 

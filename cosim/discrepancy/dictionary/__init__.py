@@ -1,0 +1,1 @@
+"""Hypotheses about what a model lacks: channels × covariates, tangents of catalogue effects, shared errors."""

@@ -1,0 +1,140 @@
+"""Tangents of the catalogue's effects: how a fitted model changes where one of them is weakly on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from cosim.discrepancy.candidates import unknowns, weak_forms, with_values
+from cosim.discrepancy.dictionary.groups import Group, Tangent
+from cosim.discrepancy.dictionary.linearisation import Linearisation
+from cosim.discrepancy.inference.fit import Fitted
+from cosim.discrepancy.inference.score import Column, Quantity, SparseMatrix, change
+from cosim.discrepancy.sampling.sample import Prediction
+from sensors.effects.base import Effect
+
+
+def effect_groups(
+    linearisation: Linearisation, kinds: Sequence[type[Effect]], fixed: Sequence[int], fitted: Sequence[int]
+) -> list[Group]:
+    """Tangents of all candidates that the sensor lacks, and of those of its own effects that were not fitted.
+
+    Args:
+        linearisation: of the model.
+        kinds: candidates.
+        fixed: indices of effects whose parameters stay.
+        fitted: indices of effects whose parameters were fitted.
+    """
+    effects, groups = linearisation.fitted.effects, list[Group]()
+    for index, effect in enumerate(effects):
+        if index not in fixed and index not in fitted and effect.neutral is not None:
+            groups += _other_values(linearisation, index)
+    there = {effect.name for effect in effects}
+    for kind in kinds:
+        if kind.name not in there and kind.neutral is not None:
+            for weak, amplitude, step in weak_forms(kind):
+                groups += _tangents(linearisation, (*effects, weak), Tangent(weak, amplitude, step))
+    return groups
+
+
+def mixture_score(
+    linearisation: Linearisation, changed: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Score and information (n,) of an effect that adds returns from elsewhere, at its reference amplitude.
+
+    With L₀ and L₁ the likelihoods without and with it, the score is w(L₁ − L₀)/L₁; under the null its information is
+    the expected number of returns that it adds.
+
+    Args:
+        linearisation: of the model.
+        changed: (n,) changes of the probability of the surface's return and of none, and of the density elsewhere.
+    """
+    sample, before = linearisation.sample, linearisation.adjusted
+    from dataclasses import replace
+
+    seen, silent, stray = changed
+    after = replace(
+        before,
+        seen=np.clip(before.seen + seen, 0, 1),
+        silent=np.clip(before.silent + silent, 0, 1),
+        stray=np.maximum(before.stray + stray, 0),
+    )
+    fitter = linearisation.fitter
+    old = fitter.residuals_at(before).outcome
+    new = fitter.residuals_at(after).outcome
+    used = sample.share * sample.clear * sample.first
+    added = np.maximum(-seen, 0) + np.maximum(-silent, 0)
+    return used * (1 - np.exp(np.minimum(old - new, 50.0))), used * added
+
+
+def _other_values(linearisation: Linearisation, index: int) -> Iterator[Group]:
+    """Other values of an effect that the sensor has."""
+    effects = linearisation.fitted.effects
+    effect = effects[index]
+    for unknown in unknowns(type(effect)):
+        value = np.asarray(getattr(effect, unknown.name), float)
+        if value.ndim and value.size != unknown.rings:
+            continue
+        step = unknown.step if np.all(value + unknown.step <= unknown.high) else -unknown.step
+        moved = with_values(effect, {unknown.name: value + step})
+        changed = (*effects[:index], moved, *effects[index + 1 :])
+        yield from _tangents(linearisation, changed, Tangent(moved, unknown.name, step, index))
+
+
+def _tangents(linearisation: Linearisation, effects: tuple[Effect, ...], tangent: Tangent) -> Iterator[Group]:
+    """The group of a weak form, if it changes anything that was measured."""
+    sample, fitted, weak = linearisation.sample, linearisation.fitted, tangent.effect
+    after = sample.predict(effects)
+    if type(weak).density is not Effect.density or not tangent.amplitude:
+        yield from _direct(linearisation, after, tangent)
+        return
+    passed_on = linearisation.fitter.random.passed_on(fitted.prediction, fitted.estimate)
+    delta: dict[Quantity, np.ndarray] = {
+        name: values / tangent.step * passed_on.get(name, 1.0)
+        for name, values in change(fitted.bare, after, sample.settings.law).items()
+        if name in linearisation.evidence.score
+    }
+    if not delta:
+        return
+    free = next(unknown for unknown in unknowns(type(weak)) if unknown.name == tangent.amplitude)
+    column = Column(delta, sample.ring if free.rings > 1 else None, free.rings)
+    at_bound = tangent.index is None and free.rings == 1 and (weak.neutral or {})[tangent.amplitude] <= free.low
+    columns: dict[Quantity, SparseMatrix] = {name: column.matrix(name, len(sample)) for name in delta}
+    name = _name(tangent)
+    yield Group(name, weak.channel, (), free.rings, columns, one_sided=at_bound, tangent=tangent)
+
+
+def _direct(linearisation: Linearisation, after: Prediction, tangent: Tangent) -> Iterator[Group]:
+    """The group of an effect that adds returns from elsewhere, or of a whole setting."""
+    sample, fitted = linearisation.sample, linearisation.fitted
+    before, weak = fitted.bare, tangent.effect
+    changed = after.seen - before.seen, after.silent - before.silent, after.stray - before.stray
+    share = float(sample.share @ (np.maximum(-changed[0], 0) * sample.clear)) / max(float(sample.share.sum()), 1e-9)
+    is_new = bool(tangent.amplitude) and tangent.index is None
+    if is_new and share > 0:  # weak enough that it says nothing about many returns
+        scale = sample.settings.law.reference_share / share
+        changed = changed[0] * scale, changed[1] * scale, changed[2] * scale
+        weaker = {tangent.amplitude: np.multiply(getattr(weak, tangent.amplitude), scale)}
+        tangent = Tangent(with_values(weak, weaker), tangent.amplitude, tangent.step * scale, None)
+    if is_new:
+        score, information = mixture_score(linearisation, changed)
+    else:
+        gain = linearisation.fitter.residuals(after, fitted.estimate).loglik - fitted.residuals.loglik
+        score, information = sample.share * gain, np.zeros(len(sample))
+    if np.any(score):
+        yield Group(
+            _name(tangent), weak.channel, (), 1, one_sided=True, is_count=is_new, direct=(score, information),
+            tangent=tangent,
+        )  # fmt: skip
+
+
+def _name(tangent: Tangent) -> str:
+    """Name of the effect with the values of its other parameters."""
+    settings = ", ".join(
+        f"{name} {value:g}"
+        for name, value in tangent.effect.model_dump().items()
+        if isinstance(value, float) and name != tangent.amplitude
+    )
+    amplitude = f"{tangent.amplitude}; " if tangent.amplitude and settings else tangent.amplitude
+    return f"{tangent.effect.name} [{amplitude}{settings}]"

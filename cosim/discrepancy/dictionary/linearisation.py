@@ -1,0 +1,214 @@
+"""Scores and information of every beam about a fitted model, for every way in which its likelihood can change.
+
+For a change Δ of a predicted quantity a beam adds `score`·Δ to the log-likelihood and takes ½ `information`·Δ² from it.
+Spurious returns are mixture directions: mixing in a share π of returns with density p₁ changes the likelihood p₀ to
+p₀ + π(p₁ − p₀). The score is taken at a small reference share, and its unit is that share, so that score and information
+are differences of counts: observed minus expected events, and expected events.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cosim.discrepancy.data.frames import TracedFrame
+from cosim.discrepancy.inference.dependence import ANGLES, SPURIOUS, angle_derivatives, spurious_densities
+from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.likelihood import residuals_of
+from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.score import Evidence, Quantity, dispersion
+from cosim.discrepancy.sampling.sample import Prediction, Sample
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """A way in which the likelihood of a beam can change.
+
+    Attributes:
+        name: as in `diagnose --json`.
+        quantity: whose score and information apply.
+        slope: (n,) change of the quantity per unit of the channel.
+        one_sided: whether only a positive change makes sense.
+    """
+
+    name: str
+    quantity: Quantity
+    slope: np.ndarray
+    one_sided: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """A fitted model and its derivatives.
+
+    Attributes:
+        fitter, fitted: sample and fit.
+        frames: traced frames of the sample.
+        adjusted: prediction with random effects.
+        evidence: score and information (n,) by quantity.
+        channels: by name.
+        mixed: linear mixed model with the random effects and everything that was fitted.
+    """
+
+    fitter: Fitter
+    fitted: Fitted
+    frames: tuple[TracedFrame, ...]
+    adjusted: Prediction
+    evidence: Evidence
+    channels: dict[str, Channel]
+    mixed: LinearModel
+
+    @property
+    def sample(self) -> Sample:
+        """The beams."""
+        return self.fitter.sample
+
+    def weights(self, channel: str) -> tuple[np.ndarray, np.ndarray]:
+        """Score and information (n,) of one channel per unit of it."""
+        of = self.channels[channel]
+        score, information = self.evidence.score[of.quantity], self.evidence.information[of.quantity]
+        return score * of.slope, information * of.slope**2
+
+
+def linearise(fitter: Fitter, fitted: Fitted, frames: tuple[TracedFrame, ...]) -> Linearisation:
+    """Compute the derivatives of a fitted model.
+
+    Args:
+        fitter, fitted: sample and fit.
+        frames: traced frames of the sample, for what lies beside a beam.
+    """
+    sample, random = fitter.sample, fitter.random
+    adjusted = random.adjusted(fitted.prediction, fitted.estimate)
+    residuals = residuals_of(sample, adjusted)
+    wider = dispersion(sample, residuals)
+    found = Evidence.of(sample, residuals, wider=wider)
+    score, information = dict(found.score), dict(found.information)
+    if sample.has_intensity:
+        _own_spread(sample, residuals, adjusted, score, information)
+    bent = any(one.channel in ANGLES for one in fitted.dependences)
+    _mixtures(sample, adjusted, residuals.outcome, frames, bent, score, information)
+    evidence = Evidence(score, information)
+    mixed = LinearModel.of(random, fitted.columns, evidence, fitted.prediction, fitted.estimate)  # type: ignore[arg-type]
+    return Linearisation(fitter, fitted, frames, adjusted, evidence, _channels(sample, fitted, adjusted), mixed)
+
+
+def _channels(sample: Sample, fitted: Fitted, adjusted: Prediction) -> dict[str, Channel]:
+    ones, angles = np.ones(len(sample)), angle_derivatives(sample)
+    channels = [
+        Channel("range", "range", ones),
+        *(Channel(name, "range", angles[name]) for name in ANGLES),
+        Channel("drop", "drop", fitted.prediction.seen),
+        Channel("range_variance", "range_variance", ones),
+        *(Channel(name, name, ones, one_sided=True) for name in SPURIOUS),
+    ]
+    if sample.has_intensity:
+        channels += [
+            Channel("intensity", "intensity", adjusted.intensity),
+            Channel("intensity_offset", "intensity", ones),
+            Channel("intensity_variance", "intensity_variance", ones),
+        ]
+    return {channel.name: channel for channel in channels}
+
+
+def _own_spread(sample: Sample, residuals, adjusted: Prediction, score: dict, information: dict) -> None:
+    """Spreads of intensity against the sensor's own σ: the floor of the likelihood is no noise of the sensor."""
+    floor = 1.5 * sample.settings.law.intensity_floor
+    own = np.hypot(adjusted.intensity_sigma, adjusted.unsure_intensity)
+    z = residuals.intensity_z * residuals.intensity_sigma / np.maximum(own, 1e-9)
+    pair = np.maximum(sample.partner, 0)
+    gap = (z - z[pair]) / np.sqrt(2)
+    known = np.where((own > floor) & (own[pair] > floor), information["intensity_variance"], 0.0)
+    information["intensity_variance"] = known
+    score["intensity_variance"] = known / 2 * (np.minimum(gap**2, sample.settings.law.most_squared) - 1)
+
+
+def _mixtures(
+    sample: Sample,
+    adjusted: Prediction,
+    outcome: np.ndarray,
+    frames: tuple[TracedFrame, ...],
+    bent: bool,
+    score: dict,
+    information: dict,
+) -> None:
+    """Mixture directions of spurious returns; at edges only where no beam nearby has such a range.
+
+    The background of returns far from both surfaces at edges is taken from the opposite side of the surface: early
+    returns are expected as often as late ones.
+    """
+    law, reference = sample.settings.law, sample.settings.law.reference_share
+    surface = np.where(sample.edge, _nearest_side(sample, adjusted, "nearest"), np.nan_to_num(adjusted.range_m))
+    behind = np.where(sample.edge, _nearest_side(sample, adjusted, "farthest"), np.nan_to_num(adjusted.range_m))
+    density = spurious_densities(sample, replace(adjusted, range_m=np.where(sample.edge, surface, adjusted.range_m)))
+    late_at_edges = np.where(
+        sample.returned & (np.nan_to_num(sample.along_m) > behind + 1),
+        np.exp(-np.clip(np.nan_to_num(sample.along_m) - behind, 0, 50)),
+        0.0,
+    )
+    early_at_edges = np.where(np.nan_to_num(sample.along_m) < surface - 1, density["early"], 0.0)
+    explained = explained_nearby(sample, frames) if bent or sample.edge.any() else np.zeros(len(sample), bool)
+    first = sample.compared & sample.first
+    clear, edge = first & ~sample.edge, first & sample.edge & np.isfinite(surface)
+    usable = clear & ~(explained & sample.returned) if bent else clear
+    likelihood = np.exp(outcome)
+    measured = np.nan_to_num(sample.along_m)
+    gap = measured - surface
+    edge_gap = np.where(measured > behind, measured - behind, np.minimum(gap, 0.0))
+    far = sample.returned & ~explained
+    for name in SPURIOUS:
+        solid = np.ones(len(sample), bool) if name == "spurious" else np.isfinite(adjusted.range_m) & (surface > 1)
+        present = law.stray_share + adjusted.stray * law.reach_m
+        share = sample.share
+        used = share * (usable & solid)
+        usual = _usual(share, usable, far, gap, name) if bent else 0.0
+        ratio = density[name] / np.maximum(likelihood + usual / law.reach_m, 1e-12) - 1
+        score[name] = reference * used * ratio / (1 + reference * ratio)
+        information[name] = used * (reference**2 / (reference + present) if not usual else reference + usual)
+        if not edge.any():
+            continue
+        usual = max(_usual(share, edge, far, edge_gap, name), reference)
+        at_edge = {"early": early_at_edges, "late": late_at_edges}.get(
+            name, np.where(early_at_edges + late_at_edges > 0, 1 / law.reach_m, 0.0)
+        )
+        at_edge = np.where(explained, 0.0, at_edge)
+        ratio = at_edge / np.maximum(likelihood + usual / law.reach_m, 1e-12) - 1
+        used = share * edge
+        score[name] = score[name] + reference * used * ratio / (1 + reference * ratio)
+        information[name] = information[name] + used * (reference + usual)
+
+
+def _usual(share: np.ndarray, used: np.ndarray, far: np.ndarray, gap: np.ndarray, name: str) -> float:
+    """Share of beams with a return on the opposite side of the surface, more than 1 m from it."""
+    whole = max(float(share[used].sum()), 1.0)
+    before = float(share[used & far & (gap < -1)].sum()) / whole
+    behind = float(share[used & far & (gap > 1)].sum()) / whole
+    return {"early": behind, "late": before}.get(name, min(before, behind))
+
+
+def _nearest_side(sample: Sample, adjusted: Prediction, which: str) -> np.ndarray:
+    """Range (n,) of the nearest or the farthest surface of a beam's sides; infinite without any."""
+    found = np.full(len(sample), np.inf if which == "nearest" else -np.inf)
+    if which == "nearest":
+        np.minimum.at(found, sample.own, np.nan_to_num(adjusted.range_m, nan=np.inf))
+    else:
+        np.maximum.at(found, sample.own, np.where(np.isfinite(adjusted.range_m), adjusted.range_m, -np.inf))
+    return found
+
+
+def explained_nearby(sample: Sample, frames: tuple[TracedFrame, ...], rings: int = 2, firings: int = 8) -> np.ndarray:
+    """(n,) bool: returns at whose range the twin has a surface within a few rings and firings."""
+    found = np.zeros(len(sample), bool)
+    for number, frame in enumerate(frames):
+        pattern = frame.shot.pattern
+        rows = np.flatnonzero((sample.frame == number) & sample.first & sample.returned)
+        reach = frame.shot.hits.solid.range_m.reshape(pattern.rings, pattern.firings).astype(float)
+        reach = np.where(np.isfinite(reach), reach, -np.inf)
+        ring, firing = sample.beam[rows] // pattern.firings, sample.beam[rows] % pattern.firings
+        measured, near = sample.along_m[rows], np.zeros(len(rows), bool)
+        for down in range(-rings, rings + 1):
+            for along in range(-firings, firings + 1):
+                other = reach[np.clip(ring + down, 0, pattern.rings - 1), (firing + along) % pattern.firings]
+                near |= np.abs(other - measured) < 0.3 + 0.01 * measured
+        found[rows] = near
+    return found
