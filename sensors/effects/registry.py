@@ -10,6 +10,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from sensors.effects.base import BeamEffect, EchoEffect, Effect, LabelEffect, PointEffect, ScanEffect
+from sensors.effects.blame import line_of
 from sensors.effects.catalogue import built_in_effects
 from sensors.errors import SensorError
 
@@ -90,7 +91,9 @@ def _from_file(text: str, folder: Path) -> type[Effect]:
             spec.loader.exec_module(module)
         except Exception as error:
             del sys.modules[module_name]
-            raise SensorError(f"effect {text!r}: {path} does not load: {_told(error)}; mend the file") from error
+            line = line_of(error, path)
+            place = f"{path}, line {line}," if line else f"{path}"
+            raise SensorError(f"effect {text!r}: {place} does not load: {_told(error)}; correct the file") from error
     if not hasattr(module, name):
         raise SensorError(f"effect {text!r}: {path} holds no {name!r}; name one of its classes after the colon")
     found = _checked(getattr(module, name), text)

@@ -199,10 +199,13 @@ class Replayed:
     def _left(self, effects: tuple[Effect, ...]) -> Beams:
         """The beams as beam effects let them leave."""
         streams = Streams(np.random.default_rng(0))
-        return act_on_beams(effects, Beams.nominal(self.nominal), self._unbent(), streams, "replayed")
+        return act_on_beams(effects, Beams.nominal(self.nominal), self._unbent(), streams, "replayed", self._met)
 
     def _bent(self, effects: tuple[Effect, ...]) -> Shot:
-        beams = self._left(effects)
+        return self._met(self._left(effects))
+
+    def _met(self, beams: Beams) -> Shot:
+        """Beams as they meet the planes of their surfaces."""
         origin, direction, time_s = _ray_origins(beams, self.egos, self.poses, self.frame)
         solid = reached(self.solid, self.met.ranges(origin, direction, time_s))
         rows = self.pane_beam

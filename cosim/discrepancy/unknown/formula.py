@@ -1,0 +1,397 @@
+"""The simplest formula of a curve over a numeric covariate.
+
+A formula is y = amplitude·shape(x), or that plus a level. Its shape belongs to a family of functions with few
+parameters; of all families the member with the lowest Bayesian information criterion is chosen (Schwarz 1978).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import optimize
+
+from sensors.effects.covariates import wrapped
+
+Parameters = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Family:
+    """A family of functions.
+
+    Attributes:
+        name: of the family.
+        function: of x and its parameters, by name.
+        code: the same as Python, in braces `x` and the parameters.
+        text: the same as people write it.
+        free: parameters that fits may change.
+        fixed: further parameters, which stay.
+        is_slope: whether the function has the unit of x, so that the amplitude is per that unit.
+    """
+
+    name: str
+    function: Callable[..., np.ndarray]
+    code: str
+    text: str
+    free: tuple[str, ...] = ()
+    fixed: tuple[str, ...] = ()
+    is_slope: bool = False
+
+
+_ALL = (
+    Family("constant", lambda x: np.ones_like(x), "np.ones_like({x})", "1"),
+    Family("linear", lambda x: x, "{x}", "{x}", is_slope=True),
+    Family("ramp", lambda x, start: x - start, "({x} - {start})", "({x} − {start})", fixed=("start",), is_slope=True),
+    Family("inverse", lambda x: 1 / np.maximum(x, 1e-3), "(1 / np.maximum({x}, 1e-3))", "1/{x}"),
+    Family("logarithm", lambda x: np.log(np.maximum(x, 1e-3)), "np.log(np.maximum({x}, 1e-3))", "ln {x}"),
+    Family(
+        "power",
+        lambda x, power: np.maximum(x, 1e-3) ** power,
+        "np.maximum({x}, 1e-3) ** {power}",
+        "{x}^{power}",
+        ("power",),
+    ),
+    Family(
+        "decay",
+        lambda x, start, length: np.exp(-np.maximum(x - start, 0) / length),
+        "np.exp(-np.maximum({x} - {start}, 0) / {length})",
+        "exp(−({x} − {start})/{length})",
+        ("length",),
+        ("start",),
+    ),
+    Family(
+        "growth",
+        lambda x, end, length: np.exp(np.minimum(x - end, 0) / length),
+        "np.exp(np.minimum({x} - {end}, 0) / {length})",
+        "exp(({x} − {end})/{length})",
+        ("length",),
+        ("end",),
+    ),
+    Family(
+        "bell",
+        lambda x, centre, width: np.exp(-(((x - centre) / width) ** 2)),
+        "np.exp(-((({x} - {centre}) / {width}) ** 2))",
+        "exp(−(({x} − {centre})/{width})²)",
+        ("centre", "width"),
+    ),
+    Family(
+        "cyclic bell",
+        lambda x, centre, width, period: np.exp(-((wrapped(x - centre, period) / width) ** 2)),
+        "np.exp(-((wrapped({x} - {centre}, {period}) / {width}) ** 2))",
+        "exp(−(({x} − {centre})/{width})²)",
+        ("centre", "width"),
+        ("period",),
+    ),
+    Family("step", lambda x, edge: (x > edge) * 1.0, "({x} > {edge}) * 1.0", "[{x} > {edge}]", ("edge",)),
+    Family(
+        "hinge",
+        lambda x, edge: np.maximum(x - edge, 0),
+        "np.maximum({x} - {edge}, 0)",
+        "max(0, {x} − {edge})",
+        ("edge",),
+        is_slope=True,
+    ),
+    Family(
+        "hinge below",
+        lambda x, edge: np.maximum(edge - x, 0),
+        "np.maximum({edge} - {x}, 0)",
+        "max(0, {edge} − {x})",
+        ("edge",),
+        is_slope=True,
+    ),
+    Family(
+        "window",
+        lambda x, start, end: ((x > start) & (x <= end)) * 1.0,
+        "(({x} > {start}) & ({x} <= {end})) * 1.0",
+        "[{start} < {x} ≤ {end}]",
+        ("start", "end"),
+    ),
+    Family(
+        "sector",
+        lambda x, start, width, period: (np.mod(x - start, period) < width) * 1.0,
+        "(np.mod({x} - {start}, {period}) < {width}) * 1.0",
+        "[{x} from {start} to {start} + {width}]",
+        ("start", "width"),
+        ("period",),
+    ),
+    Family(
+        "sine",
+        lambda x, wave, shift: np.sin(wave * x + shift),
+        "np.sin({wave} * {x} + {shift})",
+        "sin({wave}·{x} + {shift})",
+        ("wave", "shift"),
+    ),
+    Family(
+        "harmonic",
+        lambda x, wave, shift: np.sin(wave * x + shift),
+        "np.sin({wave} * {x} + {shift})",
+        "sin({wave}·{x} + {shift})",
+        ("shift",),
+        ("wave",),
+    ),
+    Family(
+        "sawtooth",
+        lambda x, start, tooth: np.mod((x - start) / tooth, 1.0) - 0.5,
+        "(np.mod(({x} - {start}) / {tooth}, 1.0) - 0.5)",
+        "(frac(({x} − {start})/{tooth}) − ½)",
+        ("start",),
+        ("tooth",),
+    ),
+)
+FAMILIES: dict[str, Family] = {family.name: family for family in _ALL}
+
+
+@dataclass(frozen=True)
+class Grid:
+    """How finely parameters of families are tried.
+
+    Attributes:
+        edges: positions within the covariate's range.
+        centres, widths: of bells.
+        harmonics: waves over a cyclic covariate, at most.
+        waves: waves over the range of another one, at most.
+        phases: of waves.
+    """
+
+    edges: int = 25
+    centres: int = 60
+    widths: int = 32
+    harmonics: int = 4
+    waves: int = 8
+    phases: int = 36
+
+
+@dataclass(frozen=True)
+class Formula:
+    """y = amplitude·shape(x), plus a level where the curve needs one.
+
+    Attributes:
+        family: name of the shape's family.
+        values: amplitude first, then level if there is one, then the parameters of the family.
+        r2: share of the curve's weighted variance that it explains.
+        bic: Bayesian information criterion; lower is better.
+    """
+
+    family: str
+    values: Mapping[str, float]
+    r2: float
+    bic: float
+
+    @property
+    def parameters(self) -> Parameters:
+        """Parameters that fits may change: amplitude, level if there is one, and the shape's own."""
+        fixed = FAMILIES[self.family].fixed
+        return {name: value for name, value in self.values.items() if name not in fixed}
+
+    def evaluate(self, x: np.ndarray, values: Mapping[str, float] | None = None) -> np.ndarray:
+        """Return y at x, with the formula's own values or others for some of its parameters."""
+        every = {**self.values, **(values or {})}
+        shape = {name: value for name, value in every.items() if name not in ("amplitude", "level")}
+        found = every["amplitude"] * FAMILIES[self.family].function(x, **shape)
+        return every["level"] + found if "level" in every else found
+
+    def code(self, x: str, name_of: Callable[[str], str]) -> str:
+        """Return the formula as Python.
+
+        Args:
+            x: name of the variable.
+            name_of: gives the code of a parameter from its name.
+        """
+        family = FAMILIES[self.family]
+        names = {name: name_of(name) for name in (*family.free, *family.fixed)}
+        product = f"{name_of('amplitude')} * {family.code.format(x=x, **names)}"
+        return f"{name_of('level')} + {product}" if "level" in self.values else product
+
+    def text(self, x: str) -> str:
+        """Return the formula as people write it, with numbers, in a variable of that name."""
+        numbers = {name: f"{value:.1f}" if abs(value) > 1e5 else f"{value:.3g}" for name, value in self.values.items()}
+        amplitude, level = numbers.pop("amplitude"), numbers.pop("level", "")
+        if self.family == "constant":
+            return _with_minus(amplitude)
+        written = f"{amplitude}·{FAMILIES[self.family].text.format(x=x, **numbers)}"
+        return _with_minus(f"{written} + {level}" if level else written)
+
+    def with_values(self, values: Mapping[str, float], x: np.ndarray, y: np.ndarray, sigma: np.ndarray) -> Formula:
+        """Return the formula with other values of its parameters, and the share of the curve that it explains then."""
+        every = {name: float(values.get(name, old)) for name, old in self.values.items()}
+        moved = replace(self, values=every)
+        return replace(moved, r2=explained_share(y, moved.evaluate(x), weights(y, sigma)))
+
+
+def best_formula(
+    x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float = 0.0, grid: Grid | None = None
+) -> Formula:
+    """Choose the formula of lowest BIC for a curve.
+
+    Args:
+        x: (b,) centres of the bins.
+        y: (b,) the curve.
+        sigma: (b,) its standard errors.
+        period: of a cyclic x, which begins at −period/2; 0 for others.
+        grid: how finely parameters are tried.
+    """
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    weight = weights(y, np.asarray(sigma, float))
+    if len(x) == 1:
+        return Formula("constant", {"amplitude": _rounded(float(y[0]))}, 1.0, 0.0)
+    best: tuple[float, Family, Parameters] | None = None
+    for family, members in _members(x, period, grid or Grid()):
+        shapes = np.stack([family.function(x, **member) for member in members])
+        for is_levelled in (False, True):
+            rest = _residual(shapes, y, weight, is_levelled)
+            row = int(np.argmin(rest))
+            count = 1 + len(family.free) + is_levelled
+            bic = float(rest[row]) + count * np.log(len(x))
+            if best is None or bic < best[0]:
+                best = bic, family, {**members[row], "level": 0.0} if is_levelled else members[row]
+    assert best is not None  # every x has a linear formula
+    bic, family, values = best
+    refined = _refined(family, values, x, y, weight)
+    parameters = _rounded_to_range({name: value for name, value in refined.items() if name != "level"}, x)
+    coefficients = _coefficients(family, parameters, x, y, weight, "level" in refined)
+    formula = Formula(family.name, {**coefficients, **parameters}, 0.0, bic)
+    return replace(formula, r2=explained_share(y, formula.evaluate(x), weight))
+
+
+def weights(y: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """Return weights of a curve's values; 0 where it is not known.
+
+    A formula need not be closer than a fiftieth of the curve's size: an exactly measured curve gets a simple one.
+    """
+    known = np.isfinite(y) & np.isfinite(sigma)
+    size = np.ptp(y[known]) if known.any() else 0.0
+    with np.errstate(invalid="ignore"):
+        return np.where(known, 1 / (np.maximum(sigma, 1e-12) ** 2 + (0.02 * size) ** 2 + 1e-24), 0.0)
+
+
+def explained_share(y: np.ndarray, predicted: np.ndarray, weight: np.ndarray) -> float:
+    """Return the share of the weighted variance of y that a prediction explains (R²)."""
+    used = weight > 0
+    y, predicted, weight = y[used], predicted[used], weight[used]
+    total = float(weight @ (y - np.average(y, weights=weight)) ** 2)
+    return 1 - float(weight @ (y - predicted) ** 2) / total if total > 0 else 1.0
+
+
+def number_code(value: float) -> str:
+    """Return a number as Python reads it back exactly."""
+    return repr(float(value)) if value >= 0 else f"({float(value)!r})"
+
+
+def _members(x: np.ndarray, period: float, grid: Grid) -> Iterator[tuple[Family, list[Parameters]]]:
+    """Families that fit a covariate, each with its members on the grid."""
+    low, high = float(x.min()), float(x.max())
+    span = max(high - low, 1e-12)
+    inner = np.linspace(low, high, grid.edges + 2)[1:-1].tolist()
+    is_far = abs(low) > 10 * span
+    yield FAMILIES["ramp" if is_far else "linear"], [{"start": low}] if is_far else [{}]
+    phases = np.linspace(0, np.pi, grid.phases + 1)[:-1].tolist()
+    if period:
+        waves = [2 * np.pi / period * k for k in range(1, grid.harmonics + 1)]
+        yield FAMILIES["harmonic"], [{"wave": wave, "shift": shift} for wave in waves for shift in phases]
+        centres = np.linspace(-period / 2, period / 2, grid.centres + 1)[:-1].tolist()
+        widths = np.geomspace(span / 40, span / 2, grid.widths).tolist()
+        both = [{"centre": centre, "width": width, "period": period} for centre in centres for width in widths]
+        yield FAMILIES["cyclic bell"], both
+        starts = np.linspace(-period / 2, period / 2, 2 * grid.edges + 1)[:-1].tolist()
+        widths = np.linspace(0, period, grid.edges + 1)[1:-1].tolist()
+        yield FAMILIES["sector"], [{"start": s, "width": w, "period": period} for s in starts for w in widths]
+        teeth = [period / k for k in range(1, grid.harmonics + 1)]
+        yield FAMILIES["sawtooth"], [{"start": s, "tooth": tooth} for tooth in teeth for s in inner if s - low < tooth]
+        return
+    if low > 0 and not is_far:
+        yield FAMILIES["inverse"], [{}]
+        yield FAMILIES["logarithm"], [{}]
+        yield FAMILIES["power"], [{"power": power} for power in (0.5, 1.5, 2.0, 3.0, -2.0)]
+    lengths = np.geomspace(span / 20, span * 2, grid.edges).tolist()
+    yield FAMILIES["decay"], [{"start": low, "length": length} for length in lengths]
+    yield FAMILIES["growth"], [{"end": high, "length": length} for length in lengths]
+    centres = np.linspace(low, high, grid.centres).tolist()
+    widths = np.geomspace(span / 40, span / 2, grid.widths).tolist()
+    yield FAMILIES["bell"], [{"centre": centre, "width": width} for centre in centres for width in widths]
+    for name in ("step", "hinge", "hinge below"):
+        yield FAMILIES[name], [{"edge": edge} for edge in inner]
+    waves = (2 * np.pi / span * np.linspace(0.5, grid.waves, 4 * grid.waves - 1)).tolist()
+    yield FAMILIES["sine"], [{"wave": wave, "shift": shift} for wave in waves for shift in phases[::3]]
+    yield FAMILIES["window"], [{"start": start, "end": end} for start in inner for end in inner if end > start]
+
+
+def _residual(shapes: np.ndarray, y: np.ndarray, weight: np.ndarray, is_levelled: bool) -> np.ndarray:
+    """Weighted sum of squares (k,) that each shape (k, b) leaves of y, its amplitude and level the best ones."""
+    y = np.where(weight > 0, y, 0.0)
+    if is_levelled:
+        total = weight.sum()
+        shapes = shapes - (shapes @ weight / total)[:, None]
+        y = y - weight @ y / total
+    size = shapes**2 @ weight
+    return weight @ y**2 - np.divide((shapes @ (weight * y)) ** 2, size, out=np.zeros_like(size), where=size > 1e-300)
+
+
+def _coefficients(
+    family: Family, parameters: Parameters, x: np.ndarray, y: np.ndarray, weight: np.ndarray, is_levelled: bool
+) -> Parameters:
+    """Best amplitude, and level where there is one, of a shape."""
+    shape = family.function(x, **parameters)
+    basis = np.stack([shape, np.ones_like(x)][: 1 + is_levelled], 1)
+    root, known = np.sqrt(weight), np.where(weight > 0, y, 0.0)
+    solution, *_ = np.linalg.lstsq(basis * root[:, None], known * root, rcond=None)
+    names = ("amplitude", "level")[: 1 + is_levelled]
+    return {name: _rounded(float(value)) for name, value in zip(names, solution, strict=True)}
+
+
+def _refined(family: Family, values: Parameters, x: np.ndarray, y: np.ndarray, weight: np.ndarray) -> Parameters:
+    """Parameters of a shape with which it leaves least, found from a member of the grid."""
+    if not family.free:
+        return values
+    start = np.array([values[name] for name in family.free])
+    is_levelled = "level" in values
+    size = np.maximum(np.abs(start), 1e-3 * max(float(np.ptp(x)), 1e-12))
+
+    def rest(parts: np.ndarray) -> float:
+        moved = {name: value for name, value in values.items() if name != "level"}
+        moved |= dict(zip(family.free, (start + parts * size).tolist(), strict=True))
+        if any(moved[name] <= 0 for name in ("width", "length") if name in moved):
+            return np.inf
+        with np.errstate(all="ignore"):
+            return float(
+                np.nan_to_num(_residual(family.function(x, **moved)[None], y, weight, is_levelled)[0], nan=np.inf)
+            )
+
+    found = optimize.minimize(
+        rest,
+        np.zeros(len(start)),
+        method="Nelder-Mead",
+        options={"maxiter": 200, "initial_simplex": _simplex(len(start))},
+    )
+    best = start + found.x * size if found.fun < rest(np.zeros(len(start))) else start
+    return values | dict(zip(family.free, best.tolist(), strict=True))
+
+
+def _simplex(count: int) -> np.ndarray:
+    return np.vstack([np.zeros(count), 0.05 * np.eye(count)])
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def _rounded_to_range(values: Parameters, x: np.ndarray) -> Parameters:
+    """Values to six digits, positions to a millionth of the covariate's range."""
+    decimals = 6 - int(np.floor(np.log10(max(float(np.ptp(x)), 1e-300))))
+    positions = ("start", "end", "edge", "centre")
+    return {
+        name: round(value, decimals) if name in positions else value if name in ("period", "tooth") else _rounded(value)
+        for name, value in values.items()
+    }
+
+
+def _with_minus(text: str) -> str:
+    """Text with proper minus signs, and a sum of negative numbers as a difference."""
+    text = re.sub(r"− -(?=[\d.])", "+ ", text)
+    text = re.sub(r"\+ -(?=[\d.])", "− ", text)
+    text = re.sub(r"\((\w) [−+] 0\)", r"\1", text)
+    text = re.sub(r"(?<!\()\b(\w) [−+] 0(?=[,)])", r"\1", text)
+    text = text.replace("sin(1·", "sin(")
+    return re.sub(r"(?<![e\d])-(?=[\d.])", "−", text)

@@ -1,0 +1,115 @@
+"""Curves of every channel over every kind of covariate, and a small street in which their effects act."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from assets.materials import MATERIAL_NAMES
+from cosim.discrepancy.unknown.curve import CHANNEL_UNITS, Curve
+from sensors.effects.base import Effect
+from sensors.effects.expectation import Expectation, expect
+from sensors.effects.points.intensity_noise import IntensityNoise
+from sensors.effects.points.range_noise import RangeNoise
+from sensors.motion import EgoMotion
+from sensors.pattern import Pattern
+from sensors.returns import Returns
+from sensors.sensor_model import SensorModel
+from sensors.shot import Shot
+from tests.sensors.effects.scenes import LIDAR, cars, street
+
+PATTERN = Pattern(
+    name="street",
+    sweep_s=0.1,
+    firings=360,
+    range_m=(0.9, 120.0),
+    elevation_deg=tuple(np.linspace(4, -20, 16).tolist()),
+    block=(0,) * 8 + (1,) * 8,
+)
+EGO = EgoMotion(np.eye(4), np.array([10.0, 2.0, 0.0]), 0.3, np.array([2.0, 0.0, 0.0]))
+FRAME_TIME_S = 4.5
+NOISE = (RangeNoise(sigma_m=0.02), IntensityNoise(sigma_rel=0.1))
+SIZES = {
+    "range": 0.2, "azimuth_error": 5e-3, "elevation_error": 5e-3, "intensity": -0.4, "intensity_offset": 0.1,
+    "drop": -0.4, "range_variance": 0.7, "intensity_variance": 0.7, "spurious": 0.1, "early": 0.1, "late": 0.1,
+}  # fmt: skip
+SHARED = {name: 0.1 for name in CHANNEL_UNITS if name.startswith("shared_")} | {
+    "shared_range": 0.05,
+    "shared_azimuth_error": 2e-3,
+    "shared_elevation_error": 2e-3,
+}
+_NUMBERS = {
+    "constant": ("", np.zeros(1), 0.0),
+    "range": ("m", np.linspace(4, 60, 12), 0.0),
+    "incidence": ("deg", np.linspace(0, 85, 12), 0.0),
+    "elevation": ("deg", np.linspace(-20, 4, 12), 0.0),
+    "azimuth": ("rad", np.linspace(-3, 3, 12), 2 * np.pi),
+    "firing_time": ("s", np.linspace(-0.05, 0.05, 12), 0.0),
+    "frame_time": ("s", np.arange(12.0), 0.0),
+    "albedo": ("", np.linspace(0.1, 0.8, 12), 0.0),
+    "intensity": ("", np.linspace(0.05, 0.8, 12), 0.0),
+    "speed": ("m/s", np.linspace(0, 20, 12), 0.0),
+    "acceleration": ("m/s²", np.linspace(-3, 3, 12), 0.0),
+    "yaw_rate": ("rad/s", np.linspace(-0.5, 0.5, 12), 0.0),
+    "world_x": ("m", np.linspace(-40, 40, 12), 0.0),
+    "world_y": ("m", np.linspace(-40, 40, 12), 0.0),
+    "world_azimuth": ("rad", np.linspace(-3, 3, 12), 2 * np.pi),
+    "retro_distance": ("firings", np.array([0.5, 1, 2, 4, 8, 16, 32, 64.0]), 0.0),
+    "object_distance": ("m", np.linspace(0, 12, 12), 0.0),
+    "previous_range": ("m", np.linspace(0, 60, 12), 0.0),
+    "above_intensity": ("", np.linspace(0, 0.8, 12), 0.0),
+}
+_CATEGORIES = {
+    "ring": tuple(str(ring) for ring in range(16)),
+    "block": ("upper", "lower"),
+    "material": MATERIAL_NAMES[:20],
+    "kind": ("car", "truck"),
+    "model": ("block", "other"),
+    "below_lost": ("seen", "lost"),
+    "edge": ("clear", "edge"),
+}
+COVARIATES = (*_NUMBERS, *_CATEGORIES, "scan", "time")
+PAIRS = (("azimuth", "elevation"), ("block", "frame_time"), ("ring", "range"), ("range", "incidence"))
+
+
+def curve_of(channel: str, *covariates: str, size: float | None = None) -> Curve:
+    """A curve of usual size that varies over its covariates."""
+    size = SIZES[channel] if size is None else size
+    if covariates == ("time",):
+        y = size * np.array([0.6, 0.8])
+        return Curve(channel, ("time",), ("s",), (("cosine", "sine"),), y, np.abs(y) / 50, frequency_hz=17.3)
+    units, axes, parts, periods = [], [], [], []
+    for name in covariates:
+        unit, axis, period = _axis(name)
+        x = np.arange(float(len(axis))) if isinstance(axis, tuple) else axis
+        units, axes, periods = [*units, unit], [*axes, axis], [*periods, period]
+        part = 0.6 + 0.4 * np.cos(x) if period or isinstance(axis, tuple) else 1 - 0.7 * (x - x[0]) / (np.ptp(x) or 1)
+        parts.append(part)
+    y = size * (parts[0] if len(parts) == 1 else np.outer(*parts))
+    return Curve(channel, covariates, tuple(units), tuple(axes), y, np.full(y.shape, abs(size) / 50), tuple(periods))
+
+
+def shared_curve(channel: str, unit: str, size: float | None = None) -> Curve:
+    """A curve of the standard deviation of a shared error."""
+    y = np.array([SHARED[channel] if size is None else size])
+    return Curve(channel, (unit,), ("",), ((unit,),), y, y / 20)
+
+
+def _axis(name: str) -> tuple[str, np.ndarray | tuple[str, ...], float]:
+    if name == "scan":
+        return "s", np.arange(12.0) * 0.5, 0.0
+    if name in _CATEGORIES:
+        return "", _CATEGORIES[name], 0.0
+    return _NUMBERS[name]
+
+
+def measured(effects: tuple[Effect, ...], seed: int = 0) -> tuple[Returns, Shot]:
+    """Returns of the street by a noisy sensor with effects."""
+    sensor = SensorModel(PATTERN, (*NOISE, *effects), "test.yaml")
+    return sensor.trace_returns(street(), LIDAR, cars(), EGO, np.random.default_rng(seed), frame_time_s=FRAME_TIME_S)
+
+
+def expected(effects: tuple[Effect, ...]) -> tuple[Expectation, Shot]:
+    """What a noisy sensor with effects predicts of the street."""
+    sensor = SensorModel(PATTERN, (*NOISE, *effects), "test.yaml")
+    shot = sensor.trace(street(), LIDAR, cars(), EGO, np.random.default_rng(0), frame_time_s=FRAME_TIME_S)
+    return expect(tuple(sorted(sensor.effects, key=lambda effect: effect.phase)), shot), shot
