@@ -181,8 +181,8 @@ class Noise:
         of_range, of_intensity = effect.factors(replace(returns, range_m=range_m, intensity=intensity), shot)
         return replace(
             returns,
-            range_m=(range_m + of_range * self._range_m[at]).astype(np.float32),
-            intensity=(intensity + of_intensity * self._intensity[at]).astype(np.float32),
+            range_m=(returns.range_m + (of_range - 1) * self._range_m[at]).astype(np.float32),
+            intensity=(returns.intensity + (of_intensity - 1) * self._intensity[at]).astype(np.float32),
         )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -106,8 +107,8 @@ def level_at(time_s: np.ndarray, levels: Mapping[float, float]) -> np.ndarray:
     return np.where(is_same, np.array(list(levels.values()))[nearest], 0.0)
 
 
-def wrapped(angle: np.ndarray, period: float) -> np.ndarray:
-    """Return angles (m,) from −period/2 to period/2."""
+def wrapped(angle: Any, period: float) -> Any:
+    """Return angles, numbers or arrays, from −period/2 to period/2."""
     return np.mod(angle + period / 2, period) - period / 2
 
 
@@ -264,7 +265,7 @@ _ALL = [
         lambda r, s, a: world_azimuth(r, s), _TURN,
     ),
     Covariate(
-        "retro_distance", "firings", "firings to the nearest retro-reflector in the ring",
+        "retro_distance", "firings", "number of firings to the nearest retro-reflector in the ring",
         lambda r, s, a: retro_distance(r, s), of_surface=True,
     ),
     Covariate(
@@ -286,7 +287,7 @@ _ALL = [
     Covariate("kind", "", "class of the object", _names("kinds"), of_surface=True, of_world=True),
     Covariate("model", "", "model of the object", _names("models"), of_surface=True, of_world=True),
     Covariate("instance", "", "object", _names("ids"), of_surface=True, of_world=True),
-    Covariate("edge", "", "whether the beam is near an edge of uncertain position", _nothing, is_simulated=False),
+    Covariate("edge", "", "nearness of the beam to an edge of uncertain position", _nothing, is_simulated=False),
     Covariate("sun_azimuth", "rad", "azimuth from the sun", _nothing, _TURN, is_simulated=False),
     Covariate("object_size", "m", "size of the object", _nothing, is_simulated=False),
     *_neighbours(),

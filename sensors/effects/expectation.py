@@ -129,6 +129,18 @@ def expect(effects: Sequence[Effect], shot: Shot, unsure: tuple[np.ndarray, np.n
     )
 
 
+def spurious_density(effect: Effect, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
+    """Return the probability per metre (k,) that an effect puts a return of `beam` (k,) at `range_m` (k,).
+
+    Raises:
+        SensorError: a user's effect raises an error, or gives another shape, NaN or values below 0.
+    """
+    with blamed(effect, ""):
+        density = effect.density(beam, range_m, shot)
+    check_values(effect, "density", density, len(beam), 0.0)
+    return density
+
+
 def _answer(effect: EchoEffect, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
     """Returns after an echo effect, and the probability (m,) of each."""
     with blamed(effect, ""):

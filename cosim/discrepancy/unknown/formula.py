@@ -113,7 +113,7 @@ _ALL = (
         "sector",
         lambda x, start, width, period: (np.mod(x - start, period) < width) * 1.0,
         "(np.mod({x} - {start}, {period}) < {width}) * 1.0",
-        "[{x} from {start} to {start} + {width}]",
+        "[{x} from {start} to {stop}]",
         ("start", "width"),
         ("period",),
     ),
@@ -154,6 +154,7 @@ class Grid:
         harmonics: waves over a cyclic covariate, at most.
         waves: waves over the range of another one, at most.
         phases: of waves.
+        refined: families, with and without level, whose parameters are then found closely.
     """
 
     edges: int = 25
@@ -162,6 +163,7 @@ class Grid:
     harmonics: int = 4
     waves: int = 8
     phases: int = 36
+    refined: int = 6
 
 
 @dataclass(frozen=True)
@@ -208,6 +210,8 @@ class Formula:
     def text(self, x: str) -> str:
         """Return the formula as people write it, with numbers, in a variable of that name."""
         numbers = {name: f"{value:.1f}" if abs(value) > 1e5 else f"{value:.3g}" for name, value in self.values.items()}
+        if self.family == "sector":
+            numbers["stop"] = f"{wrapped(self.values['start'] + self.values['width'], self.values['period']):.3g}"
         amplitude, level = numbers.pop("amplitude"), numbers.pop("level", "")
         if self.family == "constant":
             return _with_minus(amplitude)
@@ -222,7 +226,11 @@ class Formula:
 
 
 def best_formula(
-    x: np.ndarray, y: np.ndarray, sigma: np.ndarray, period: float = 0.0, grid: Grid | None = None
+    x: np.ndarray,
+    y: np.ndarray,
+    sigma: np.ndarray,
+    period: float = 0.0,
+    grid: Grid = Grid(),
 ) -> Formula:
     """Choose the formula of lowest BIC for a curve.
 
@@ -237,19 +245,16 @@ def best_formula(
     weight = weights(y, np.asarray(sigma, float))
     if len(x) == 1:
         return Formula("constant", {"amplitude": _rounded(float(y[0]))}, 1.0, 0.0)
-    best: tuple[float, Family, Parameters] | None = None
-    for family, members in _members(x, period, grid or Grid()):
+    candidates: list[tuple[float, Family, Parameters]] = []
+    for family, members in _members(x, period, grid):
         shapes = np.stack([family.function(x, **member) for member in members])
         for is_levelled in (False, True):
             rest = _residual(shapes, y, weight, is_levelled)
             row = int(np.argmin(rest))
-            count = 1 + len(family.free) + is_levelled
-            bic = float(rest[row]) + count * np.log(len(x))
-            if best is None or bic < best[0]:
-                best = bic, family, {**members[row], "level": 0.0} if is_levelled else members[row]
-    assert best is not None  # every x has a linear formula
-    bic, family, values = best
-    refined = _refined(family, values, x, y, weight)
+            values = {**members[row], "level": 0.0} if is_levelled else members[row]
+            candidates.append((_bic(float(rest[row]), family, is_levelled, len(x)), family, values))
+    nearest = sorted(candidates, key=lambda candidate: candidate[0])[: grid.refined]
+    bic, family, refined = min((_refined(*one[1:], x, y, weight) for one in nearest), key=lambda one: one[0])
     parameters = _rounded_to_range({name: value for name, value in refined.items() if name != "level"}, x)
     coefficients = _coefficients(family, parameters, x, y, weight, "level" in refined)
     formula = Formula(family.name, {**coefficients, **parameters}, 0.0, bic)
@@ -341,32 +346,40 @@ def _coefficients(
     return {name: _rounded(float(value)) for name, value in zip(names, solution, strict=True)}
 
 
-def _refined(family: Family, values: Parameters, x: np.ndarray, y: np.ndarray, weight: np.ndarray) -> Parameters:
-    """Parameters of a shape with which it leaves least, found from a member of the grid."""
-    if not family.free:
-        return values
+def _refined(
+    family: Family, values: Parameters, x: np.ndarray, y: np.ndarray, weight: np.ndarray
+) -> tuple[float, Family, Parameters]:
+    """BIC, family and parameters of a shape where it leaves least, found from a member of the grid."""
     start = np.array([values[name] for name in family.free])
     is_levelled = "level" in values
     size = np.maximum(np.abs(start), 1e-3 * max(float(np.ptp(x)), 1e-12))
 
+    def moved(parts: np.ndarray) -> Parameters:
+        shape = {name: value for name, value in values.items() if name != "level"}
+        return shape | dict(zip(family.free, (start + parts * size).tolist(), strict=True))
+
     def rest(parts: np.ndarray) -> float:
-        moved = {name: value for name, value in values.items() if name != "level"}
-        moved |= dict(zip(family.free, (start + parts * size).tolist(), strict=True))
-        if any(moved[name] <= 0 for name in ("width", "length") if name in moved):
+        shape = moved(parts)
+        if any(shape[name] <= 0 for name in ("width", "length") if name in shape):
             return np.inf
         with np.errstate(all="ignore"):
-            return float(
-                np.nan_to_num(_residual(family.function(x, **moved)[None], y, weight, is_levelled)[0], nan=np.inf)
-            )
+            left = _residual(family.function(x, **shape)[None], y, weight, is_levelled)[0]
+        return float(np.nan_to_num(left, nan=np.inf))
 
-    found = optimize.minimize(
-        rest,
-        np.zeros(len(start)),
-        method="Nelder-Mead",
-        options={"maxiter": 200, "initial_simplex": _simplex(len(start))},
-    )
-    best = start + found.x * size if found.fun < rest(np.zeros(len(start))) else start
-    return values | dict(zip(family.free, best.tolist(), strict=True))
+    least, best = rest(np.zeros(len(start))), np.zeros(len(start))
+    if family.free:
+        found = optimize.minimize(
+            rest, best, method="Nelder-Mead", options={"maxiter": 120, "initial_simplex": _simplex(len(start))}
+        )
+        if found.fun < least:
+            least, best = float(found.fun), found.x
+    parameters = moved(best) | ({"level": 0.0} if is_levelled else {})
+    return _bic(least, family, is_levelled, len(x)), family, parameters
+
+
+def _bic(rest: float, family: Family, is_levelled: bool, count: int) -> float:
+    """Bayesian information criterion of a weighted sum of squares."""
+    return rest + (1 + len(family.free) + is_levelled) * float(np.log(count))
 
 
 def _simplex(count: int) -> np.ndarray:

@@ -138,7 +138,7 @@ def _attributes(unknown: UnknownEffect) -> str:
 
 def _wrapped_text(text: str) -> list[str]:
     """The equation as a string, over several lines where it is long."""
-    parts = textwrap.wrap(text, 95, drop_whitespace=False, break_long_words=False)
+    parts = textwrap.wrap(text, 88, drop_whitespace=False, break_long_words=False)
     quoted = [f'"{part}"' for part in parts]
     if len(quoted) == 1:
         return [f"    equation: ClassVar = {quoted[0]}"]

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.discrepancy.unknown.curve import CHANNEL_UNITS, Curve
+from cosim.discrepancy.unknown.curve import Curve
 from cosim.discrepancy.unknown.effect import UnknownEffect
 from cosim.discrepancy.unknown.effect_class import effect_class, effect_of
 from cosim.discrepancy.unknown.source import effect_source
 from sensors.effects.base import Effect
 from sensors.effects.registry import find_effect
 from sensors.effects.shared_errors import UNITS
+from sensors.hits import NOTHING
 from sensors.returns import Returns
 from tests.cosim.discrepancy.unknown_curves import (
     COVARIATES,
@@ -24,14 +25,22 @@ from tests.cosim.discrepancy.unknown_curves import (
     SIZES,
     curve_of,
     expected,
+    log_likelihood,
     measured,
     shared_curve,
+    traced,
 )
 
-CURVES = [
+_ALL = [
     *(curve_of(channel, name) for channel in SIZES for name in COVARIATES),
     *(curve_of(channel, *pair) for channel in SIZES for pair in PAIRS),
-    *(shared_curve(channel, unit) for channel in SHARED for unit in UNITS),
+]
+OF_UNITS = [shared_curve(channel, unit) for channel in SHARED for unit in UNITS]
+FEW = [*_ALL[:: len(SIZES) - 2], *OF_UNITS[::3]]
+ONE_EACH = [
+    *(curve_of(channel, "azimuth") for channel in SIZES),
+    *(curve_of(channel, "range") for channel in SIZES),
+    *(shared_curve(channel, "firing") for channel in SHARED),
 ]
 
 
@@ -47,22 +56,107 @@ def from_file(curve: Curve, folder: Path) -> Effect:
     return kind.model_validate(kind.example)
 
 
-def same(first: Returns, second: Returns) -> bool:
+def is_same(first: Returns, second: Returns) -> bool:
     return all(getattr(first, one.name).tobytes() == getattr(second, one.name).tobytes() for one in fields(Returns))
 
 
 @cache
-def without() -> Returns:
-    return measured(())[0]
+def unchanged() -> Returns:
+    return measured((), traced())
 
 
-@pytest.mark.parametrize("curve", CURVES, ids=named)
-def test_the_written_file_and_the_class_in_memory_do_the_same(curve: Curve, tmp_path: Path) -> None:
-    written, made = from_file(curve, tmp_path), effect_of(curve)
+def check_file_against_class(curve: Curve, folder: Path) -> None:
+    written, made = from_file(curve, folder), effect_of(curve)
     assert written.model_dump() == made.model_dump()
     for name in ("name", "channel", "stage", "phase", "example", "neutral", "shapes", "equation", "needs_new_rays"):
         assert getattr(written, name) == getattr(made, name)
-    assert same(measured((written,))[0], measured((made,))[0])
-    first, second = expected((written,))[0], expected((made,))[0]
+    shots = traced((written,)), traced((made,))
+    assert is_same(measured((written,), shots[0]), measured((made,), shots[1]))
+    first, second = expected((written,), shots[0]), expected((made,), shots[1])
     for one in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent"):
         np.testing.assert_array_equal(getattr(first, one), getattr(second, one))
+
+
+@pytest.mark.parametrize("curve", FEW, ids=named)
+def test_the_written_file_and_the_class_in_memory_do_the_same(curve: Curve, tmp_path: Path) -> None:
+    check_file_against_class(curve, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("curve", [*_ALL, *OF_UNITS], ids=named)
+def test_every_written_file_and_class_do_the_same(curve: Curve, tmp_path: Path) -> None:
+    check_file_against_class(curve, tmp_path)
+
+
+@pytest.mark.parametrize("curve", FEW, ids=named)
+def test_files_are_short_and_give_units(curve: Curve) -> None:
+    source = effect_source(curve)
+    lines = source.splitlines()
+    assert len(lines) <= 60
+    assert max(map(len, lines)) <= 120
+    assert not curve.unit or f"[{curve.unit}]" in source
+    assert all(f"[{unit}]" in source for unit in curve.units if unit)
+    assert "eval(" not in source and "exec(" not in source
+
+
+@pytest.mark.parametrize("curve", [*_ALL[:: len(SIZES) + 2], *OF_UNITS[::4]], ids=named)
+def test_neutral_parameters_do_nothing(curve: Curve) -> None:
+    kind = effect_class(curve)
+    effect = kind.model_validate(kind.neutral)
+    assert is_same(measured((effect,), traced((effect,))), unchanged())
+
+
+@pytest.mark.parametrize("curve", ONE_EACH, ids=named)
+def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(curve: Curve) -> None:
+    effect = effect_of(curve)
+    shot = traced((effect,))
+    first = measured((effect,), shot, 1)
+    assert is_same(first, measured((effect,), shot, 1))
+    assert not is_same(first, measured((effect,), shot, 2))
+    assert not is_same(first, measured((), traced(), 1))
+
+
+@pytest.mark.parametrize("curve", ONE_EACH, ids=named)
+def test_the_likelihood_of_simulated_scans_is_highest_at_their_own_amplitude(curve: Curve) -> None:
+    kind = effect_class(curve)
+    amplitude = "sigma" if curve.is_shared else "amplitude"
+
+    def scaled(factor: float) -> Effect:
+        values = {
+            name: factor * value if name in (amplitude, "level") else value for name, value in kind.example.items()
+        }
+        return kind.model_validate(values)
+
+    shot = traced((scaled(1.0),))
+    scans = [measured((scaled(1.0),), shot, seed) for seed in range(6)]
+    factors = np.array([0.7, 1.0, 1.3])
+    found = [log_likelihood((scaled(factor),), traced((scaled(factor),)), scans) for factor in factors]
+    curvature, slope, _ = np.polyfit(factors, found, 2)
+    assert curvature < 0
+    assert -slope / (2 * curvature) == pytest.approx(1.0, abs=0.12)
+
+
+@pytest.mark.parametrize("channel", ["spurious", "early", "late"])
+def test_returns_from_elsewhere_have_the_density_that_is_predicted(channel: str) -> None:
+    effect = effect_of(curve_of(channel, "azimuth"))
+    shot = traced()
+    drawn = [measured((effect,), shot, seed) for seed in range(12)]
+    ranges = np.concatenate([scan.range_m[scan.instance == NOTHING] for scan in drawn])
+    edges = np.array([0.0, 2, 5, 10, 20, 40, 80, 125])
+    grid = (edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(200) + 0.5) / 200).ravel()
+    beams = np.arange(len(shot.rays))
+    density = [effect.density(beams, np.full(len(beams), at), shot).sum() for at in grid]
+    predicted = np.reshape(density, (len(edges) - 1, 200)).mean(1) * np.diff(edges) * len(drawn)
+    counted = np.histogram(ranges, edges)[0]
+    assert np.all(np.abs(counted - predicted) < 4 * np.sqrt(predicted) + 0.02 * predicted + 1)
+
+
+@pytest.mark.parametrize("channel", SHARED)
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_beams_of_a_unit_share_one_error(channel: str, unit: str) -> None:
+    effect, shot = effect_of(shared_curve(channel, unit)), traced()
+    unit_of = effect.group(shot.solids, shot)  # type: ignore[attr-defined]
+    z = effect.draw(shot.solids, shot, np.random.default_rng(3))  # type: ignore[attr-defined]
+    for code in np.unique(unit_of)[:20]:
+        assert len(np.unique(z[unit_of == code])) == 1
+    assert len(np.unique(z)) == len(np.unique(unit_of))

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
+from scipy import stats
 
 from assets.materials import MATERIAL_NAMES
 from cosim.discrepancy.unknown.curve import CHANNEL_UNITS, Curve
+from sensors.effects.acting import in_order
 from sensors.effects.base import Effect
 from sensors.effects.expectation import Expectation, expect
 from sensors.effects.points.intensity_noise import IntensityNoise
 from sensors.effects.points.range_noise import RangeNoise
+from sensors.hits import NOTHING
 from sensors.motion import EgoMotion
 from sensors.pattern import Pattern
 from sensors.returns import Returns
@@ -102,14 +107,51 @@ def _axis(name: str) -> tuple[str, np.ndarray | tuple[str, ...], float]:
     return _NUMBERS[name]
 
 
-def measured(effects: tuple[Effect, ...], seed: int = 0) -> tuple[Returns, Shot]:
-    """Returns of the street by a noisy sensor with effects."""
-    sensor = SensorModel(PATTERN, (*NOISE, *effects), "test.yaml")
-    return sensor.trace_returns(street(), LIDAR, cars(), EGO, np.random.default_rng(seed), frame_time_s=FRAME_TIME_S)
+def sensor_of(effects: tuple[Effect, ...]) -> SensorModel:
+    """A noisy sensor with effects."""
+    return SensorModel(PATTERN, (*NOISE, *effects), "test.yaml")
 
 
-def expected(effects: tuple[Effect, ...]) -> tuple[Expectation, Shot]:
-    """What a noisy sensor with effects predicts of the street."""
-    sensor = SensorModel(PATTERN, (*NOISE, *effects), "test.yaml")
-    shot = sensor.trace(street(), LIDAR, cars(), EGO, np.random.default_rng(0), frame_time_s=FRAME_TIME_S)
-    return expect(tuple(sorted(sensor.effects, key=lambda effect: effect.phase)), shot), shot
+def traced(effects: tuple[Effect, ...] = ()) -> Shot:
+    """The street as beams changed by effects meet it; a fresh shot, traced once where beams are not changed."""
+    sensor = sensor_of(effects)
+    if not sensor.beam_effects:
+        shot = _nominal()
+        return Shot(
+            PATTERN, shot.rays, beams=shot.beams, traced=shot.traced, world=shot.world, frame_time_s=FRAME_TIME_S
+        )
+    return sensor.trace(street(), LIDAR, cars(), EGO, np.random.default_rng(0), frame_time_s=FRAME_TIME_S)
+
+
+@cache
+def _nominal() -> Shot:
+    return sensor_of(()).trace(street(), LIDAR, cars(), EGO, np.random.default_rng(0), frame_time_s=FRAME_TIME_S)
+
+
+def measured(effects: tuple[Effect, ...], shot: Shot, seed: int = 0) -> Returns:
+    """Returns of a traced street by a noisy sensor with effects."""
+    return sensor_of(effects).answer(shot, np.random.default_rng(seed))
+
+
+def expected(effects: tuple[Effect, ...], shot: Shot) -> Expectation:
+    """What a noisy sensor with effects predicts of a traced street."""
+    return expect(in_order(sensor_of(effects).effects), shot)
+
+
+def log_likelihood(effects: tuple[Effect, ...], shot: Shot, scans: list[Returns]) -> float:
+    """Of scans under the prediction of a sensor with effects, by its means, spreads, probabilities and densities."""
+    of, total = expected(effects, shot), 0.0
+    for scan in scans:
+        beam = scan.beam
+        of_range = stats.norm.pdf(scan.range_m, of.range_m[beam], of.range_sigma_m[beam])
+        spread = np.maximum(of.intensity_sigma[beam], 1e-3)
+        is_own = scan.instance != NOTHING
+        of_light = np.where(is_own, stats.norm.logpdf(scan.intensity, of.intensity[beam], spread), 0.0)
+        stray = sum(effect.density(beam, scan.range_m.astype(float), shot) for effect in effects)
+        total += float(
+            np.log(np.maximum(np.nan_to_num(of.seen[beam] * of_range) + stray, 1e-12)).sum() + of_light.sum()
+        )
+        is_silent = np.ones(len(shot.rays), bool)
+        is_silent[beam] = False
+        total += float(np.log(np.maximum(of.silent[is_silent], 1e-12)).sum())
+    return total
