@@ -126,16 +126,16 @@ def act_on_returns(
         if memo is not None and past in memo:
             returns = memo[past]
         else:
+            if effect.source and isinstance(effect, DetectionEffect):
+                with blamed(effect, origin):
+                    kept = effect.kept(before, shot)
+                check_values(effect, "kept", kept, len(before), 0.0)
             returns = _called(effect, before, shot, rng, origin)
             if isinstance(effect, NoiseScaleEffect):
                 with blamed(effect, origin):
                     returns = noise.scaled(effect, before, shot)
             if effect.source:
                 check_returns(effect, before, returns, shot, origin)
-                if isinstance(effect, DetectionEffect):
-                    with blamed(effect, origin):
-                        kept = effect.kept(before, shot)
-                    check_values(effect, "kept", kept, len(before), 0.0)
             if memo is not None:
                 memo[past] = returns
         if isinstance(effect, NoiseEffect | NoiseScaleEffect):

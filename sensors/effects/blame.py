@@ -29,13 +29,13 @@ def blamed(effect: Effect, origin: str) -> Iterator[None]:
         if not effect.source:
             raise
         message = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        place = f"{effect.source}, line {line_of(error, file_of(effect)) or _first_line(effect)}"
+        place = f"{effect.source}, line {line_of(error, file_of(effect)) or _line_of_method(effect)}"
         raise _error(effect, origin, place, f"raised {message}; correct the effect") from error
 
 
-def broken(effect: Effect, origin: str, what: str) -> SensorError:
-    """Return the error of an effect that gave a wrong result."""
-    return _error(effect, origin, f"{effect.source}, line {_first_line(effect)}", what)
+def broken(effect: Effect, origin: str, what: str, method: str = "apply") -> SensorError:
+    """Return the error of an effect whose method gave a wrong result."""
+    return _error(effect, origin, f"{effect.source}, line {_line_of_method(effect, method)}", what)
 
 
 def check_values(effect: Effect, what: str, values: object, count: int, low: float = -np.inf) -> None:
@@ -55,11 +55,11 @@ def check_values(effect: Effect, what: str, values: object, count: int, low: flo
         return
     shape = np.shape(values)  # type: ignore[arg-type]
     if shape not in ((), (count,)):
-        raise broken(effect, "", f"gave {what} of shape {shape}; give ({count},)")
+        raise broken(effect, "", f"gave {what} of shape {shape}; give ({count},)", what)
     if not is_finite(values):
-        raise broken(effect, "", f"gave NaN or infinity in {what}; keep it finite")
+        raise broken(effect, "", f"gave NaN or infinity in {what}; keep it finite", what)
     if np.size(values) and float(np.min(np.asarray(values, float))) < low:  # type: ignore[arg-type]
-        raise broken(effect, "", f"gave {what} below {low:g}; keep it at or above")
+        raise broken(effect, "", f"gave {what} below {low:g}; keep it at or above", what)
 
 
 def is_finite(values: object) -> bool:
@@ -86,8 +86,12 @@ def _error(effect: Effect, origin: str, place: str, what: str) -> SensorError:
     return SensorError(f"{sensor}effect {effect.name} ({place}) {what}")
 
 
-def _first_line(effect: Effect) -> int:
-    """Line at which the class of an effect begins in its file."""
+def _line_of_method(effect: Effect, method: str = "") -> int:
+    """Line at which a method begins in the effect's file, or `error`, or the class."""
+    for name in (method, "error", "apply", "kept", "spread", "factors"):
+        code = getattr(vars(type(effect)).get(name), "__code__", None)
+        if code is not None and code.co_filename == file_of(effect):
+            return int(code.co_firstlineno)
     try:
         return inspect.getsourcelines(type(effect))[1]
     except (OSError, TypeError):

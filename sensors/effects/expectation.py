@@ -147,7 +147,7 @@ def _answer(effect: EchoEffect, returns: Returns, shot: Shot) -> tuple[Returns, 
         changed, chance = effect.expected(returns, shot)
     if effect.source:
         check_returns(effect, returns, changed, shot, "")
-    check_values(effect, "probabilities", chance, len(changed), 0.0)
+    check_values(effect, "kept", chance, len(changed), 0.0)
     return changed, chance
 
 

@@ -89,7 +89,7 @@ def _from_file(text: str, folder: Path) -> type[Effect]:
         module = sys.modules[module_name] = importlib.util.module_from_spec(spec)
         try:
             spec.loader.exec_module(module)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             del sys.modules[module_name]
             line = line_of(error, path)
             place = f"{path}, line {line}," if line else f"{path}"
@@ -119,5 +119,5 @@ def _checked(found: object, origin: str) -> type[Effect]:
     return found
 
 
-def _told(error: Exception) -> str:
+def _told(error: BaseException) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -199,7 +199,7 @@ class Replayed:
     def _left(self, effects: tuple[Effect, ...]) -> Beams:
         """The beams as beam effects let them leave."""
         streams = Streams(np.random.default_rng(0))
-        return act_on_beams(effects, Beams.nominal(self.nominal), self._unbent(), streams, "replayed", self._met)
+        return act_on_beams(effects, Beams.nominal(self.nominal), self._unbent(), streams, "", self._met)
 
     def _bent(self, effects: tuple[Effect, ...]) -> Shot:
         return self._met(self._left(effects))
