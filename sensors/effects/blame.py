@@ -29,8 +29,8 @@ def blamed(effect: Effect, origin: str) -> Iterator[None]:
         if not effect.source:
             raise
         message = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        place = f"{effect.source}, line {line_of(error, file_of(effect)) or _line_of_method(effect)}"
-        raise _error(effect, origin, place, f"raised {message}; correct the effect") from error
+        where = f"{effect.source}, line {line_of(error, file_of(effect)) or _line_of_method(effect)}"
+        raise _error(effect, origin, where, f"raised {message}; correct the effect") from error
 
 
 def broken(effect: Effect, origin: str, what: str, method: str = "apply") -> SensorError:
@@ -81,9 +81,9 @@ def line_of(error: BaseException, path: str | Path) -> int:
     return int(lines[-1] or 0) if lines else 0
 
 
-def _error(effect: Effect, origin: str, place: str, what: str) -> SensorError:
+def _error(effect: Effect, origin: str, where: str, what: str) -> SensorError:
     sensor = f"sensor {origin}: " if origin else ""
-    return SensorError(f"{sensor}effect {effect.name} ({place}) {what}")
+    return SensorError(f"{sensor}effect {effect.name} ({where}) {what}")
 
 
 def _line_of_method(effect: Effect, method: str = "") -> int:

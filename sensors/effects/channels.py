@@ -53,9 +53,9 @@ class ErrorByCovariates(Effect):
         if unknown:
             raise ValueError(f"covariate {unknown[0]!r} is unknown; choose one of {', '.join(COVARIATES)}")
         used = [COVARIATES[name] for name in cls.covariates]
-        cls.needs_new_rays = cls.needs_new_rays or any(one.of_world for one in used)
+        cls.needs_new_rays = cls.needs_new_rays or any(covariate.of_world for covariate in used)
         if issubclass(cls, BeamEffect):
-            cls.needs_surfaces = any(one.of_surface for one in used)
+            cls.needs_surfaces = any(covariate.of_surface for covariate in used)
 
     def error(self, *values: Any) -> np.ndarray:
         """Return the error (m,) in the channel's unit at values of the covariates, each (m,) or `Categories`."""
@@ -71,8 +71,8 @@ class ErrorByCovariates(Effect):
             return np.zeros(len(returns))
         values = [covariate_values(name, returns, shot, among) for name in self.covariates]
         known = np.ones(len(returns), bool)
-        for one in values:
-            known &= one.is_known if isinstance(one, Categories) else np.isfinite(one)
+        for value in values:
+            known &= value.is_known if isinstance(value, Categories) else np.isfinite(value)
         with np.errstate(all="ignore"):  # of values that are not known
             found = np.asarray(self.error(*values), float)
         if found.shape not in ((), known.shape):

@@ -148,11 +148,11 @@ def object_distance(returns: Returns, shot: Shot) -> np.ndarray:
     is_static = beams.instance == STATIC
 
     def compute() -> np.ndarray:
-        place = shot.points_in_world(beams.take(is_static))
-        nearest = np.full(len(place), np.inf)
+        points = shot.points_in_world(beams.take(is_static))
+        nearest = np.full(len(points), np.inf)
         for pose, size in zip(instances.poses, instances.sizes, strict=True):
             if np.linalg.norm(pose[:2, 3] - centre) < OBJECT_REACH_M:
-                outside = np.abs((place - pose[:3, 3]) @ pose[:3, :2]) - size[:2] / 2
+                outside = np.abs((points - pose[:3, 3]) @ pose[:3, :2]) - size[:2] / 2
                 nearest = np.minimum(nearest, np.hypot(*np.maximum(outside, 0).T))
         found = np.full(len(beams), np.nan)
         found[is_static] = np.where(np.isfinite(nearest), np.minimum(nearest, OBJECT_FAR_M), np.nan)
@@ -289,7 +289,8 @@ _ALL = [
     Covariate("instance", "", "object", _names("ids"), of_surface=True, of_world=True),
     Covariate("edge", "", "nearness of the beam to an edge of uncertain position", _nothing, is_simulated=False),
     Covariate("sun_azimuth", "rad", "azimuth from the sun", _nothing, _TURN, is_simulated=False),
-    Covariate("object_size", "m", "size of the object", _nothing, is_simulated=False),
+    Covariate("object_size", "m", "change of length, width and height", _nothing, is_simulated=False),
+    Covariate("object_place", "m", "shift ahead, left and up in the object's axes", _nothing, is_simulated=False),
     *_neighbours(),
 ]  # fmt: skip
 COVARIATES: dict[str, Covariate] = {covariate.name: covariate for covariate in _ALL}

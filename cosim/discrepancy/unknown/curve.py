@@ -43,8 +43,9 @@ class Curve:
 
     Attributes:
         channel: a key of `CHANNEL_UNITS`.
-        covariates: one name or two, see `sensors.effects.covariates`; of shared errors the unit that shares them, and
-            of a term that is periodic in absolute time `time`.
+        covariates: one name or two, see `sensors.effects.covariates`; of shared errors the unit that shares them; of a
+            term that is periodic in absolute time `time`; of errors of objects `kind` and `object_size` or
+            `object_place`, y along the three axes of the objects of each class [m].
         units: of the covariates; empty for pure numbers and categories.
         x: of each covariate (b,) centres of bins, or names of categories; `("cosine", "sine")` of a periodic term.
         y: (b,) or (b1, b2) change of the channel; NaN where it is not known.
@@ -84,6 +85,10 @@ class Curve:
         unknown = [name for name in self.covariates if name not in names]
         if unknown:
             raise ValueError(f"covariate {unknown[0]!r} of {self.channel} is unknown; choose one of {', '.join(names)}")
+        if self.is_of_objects and (self.channel != "range" or self.covariates[0] != "kind" or shape[1] != 3):
+            raise ValueError(
+                f"{self.covariates[1]} is given for {self.channel} by {self.covariates[0]}; give it for range by kind"
+            )
         if not self.is_known.any():
             raise ValueError("no value of y is known; give at least one with a finite standard error")
 
@@ -91,6 +96,11 @@ class Curve:
     def is_shared(self) -> bool:
         """Whether it is the standard deviation of an error that the beams of a unit share."""
         return self.channel.startswith("shared_")
+
+    @property
+    def is_of_objects(self) -> bool:
+        """Whether it is an error of size or place that objects of a class have in common."""
+        return len(self.covariates) == 2 and self.covariates[1] in ("object_size", "object_place")
 
     @property
     def is_known(self) -> np.ndarray:

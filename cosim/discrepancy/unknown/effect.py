@@ -10,7 +10,16 @@ import numpy as np
 
 from cosim.discrepancy.unknown.curve import Curve
 from cosim.discrepancy.unknown.formula import FAMILIES, Formula, explained_share, weights
-from cosim.discrepancy.unknown.terms import Table, Term, factor_errors, singular_pair, term_over, wave_of
+from cosim.discrepancy.unknown.terms import (
+    ObjectTable,
+    Table,
+    Term,
+    factor_errors,
+    object_table,
+    singular_pair,
+    term_over,
+    wave_of,
+)
 from sensors.effects.covariates import COVARIATES
 from sensors.effects.shared_errors import PACKET_FIRINGS, SECTORS
 
@@ -24,7 +33,8 @@ class UnknownEffect:
 
     Attributes:
         curve: as measured.
-        terms: one a covariate, whose product it is; none of shared errors.
+        terms: one for each covariate, whose product it is; none of shared errors and of errors of objects.
+        objects: the changes of objects, of errors of size or place.
         params, ci95: of its effect, as fitted together with everything else; empty before.
     """
 
@@ -32,12 +42,16 @@ class UnknownEffect:
     terms: tuple[Term, ...]
     params: Mapping[str, float] = field(default_factory=dict)
     ci95: Mapping[str, list[float]] = field(default_factory=dict)
+    objects: ObjectTable | None = None
 
     @classmethod
     def of(cls, curve: Curve) -> UnknownEffect:
         """Describe a curve by the simplest terms that fit it."""
         if curve.is_shared:
             return cls(curve, ())
+        if curve.is_of_objects:
+            kinds, axes = (tuple(map(str, axis)) for axis in curve.x)
+            return cls(curve, (), objects=object_table(kinds, axes, np.where(curve.is_known, curve.y, np.nan)))
         if curve.frequency_hz:
             return cls(curve, (wave_of(curve.frequency_hz, curve.start_s, curve.y),))
         if len(curve.covariates) == 1:
@@ -65,6 +79,8 @@ class UnknownEffect:
         """Parameters of its effect, at their fitted values."""
         if self.curve.is_shared:
             return {"sigma": self.params.get("sigma", self.standard_deviation)}
+        if self.objects is not None:
+            return dict(self.objects.parameters)
         return {**self.terms[0].parameters, **self.params}
 
     @property
@@ -96,6 +112,8 @@ class UnknownEffect:
         if curve.is_shared:
             unit = f" {curve.unit}" if curve.unit else ""
             return f"standard deviation {self.parameters['sigma']:.3g}{unit}, common to each {self.shared_by}"
+        if self.objects is not None:
+            return self.objects.text("x")
         parts = [term.text(name) for term, name in zip(self.terms, _VARIABLES, strict=False)]
         if len(parts) == 2:
             return "·".join(f"({part})" for part in parts)
@@ -111,15 +129,15 @@ class UnknownEffect:
 
     @property
     def variables(self) -> str:
-        """What x and y stand for, with units."""
-        if self.curve.is_shared:
+        """The meaning of x and y, with units."""
+        if not self.terms:
             return ""
-        said = [
+        descriptions = [
             f"{variable}: {COVARIATES[name].words}{f' [{unit}]' if unit else ''}"
             for variable, name, unit in zip(_VARIABLES, self.curve.covariates, self.curve.units, strict=False)
             if name != "constant"
         ]
-        return "; ".join(said)
+        return "; ".join(descriptions)
 
     @property
     def aliases(self) -> tuple[float, ...]:
@@ -131,7 +149,7 @@ class UnknownEffect:
         if len(apart) < 2 or np.ptp(apart) > _REGULAR * np.median(apart) or wave <= 0:
             return ()
         rate_hz, own_hz = 1 / float(np.median(apart)), wave / (2 * np.pi)
-        return tuple(1 / abs(one) for one in (rate_hz - own_hz, rate_hz + own_hz) if one != 0)
+        return tuple(1 / abs(alias_hz) for alias_hz in (rate_hz - own_hz, rate_hz + own_hz) if alias_hz != 0)
 
     @property
     def parameter_units(self) -> dict[str, str]:
@@ -139,6 +157,8 @@ class UnknownEffect:
         curve = self.curve
         if curve.is_shared:
             return {"sigma": curve.unit}
+        if self.objects is not None:
+            return {"amplitude": ""}
         term, of_x = self.terms[0], curve.units[0]
         found = dict.fromkeys(term.parameters, of_x)
         found |= dict.fromkeys(("level", "cosine", "sine"), curve.unit) | {"power": "", "shift": "rad"}
@@ -168,6 +188,8 @@ class UnknownEffect:
         fitted = replace(self, params=dict(params), ci95=dict(ci95))
         if curve.is_shared:
             return fitted
+        if self.objects is not None:
+            return replace(fitted, objects=replace(self.objects, parameters=dict(params)))
         first = self.terms[0]
         if isinstance(first, Formula):
             of_first = curve.y if len(self.terms) == 1 else singular_pair(curve.y, curve.sigma)[0]
@@ -208,7 +230,7 @@ def _filled(term: Term, axis: np.ndarray | tuple[str, ...]) -> np.ndarray:
     """Values of a term along an axis of a curve; 0 where it has none."""
     if isinstance(term, Table) and isinstance(axis, tuple):
         return term.parameters["amplitude"] * np.array([term.values.get(name, 0.0) for name in axis])
-    return term.evaluate(axis)
+    return term.evaluate(np.asarray(axis, float))
 
 
 def _listed(values: np.ndarray) -> list[Any]:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from cosim.discrepancy.unknown.curve import Curve
 from cosim.discrepancy.unknown.effect import UnknownEffect
 from cosim.discrepancy.unknown.terms import Term
-from sensors.effects import channels, shared_errors
+from sensors.effects import channels, object_errors, shared_errors
 from sensors.effects.base import Effect, number
 
 BASES: dict[str, type[Effect]] = {
@@ -54,7 +54,7 @@ def effect_class(unknown: UnknownEffect | Curve) -> type[Effect]:
     Its `example` has the measured size, its `neutral` parameters do nothing.
     """
     unknown = UnknownEffect.of(unknown) if isinstance(unknown, Curve) else unknown
-    base, own = BASES[unknown.curve.channel], class_attributes(unknown)
+    base, own = base_of(unknown), class_attributes(unknown)
     space: dict[str, Any] = {
         "__module__": __name__,
         "__qualname__": unknown.class_name,
@@ -62,19 +62,28 @@ def effect_class(unknown: UnknownEffect | Curve) -> type[Effect]:
         "__annotations__": dict.fromkeys(own, ClassVar),
         **own,
     }
-    if not unknown.curve.is_shared:
+    if unknown.terms:
         units = unknown.parameter_units
         for name, value in unknown.parameters.items():
             space["__annotations__"][name] = float
             space[name] = number(DESCRIPTIONS[name], unit=units[name], ge=lower_bound(name, value))
         space["error"] = _error_function(unknown.terms, tuple(unknown.parameters))
-    return type(base)(unknown.class_name, (base,), space)
+    make_class: Any = type(base)
+    return make_class(unknown.class_name, (base,), space)
 
 
 def effect_of(unknown: UnknownEffect | Curve) -> Effect:
     """Make the effect of an unknown dependence at its measured or fitted size."""
     kind = effect_class(unknown)
     return kind.model_validate(kind.example)
+
+
+def base_of(unknown: UnknownEffect) -> type[Effect]:
+    """Return the class from which its effect is derived."""
+    if unknown.curve.is_of_objects:
+        is_size = unknown.curve.covariates[1] == "object_size"
+        return object_errors.ObjectSizeError if is_size else object_errors.ObjectPlaceError
+    return BASES[unknown.curve.channel]
 
 
 def class_attributes(unknown: UnknownEffect) -> dict[str, Any]:
@@ -92,6 +101,8 @@ def class_attributes(unknown: UnknownEffect) -> dict[str, Any]:
     }
     if unknown.curve.is_shared:
         return {**found, "shared_by": unknown.curve.covariates[0], "unit_size": unknown.unit_size}
+    if unknown.objects is not None:
+        return {**found, "changes_m": dict(unknown.objects.changes_m)}
     return {**found, "covariates": unknown.curve.covariates}
 
 

@@ -238,7 +238,7 @@ def best_formula(
         x: (b,) centres of the bins.
         y: (b,) the curve.
         sigma: (b,) its standard errors.
-        period: of a cyclic x, which begins at −period/2; 0 for others.
+        period: of a cyclic x from −period/2 to period/2; 0 for others.
         grid: how finely parameters are tried.
     """
     x, y = np.asarray(x, float), np.asarray(y, float)
@@ -254,7 +254,9 @@ def best_formula(
             values = {**members[row], "level": 0.0} if is_levelled else members[row]
             candidates.append((_bic(float(rest[row]), family, is_levelled, len(x)), family, values))
     nearest = sorted(candidates, key=lambda candidate: candidate[0])[: grid.refined]
-    bic, family, refined = min((_refined(*one[1:], x, y, weight) for one in nearest), key=lambda one: one[0])
+    bic, family, refined = min(
+        (_refined(*candidate[1:], x, y, weight) for candidate in nearest), key=lambda refined: refined[0]
+    )
     parameters = _rounded_to_range({name: value for name, value in refined.items() if name != "level"}, x)
     coefficients = _coefficients(family, parameters, x, y, weight, "level" in refined)
     formula = Formula(family.name, {**coefficients, **parameters}, 0.0, bic)

@@ -6,7 +6,7 @@ import textwrap
 
 from cosim.discrepancy.unknown.curve import Curve
 from cosim.discrepancy.unknown.effect import UnknownEffect
-from cosim.discrepancy.unknown.effect_class import BASES, DESCRIPTIONS, class_attributes, equation, lower_bound
+from cosim.discrepancy.unknown.effect_class import DESCRIPTIONS, base_of, class_attributes, equation, lower_bound
 from cosim.discrepancy.unknown.formula import Formula, number_code
 from cosim.discrepancy.unknown.terms import Wave
 from sensors.effects.covariates import COVARIATES
@@ -30,13 +30,13 @@ _CHANNELS = {
 def effect_source(unknown: UnknownEffect | Curve) -> str:
     """Return the Python source of a file with the effect, in a class of the name `UnknownEffect.class_name`."""
     unknown = UnknownEffect.of(unknown) if isinstance(unknown, Curve) else unknown
-    return _shared_source(unknown) if unknown.curve.is_shared else _source(unknown)
+    return _source(unknown) if unknown.terms else _source_without_formula(unknown)
 
 
 def _source(unknown: UnknownEffect) -> str:
-    curve, base = unknown.curve, BASES[unknown.curve.channel]
+    curve, base = unknown.curve, base_of(unknown)
     arguments = ", ".join(("x", "y")[: len(curve.covariates)])
-    law, constants, used = _law(unknown)
+    body, constants, used = _body(unknown)
     is_numeric = all(not isinstance(axis, tuple) for axis in curve.x) or bool(curve.frequency_hz)
     unit = f" [{curve.unit}]" if curve.unit else ""
     types = "np.ndarray" if is_numeric else "Any"
@@ -65,21 +65,24 @@ def _source(unknown: UnknownEffect) -> str:
             "",
             f"    def error(self, {', '.join(f'{name}: {types}' for name in arguments.split(', '))}) -> np.ndarray:",
             f'        """Return the error{unit} at values of the covariates."""',
-            *law,
+            *body,
             "",
         ]
     )
 
 
-def _shared_source(unknown: UnknownEffect) -> str:
-    base = BASES[unknown.curve.channel]
+def _source_without_formula(unknown: UnknownEffect) -> str:
+    """Of a shared error, or an error of objects: class attributes say all of it."""
+    base = base_of(unknown)
     unit = f" [{unknown.curve.unit}]" if unknown.curve.unit else ""
+    shared = f"standard deviation of an error that the beams of a {unknown.shared_by} share{unit}"
+    of_objects = f"size or place of objects of a class in measurements minus that in the twin{unit}"
     return "\n".join(
         [
-            _heading(unknown, f"standard deviation of an error that the beams of a {unknown.shared_by} share{unit}"),
+            _heading(unknown, shared if unknown.curve.is_shared else of_objects),
             "from typing import ClassVar",
             "",
-            f"from sensors.effects.shared_errors import {base.__name__}",
+            f"from {base.__module__} import {base.__name__}",
             "",
             "",
             f"class {unknown.class_name}({base.__name__}):",
@@ -96,20 +99,22 @@ def _heading(unknown: UnknownEffect, what: str) -> str:
     curve = unknown.curve
     lines = [f'"""Unknown effect, found in measurements: {curve.channel} by {" and ".join(curve.covariates)}.', ""]
     unit = f" [{curve.unit}]" if curve.unit and not curve.is_shared else ""
-    said = [f"Error: {what}.", f"Size{unit}: {unknown.form}."]
+    sentences = [f"Error: {what}.", f"Size{unit}: {unknown.form}."]
     if unknown.variables:
-        said.append(f"Here {unknown.variables.replace('x: ', 'x is the ', 1).replace('; y: ', ', y the ')}.")
+        sentences.append(f"Here {unknown.variables.replace('x: ', 'x is the ', 1).replace('; y: ', ', y the ')}.")
     is_formula = bool(unknown.terms) and all(isinstance(term, Formula) for term in unknown.terms)
     explained = f"The formula explains {100 * unknown.r2:.0f} % of the measured curve (R²); " if is_formula else ""
-    said.append(f"{explained}p = {curve.p_value:.2g}.")
-    said += _limits(unknown)
-    said.append("Rename the class and `name` when the cause is known; `cosim add` fits the parameters again.")
-    lines += [part for text in said for part in textwrap.wrap(text, _WIDTH)]
+    sentences.append(f"{explained}p = {curve.p_value:.2g}.")
+    sentences += _limits(unknown)
+    sentences.append("Rename the class and `name` when the cause is known; `cosim add` fits the parameters again.")
+    lines += [part for text in sentences for part in textwrap.wrap(text, _WIDTH)]
     return "\n".join([*lines, '"""', "", "from __future__ import annotations", ""])
 
 
 def _limits(unknown: UnknownEffect) -> list[str]:
     """What a simulation cannot know of the covariates."""
+    if unknown.objects is not None:
+        return ["It is an error of the twin: correct the objects there rather than keep it in the sensor."]
     if unknown.curve.is_shared:
         return []
     found = []
@@ -147,19 +152,19 @@ def _wrapped_text(text: str) -> list[str]:
 
 def _literal(value: object) -> str:
     if isinstance(value, dict):
-        return "{" + ", ".join(f'"{name}": {number!r}' for name, number in value.items()) + "}"
+        return "{" + ", ".join(f'"{name}": {_literal(item)}' for name, item in value.items()) + "}"
     if isinstance(value, tuple):
-        inner = ", ".join(_literal(one) for one in value)
+        inner = ", ".join(_literal(item) for item in value)
         return f"({inner},)" if len(value) == 1 else f"({inner})"
     return f'"{value}"' if isinstance(value, str) else repr(value)
 
 
-def _law(unknown: UnknownEffect) -> tuple[list[str], str, list[str]]:
+def _body(unknown: UnknownEffect) -> tuple[list[str], str, list[str]]:
     """Lines of `error`, the constants before the class, and names to import from `covariates`."""
     codes, constants = [], []
-    for place, (term, variable) in enumerate(zip(unknown.terms, ("x", "y"), strict=False)):
+    for number, (term, variable) in enumerate(zip(unknown.terms, ("x", "y"), strict=False)):
         values = term.values if isinstance(term, Formula) else term.parameters
-        fitted = unknown.parameters if place == 0 else {}
+        fitted = unknown.parameters if number == 0 else {}
 
         def name_of(name: str, values: object = values, fitted: object = fitted) -> str:
             return f"self.{name}" if name in fitted else number_code(values[name])  # type: ignore

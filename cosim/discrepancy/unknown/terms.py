@@ -1,7 +1,7 @@
 """Terms of an unknown effect: how it depends on one covariate, as a formula, a table, a line or a wave.
 
 All terms have the interface of `Formula`: `parameters` that fits may change, amplitude first; `evaluate`; `code`, the
-same as Python; and `text` for people. `constants` are lines that the code needs before it.
+same as Python; and `text`, human-readable. `constants` are lines that the code needs before it.
 """
 
 from __future__ import annotations
@@ -161,7 +161,36 @@ class Wave:
         return written.replace("+ -", "− ").replace("-", "−")
 
 
+@dataclass(frozen=True)
+class ObjectTable:
+    """Changes of size or place along the three axes of objects, by class, times an amplitude."""
+
+    changes_m: Mapping[str, tuple[float, float, float]]
+    axes: tuple[str, ...]
+    parameters: Mapping[str, float] = field(default_factory=lambda: dict(_AMPLITUDE))
+    r2: float = 1.0
+
+    def text(self, x: str) -> str:
+        """Return the changes of each class."""
+        amplitude = self.parameters["amplitude"]
+        parts = [
+            f"{kind}: " + ", ".join(f"{axis} {amplitude * c:+.3g}" for axis, c in zip(self.axes, changes, strict=True))
+            for kind, changes in self.changes_m.items()
+        ]
+        return "; ".join(parts).replace("-", "−")
+
+
+def object_table(kinds: tuple[str, ...], axes: tuple[str, ...], y: np.ndarray) -> ObjectTable:
+    """Return the table of measured changes (kinds, 3) [m]; 0 where they are not known."""
+    rows = np.nan_to_num(np.asarray(y, float))
+    changes = {
+        kind: (_rounded(row[0]), _rounded(row[1]), _rounded(row[2])) for kind, row in zip(kinds, rows, strict=True)
+    }
+    return ObjectTable(changes, axes)
+
+
 Term = Formula | Table | Levels | Line | Wave
+"""Terms that are functions of one covariate."""
 
 
 def term_over(
@@ -250,6 +279,6 @@ def _written(start: str, parts: list[str], end: str) -> str:
     whole = f"{start}{', '.join(parts)}{end}"
     if len(whole) <= 110 and "#" not in start:
         return whole
-    joined = ", ".join(part.replace(" ", "\x00") for part in parts)  # a name and its value stay on one line
+    joined = ", ".join(part.replace(" ", "\x00") for part in parts)  # keeps a name and its value on one line
     lines = textwrap.wrap(joined + ",", 106, break_long_words=False, break_on_hyphens=False)
     return "\n".join([start, *(f"    {line}" for line in lines), end]).replace("\x00", " ")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 
@@ -18,29 +18,36 @@ from sensors.effects.registry import find_effect
 from sensors.effects.shared_errors import UNITS
 from sensors.hits import NOTHING
 from sensors.returns import Returns
+from sensors.sensor_model import SensorModel
 from tests.cosim.discrepancy.unknown_curves import (
     COVARIATES,
+    EGO,
     PAIRS,
+    PATTERN,
     SHARED,
     SIZES,
     curve_of,
     expected,
     log_likelihood,
     measured,
+    object_curve,
     shared_curve,
     traced,
 )
+from tests.sensors.effects.scenes import LIDAR, cars, street
 
 _ALL = [
     *(curve_of(channel, name) for channel in SIZES for name in COVARIATES),
     *(curve_of(channel, *pair) for channel in SIZES for pair in PAIRS),
 ]
 OF_UNITS = [shared_curve(channel, unit) for channel in SHARED for unit in UNITS]
-FEW = [*_ALL[:: len(SIZES) - 2], *OF_UNITS[::3]]
+OF_OBJECTS = [object_curve("object_size"), object_curve("object_place")]
+FEW = [*_ALL[:: len(SIZES) - 2], *OF_UNITS[::3], *OF_OBJECTS]
 ONE_EACH = [
     *(curve_of(channel, "azimuth") for channel in SIZES),
     *(curve_of(channel, "range") for channel in SIZES),
     *(shared_curve(channel, "firing") for channel in SHARED),
+    *OF_OBJECTS,
 ]
 
 
@@ -99,7 +106,7 @@ def test_files_are_short_and_give_units(curve: Curve) -> None:
     assert "eval(" not in source and "exec(" not in source
 
 
-@pytest.mark.parametrize("curve", [*_ALL[:: len(SIZES) + 2], *OF_UNITS[::4]], ids=named)
+@pytest.mark.parametrize("curve", [*_ALL[:: len(SIZES) + 2], *OF_UNITS[::4], *OF_OBJECTS], ids=named)
 def test_neutral_parameters_do_nothing(curve: Curve) -> None:
     kind = effect_class(curve)
     effect = kind.model_validate(kind.neutral)
@@ -160,3 +167,22 @@ def test_the_beams_of_a_unit_share_one_error(channel: str, unit: str) -> None:
     for code in np.unique(unit_of)[:20]:
         assert len(np.unique(z[unit_of == code])) == 1
     assert len(np.unique(z)) == len(np.unique(unit_of))
+
+
+def test_longer_and_wider_objects_are_met_where_their_surfaces_are_displaced() -> None:
+    scene, placed, noiseless = street(), cars(), SensorModel(PATTERN, (), "test.yaml")
+    larger = replace(placed, scales=placed.scales * np.array([1.05, 0.96, 1.02]))
+    placed = replace(placed, sizes=np.tile([4.0, 1.7, 1.5], (2, 1)))
+    curve = object_curve("object_size")
+    curve = replace(curve, y=np.array([[0.05 * 4.0, -0.04 * 1.7, 0.02 * 1.5], [0.0, 0.0, 0.0]]))
+    effect = effect_of(curve)
+    truth, _ = noiseless.trace_returns(scene, LIDAR, larger, EGO)
+    before, shot = noiseless.trace_returns(scene, LIDAR, placed, EGO)
+    after = effect.apply(before, shot, np.random.default_rng(0))  # type: ignore[attr-defined]
+    _, old, new = np.intersect1d(before.beam, truth.beam, return_indices=True)
+    is_on = (before.instance[old] >= 0) & (truth.instance[new] == before.instance[old])
+    is_on &= (before.normal_code[old] == truth.normal_code[new]).all(1)
+    gap = truth.range_m[new][is_on] - after.range_m[old][is_on]
+    assert is_on.sum() > 100
+    assert np.median(np.abs(truth.range_m[new][is_on] - before.range_m[old][is_on])) > 0.02
+    assert np.quantile(np.abs(gap), 0.9) < 0.005

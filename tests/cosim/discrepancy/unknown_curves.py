@@ -155,3 +155,10 @@ def log_likelihood(effects: tuple[Effect, ...], shot: Shot, scans: list[Returns]
         is_silent[beam] = False
         total += float(np.log(np.maximum(of.silent[is_silent], 1e-12)).sum())
     return total
+
+
+def object_curve(what: str) -> Curve:
+    """A curve of cars that are longer and narrower than in the twin, or farther ahead and higher."""
+    y = np.array([[0.2, -0.1, 0.05], [0.0, 0.0, 0.1]])
+    axes = {"object_size": ("length", "width", "height"), "object_place": ("ahead", "left", "up")}[what]
+    return Curve("range", ("kind", what), ("", "m"), (("car", "truck"), axes), y, np.full(y.shape, 0.01))
