@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.cli.main import main
 from cosim.discrepancy.unknown.curve import Curve
 from cosim.discrepancy.unknown.effect import UnknownEffect
 from cosim.discrepancy.unknown.effect_class import effect_of
@@ -180,3 +181,12 @@ def test_curves_that_make_no_sense_are_refused(change: dict, complaint: str) -> 
     }
     with pytest.raises(ValueError, match=complaint):
         Curve(**{**values, **change})
+
+
+def test_the_command_shows_an_unknown_effect(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    unknown = UnknownEffect.of(
+        Curve("range", ("range",), ("m",), (RANGE_M,), 0.02 * np.exp(-(RANGE_M - 3) / 15), np.full(30, 1e-4))
+    )
+    (tmp_path / "found.py").write_text(effect_source(unknown), encoding="utf-8")
+    assert main(["effects", f"{tmp_path}/found.py:{unknown.class_name}"]) == 0
+    assert "length: length over which it falls to 1/e [at least 1e-06 m]" in capsys.readouterr().out
