@@ -86,6 +86,8 @@ class ErrorByCovariates(Effect):
 class _AngleError(ErrorByCovariates, BeamEffect):
     """An error of the beams' direction; the surfaces in its covariates are those of the beams without it."""
 
+    also: ClassVar[tuple[Channel, ...]] = ("range",)
+
     def angles(self, shot: Shot) -> np.ndarray:
         """Return the error (n,) of each beam [rad]; 0 for covariates of signals, which do not exist yet."""
         if any(COVARIATES[name].of_signal for name in self.covariates):
@@ -176,6 +178,8 @@ class IntensitySpread(ErrorByCovariates, NoiseScaleEffect):
 
 class _SpuriousReturns(ErrorByCovariates, ScanEffect):
     """With probability `error` a beam reports a return from elsewhere instead of what it would report otherwise."""
+
+    also: ClassVar[tuple[Channel, ...]] = ("drop", "range", "intensity")
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Return the returns with spurious ones among them; their intensity is uniform in 0–0.1."""

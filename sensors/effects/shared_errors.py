@@ -64,6 +64,7 @@ class SharedRange(SharedEffect, NoiseEffect):
 
     phase: ClassVar[Phase] = Phase.SHARED_NOISE
     channel: ClassVar[Channel] = "shared_range"
+    also: ClassVar[tuple[Channel, ...]] = ("range_variance",)
 
     sigma: float = number("standard deviation of the shared error", unit="m", ge=0)
 
@@ -82,6 +83,7 @@ class SharedIntensity(SharedEffect, NoiseEffect):
 
     phase: ClassVar[Phase] = Phase.SHARED_NOISE
     channel: ClassVar[Channel] = "shared_intensity"
+    also: ClassVar[tuple[Channel, ...]] = ("intensity_variance",)
 
     sigma: float = number("standard deviation of the shared error, relative to the intensity", ge=0)
 
@@ -99,6 +101,7 @@ class SharedDrop(SharedEffect, DetectionEffect):
     """P(return)·(1 + σ·z), within 0–1: what is lost before stays lost, so that only z < 0 changes anything."""
 
     channel: ClassVar[Channel] = "shared_drop"
+    also: ClassVar[tuple[Channel, ...]] = ("drop",)
 
     sigma: float = number("standard deviation of the relative change of the probability", ge=0)
 
@@ -123,6 +126,7 @@ class _SharedAngle(SharedEffect, NoiseEffect):
     """
 
     phase: ClassVar[Phase] = Phase.SHARED_NOISE
+    also: ClassVar[tuple[Channel, ...]] = ("range_variance",)
 
     sigma: float = number("standard deviation of the shared error", unit="rad", ge=0)
 

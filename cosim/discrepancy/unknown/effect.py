@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim.discrepancy.unknown.curve import Curve
-from cosim.discrepancy.unknown.formula import FAMILIES, Formula, explained_share, weights
+from cosim.discrepancy.unknown.curve import Axis, Curve
+from cosim.discrepancy.unknown.families import FAMILIES
+from cosim.discrepancy.unknown.formula import Formula, explained_share, weights
 from cosim.discrepancy.unknown.terms import (
     ObjectTable,
     Table,
@@ -25,6 +26,25 @@ from sensors.effects.shared_errors import PACKET_FIRINGS, SECTORS
 
 _VARIABLES = ("x", "y")
 _REGULAR = 0.1  # share of the time between scans, by which it may vary in a regular drive
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """One factor of an unknown effect, for charts.
+
+    Attributes:
+        covariate, unit: on which it depends.
+        x: (b,) centres of bins, or names of categories.
+        y, sigma: (b,) as measured, in the channel's unit; of the second factor of a pair, of size 1 at most.
+        term: that describes it.
+    """
+
+    covariate: str
+    unit: str
+    x: Axis
+    y: np.ndarray
+    sigma: np.ndarray
+    term: Term
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +170,18 @@ class UnknownEffect:
             return ()
         rate_hz, own_hz = 1 / float(np.median(apart)), wave / (2 * np.pi)
         return tuple(1 / abs(alias_hz) for alias_hz in (rate_hz - own_hz, rate_hz + own_hz) if alias_hz != 0)
+
+    @property
+    def factors(self) -> tuple[Factor, ...]:
+        """One factor a covariate; none of shared errors and of errors of objects."""
+        curve = self.curve
+        parts: tuple[np.ndarray, ...] = (curve.y,)
+        errors: tuple[np.ndarray, ...] = (curve.sigma,)
+        if len(self.terms) == 2:
+            parts = singular_pair(curve.y, curve.sigma)
+            errors = factor_errors(np.where(curve.is_known, curve.sigma, np.inf), *parts)
+        columns = zip(curve.covariates, curve.units, curve.x, parts, errors, self.terms, strict=False)
+        return tuple(Factor(*column) for column in columns)
 
     @property
     def parameter_units(self) -> dict[str, str]:

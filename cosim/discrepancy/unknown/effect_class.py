@@ -46,6 +46,7 @@ DESCRIPTIONS = {
 }
 SIZES = ("amplitude", "level", "cosine", "sine", "sigma")
 POSITIVE = ("width", "length")
+POSITIONS = ("start", "end", "edge", "centre")
 
 
 def effect_class(unknown: UnknownEffect | Curve) -> type[Effect]:
@@ -88,7 +89,7 @@ def base_of(unknown: UnknownEffect) -> type[Effect]:
 
 def class_attributes(unknown: UnknownEffect) -> dict[str, Any]:
     """Return the class attributes of its effect by name."""
-    example = unknown.parameters
+    example = {name: _rounded(name, value) for name, value in unknown.parameters.items()}
     neutral = {name: 0.0 if name in SIZES else value for name, value in example.items()}
     shape = {name: value for name, value in example.items() if name not in SIZES}
     found: dict[str, Any] = {
@@ -111,6 +112,11 @@ def equation(unknown: UnknownEffect) -> str:
     unit = f" [{unknown.curve.unit}]" if unknown.curve.unit and not unknown.curve.is_shared else ""
     variables = f"; {unknown.variables}" if unknown.variables else ""
     return f"{unknown.form}{unit}{variables}"
+
+
+def _rounded(name: str, value: float) -> float:
+    """Six digits; more of positions, which may be times since long ago."""
+    return float(f"{value:.6g}") if name not in POSITIONS else round(value, 9)
 
 
 def lower_bound(name: str, value: float) -> float | None:

@@ -214,6 +214,8 @@ def term_over(
         values = {name: _rounded(value) for name, value in zip(names, y, strict=True)}
         return Table(values, dict(zip(names, sigma.tolist(), strict=True)))
     x = np.asarray(x, float)[known]
+    order = np.argsort(x)
+    x, y, sigma = x[order], y[order], sigma[order]
     if covariate == "scan":
         return Levels({round(float(at), 6): _rounded(value) for at, value in zip(x, y, strict=True)})
     formula = best_formula(x, y, sigma, period)

@@ -12,7 +12,8 @@ from cosim.cli.main import main
 from cosim.discrepancy.unknown.curve import Curve
 from cosim.discrepancy.unknown.effect import UnknownEffect
 from cosim.discrepancy.unknown.effect_class import effect_of
-from cosim.discrepancy.unknown.formula import FAMILIES, best_formula
+from cosim.discrepancy.unknown.families import FAMILIES
+from cosim.discrepancy.unknown.formula import best_formula
 from cosim.discrepancy.unknown.source import effect_source
 from cosim.discrepancy.unknown.terms import Line, Table, singular_pair
 from cosim.drives.sensor_files import write_sensor
@@ -101,6 +102,9 @@ def test_a_pair_is_the_product_of_its_factors_with_their_units() -> None:
     assert re.fullmatch(r"\(−0\.\d+·exp\(−\(\(x − 0\.\d+\)/0\.\d+\)²\)\)·\(.*y.*\)", unknown.form)
     assert "[rad]" in unknown.variables and "[deg]" in unknown.variables
     assert unknown.r2 > 0.97
+    assert [factor.unit for factor in unknown.factors] == ["rad", "deg"]
+    for factor in unknown.factors:
+        np.testing.assert_allclose(factor.term.evaluate(factor.x), factor.y, atol=0.03)  # type: ignore[arg-type]
     parts = singular_pair(y, sigma)
     assert np.abs(parts[1]).max() == pytest.approx(1.0)
     np.testing.assert_allclose(np.outer(*parts), np.outer(first, second), atol=0.01)
