@@ -119,12 +119,14 @@ def world_azimuth(returns: Returns, shot: Shot) -> np.ndarray:
 
 
 def retro_distance(returns: Returns, shot: Shot) -> np.ndarray:
-    """Firings (m,) to the nearest beam of the same ring on a retro-reflector, 0.5 on it, at most 64."""
+    """Firings (m,) to the nearest beam of the same ring on a retro-reflector, 0.5 on it, at most 64; NaN without rings."""
     whole = shot.whole or shot
     rows = returns.beam if shot.rows is None else shot.rows[returns.beam]
 
     def compute() -> np.ndarray:
         pattern, solid = whole.pattern, whole.hits.solid
+        if len(solid) != pattern.rings * pattern.firings:  # a depth camera has no rings
+            return np.full(len(solid), np.nan)
         is_retro = whole.hits.table.column("retro")[solid.material] & solid.exists
         marked = is_retro.reshape(pattern.rings, pattern.firings)
         steps = np.full(marked.shape, 2.0 * RETRO_REACH)

@@ -46,7 +46,12 @@ class SharedEffect(Effect):
 
     def _unit(self, returns: Returns, shot: Shot) -> tuple[np.ndarray, int]:
         """Unit (m,) of each return, and their number."""
-        firings, of = shot.pattern.firings, shot.firing
+        firings = shot.pattern.firings
+
+        def of(returns: Returns) -> np.ndarray:
+            is_whole = len(shot.rays) == firings * shot.pattern.rings
+            return returns.beam % firings if is_whole else shot.firing(returns)
+
         units: dict[str, Callable[[], tuple[np.ndarray, int]]] = {
             "firing": lambda: (of(returns), firings),
             "packet": lambda: (of(returns) // self.unit_size, -(-firings // self.unit_size)),
