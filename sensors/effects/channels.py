@@ -7,6 +7,7 @@ values. Plug-ins that `cosim diagnose` writes derive from them; so may a user's 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -21,11 +22,12 @@ from sensors.effects.base import (
     PointEffect,
     ScanEffect,
 )
-from sensors.effects.covariates import COVARIATES, Categories, covariate_values
+from sensors.effects.covariates import COVARIATES, Categories, Values, covariate_values, neighbour_is
 from sensors.effects.phases import Channel
 from sensors.returns import Returns
 from sensors.shot import Shot
 
+_CHAINS = {"previous_lost": (1, False), "above_lost": (0, False), "below_lost": (0, True)}
 _MOST_SHARE = 0.95
 _MOST_LOG = 3.0
 _BRIGHTEST = 0.1  # spurious returns are dim, as of `false_alarms`
@@ -61,15 +63,26 @@ class ErrorByCovariates(Effect):
         """Return the error (m,) in the channel's unit at values of the covariates, each (m,) or `Categories`."""
         raise NotImplementedError
 
-    def errors(self, returns: Returns, shot: Shot, among: Returns | None = None) -> np.ndarray:
+    def errors(
+        self, returns: Returns, shot: Shot, among: Returns | None = None, fixed: Mapping[str, Values] | None = None
+    ) -> np.ndarray:
         """Return the error (m,) of each return; 0 where a covariate is not known.
+
+        Args:
+            returns: m rows.
+            shot: of the revolution.
+            among: returns among which neighbours are looked up; by default `returns`.
+            fixed: values of covariates that are given instead of computed, by name.
 
         Raises:
             ValueError: `error` gives another shape or NaN.
         """
         if not all(COVARIATES[name].is_simulated for name in self.covariates):
             return np.zeros(len(returns))
-        values = [covariate_values(name, returns, shot, among) for name in self.covariates]
+        values = [
+            fixed[name] if fixed and name in fixed else covariate_values(name, returns, shot, among)
+            for name in self.covariates
+        ]
         known = np.ones(len(returns), bool)
         for value in values:
             known &= value.is_known if isinstance(value, Categories) else np.isfinite(value)
@@ -154,6 +167,42 @@ class ReturnProbability(ErrorByCovariates, DetectionEffect):
     def kept(self, returns: Returns, shot: Shot) -> np.ndarray:
         """Return the probability (m,) of each return to be noticed."""
         return np.clip(1 + self.errors(returns, shot), 0, 1)
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """Return the returns that are noticed; losses that depend on a neighbour's loss are drawn in order."""
+        chain = [name for name in self.covariates if name in _CHAINS]
+        is_grid = len(shot.rays) == shot.pattern.rings * shot.pattern.firings
+        if len(chain) != 1 or not is_grid or shot.measured is not None:
+            return super().apply(returns, shot, rng)
+        drawn = shot.per_return(returns, rng.random((2, len(shot.rays))))
+        if_seen, if_lost = (
+            drawn < np.clip(1 + self.errors(returns, shot, fixed={chain[0]: neighbour_is(lost, len(returns))}), 0, 1)
+            for lost in (False, True)
+        )
+        return returns.take(_chained(if_seen, if_lost, returns, shot, chain[0]))
+
+
+def _chained(if_seen: np.ndarray, if_lost: np.ndarray, returns: Returns, shot: Shot, neighbour: str) -> np.ndarray:
+    """Which returns (m,) are noticed, where that depends on whether a neighbour in the grid of beams is lost.
+
+    Args:
+        if_seen, if_lost: (m,) bool, whether each return is noticed if its neighbour is seen, or lost.
+        returns: m rows; second returns share the fate of the first.
+        shot: whose beams are a grid of rings and firings.
+        neighbour: the name of the covariate.
+    """
+    shape, first = (shot.pattern.rings, shot.pattern.firings), returns.return_no == 0
+    seen, lost = np.zeros(shape, bool), np.zeros(shape, bool)
+    seen.flat[returns.beam[first]], lost.flat[returns.beam[first]] = if_seen[first], if_lost[first]
+    exists = shot.hits.solid.exists.reshape(shape)
+    axis, is_reversed = _CHAINS[neighbour]
+    if axis:
+        seen, lost, exists = seen.T, lost.T, exists.T
+    noticed, before = np.zeros(seen.shape, bool), np.zeros(seen.shape[1], bool)
+    for step in reversed(range(len(seen))) if is_reversed else range(len(seen)):
+        noticed[step] = np.where(before, lost[step], seen[step])
+        before = exists[step] & ~noticed[step]
+    return (noticed.T if axis else noticed).ravel()[returns.beam]
 
 
 class RangeSpread(ErrorByCovariates, NoiseScaleEffect):

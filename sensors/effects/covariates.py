@@ -21,6 +21,7 @@ OBJECT_REACH_M = 80.0
 OBJECT_FAR_M = 12.0
 RETRO_REACH = 32
 SAME_SCAN_S = 0.01
+SEEN_OR_LOST = ("seen", "lost")
 _TURN = 2 * np.pi
 
 
@@ -99,6 +100,11 @@ def covariate_values(name: str, returns: Returns, shot: Shot, among: Returns | N
     return np.where(met, values, np.nan)
 
 
+def neighbour_is(lost: bool, count: int) -> Categories:
+    """Return the category of `count` neighbours that are all lost, or all seen."""
+    return Categories(np.full(count, int(lost)), SEEN_OR_LOST)
+
+
 def level_at(time_s: np.ndarray, levels: Mapping[float, float]) -> np.ndarray:
     """Return the levels (m,) of scans by their pose times [s]; 0 at the times of other scans."""
     times = np.array(list(levels))
@@ -119,7 +125,7 @@ def world_azimuth(returns: Returns, shot: Shot) -> np.ndarray:
 
 
 def retro_distance(returns: Returns, shot: Shot) -> np.ndarray:
-    """Firings (m,) to the nearest beam of the same ring on a retro-reflector, 0.5 on it, at most 64; NaN without rings."""
+    """Firings (m,) to the nearest beam of the ring on a retro-reflector, 0.5 on it, at most 64; NaN without rings."""
     whole = shot.whole or shot
     rows = returns.beam if shot.rows is None else shot.rows[returns.beam]
 
@@ -210,7 +216,7 @@ def _neighbours() -> list[Covariate]:
         return lambda returns, shot, among: shot.beside(name, returns, among).astype(float)
 
     def lost(name: str) -> Callable[[Returns, Shot, Returns | None], Values]:
-        return lambda returns, shot, among: _codes(shot.beside(name, returns, among), ("seen", "lost"))
+        return lambda returns, shot, among: _codes(shot.beside(name, returns, among), SEEN_OR_LOST)
 
     found = []
     for whose, text in words.items():

@@ -44,7 +44,18 @@ SLOW = [
     Curve("spurious", ("constant",), ("",), (np.zeros(1),), np.array([0.02]), np.array([1e-3])),
     over("range_variance", "range", "m", RANGE_M, 0.03 * RANGE_M),
     Curve("shared_range", ("firing",), ("",), (("firing",),), np.array([0.04]), np.array([1e-3])),
-]
+    Curve("shared_elevation_error", ("firing",), ("",), (("firing",),), np.array([2e-3]), np.array([1e-4])),
+    Curve(
+        "elevation_error", ("time",), ("s",), (("cosine", "sine"),), np.array([2e-3, 1e-3]), np.full(2, 1e-5),
+        frequency_hz=17.3,
+    ),
+    Curve("drop", ("previous_lost",), ("",), (("seen", "lost"),), np.array([-0.05, -0.6]), np.full(2, 1e-3)),
+    Curve("range", ("scan",), ("s",), (np.arange(5.0),), np.array([0.03, -0.03, 0.01, -0.02, 0.02]), np.full(5, 1e-3)),
+    Curve(
+        "range", ("ring", "range"), ("", "m"), (tuple(map(str, range(24))), RANGE_M[::3]),
+        np.outer(0.05 * np.sin(np.arange(24)), np.linspace(0.3, 1, 10)), np.full((24, 10), 1e-3),
+    ),
+]  # fmt: skip
 KNOWN = ({"effect": "range_noise", "sigma_m": 0.01}, {"effect": "intensity_noise", "sigma_rel": 0.05})
 
 
@@ -60,7 +71,7 @@ def check_add(curve: Curve, folder: Path) -> None:
     assert main([*arguments, "--out", str(out), "--json", str(folder / "add.json"), "--quiet"]) == 0
     found = json.loads((folder / "add.json").read_text())
     assert found["error_after"] < 0.97 * found["error_before"]
-    for name in ("amplitude", "sigma"):
+    for name in ("amplitude", "sigma", "cosine", "sine"):
         if name in found["params"]:
             assert found["params"][name] == pytest.approx(true.model_dump()[name], rel=0.2)
     assert f"./{unknown.name}.py:{unknown.class_name}" in out.read_text()

@@ -186,3 +186,27 @@ def test_longer_and_wider_objects_are_met_where_their_surfaces_are_displaced() -
     assert is_on.sum() > 100
     assert np.median(np.abs(truth.range_m[new][is_on] - before.range_m[old][is_on])) > 0.02
     assert np.quantile(np.abs(gap), 0.9) < 0.005
+
+
+@pytest.mark.parametrize(("neighbour", "step"), [("previous_lost", 1), ("above_lost", 360), ("below_lost", -360)])
+def test_losses_come_in_bursts_where_they_depend_on_a_neighbour(neighbour: str, step: int) -> None:
+    loss = {"seen": 0.05, "lost": 0.7}
+    curve = Curve("drop", (neighbour,), ("",), (tuple(loss),), -np.array(list(loss.values())), np.full(2, 1e-3))
+    effect, shot = effect_of(curve), traced()
+    exists = shot.hits.solid.exists
+    beams = np.arange(len(exists))
+    has_both = exists & (beams >= step) & (beams < len(beams) + min(step, 0))
+    has_both[has_both] &= exists[beams[has_both] - step]
+    if step == 1:
+        has_both &= beams % 360 > 0
+    count, lost_count = {"seen": 0, "lost": 0}, {"seen": 0, "lost": 0}
+    for seed in range(8):
+        is_lost = exists.copy()
+        is_lost[measured((effect,), shot, seed).beam] = False
+        rows = np.flatnonzero(has_both)
+        for name, is_after in (("seen", ~is_lost[rows - step]), ("lost", is_lost[rows - step])):
+            count[name] += int(is_after.sum())
+            lost_count[name] += int(is_lost[rows[is_after]].sum())
+    for name, probability in loss.items():
+        spread = np.sqrt(probability * (1 - probability) / count[name])
+        assert lost_count[name] / count[name] == pytest.approx(probability, abs=4 * spread)
