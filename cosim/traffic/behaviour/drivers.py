@@ -22,6 +22,7 @@ from cosim.traffic.behaviour.roads import Roads
 from cosim.traffic.behaviour.stage import Stage
 from cosim.traffic.behaviour.turnarounds import Turnarounds
 from cosim.traffic.behaviour.u_turns import UTurns
+from cosim.traffic.behaviour.vehicle_parameters import ChangedParameters
 from cosim.traffic.motion import Motion
 from cosim.traffic.simulation import Traffic
 
@@ -58,7 +59,7 @@ class Drivers:
         self._roads = roads
         self._sight_m = sight_m
         self._behaviours = (
-            (Patience(),)  # only keeps SUMO's vehicles with their bodies
+            (*((ChangedParameters(config, seed),) if config.changes_vtypes else ()), Patience())
             if config.as_given
             else (
                 driving,
