@@ -56,8 +56,20 @@ _HABIT_FIELDS = (
     *("speeding_share", "gap_m", "headway_s", "imperfection", "reaction_time_s", "acceleration_mps2", "braking_mps2"),
     *("startup_delay_s", "gap_acceptance_s", "driver_classes"),
 )
-_VTYPE_FIELDS = frozenset((*_HABIT_FIELDS, "cornering_mps2", "street_speed"))
-"""What the preset sumo may replace: parameters of vehicle types, and speeds of lanes."""
+_REPLACEABLE = frozenset(
+    (
+        *(*_HABIT_FIELDS, "cornering_mps2", "street_speed"),
+        *("lane_offset_m", "lane_change_share", "u_turns_per_min", "pull_outs_per_min"),
+    )
+)
+"""What may be replaced beside the preset sumo: parameters of drivers, speeds of lanes, and single acts."""
+
+
+def _as_constant(value: Any) -> Any:
+    """A uniform distribution of no width as a constant."""
+    if isinstance(value, dict) and value.get("kind") == "uniform" and value["min"] == value["max"]:
+        return {"kind": "constant", "value": value["min"]}
+    return value
 
 
 class DriverClasses(BaseModel):
@@ -111,7 +123,8 @@ class BehaviourConfig(BaseModel):
         default=None, description="SUMO's accel, the largest acceleration [m/s²]; none: as the vehicle type has it"
     )
     braking_mps2: Annotated[Distribution, within(0.5, 12)] | None = Field(
-        default=None, description="SUMO's decel, the usual largest deceleration [m/s²]; none: as the vehicle type has it"
+        default=None,
+        description="SUMO's decel, the usual largest deceleration [m/s²]; none: as the vehicle type has it",
     )
     startup_delay_s: Annotated[Distribution, within(0, 10)] | None = Field(
         default=None,
@@ -162,21 +175,22 @@ class BehaviourConfig(BaseModel):
         return values
 
     @model_validator(mode="after")
-    def _has_no_incidents(self) -> Self:
+    def _keeps_the_scenario(self) -> Self:
         if self.preset == "sumo":
             plain = {**BehaviourConfig().model_dump(mode="json"), **_PRESETS["sumo"], "preset": "sumo"}
             for key, value in self.model_dump(mode="json").items():
-                if key not in _VTYPE_FIELDS and value != plain[key]:
+                if key not in _REPLACEABLE and _as_constant(value) != _as_constant(plain[key]):
                     raise ValueError(
-                        f"the preset sumo leaves incidents and places in the lane to the scenario, but {key} would "
-                        "change them; take another preset"
+                        f"the preset sumo leaves parked vehicles and accidents as the scenario has them, but {key} "
+                        "would change them; take another preset"
                     )
         return self
 
     @property
     def changes_vtypes(self) -> bool:
         """Whether a driver's parameters differ from those of his vehicle type; with the preset sumo only."""
-        return self.as_given and any(getattr(self, key) is not None for key in _HABIT_FIELDS)
+        offset = self.lane_offset_m.bounds != (0.0, 0.0)
+        return self.as_given and (offset or any(getattr(self, key) is not None for key in _HABIT_FIELDS))
 
     @property
     def as_given(self) -> bool:

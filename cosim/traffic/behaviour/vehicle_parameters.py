@@ -60,6 +60,8 @@ class ChangedParameters:
             self._seen.add(vehicle)
             habits = draw_habits(self._config, self._seed, vehicle)
             set_parameters(api, vehicle, habits, stage.step_s)
+            if habits.lane_offset_m:
+                stage.motion.keep_offset(vehicle, habits.lane_offset_m)
             own = api.getSpeedFactor(vehicle)
             factor = habits.speed_factor(np.inf, own)
             if factor != own:
