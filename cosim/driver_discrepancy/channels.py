@@ -117,16 +117,17 @@ CHANNELS: dict[str, Channel] = {
 """The dictionary's channels."""
 
 
-def measure_channels(placed: Placed, red: np.ndarray) -> dict[str, Values]:
+def measure_channels(
+    placed: Placed, red: np.ndarray, planned: frozenset[tuple[str, str]] = frozenset()
+) -> dict[str, Values]:
     """Values of all channels that are sampled; those about differences between drivers follow from vehicles' means.
 
     Args:
         placed: trajectories on their network.
         red: (n,) whether the link ahead shows red; from `signals`.
     """
-    return {name: function(placed) for name, function in _FUNCTIONS.items()} | {
-        "red_entries": _red_entries(placed, red)
-    }
+    found = {name: function(placed) for name, function in _FUNCTIONS.items()}
+    return found | {"red_entries": _red_entries(placed, red), "u_turns": _u_turns(placed, planned)}
 
 
 def between_drivers(name: str, sums: np.ndarray, weights: np.ndarray, centre: float) -> tuple[np.ndarray, np.ndarray]:
@@ -376,7 +377,7 @@ def _yielding(placed: Placed) -> Values:
     return Values.at(near, (placed.tracks.speed_mps < RESTS_MPS).astype(float))
 
 
-def _u_turns(placed: Placed) -> Values:
+def _u_turns(placed: Placed, planned: frozenset[tuple[str, str]]) -> Values:
     rows, edges = street_entries(placed)
     network, vehicle = placed.network, placed.tracks.vehicle
     turned = [
@@ -384,6 +385,7 @@ def _u_turns(placed: Placed) -> Values:
         for i in range(1, len(rows))
         if vehicle[rows[i]] == vehicle[rows[i - 1]]
         and network.back.get(edges[i - 1]) == edges[i]
+        and (placed.tracks.ids[vehicle[rows[i]]], edges[i - 1]) not in planned
         and bool({*network.onward.get(edges[i - 1], ())} - {edges[i]})
     ]
     return Values.per_exposure(np.array(turned, int), placed.on & ~placed.parked, placed.tracks.step_s / 3600)
@@ -557,7 +559,6 @@ _FUNCTIONS: Mapping[str, Callable[[Placed], Values]] = {
     "lane_changes_other": _lane_changes("other"),
     "accepted_gap": _accepted_gap,
     "yielding": _yielding,
-    "u_turns": _u_turns,
     "pull_outs": _pull_outs,
     "stops": _stops,
     "standing": _standing,

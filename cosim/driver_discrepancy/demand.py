@@ -6,6 +6,7 @@ import re
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -48,6 +49,7 @@ class Trip:
         leaves_m: position on the last edge at which it was last measured; None for who stays.
         checked: whether SUMO may delay its insertion until it is safe.
         stop: SUMO's attributes of the place where it is parked; empty for who drives.
+        turns: edges of the route at whose end it turns back.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Trip:
     leaves_m: float | None = None
     checked: bool = True
     stop: str = ""
+    turns: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +94,17 @@ class Demand:
     programs: Mapping[str, Program]
     vehicles: tuple[int, int]
 
+    @property
+    def planned(self) -> frozenset[tuple[str, str]]:
+        """Vehicle and edge after which its route goes on with the edge of the other direction, or may do so."""
+        return frozenset((trip.name, edge) for trip in self.trips for edge in trip.turns)
+
 
 def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, folder: Path) -> Demand:
     """The demand of some trajectories.
 
-    Turning back where a driver could have gone on is behaviour, not demand: routes end before it. So is leaving the
-    kerb: who begins parked stays so.
+    Routes are those measured, U-turns at junctions included; the channel `u_turns` counts those of simulations only
+    that were not measured. Leaving the kerb is behaviour, not demand: who begins parked stays so.
 
     Raises:
         TrackError: nobody drives.
@@ -130,10 +138,11 @@ def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, fo
                 lane=lane.index,
                 along_m=min(float(placed.along_m[begin]), lane.length_m - 0.1),
                 speed_mps=float(tracks.speed_mps[begin]),
-                route=(*route, *_tail(network, route[-1], name)) if stays else tuple(route),
+                route=(*route, *_tail(network, route[-1], _last_lane(placed, rows), name)) if stays else tuple(route),
                 limit_mps=float(np.mean([network.lanes_of(edge)[0].limit_mps for edge in route])),
                 leaves_m=None if stays else float(placed.along_m[streets[-1]]),
                 checked=bool(tracks.time_s[begin] > start_s + 0.5),
+                turns=tuple(a for a, b in pairwise(route) if network.back.get(a) == b),
             )
         )
     if not drivers:
@@ -253,7 +262,7 @@ def _bases(placed: Placed) -> list[tuple[str, tuple[tuple[str, str], ...]]]:
 
 
 def _route(placed: Placed, streets: np.ndarray) -> tuple[list[str], bool]:
-    """Edges driven, up to where somebody turns back of his own will; and whether they are all."""
+    """Edges driven, up to where no way of the network leads on; and whether they are all."""
     network, lanes = placed.network, placed.network.lanes
     codes = placed.code[streets]
     changes = np.concatenate([[True], np.diff(codes) != 0])
@@ -262,8 +271,6 @@ def _route(placed: Placed, streets: np.ndarray) -> tuple[list[str], bool]:
         edge = lanes[placed.lanes[code]].edge
         if route and route[-1] == edge:
             continue
-        if route and _turns_back(network, route[-1], edge):
-            return route, False
         way = network.way(route[-1], edge) if route else [edge]
         if not way:
             return route, False
@@ -271,21 +278,31 @@ def _route(placed: Placed, streets: np.ndarray) -> tuple[list[str], bool]:
     return route, True
 
 
-def _turns_back(network: Network, edge: str, onward: str) -> bool:
-    """Whether somebody turned back who could have gone on."""
-    return network.back.get(edge) == onward and bool({*network.onward.get(edge, ())} - {onward})
+def _last_lane(placed: Placed, rows: np.ndarray) -> str:
+    """The lane of cars on which a vehicle was seen last."""
+    on = rows[placed.on[rows] & ~placed.parked[rows]]
+    return placed.lanes[placed.code[on[-1]]]
 
 
-def _tail(network: Network, edge: str, name: str) -> list[str]:
-    """Some more edges, so that who drives faster than measured does not vanish early."""
+def _tail(network: Network, edge: str, last_lane: str, name: str) -> list[str]:
+    """Some more edges for who is still there at the end, so that nobody vanishes early.
+
+    The first is that to which the vehicle's last lane leads: it was chosen for that.
+    """
     rng, found = np.random.default_rng(zlib.crc32(name.encode())), []
+    lanes, links = network.lanes, network.links
+    leads = [lanes[link.target].edge for link in links.get(last_lane, ()) if lanes[link.target].edge != edge]
+    inside = [link.target for some in links.values() for link in some if link.via == last_lane]
+    options = [lanes[target].edge for target in inside] or leads
     for _ in range(_TAIL_EDGES):
-        options = [one for one in network.onward.get(edge, ()) if one != network.back.get(edge)]
-        options = options or list(network.onward.get(edge, ()))
+        onward = list(network.onward.get(edge, ()))
+        options = [one for one in options if one in onward] or onward
+        options = [one for one in options if one != network.back.get(edge)] or options
         if not options:
             break
         edge = options[int(rng.integers(len(options)))]
         found.append(edge)
+        options = []
     return found
 
 

@@ -114,6 +114,6 @@ def _summary(job: Job) -> Summary:
     behaviour, seed = job
     try:
         tracks = observation.apply(simulate(demand, behaviour, seed, step_s), seed)
-        return summarise(place(tracks, network), frame, demand.clock_s)
+        return summarise(place(tracks, network), frame, demand.clock_s, demand.planned)
     except libsumo.TraCIException as error:
         raise TrafficError(f"SUMO refuses what drivers do: {error}") from None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -93,13 +93,16 @@ class Summary:
         return np.where(there, self.sums[found], 0.0), np.where(there, self.weights[found], 0.0)
 
 
-def summarise(placed: Placed, frame: Frame, clock_s: float = 0.0) -> Summary:
+def summarise(
+    placed: Placed, frame: Frame, clock_s: float = 0.0, planned: frozenset[tuple[str, str]] = frozenset()
+) -> Summary:
     """Summarise four-wheeled vehicles; others take part in traffic only.
 
     Args:
         placed: trajectories on their network.
         frame: levels of conditions.
         clock_s: the trajectories' clock less the recording's [s].
+        planned: vehicle and edge of U-turns that are part of the demand and not counted.
     """
     tracks = placed.tracks
     red = frame.phases.red(placed, clock_s)
@@ -138,29 +141,7 @@ def centres_of(placed: Placed, red: np.ndarray) -> tuple[tuple[str, float], ...]
     return tuple(found)
 
 
-def all_columns(frame: Frame) -> tuple[Column, ...]:
-    """Every column in the order of the tables."""
-    levels = {
-        "street": frame.streets,
-        "lane": ("right lane", "second lane", "further lanes"),
-        "time": tuple(f"third {number + 1} of the time" for number in range(3)),
-        "class": frame.classes,
-        "signal": ("red ahead", "green ahead"),
-        "density": ("light traffic", "dense traffic"),
-    }
-    whole = [Column(channel) for channel in CHANNELS]
-    parts = [
-        Column(channel, condition, level)
-        for channel, conditions in CONDITIONS_OF.items()
-        for condition in conditions
-        for level in levels[condition]
-    ]
-    return (*whole, *parts)
-
-
 def _moved(frame: Frame, clock_s: float) -> Frame:
-    from dataclasses import replace
-
     return replace(frame, begin_s=frame.begin_s + clock_s)
 
 
