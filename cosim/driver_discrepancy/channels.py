@@ -23,6 +23,7 @@ _LANE_CHANGE_S = 2.0
 _FLOW_MPS2 = 1.0
 _FAST, _SLOW = 1.12, 0.88  # limits of the shares of fast and slow drivers, of the mean free speed
 _BENDS_RAD = 0.4
+_NEW_MPS2 = 0.12  # change of the acceleration that shows a decision
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +97,7 @@ CHANNELS: dict[str, Channel] = {
     "acceleration_memory": Channel("reaction", "", 0.2, 0.03, "acceleration left after 0.4 s"),
     "acceleration_memory_1s": Channel("reaction", "", 0.2, 0.03, "acceleration left after 1 s"),
     "follower_response": Channel("reaction", "", 0.3, 0.08, "response to the leader's acceleration after 1 s"),
+    "decisions": Channel("reaction", "", 0.2, 0.02, "share of time steps with a new acceleration"),
     "lateral": Channel("lateral", "m", 0.05, 0.012, "lateral position in the lane, to the left"),
     "lateral_spread": Channel("lateral", "m²", 0.005, 0.001, "spread of the lateral position between drivers"),
     "lateral_motion": Channel("lateral", "m/s", 0.05, 0.01, "lateral speed in the lane"),
@@ -265,6 +267,12 @@ def _follower_response(placed: Placed) -> Values:
     good &= (np.abs(ahead) > 0.2) & (np.abs(ahead) < 5) & (np.abs(a[then]) < 5)
     rows, ahead, then = rows[good], ahead[good], then[good]
     return Values(rows, a[then] / ahead, ahead**2)
+
+
+def _decisions(placed: Placed) -> Values:
+    jump = _jump(placed)
+    moves = placed.on & (placed.tracks.speed_mps > 2) & np.isfinite(jump)
+    return Values.at(moves, (np.abs(jump) > _NEW_MPS2).astype(float))
 
 
 def _lateral(placed: Placed) -> Values:
@@ -551,6 +559,7 @@ _FUNCTIONS: Mapping[str, Callable[[Placed], Values]] = {
     "acceleration_memory": _memory(0.4),
     "acceleration_memory_1s": _memory(1.0),
     "follower_response": _follower_response,
+    "decisions": _decisions,
     "lateral": _lateral,
     "lateral_motion": _lateral_motion,
     "lane_changes_speed": _lane_changes("speed"),

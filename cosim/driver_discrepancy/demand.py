@@ -46,6 +46,7 @@ class Trip:
         lane, along_m, speed_mps: where and how fast it begins; the lane's index.
         route: edges; the measured ones and, for who is still there at the end, some more.
         limit_mps: mean limit of the route, for excesses in km/h.
+        lane_limit_mps: limit of the lane where it begins.
         leaves_m: position on the last edge at which it was last measured; None for who stays.
         checked: whether SUMO may delay its insertion until it is safe.
         stop: SUMO's attributes of the place where it is parked; empty for who drives.
@@ -60,6 +61,7 @@ class Trip:
     speed_mps: float
     route: tuple[str, ...]
     limit_mps: float
+    lane_limit_mps: float
     leaves_m: float | None = None
     checked: bool = True
     stop: str = ""
@@ -140,6 +142,7 @@ def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, fo
                 speed_mps=float(tracks.speed_mps[begin]),
                 route=(*route, *_tail(network, route[-1], _last_lane(placed, rows), name)) if stays else tuple(route),
                 limit_mps=float(np.mean([network.lanes_of(edge)[0].limit_mps for edge in route])),
+                lane_limit_mps=lane.limit_mps,
                 leaves_m=None if stays else float(placed.along_m[streets[-1]]),
                 checked=bool(tracks.time_s[begin] > start_s + 0.5),
                 turns=tuple(a for a, b in pairwise(route) if network.back.get(a) == b),
@@ -178,7 +181,9 @@ def write_demand(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: 
             attributes["latAlignment"] = f"{habits.lane_offset_m:.3f}"
         words = " ".join(f"{key}={quoteattr(value)}" for key, value in attributes.items())
         lines.append(f"    <vType id={quoteattr(f'{trip.base[0]}@{trip.name}')} {words}/>")
-        lines += _vehicle(trip, factor)
+        streets = behaviour.street_speed
+        slower = streets.factor if streets is not None and trip.route[0] in streets.edges else 1.0
+        lines += _vehicle(trip, trip.lane_limit_mps * min(slower, 1.0) * factor)
     write_xml(folder / "demand.rou.xml", "routes", lines)
     additional = list(demand.additional)
     if demand.programs:
@@ -306,15 +311,16 @@ def _tail(network: Network, edge: str, last_lane: str, name: str) -> list[str]:
     return found
 
 
-def _vehicle(trip: Trip, factor: float) -> list[str]:
+def _vehicle(trip: Trip, fastest_mps: float) -> list[str]:
     head = f"    <vehicle id={quoteattr(trip.name)} type={quoteattr(f'{trip.base[0]}@{trip.name}')}"
     route = f'        <route edges="{" ".join(trip.route)}"/>'
     if trip.stop:
         head += f' depart="{trip.depart_s:.2f}" departPos="stop">'
         return [head, route, f'        <stop {trip.stop} duration="{_FOREVER_S}"/>', "    </vehicle>"]
-    speed = min(trip.speed_mps, trip.limit_mps * factor)
+    speed = min(trip.speed_mps, 0.99 * fastest_mps)
     head += f' depart="{max(trip.depart_s, 0):.2f}" departLane="{trip.lane}" departPos="{trip.along_m:.2f}"'
-    head += f' departSpeed="{speed:.2f}"' + ("" if trip.checked else ' insertionChecks="none"')
+    checks = "collision leaderGap followerGap junction" if trip.checked else "none"
+    head += f' departSpeed="{speed:.2f}" insertionChecks="{checks}"'
     if trip.leaves_m is not None:
         head += f' arrivalPos="{trip.leaves_m:.2f}"'
     return [head + ">", route, "    </vehicle>"]
@@ -332,7 +338,7 @@ def _parker(placed: Placed, name: str, base: tuple[str, tuple[tuple[str, str], .
     ]
     where = f'parkingArea="{min(lots)[1]}"' if lots else f'lane="{lane.id}" endPos="{along:.2f}" parking="true"'
     depart = max(tracks.start_s + clock_s, 0.0)
-    return Trip(name, base, depart, lane.index, along, 0.0, (lane.edge,), lane.limit_mps, stop=where)
+    return Trip(name, base, depart, lane.index, along, 0.0, (lane.edge,), lane.limit_mps, lane.limit_mps, stop=where)
 
 
 def _moved_programs(network: Network, phases: Phases, clock_s: float) -> dict[str, Program]:

@@ -218,7 +218,7 @@ class _Diagnosis:
         behaviours = [BEHAVIOURS[finding.behaviour] for finding in self._found]
         config, findings = last.config, list(self._found)
         if self._fit is not None:
-            fit = self._estimator(self._by.fitting.seeds).polished(self._fit, behaviours, last.fitted)
+            fit = self._refine(last, behaviours)
             ends = intervals(fit, behaviours, last.fitted.freedom, self._by.coverage)
             config = fit.config
             findings = [replace(one, params=fit.values[one.behaviour], ci95=ends[one.behaviour]) for one in findings]
@@ -240,6 +240,16 @@ class _Diagnosis:
             unexplained=left,
             simulations=self._simulations.count,
         )
+
+    def _refine(self, last: _Look, behaviours: Sequence[Behaviour]) -> Fit:
+        """Linearise about the fit, take further steps there, and a small last one with what all seeds show."""
+        self._say("refining the parameters")
+        estimator = self._estimator(self._by.fitting.seeds)
+        slopes = estimator.slopes(last.config, behaviours, self._by.fitting.near)
+        fit = estimator.fit(last.config, behaviours, last.fitted, slopes)
+        if fit.config == last.config:
+            return estimator.polished(fit, behaviours, last.fitted)
+        return fit
 
     def _smallest(self, last: _Look) -> dict[str, dict[str, float]]:
         """Change of each parameter that 80 % of recordings like this one would show."""

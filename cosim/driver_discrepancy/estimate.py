@@ -66,13 +66,21 @@ class Estimator:
         self._columns = tuple(columns)
         self._by = by
 
-    def slopes(self, config: BehaviourConfig, behaviours: Sequence[Behaviour]) -> dict[str, np.ndarray]:
-        """Change of all columns (c, parameters) with each behaviour's parameters, from the configuration on."""
+    def slopes(
+        self, config: BehaviourConfig, behaviours: Sequence[Behaviour], share: float = 1.0
+    ) -> dict[str, np.ndarray]:
+        """Change of all columns (c, parameters) with each behaviour's parameters, from the configuration on.
+
+        Args:
+            config: about which.
+            behaviours: whose parameters.
+            share: of a parameter's step.
+        """
         jobs, steps = [], []
         for behaviour in behaviours:
             values = behaviour.read(config, self._background)
             for knob in behaviour.knobs:
-                changed = _changed(behaviour, knob.name, values)
+                changed = _changed(behaviour, knob.name, values, share)
                 steps.append(changed[knob.name] - values[knob.name])
                 jobs.append(behaviour.write(config, changed))
         found = self._many([config, *jobs])
@@ -215,12 +223,12 @@ def intervals(
     return found
 
 
-def _changed(behaviour: Behaviour, name: str, values: Mapping[str, float]) -> dict[str, float]:
+def _changed(behaviour: Behaviour, name: str, values: Mapping[str, float], share: float = 1.0) -> dict[str, float]:
     """Values with one changed by its step, or the other way where a bound is near."""
     knob = next(one for one in behaviour.knobs if one.name == name)
-    changed = behaviour.clipped({**values, name: values[name] + knob.step})
-    if abs(changed[name] - values[name]) < abs(knob.step) / 3:
-        changed = behaviour.clipped({**values, name: values[name] - knob.step})
+    changed = behaviour.clipped({**values, name: values[name] + share * knob.step})
+    if abs(changed[name] - values[name]) < abs(share * knob.step) / 3:
+        changed = behaviour.clipped({**values, name: values[name] - share * knob.step})
     return changed
 
 

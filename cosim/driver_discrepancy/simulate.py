@@ -77,7 +77,7 @@ def _run(command: list[str], demand: Demand, behaviour: BehaviourConfig, seed: i
         else:
             sumo.simulationStep(demand.begin_s + steps * step_s)
     except sumo.TraCIException as error:
-        raise TrafficError(f"SUMO stopped at {sumo.simulation.getTime():.1f} s: {error}") from error
+        raise TrafficError(f"SUMO stopped at {sumo.simulation.getTime():.1f} s: {error}") from None
     finally:
         sumo.close()
 

@@ -18,7 +18,7 @@ def _write(config: BehaviourConfig, values: Values) -> BehaviourConfig:
 REACTION_TIME = Behaviour(
     "reaction_time",
     (Knob("action_step_s", "s", 0.0, 3.0, 0.6, "time between two decisions of a driver"),),
-    ("acceleration_memory", "acceleration_memory_1s", "follower_response"),
+    ("decisions", "jerk", "unsteadiness", "acceleration_memory", "acceleration_memory_1s", "follower_response"),
     "decisions every action_step, the acceleration constant between",
     "actionStepLength",
     ("short_gap", "imperfection", "startup_delay"),
