@@ -97,7 +97,7 @@ CHANNELS: dict[str, Channel] = {
     "acceleration_memory": Channel("reaction", "", 0.2, 0.03, "acceleration left after 0.4 s"),
     "acceleration_memory_1s": Channel("reaction", "", 0.2, 0.03, "acceleration left after 1 s"),
     "follower_response": Channel("reaction", "", 0.3, 0.08, "response to the leader's acceleration after 1 s"),
-    "decisions": Channel("reaction", "", 0.2, 0.02, "share of time steps with a new acceleration"),
+    "decisions": Channel("reaction", "", 0.2, 0.004, "share of time steps with a new acceleration"),
     "lateral": Channel("lateral", "m", 0.05, 0.012, "lateral position in the lane, to the left"),
     "lateral_spread": Channel("lateral", "m²", 0.005, 0.001, "spread of the lateral position between drivers"),
     "lateral_motion": Channel("lateral", "m/s", 0.05, 0.01, "lateral speed in the lane"),

@@ -247,9 +247,11 @@ class _Diagnosis:
         estimator = self._estimator(self._by.fitting.seeds)
         slopes = estimator.slopes(last.config, behaviours, self._by.fitting.near)
         fit = estimator.fit(last.config, behaviours, last.fitted, slopes)
+        fresh = np.concatenate([slopes[behaviour.name] for behaviour in behaviours], 1)
+        fit = replace(fit, slopes=fresh)
         if fit.config == last.config:
             return estimator.polished(fit, behaviours, last.fitted)
-        return fit
+        return estimator.with_covariance(fit, behaviours, last.fitted)
 
     def _smallest(self, last: _Look) -> dict[str, dict[str, float]]:
         """Change of each parameter that 80 % of recordings like this one would show."""
@@ -325,9 +327,10 @@ def _p_value(behaviour: Behaviour, look: _Look) -> float:
 
 
 def _signals(evidence: Evidence) -> list[Signal]:
+    ratio = evidence.measured / np.where(np.abs(evidence.model) > 1e-9, evidence.model, 1e-9)
     return [
-        Signal(column.channel, column.condition, column.level, z)
-        for column, z in zip(evidence.columns, evidence.z.tolist(), strict=True)
+        Signal(column.channel, column.condition, column.level, z, share)
+        for column, z, share in zip(evidence.columns, evidence.z.tolist(), ratio.tolist(), strict=True)
     ]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -173,7 +173,7 @@ class Estimator:
         """One more step with what more seeds say, if it is a small one."""
         knobs = [knob for behaviour in behaviours for knob in behaviour.knobs]
         at = np.array([fit.values[one.name][knob.name] for one in behaviours for knob in one.knobs])
-        jacobian = fit.slopes[self._rows(evidence)] / evidence.sigma[:, None]
+        jacobian = self._own_jacobian(fit, behaviours, evidence)
         low, high = (np.array([getattr(knob, end) for knob in knobs]) for end in ("low", "high"))
         covariance = self._covariance(jacobian, knobs)
         step = np.clip(at + self._solve(jacobian, evidence.z, knobs), low, high) - at
@@ -181,6 +181,15 @@ class Estimator:
         values = _by_name(behaviours, at + step)
         config = _written(fit.config, behaviours, values)
         return Fit(config, values, fit.chi2_before, fit.chi2, fit.slopes, covariance)
+
+    def with_covariance(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: Evidence) -> Fit:
+        """The same with the covariance that its slopes give, over the columns that show the behaviours."""
+        knobs = [knob for behaviour in behaviours for knob in behaviour.knobs]
+        return replace(fit, covariance=self._covariance(self._own_jacobian(fit, behaviours, evidence), knobs))
+
+    def _own_jacobian(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: Evidence) -> np.ndarray:
+        own = np.array([any(one.shows(c.channel, c.condition) for one in behaviours) for c in evidence.columns])
+        return fit.slopes[self._rows(evidence)] / evidence.sigma[:, None] * own[:, None]
 
     def _rest(
         self, config: BehaviourConfig, behaviours: Sequence[Behaviour], at: np.ndarray, evidence: Evidence

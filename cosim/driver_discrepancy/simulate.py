@@ -48,6 +48,7 @@ def simulate(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: floa
             *("--fcd-output", str(output)),
             *("--fcd-output.attributes", "x,y,angle,speed,lane,type"),
             "--fcd-output.skip-empty",
+            *("--precision", "4"),
             *(word for key, value in demand.options.items() for word in (f"--{key}", value)),
         ]
         if demand.sample_s > 1.5 * step_s:

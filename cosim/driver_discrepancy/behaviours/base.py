@@ -60,12 +60,13 @@ class Background:
 
 @dataclass(frozen=True)
 class Signal:
-    """Standardised difference of one column, measured less modelled."""
+    """Difference of one column: standardised, measured less modelled; and the ratio of measured to modelled."""
 
     channel: str
     condition: str
     level: str
     z: float
+    ratio: float
 
 
 Propose = Callable[[BehaviourConfig, Sequence[Signal]], BehaviourConfig | None]

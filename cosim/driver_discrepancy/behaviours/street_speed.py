@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from cosim.driver_discrepancy.behaviours.base import Background, Behaviour, Knob, Signal, Values, changed_in
 from cosim.traffic.behaviour import BehaviourConfig
 
-_FIRST_Z, _OTHERS_Z = 3.0, 2.0
+_FIRST_Z, _OTHERS_Z = 3.0, 1.2
+_SIMILAR = 0.4  # of the clearest street's change (logarithm), that a street must have to belong to it
 _BEGINS = 0.05  # change of the factor from which a fit begins
 
 
@@ -23,18 +26,25 @@ def _write(config: BehaviourConfig, values: Values) -> BehaviourConfig:
 
 def _propose(config: BehaviourConfig, signals: Sequence[Signal]) -> BehaviourConfig | None:
     """The streets whose speeds differ most, all in the same direction."""
-    z: dict[str, float] = {}
+    best: dict[str, Signal] = {}
     for signal in signals:
-        if signal.condition == "street" and signal.channel in ("free_speed", "speed"):
-            before = z.get(signal.level, 0.0)
-            z[signal.level] = signal.z if abs(signal.z) > abs(before) else before
-    first = max(z.values(), key=abs, default=0.0)
-    if abs(first) < _FIRST_Z:
+        if signal.condition == "street" and signal.channel in ("free_speed", "speed") and signal.ratio > 0:
+            known = best.get(signal.level)
+            best[signal.level] = signal if known is None or abs(signal.z) > abs(known.z) else known
+    first = max(best.values(), key=lambda signal: abs(signal.z), default=None)
+    if first is None or abs(first.z) < _FIRST_Z:
         return None
-    edges = tuple(sorted(edge for edge, value in z.items() if value * first > 0 and abs(value) > _OTHERS_Z))
-    if len(edges) > len(z) / 2:
+    change = np.log(first.ratio)
+    edges = tuple(
+        sorted(
+            edge
+            for edge, signal in best.items()
+            if signal.z * first.z > 0 and abs(signal.z) > _OTHERS_Z and np.log(signal.ratio) / change > _SIMILAR
+        )
+    )
+    if len(edges) > len(best) / 2:
         return None
-    return changed_in(config, street_speed={"edges": edges, "factor": 1 + _BEGINS * (1 if first > 0 else -1)})
+    return changed_in(config, street_speed={"edges": edges, "factor": 1 + _BEGINS * (1 if first.z > 0 else -1)})
 
 
 STREET_SPEED = Behaviour(
