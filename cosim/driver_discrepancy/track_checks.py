@@ -109,7 +109,8 @@ def _check_units(tracks: Tracks) -> None:
     """Compare the way between samples with speed times duration."""
     gap, move = np.diff(tracks.time_s), np.hypot(*np.diff(tracks.place, axis=0).T)
     speed = (tracks.speed_mps[:-1] + tracks.speed_mps[1:]) / 2
-    usual = float(np.quantile(gap[np.diff(tracks.vehicle) == 0], 0.5)) if len(gap) else 0.0
+    own = gap[np.diff(tracks.vehicle) == 0]
+    usual = float(np.median(own)) if len(own) else 0.0
     good = (np.diff(tracks.vehicle) == 0) & (gap > 0) & (gap < 3 * max(usual, 1e-9)) & (speed > 2) & (move > 0)
     if good.sum() < 20:
         return
