@@ -26,7 +26,7 @@ from cosim.driver_discrepancy.signals import estimate_phases
 from cosim.driver_discrepancy.summary import Summary, centres_of, summarise
 from cosim.driver_discrepancy.table import read_measured
 from cosim.driver_discrepancy.track_checks import check_duration, split_tracks
-from cosim.driver_discrepancy.tracks import Tracks, with_true_headings
+from cosim.driver_discrepancy.tracks import Tracks, take_rows, with_true_headings
 from cosim.traffic.behaviour import BehaviourConfig
 from sumo_nets import Town, read_town
 
@@ -121,9 +121,9 @@ def _thin(tracks: Tracks, step_s: float) -> tuple[Tracks, list[str]]:
         return tracks, []
     tick = np.floor((tracks.time_s - tracks.start_s) / step_s + 1e-6)
     new = np.concatenate([[True], (np.diff(tick) > 0) | (np.diff(tracks.vehicle) != 0)])
-    parts = ("vehicle", "time_s", "place", "speed_mps", "heading_rad", "lane")
-    thin = replace(tracks, **{name: getattr(tracks, name)[new] for name in parts})
-    return thin, [f"samples every {tracks.step_s:.3g} s were thinned to the simulation's step of {step_s:g} s"]
+    return take_rows(tracks, new), [
+        f"samples every {tracks.step_s:.3g} s were thinned to the simulation's step of {step_s:g} s"
+    ]
 
 
 def _split(placed: Placed, judge_every: int) -> tuple[frozenset[str], frozenset[str]]:

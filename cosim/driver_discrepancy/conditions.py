@@ -125,7 +125,7 @@ def densities(placed: Placed) -> np.ndarray:
     """Vehicles per kilometre of lane on each sample's lane at its time (n,); NaN inside junctions."""
     tracks = placed.tracks
     instant = np.round((tracks.time_s - tracks.start_s) / max(tracks.step_s, 1e-3)).astype(np.int64)
-    key = instant * (len(placed.lanes) + 1) + placed.code
+    key = np.where(placed.parked, -1, instant * (len(placed.lanes) + 1) + placed.code)
     _, inverse, count = np.unique(key, return_inverse=True, return_counts=True)
     length = placed.of_lane(lambda _, lane: np.nan if lane.inside else max(lane.length_m, 20.0))
     return np.where(placed.parked, np.nan, count[inverse] / length * 1000)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +57,7 @@ def read_dataset(path: Path, header: Sequence[str], town: Town) -> Tracks | None
 
 
 def _without_bodies(tracks: Tracks) -> Tracks:
-    return Tracks(**{**vars(tracks), "types": tuple(word.partition("@")[0] for word in tracks.types)})
+    return replace(tracks, types=tuple(word.partition("@")[0] for word in tracks.types))
 
 
 def _columns(path: Path, separator: str = ",") -> dict[str, list[str]]:
@@ -173,7 +174,7 @@ def _gather(
     )
     if len(tracks.ids) < 2:
         raise TrackError(f"{path}: holds one vehicle only ({tracks.ids[0]!r}); give two or more")
-    return tracks if heading is not None else Tracks(**{**vars(tracks), "heading_rad": _courses(tracks)})
+    return tracks if heading is not None else replace(tracks, heading_rad=_courses(tracks))
 
 
 def _courses(tracks: Tracks) -> np.ndarray:

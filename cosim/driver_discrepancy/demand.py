@@ -27,6 +27,7 @@ _BY = DEFAULT.simulating
 _FOREVER_S = 1_000_000
 _SUMO_CLOCK_S = 1e6  # later times are not those of a SUMO simulation
 _TAIL_EDGES = 12
+_NOT_MOTORISED = ("bicycle", "scooter", "pedestrian")  # keep the parameters of their vehicle types
 _OPTIONS = (
     *("lanechange.duration", "step-method.ballistic", "default.action-step-length", "default.speeddev"),
     *("ignore-junction-blocker", "collision.action", "collision.mingap-factor", "default.emergencydecel"),
@@ -183,7 +184,9 @@ def write_demand(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: 
         lines.append(f"    <vType id={quoteattr(f'{trip.base[0]}@{trip.name}')} {words}/>")
         streets = behaviour.street_speed
         slower = streets.factor if streets is not None and trip.route[0] in streets.edges else 1.0
-        lines += _vehicle(trip, trip.lane_limit_mps * min(slower, 1.0) * factor)
+        fastest = trip.lane_limit_mps * min(slower, 1.0) * factor
+        fastest = min(fastest, float(attributes.get("desiredMaxSpeed", np.inf)) * factor)
+        lines += _vehicle(trip, min(fastest, float(attributes.get("maxSpeed", np.inf))))
     write_xml(folder / "demand.rou.xml", "routes", lines)
     additional = list(demand.additional)
     if demand.programs:
@@ -198,6 +201,9 @@ def driver_attributes(
 ) -> tuple[float, dict[str, str]]:
     """Speed factor and SUMO's attributes of a driver's vType."""
     attributes = dict(trip.base[1])
+    if attributes.get("vClass") in _NOT_MOTORISED:
+        factor = _own_factor(attributes, seed, trip.name)
+        return factor, attributes | {"speedFactor": f"{factor:.4f}", "speedDev": "0"}
     own = _own_factor(attributes, seed, trip.name) if behaviour.speeding_share is None else 1.0
     factor = max(habits.speed_factor(trip.limit_mps, own), 0.1)
     attributes |= {"speedFactor": f"{factor:.4f}", "speedDev": "0"}

@@ -168,13 +168,21 @@ class _Diagnosis:
         order = sorted(options, key=lambda option: -promise[option[0].name])
         least = self._by.fitting.nearly * promise[order[0][0].name]
         chosen = [option for option in order if promise[option[0].name] > least] or order
+        judged = np.array(
+            [
+                column.is_whole or any(option.shows(column.channel, column.condition) for option, _ in options)
+                for column in look.fitted.columns
+            ],
+            bool,
+        )
+        before_chi2 = float((look.fitted.z[judged] ** 2).sum())
         tries = []
         for behaviour, config in chosen[: self._by.fitting.tried]:
             self._say(f"fitting {behaviour.name}")
             before = [BEHAVIOURS[finding.behaviour] for finding in self._found]
             known = slopes | (estimator.slopes(config, before) if before else {})
-            fit = self._estimator(self._by.fitting.seeds).fit(config, [*before, behaviour], look.fitted, known)
-            gain = _chi2(look.fitted) - fit.chi2 - self._penalty(behaviour)
+            fit = self._estimator(self._by.fitting.seeds).fit(config, [*before, behaviour], look.fitted, known, judged)
+            gain = before_chi2 - fit.chi2 - self._penalty(behaviour)
             tries.append(_Try(behaviour, fit, gain, errors[behaviour.name]))
         return sorted(tries, key=lambda attempt: -attempt.gain), promise
 
@@ -230,7 +238,7 @@ class _Diagnosis:
             verdict="ambiguous" if ambiguous else "missing" if findings else "unknown" if left else "none",
             effects=tuple(findings),
             ranking=self._ranking,
-            smallest_detectable=self._smallest(last),
+            smallest_detectable={} if findings else self._smallest(last),
             before=before,
             after=after,
             error_before=first.scores.of(ids).error,
@@ -317,7 +325,7 @@ def find_unexplained(found: TrafficComparison, level: float) -> tuple[Row, ...]:
 
 
 def _is_accepted(behaviour: Behaviour, fall: Fall) -> bool:
-    """Whether the held-out error falls; of a rare act, that few vehicles show, whether it does not rise significantly."""
+    """Whether the held-out error falls; of a rare act, whether it does not rise significantly."""
     return fall.interval[1] > 0 if behaviour.is_incident else fall.size > 0
 
 
@@ -332,11 +340,6 @@ def _signals(evidence: Evidence) -> list[Signal]:
         Signal(column.channel, column.condition, column.level, z, share)
         for column, z, share in zip(evidence.columns, evidence.z.tolist(), ratio.tolist(), strict=True)
     ]
-
-
-def _chi2(evidence: Evidence) -> float:
-    whole = np.array([column.is_whole for column in evidence.columns], bool)
-    return float((evidence.z[whole] ** 2).sum())
 
 
 def _shown_by(

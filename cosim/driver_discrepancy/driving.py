@@ -21,7 +21,7 @@ from cosim.traffic.behaviour.vehicle_parameters import set_parameters
 
 _BY = DEFAULT.simulating
 _ACTS_EVERY_S = 0.5
-_ON_FOOT = ("pedestrian", "bicycle")
+_ON_FOOT = ("pedestrian", "bicycle", "scooter")
 
 
 def needs_steps(behaviour: BehaviourConfig) -> bool:
@@ -155,7 +155,7 @@ class Driving:
 
     def _begin(self, name: str) -> _Driver:
         habits, api = draw_habits(self._config, self._seed, name), self._sumo.vehicle
-        if self._sets_parameters:
+        if self._sets_parameters and api.getVehicleClass(name) not in _ON_FOOT:
             set_parameters(api, name, habits, self._step_s)
             if self._config.speeding_share is None and habits.speed_ratio != 1.0:
                 api.setSpeedFactor(name, api.getSpeedFactor(name) * habits.speed_ratio)

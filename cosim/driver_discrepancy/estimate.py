@@ -128,10 +128,11 @@ class Estimator:
         behaviours: Sequence[Behaviour],
         evidence: Evidence,
         slopes: Mapping[str, np.ndarray],
+        judged: np.ndarray | None = None,
     ) -> Fit:
         """All parameters of some behaviours together, by the statistics that show them.
 
-        The slopes are corrected by what each simulation shows (Broyden, Math. Comp. 1965), so that a step costs one.
+        `judged` (k,) are the columns over which chi² is summed, by default all. The slopes are corrected by what each simulation shows (Broyden, Math. Comp. 1965), so that a step costs one.
         """
         knobs = [(behaviour, knob) for behaviour in behaviours for knob in behaviour.knobs]
         start = {one.name: one.read(config, self._background) for one in behaviours}
@@ -143,7 +144,7 @@ class Estimator:
         own = np.array([any(one.shows(c.channel, c.condition) for one in behaviours) for c in evidence.columns])
         jacobian *= own[:, None]
         at = np.clip(at, low, high)
-        whole = np.array([column.is_whole for column in evidence.columns], bool)
+        whole = np.ones(len(evidence.columns), bool) if judged is None else judged
         before = rest = self._rest(config, behaviours, at, evidence)
         for _ in range(self._by.fitting.rounds):
             step = np.clip(at + self._solve(jacobian, rest, plain), low, high) - at

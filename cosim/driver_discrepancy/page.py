@@ -324,6 +324,8 @@ def _ranking(found: TrafficDiagnosis) -> str:
 
 
 def _smallest(found: TrafficDiagnosis) -> str:
+    if not found.smallest_detectable:
+        return ""
     rows = "".join(
         f"<tr><th>{escape(name)}</th><td>{escape(knob)}</td><td>± {escape(quantity(name, knob, value))}</td></tr>"
         for name, values in found.smallest_detectable.items()

@@ -115,5 +115,7 @@ def _summary(job: Job) -> Summary:
     try:
         tracks = observation.apply(simulate(demand, behaviour, seed, step_s), seed)
         return summarise(place(tracks, network), frame, demand.clock_s, demand.planned)
-    except libsumo.TraCIException as error:
+    except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
         raise TrafficError(f"SUMO refuses what drivers do: {error}") from None
+    except TrafficError as error:
+        raise TrafficError(str(error)) from None  # its cause cannot pass between processes

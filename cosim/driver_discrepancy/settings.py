@@ -26,12 +26,12 @@ class Gate:
 class Fitting:
     """Fits by simulation."""
 
-    tried: int = 3  # candidates a round
-    seeds: int = 3  # simulations a step of a fit
+    tried: int = 2  # candidates a round
+    seeds: int = 2  # simulations a step of a fit
     slope_seeds: int = 1  # simulations of a slope: common random numbers leave little luck in differences
     near: float = 0.5  # share of a parameter's step for slopes about a fit
     nearly: float = 0.3  # of the best candidate's foreseen gain, to be worth a fit
-    rounds: int = 5  # steps of a fit at most
+    rounds: int = 4  # steps of a fit at most
     enough: float = 0.1  # fall of chi² that is not worth a simulation
     weak_steps: float = 5.0  # of a parameter, that it may be expected to be off where nothing tells
     luck: float = 0.25  # a squared difference that luck makes more often than not

@@ -1,4 +1,4 @@
-"""Phases of fixed-time traffic lights: estimated from when vehicles enter junctions, unless the clock agrees already."""
+"""Phases of fixed-time traffic lights, estimated from when vehicles enter junctions."""
 
 from __future__ import annotations
 

@@ -12,12 +12,14 @@ from cosim.driver_discrepancy.demand import Demand, write_demand
 from cosim.driver_discrepancy.driving import Driving, needs_steps
 from cosim.driver_discrepancy.fcd import read_fcd_table
 from cosim.driver_discrepancy.recording import Recorder
-from cosim.driver_discrepancy.tracks import Tracks
+from cosim.driver_discrepancy.tracks import Tracks, take_rows
 from cosim.traffic.behaviour import BehaviourConfig
 from cosim.traffic.behaviour.habits import draw_habits
 from cosim.traffic.lane_limits import scale_limits, slow_for_bends
 from cosim.traffic.simulation import Traffic
 from cosim.traffic.starting import TrafficError, start_sumo_with
+
+_PARKED_FROM_S = 0.8
 
 
 def simulate(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: float) -> Tracks:
@@ -56,7 +58,7 @@ def simulate(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: floa
         if demand.lateral_m > 0:
             command += ["--lateral-resolution", str(demand.lateral_m)]
         _run(command, demand, behaviour, seed, step_s)
-        tracks = read_fcd_table(output)
+        tracks = _without_parking(read_fcd_table(output), demand)
     if demand.lateral_m == 0:
         tracks = _beside_the_middle(tracks, behaviour, seed)
     return replace(tracks, types=tuple(word.partition("@")[0] for word in tracks.types))
@@ -77,10 +79,19 @@ def _run(command: list[str], demand: Demand, behaviour: BehaviourConfig, seed: i
                 driving.step()
         else:
             sumo.simulationStep(demand.begin_s + steps * step_s)
-    except sumo.TraCIException as error:
+    except (sumo.TraCIException, sumo.FatalTraCIError) as error:
         raise TrafficError(f"SUMO stopped at {sumo.simulation.getTime():.1f} s: {error}") from None
     finally:
         sumo.close()
+
+
+def _without_parking(tracks: Tracks, demand: Demand) -> Tracks:
+    """The same without the first moments of who begins parked: SUMO puts them on the lane first."""
+    parked = {trip.name for trip in demand.trips if trip.stop}
+    if not parked:
+        return tracks
+    begins = np.array([name in parked for name in tracks.ids], bool)[tracks.vehicle]
+    return take_rows(tracks, ~(begins & (tracks.time_s < demand.begin_s + _PARKED_FROM_S)))
 
 
 def _beside_the_middle(tracks: Tracks, behaviour: BehaviourConfig, seed: int) -> Tracks:

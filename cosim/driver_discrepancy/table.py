@@ -7,6 +7,7 @@ Tables of this loop are read here; FCD output, CommonRoad, OpenSCENARIO and the 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -68,7 +69,7 @@ def _from_road_tracks(path: Path, road: RoadTracks) -> Tracks:
     )
     if len(tracks.ids) < 2:
         raise TrackError(f"{path}: holds one vehicle only ({tracks.ids[0]!r}); give two or more")
-    return Tracks(**{**vars(tracks), "notes": tuple(road.notes)})
+    return replace(tracks, notes=tuple(road.notes))
 
 
 def _header(path: Path) -> list[str]:

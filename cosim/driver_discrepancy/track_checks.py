@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from cosim.driver_discrepancy.settings import TrafficSettings
-from cosim.driver_discrepancy.tracks import TrackError, Tracks
+from cosim.driver_discrepancy.tracks import TrackError, Tracks, take_rows
 
 _GAP_S, _FASTEST_MPS, _JITTER_M = 5.0, 90.0, 3.0
 _SHORT_S = 3.0
@@ -36,7 +36,7 @@ def split_tracks(tracks: Tracks) -> tuple[Tracks, list[str]]:
     same = np.diff(tracks.vehicle) == 0
     twice = np.concatenate([[False], same & (np.diff(tracks.time_s) <= 0)])
     if twice.any():
-        tracks = _rows(tracks, ~twice)
+        tracks = take_rows(tracks, ~twice)
         notes.append(f"{int(twice.sum())} samples with a time that their vehicle has already were left out")
         same = np.diff(tracks.vehicle) == 0
     _check_units(tracks)
@@ -67,7 +67,7 @@ def split_tracks(tracks: Tracks) -> tuple[Tracks, list[str]]:
     vehicle = rank[vehicle]
     moved = np.lexsort((tracks.time_s, vehicle))
     split = replace(
-        _rows(replace(tracks, vehicle=vehicle), moved),
+        take_rows(replace(tracks, vehicle=vehicle), moved),
         ids=tuple(ids[at] for at in order.tolist()),
         types=tuple(types[at] for at in order.tolist()),
     )
@@ -98,11 +98,6 @@ def check_duration(tracks: Tracks, by: TrafficSettings) -> None:
             f"half of the vehicles are seen for less than {np.median(lasts):.1f} s; give tracks of at least "
             f"{_SHORT_S:.0f} s, and check that ids stay the same along a track"
         )
-
-
-def _rows(tracks: Tracks, chosen: np.ndarray) -> Tracks:
-    parts = ("vehicle", "time_s", "place", "speed_mps", "heading_rad", "lane")
-    return replace(tracks, **{name: getattr(tracks, name)[chosen] for name in parts})
 
 
 def _check_units(tracks: Tracks) -> None:

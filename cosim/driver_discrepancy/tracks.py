@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +61,7 @@ class Tracks:
         """How long it lasts."""
         return float(np.ptp(self.time_s))
 
-    @property
+    @cached_property
     def step_s(self) -> float:
         """Usual time between two samples of a vehicle, the shortest that is common."""
         gaps = np.diff(self.time_s)[np.diff(self.vehicle) == 0]
@@ -89,6 +90,12 @@ def gathered(
         heading_rad=heading_rad[order],
         lane=np.array(lane, dtype=str)[order],
     )
+
+
+def take_rows(tracks: Tracks, chosen: np.ndarray) -> Tracks:
+    """Samples of a mask or of row numbers, of the same vehicles; those without samples must not be left."""
+    parts = ("vehicle", "time_s", "place", "speed_mps", "heading_rad", "lane")
+    return replace(tracks, **{name: getattr(tracks, name)[chosen] for name in parts})
 
 
 def read_tracks(path: Path) -> Tracks:
@@ -201,7 +208,7 @@ def with_true_headings(tracks: Tracks) -> Tracks:
     other = np.pi / 2 - tracks.heading_rad
     if np.cos(course - other[:-1][moved]).sum() <= np.cos(course - heading).sum():
         return tracks
-    return Tracks(**{**vars(tracks), "heading_rad": np.angle(np.exp(1j * other))})
+    return replace(tracks, heading_rad=np.angle(np.exp(1j * other)))
 
 
 def _check(path: Path, tracks: Tracks) -> None:

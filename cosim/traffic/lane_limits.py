@@ -9,7 +9,7 @@ import numpy as np
 from cosim.traffic.motion.corners import corner_speed
 from cosim.traffic.street_speed import StreetSpeed
 
-_COMFORT_MPS2 = 2.8  # of `corner_speed`
+_BEND_RAD, _SHORTEST_M = 0.3, 1e-3
 
 
 def slow_for_bends(api: ModuleType, lateral_mps2: float | None = None) -> None:
@@ -17,13 +17,23 @@ def slow_for_bends(api: ModuleType, lateral_mps2: float | None = None) -> None:
 
     Args:
         api: the running libsumo.
-        lateral_mps2: accepted lateral acceleration [m/s²]; by default 2.8. Speeds in bends grow with its root.
+        lateral_mps2: accepted lateral acceleration [m/s²]; v = √(a·R) with the lane's mean
+            radius R. By default 2.8 at the sharpest bend.
     """
-    scale = 1.0 if lateral_mps2 is None else float(np.sqrt(lateral_mps2 / _COMFORT_MPS2))
     for lane in api.lane.getIDList():
-        comfortable = scale * corner_speed(np.array(api.lane.getShape(lane)))
-        if comfortable < api.lane.getMaxSpeed(lane) and tuple(api.lane.getAllowed(lane)) != ("pedestrian",):
-            api.lane.setMaxSpeed(lane, comfortable)
+        shape = np.array(api.lane.getShape(lane))
+        fastest = corner_speed(shape) if lateral_mps2 is None else float(np.sqrt(lateral_mps2 * _mean_radius(shape)))
+        if fastest < api.lane.getMaxSpeed(lane) and tuple(api.lane.getAllowed(lane)) != ("pedestrian",):
+            api.lane.setMaxSpeed(lane, fastest)
+
+
+def _mean_radius(shape: np.ndarray) -> float:
+    """Length of a lane over the angle that it turns by [m]; infinite for less than 0.3 rad."""
+    piece = np.diff(shape[:, :2], axis=0)
+    length = np.hypot(piece[:, 0], piece[:, 1])
+    heading = np.unwrap(np.arctan2(piece[:, 1], piece[:, 0])[length > _SHORTEST_M])
+    turned = float(np.ptp(heading)) if len(heading) > 1 else 0.0
+    return float(length.sum()) / turned if turned > _BEND_RAD else float("inf")
 
 
 def scale_limits(api: ModuleType, streets: StreetSpeed) -> None:

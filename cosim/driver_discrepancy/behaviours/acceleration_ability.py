@@ -24,4 +24,5 @@ ACCELERATION_ABILITY = Behaviour(
     ("imperfection", "startup_delay"),
     _read,
     _write,
+    condition="class",
 )

@@ -24,4 +24,5 @@ BRAKING_ABILITY = Behaviour(
     ("short_gap",),
     _read,
     _write,
+    condition="class",
 )
