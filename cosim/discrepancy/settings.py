@@ -216,6 +216,27 @@ class Screen:
 
 
 @dataclass(frozen=True)
+class Selection:
+    """Choice of hypotheses."""
+
+    draws: int = 400  # sign patterns
+    folds: int = 8  # of clusters, for gains
+    sectors: int = 6  # parts of a scan that are clusters
+    chunk: int = 400  # columns that are projected at a time
+    kept: int = 8  # groups of each channel that a first pass keeps
+    least_left: float = 0.05  # share of a group's information that must outlive what is fitted
+    fewest_events: float = 5.0  # expected losses below which one loss more is no evidence
+    least_gain: float = 3.0  # log-likelihood of a first term,
+    least_follower: float = 5.0  # and of later ones
+    steps: int = 8  # terms at most
+    rivals: int = 5  # of a best group that are refitted
+    rival_share: float = 0.4  # of its gain that these must have
+    simpler: float = 0.04  # share of the best exact gain that a simpler group may lack
+    named: float = 0.2  # share that an effect of the catalogue may lack
+    follower_share: float = 0.01  # of the largest gain so far that a follower must reach
+
+
+@dataclass(frozen=True)
 class Quantization:
     """Steps that values stand on; pairs are of ranges [m] and intensities."""
 
@@ -286,6 +307,7 @@ class Settings:
     search: Search = field(default_factory=Search)
     screen: Screen = field(default_factory=Screen)
     quantization: Quantization = field(default_factory=Quantization)
+    selection: Selection = field(default_factory=Selection)
     pick: Pick = field(default_factory=Pick)
     shapes: Shapes = field(default_factory=Shapes)
 

@@ -1,0 +1,124 @@
+"""Errors common to the beams of a unit: a firing, a packet, a sector, a scan, a block or ring in a scan.
+
+The variance of a common error has the score ½ Σ aᵢaⱼ over pairs of beams of one unit, a the scores of the quantity, and
+the information ½ Σ IᵢIⱼ. Pairs that meet the same object or static region are left out: a misplaced surface makes them
+alike, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.discrepancy.dictionary.groups import Group
+from cosim.discrepancy.dictionary.linearisation import Linearisation
+from cosim.discrepancy.inference.dependence import ANGLES
+
+UNITS = ("firing", "packet", "sector", "scan", "block", "ring")
+_PACKET, _FEW_SECTORS = 6, 36
+_WIDEST = 0.999  # quantile of scores to which larger ones are clipped
+
+
+@dataclass(frozen=True, eq=False)
+class SharedError:
+    """Variance of an error that beams share.
+
+    Attributes:
+        group: with score and information of each beam's part.
+        unit: (n,) int which unit each beam is of.
+        weighted: information times the mean weight of the beams, the scores' variance.
+    """
+
+    group: Group
+    unit: np.ndarray
+    weighted: float
+
+
+def shared_errors(linearisation: Linearisation, track: np.ndarray) -> list[SharedError]:
+    """All variances of shared errors.
+
+    Not tested: angles shared by a scan, a block or a ring in it, which are errors of poses.
+
+    Args:
+        linearisation: of the model.
+        track: (n,) int object track or static region of each beam.
+    """
+    sample, found = linearisation.sample, []
+    usable = sample.clear & sample.first
+    has_poses = linearisation.fitter.random.has_poses
+    for channel in ("range", *ANGLES, "intensity", "drop"):
+        if channel not in linearisation.channels:
+            continue
+        score, information = (np.where(usable, values, 0.0) for values in linearisation.weights(channel))
+        if not information.any():
+            continue
+        most = float(np.quantile(np.abs(score[information > 0]), _WIDEST))
+        score = np.clip(score, -most, most)
+        for name, unit in unit_codes(linearisation).items():
+            if channel in ANGLES and (name in ("block", "ring") or (name == "scan" and has_poses)):
+                continue
+            found.append(_shared_error(channel, name, unit, track, score, information, sample.share))
+    return found
+
+
+def unit_codes(linearisation: Linearisation) -> dict[str, np.ndarray]:
+    """(n,) int unit of each beam, by kind of unit."""
+    sample = linearisation.sample
+    firings = int(sample.firing.max(initial=0)) + 1
+    codes = {
+        "firing": sample.frame * firings + sample.firing,
+        "packet": sample.frame * firings + sample.firing // _PACKET,
+        "sector": sample.frame * _FEW_SECTORS + sample.firing * _FEW_SECTORS // firings,
+        "scan": sample.frame,
+        "ring": sample.frame * (int(sample.ring.max(initial=0)) + 1) + sample.ring,
+    }
+    if len(np.unique(sample.block)) > 1:
+        codes["block"] = sample.frame * 2 + sample.block
+    return codes
+
+
+def common_information(first: SharedError, second: SharedError, information: np.ndarray, track: np.ndarray) -> float:
+    """Information that the variances of two units share: of the pairs of beams that are in both.
+
+    Args:
+        first, second: of the same channel.
+        information: (n,) of that channel.
+        track: as in `shared_errors`.
+    """
+    both = np.unique(_coded(first.unit, second.unit), return_inverse=True)[1]
+    own = np.unique(_coded(both, track), return_inverse=True)[1]
+    squares = (np.bincount(both, information) ** 2).sum() - (np.bincount(own, information) ** 2).sum()
+    return 0.5 * float(squares)
+
+
+def _shared_error(
+    channel: str,
+    name: str,
+    unit: np.ndarray,
+    track: np.ndarray,
+    score: np.ndarray,
+    information: np.ndarray,
+    share: np.ndarray,
+) -> SharedError:
+    unit = np.unique(unit, return_inverse=True)[1]
+    own = np.unique(_coded(unit, track), return_inverse=True)[1]
+
+    def others(values: np.ndarray) -> np.ndarray:
+        return np.bincount(unit, values)[unit] - np.bincount(own, values)[own]
+
+    variance = information * share
+    group = Group(
+        f"shared_{channel} by {name}",
+        f"shared_{channel}",
+        (name,),
+        1,
+        one_sided=True,
+        direct=(0.5 * score * others(score), 0.5 * information * others(information)),
+    )
+    return SharedError(group, unit, 0.5 * float(variance @ others(variance)))
+
+
+def _coded(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """One code (n,) for pairs of codes."""
+    return first.astype(np.int64) * (int(second.max(initial=0)) + 1) + second

@@ -1,0 +1,119 @@
+"""Family-wise p-values by random signs of clusters.
+
+Where nothing is missing, the scores of clusters have random signs: drawing signs gives the reference distribution of
+every group's statistic at once (wild cluster bootstrap: Cameron, Gelbach and Miller, Rev. Econ. Stat. 2008). The test
+statistic of the family is the smallest p-value of any group (min-P: Westfall and Young 1993), so that groups of many
+columns, of few columns and of rare counts have the same chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+_TAIL = 0.1  # upper share of a reference distribution that an exponential continues
+
+
+@dataclass(frozen=True, eq=False)
+class Statistic:
+    """One group for the test.
+
+    Attributes:
+        columns: of the score tables.
+        inverse: (k, k) inverse correlation of the columns under the null.
+        one_sided: whether only positive scores count.
+        expected: (k,) expected events of counts; None for others.
+        is_clustered_by_scan: whether the clustering by parts of scans applies.
+    """
+
+    columns: np.ndarray
+    inverse: np.ndarray
+    one_sided: bool
+    expected: np.ndarray | None = None
+    is_clustered_by_scan: bool = True
+
+
+def random_signs(clusters: int, draws: int, rng: np.random.Generator) -> np.ndarray:
+    """(1 + draws, clusters) signs; the first row is the data's own."""
+    return np.vstack([np.ones(clusters), rng.choice((-1.0, 1.0), (draws, clusters))])
+
+
+def surprise(statistics: np.ndarray, tail: float = _TAIL) -> np.ndarray:
+    """−ln p of statistics (1 + draws, groups) against the draws in rows 1 onward.
+
+    Beyond the upper tail of the draws an exponential distribution with their mean excess continues them.
+    """
+    reference = np.sort(statistics[1:], 0)
+    count = len(reference)
+    first = int(count * (1 - tail))
+    quantile = reference[first]
+    excess = np.maximum((reference[first:] - quantile).mean(0), 1e-9)
+    found = -np.log(tail) + (statistics - quantile) / excess
+    for group in range(statistics.shape[1]):
+        near = statistics[:, group] <= quantile[group]
+        rank = np.searchsorted(reference[:, group], statistics[near, group], side="left")
+        found[near, group] = -np.log((count + 1 - rank) / (count + 1))
+    return found
+
+
+def family_wise_p(
+    tables: Sequence[np.ndarray],
+    variance: np.ndarray,
+    groups: Sequence[Statistic],
+    draws: int,
+    rng: np.random.Generator,
+    tested_per_kept: float = 1.0,
+) -> np.ndarray:
+    """Family-wise p-values (groups,); of both clusterings the larger one.
+
+    Args:
+        tables: scores (clusters, P) by track and by part of a scan.
+        variance: (P,) of the sums under the null.
+        groups: what is tested.
+        draws: sign patterns.
+        rng: for the signs.
+        tested_per_kept: how many groups a first pass looked at, per group that it kept.
+    """
+    p_values, root = np.zeros(len(groups)), np.sqrt(np.maximum(variance, 1e-300))
+    for number, table in enumerate(tables):
+        used = table[np.abs(table).sum(1) > 0]
+        if not len(used):
+            continue
+        total = random_signs(len(used), draws, rng) @ (used / root)
+        values = np.zeros((draws + 1, len(groups)))
+        for place, group in enumerate(groups):
+            if number == 1 and not group.is_clustered_by_scan:
+                continue
+            z = total[:, group.columns]
+            if group.expected is not None:
+                z = _count_deviates(used[:, group.columns], group.expected, draws, rng)
+            if group.one_sided:
+                values[:, place] = (np.maximum(z, 0) ** 2).sum(1)
+            else:
+                values[:, place] = np.einsum("dk,kl,dl->d", z, group.inverse, z)
+        values = np.cbrt(np.maximum(values, 0))
+        live = values[1:].std(0) > 1e-9
+        if not live.any():
+            continue
+        logs = np.where(live, surprise(values), 0.0)
+        smallest = np.sort(logs[1:].max(1))
+        p = 1 - np.searchsorted(smallest, logs[0], side="left") / draws
+        p = np.where(live, np.maximum(p, 1 / (draws + 1)), 1.0 if number == 0 else 0.0)
+        p_values = np.maximum(p_values, p)
+    return 1 - (1 - np.clip(p_values, 0, 1)) ** tested_per_kept
+
+
+def _count_deviates(
+    scores: np.ndarray, expected: np.ndarray, draws: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Signed deviance roots (1 + draws, k) of the number of clusters with an event against a Poisson distribution.
+
+    A cluster has an event if its score, whose unit is one event, exceeds a fifth.
+    """
+    expected = np.maximum(expected, 1e-6)
+    observed = (scores > 0.2).sum(0)
+    count = np.vstack([observed[None], rng.poisson(expected, (draws, len(expected)))])
+    deviance = count * np.log(np.maximum(count, 1e-9) / expected) - count + expected
+    return np.sign(count - expected) * np.sqrt(2 * np.maximum(deviance, 0))

@@ -1,0 +1,85 @@
+"""Gains in log-likelihood that a group would bring on clusters that took no part in its fit.
+
+Means of continuous quantities: parabolas. Counts, probabilities and spreads: exact deviances, because parabolas rank
+strong effects wrongly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+Law = Literal["normal", "count", "probability", "spread"]
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """Scores of one group.
+
+    Attributes:
+        law: of the likelihood about a change.
+        information: (k, k).
+        probability: (k,) mean probability of a return, for probabilities.
+        one_sided: whether only positive coefficients make sense.
+        dispersion: by how much squared scores exceed the information; gains are divided by it.
+    """
+
+    law: Law
+    information: np.ndarray
+    probability: np.ndarray
+    one_sided: bool
+    dispersion: float
+
+
+def fold_sums(table: np.ndarray, folds: int, rng: np.random.Generator) -> np.ndarray:
+    """Scores (folds, k) of random folds of the clusters of a table (clusters, k)."""
+    fold = rng.permutation(len(table)) % folds
+    return np.stack([table[fold == number].sum(0) for number in range(folds)])
+
+
+def cross_fitted_gain(sums: np.ndarray, cell: Cell) -> np.ndarray:
+    """Gain (folds,) on each fold of coefficients fitted to the others: Σₖ(θ₋ₖᵀsₖ − ½ θ₋ₖᵀHₖθ₋ₖ) and its analogues.
+
+    Args:
+        sums: (folds, k) scores.
+        cell: of the group.
+    """
+    folds = len(sums)
+    rest = (sums.sum(0) - sums) * folds / (folds - 1)
+    diagonal = np.maximum(np.diag(cell.information), 1e-300)
+    if cell.law == "normal":
+        scale = np.sqrt(diagonal)
+        correlation = cell.information / np.outer(scale, scale) + 1e-2 * np.eye(len(scale))
+        coefficients = np.linalg.solve(correlation, (rest / scale).T).T / scale
+        coefficients = np.maximum(coefficients, 0) if cell.one_sided else coefficients
+        curvature = np.einsum("fk,kl,fl->f", coefficients, cell.information, coefficients) / folds
+        return ((coefficients * sums).sum(1) - 0.5 * curvature) / cell.dispersion
+    coefficients = rest / (1.01 * diagonal)
+    coefficients = np.maximum(coefficients, 0) if cell.one_sided else coefficients
+    gains = deviance_gain(cell.law, coefficients, sums, diagonal / folds, cell.probability)
+    return gains.sum(1) / cell.dispersion
+
+
+def deviance_gain(
+    law: Law, coefficients: np.ndarray, score: np.ndarray, information: np.ndarray, probability: np.ndarray
+) -> np.ndarray:
+    """Log-likelihood (…, k) gained by coefficients (…, k) where the scores are (…, k) and the information (k,).
+
+    Counts: score k − e of k events with e = information expected, change of the expectation by the factor 1 + θ.
+    Probabilities: relative change θ of the probability p of a return. Spreads: change θ of log σ.
+    """
+    if law == "count":
+        expected = information
+        factor = np.log1p(np.maximum(coefficients, -0.99))
+        return np.maximum(expected + score, 0) * factor - expected * np.maximum(coefficients, -0.99)
+    if law == "probability":
+        other = 1 - probability
+        beams = information * other / probability
+        returned = np.clip(beams * probability + score * other, 0, beams)
+        new = np.clip(probability * (1 + coefficients), 1e-3, 1 - 1e-3)
+        return returned * np.log(new / probability) + (beams - returned) * np.log((1 - new) / other)
+    half = information / 2
+    ratio = np.clip(np.exp(2 * coefficients), 0.05, 50)
+    return 0.5 * ((score + half) * (1 - 1 / ratio) - half * np.log(ratio))

@@ -1,0 +1,116 @@
+"""Efficient scores of columns, summed by cluster.
+
+With X the columns of a hypothesis, Z those of the random effects u of precision Λ and of all fitted parameters, and
+A = (ZᵀWZ + Λ)⁻¹ZᵀWX, the efficient score is (X − ZA)ᵀs + AᵀΛû (Lindsey, Parametric Statistical Inference, § 3.6). The
+first part is summed by the cluster of each beam, the second by the cluster that each random effect belongs to.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from cosim.discrepancy.dictionary.linearisation import Linearisation
+from cosim.discrepancy.inference.score import Quantity, SparseMatrix, scaled, summed_by
+
+TRACK, PART = 0, 1
+
+
+@dataclass(frozen=True, eq=False)
+class Projected:
+    """Efficient scores of k columns.
+
+    Attributes:
+        tables: (clusters, k) scores, by object track or static region, and by part of a scan.
+        information: (k, k) with everything fitted and the random effects eliminated.
+        whole: (k,) information if everything else were known.
+        floor: (k,) variance of the scores that the weights of the beams imply.
+    """
+
+    tables: tuple[np.ndarray, np.ndarray]
+    information: np.ndarray
+    whole: np.ndarray
+    floor: np.ndarray
+
+    @property
+    def left(self) -> np.ndarray:
+        """(k,) share of the information that outlives what is fitted."""
+        return np.clip(np.diag(self.information) / np.maximum(self.whole, 1e-300), 0, 1)
+
+
+class Projector:
+    """Computes efficient scores about one linearisation.
+
+    Args:
+        linearisation: of the fitted model.
+        sectors: parts of a scan that are clusters of their own.
+    """
+
+    def __init__(self, linearisation: Linearisation, sectors: int) -> None:
+        sample, random = linearisation.sample, linearisation.fitter.random
+        model, estimate, clusters = linearisation.mixed, linearisation.fitted.estimate, random.clusters
+        self._model, self._evidence, self._share = model, linearisation.evidence, sample.share
+        sector = np.minimum(((sample.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int), sectors - 1)
+        self.clusters = (clusters.track, sample.frame * sectors + sector)
+        self._counts = tuple(int(cluster.max(initial=-1)) + 1 for cluster in self.clusters)
+        self._of_fitted = [self._fitted_scores(*of) for of in zip(self.clusters, self._counts, strict=True)]
+        prior = estimate.u[model.used] * model.precision
+        track, scan = clusters.unit_track[model.used], clusters.unit_scan[model.used]
+        (tracks, parts), scans = self._counts, int(clusters.scan.max(initial=-1)) + 1
+        by_track = np.where(track >= 0, track, tracks + scan)
+        by_part = np.where(track >= 0, parts + scans + track, parts + scan)
+        at = np.arange(len(prior))
+        self._prior: list[SparseMatrix] = [
+            sparse.csr_matrix((prior, (by_track, at)), (tracks + scans, len(prior))),
+            sparse.csr_matrix((prior, (by_part, at)), (parts + scans + tracks, len(prior))),
+        ]
+
+    def plain(self, basis: SparseMatrix, score: np.ndarray) -> list[np.ndarray]:
+        """Scores (clusters, k) of basis functions (n, k) weighted by beam scores (n,), nothing eliminated."""
+        weighted = scaled(basis, score)
+        tables = []
+        for cluster, count in zip(self.clusters, self._counts, strict=True):
+            indicator = sparse.csr_matrix((np.ones(len(cluster)), (cluster, np.arange(len(cluster)))))
+            tables.append(np.asarray((indicator @ weighted).todense()).reshape(count, -1))
+        return tables
+
+    def project(self, columns: dict[Quantity, SparseMatrix]) -> Projected:
+        """Efficient scores of columns (n, k) given by quantity."""
+        known, shared = self._model.projected(columns)
+        information = -shared.T @ known
+        whole, floor = np.zeros(len(information)), np.zeros(len(information))
+        for name, matrix in columns.items():
+            weight = self._evidence.information[name]
+            information = information + np.asarray((matrix.T @ scaled(matrix, weight)).todense())
+            square = matrix.power(2)
+            whole += square.T @ weight
+            floor += square.T @ (weight * self._share)
+        found = Projected(self._summed(columns, known), information, whole, floor)
+        return Projected(found.tables, information, whole, floor * found.left)
+
+    def _summed(
+        self, columns: dict[Quantity, SparseMatrix], known: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        tables = []
+        for cluster, count, of_fitted, prior in zip(
+            self.clusters, self._counts, self._of_fitted, self._prior, strict=True
+        ):
+            table = np.asarray(prior @ known[: prior.shape[1]])
+            for name, matrix in columns.items():
+                table[:count] += summed_by(cluster, matrix, self._evidence.score[name], count)
+            table[:count] -= of_fitted @ known
+            tables.append(table)
+        return tables[TRACK], tables[PART]
+
+    def _fitted_scores(self, cluster: np.ndarray, count: int) -> np.ndarray:
+        """(clusters, a + p) scores of the columns of the random effects and of the fitted parameters."""
+        parts = []
+        for own, size in ((self._model.z, len(self._model.used)), (self._model.x, self._model.parameters)):
+            found = np.zeros((count, size))
+            for name, matrix in own.items():
+                if matrix.nnz:
+                    found += summed_by(cluster, matrix, self._evidence.score[name], count)
+            parts.append(found)
+        return np.hstack(parts)

@@ -1,0 +1,309 @@
+"""The table of scores: everything that selection needs to know about the groups, a few thousand numbers squared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.discrepancy.dictionary.groups import Group, joined
+from cosim.discrepancy.dictionary.linearisation import Linearisation
+from cosim.discrepancy.dictionary.shared_errors import SharedError, common_information
+from cosim.discrepancy.inference.dependence import SPREADS
+from cosim.discrepancy.selection.calibration import Statistic, family_wise_p
+from cosim.discrepancy.selection.gain import Cell, Law, cross_fitted_gain, fold_sums
+from cosim.discrepancy.selection.projection import PART, TRACK, Projector
+from cosim.discrepancy.settings import Selection
+
+_RIDGE = 1e-2  # of correlations: nearly collinear columns of one group
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """Scores of one group.
+
+    Attributes:
+        group: the hypothesis.
+        tables: (clusters, k) scores by track and by part of a scan.
+        information: (k, k) with everything fitted eliminated.
+        variance: (k,) of the scores' sums under the null, no less than the information implies.
+        left: (k,) share of the information that outlives what is fitted.
+        cell: for gains.
+        expected: (k,) expected events of counts, in events; None for others.
+        event: (k,) weight of one event of counts, else 1.
+    """
+
+    group: Group
+    tables: tuple[np.ndarray, np.ndarray]
+    information: np.ndarray
+    variance: np.ndarray
+    left: np.ndarray
+    cell: Cell
+    expected: np.ndarray | None
+    event: np.ndarray
+
+    @property
+    def score(self) -> np.ndarray:
+        """(k,) sum over all clusters."""
+        return self.tables[TRACK].sum(0)
+
+    @property
+    def z(self) -> float:
+        """Largest standardised score of a column, by size."""
+        return float(np.max(np.abs(self.score) / np.sqrt(np.maximum(self.variance, 1e-300)), initial=0.0))
+
+    @property
+    def coefficients(self) -> np.ndarray:
+        """(k,) coefficients of one Gauss–Newton step."""
+        scale = np.sqrt(np.maximum(np.diag(self.information), 1e-300))
+        correlation = self.information / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
+        step = np.linalg.solve(correlation, self.score / scale) / scale
+        return np.maximum(step, 0) if self.group.one_sided else step
+
+
+@dataclass(frozen=True, eq=False)
+class TestResult:
+    """One group and what its scores show.
+
+    Attributes:
+        entry: scores of the group.
+        p_value: family-wise.
+        gain: log-likelihood on clusters that took no part in the fit; of both clusterings the smaller one.
+        fold_gains: (folds,) of that clustering.
+    """
+
+    entry: Entry
+    p_value: float
+    gain: float
+    fold_gains: np.ndarray
+
+    @property
+    def group(self) -> Group:
+        """The hypothesis."""
+        return self.entry.group
+
+    def gap_to(self, other: TestResult) -> tuple[float, float]:
+        """How much more this group gains than another one, and the standard error over folds."""
+        difference = self.fold_gains - other.fold_gains
+        return float(difference.sum()), float(np.sqrt(len(difference) * difference.var(ddof=1))) + 1e-9
+
+
+def score_groups(
+    linearisation: Linearisation, groups: Sequence[Group], projector: Projector, settings: Selection
+) -> list[Entry]:
+    """Scores of groups; those that everything fitted explains are left out."""
+    entries: list[Entry] = []
+    for part in _chunks([group for group in groups if group.columns], settings.chunk):
+        entries += _project(linearisation, part, projector, settings)
+    tails = _tail_by_channel(entries)
+    entries = [_with_dispersion(entry, tails) for entry in entries]
+    for group in groups:
+        if group.direct is not None:
+            entry = _direct(linearisation, group, projector, settings)
+            if entry is not None:
+                entries.append(entry)
+    return entries
+
+
+def score_shared(
+    linearisation: Linearisation,
+    shared: Sequence[SharedError],
+    selected: Sequence[str],
+    projector: Projector,
+) -> list[Entry]:
+    """Scores of variances of shared errors, those of the same channel that were selected eliminated.
+
+    Args:
+        linearisation: of the model.
+        shared: all of them.
+        selected: names of the groups that were selected.
+        projector: for the clusters.
+    """
+    entries, track = [], projector.clusters[TRACK]
+    for one in shared:
+        if one.group.name in selected:
+            continue
+        score, information = one.group.direct or (np.zeros(0), np.zeros(0))
+        whole, floor = float(information.sum()), one.weighted
+        left = whole
+        for other in shared:
+            if other.group.name in selected and other.group.channel == one.group.channel:
+                channel = one.group.channel.removeprefix("shared_")
+                sample = linearisation.sample
+                known = np.where(sample.clear & sample.first, linearisation.weights(channel)[1], 0.0)
+                common, own = common_information(one, other, known, track), float((other.group.direct or (0, 0))[1].sum())  # type: ignore[union-attr]
+                score = score - common / max(own, 1e-300) * (other.group.direct or (0, 0))[0]
+                left = left - common**2 / max(own, 1e-300)
+        if left <= 0.05 * whole or whole <= 0:
+            continue
+        tables = _summed(score, projector)
+        variance = np.array([max((table**2).sum() for table in tables)])
+        variance = np.maximum(variance, floor * left / whole)
+        cell = Cell("normal", np.array([[left]]), np.ones(1), True, max(floor / whole, 1.0))
+        entries.append(
+            Entry(one.group, tables, np.array([[left]]), variance, np.array([left / whole]), cell, None, np.ones(1))
+        )
+    return entries
+
+
+def evaluate(
+    entries: Sequence[Entry], settings: Selection, rng: np.random.Generator, tested_per_kept: float = 1.0
+) -> list[TestResult]:
+    """Family-wise p-values and cross-fitted gains of all groups together, the largest gain first."""
+    if not entries:
+        return []
+    ends = np.cumsum([len(entry.variance) for entry in entries])
+    tables = [
+        _stacked([entry.tables[kind] for entry in entries]) for kind in (TRACK, PART)
+    ]
+    variance = np.concatenate([entry.variance for entry in entries])
+    statistics = []
+    for entry, end in zip(entries, ends, strict=True):
+        columns = np.arange(end - len(entry.variance), end)
+        scale = np.sqrt(np.maximum(np.diag(entry.information), 1e-300))
+        correlation = entry.information / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
+        expected = None if entry.expected is None else entry.expected / entry.event
+        statistics.append(
+            Statistic(columns, np.linalg.inv(correlation), entry.group.one_sided, expected,
+                      entry.group.is_clustered_by_scan)
+        )  # fmt: skip
+    scaled = [_in_events(table, entries, ends) for table in tables]
+    p_values = family_wise_p(scaled, variance, statistics, settings.draws, rng, tested_per_kept)
+    results = []
+    for entry, p_value in zip(entries, p_values, strict=True):
+        gains = [
+            cross_fitted_gain(fold_sums(table, settings.folds, np.random.default_rng([settings.folds, kind])), entry.cell)
+            for kind, table in enumerate(entry.tables)
+            if kind == TRACK or entry.group.is_clustered_by_scan
+        ]
+        fewest = min(gains, key=lambda values: float(values.sum()))
+        results.append(TestResult(entry, float(p_value), float(fewest.sum()), fewest))
+    return sorted(results, key=lambda result: -result.gain)
+
+
+def _project(
+    linearisation: Linearisation, groups: list[Group], projector: Projector, settings: Selection
+) -> list[Entry]:
+    """Entries of groups with columns, before their gains know the dispersion."""
+    found, entries, end = projector.project(joined(groups, len(linearisation.sample))), [], 0
+    seen = linearisation.fitted.prediction.seen
+    for group in groups:
+        mine = slice(end, end + group.size)
+        end += group.size
+        information, left = found.information[mine, mine], found.left[mine]
+        if left.max(initial=0.0) < settings.least_left or not np.diag(information).max(initial=0.0) > 0:
+            continue
+        tables = found.tables[TRACK][:, mine], found.tables[PART][:, mine]
+        scatter = np.maximum(*((table**2).sum(0) for table in tables))
+        variance = np.maximum(scatter, found.floor[mine])
+        probability, expected, event = np.full(group.size, 0.5), None, np.ones(group.size)
+        diagonal = np.diag(information)
+        if group.channel == "drop" and group.basis is not None:
+            weight = abs(group.basis).T @ (linearisation.evidence.information["drop"] > 0).astype(float)
+            probability = (abs(group.basis).T @ (seen * (linearisation.evidence.information["drop"] > 0))) / np.maximum(weight, 1e-9)
+            probability = np.clip(probability, 1e-3, 1 - 1e-3)
+            losses = diagonal * (1 - probability) ** 2 / probability
+            variance = np.maximum(variance, diagonal * np.maximum(settings.fewest_events / np.maximum(losses, 1e-9), 1))
+        if group.is_count:
+            expected = np.maximum(diagonal, 1e-9)
+            event = _event_weight(linearisation, group)
+            variance = np.maximum(variance, expected * event)
+        cell = Cell(_law(group), information, probability, group.one_sided, 1.0)
+        entries.append(Entry(group, tables, information, variance, left, cell, expected, event))
+    return entries
+
+
+def _direct(
+    linearisation: Linearisation, group: Group, projector: Projector, settings: Selection
+) -> Entry | None:
+    """Entry of a group of one column whose scores no derivative gives."""
+    assert group.direct is not None
+    score, information = group.direct
+    tables, sample = _summed(score, projector), linearisation.sample
+    scatter = np.array([max(float((table**2).sum()) for table in tables)])
+    whole = float(information.sum())
+    if whole <= 0:  # a whole setting: score is its gain
+        whole = max(float(scatter[0]), 1e-300)
+        gain = Cell("normal", np.array([[whole]]), np.ones(1), True, 1.0)
+        return Entry(group, tables, np.array([[whole]]), scatter, np.ones(1), gain, None, np.ones(1))
+    events = score > 0.2
+    weight = float((score[events] * sample.share[events]).sum() / max(float(score[events].sum()), 1e-9)) or 1.0
+    event = np.array([max(weight, 1e-3)])
+    known = np.array([[whole]])
+    cell = Cell("count", known, np.ones(1), True, max(float(event[0]), 1.0))
+    variance = np.maximum(scatter, whole * event)
+    return Entry(group, tables, known, variance, np.ones(1), cell, np.array([whole]), event)
+
+
+def _law(group: Group) -> Law:
+    if group.is_effect or group.basis is None:
+        return "normal"
+    if group.is_count:
+        return "count"
+    if group.channel == "drop":
+        return "probability"
+    return "spread" if group.channel in SPREADS else "normal"
+
+
+def _event_weight(linearisation: Linearisation, group: Group) -> np.ndarray:
+    """(k,) mean weight of the events in each column of a count."""
+    score = np.maximum(linearisation.evidence.score[group.channel], 0)  # type: ignore[index]
+    assert group.basis is not None
+    whole = group.basis.T @ score
+    weighted = group.basis.T @ (score * linearisation.sample.share)
+    return np.where(whole > 0, weighted / np.maximum(whole, 1e-12), 1.0)
+
+
+def _tail_by_channel(entries: Sequence[Entry]) -> dict[str, float]:
+    """By channel, how much the squared scores of a typical column exceed what the weights of the beams imply."""
+    ratios: dict[str, list[np.ndarray]] = {}
+    for entry in entries:
+        scatter = np.maximum(*((table**2).sum(0) for table in entry.tables))
+        implied = np.diag(entry.information)
+        ratios.setdefault(entry.group.channel, []).append(scatter / np.maximum(implied, 1e-300))
+    return {channel: max(float(np.median(np.concatenate(values))), 0.3) for channel, values in ratios.items()}
+
+
+def _with_dispersion(entry: Entry, tails: dict[str, float]) -> Entry:
+    from dataclasses import replace
+
+    if entry.group.is_count:
+        weight = np.maximum(entry.score, 0) + 1e-9
+        dispersion = float(np.average(entry.event, weights=weight))
+    else:
+        dispersion = tails[entry.group.channel]
+    return replace(entry, cell=replace(entry.cell, dispersion=max(dispersion, 1e-3)))
+
+
+def _summed(score: np.ndarray, projector: Projector) -> tuple[np.ndarray, np.ndarray]:
+    track, part = (np.bincount(cluster, score)[:, None] for cluster in projector.clusters)
+    return track, part
+
+
+def _in_events(table: np.ndarray, entries: Sequence[Entry], ends: np.ndarray) -> np.ndarray:
+    """A table with the columns of counts in events."""
+    table = table.copy()
+    for entry, end in zip(entries, ends, strict=True):
+        if entry.expected is not None:
+            table[:, end - len(entry.variance) : end] /= entry.event
+    return table
+
+
+def _stacked(tables: Sequence[np.ndarray]) -> np.ndarray:
+    """Tables side by side; shorter ones get clusters without scores."""
+    rows = max(len(table) for table in tables)
+    return np.hstack([np.vstack([table, np.zeros((rows - len(table), table.shape[1]))]) for table in tables])
+
+
+def _chunks(groups: Sequence[Group], most: int) -> list[list[Group]]:
+    """Groups of the same quantities together, at most so many columns at a time."""
+    ordered = sorted(groups, key=lambda group: sorted(group.columns))
+    parts: list[list[Group]] = []
+    for group in ordered:
+        if parts and set(parts[-1][0].columns) == set(group.columns):
+            if sum(other.size for other in parts[-1]) + group.size <= most:
+                parts[-1].append(group)
+                continue
+        parts.append([group])
+    return parts
