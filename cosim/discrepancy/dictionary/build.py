@@ -1,4 +1,4 @@
-"""The dictionary of hypotheses, and the first pass that keeps the most promising ones of each channel."""
+"""The dictionary of hypotheses: channels × covariates, effects, waves, lines and class means."""
 
 from __future__ import annotations
 
@@ -6,15 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
 
 from cosim.discrepancy.dictionary.covariates import Covariate, constant, sample_covariates
-from cosim.discrepancy.dictionary.groups import Group, binned_group, is_asked
+from cosim.discrepancy.dictionary.groups import Group, is_asked
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.dictionary.objects import object_groups
 from cosim.discrepancy.dictionary.periodic import line_groups, wave_groups
-from cosim.discrepancy.inference.dependence import MEANS
-from cosim.discrepancy.selection.projection import PART, TRACK, Projector
 from cosim.discrepancy.settings import Settings
 
 _PAIRS = (
@@ -73,111 +70,3 @@ def build_dictionary(
         is_asked(channel, covariate) for channel in linearisation.channels for covariate in covariates.values()
     )
     return Dictionary(covariates, explicit, binned + len(explicit))
-
-
-def first_pass(
-    linearisation: Linearisation, dictionary: Dictionary, projector: Projector, settings: Settings
-) -> list[Group]:
-    """The most significant groups of each channel, by significance per column and by all that they may gain.
-
-    Nothing is eliminated here: about an optimum the plain score is the efficient one, and its variance is an upper
-    bound.
-    """
-    kept = [group for group in dictionary.explicit if group.direct is not None]
-    kept += _best(_rank_explicit(linearisation, dictionary.explicit, projector), settings.selection.kept)
-    for channel in linearisation.channels:
-        rows = _rank_binned(linearisation, channel, dictionary, projector, settings)
-        names = {group.name: group for _, _, group in rows}
-        best = _best(rows, settings.selection.kept)
-        for group in list(best):  # of a pair its covariates, too
-            mains = (names.get(f"{channel} by {name}") for name in group.covariates if len(group.covariates) > 1)
-            best += [main for main in mains if main is not None and main not in best]
-        kept += best
-    return kept
-
-
-_Row = tuple[float, float, Group]
-
-
-def _best(rows: Sequence[_Row], most: int) -> list[Group]:
-    """The first so many by either figure, of each channel; effects and others by themselves."""
-    kept: list[Group] = []
-    for figure in (0, 1):
-        count: dict[tuple[str, bool], int] = {}
-        for row in sorted(rows, key=lambda row: -float(row[figure])):
-            key = row[2].channel, row[2].is_effect
-            if count.get(key, 0) < most and row[2] not in kept:
-                kept.append(row[2])
-            count[key] = count.get(key, 0) + 1
-    return kept
-
-
-def _rank_binned(
-    linearisation: Linearisation, channel: str, dictionary: Dictionary, projector: Projector, settings: Settings
-) -> list[_Row]:
-    """All bins of one channel in one product."""
-    asked = [covariate for covariate in dictionary.covariates.values() if is_asked(channel, covariate)]
-    basis = sparse.hstack([covariate.basis for covariate in asked], format="csr")
-    score, information = linearisation.weights(channel)
-    figures = _figures(basis, score, information, linearisation.sample.share, projector)
-    one_sided = linearisation.channels[channel].one_sided
-    rows, end = [], 0
-    for covariate in asked:
-        mine = slice(end, end + len(covariate))
-        end += len(covariate)
-        pair = len(covariate.names) > 1
-        fewest = settings.screen.fewest_in_cell if pair or channel not in MEANS else settings.screen.fewest_in_bin
-        significance, most = _summary(figures, mine, one_sided)
-        if significance > -1.0:
-            group = binned_group(linearisation, channel, covariate, fewest)
-            if group is not None:
-                rows.append((significance, most, group))
-    return rows
-
-
-def _rank_explicit(linearisation: Linearisation, groups: Sequence[Group], projector: Projector) -> list[_Row]:
-    rows = []
-    share = linearisation.sample.share
-    for group in groups:
-        if group.direct is not None or not group.columns:
-            continue
-        parts = []
-        for name, matrix in group.columns.items():
-            score, information = linearisation.evidence.score[name], linearisation.evidence.information[name]
-            parts.append(_figures(matrix.tocsr(), score, information, share, projector, squared=True))
-        track = sum(part[0] for part in parts)
-        scatter, floor = (sum(part[place] for part in parts) for place in (1, 2))
-        rows.append((*_summary((track, scatter, floor), slice(None), group.one_sided), group))  # type: ignore[arg-type]
-    return rows
-
-
-_Figures = tuple[np.ndarray, np.ndarray, np.ndarray]
-
-
-def _figures(
-    basis: sparse.csr_matrix,
-    score: np.ndarray,
-    information: np.ndarray,
-    share: np.ndarray,
-    projector: Projector,
-    *,
-    squared: bool = True,
-) -> _Figures:
-    """Score, variance by clusters, and variance that the information implies, (k,) each."""
-    tables = projector.plain(basis, score)
-    square = basis.power(2) if squared else basis
-    scatter = np.maximum(*((table**2).sum(0) for table in (tables[TRACK], tables[PART])))
-    return tables[TRACK].sum(0), scatter, square.T @ (information * share)
-
-
-def _summary(figures: _Figures, mine: slice, one_sided: bool) -> tuple[float, float]:
-    """How far the mean square of standardised scores exceeds its expectation, and twice the gain they foresee."""
-    score, scatter, floor = (values[mine] for values in figures)
-    used = floor > 0
-    if not used.any():
-        return -np.inf, -np.inf
-    score, scatter, floor = score[used], scatter[used], floor[used]
-    z = score / np.sqrt(np.maximum(scatter, floor))
-    z = np.maximum(z, 0) if one_sided else z
-    count = len(z)
-    return float((np.sum(z**2) - count) / np.sqrt(2 * count)), float(np.sum(score**2 / floor) - count)

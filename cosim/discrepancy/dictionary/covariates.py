@@ -185,7 +185,15 @@ def refined(covariate: Covariate, sample: Sample) -> Covariate:
         return covariate
     by = sample.settings.screen
     bins = by.cyclic_bins if covariate.period else by.fine_bins
-    linear = covariate.period > 0 or covariate.name in ("range", "intensity", "incidence", "elevation", "firing_time", "world_x", "world_y")
+    linear = covariate.period > 0 or covariate.name in (
+        "range",
+        "intensity",
+        "incidence",
+        "elevation",
+        "firing_time",
+        "world_x",
+        "world_y",
+    )
     fine = numeric(covariate.name, covariate.unit, covariate.values, bins, covariate.period, linear=linear)
     assert fine is not None  # it has been binned before
     return replace(fine, is_of_neighbour=covariate.is_of_neighbour, resolution=1)

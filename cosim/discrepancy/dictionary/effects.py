@@ -9,7 +9,6 @@ import numpy as np
 from cosim.discrepancy.candidates import unknowns, weak_forms, with_values
 from cosim.discrepancy.dictionary.groups import Group, Tangent
 from cosim.discrepancy.dictionary.linearisation import Linearisation
-from cosim.discrepancy.inference.fit import Fitted
 from cosim.discrepancy.inference.score import Column, Quantity, SparseMatrix, change
 from cosim.discrepancy.sampling.sample import Prediction
 from sensors.effects.base import Effect

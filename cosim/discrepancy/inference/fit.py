@@ -260,7 +260,14 @@ class Fitter:
         ]
         if not which:
             return state.effects
-        return searched(state.effects, which, self.loss(state.estimate, state.dependences), self.sample, state.residuals, roughly=roughly)
+        return searched(
+            state.effects,
+            which,
+            self.loss(state.estimate, state.dependences),
+            self.sample,
+            state.residuals,
+            roughly=roughly,
+        )
 
     def _settled(self, start: _State, free: tuple[Free, ...], steps: int) -> _State:
         """Where Gauss–Newton steps lead; where that is still far off, or where they lead through widened ranges."""

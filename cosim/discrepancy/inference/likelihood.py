@@ -156,7 +156,21 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     light_z, score, known, whose, uncut, of_light = light
     loglik += matched * of_light
     return Residuals(
-        z, light_z, rise_z, sigma, spread, score, known, met, matched, matched * whose, uncut, seen, whole, loglik, of_outcome
+        z,
+        light_z,
+        rise_z,
+        sigma,
+        spread,
+        score,
+        known,
+        met,
+        matched,
+        matched * whose,
+        uncut,
+        seen,
+        whole,
+        loglik,
+        of_outcome,
     )
 
 

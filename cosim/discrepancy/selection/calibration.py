@@ -105,9 +105,7 @@ def family_wise_p(
     return 1 - (1 - np.clip(p_values, 0, 1)) ** tested_per_kept
 
 
-def _count_deviates(
-    scores: np.ndarray, expected: np.ndarray, draws: int, rng: np.random.Generator
-) -> np.ndarray:
+def _count_deviates(scores: np.ndarray, expected: np.ndarray, draws: int, rng: np.random.Generator) -> np.ndarray:
     """Signed deviance roots (1 + draws, k) of the number of clusters with an event against a Poisson distribution.
 
     A cluster has an event if its score, whose unit is one event, exceeds a fifth.

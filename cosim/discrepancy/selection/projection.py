@@ -90,9 +90,7 @@ class Projector:
         found = Projected(self._summed(columns, known), information, whole, floor)
         return Projected(found.tables, information, whole, floor * found.left)
 
-    def _summed(
-        self, columns: dict[Quantity, SparseMatrix], known: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _summed(self, columns: dict[Quantity, SparseMatrix], known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         tables = []
         for cluster, count, of_fitted, prior in zip(
             self.clusters, self._counts, self._of_fitted, self._prior, strict=True

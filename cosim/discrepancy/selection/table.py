@@ -132,7 +132,10 @@ def score_shared(
                 channel = one.group.channel.removeprefix("shared_")
                 sample = linearisation.sample
                 known = np.where(sample.clear & sample.first, linearisation.weights(channel)[1], 0.0)
-                common, own = common_information(one, other, known, track), float((other.group.direct or (0, 0))[1].sum())  # type: ignore[union-attr]
+                common, own = (
+                    common_information(one, other, known, track),
+                    float((other.group.direct or (0, 0))[1].sum()),
+                )  # type: ignore[union-attr]
                 score = score - common / max(own, 1e-300) * (other.group.direct or (0, 0))[0]
                 left = left - common**2 / max(own, 1e-300)
         if left <= 0.05 * whole or whole <= 0:
@@ -154,9 +157,7 @@ def evaluate(
     if not entries:
         return []
     ends = np.cumsum([len(entry.variance) for entry in entries])
-    tables = [
-        _stacked([entry.tables[kind] for entry in entries]) for kind in (TRACK, PART)
-    ]
+    tables = [_stacked([entry.tables[kind] for entry in entries]) for kind in (TRACK, PART)]
     variance = np.concatenate([entry.variance for entry in entries])
     statistics = []
     for entry, end in zip(entries, ends, strict=True):
@@ -173,7 +174,9 @@ def evaluate(
     results = []
     for entry, p_value in zip(entries, p_values, strict=True):
         gains = [
-            cross_fitted_gain(fold_sums(table, settings.folds, np.random.default_rng([settings.folds, kind])), entry.cell)
+            cross_fitted_gain(
+                fold_sums(table, settings.folds, np.random.default_rng([settings.folds, kind])), entry.cell
+            )
             for kind, table in enumerate(entry.tables)
             if kind == TRACK or entry.group.is_clustered_by_scan
         ]
@@ -201,7 +204,9 @@ def _project(
         diagonal = np.diag(information)
         if group.channel == "drop" and group.basis is not None:
             weight = abs(group.basis).T @ (linearisation.evidence.information["drop"] > 0).astype(float)
-            probability = (abs(group.basis).T @ (seen * (linearisation.evidence.information["drop"] > 0))) / np.maximum(weight, 1e-9)
+            probability = (abs(group.basis).T @ (seen * (linearisation.evidence.information["drop"] > 0))) / np.maximum(
+                weight, 1e-9
+            )
             probability = np.clip(probability, 1e-3, 1 - 1e-3)
             losses = diagonal * (1 - probability) ** 2 / probability
             variance = np.maximum(variance, diagonal * np.maximum(settings.fewest_events / np.maximum(losses, 1e-9), 1))
@@ -214,9 +219,7 @@ def _project(
     return entries
 
 
-def _direct(
-    linearisation: Linearisation, group: Group, projector: Projector, settings: Selection
-) -> Entry | None:
+def _direct(linearisation: Linearisation, group: Group, projector: Projector, settings: Selection) -> Entry | None:
     """Entry of a group of one column whose scores no derivative gives."""
     assert group.direct is not None
     score, information = group.direct
