@@ -43,6 +43,7 @@ class Group:
         columns: (n, k) derivatives by quantity; empty where `direct` holds scores.
         basis: (n, k) basis functions of a dependence, of which the columns are multiples.
         covariate: of a dependence on bins, so that it can be refined.
+        kept: (k,) which bins of the covariate the columns are.
         one_sided: whether only positive coefficients make sense.
         is_clustered_by_scan: whether parts of scans are clusters, too; not for what differs from scan to scan.
         is_count: whether score and information count events.
@@ -58,6 +59,7 @@ class Group:
     columns: dict[Quantity, SparseMatrix] = field(default_factory=dict)
     basis: SparseMatrix | None = None
     covariate: Covariate | None = None
+    kept: np.ndarray | None = None
     one_sided: bool = False
     is_clustered_by_scan: bool = True
     is_count: bool = False
@@ -97,6 +99,7 @@ def basis_group(
     basis: SparseMatrix,
     *,
     covariate: Covariate | None = None,
+    kept: np.ndarray | None = None,
     is_clustered_by_scan: bool = True,
     frequency_hz: float = 0.0,
 ) -> Group:
@@ -111,6 +114,7 @@ def basis_group(
         {of.quantity: scaled(basis, weight)},
         basis,
         covariate,
+        kept,
         of.one_sided,
         is_clustered_by_scan,
         channel in SPURIOUS,
@@ -129,10 +133,9 @@ def binned_group(linearisation: Linearisation, channel: str, covariate: Covariat
     if len(kept) < (1 if covariate.name in ("kind", "constant") else 2):
         return None
     name = channel if covariate.name == "constant" else f"{channel} by {covariate.name}"
-    group = basis_group(
-        linearisation, channel, name, covariate.names, covariate.basis[:, kept].tocsr(), covariate=covariate
+    return basis_group(
+        linearisation, channel, name, covariate.names, covariate.basis[:, kept].tocsr(), covariate=covariate, kept=kept
     )
-    return group
 
 
 def is_asked(channel: str, covariate: Covariate) -> bool:

@@ -1,0 +1,169 @@
+"""Exact refits: a candidate fitted together with everything that was selected before, random effects included."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cosim.discrepancy.candidates import with_values
+from cosim.discrepancy.data.frames import TracedFrame
+from cosim.discrepancy.dictionary.covariates import refined
+from cosim.discrepancy.dictionary.groups import Group, binned_group
+from cosim.discrepancy.dictionary.linearisation import Linearisation
+from cosim.discrepancy.inference.dependence import Dependence
+from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
+from sensors.effects.base import Effect
+
+_STRENGTHS = (1.0, 0.3, 3.0)  # times the coefficients of one Gauss–Newton step, from which a fit may start
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """A selected group.
+
+    Attributes:
+        group: the hypothesis, in the bins in which it is fitted.
+        p_value: family-wise, when it was selected.
+        gain: log-likelihood on clusters that took no part in its fit, when it was selected.
+        exact_gain: log-likelihood that the model loses without it; that of `gain` for shared errors.
+        alternatives: names of groups that could replace it.
+    """
+
+    group: Group
+    p_value: float
+    gain: float
+    exact_gain: float
+    alternatives: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A fitted model on the frames of the analysis.
+
+    Attributes:
+        frames: traced as the effects bend the beams.
+        fitter, fitted: sample and fit.
+        free: indices of the effects whose parameters are fitted.
+        terms: selected so far; the dependences of `fitted` are those of the dependence terms, in order.
+    """
+
+    frames: tuple[TracedFrame, ...]
+    fitter: Fitter
+    fitted: Fitted
+    free: tuple[int, ...] = ()
+    terms: tuple[Term, ...] = ()
+
+    @property
+    def loglik(self) -> float:
+        """Marginal log-likelihood of the fit."""
+        return self.fitted.loglik
+
+    @property
+    def shared(self) -> tuple[str, ...]:
+        """Names of the selected shared errors."""
+        return tuple(term.group.name for term in self.terms if term.group.is_shared)
+
+    def index_of(self, term: Term) -> int | None:
+        """Index of a term's effect; None where it is no effect of the model."""
+        names = [effect.name for effect in self.fitted.effects]
+        name = term.group.effect_name
+        return names.index(name) if name in names else None
+
+
+def refit_with(
+    model: Model, linearisation: Linearisation, group: Group, coefficients: np.ndarray, *, fine: bool, steps: int
+) -> tuple[Model, Group]:
+    """Fit a model with one group more, without its entry among the terms; and the group in the bins that were fitted.
+
+    Args:
+        model: so far.
+        linearisation: about it.
+        group: the candidate.
+        coefficients: (k,) of a Gauss–Newton step.
+        fine: whether a dependence is fitted in its finest bins.
+        steps: Gauss–Newton steps at most.
+    """
+    fitter, fitted = model.fitter, model.fitted
+    if group.is_effect:
+        effects, index = _with_effect(model, group, coefficients)
+        free = model.free if index in model.free else (*model.free, index)
+        after = fitter.fit(
+            effects, all_free(effects, free, fitter.rings), fitted.estimate, steps=steps, roughly=True,
+            dependences=fitted.dependences,
+        )  # fmt: skip
+        return replace(model, fitted=after, free=free), group
+    if fine:
+        group = finest(linearisation, group)
+        coefficients = np.zeros(group.size)
+    assert group.basis is not None  # shared errors are not refitted
+    share = fitter.settings.law.reference_share if group.is_count else 0.0  # others start from no change
+    dependence = Dependence(group.name, group.channel, group.basis, np.maximum(coefficients, 0) * share)
+    after = fit_again(model, fitted.effects, model.free, (*fitted.dependences, dependence), steps)
+    return replace(model, fitted=after), group
+
+
+def refit_without(model: Model, term: Term, initial: Sequence[Effect], steps: int) -> Model:
+    """Fit a model without one of its terms; an effect that the sensor had gets its initial parameters.
+
+    Args:
+        model: with the term.
+        term: that is left out.
+        initial: effects of the sensor as it was given.
+        steps: Gauss–Newton steps at most.
+    """
+    effects, free, dependences = model.fitted.effects, model.free, model.fitted.dependences
+    terms = tuple(other for other in model.terms if other is not term)
+    index = model.index_of(term)
+    if index is not None and index < len(initial):
+        effects = (*effects[:index], initial[index], *effects[index + 1 :])
+        free = tuple(other for other in free if other != index)
+    elif index is not None:
+        effects = (*effects[:index], *effects[index + 1 :])
+        free = tuple(other - (other > index) for other in free if other != index)
+    else:
+        dependences = tuple(one for one in dependences if one.basis is not term.group.basis)
+    return replace(model, fitted=fit_again(model, effects, free, dependences, steps), free=free, terms=terms)
+
+
+def fit_again(
+    model: Model, effects: tuple[Effect, ...], free: Sequence[int], dependences: Sequence[Dependence], steps: int
+) -> Fitted:
+    """Fit effects and dependences from where the random effects of a model are."""
+    fitter = model.fitter
+    return fitter.fit(
+        effects, all_free(effects, free, fitter.rings), model.fitted.estimate, steps=steps, roughly=True,
+        dependences=dependences,
+    )  # fmt: skip
+
+
+def finest(linearisation: Linearisation, group: Group) -> Group:
+    """The same dependence in as many bins as a fit may have."""
+    if group.covariate is None or len(group.covariate.names) > 1:
+        return group
+    sample = linearisation.sample
+    covariate = refined(group.covariate, sample)
+    found = binned_group(linearisation, group.channel, covariate, max(sample.settings.screen.fewest_in_cell // 2, 1))
+    return group if found is None or found.size < group.size else found
+
+
+def _with_effect(model: Model, group: Group, coefficients: np.ndarray) -> tuple[tuple[Effect, ...], int]:
+    """Effects with the candidate at the likeliest of a few strengths, and its index."""
+    tangent, fitter, fitted = group.tangent, model.fitter, model.fitted
+    assert tangent is not None  # of an effect
+    effects, index = fitted.effects, tangent.index
+    names = [effect.name for effect in effects]
+    if index is None and tangent.effect.name in names:
+        index = names.index(tangent.effect.name)
+    place = len(effects) if index is None else index
+    weak = tangent.effect
+    if not tangent.amplitude:
+        return (*effects[:place], weak, *effects[place + 1 :]), place
+    off = np.asarray(getattr(weak, tangent.amplitude), float) - tangent.step
+    size = coefficients * tangent.step if group.direct is not None else coefficients
+    size = size if off.ndim else float(size[0])
+    loss = fitter.loss(fitted.estimate, fitted.dependences)
+    trials = [with_values(weak, {tangent.amplitude: off + strength * size}) for strength in _STRENGTHS]
+    models = [(*effects[:place], trial, *effects[place + 1 :]) for trial in trials]
+    return min(models, key=loss), place
