@@ -130,9 +130,16 @@ class Estimator:
         slopes: Mapping[str, np.ndarray],
         judged: np.ndarray | None = None,
     ) -> Fit:
-        """All parameters of some behaviours together, by the statistics that show them.
+        """Fit all parameters of some behaviours together to the columns that show them.
 
-        `judged` (k,) are the columns over which chi² is summed, by default all. The slopes are corrected by what each simulation shows (Broyden, Math. Comp. 1965), so that a step costs one.
+        The slopes are corrected by what each simulation shows (Broyden, Math. Comp. 1965), so that a step costs one.
+
+        Args:
+            config: from which the fit begins.
+            behaviours: whose parameters are fitted.
+            evidence: of the configuration without them.
+            slopes: behaviour → change of all columns with its parameters.
+            judged: (k,) columns over which chi² is summed; by default all.
         """
         knobs = [(behaviour, knob) for behaviour in behaviours for knob in behaviour.knobs]
         start = {one.name: one.read(config, self._background) for one in behaviours}
