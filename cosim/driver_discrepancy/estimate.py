@@ -115,12 +115,27 @@ class Estimator:
         return sloped
 
     def gain(
-        self, evidence: Evidence, behaviour: Behaviour, slopes: np.ndarray, config: BehaviourConfig
+        self,
+        evidence: Evidence,
+        behaviour: Behaviour,
+        slopes: np.ndarray,
+        config: BehaviourConfig,
+        start: BehaviourConfig,
     ) -> tuple[float, float]:
-        """Cross-fitted gain that a behaviour's slopes promise in its own columns, and its standard error."""
+        """Cross-fitted gain that a behaviour's slopes promise in its own columns, and its standard error.
+
+        Args:
+            evidence: against the model.
+            behaviour: whose parameters.
+            slopes: (c, parameters) change of all columns with them.
+            config: the model.
+            start: about which the slopes were taken.
+        """
         columns = np.array([behaviour.shows(one.channel, one.condition) for one in evidence.columns], bool)
         limits = np.array([knob.high - knob.low for knob in behaviour.knobs])
-        return cross_fitted_gain(evidence, columns, slopes[self._rows(evidence)], limits)
+        rows = self._rows(evidence)
+        model, begin = self._many([config, start])[:, rows]
+        return cross_fitted_gain(evidence, columns, slopes[rows], limits, np.nan_to_num(begin - model))
 
     def fit(
         self,
