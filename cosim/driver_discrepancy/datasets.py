@@ -173,7 +173,7 @@ def _gather(
         np.zeros(len(names)) if heading is None else np.angle(np.exp(1j * heading[keep])),
     )
     if len(tracks.ids) < 2:
-        raise TrackError(f"{path}: holds one vehicle only ({tracks.ids[0]!r}); give two or more")
+        raise TrackError(f"{path}: holds one vehicle only ({', '.join(tracks.ids)!r}); give two or more")
     return tracks if heading is not None else replace(tracks, heading_rad=_courses(tracks))
 
 

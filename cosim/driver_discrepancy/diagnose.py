@@ -152,7 +152,8 @@ class _Diagnosis:
                 continue
             config = look.config if behaviour.propose is None else behaviour.propose(look.config, signals)
             if config is not None:
-                options.append((behaviour, config))
+                values = behaviour.read(config, self._case.background)
+                options.append((behaviour, behaviour.write(config, behaviour.clipped(values))))
         return options
 
     def _fit_best(
@@ -163,7 +164,7 @@ class _Diagnosis:
         slopes, promise, errors = {}, {}, {}
         for behaviour, config in options:
             slopes |= estimator.slopes(config, [behaviour])
-            gain, error = estimator.gain(look.fitted, behaviour, slopes[behaviour.name], config)
+            gain, error = estimator.gain(look.fitted, behaviour, slopes[behaviour.name], look.config, config)
             promise[behaviour.name], errors[behaviour.name] = 2 * gain - self._penalty(behaviour), 2 * error
         order = sorted(options, key=lambda option: -promise[option[0].name])
         least = self._by.fitting.nearly * promise[order[0][0].name]

@@ -30,7 +30,8 @@ def draw_diagrams(measured: Summary, models: Sequence[tuple[str, Sequence[Summar
         "Fundamental diagram: one dot per street and 30 s, density and flow after Edie. Space–time diagram: the street "
         "with most vehicle time, one line per vehicle; of each model the first seed."
     )
-    return f'<section><h2>Flow, density, space and time</h2><p>{words}</p><div class="charts">{"".join(shown)}</div></section>'
+    charts = f'<div class="charts">{"".join(shown)}</div>'
+    return f"<section><h2>Flow, density, space and time</h2><p>{words}</p>{charts}</section>"
 
 
 def _fundamental(drawn: Sequence[tuple[str, str, Summary]]) -> str:

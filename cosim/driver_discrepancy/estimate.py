@@ -115,12 +115,27 @@ class Estimator:
         return sloped
 
     def gain(
-        self, evidence: Evidence, behaviour: Behaviour, slopes: np.ndarray, config: BehaviourConfig
+        self,
+        evidence: Evidence,
+        behaviour: Behaviour,
+        slopes: np.ndarray,
+        config: BehaviourConfig,
+        start: BehaviourConfig,
     ) -> tuple[float, float]:
-        """Cross-fitted gain that a behaviour's slopes promise in its own columns, and its standard error."""
+        """Cross-fitted gain that a behaviour's slopes promise in its own columns, and its standard error.
+
+        Args:
+            evidence: against the model.
+            behaviour: whose parameters.
+            slopes: (c, parameters) change of all columns with them.
+            config: the model.
+            start: about which the slopes were taken.
+        """
         columns = np.array([behaviour.shows(one.channel, one.condition) for one in evidence.columns], bool)
         limits = np.array([knob.high - knob.low for knob in behaviour.knobs])
-        return cross_fitted_gain(evidence, columns, slopes[self._rows(evidence)], limits)
+        rows = self._rows(evidence)
+        model, begin = self._many([config, start])[:, rows]
+        return cross_fitted_gain(evidence, columns, slopes[rows], limits, np.nan_to_num(begin - model))
 
     def fit(
         self,
@@ -130,9 +145,16 @@ class Estimator:
         slopes: Mapping[str, np.ndarray],
         judged: np.ndarray | None = None,
     ) -> Fit:
-        """All parameters of some behaviours together, by the statistics that show them.
+        """Fit all parameters of some behaviours together to the columns that show them.
 
-        `judged` (k,) are the columns over which chi² is summed, by default all. The slopes are corrected by what each simulation shows (Broyden, Math. Comp. 1965), so that a step costs one.
+        The slopes are corrected by what each simulation shows (Broyden, Math. Comp. 1965), so that a step costs one.
+
+        Args:
+            config: from which the fit begins.
+            behaviours: whose parameters are fitted.
+            evidence: of the configuration without them.
+            slopes: behaviour → change of all columns with its parameters.
+            judged: (k,) columns over which chi² is summed; by default all.
         """
         knobs = [(behaviour, knob) for behaviour in behaviours for knob in behaviour.knobs]
         start = {one.name: one.read(config, self._background) for one in behaviours}

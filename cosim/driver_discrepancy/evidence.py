@@ -133,7 +133,7 @@ def find_significance(evidence: Evidence, rng: np.random.Generator, by: TrafficS
 
 
 def cross_fitted_gain(
-    evidence: Evidence, columns: np.ndarray, slopes: np.ndarray, limits: np.ndarray, folds: int = 5
+    evidence: Evidence, columns: np.ndarray, slopes: np.ndarray, limits: np.ndarray, shift: np.ndarray, folds: int = 5
 ) -> tuple[float, float]:
     """Gain of a direction, fitted on some vehicles and judged on the others, and its standard error over folds.
 
@@ -144,6 +144,7 @@ def cross_fitted_gain(
         columns: (k,) which take part.
         slopes: (k, parameters) change of columns with parameters.
         limits: (parameters,) by which a parameter is expected to change at most.
+        shift: (k,) change of columns from the model to the point about which the slopes were taken.
         folds: of vehicles.
     """
     at = np.flatnonzero(columns)
@@ -154,15 +155,16 @@ def cross_fitted_gain(
     weighted = jacobian.T @ precision
     information = weighted @ jacobian
     fold = np.arange(len(evidence.clusters)) % folds
-    z = evidence.z[at]
+    z = evidence.z[at] - shift[at] / evidence.sigma[at]
     share = np.stack([evidence.clusters[fold == k][:, at].sum(0) for k in range(folds)])
     share += (z - share.sum(0)) / folds
+    before = evidence.z[at] @ precision @ evidence.z[at] - z @ precision @ z
     gains = []
     for k in range(folds):
         theta = np.linalg.solve(information * (folds - 1) / folds + np.diag(1 / limits**2), weighted @ (z - share[k]))
         theta = np.clip(theta, -limits, limits)
         gains.append(float(theta @ weighted @ share[k] - 0.5 * theta @ information @ theta / folds))
-    return float(np.sum(gains)), float(np.sqrt(folds) * np.std(gains, ddof=1))
+    return float(np.sum(gains)) + 0.5 * float(before), float(np.sqrt(folds) * np.std(gains, ddof=1))
 
 
 def _shown(

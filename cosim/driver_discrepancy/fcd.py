@@ -13,7 +13,7 @@ def read_fcd_table(path: Path) -> Tracks:
     """Trajectories of a table that SUMO wrote; the separator is a semicolon.
 
     Args:
-        path: written with the attributes x, y, angle, speed, lane, type.
+        path: written with the attributes x, y, angle, speed, lane, and type if it is needed.
     """
     head, _, body = path.read_bytes().partition(b"\n")
     names = [name.decode().partition("_")[2] for name in head.strip().split(b";")]
@@ -29,7 +29,7 @@ def read_fcd_table(path: Path) -> Tracks:
 
     return gathered(
         words("id"),
-        words("type"),
+        words("type") if "type" in columns else np.full(count, ""),
         words("lane"),
         numbers("time"),
         np.column_stack([numbers("x"), numbers("y")]),

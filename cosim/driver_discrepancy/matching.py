@@ -113,7 +113,7 @@ class _Matcher:
     def match(self, place: np.ndarray, heading: np.ndarray, time_s: np.ndarray) -> np.ndarray:
         """Lane of each sample of a vehicle (n,); empty where there is none."""
         keys = _keys(time_s)
-        options = [self._options(place[row], heading[row]) for row in keys.tolist()]
+        options = [self._options(place[row], float(heading[row])) for row in keys.tolist()]
         known = [at for at, option in enumerate(options) if option]
         found = np.full(len(place), "", dtype="U64")
         if not known:
@@ -141,7 +141,7 @@ class _Matcher:
     def _options(self, place: np.ndarray, heading: float) -> dict[int, float]:
         """Lanes near a place with their costs."""
         away, near = self._tree.query(place, k=_NEIGHBOURS, distance_upper_bound=_REACH_M)
-        lanes = {int(self._lane[at]) for distance, at in zip(away, near, strict=True) if np.isfinite(distance)}
+        lanes = set(self._lane[np.asarray(near)[np.isfinite(away)]].tolist())
         costs = {lane: float(self._cost(lane, place[None], np.array([heading]))[0]) for lane in lanes}
         return {lane: cost for lane, cost in costs.items() if np.isfinite(cost)}
 

@@ -43,7 +43,7 @@ class Observation:
                 continue
             part, step = tracks.place[start:end], tracks.step_s
             place[start:end] = savgol_filter(part, window, 3, axis=0)
-            velocity = savgol_filter(part, window, 3, deriv=1, delta=step, axis=0)
+            velocity = np.asarray(savgol_filter(part, window, 3, deriv=1, delta=step, axis=0), float)
             speed[start:end] = np.hypot(velocity[:, 0], velocity[:, 1])
         slow = max(3 * self.noise_m / _SMOOTHS_S, 0.1)
         return replace(tracks, place=place, speed_mps=np.where(speed < slow, 0.0, speed))

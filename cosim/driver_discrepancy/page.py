@@ -196,8 +196,9 @@ def _findings(found: TrafficDiagnosis) -> str:
     return (
         "<section><h2>What was missing</h2><table><thead><tr><th></th><th>parameter</th><th>was</th><th>is</th>"
         "<th>95 % interval</th><th>p</th><th>error</th><th class=words>law</th><th class=words>SUMO’s word</th></tr>"
-        f"</thead><tbody>{rows}</tbody></table><p>p is family-wise: the chance that any column of the dictionary would differ so much "
-        "if nothing were missing. Vehicles are the independent units: their signs are flipped.</p></section>"
+        f"</thead><tbody>{rows}</tbody></table><p>p is family-wise: the chance that any column of the dictionary would "
+        "differ so much if nothing were missing. Vehicles are the independent units: their signs are flipped.</p>"
+        "</section>"
     )
 
 

@@ -48,9 +48,9 @@ def simulate(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: floa
             *("--begin", f"{demand.begin_s:.3f}"),
             *("--time-to-teleport", "-1"),
             *("--fcd-output", str(output)),
-            *("--fcd-output.attributes", "x,y,angle,speed,lane,type"),
+            *("--fcd-output.attributes", "x,y,angle,speed,lane"),
             "--fcd-output.skip-empty",
-            *("--precision", "4"),
+            *("--precision", "3"),
             *(word for key, value in demand.options.items() for word in (f"--{key}", value)),
         ]
         if demand.sample_s > 1.5 * step_s:
@@ -61,7 +61,8 @@ def simulate(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: floa
         tracks = _without_parking(read_fcd_table(output), demand)
     if demand.lateral_m == 0:
         tracks = _beside_the_middle(tracks, behaviour, seed)
-    return replace(tracks, types=tuple(word.partition("@")[0] for word in tracks.types))
+    types = {trip.name: trip.base[0] for trip in demand.trips}
+    return replace(tracks, types=tuple(types[name] for name in tracks.ids))
 
 
 def _run(command: list[str], demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: float) -> None:

@@ -68,7 +68,7 @@ def _from_road_tracks(path: Path, road: RoadTracks) -> Tracks:
         np.angle(np.exp(1j * road.heading_rad[keep])),
     )
     if len(tracks.ids) < 2:
-        raise TrackError(f"{path}: holds one vehicle only ({tracks.ids[0]!r}); give two or more")
+        raise TrackError(f"{path}: holds one vehicle only ({', '.join(tracks.ids)!r}); give two or more")
     return replace(tracks, notes=tuple(road.notes))
 
 

@@ -69,9 +69,9 @@ class Tracks:
 
 
 def gathered(
-    ids: Sequence[str],
-    types: Sequence[str],
-    lane: Sequence[str],
+    ids: Sequence[str] | np.ndarray,
+    types: Sequence[str] | np.ndarray,
+    lane: Sequence[str] | np.ndarray,
     time_s: np.ndarray,
     place: np.ndarray,
     speed_mps: np.ndarray,
@@ -82,7 +82,7 @@ def gathered(
     order = np.lexsort((time_s, vehicle))
     return Tracks(
         ids=tuple(names.tolist()),
-        types=tuple(types[int(i)] for i in first),
+        types=tuple(str(types[int(i)]) for i in first),
         vehicle=vehicle[order],
         time_s=time_s[order],
         place=place[order],

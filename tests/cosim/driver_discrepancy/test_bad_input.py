@@ -107,7 +107,7 @@ def scaled(column: int, factor: float) -> np.ndarray:
 
 def jumping(after_s: float, by_s: float) -> np.ndarray:
     rows = drives()
-    table = np.concatenate([rows, rows + (0, 2, 0, 0, 0, 0)])
+    table = np.concatenate([rows, rows + np.array((0, 2, 0, 0, 0, 0))])
     table[table[:, 0] > after_s, 0] += by_s
     return table
 
@@ -118,10 +118,10 @@ def jumping(after_s: float, by_s: float) -> np.ndarray:
         (lambda: scaled(0, 1000), "times look like milliseconds"),
         (lambda: scaled(4, 3.6), "speeds look like km/h"),
         (lambda: drives()[:, [0, 1, 3, 2, 4, 5]] * (1, 1, 1, 1, 1, -1) + (0, 0, 0, 0, 0, 90), "x and y are exchanged"),
-        (lambda: drives() + (0, 0, 50_000, 0, 0, 0), "most positions lie off the streets"),
+        (lambda: drives() + np.array((0, 0, 50_000, 0, 0, 0)), "most positions lie off the streets"),
         (lambda: jumping(6.0, 40.0), "the clock jumps by 40.2 s after 6.00 s"),
         (
-            lambda: np.concatenate([drives(), drives() + (400, 5, 0, 0, 0, 0)]),
+            lambda: np.concatenate([drives(), drives() + np.array((400, 5, 0, 0, 0, 0))]),
             "the file holds two recordings",
         ),
         (lambda: drives() * (1, 1, 0, 0, 0, 1) + (0, 0, *drives()[0, 2:4], 0, 0), "all vehicles stand throughout"),
