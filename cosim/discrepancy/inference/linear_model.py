@@ -65,7 +65,7 @@ class LinearModel:
             if one.nnz:
                 known = known + one.T @ scaled(one, evidence.information[name])
         precision = random.precision(estimate)[used]
-        solver = Factored(known + sparse.diags(precision), random.apart[used]) if len(used) else None
+        solver = Factored(known + sparse.diags(precision), random.independent_blocks[used]) if len(used) else None
         x = stacked(columns, evidence.score, len(random.sample))
         return cls(x, z, used, precision, known, solver, evidence)
 

@@ -138,11 +138,27 @@ class RandomEffects:
         return int(self._ends[-1])
 
     @cached_property
-    def apart(self) -> np.ndarray:
-        """(m,) bool: those of which a beam knows one at most, so that no two share anything."""
-        found = np.zeros(self.size, bool)
+    def independent_blocks(self) -> np.ndarray:
+        """(m,) int blocks of random effects such that a beam depends on those of one block at most; −1 for poses.
+
+        Range: all errors of one object, in all scans; map cells one by one. Reflectances one by one.
+        """
+        sample, found = self.sample, np.full(self.size, -1)
+        things = sample.object_scan >= 0
+        track_of_scan = np.zeros(int(sample.object_scan.max(initial=-1)) + 1, int)
+        track_of_scan[sample.object_scan[things]] = self._track[things]
+        tracks, first = int(self._track.max(initial=-1)) + 1, 0
+        for name, unit in (
+            ("objects", np.repeat(np.arange(tracks), 4)), ("objects_by_scan", np.repeat(track_of_scan, 4)),
+        ):  # fmt: skip
+            rows = self.rows(name)
+            found[rows] = unit[: rows.stop - rows.start]
+        first = tracks
         for name in ("map", "albedo", "albedo_of_map"):
-            found[self.rows(name)] = True
+            rows = self.rows(name)
+            count = rows.stop - rows.start
+            found[rows] = first + np.arange(count)
+            first += count
         return found
 
     @cached_property

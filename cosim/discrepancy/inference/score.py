@@ -163,38 +163,68 @@ class Column:
 
 
 class Factored:
-    """A symmetric positive definite matrix, many of whose rows share nothing with each other, factored.
+    """Factorisation of a symmetric positive definite matrix that has many small independent blocks.
+
+    Rows of different blocks share nothing with each other, so that the blocks are inverted one by one and eliminated;
+    the Schur complement of the other rows is factored as a dense matrix.
 
     Args:
         matrix: (a, a).
-        apart: (a,) bool: rows of which no two share anything; they are eliminated first.
+        block: (a,) int block that each row belongs to; −1 for rows of none.
     """
 
-    def __init__(self, matrix: SparseMatrix, apart: np.ndarray) -> None:
+    def __init__(self, matrix: SparseMatrix, block: np.ndarray) -> None:
         matrix = matrix.tocsr()
-        self._apart, self._rest = np.flatnonzero(apart), np.flatnonzero(~apart)
-        self._diagonal = matrix.diagonal()[self._apart]
+        self._apart, self._rest = np.flatnonzero(block >= 0), np.flatnonzero(block < 0)
         self._across = matrix[self._rest][:, self._apart]
+        self._inverse, self._log_blocks = _inverse_blocks(matrix[self._apart][:, self._apart], block[self._apart])
         rest = matrix[self._rest][:, self._rest]
         if len(self._apart):
-            rest = rest - self._across @ sparse.diags(1 / self._diagonal) @ self._across.T
+            rest = rest - self._across @ self._inverse @ self._across.T
         self._factor = linalg.cho_factor(np.asarray(rest.todense()), lower=True) if len(self._rest) else None
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """The solution (a, …) of a right-hand side."""
         found, of_apart = np.zeros_like(right), right[self._apart]
-        diagonal = self._diagonal.reshape((-1,) + (1,) * (right.ndim - 1))
         if self._factor is not None:
-            left = right[self._rest] - self._across @ (of_apart / diagonal)
+            left = right[self._rest] - self._across @ (self._inverse @ of_apart)
             found[self._rest] = linalg.cho_solve(self._factor, left, check_finite=False)
             of_apart = of_apart - self._across.T @ found[self._rest]
-        found[self._apart] = of_apart / diagonal
+        found[self._apart] = self._inverse @ of_apart
         return found
 
     def log_determinant(self) -> float:
         """Of the matrix."""
         rest = 0.0 if self._factor is None else 2 * float(np.log(np.diag(self._factor[0])).sum())
-        return rest + float(np.log(self._diagonal).sum())
+        return rest + self._log_blocks
+
+
+def _inverse_blocks(matrix: SparseMatrix, block: np.ndarray) -> tuple[SparseMatrix, float]:
+    """The inverse of a block-diagonal matrix (a, a), and the logarithm of its determinant."""
+    number = np.unique(block, return_inverse=True)[1] if len(block) else block
+    order = np.argsort(number, kind="stable")
+    count = np.bincount(number)
+    first = np.cumsum(count) - count
+    place = np.empty(len(block), int)  # of each row within its block
+    place[order] = np.arange(len(block)) - np.repeat(first, count)
+    entries, parts, log_determinant = matrix.tocoo(), list[np.ndarray](), 0.0
+    for size in np.unique(count):
+        blocks = np.flatnonzero(count == size)
+        row_of = np.full(len(count), -1)
+        row_of[blocks] = np.arange(len(blocks))
+        dense = np.zeros((len(blocks), size, size))
+        mine = row_of[number[entries.row]] >= 0
+        row, column = entries.row[mine], entries.col[mine]
+        np.add.at(dense, (row_of[number[row]], place[row], place[column]), entries.data[mine])
+        rows = order[first[blocks][:, None] + np.arange(size)]  # (blocks, size)
+        left, right = np.broadcast_arrays(rows[:, :, None], rows[:, None, :])
+        parts.append(np.stack([left.ravel(), right.ravel(), np.linalg.inv(dense).ravel()]))
+        log_determinant += float(np.linalg.slogdet(dense)[1].sum())
+    if not parts:
+        return matrix, 0.0
+    rows, columns, values = np.concatenate(parts, axis=1)
+    inverse = sparse.csr_matrix((values, (rows.astype(int), columns.astype(int))), matrix.shape)
+    return inverse, log_determinant
 
 
 def stacked(columns: Sequence[Column], quantities: Collection[Quantity], rows: int) -> dict[Quantity, SparseMatrix]:

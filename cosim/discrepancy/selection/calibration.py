@@ -24,14 +24,14 @@ class Statistic:
         columns: of the score tables.
         inverse: (k, k) inverse correlation of the columns under the null.
         one_sided: whether only positive scores count.
-        expected: (k,) expected events of counts; None for others.
+        expected: for counts, of each clustering the expected number (k,) of clusters with an event; None for others.
         is_clustered_by_scan: whether the clustering by parts of scans applies.
     """
 
     columns: np.ndarray
     inverse: np.ndarray
     one_sided: bool
-    expected: np.ndarray | None = None
+    expected: tuple[np.ndarray, ...] | None = None
     is_clustered_by_scan: bool = True
 
 
@@ -88,7 +88,7 @@ def family_wise_p(
                 continue
             z = total[:, group.columns]
             if group.expected is not None:
-                z = _count_deviates(used[:, group.columns], group.expected, draws, rng)
+                z = _count_deviates(used[:, group.columns], group.expected[number], draws, rng)
             if group.one_sided:
                 values[:, place] = (np.maximum(z, 0) ** 2).sum(1)
             else:
@@ -108,7 +108,8 @@ def family_wise_p(
 def _count_deviates(scores: np.ndarray, expected: np.ndarray, draws: int, rng: np.random.Generator) -> np.ndarray:
     """Signed deviance roots (1 + draws, k) of the number of clusters with an event against a Poisson distribution.
 
-    A cluster has an event if its score, whose unit is one event, exceeds a fifth.
+    A cluster has an event if its score, whose unit is one event, exceeds a fifth. The number of such clusters is a sum
+    of Bernoulli variables, of which the Poisson distribution of the same mean is an upper bound in variance.
     """
     expected = np.maximum(expected, 1e-6)
     observed = (scores > 0.2).sum(0)

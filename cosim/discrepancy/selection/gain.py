@@ -34,38 +34,41 @@ class Cell:
 
 
 def fold_sums(table: np.ndarray, folds: int, rng: np.random.Generator) -> np.ndarray:
-    """Scores (folds, k) of random folds of the clusters of a table (clusters, k)."""
+    """Sums (folds, k) over random folds of the clusters of a table (clusters, k)."""
     fold = rng.permutation(len(table)) % folds
     return np.stack([table[fold == number].sum(0) for number in range(folds)])
 
 
-def cross_fitted_gain(sums: np.ndarray, cell: Cell) -> np.ndarray:
+def cross_fitted_gain(sums: np.ndarray, known: np.ndarray, cell: Cell) -> np.ndarray:
     """Gain (folds,) on each fold of coefficients fitted to the others: Σₖ(θ₋ₖᵀsₖ − ½ θ₋ₖᵀHₖθ₋ₖ) and its analogues.
 
     Args:
         sums: (folds, k) scores.
+        known: (folds, k) information of each fold, in any common unit.
         cell: of the group.
     """
-    folds = len(sums)
-    rest = (sums.sum(0) - sums) * folds / (folds - 1)
     diagonal = np.maximum(np.diag(cell.information), 1e-300)
+    of_fold = known / np.maximum(known.sum(0), 1e-300) * diagonal  # (folds, k)
+    rest, of_rest = sums.sum(0) - sums, np.maximum(diagonal - of_fold, 1e-12 * diagonal)
     if cell.law == "normal":
         scale = np.sqrt(diagonal)
-        correlation = cell.information / np.outer(scale, scale) + 1e-2 * np.eye(len(scale))
-        coefficients = np.linalg.solve(correlation, (rest / scale).T).T / scale
+        correlation = cell.information / np.outer(scale, scale)
+        inverse = np.linalg.inv(correlation + 1e-2 * np.eye(len(scale)))
+        coefficients = (rest / np.sqrt(of_rest)) @ inverse / np.sqrt(of_rest)
         coefficients = np.maximum(coefficients, 0) if cell.one_sided else coefficients
-        curvature = np.einsum("fk,kl,fl->f", coefficients, cell.information, coefficients) / folds
+        scaled = coefficients * np.sqrt(of_fold)
+        curvature = np.einsum("fk,kl,fl->f", scaled, correlation, scaled)
         return ((coefficients * sums).sum(1) - 0.5 * curvature) / cell.dispersion
-    coefficients = rest / (1.01 * diagonal)
+    coefficients = rest / (1.01 * of_rest)
     coefficients = np.maximum(coefficients, 0) if cell.one_sided else coefficients
-    gains = deviance_gain(cell.law, coefficients, sums, diagonal / folds, cell.probability)
+    gains = deviance_gain(cell.law, coefficients, sums, of_fold, cell.probability)
     return gains.sum(1) / cell.dispersion
 
 
 def deviance_gain(
     law: Law, coefficients: np.ndarray, score: np.ndarray, information: np.ndarray, probability: np.ndarray
 ) -> np.ndarray:
-    """Log-likelihood (…, k) gained by coefficients (…, k) where the scores are (…, k) and the information (k,).
+    """Log-likelihood (…, k) gained by coefficients (…, k) where the scores and the information are (…, k).
 
     Counts: score k − e of k events with e = information expected, change of the expectation by the factor 1 + θ.
     Probabilities: relative change θ of the probability p of a return. Spreads: change θ of log σ.

@@ -27,9 +27,11 @@ class Projected:
         information: (k, k) with everything fitted and the random effects eliminated.
         whole: (k,) information if everything else were known.
         floor: (k,) variance of the scores that the weights of the beams imply.
+        known: (clusters, k) information by cluster, in proportion to the beams' own.
     """
 
     tables: tuple[np.ndarray, np.ndarray]
+    known: tuple[np.ndarray, np.ndarray]
     information: np.ndarray
     whole: np.ndarray
     floor: np.ndarray
@@ -78,17 +80,22 @@ class Projector:
 
     def project(self, columns: dict[Quantity, SparseMatrix]) -> Projected:
         """Efficient scores of columns (n, k) given by quantity."""
-        known, shared = self._model.projected(columns)
-        information = -shared.T @ known
+        coefficients, shared = self._model.projected(columns)
+        information = -shared.T @ coefficients
         whole, floor = np.zeros(len(information)), np.zeros(len(information))
+        known = tuple(np.zeros((table.shape[0], len(information))) for table in self._prior)
         for name, matrix in columns.items():
             weight = self._evidence.information[name]
             information = information + np.asarray((matrix.T @ scaled(matrix, weight)).todense())
             square = matrix.power(2)
             whole += square.T @ weight
             floor += square.T @ (weight * self._share)
-        found = Projected(self._summed(columns, known), information, whole, floor)
-        return Projected(found.tables, information, whole, floor * found.left)
+            for table, cluster, count in zip(known, self.clusters, self._counts, strict=True):
+                table[:count] += summed_by(cluster, square, weight, count)
+        left = np.clip(np.diag(information) / np.maximum(whole, 1e-300), 0, 1)
+        track, part = (table * left for table in known)
+        tables = self._summed(columns, coefficients)
+        return Projected(tables, (track, part), information, whole, floor * left)
 
     def _summed(self, columns: dict[Quantity, SparseMatrix], known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         tables = []

@@ -36,9 +36,10 @@ class Evidence:
     dictionary: Dictionary
     results: list[TestResult]
 
-    def significant(self, level: float) -> list[TestResult]:
-        """Results at or below a level."""
-        return [result for result in self.results if result.p_value <= level]
+    def significant(self, settings: Settings) -> list[TestResult]:
+        """Results at or below the level that gain something on clusters that took no part."""
+        least = settings.selection.least_gain
+        return [one for one in self.results if one.p_value <= settings.level and one.gain >= least]
 
 
 def gather_evidence(model: Model, effects: Sequence[Group], settings: Settings, seed: int) -> Evidence:
@@ -92,14 +93,14 @@ def select_terms(
     while len(model.terms) < by.steps:
         candidates = [
             result
-            for result in evidence.significant(settings.level)
+            for result in evidence.significant(settings)
             if result.group.name not in rejected and result.gain >= _needed_gain(result.group, model, settings)
         ]
         chosen = _choose(model, evidence, candidates, settings)
         if chosen is None:
             break
         before, (model, result) = model, chosen
-        on_progress(f"added {result.group.name}: gain {result.gain:.1f}")
+        on_progress(f"added {result.group.name}: gain {result.gain:.1f}, p {result.p_value:.4f}")
         model = drop_superfluous(model, initial, settings, rejected, on_progress)
         if not result.group.is_shared:
             model = retrace(model)

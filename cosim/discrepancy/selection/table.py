@@ -26,22 +26,29 @@ class Entry:
     Attributes:
         group: the hypothesis.
         tables: (clusters, k) scores by track and by part of a scan.
+        known: (clusters, k) information of each cluster, of both clusterings.
         information: (k, k) with everything fitted eliminated.
         variance: (k,) of the scores' sums under the null, no less than the information implies.
         left: (k,) share of the information that outlives what is fitted.
         cell: for gains.
-        expected: (k,) expected events of counts, in events; None for others.
+        is_count: whether score and information count events.
         event: (k,) weight of one event of counts, else 1.
     """
 
     group: Group
     tables: tuple[np.ndarray, np.ndarray]
+    known: tuple[np.ndarray, np.ndarray]
     information: np.ndarray
     variance: np.ndarray
     left: np.ndarray
     cell: Cell
-    expected: np.ndarray | None
+    is_count: bool
     event: np.ndarray
+
+    @property
+    def expected_clusters(self) -> tuple[np.ndarray, ...]:
+        """Of counts, expected number (k,) of clusters with an event, for both clusterings."""
+        return tuple((1 - np.exp(-known / self.event)).sum(0) for known in self.known)
 
     @property
     def score(self) -> np.ndarray:
@@ -140,12 +147,13 @@ def score_shared(
                 left = left - common**2 / max(own, 1e-300)
         if left <= 0.05 * whole or whole <= 0:
             continue
-        tables = _summed(score, projector)
-        variance = np.array([max((table**2).sum() for table in tables)])
+        tables, known = _summed(score, projector), _summed(information, projector)
+        variance = np.array([max(float((table**2).sum()) for table in tables)])
         variance = np.maximum(variance, floor * left / whole)
         cell = Cell("normal", np.array([[left]]), np.ones(1), True, max(floor / whole, 1.0))
+        share = np.array([left / whole])
         entries.append(
-            Entry(one.group, tables, np.array([[left]]), variance, np.array([left / whole]), cell, None, np.ones(1))
+            Entry(one.group, tables, known, np.array([[left]]), variance, share, cell, False, np.ones(1))
         )
     return entries
 
@@ -164,7 +172,7 @@ def evaluate(
         columns = np.arange(end - len(entry.variance), end)
         scale = np.sqrt(np.maximum(np.diag(entry.information), 1e-300))
         correlation = entry.information / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
-        expected = None if entry.expected is None else entry.expected / entry.event
+        expected = entry.expected_clusters if entry.is_count else None
         statistics.append(
             Statistic(columns, np.linalg.inv(correlation), entry.group.one_sided, expected,
                       entry.group.is_clustered_by_scan)
@@ -198,9 +206,10 @@ def _project(
         if left.max(initial=0.0) < settings.least_left or not np.diag(information).max(initial=0.0) > 0:
             continue
         tables = found.tables[TRACK][:, mine], found.tables[PART][:, mine]
+        known = found.known[TRACK][:, mine], found.known[PART][:, mine]
         scatter = np.maximum(*((table**2).sum(0) for table in tables))
         variance = np.maximum(scatter, found.floor[mine])
-        probability, expected, event = np.full(group.size, 0.5), None, np.ones(group.size)
+        probability, event = np.full(group.size, 0.5), np.ones(group.size)
         diagonal = np.diag(information)
         if group.channel == "drop" and group.basis is not None:
             weight = abs(group.basis).T @ (linearisation.evidence.information["drop"] > 0).astype(float)
@@ -211,11 +220,10 @@ def _project(
             losses = diagonal * (1 - probability) ** 2 / probability
             variance = np.maximum(variance, diagonal * np.maximum(settings.fewest_events / np.maximum(losses, 1e-9), 1))
         if group.is_count:
-            expected = np.maximum(diagonal, 1e-9)
             event = _event_weight(linearisation, group)
-            variance = np.maximum(variance, expected * event)
+            variance = np.maximum(variance, diagonal * event)
         cell = Cell(_law(group), information, probability, group.one_sided, 1.0)
-        entries.append(Entry(group, tables, information, variance, left, cell, expected, event))
+        entries.append(Entry(group, tables, known, information, variance, left, cell, group.is_count, event))
     return entries
 
 
@@ -223,20 +231,21 @@ def _direct(linearisation: Linearisation, group: Group, projector: Projector, se
     """Entry of a group of one column whose scores no derivative gives."""
     assert group.direct is not None
     score, information = group.direct
-    tables, sample = _summed(score, projector), linearisation.sample
+    tables, known, sample = _summed(score, projector), _summed(information, projector), linearisation.sample
     scatter = np.array([max(float((table**2).sum()) for table in tables)])
     whole = float(information.sum())
     if whole <= 0:  # a whole setting: score is its gain
         whole = max(float(scatter[0]), 1e-300)
         gain = Cell("normal", np.array([[whole]]), np.ones(1), True, 1.0)
-        return Entry(group, tables, np.array([[whole]]), scatter, np.ones(1), gain, None, np.ones(1))
+        known = tables[TRACK] ** 2, tables[PART] ** 2
+        return Entry(group, tables, known, np.array([[whole]]), scatter, np.ones(1), gain, False, np.ones(1))
     events = score > 0.2
     weight = float((score[events] * sample.share[events]).sum() / max(float(score[events].sum()), 1e-9)) or 1.0
     event = np.array([max(weight, 1e-3)])
-    known = np.array([[whole]])
-    cell = Cell("count", known, np.ones(1), True, max(float(event[0]), 1.0))
+    total = np.array([[whole]])
+    cell = Cell("count", total, np.ones(1), True, max(float(event[0]), 1.0))
     variance = np.maximum(scatter, whole * event)
-    return Entry(group, tables, known, variance, np.ones(1), cell, np.array([whole]), event)
+    return Entry(group, tables, known, total, variance, np.ones(1), cell, True, event)
 
 
 def _law(group: Group) -> Law:
@@ -284,11 +293,19 @@ def _summed(score: np.ndarray, projector: Projector) -> tuple[np.ndarray, np.nda
     return track, part
 
 
+def _folded(entry: Entry, kind: int, folds: int) -> tuple[np.ndarray, np.ndarray]:
+    """Scores and information (folds, k) of random folds of the clusters."""
+    seed = [folds, kind]
+    return tuple(  # type: ignore[return-value]
+        fold_sums(table, folds, np.random.default_rng(seed)) for table in (entry.tables[kind], entry.known[kind])
+    )
+
+
 def _in_events(table: np.ndarray, entries: Sequence[Entry], ends: np.ndarray) -> np.ndarray:
     """A table with the columns of counts in events."""
     table = table.copy()
     for entry, end in zip(entries, ends, strict=True):
-        if entry.expected is not None:
+        if entry.is_count:
             table[:, end - len(entry.variance) : end] /= entry.event
     return table
 
