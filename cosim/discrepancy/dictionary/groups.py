@@ -78,6 +78,11 @@ class Group:
         return self.channel.startswith("shared_")
 
     @property
+    def is_random(self) -> bool:
+        """Whether it differs from unit to unit without a law: a shared error, or a phase of its own in each scan."""
+        return self.is_shared or not self.is_clustered_by_scan
+
+    @property
     def effect_name(self) -> str:
         """Name of the effect; empty for dependences."""
         return self.tangent.effect.name if self.tangent else ""

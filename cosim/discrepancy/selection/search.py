@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -19,6 +20,7 @@ from cosim.discrepancy.selection.table import TestResult, evaluate, score_groups
 from cosim.discrepancy.settings import Settings
 from sensors.effects.base import Effect
 
+_LOG = logging.getLogger(__name__)
 _ROUGH_STEPS, _STEPS = 4, 10
 
 
@@ -152,9 +154,11 @@ def _choose(
     """The model with the best candidate, and which it is; None without any."""
     if not candidates:
         return None
-    systematic = [result for result in candidates if not result.group.is_shared]
+    systematic = [result for result in candidates if not result.group.is_random]
+    best = candidates[0]
+    if not systematic and not best.group.is_shared:
+        systematic = [result for result in candidates if not result.group.is_shared]
     if not systematic:
-        best = candidates[0]
         term = Term(best.group, best.p_value, best.gain, best.gain)
         return replace(model, terms=(*model.terms, term)), best
     best = systematic[0]
@@ -171,6 +175,7 @@ def _choose(
             model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=_ROUGH_STEPS
         )
         tried.append((result, after.loglik - model.loglik))
+    _LOG.debug("tried %s", [(result.group.name, round(result.gain, 1), round(gain, 1)) for result, gain in tried])
     result = _simplest(tried, settings)
     after, group = refit_with(
         model, evidence.linearisation, result.group, result.entry.coefficients, fine=True, steps=_STEPS
@@ -197,13 +202,16 @@ def _shortlist(
         if key not in seen and len(shortlist) < by.rivals + 1:
             seen.add(key)
             shortlist.append(result)
-    named = [result for result in near if result.group.is_effect and result.group.size <= 2 and result.gain >= 0.3 * best.gain]
-    turned = [
+    named = [
         result
-        for channel in ANGLES
-        for result in [other for other in evidence.results if other.group.channel == channel and other.entry.z > 3][:3]
-        if family == "range" and best.gain > 60
+        for result in near
+        if result.group.is_effect and result.group.size <= 2 and result.gain >= 0.3 * best.gain
     ]
+    turned = []
+    if family == "range" and best.group.channel != "range_variance" and not best.group.is_random:
+        systematic = [other for other in evidence.results if not other.group.is_random and other.entry.z > 3]
+        for channel in ANGLES:
+            turned += [other for other in systematic if other.group.channel == channel][:3]
     for result in [*named[:3], *turned]:
         key = _kind(result.group)
         if key not in seen:
@@ -214,7 +222,13 @@ def _shortlist(
 
 def _kind(group: Group) -> tuple:
     """What makes two groups the same hypothesis in other bins or at another setting."""
-    return group.channel, group.effect_name, group.covariates, round(group.frequency_hz, 2), group.name if not group.covariates and not group.is_effect else ""
+    return (
+        group.channel,
+        group.effect_name,
+        group.covariates,
+        round(group.frequency_hz, 2),
+        group.name if not group.covariates and not group.is_effect else "",
+    )
 
 
 def _simplest(tried: Sequence[tuple[TestResult, float]], settings: Settings) -> TestResult:

@@ -152,9 +152,7 @@ def score_shared(
         variance = np.maximum(variance, floor * left / whole)
         cell = Cell("normal", np.array([[left]]), np.ones(1), True, max(floor / whole, 1.0))
         share = np.array([left / whole])
-        entries.append(
-            Entry(one.group, tables, known, np.array([[left]]), variance, share, cell, False, np.ones(1))
-        )
+        entries.append(Entry(one.group, tables, known, np.array([[left]]), variance, share, cell, False, np.ones(1)))
     return entries
 
 
@@ -182,10 +180,8 @@ def evaluate(
     results = []
     for entry, p_value in zip(entries, p_values, strict=True):
         gains = [
-            cross_fitted_gain(
-                fold_sums(table, settings.folds, np.random.default_rng([settings.folds, kind])), entry.cell
-            )
-            for kind, table in enumerate(entry.tables)
+            cross_fitted_gain(*_folded(entry, kind, settings.folds), entry.cell)
+            for kind in (TRACK, PART)
             if kind == TRACK or entry.group.is_clustered_by_scan
         ]
         fewest = min(gains, key=lambda values: float(values.sum()))
