@@ -34,7 +34,7 @@ class Covariate:
         is_of_scan: whether all beams of a scan share its value.
         is_of_neighbour: whether other beams measured it, so that it has their noise.
         toward_next: (n,) share of each beam that belongs to the next bin, for piecewise linear functions.
-        resolution: 0 for the bins of a first look, 1 for the fine ones of a refit.
+        parts: the two covariates of a pair.
     """
 
     name: str
@@ -47,14 +47,14 @@ class Covariate:
     is_of_scan: bool = False
     is_of_neighbour: bool = False
     toward_next: np.ndarray | None = None
-    resolution: int = 0
+    parts: tuple[Covariate, ...] = ()
 
     def __len__(self) -> int:
         return len(self.centres)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the covariates of which this is one or the product."""
+        """Names of the covariates of which this is the product, or its own."""
         return tuple(self.name.split(" x "))
 
     @cached_property
@@ -90,7 +90,7 @@ class Covariate:
             np.arange(float(len(self) * len(other))),
             is_of_scan=self.is_of_scan or other.is_of_scan,
             is_of_neighbour=self.is_of_neighbour or other.is_of_neighbour,
-            resolution=max(self.resolution, other.resolution),
+            parts=(self, other),
         )
 
 
@@ -196,7 +196,7 @@ def refined(covariate: Covariate, sample: Sample) -> Covariate:
     )
     fine = numeric(covariate.name, covariate.unit, covariate.values, bins, covariate.period, linear=linear)
     assert fine is not None  # it has been binned before
-    return replace(fine, is_of_neighbour=covariate.is_of_neighbour, resolution=1)
+    return replace(fine, is_of_neighbour=covariate.is_of_neighbour)
 
 
 def _numbers(

@@ -49,7 +49,8 @@ def cross_fitted_gain(sums: np.ndarray, known: np.ndarray, cell: Cell) -> np.nda
     """
     diagonal = np.maximum(np.diag(cell.information), 1e-300)
     of_fold = known / np.maximum(known.sum(0), 1e-300) * diagonal  # (folds, k)
-    rest, of_rest = sums.sum(0) - sums, np.maximum(diagonal - of_fold, 1e-12 * diagonal)
+    # A column of which one fold has nearly all information cannot be fitted to the others: shrunk by half of the whole.
+    rest, of_rest = sums.sum(0) - sums, np.maximum(diagonal - of_fold, 0.5 * diagonal)
     if cell.law == "normal":
         scale = np.sqrt(diagonal)
         correlation = cell.information / np.outer(scale, scale)
