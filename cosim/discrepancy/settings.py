@@ -229,6 +229,7 @@ class Selection:
     least_gain: float = 3.0  # log-likelihood of a first term,
     least_follower: float = 5.0  # and of later ones
     steps: int = 8  # terms at most
+    listed: int = 12  # remaining dependences that are listed
     rivals: int = 5  # of a best group that are refitted
     rival_share: float = 0.4  # of its gain that these must have
     simpler: float = 0.04  # share of the best exact gain that a simpler group may lack
@@ -312,8 +313,8 @@ class Settings:
     shapes: Shapes = field(default_factory=Shapes)
 
     @property
-    def judging_rows(self) -> int:
-        """Beams of a sample of frames that judge."""
+    def held_out_rows(self) -> int:
+        """Beams of a sample of held-out frames."""
         return self.rows // 2
 
     @property

@@ -33,6 +33,7 @@ class Entry:
         cell: for gains.
         is_count: whether score and information count events.
         event: (k,) weight of one event of counts, else 1.
+        unit: of the coefficients, in the channel's unit: the reference share for counts, else 1.
     """
 
     group: Group
@@ -44,6 +45,7 @@ class Entry:
     cell: Cell
     is_count: bool
     event: np.ndarray
+    unit: float = 1.0
 
     @property
     def expected_clusters(self) -> tuple[np.ndarray, ...]:
@@ -206,6 +208,7 @@ def _project(
         scatter = np.maximum(*((table**2).sum(0) for table in tables))
         variance = np.maximum(scatter, found.floor[mine])
         probability, event = np.full(group.size, 0.5), np.ones(group.size)
+        unit = linearisation.sample.settings.law.reference_share if group.is_count else 1.0
         diagonal = np.diag(information)
         if group.channel == "drop" and group.basis is not None:
             weight = abs(group.basis).T @ (linearisation.evidence.information["drop"] > 0).astype(float)
@@ -219,7 +222,7 @@ def _project(
             event = _event_weight(linearisation, group)
             variance = np.maximum(variance, diagonal * event)
         cell = Cell(_law(group), information, probability, group.one_sided, 1.0)
-        entries.append(Entry(group, tables, known, information, variance, left, cell, group.is_count, event))
+        entries.append(Entry(group, tables, known, information, variance, left, cell, group.is_count, event, unit))
     return entries
 
 
