@@ -10,9 +10,10 @@ from scipy import sparse
 
 pytest.importorskip("cosim.discrepancy.selection.table", reason="the core that these contracts are of is not here")
 
+from cosim.discrepancy.dictionary.shared_errors import shared_errors
 from cosim.discrepancy.selection.gain import cross_fitted_gain, fold_sums
 from cosim.discrepancy.selection.projection import TRACK, Projector
-from cosim.discrepancy.selection.table import Entry, TestResult, evaluate, score_groups
+from cosim.discrepancy.selection.table import Entry, TestResult, evaluate, score_groups, score_shared
 
 from cosim.discrepancy.settings import Selection
 from tests.hidden.statistics.checks import excess, lower_share, uniformity, upper_share
@@ -58,7 +59,7 @@ def test_p_values_of_nulls_are_not_too_small(channel: str) -> None:
     """The larger p of two clusterings is at least uniform; with one clustering it is uniform."""
     both, single = [], []
     for seed in range(_NULLS):
-        rng = np.random.default_rng([seed, 1])
+        rng = np.random.default_rng([seed, 1, CHANNELS.index(channel)])
         entries = _entries(rng, (channel,), 1)
         if not entries:
             continue
@@ -71,6 +72,40 @@ def test_p_values_of_nulls_are_not_too_small(channel: str) -> None:
         assert excess(both, level) > _LEVEL
     if channel not in COUNTS:  # counts of few events have few p-values
         assert uniformity(single) > _LEVEL
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("channel", [*MEANS, "drop"])
+@pytest.mark.parametrize("unit", ["firing", "packet", "sector"])
+def test_p_values_of_shared_errors_are_not_too_small(channel: str, unit: str) -> None:
+    p_values = []
+    for seed in range(_NULLS):
+        rng = np.random.default_rng([seed, 6, CHANNELS.index(channel)])
+        beams = draw_beams(rng, 2500)
+        of = linearised(beams, {channel: draw_scores(rng, channel, beams)})
+        shared = [one for one in shared_errors(of, beams.track) if one.group.covariates == (unit,)]
+        entries = score_shared(of, shared, [], Projector(of, _SETTINGS.sectors))
+        p_values += [result.p_value for result in evaluate(entries, _SETTINGS, rng)]
+    print(f"shared {channel} by {unit}: share at 5 %: {np.mean(np.array(p_values) <= 0.05):.3f}")
+    assert len(p_values) > 0.9 * _NULLS
+    for level in (0.01, 0.05, 0.2):
+        assert excess(p_values, level) > _LEVEL
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("channel", COUNTS[:1])
+def test_twice_as_many_events_are_noticed(channel: str) -> None:
+    """Sixty events where thirty are expected, spread over all clusters as beams are."""
+    noticed = 0
+    for seed in range(20):
+        rng = np.random.default_rng([seed, 7])
+        beams = draw_beams(rng, 30_000)
+        basis = draw_basis(rng, beams, 4, "beam")
+        scores = draw_scores(rng, channel, beams, basis @ np.array([1.0, 0.0, 0.0, 0.0]))
+        of = linearised(beams, {channel: scores})
+        entries = score_groups(of, [group_of(channel, "bin", basis)], Projector(of, _SETTINGS.sectors), _SETTINGS)
+        noticed += evaluate(entries, _SETTINGS, rng)[0].p_value <= 0.05
+    assert noticed >= 16
 
 
 @pytest.mark.slow
