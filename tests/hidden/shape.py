@@ -22,7 +22,7 @@ from tests.hidden.unseen.registry import KINDS
 
 _FRAMES = 4
 _LIMIT_S = 200.0
-_CLIP_M = 0.5  # of changes of range where a beam meets another surface
+_SAME_SURFACE_M = 0.3  # a larger change of range is another surface, not a shape
 _COLUMNS = {"range": "range_m", "signal": "intensity", "aim": "range_m"}
 
 
@@ -70,8 +70,10 @@ def _explained(name: str, parameters: Mapping[str, Any], base: Path, replayed: P
         bare, odd = (_measured(one, twin, frame, beams, elapsed) for one in (replace(truth, unseen={}), truth))
         plain, shaped = (read_told(drive, frame["frame"], beams) for drive in (base, replayed))
         both = bare.found & odd.found & plain.found & shaped.found
-        true.append(np.clip((getattr(odd, column) - getattr(bare, column))[both], -_CLIP_M, _CLIP_M))
-        found.append(np.clip((getattr(shaped, column) - getattr(plain, column))[both], -_CLIP_M, _CLIP_M))
+        changes = [(getattr(b, column) - getattr(a, column))[both] for a, b in ((bare, odd), (plain, shaped))]
+        same = np.abs(changes).max(0) < (_SAME_SURFACE_M if column == "range_m" else np.inf)
+        true.append(changes[0][same])
+        found.append(changes[1][same])
     return r_squared(np.concatenate(true), np.concatenate(found))
 
 

@@ -8,12 +8,12 @@ import numpy as np
 from scipy import stats
 
 
-def uniformity(p_values: Sequence[float]) -> float:
+def uniformity(p_values: Sequence[float] | np.ndarray) -> float:
     """p-value of the Kolmogorov–Smirnov test that p-values are uniform."""
     return float(stats.kstest(np.asarray(p_values), "uniform").pvalue)
 
 
-def excess(p_values: Sequence[float], level: float) -> float:
+def excess(p_values: Sequence[float] | np.ndarray, level: float) -> float:
     """p-value of the hypothesis that at most a share `level` of p-values is at or below it (exact binomial test)."""
     rejected = int((np.asarray(p_values) <= level).sum())
     return float(stats.binomtest(rejected, len(p_values), level, alternative="greater").pvalue)

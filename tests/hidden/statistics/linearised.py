@@ -14,7 +14,7 @@ from scipy import sparse
 
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.score import Evidence, Factored
-from tests.hidden.statistics.score_tables import COUNTS, Beams, Scores
+from tests.hidden.statistics.score_tables import COUNTS, Beams, Scores, SparseMatrix
 
 PRECISION = 1 / 0.15**2
 
@@ -39,7 +39,7 @@ class _Sample:
 def linearised(
     beams: Beams,
     scores: Mapping[str, Scores],
-    random_columns: Mapping[str, sparse.csr_matrix] | None = None,
+    random_columns: Mapping[str, SparseMatrix] | None = None,
     estimate: np.ndarray | None = None,
 ) -> Linearisation:
     """A linearisation of synthetic scores.
@@ -78,7 +78,7 @@ def linearised(
     return Linearisation(fitter, fitted, (), fitted.prediction, evidence, channels, mixed)
 
 
-def group_of(channel: str, name: str, basis: sparse.csr_matrix) -> Group:
+def group_of(channel: str, name: str, basis: SparseMatrix) -> Group:
     """The hypothesis that a channel depends on the bins of a covariate."""
     return Group(
         f"{channel} by {name}",

@@ -8,6 +8,7 @@ sample of more. Everything here is plain numpy; nothing of the diagnosis core is
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -18,6 +19,7 @@ MEANS, COUNTS, PROBABILITY, SPREADS = (
     "drop",
     ("range_variance", "intensity_variance"),
 )
+SparseMatrix = Any  # scipy does not type products of its sparse matrices
 CHANNELS = (*MEANS, *COUNTS, PROBABILITY, *SPREADS)
 _EVENT_RATE, _RETURN = 4e-3, 0.93
 _TRACK_ERROR = 0.15  # standard deviation of what the beams of a track share, in units of the noise
@@ -98,7 +100,7 @@ def draw_scores(
     return Scores(beams.share * (np.minimum(noise**2, 20.0) - 1), 2 * beams.share)
 
 
-def draw_basis(rng: np.random.Generator, beams: Beams, bins: int, by: str) -> sparse.csr_matrix:
+def draw_basis(rng: np.random.Generator, beams: Beams, bins: int, by: str) -> SparseMatrix:
     """(n, bins) indicator functions of the bins of a covariate.
 
     Args:
@@ -118,7 +120,7 @@ def draw_basis(rng: np.random.Generator, beams: Beams, bins: int, by: str) -> sp
     return sparse.csr_matrix((np.ones(len(beams)), (np.arange(len(beams)), index)), (len(beams), bins))
 
 
-def correlated_basis(rng: np.random.Generator, basis: sparse.csr_matrix, kept: float) -> sparse.csr_matrix:
+def correlated_basis(rng: np.random.Generator, basis: SparseMatrix, kept: float) -> SparseMatrix:
     """Bins of a covariate that agrees with another one for a share of the beams and is random for the others."""
     index = np.asarray(basis.argmax(1)).ravel()
     other = rng.integers(0, basis.shape[1], len(index))
@@ -126,7 +128,7 @@ def correlated_basis(rng: np.random.Generator, basis: sparse.csr_matrix, kept: f
     return sparse.csr_matrix((np.ones(len(index)), (np.arange(len(index)), index)), basis.shape)
 
 
-def track_effects(beams: Beams) -> sparse.csr_matrix:
+def track_effects(beams: Beams) -> SparseMatrix:
     """(n, tracks) columns of one random effect per track."""
     shape = (len(beams), int(beams.track.max()) + 1)
     return sparse.csr_matrix((np.ones(len(beams)), (np.arange(len(beams)), beams.track)), shape)

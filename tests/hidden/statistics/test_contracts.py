@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import sparse
 
 pytest.importorskip("cosim.discrepancy.selection.table", reason="the core that these contracts are of is not here")
 
@@ -24,6 +23,7 @@ from tests.hidden.statistics.score_tables import (
     MEANS,
     Beams,
     Scores,
+    SparseMatrix,
     correlated_basis,
     draw_basis,
     draw_beams,
@@ -175,7 +175,7 @@ def test_the_gain_of_a_strong_effect_is_what_it_adds_to_the_likelihood(channel: 
     assert np.mean(found) == pytest.approx(np.mean(expected), rel=0.1)
 
 
-def _strong(channel: str, seed: int) -> tuple[Beams, sparse.csr_matrix, Scores, np.ndarray]:
+def _strong(channel: str, seed: int) -> tuple[Beams, SparseMatrix, Scores, np.ndarray]:
     """Beams, bins of a covariate, scores with a strong effect in one bin, and that effect (n,)."""
     rng = np.random.default_rng([seed, 3, CHANNELS.index(channel)])
     size = {"range": 0.3, "intensity": 0.3, "drop": 0.05}.get(channel, 3.0 if channel in COUNTS else 0.2)
@@ -185,7 +185,7 @@ def _strong(channel: str, seed: int) -> tuple[Beams, sparse.csr_matrix, Scores, 
     return beams, basis, draw_scores(rng, channel, beams, effect), effect
 
 
-def _gain(channel: str, beams: Beams, basis: sparse.csr_matrix, scores: Scores, seed: int) -> float:
+def _gain(channel: str, beams: Beams, basis: SparseMatrix, scores: Scores, seed: int) -> float:
     """Cross-fitted gain of one group, in log-likelihood of the weighted beams."""
     of = linearised(beams, {channel: scores})
     entry = score_groups(of, [group_of(channel, "beam", basis)], Projector(of, _SETTINGS.sectors), _SETTINGS)[0]
