@@ -1,41 +1,48 @@
-"""The matrix of cases: what is hidden, how strongly, in which town."""
+"""The cases of the benchmark: what is hidden, how strongly, where, and with which errors of the twin."""
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import zip_longest
+from pathlib import Path
 
 import numpy as np
 
-from tests.hidden import base_drives
 from tests.hidden.amplitudes import STRENGTHS, has_level, parameters
-from tests.hidden.drive import Hidden
-from tests.hidden.nuisances import NUISANCES
-from tests.hidden.physics import told
-from tests.hidden.truth import Told
-from tests.hidden.unknowns import KINDS, draw_two
-from tests.hidden.unnamed import UNNAMED
+from tests.hidden.base_drives import FRAMES, PATTERNS, TOWNS, Base, base_drive
+from tests.hidden.drive import Hidden, world_of
+from tests.hidden.truth import Finding
+from tests.hidden.twin_files import read_pattern
+from tests.hidden.unseen.kind import LEVELS, NotApplicableError, World
+from tests.hidden.unseen.registry import FAULTS, FORMS, KINDS
 
-NULLS = ("null", "null_nuisance", "null_harder", "nuisance")
-NAMED = ("strong", "one", "half", "quarter", "several", "disturbed")
-TWO = "two_at_once"
-UNKNOWNS = ("unnamed", *KINDS, TWO)
-GROUPS = (*NULLS, *NAMED, *UNKNOWNS)
-LEVELS = ("strong", "half")  # of unknown effects
-_DRAWS = 2  # of each kind and level
-_NULL_DRAWS = 3
-_SINGLE_NUISANCES = tuple(name for name in NUISANCES if name not in ("usual", "harder"))
-_NUISANCE_LAWS = ("student5", "laplace")
-_PEOPLED = "town01_s2"  # elsewhere hardly anybody is on foot
-_KNOWN = {
-    "dual_block": {"upper_m": 0.0405, "lower_m": -0.0405},
-    "sweep_motion": {"sweep_s": 0.1},
-    "glass_transmission": {"transmission": 0.85, "mode": "strongest"},
-    "incidence_falloff": {"exponent": 0.5},
-    "random_dropout": {"probability": 0.05},
+NULL, SINGLE, SEVERAL = "null", "single", "several"
+UNSEEN, TWO, BESIDE, FORM = "unseen", "unseen_two", "unseen_catalogue", "form"
+UNSEEN_GROUPS = (UNSEEN, TWO, BESIDE, FORM)
+GROUPS = (NULL, SINGLE, SEVERAL, *UNSEEN_GROUPS)
+# Shares of a sample.
+_WEIGHTS = {NULL: 4.0, SINGLE: 4.0, SEVERAL: 3.0, UNSEEN: 6.0, TWO: 1.0, BESIDE: 1.0, FORM: 1.0}
+SENSORS: dict[str, dict[str, dict]] = {
+    "bare": {},
+    "physics": {
+        "sweep_motion": {"sweep_s": 0.1},
+        "incidence_falloff": {"exponent": 0.5},
+        "range_falloff": {"reference_m": 40.0, "exponent": 1.0},
+        "random_dropout": {"probability": 0.03},
+    },
+    "detection": {
+        "beam_divergence": {"divergence_mrad": 2.0, "pulse_ns": 6.0},
+        "detection_threshold": {"threshold": 0.06, "softness": 0.02},
+    },
 }
+NUISANCES = ("usual", "harder")
+_LAWS = ("student5", "laplace")
+_NULL_BASES = 4
+_DRAWS = {UNSEEN: 2, FORM: 1}  # of each kind
+_TWOS, _BESIDES = 6, 6
+_MOST_DRAWS = 200
+_LOSSES = {"probability": 0.05}
 _SEVERAL = (
     ("range_walk", "incidence_falloff"),
     ("elevation_offset", "range_bias"),
@@ -51,23 +58,19 @@ _SEVERAL = (
     ("range_noise", "incidence_falloff", "false_alarms"),
     ("incidence_bias", "detection_threshold", "ring_elevation"),
 )
-_DISTURBED = (
-    ("range_walk", ("label_jitter_track", "pose_drift")),
-    ("elevation_offset", ("pose_drift",)),
-    ("incidence_bias", ("map_error",)),
-    ("range_bias", ("label_jitter_frame", "heavy_tails")),
-    ("ring_range_offset", ("outliers", "label_jitter_track")),
-    ("incidence_falloff", ("label_jitter_track", "map_error")),
-    ("range_walk", ("harder",)),
-    ("ring_gain", ("harder",)),
-)
-_QUICK = (
-    "null-plain-exact", "null-known-exact", "null_nuisance-0-usual", "null_harder-0-harder", "nuisance-pose_drift",
-    "strong-range_walk-", "strong-elevation_offset-", "strong-incidence_falloff-", "strong-random_dropout-",
-    "half-range_walk-", "half-range_bias-", "several-range_walk+incidence_falloff-",
-    "several-sweep_motion+ring_range_offset-", "unnamed-azimuth_step_strong-", "unnamed-dirty_window_strong-",
-    *(f"{kind}-strong0-" for kind in (*KINDS, TWO)),
-)  # fmt: skip
+# Catalogue effects beside an unseen one, and the channels that both must not share.
+_RANGES = ("range", "azimuth_error", "elevation_error", "shared_range", "wiring", "range_variance")
+_COMPANIONS: dict[str, tuple[str, ...]] = {
+    "range_walk": _RANGES,
+    "range_bias": _RANGES,
+    "elevation_offset": _RANGES,
+    "incidence_bias": _RANGES,
+    "encoder_eccentricity": _RANGES,
+    "incidence_falloff": ("intensity", "intensity_offset", "intensity_variance", "shared_intensity"),
+    "ring_gain": ("intensity", "intensity_offset", "intensity_variance", "shared_intensity"),
+    "random_dropout": ("drop", "shared_drop"),
+    "backscatter": ("spurious", "early", "late"),
+}
 
 
 @dataclass(frozen=True)
@@ -75,50 +78,88 @@ class Case:
     """One drive to be diagnosed.
 
     Attributes:
-        name: group, what is hidden, whether nuisances are on (`exact`, `usual`, `harder`), seed.
+        name: group, what is hidden, level, nuisances, seed.
         group: of `GROUPS`.
-        hidden: what is hidden.
-        base, held_out: names of base drives: the one to be diagnosed, and one the diagnosis never sees.
-        level: of an unknown effect: `strong` or `half`.
+        effects: names of the hidden catalogue effects.
+        kinds: names of the hidden unseen kinds; where a group draws them, none.
+        level: of `unseen.kind.LEVELS`; empty for nulls.
+        bases: base drives in the order in which they are tried: the first that has what the effect acts on is used.
+        sensor: name of the user's sensor file, of `SENSORS`.
+        nuisance: of `NUISANCES`.
+        frames: number of frames.
+        seed: of everything random.
     """
 
     name: str
     group: str
-    hidden: Hidden
-    base: str
-    held_out: str
-    level: str = ""
+    effects: tuple[str, ...]
+    kinds: tuple[str, ...]
+    level: str
+    bases: tuple[Base, ...]
+    sensor: str
+    nuisance: str
+    frames: int
+    seed: int
 
-    @property
-    def is_quick(self) -> bool:
-        """Part of the quick matrix."""
-        return self.name.startswith(_QUICK) and self.name.endswith("-0")
+    def resolve(self, folder: Path) -> tuple[Path, Hidden]:
+        """Draw all parameters: the base drive, and what to hide in it.
 
-    @property
-    def is_exact(self) -> bool:
-        """Nothing is wrong with twin and noise."""
-        return not self.hidden.nuisances and self.hidden.range_law == self.hidden.intensity_law == "gaussian"
+        Raises:
+            NotApplicableError: no base drive has anything that the effects could act on.
+        """
+        for base in self.bases:
+            drive = base_drive(base, folder)
+            try:
+                return drive, self._drawn(drive)
+            except NotApplicableError:
+                continue
+        raise NotApplicableError(f"{self.name}: none of {len(self.bases)} drives has what {self.kinds} act on")
 
-    @property
-    def told(self) -> list[Told]:
-        """What is true of the unknown effects."""
-        return [told(name, parameters) for name, parameters in self.hidden.unnamed.items()]
+    def _drawn(self, drive: Path) -> Hidden:
+        rng, rings = np.random.default_rng([self.seed, 11]), len(read_pattern(drive)["elevation_deg"])
+        range_law, intensity_law = (str(rng.choice(_LAWS)) for _ in range(2))
+        blank = Hidden(
+            known=SENSORS[self.sensor],
+            nuisances=(self.nuisance,),
+            range_law=range_law,
+            intensity_law=intensity_law,
+            frames=self.frames,
+            seed=self.seed,
+        )
+        effects = {name: parameters(name, self.level, rng, rings) for name in self.effects}
+        unseen: dict[str, dict] = {}
+        if self.group in UNSEEN_GROUPS:
+            world = world_of(drive, blank)
+            if self.group == TWO:
+                unseen = _draw_two(rng, self.level, world)
+            else:
+                unseen = {name: KINDS[name].draw(rng, self.level, world) for name in self.kinds}
+            if self.group == BESIDE:
+                effects = _draw_companion(rng, rings, unseen, world)
+        known = {name: p for name, p in blank.known.items() if name not in effects}
+        if unseen.get("neighbours", {}).get("look", "").endswith("_lost"):  # without losses nothing could follow them
+            known["random_dropout"] = _LOSSES
+        return Hidden(**{**vars(blank), "known": known, "effects": effects, "unseen": unseen})
 
 
-def all_cases(seeds: Iterable[int], frames: int) -> list[Case]:
-    """Every case of some seeds, in an order that shows something of every group early."""
-    found = [case for seed in seeds for case in _Seed(seed, frames).cases()]
-    rank = {case.name: zlib.crc32(case.name.encode()) for case in found}
-    return sorted(found, key=lambda case: (not case.is_quick, rank[case.name]))
+def all_cases(seeds: Iterable[int], frames: int = FRAMES) -> list[Case]:
+    """Every case of some seeds, in an order in which any first part has something of everything."""
+    cases = [case for seed in seeds for case in _Seed(seed, frames).cases()]
+    return sorted(cases, key=lambda case: zlib.crc32(case.name.encode()))
 
 
-def spread(cases: list[Case], count: int) -> list[Case]:
-    """As many cases, taken from each group in turn, in the cases' order."""
+def sample_cases(cases: list[Case], count: int) -> list[Case]:
+    """As many cases, spread over the groups by their weights, in the cases' order."""
     waiting: dict[str, list[Case]] = {}
     for case in cases:
         waiting.setdefault(case.group, []).append(case)
-    turns = [case for row in zip_longest(*waiting.values()) for case in row if case is not None]
-    chosen = {case.name for case in turns[:count]}
+    taken = dict.fromkeys(waiting, 0)
+    chosen: set[str] = set()
+    while len(chosen) < min(count, len(cases)):
+        left = [group for group in waiting if taken[group] < len(waiting[group])]
+        group = min(left, key=lambda name: (taken[name] + 1) / _WEIGHTS[name])
+        chosen.add(waiting[group][taken[group]].name)
+        taken[group] += 1
     return [case for case in cases if case.name in chosen]
 
 
@@ -131,70 +172,97 @@ class _Seed:
 
     def cases(self) -> Iterator[Case]:
         yield from self._nulls()
-        yield from self._named()
-        yield from self._unknowns()
+        yield from self._catalogue()
+        yield from self._unseen()
 
     def _nulls(self) -> Iterator[Case]:
-        yield self._case("null", "plain", "exact")
-        yield self._case("null", "known", "exact", known=_KNOWN)
-        yield self._case("null", "without_rays", "exact", rays=False)
-        yield self._case("null", "foreign_materials", "exact", foreign=True)
-        for draw in range(_NULL_DRAWS):
-            yield self._case("null_nuisance", str(draw), "usual")
-            yield self._case("null_harder", str(draw), "harder")
-        for nuisance in (*_SINGLE_NUISANCES, "outliers", "heavy_tails"):
-            yield self._case("nuisance", nuisance, "", nuisances=(nuisance,))
-        yield self._case("nuisance", "logistic", "", range_law="logistic", intensity_law="student5")
+        for row, base in enumerate(self._bases(self._generator("null"))[:_NULL_BASES]):
+            for sensor in SENSORS:
+                for nuisance in NUISANCES:
+                    yield self._case(NULL, f"{row}-{sensor}", bases=(base,), sensor=sensor, nuisance=nuisance)
 
-    def _named(self) -> Iterator[Case]:
-        for level in ("strong", "one", "half", "quarter"):
-            for name in STRENGTHS:
+    def _catalogue(self) -> Iterator[Case]:
+        for name in STRENGTHS:
+            for level in ("strong", "half"):
                 if has_level(name, level):
-                    yield self._case(level, name, effects=self._drawn((name,), level, name + level))
-        turned = self._drawn(("elevation_offset",), "strong", "e")
-        yield self._case("strong", "elevation_offset_without_rays", effects=turned, rays=False)
+                    yield self._case(SINGLE, name, effects=(name,), level=level)
         for names in _SEVERAL:
-            yield self._case("several", "+".join(names), effects=self._drawn(names, "strong", "+".join(names)))
-        for name, nuisances in _DISTURBED:
-            truth = self._drawn((name,), "strong", name + "disturbed")
-            what = f"{name}_harder" if "harder" in nuisances else name
-            yield self._case("disturbed", what, "", effects=truth, nuisances=nuisances)
+            yield self._case(SEVERAL, "+".join(names), effects=names, level="strong")
 
-    def _unknowns(self) -> Iterator[Case]:
-        for name, unnamed in UNNAMED.items():
-            for level, values in (("strong", unnamed.strong), ("half", unnamed.half)):
-                yield self._case("unnamed", f"{name}_{level}", unnamed={name: dict(values)}, level=level)
-        for kind in (*KINDS, TWO):
-            for level in LEVELS:
-                for draw in range(_DRAWS):
-                    rng = self._generator(f"{kind}{level}{draw}")
-                    drawn = draw_two(rng, level) if kind == TWO else {kind: KINDS[kind].draw(rng, level)}
-                    yield self._case(kind, f"{level}{draw}", unnamed=drawn, known=_losses(drawn), level=level)
+    def _unseen(self) -> Iterator[Case]:
+        for group, kinds in ((UNSEEN, FAULTS), (FORM, FORMS)):
+            for kind in kinds:
+                for draw in range(_DRAWS[group]):
+                    yield self._case(group, f"{kind}{draw}", kinds=(kind,), level=self._level(group, kind, draw))
+        for draw in range(_TWOS):
+            yield self._case(TWO, str(draw), level=self._level(TWO, "", draw))
+        for draw in range(_BESIDES):
+            kind = str(self._generator(f"beside{draw}").choice(list(FAULTS)))
+            yield self._case(BESIDE, f"{kind}{draw}", kinds=(kind,), level=self._level(BESIDE, kind, draw))
 
-    def _case(self, group: str, what: str, nuisance: str | None = None, level: str = "", **hidden) -> Case:
-        """A case; `nuisance` None draws whether it has any, an empty one leaves that to `hidden`."""
-        rng = self._generator(f"nuisance {group} {what}")
-        drawn = ("exact", "usual")[int(rng.integers(2))] if nuisance is None else nuisance
-        if drawn in ("usual", "harder"):
-            range_law, intensity_law = (str(rng.choice(_NUISANCE_LAWS)) for _ in range(2))
-            hidden |= {"nuisances": (drawn,), "range_law": range_law, "intensity_law": intensity_law}
-        name = "-".join(part for part in (group, what, drawn, str(self.seed)) if part)
-        code = zlib.crc32(name.encode())
-        row, step = code % len(base_drives.NAMES), 1 + code // 7 % 2
-        if hidden.get("unnamed", {}).get("class_or_material", {}).get("objects") == "people":
-            row = base_drives.NAMES.index(_PEOPLED)
-        base, held_out = base_drives.NAMES[row], base_drives.NAMES[(row + step) % len(base_drives.NAMES)]
-        return Case(name, group, Hidden(seed=code % 100_000, frames=self.frames, **hidden), base, held_out, level)
+    def _level(self, group: str, kind: str, draw: int) -> str:
+        return str(self._generator(f"level {group} {kind} {draw}").choice(LEVELS))
 
-    def _drawn(self, effects: tuple[str, ...], level: str, key: str) -> dict[str, dict]:
-        rng = self._generator(key)
-        return {name: parameters(name, level, rng) for name in effects}
+    def _case(
+        self,
+        group: str,
+        what: str,
+        effects: tuple[str, ...] = (),
+        kinds: tuple[str, ...] = (),
+        level: str = "",
+        bases: tuple[Base, ...] = (),
+        sensor: str = "",
+        nuisance: str = "",
+    ) -> Case:
+        rng = self._generator(f"case {group} {what} {level}")
+        bases = bases or self._bases(rng)
+        if "dual_block" in effects:
+            bases = tuple(base for base in bases if base.pattern == "hdl64e")
+        sensor = sensor or str(rng.choice(list(SENSORS)))
+        nuisance = nuisance or str(rng.choice(NUISANCES))
+        name = "-".join(part for part in (group, what, level, nuisance, str(self.seed)) if part)
+        code = zlib.crc32(name.encode()) % 100_000
+        return Case(name, group, effects, kinds, level, bases, sensor, nuisance, self.frames, code)
+
+    def _bases(self, rng: np.random.Generator) -> tuple[Base, ...]:
+        """The seed's base drives in random order: nine towns, each with one pattern, half of them HDL-64E."""
+        of_seed = self._generator("bases")
+        patterns = [PATTERNS[0], PATTERNS[1], PATTERNS[0], PATTERNS[2]]
+        towns = of_seed.permutation(TOWNS)
+        bases = [Base(str(town), patterns[row % 4], self.seed) for row, town in enumerate(towns)]
+        return tuple(bases[row] for row in rng.permutation(len(bases)))
 
     def _generator(self, key: str) -> np.random.Generator:
         return np.random.default_rng([self.seed, zlib.crc32(key.encode())])
 
 
-def _losses(drawn: Mapping[str, Mapping]) -> dict[str, Mapping]:
-    """What the user knows of losses: without any, nothing could follow them."""
-    waits = any(name in KINDS and KINDS[name].late(parameters) for name, parameters in drawn.items())
-    return {"random_dropout": _KNOWN["random_dropout"]} if waits else {}
+def _draw_two(rng: np.random.Generator, level: str, world: World) -> dict[str, dict]:
+    """Two unseen effects of different kinds whose correct findings are in different channels."""
+    for _ in range(_MOST_DRAWS):
+        names = [str(name) for name in rng.choice(list(FAULTS), 2, replace=False)]
+        try:
+            two = {name: KINDS[name].draw(rng, level, world) for name in names}
+        except NotApplicableError:
+            continue
+        first, second = ({c for f in KINDS[name].truths(p, world) for c in _channels(f)} for name, p in two.items())
+        if not first & second:
+            return two
+    raise NotApplicableError
+
+
+def _draw_companion(
+    rng: np.random.Generator, rings: int, unseen: Mapping[str, Mapping], world: World
+) -> dict[str, dict]:
+    """A strong catalogue effect in other channels than the unseen ones."""
+    findings = [f for name, p in unseen.items() for f in KINDS[name].truths(p, world)]
+    used = {channel for finding in findings for channel in _channels(finding)}
+    near = {name for finding in findings for name in (*finding.effects, *finding.beside)}
+    names = [name for name, channels in _COMPANIONS.items() if not used & set(channels) and name not in near]
+    if not names:
+        raise NotApplicableError
+    name = str(rng.choice(names))
+    return {name: parameters(name, "strong", rng, rings)}
+
+
+def _channels(finding: Finding) -> set[str]:
+    return {*finding.channels, *(channel for other in finding.also for channel in _channels(other))}

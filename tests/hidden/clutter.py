@@ -17,7 +17,7 @@ def backscatter(scan: Scan, rng, density_per_m: float, mean_range_m: float) -> N
     drop = np.full(len(spent), np.inf)
     drop[spent < 1] = near - mean_range_m * np.log1p(-spent[spent < 1])
     first = (drop < np.where(scan.found, scan.range_m, far)) & (drop <= far)
-    _reply(scan, first, drop[first], np.clip(0.02 + 0.004 * rng.normal(size=first.sum()), 0, 1))
+    reply(scan, first, drop[first], np.clip(0.02 + 0.004 * rng.normal(size=first.sum()), 0, 1))
 
 
 def false_alarms(scan: Scan, rng, rate_per_frame: float, azimuth_deg: float, width_deg: float) -> None:
@@ -25,7 +25,7 @@ def false_alarms(scan: Scan, rng, rate_per_frame: float, azimuth_deg: float, wid
     sector = np.flatnonzero(np.abs((turn + 180) % 360 - 180) <= width_deg / 2)
     count = min(rng.poisson(rate_per_frame), len(sector))
     struck = rng.choice(sector, count, replace=False)
-    _reply(scan, struck, rng.uniform(*scan.beams.range_m, count), rng.uniform(0, 0.1, count))
+    reply(scan, struck, rng.uniform(*scan.beams.range_m, count), rng.uniform(0, 0.1, count))
 
 
 def blooming(scan: Scan, rng, radius_deg: float, threshold: float) -> None:
@@ -45,9 +45,10 @@ def blooming(scan: Scan, rng, radius_deg: float, threshold: float) -> None:
         nearest[rows], owner[rows] = close, source
     rows = np.flatnonzero(owner >= 0)
     rows = rows[scan.range_m[rows] > scan.range_m[owner[rows]]]
-    _reply(scan, rows, scan.range_m[owner[rows]], 0.3 * scan.intensity[owner[rows]])
+    reply(scan, rows, scan.range_m[owner[rows]], 0.3 * scan.intensity[owner[rows]])
 
 
-def _reply(scan: Scan, rows, range_m, intensity) -> None:
+def reply(scan: Scan, rows, range_m, intensity) -> None:
+    """Let beams return something that is no surface of the twin."""
     scan.found[rows], scan.range_m[rows], scan.intensity[rows] = True, range_m, intensity
     scan.material[rows], scan.instance[rows] = _NO_MATERIAL, _NO_INSTANCE

@@ -20,13 +20,13 @@ import yaml
 from tests.hidden.glb_edit import rename_materials
 from tests.hidden.head import nominal_beams
 from tests.hidden.nuisances import warp_map, written_frames
-from tests.hidden.physics import CATALOGUE, Truth, measure, told
+from tests.hidden.physics import CATALOGUE, Truth, measure
 from tests.hidden.tall_things import move_tall_things
-from tests.hidden.traces import Traces
+from tests.hidden.truth import Finding
 from tests.hidden.twin_files import MaterialTable, read_frames, read_pattern
 from tests.hidden.twin_tracing import Twin
-from tests.hidden.unknowns import KINDS
-from tests.hidden.unnamed import UNNAMED
+from tests.hidden.unseen.kind import World
+from tests.hidden.unseen.registry import KINDS
 
 BASE_NOISE: dict[str, dict] = {"range_noise": {"sigma_m": 0.02}, "intensity_noise": {"sigma_rel": 0.1}}
 
@@ -52,7 +52,7 @@ class Hidden:
 
     Attributes:
         effects: hidden catalogue effects and parameters; one the user knows, too, is the true one.
-        unnamed: hidden effects of `unnamed.py`, or kinds of `unknowns.py`.
+        unseen: hidden kinds of `unseen.registry.KINDS` and their parameters.
         known: effects that are true and that the user's file has.
         nuisances: of `nuisances.NUISANCES`, and `outliers`, `heavy_tails`.
         noise: false for a drive without any noise.
@@ -66,7 +66,7 @@ class Hidden:
     """
 
     effects: Mapping[str, Mapping] = field(default_factory=dict)
-    unnamed: Mapping[str, Mapping] = field(default_factory=dict)
+    unseen: Mapping[str, Mapping] = field(default_factory=dict)
     known: Mapping[str, Mapping] = field(default_factory=dict)
     nuisances: tuple[str, ...] = ()
     noise: bool = True
@@ -89,28 +89,27 @@ class Hidden:
         """The true sensor."""
         return Truth(
             effects={**self.believed, **self.effects},
-            unnamed=self.unnamed,
+            unseen=self.unseen,
             range_law="student3" if "heavy_tails" in self.nuisances else self.range_law,
             intensity_law=self.intensity_law,
             outliers=0.01 if "outliers" in self.nuisances else 0.0,
         )
 
 
-def make_drive(base: Path, out: Path, hidden: Hidden, cache: Path | None = None) -> Made:
+def make_drive(base: Path, out: Path, hidden: Hidden) -> Made:
     """Write a measured drive.
 
     Args:
         base: a drive of `cosim run`; only its twin, pattern and calibration are used.
         out: folder to write; what is there is removed.
         hidden: what to hide.
-        cache: folder for traces of the nominal beams.
     """
     base, out = Path(base), Path(out)
     frames, pattern = read_frames(base, hidden.frames), reduced(read_pattern(base), hidden)
     shutil.rmtree(out, ignore_errors=True)
     for folder in ("velodyne", "rays", "calib", "twin/frames"):
         (out / folder).mkdir(parents=True)
-    _write_scans(base, out, frames, pattern, hidden, cache)
+    _write_scans(base, out, frames, pattern, hidden)
     _write_twin(base, out, frames, hidden)
     made = Made(out, out.with_name(out.name + ".sensor.yaml"), out.with_name(out.name + ".truth.json"))
     _write_papers(made, base, pattern, frames, hidden)
@@ -131,22 +130,37 @@ def frame_generator(hidden: Hidden, row: int) -> np.random.Generator:
     return np.random.default_rng([hidden.seed, 7, row])
 
 
-def _write_scans(base: Path, out: Path, frames, pattern: dict, hidden: Hidden, cache: Path | None) -> None:
+def _write_scans(base: Path, out: Path, frames: list[dict], pattern: dict, hidden: Hidden) -> None:
     twin, truth, beams = Twin(base / "twin"), hidden.truth, nominal_beams(pattern)
-    traces = Traces(twin, beams, cache and cache / f"{base.name}_{beams.rings}x{beams.firings}")
     for row, frame in enumerate(frames):
-        known = None if truth.bends_rays else traces.of(frame)
         elapsed = frame["time_s"] - frames[0]["time_s"]
-        told = measure(truth, twin, frame, beams, frame_generator(hidden, row), elapsed, known).points()
-        told.pop("points").tofile(out / "velodyne" / f"{frame['frame']}.bin")
+        columns = measure(truth, twin, frame, beams, frame_generator(hidden, row), elapsed).points()
+        columns.pop("points").tofile(out / "velodyne" / f"{frame['frame']}.bin")
         if hidden.rays:
-            np.savez(out / "rays" / f"{frame['frame']}.npz", **told)  # pyright: ignore[reportArgumentType]
+            np.savez(out / "rays" / f"{frame['frame']}.npz", **columns)  # pyright: ignore[reportArgumentType]
         shutil.copyfile(base / "calib" / f"{frame['frame']}.txt", out / "calib" / f"{frame['frame']}.txt")
+
+
+def correct_findings(base: Path, hidden: Hidden) -> list[Finding]:
+    """What a diagnosis should report of the unseen effects of a drive."""
+    if not hidden.unseen:
+        return []
+    world = world_of(base, hidden)
+    return [truth for name, p in hidden.unseen.items() for truth in KINDS[name].truths(p, world)]
+
+
+def world_of(base: Path, hidden: Hidden) -> World:
+    """What a base drive offers to unseen effects."""
+    frames, beams = read_frames(base, hidden.frames), nominal_beams(reduced(read_pattern(base), hidden))
+    return World.of(Twin(base / "twin"), frames, beams)
 
 
 def _write_twin(base: Path, out: Path, frames: list[dict], hidden: Hidden) -> None:
     rng = np.random.default_rng([hidden.seed, 8])
-    for frame in written_frames(frames, hidden.nuisances, rng):
+    written = written_frames(frames, hidden.nuisances, rng)
+    for name, p in hidden.truth.at("twin"):
+        KINDS[name].act(written, p)
+    for frame in written:
         path = out / "twin" / "frames" / f"{frame['frame']}.json"
         path.write_text(json.dumps(frame))
     names = {name: f"MAT.{row:03d}" for row, name in enumerate(MaterialTable(base / "twin" / "materials.yaml").names)}
@@ -183,8 +197,8 @@ def _write_papers(made: Made, base: Path, pattern: dict, frames: list[dict], hid
         named = f"./{made.drive.name}/pattern.yaml"
     effects = [{"effect": name, **dict(parameters)} for name, parameters in hidden.believed.items()]
     made.sensor.write_text(yaml.safe_dump({"pattern": named, "effects": effects}, sort_keys=False))
-    unnamed = [told(name, parameters).to_json() for name, parameters in hidden.unnamed.items()]
-    secret = {"base": str(base), "frames": len(frames), **asdict(hidden), "told": unnamed}
+    findings = [truth.to_json() for truth in correct_findings(base, hidden)]
+    secret = {"base": str(base), "frames": len(frames), **asdict(hidden), "findings": findings}
     made.truth.write_text(json.dumps(secret, indent=1, default=list))
 
 
@@ -210,14 +224,14 @@ def main() -> None:
     given = {key: value for text in chosen.effect for key, value in yaml.safe_load(text).items()}
     hidden = Hidden(
         effects={name: value for name, value in given.items() if name in CATALOGUE},
-        unnamed={name: value for name, value in given.items() if name in UNNAMED or name in KINDS},
+        unseen={name: value for name, value in given.items() if name in KINDS},
         known={key: value for text in chosen.known for key, value in yaml.safe_load(text).items()},
         nuisances=tuple(chosen.nuisance),
         frames=chosen.frames,
         firings=chosen.firings,
         seed=chosen.seed,
     )
-    if strange := set(given) - set(CATALOGUE) - set(UNNAMED) - set(KINDS):
+    if strange := set(given) - set(CATALOGUE) - set(KINDS):
         parser.error(f"no maker for {', '.join(sorted(strange))}")
     made = make_drive(chosen.base, chosen.out, hidden)
     print(made.drive, made.sensor, made.truth, sep="\n")

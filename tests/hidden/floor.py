@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.hidden.head import Beams, nominal_beams
-from tests.hidden.physics import CLUTTER, Truth, measure, told
+from tests.hidden.physics import CLUTTER, Truth, measure
 from tests.hidden.scan import Scan
 from tests.hidden.twin_files import read_frames, read_pattern
 from tests.hidden.twin_tracing import Twin
@@ -74,7 +74,7 @@ def noise_floor(
             return measure(true, twin, frame, beams, rng, elapsed, known)
 
         first = sensor(_still(truth))
-        known = (first.solid, first.pane)
+        known = None if truth.bends_at_random else (first.solid, first.pane)
         ensemble = [_Told.of(sensor(truth, known=known)) for _ in range(members)]
         data = read_told(drive, frame["frame"], beams)
         clear = ~edges(first)
@@ -121,9 +121,9 @@ def edges(scan: Scan) -> np.ndarray:
 def _still(truth: Truth) -> Truth:
     """The sensor without noise, loss or clutter: the surfaces alone."""
     noisy = ("range_noise", "intensity_noise", "random_dropout", "detection_threshold", *CLUTTER)
-    unnamed = {name: p for name, p in truth.unnamed.items() if "drop" not in told(name, p).channels}
+    aims = {} if truth.bends_at_random else dict(truth.at("aim"))
     effects = {name: p for name, p in truth.effects.items() if name not in noisy}
-    return replace(truth, effects=effects, unnamed=unnamed, outliers=0.0)
+    return replace(truth, effects=effects, unseen=aims, outliers=0.0)
 
 
 def _scores(ensemble: list[_Told], data: _Told, clear: np.ndarray) -> dict[str, np.ndarray]:

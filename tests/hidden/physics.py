@@ -10,10 +10,8 @@ import numpy as np
 from tests.hidden import aiming, clutter, light, reading, surfaces
 from tests.hidden.head import Aim, Beams
 from tests.hidden.scan import Scan, bare_scan
-from tests.hidden.truth import Told
 from tests.hidden.twin_tracing import Surfaces, Twin
-from tests.hidden.unknowns import KINDS, noise_law
-from tests.hidden.unnamed import UNNAMED
+from tests.hidden.unseen.registry import KINDS
 
 RAYS = (
     "mount_rotation", "mount_translation", "elevation_offset", "ring_elevation", "encoder_eccentricity",
@@ -33,49 +31,69 @@ CATALOGUE = (*RAYS, *SURFACE, *LIGHT, *DETECTION, *BIAS, *NOISE, *CLUTTER, *ROUN
 
 @dataclass(frozen=True)
 class Truth:
-    """The sensor that nobody knows.
+    """The true sensor.
 
     Attributes:
         effects: catalogue effects and their parameters.
-        unnamed: effects of `unnamed.py`, or kinds of `unknowns.py`, and their parameters.
+        unseen: kinds of `unseen.registry.KINDS` and their parameters.
         range_law, intensity_law: names of noise laws in `reading.LAWS`.
         outliers: share of returns whose range is off by up to a metre.
     """
 
     effects: Mapping[str, Mapping] = field(default_factory=dict)
-    unnamed: Mapping[str, Mapping] = field(default_factory=dict)
+    unseen: Mapping[str, Mapping] = field(default_factory=dict)
     range_law: str = "gaussian"
     intensity_law: str = "gaussian"
     outliers: float = 0.0
 
     def __post_init__(self) -> None:
-        strange = [*(set(self.effects) - set(CATALOGUE)), *(set(self.unnamed) - set(UNNAMED) - set(KINDS))]
+        strange = [*(set(self.effects) - set(CATALOGUE)), *(set(self.unseen) - set(KINDS))]
         if strange:
             raise ValueError(f"no maker for {', '.join(strange)}")
 
+    def at(self, stage: str) -> list[tuple[str, Mapping]]:
+        """Unseen effects that act at a stage."""
+        return [(name, p) for name, p in self.unseen.items() if KINDS[name].stage(p) == stage]
+
     @property
-    def bends_rays(self) -> bool:
-        """True where rays are not the nominal ones."""
-        return any(name in self.effects for name in RAYS)
+    def bends_at_random(self) -> bool:
+        """Whether no two revolutions have the same rays."""
+        return any(KINDS[name].is_random(p) for name, p in self.at("aim"))
 
     def noise(self, channel: str) -> Callable[[np.random.Generator, int], np.ndarray]:
-        """The law of a channel's noise, standard deviation 1."""
+        """The distribution of a channel's noise, standard deviation 1."""
         base = reading.LAWS[self.range_law if channel == "range" else self.intensity_law]
-        shape = self.unnamed.get("noise_shape")
-        return noise_law(shape, base) if shape is not None and shape["channel"] == channel else base
+        for name, p in self.at("law"):
+            if p["channel"] == channel:
+                base = KINDS[name].act(p, base)
+        return base
 
 
-def told(name: str, parameters: Mapping) -> Told:
-    """What a diagnosis should say of an unnamed effect."""
-    return UNNAMED[name].told if name in UNNAMED else KINDS[name].told(parameters)
+def true_aim(
+    truth: Truth,
+    beams: Beams,
+    frame: dict,
+    rng: np.random.Generator | None = None,
+    distances: Callable[[], np.ndarray] | None = None,
+) -> Aim:
+    """Where the beams of a frame truly point.
 
-
-def true_aim(truth: Truth, beams: Beams, frame: dict) -> Aim:
-    """Where the beams of a frame truly point."""
+    Args:
+        truth: the true sensor.
+        beams: nominal beams.
+        frame: the frame's JSON.
+        rng: for errors that are random.
+        distances: gives the (n,) distances of what nominal beams meet, for errors that depend on them.
+    """
     aim = Aim.nominal(beams)
     for name in RAYS:
         if name in truth.effects:
             getattr(aiming, name)(aim, beams, frame, **truth.effects[name])
+    unseen = truth.at("aim")
+    if unseen:
+        met = np.full(len(beams.ring), np.inf) if distances is None else distances()
+        for name, p in unseen:
+            KINDS[name].act(aim, beams, frame, met, rng, p)
     return aim
 
 
@@ -88,28 +106,38 @@ def measure(
     elapsed_s: float = 0.0,
     known: tuple[Surfaces, Surfaces] | None = None,
 ) -> Scan:
-    """One revolution of the true sensor."""
-    scan = bare_scan(twin, frame, beams, true_aim(truth, beams, frame), elapsed_s, known)
+    """One revolution of the true sensor; `known` are the surfaces of an earlier trace of the same rays."""
+
+    def nominal_distances() -> np.ndarray:
+        aim = Aim.nominal(beams)
+        return twin.cast(frame, *aim.rays(frame), aim.after, beams.range_m)[0].distance.astype(float)
+
+    aim = true_aim(truth, beams, frame, rng, nominal_distances)
+    scan = bare_scan(twin, frame, beams, aim, elapsed_s, known)
     _act(scan, truth, surfaces, SURFACE, rng)
     _act(scan, truth, light, LIGHT, rng)
-    _unnamed(scan, truth, "signal", rng)
+    _unseen(scan, truth, "signal", rng)
     _act(scan, truth, light, DETECTION, rng)
-    _unnamed(scan, truth, "detected", rng)
+    _unseen(scan, truth, "detected", rng)
     scan.intensity = np.clip(scan.intensity, 0, 1)
     _act(scan, truth, reading, BIAS, rng)
     for name in NOISE:
+        channel = name.removesuffix("_noise")
         if name in truth.effects:
-            # Errors of range that follow the measured intensity come between the two.
-            law = truth.noise(name.removesuffix("_noise"))
-            getattr(reading, name)(scan, lambda n, law=law: law(rng, n), **truth.effects[name])
-        if name == "intensity_noise":
+            distribution, factor = truth.noise(channel), np.ones(len(scan.found))
+            for kind, p in truth.at("spread"):
+                factor = factor * KINDS[kind].act(scan, channel, p)
+            getattr(reading, name)(scan, lambda n, d=distribution, f=factor: d(rng, n) * f, **truth.effects[name])
+        if name == "intensity_noise":  # errors of range that follow the measured intensity come between the two
             scan.intensity = np.clip(scan.intensity, 0, 1)
-            _unnamed(scan, truth, "range", rng)
+            _unseen(scan, truth, "range", rng)
     wild = rng.random(len(scan.found)) < truth.outliers
     scan.range_m[wild] += rng.uniform(-1, 1, wild.sum())
     _act(scan, truth, clutter, CLUTTER, rng)
+    _unseen(scan, truth, "clutter", rng)
     _act(scan, truth, reading, ROUNDING, rng)
     scan.intensity = np.clip(scan.intensity, 0, 1)
+    _unseen(scan, truth, "reported", rng)
     return scan
 
 
@@ -119,18 +147,6 @@ def _act(scan: Scan, truth: Truth, module, names: tuple[str, ...], rng) -> None:
             getattr(module, name)(scan, rng, **truth.effects[name])
 
 
-def _unnamed(scan: Scan, truth: Truth, stage: str, rng) -> None:
-    for name, parameters in truth.unnamed.items():
-        if _stage(name, parameters) != stage:
-            continue
-        if name in UNNAMED:
-            UNNAMED[name].act(scan, rng, **parameters)
-        else:
-            KINDS[name].act(scan, rng, parameters)
-
-
-def _stage(name: str, parameters: Mapping) -> str:
-    """`signal` with the light, `detected` once it is known what returns, `range` once intensity is read."""
-    if told(name, parameters).channels[0] == "range":
-        return "range"
-    return "detected" if name in KINDS and KINDS[name].late(parameters) else "signal"
+def _unseen(scan: Scan, truth: Truth, stage: str, rng) -> None:
+    for name, p in truth.at(stage):
+        KINDS[name].act(scan, rng, p)

@@ -39,16 +39,13 @@ class Version:
 
     Attributes:
         code: its root.
-        broken_gate: let every effect through.
     """
 
     code: Path
-    broken_gate: bool = False
 
     def run(self, work: Path, limit_s: float, *arguments: str | Path) -> Ended:
         """One command of `cosim`, in a folder, stopped after so many CPU seconds."""
-        gate = "broken" if self.broken_gate else "whole"
-        command = [self._python, "-P", str(_JUDGE), str(self.code), gate, *map(str, arguments)]
+        command = [self._python, "-P", str(_JUDGE), str(self.code), *map(str, arguments)]
         one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         return run_limited(command, work, {**os.environ, **one_thread, "PYTHONPATH": str(self.code)}, limit_s)
 

@@ -1,17 +1,19 @@
-"""What a diagnosis got right."""
+"""Score one diagnosis against the truth of its case."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from tests.hidden.cases import Case
-from tests.hidden.truth import Told
+from tests.hidden.cases import UNSEEN_GROUPS, Case
+from tests.hidden.truth import Finding
 
 _TOP = 5
-_BUDGET_OFF = 0.02
+_LEAST_EXPLAINED = 0.02  # of the error, from which on the budget of compare is asked for its missing part
+_PLUG_IN = ".py:"
 
 
 def score(case: Case, result: Mapping[str, Any]) -> dict[str, Any]:
@@ -19,139 +21,196 @@ def score(case: Case, result: Mapping[str, Any]) -> dict[str, Any]:
 
     Args:
         case: what was hidden.
-        result: what `run_case` gathered: cost, the diagnosis, floors and errors of the held-out drive.
+        result: what `run_case` gathered: truth, floor, costs and JSON of `diagnose` and `compare`, measured shapes.
     """
-    cost = {key: result.get(key) for key in ("trouble", "wall_s", "cpu_s", "rss_gib", "floor")}
-    hidden = {**case.hidden.effects, **case.hidden.unnamed}
-    row: dict[str, Any] = {"exact": case.is_exact, "hidden": hidden, **cost}
-    diagnosis = result.get("diagnosis")
+    truth, diagnose, compare = (result.get(key) or {} for key in ("truth", "diagnose", "compare"))
+    row: dict[str, Any] = {
+        "case": case.name,
+        "group": case.group,
+        "level": case.level,
+        "kinds": list(truth.get("unseen", {})),
+        "hidden": {**truth.get("effects", {}), **truth.get("unseen", {})},
+        "trouble": diagnose.get("trouble") or compare.get("trouble") or "",
+        "floor": result.get("floor"),
+        **{f"{key}_{command}": of.get(key) for command, of in (("diagnose", diagnose), ("compare", compare))
+           for key in ("cpu_s", "wall_s", "rss_gib")},
+    }  # fmt: skip
+    diagnosis = diagnose.get("json")
     if diagnosis is None:
         return row | {"verdict": "failed"}
-    row |= _effects(case, diagnosis) | _parameters(case, diagnosis["effects"])
-    row |= _endings(diagnosis) | _errors(diagnosis, result)
-    if case.told:
-        row |= _unknowns(case.told, diagnosis, row)
-        row["shape_r2"] = _shape_r2(case, result, row)
+    findings = [Finding.from_json(document) for document in truth.get("findings", [])]
+    row |= _effects(set(truth.get("effects", {})), findings, diagnosis) | _errors(diagnosis, result)
+    row |= _parameters(truth.get("effects", {}), diagnosis["effects"])
+    row |= _budgets(diagnosis, compare.get("json"))
+    if case.group in UNSEEN_GROUPS:
+        row |= _unseen(findings, diagnosis, row)
+        row["shape_r2"] = _shape_r2(findings, result, row)
     return row
 
 
-def unknowns_of(diagnosis: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """All unknown effects that a diagnosis tells; older ones tell one at most."""
-    one = diagnosis.get("unknown")
-    return list(diagnosis.get("unknowns") or ([one] if one else []))
+def reported_unknowns(diagnosis: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """All reported unknown effects; older versions report one at most."""
+    first = diagnosis.get("unknown")
+    return list(diagnosis.get("unknowns") or ([first] if first else []))
 
 
-def _effects(case: Case, diagnosis: Mapping[str, Any]) -> dict[str, Any]:
-    hidden = set(case.hidden.effects)
-    added = [
-        entry["effect"] for entry in diagnosis["effects"] if ".py:" not in entry["effect"]
-    ]  # plug-ins are unknowns
-    named = {*added, *(name for entry in diagnosis["effects"] for name in entry.get("also_possible", []))}
-    false = set(added) - hidden - {name for truth in case.told for name in truth.effects}
-    ranking = diagnosis.get("ranking", [])[:_TOP]
+def parsed_name(name: str) -> dict[str, Any]:
+    """A name of an either-or set, `CHANNEL by COVARIATE, …`, as a finding; without covariates where it has none."""
+    match = re.fullmatch(r"(?:unknown[_ ])?(.+?)[_ ]by[_ ](.+)", name)
+    if not match:
+        return {"channel": name, "covariates": []}
+    covariates = re.split(r"\s*,\s*|\s+(?:x|×|and)\s+|_and_", match[2])
+    return {"channel": match[1], "covariates": [covariate.strip() for covariate in covariates]}
+
+
+def _effects(hidden: set[str], findings: list[Finding], diagnosis: Mapping[str, Any]) -> dict[str, Any]:
+    added = [entry["effect"] for entry in diagnosis["effects"] if _PLUG_IN not in entry["effect"]]
+    named = {*added, *(name for entry in diagnosis["effects"] for name in entry.get("also_possible") or [])}
+    named |= {name for names in diagnosis.get("either_or") or [] for name in names}
+    beside = {name for finding in findings for name in finding.beside}
+    false = [
+        name
+        for name in added
+        if name not in hidden | beside and not any(finding.names_effect(name) for finding in findings)
+    ]
+    ranking = (diagnosis.get("ranking") or [])[:_TOP]
+    unknowns, unexplained = reported_unknowns(diagnosis), diagnosis.get("unexplained")
+    is_silent = not diagnosis["effects"] and not unknowns
     return {
         "verdict": diagnosis["verdict"],
         "added": added,
-        "ranking": [f"{r['effect']} {r['delta_bic']:.0f} p={r['p_value']:.3g}" for r in ranking],
-        "first_right": bool(added) and added[0] in hidden,
-        "in_set": hidden <= named,
-        "exact_set": set(added) == hidden and (bool(case.told) or not unknowns_of(diagnosis)),
-        "false_additions": len(false),
-        "no_false_effect": not false,
-    }
-
-
-def _endings(diagnosis: Mapping[str, Any]) -> dict[str, Any]:
-    """What is told and listed beside catalogue effects; None where a version has no such list."""
-    unknowns, unexplained = unknowns_of(diagnosis), diagnosis.get("unexplained")
-    others = None if unexplained is None else [x for x in unexplained if "noise_shape" not in _covariates(x)]
-    return {
+        "ranking": [f"{entry['effect']} {entry['delta_bic']:.0f} p={entry['p_value']:.3g}" for entry in ranking],
         "unknowns": unknowns,
         "unexplained": unexplained,
-        "alarm": bool(diagnosis["effects"]) or bool(unknowns),
-        "unexplained_empty": None if unexplained is None else not unexplained,
-        "unexplained_empty_but_shape": None if others is None else not others,
+        "first_right": bool(added) and added[0] in hidden,
+        "in_set": hidden <= named,
+        "exact_set": set(added) == hidden and not unknowns,
+        "false_effects": false,
+        "silent": is_silent and diagnosis["verdict"] == "none",
+        "list_empty": None if unexplained is None else not unexplained,
+        "null_right": is_silent and diagnosis["verdict"] == "none" and not unexplained,
     }
 
 
 def _errors(diagnosis: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, Any]:
-    row: dict[str, Any] = {}
     floor, aligned = result.get("floor"), diagnosis.get("error_aligned")
-    if floor:
-        row["at_floor"] = (diagnosis["error_after"] if aligned is None else aligned) / floor
-        row["poses_as_given"] = diagnosis["error_after"] / floor
-    budget = diagnosis.get("budget")
-    if budget:
-        error = diagnosis.get("error", diagnosis["error_before"])
-        row["budget_off"] = abs(sum(budget.values()) - error) / error
-        row["budget_sums"] = row["budget_off"] <= _BUDGET_OFF
-    if "held_out_after" in result and "held_out_before" in result:
-        before, after, floor = (result[f"held_out_{key}"] for key in ("before", "after", "floor"))
-        row |= {"held_out_before": before, "held_out_after": after, "held_out_ratio": after / floor}
-        row["explained"] = (before - after) / (before - floor) if before > floor else None
+    if not floor:
+        return {}
+    return {
+        "at_floor": (diagnosis["error_after"] if aligned is None else aligned) / floor,
+        "poses_as_given": diagnosis["error_after"] / floor,
+    }
+
+
+def _budgets(diagnosis: Mapping[str, Any], compare: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Largest difference between both budgets, and the missing part in `compare` over what `diagnose` explains."""
+    first, second = diagnosis.get("budget"), (compare or {}).get("budget")
+    if not first or not second or not compare:
+        return {}
+    error = compare["error"]
+    apart = {name: abs((first.get(name) or 0.0) - (second.get(name) or 0.0)) / error for name in {*first, *second}}
+    row: dict[str, Any] = {"budgets_apart": max(apart.values()), "budgets_agree": max(apart.values()) <= 0.1}
+    explained = diagnosis["error_before"] - diagnosis["error_after"]
+    if explained > _LEAST_EXPLAINED * error:
+        row["missing_share"] = (second.get("missing") or 0.0) / explained
     return row
 
 
-def _unknowns(truths: list[Told], diagnosis: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
-    """Told: right channel and covariates among the unknowns, or a catalogue effect that says the same."""
-    told, listed, channels = [], [], []
+def _unseen(findings: list[Finding], diagnosis: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
+    """Reported: right channel and covariates among the unknowns, or a catalogue effect that says the same."""
     unknowns, unexplained = row["unknowns"], row["unexplained"] or []
-    for truth in truths:
-        same = any(name in truth.effects for name in row["added"])
-        told.append(same or any(truth.accepts(found) for found in unknowns))
-        listed.append(any(truth.accepts(found) for found in unexplained))
-        channels.append(same or any(truth.accepts_channel(found) for found in [*unknowns, *unexplained]))
-    either = [one or other for one, other in zip(told, listed, strict=True)]
-    claimed = [found.get("r2") for truth in truths for found in unknowns if truth.accepts(found)]
+    possible = [parsed_name(name) for names in diagnosis.get("either_or") or [] for name in names]
+    same = [any(finding.names_effect(name) for name in row["added"]) for finding in findings]
+    reported = [is_same or _any_accepts(finding, unknowns) for finding, is_same in zip(findings, same, strict=True)]
+    listed = [_any_accepts(finding, unexplained) for finding in findings]
+    in_set = [_any_accepts(finding, possible) for finding in findings]
+    channel = [
+        is_same or any(finding.accepts_channel(entry) for entry in [*unknowns, *unexplained])
+        for finding, is_same in zip(findings, same, strict=True)
+    ]
+    false = [entry for entry in unknowns if not any(finding.accepts_part(entry) for finding in findings)]
+    extra = [entry for entry in unexplained if not any(finding.accepts_part(entry) for finding in findings)]
+    claimed = [entry.get("r2") for finding in findings for entry in unknowns if finding.accepts(entry)]
+    names = set(row["hidden"])
+    if row["added"]:
+        is_first = row["added"][0] in names or any(finding.names_effect(row["added"][0]) for finding in findings)
+    else:
+        is_first = bool(unknowns) and any(finding.accepts(unknowns[0]) for finding in findings)
+    either = [one or other for one, other in zip(reported, listed, strict=True)]
     return {
-        "flagged": bool(unknowns),
-        "right_channel": all(channels),
-        "told": all(told),
+        "reported": all(reported),
+        "reported_first": is_first,
         "listed": all(listed),
-        "told_or_listed": all(either),
-        "false_unknowns": sum(not any(truth.accepts(found) for truth in truths) for found in unknowns),
+        "reported_or_listed": all(either) and (row["group"] != "unseen_catalogue" or row["in_set"]),
+        "in_either_or": all(a or b for a, b in zip(in_set, reported, strict=True)),
+        "right_channel": all(channel),
+        "false_unknowns": len(false),
+        "false_listed": len(extra),
+        "has_false": bool(false) or bool(row["false_effects"]),
         "claimed_r2": min((r2 for r2 in claimed if r2 is not None), default=None),
     }
 
 
-def _shape_r2(case: Case, result: Mapping[str, Any], row: Mapping[str, Any]) -> float | None:
-    """Measured where it can be, else claimed, 0 where nothing is told; None for noise, which has no such shape."""
-    if set(case.hidden.unnamed) == {"noise_shape"}:
+def _any_accepts(finding: Finding, entries: Sequence[Mapping[str, Any]]) -> bool:
+    return any(finding.accepts(entry) for entry in entries)
+
+
+def _shape_r2(findings: list[Finding], result: Mapping[str, Any], row: Mapping[str, Any]) -> float | None:
+    """Measured by a replay where it can be, else of the reported curve; 0 where nothing is reported.
+
+    None where no shape exists: shared errors, and effects with more than one covariate that no replay shows.
+    """
+    if "shape_r2" in result:
+        return result["shape_r2"]
+    if len(findings) != 1 or findings[0].curve is None:
         return None
-    measured = result.get("shape_r2")
-    return measured if measured is not None else row["claimed_r2"] or 0.0
+    found = [r2 for entry in row["unknowns"] if (r2 := curve_r2(findings[0], entry)) is not None]
+    return max(found, default=0.0)
 
 
-def _covariates(finding: Mapping[str, Any]) -> list[str]:
-    return finding.get("covariates") or []
+def curve_r2(finding: Finding, unknown: Mapping[str, Any]) -> float | None:
+    """R² of a reported curve about the true one, both without their means; None where it cannot be compared."""
+    true, curve = finding.curve, unknown.get("curve")
+    if not true or not curve or not finding.accepts(unknown) or unknown.get("covariates") != [true["covariate"]]:
+        return unknown.get("r2") if finding.accepts(unknown) else None
+    x, y = (np.asarray(curve[key], float) for key in ("x", "y"))
+    scale = np.pi / 180 if curve.get("x_unit", unknown.get("unit")) == "deg" and true["unit"] == "rad" else 1.0
+    inside = np.isfinite(y) & (x * scale >= true["x"][0]) & (x * scale <= true["x"][-1])
+    if inside.sum() < 3:
+        return None
+    expected = np.interp(x[inside] * scale, true["x"], true["y"])
+    return r_squared(expected, y[inside] - y[inside].mean() + expected.mean())
 
 
-def _parameters(case: Case, effects: list[dict]) -> dict[str, Any]:
-    """Relative errors of parameters by name, and which share of the 95 % intervals hold the truth."""
-    errors, held, asked = {}, 0, 0
+def r_squared(true: np.ndarray, found: np.ndarray) -> float:
+    """1 − squares left / squares about the mean."""
+    about = float(((true - true.mean()) ** 2).sum())
+    return 1 - float(((true - found) ** 2).sum()) / about if about else 0.0
+
+
+def _parameters(hidden: Mapping[str, Mapping], effects: list[dict]) -> dict[str, Any]:
+    """Relative errors of parameters by name, and which of the 95 % intervals include the truth."""
+    errors: dict[str, float] = {}
+    covered: list[bool] = []
     for entry in effects:
-        truth = case.hidden.effects.get(entry["effect"])
-        if truth is None:
-            continue
-        for key, true in truth.items():
-            told = entry["params"].get(key)
-            if isinstance(true, str) or told is None:
+        for key, true in hidden.get(entry["effect"], {}).items():
+            value = entry["params"].get(key)
+            if isinstance(true, str) or value is None:
                 continue
-            errors[f"{entry['effect']}.{key}"] = relative_error(key, true, told)
-            interval = entry.get("ci95", {}).get(key)
+            errors[f"{entry['effect']}.{key}"] = relative_error(key, true, value)
+            interval = (entry.get("ci95") or {}).get(key)
             if interval is not None and np.ndim(interval) == np.ndim(true) + 1:
                 bounds = np.asarray(interval, float).reshape(-1, 2)
-                inside = (bounds[:, 0] <= np.ravel(true)) & (np.ravel(true) <= bounds[:, 1])
-                held, asked = held + int(inside.sum()), asked + len(inside)
-    return {"parameter_errors": errors, "intervals_held": held, "intervals": asked}
+                covered += ((bounds[:, 0] <= np.ravel(true)) & (np.ravel(true) <= bounds[:, 1])).tolist()
+    return {"parameter_errors": errors, "covered": covered}
 
 
-def relative_error(key: str, true, told) -> float:
+def relative_error(key: str, true: Any, value: Any) -> float:
     """Of a number to itself, of an angle of phase to a turn, of a list in root mean square."""
-    true, told = np.asarray(true, float), np.asarray(told, float)
-    if true.shape != told.shape:
+    true, value = np.asarray(true, float), np.asarray(value, float)
+    if true.shape != value.shape:
         return float("inf")
     if key in ("phase_deg", "azimuth_deg"):
-        return float(abs((told - true + 180) % 360 - 180) / 360)
+        return float(abs((value - true + 180) % 360 - 180) / 360)
     scale = np.sqrt(np.mean(true**2))
-    return float(np.sqrt(np.mean((told - true) ** 2)) / scale) if scale else float("nan")
+    return float(np.sqrt(np.mean((value - true) ** 2)) / scale) if scale else float("nan")

@@ -22,7 +22,6 @@ from tests.hidden.scan import Scan
 from tests.hidden.tall_things import move_tall_things
 from tests.hidden.twin_files import read_frames, read_pattern
 from tests.hidden.twin_tracing import Twin
-from tests.hidden.unnamed import COVARIATES, UNNAMED
 
 _SMALL = Hidden(firings=400, every_ring=2, noise=False)
 
@@ -172,25 +171,6 @@ def test_order_in_a_truth_does_not_matter(bench: Bench) -> None:
     one, other = bench.scan(effects=effects), bench.scan(effects=dict(reversed(effects.items())))
     np.testing.assert_array_equal(one.range_m, other.range_m)
     np.testing.assert_array_equal(one.found, other.found)
-
-
-@pytest.mark.parametrize("name", UNNAMED)
-def test_effect_without_a_name_follows_its_covariate(bench: Bench, name: str) -> None:
-    effect, bare = UNNAMED[name], bench.bare
-    scan = bench.scan(unnamed={name: dict(effect.strong)})
-    value = effect.shape(COVARIATES[effect.covariate](bare), **effect.strong)
-    if effect.kind == "drop":
-        assert (bare.found & ~scan.found).sum() == pytest.approx((value * bare.found).sum(), rel=0.25, abs=8)
-        return
-    np.testing.assert_array_equal(scan.found, bare.found)
-    kept = bare.found
-    if effect.kind == "range":
-        np.testing.assert_allclose((scan.range_m - bare.range_m)[kept], value[kept], atol=1e-9)
-        np.testing.assert_array_equal(scan.intensity, bare.intensity)
-    else:
-        np.testing.assert_allclose(scan.intensity[kept], np.clip(bare.intensity * value, 0, 1)[kept], rtol=1e-6)
-        np.testing.assert_array_equal(scan.range_m, bare.range_m)
-    assert np.ptp(value[kept]) > 0 or effect.covariate in ("frame_time", "speed")
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -1,77 +1,56 @@
-"""Makers of unknown effects of every kind; each draws its covariates, channel, size and shape from a seed.
+"""Effects of every simple form: a channel, its covariates, a size and a shape, all drawn from a seed.
 
-A kind is a weight (n,) of beams, about −1…1 (0…1 for losses), times a size, in a channel: metres added to the range,
+A form is a weight (n,) of beams, about −1…1 (0…1 for losses), times a size, in a channel: metres added to the range,
 a relative change of the intensity, or a probability of loss. `noise_shape` alone has no weight: it is a law of noise.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from tests.hidden.columns import COLUMNS, firing, incidence, kind, made_of, measured_intensity, neighbour
 from tests.hidden.scan import Scan
-from tests.hidden.truth import Told
+from tests.hidden.truth import Finding
+from tests.hidden.unseen.kind import Kind, NotApplicableError, Parameters, World, amplitude, pick, uniform
 
-Parameters = Mapping[str, Any]
-Draw = Callable[[np.random.Generator, str], dict[str, Any]]
 Weight = Callable[[Scan, np.random.Generator, Parameters], np.ndarray]
 
-# One standard deviation of the point noise is 2 cm of range and 10 % of intensity.
-_SIZES = {
-    ("range", "strong"): (0.03, 0.06),
-    ("range", "half"): (0.008, 0.012),
-    ("intensity", "strong"): (0.15, 0.30),
-    ("intensity", "half"): (0.04, 0.06),
-    ("drop", "strong"): (0.15, 0.35),
-    ("drop", "half"): (0.04, 0.08),
-}
+_QUANTITIES = {"range": "range_m", "intensity": "intensity", "drop": "loss"}
 _CHANNELS = ("range", "intensity", "drop")
 _PER_LASER = {"range": ("ring_range_offset",), "intensity": ("ring_gain",), "drop": ()}
 
 
-@dataclass(frozen=True)
-class Kind:
-    """A kind of unknown effect.
+def _form(
+    draw: Callable[[np.random.Generator, str, World], dict[str, Any]],
+    weight: Weight,
+    finding: Callable[[Parameters], Finding],
+    late: Callable[[Parameters], bool] = lambda p: False,
+    is_random: bool = False,
+) -> Kind:
+    """A kind of effect from a weight; `late` ones act on what is measured, after detection."""
 
-    Attributes:
-        draw: generator, `strong` or `half` → parameters that JSON can hold, `channel` and `size` among them.
-        weight: scan, generator, parameters → (n,) share of the size.
-        told: parameters → what a diagnosis should say.
-        late: parameters → acts on what is measured, after detection.
-    """
-
-    draw: Draw
-    weight: Weight
-    told: Callable[[Parameters], Told]
-    late: Callable[[Parameters], bool] = lambda p: False
-
-    def act(self, scan: Scan, rng: np.random.Generator, parameters: Parameters) -> None:
-        """Change the scan."""
-        value = parameters["size"] * self.weight(scan, rng, parameters)
-        if parameters["channel"] == "range":
+    def act(scan: Scan, rng: np.random.Generator, p: Parameters) -> None:
+        value = p["size"] * weight(scan, rng, p)
+        if p["channel"] == "range":
             scan.range_m += value
-        elif parameters["channel"] == "intensity":
+        elif p["channel"] == "intensity":
             scan.intensity *= np.maximum(1 + value, 0.05)
         else:
             scan.found &= rng.random(len(scan.found)) >= value
 
+    def stage(p: Parameters) -> str:
+        if p["channel"] == "range":
+            return "range"
+        return "detected" if late(p) or p["channel"] == "drop" else "signal"
+
+    return Kind(draw, lambda p, world: (finding(p),), stage, act, lambda p: is_random or p["channel"] == "drop")
+
 
 def _sized(rng: np.random.Generator, channel: str, level: str, signed: bool = True) -> dict[str, Any]:
-    low, high = _SIZES[channel, level]
-    sign = rng.choice([-1, 1]) if signed and channel != "drop" else 1
-    return {"channel": channel, "size": round(float(sign * rng.uniform(low, high)), 4)}
-
-
-def _pick(rng: np.random.Generator, choices) -> Any:
-    return choices[int(rng.integers(len(choices)))]
-
-
-def _uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    return round(float(rng.uniform(low, high)), 4)
+    return {"channel": channel, "size": amplitude(rng, level, _QUANTITIES[channel], signed and channel != "drop")}
 
 
 # One covariate. Shapes that a catalogue effect has (a straight line in range, a fall over range) are left out.
@@ -84,12 +63,12 @@ _SHAPES_OF = {
 }
 
 
-def _draw_one(rng: np.random.Generator, level: str) -> dict[str, Any]:
-    channel = _pick(rng, _CHANNELS)
-    covariate = _pick(rng, [name for where, name in _SHAPES_OF if where == channel])
-    shape = _pick(rng, _SHAPES_OF[channel, covariate])
-    where = {"covariate": covariate, "shape": shape, "centre": _uniform(rng, 0.25, 0.7)}
-    return _sized(rng, channel, level) | where | {"width": _uniform(rng, 0.1, 0.25)}
+def _draw_one(rng: np.random.Generator, level: str, world: World) -> dict[str, Any]:
+    channel = pick(rng, _CHANNELS)
+    covariate = pick(rng, [name for where, name in _SHAPES_OF if where == channel])
+    shape = pick(rng, _SHAPES_OF[channel, covariate])
+    where = {"covariate": covariate, "shape": shape, "centre": uniform(rng, 0.25, 0.7)}
+    return _sized(rng, channel, level) | where | {"width": uniform(rng, 0.1, 0.25)}
 
 
 def _weight_one(scan: Scan, rng: np.random.Generator, p: Parameters) -> np.ndarray:
@@ -103,9 +82,9 @@ def _weight_one(scan: Scan, rng: np.random.Generator, p: Parameters) -> np.ndarr
     return 1 - np.exp(-x / p["width"])
 
 
-def _told_one(p: Parameters) -> Told:
+def _finding_one(p: Parameters) -> Finding:
     by_laser = _PER_LASER[p["channel"]] if p["covariate"] in ("ring", "elevation") else ()
-    return Told((p["channel"],), (COLUMNS[p["covariate"]].accepted,), by_laser)
+    return Finding((p["channel"],), (COLUMNS[p["covariate"]].accepted,), by_laser)
 
 
 # A pair: a product of two centred functions, so that neither alone moves the mean.
@@ -128,10 +107,10 @@ _PAIRS = (
 )
 
 
-def _draw_pair(rng: np.random.Generator, level: str) -> dict[str, Any]:
-    first, second = _pick(rng, _PAIRS)
-    turn = {"waves": int(rng.integers(1, 4)), "phase_deg": _uniform(rng, 0, 360)} if second == "azimuth" else {}
-    size = _sized(rng, _pick(rng, ("range", "intensity")), level)
+def _draw_pair(rng: np.random.Generator, level: str, world: World) -> dict[str, Any]:
+    first, second = pick(rng, _PAIRS)
+    turn = {"waves": int(rng.integers(1, 4)), "phase_deg": uniform(rng, 0, 360)} if second == "azimuth" else {}
+    size = _sized(rng, pick(rng, ("range", "intensity")), level)
     # A product of two is small for most beams: twice the size moves them as much as one covariate does.
     return size | {"size": 2 * size["size"], "first": first, "second": second} | turn
 
@@ -143,8 +122,8 @@ def _weight_pair(scan: Scan, rng: np.random.Generator, p: Parameters) -> np.ndar
     return first * _CENTRED[p["second"]](scan)
 
 
-def _told_pair(p: Parameters) -> Told:
-    return Told((p["channel"],), (COLUMNS[p["first"]].accepted, COLUMNS[p["second"]].accepted))
+def _finding_pair(p: Parameters) -> Finding:
+    return Finding((p["channel"],), (COLUMNS[p["first"]].accepted, COLUMNS[p["second"]].accepted))
 
 
 # Neighbours: what they measured, or that they measured nothing.
@@ -164,8 +143,8 @@ _LOOKS = {
 }
 
 
-def _draw_neighbour(rng: np.random.Generator, level: str) -> dict[str, Any]:
-    look, channel = _pick(rng, list(_LOOKS))
+def _draw_neighbour(rng: np.random.Generator, level: str, world: World) -> dict[str, Any]:
+    look, channel = pick(rng, list(_LOOKS))
     return _sized(rng, channel, level) | {"look": look}
 
 
@@ -184,8 +163,8 @@ def _weight_neighbour(scan: Scan, rng: np.random.Generator, p: Parameters) -> np
     return np.nan_to_num(np.tanh((neighbour(scan, measured, which, np.nan) - scan.range_m) / step_m))
 
 
-def _told_neighbour(p: Parameters) -> Told:
-    return Told((p["channel"],), (_LOOKS[p["look"], p["channel"]],))
+def _finding_neighbour(p: Parameters) -> Finding:
+    return Finding((p["channel"],), (_LOOKS[p["look"], p["channel"]],))
 
 
 # A class of road user, or a material.
@@ -193,15 +172,17 @@ CLASSES = {
     "cars": ("car", "van", "truck", "bus"),
     "people": ("pedestrian", "cyclist", "motorcycle"),
 }
-_MATERIALS = ("asphalt", "hedge", "plaster_white", "paving", "grass", "car_paint", "brick", "kerb")
+_FEWEST_OBJECTS, _FEWEST_BEAMS, _FEWEST_SHARE = 4, 150, 0.02
 _OF_MATERIAL = ("material", "albedo", "model")
 _OF_CLASS = ("class", "kind", "model", "instance", "material")
 
 
-def _draw_class(rng: np.random.Generator, level: str) -> dict[str, Any]:
-    channel = _pick(rng, _CHANNELS)
-    where = _pick(rng, ({"objects": "cars"}, {"objects": "people"}, {"material": _pick(rng, _MATERIALS)}))
-    return _sized(rng, channel, level) | where
+def _draw_class(rng: np.random.Generator, level: str, world: World) -> dict[str, Any]:
+    channel = pick(rng, _CHANNELS)
+    kinds = world.kinds(_FEWEST_OBJECTS, _FEWEST_BEAMS)
+    where: list[dict[str, Any]] = [{"material": pick(rng, world.materials(_FEWEST_SHARE, 0.7))}]
+    where += [{"objects": name} for name, members in CLASSES.items() if set(members) & set(kinds)]
+    return _sized(rng, channel, level) | pick(rng, where)
 
 
 def _weight_class(scan: Scan, rng: np.random.Generator, p: Parameters) -> np.ndarray:
@@ -210,20 +191,20 @@ def _weight_class(scan: Scan, rng: np.random.Generator, p: Parameters) -> np.nda
     return np.isin(kind(scan), CLASSES[p["objects"]]).astype(float)
 
 
-def _told_class(p: Parameters) -> Told:
+def _finding_class(p: Parameters) -> Finding:
     names = _OF_CLASS if "objects" in p else _OF_MATERIAL
     if p.get("material") == "car_paint":
         names = (*_OF_MATERIAL, "class", "kind", "instance")
-    return Told((p["channel"],), (names,))
+    return Finding((p["channel"],), (names,))
 
 
 # Periodic: along the firings of a revolution, or in time.
-def _draw_periodic(rng: np.random.Generator, level: str) -> dict[str, Any]:
-    channel = _pick(rng, ("drop", "range", "intensity"))
+def _draw_periodic(rng: np.random.Generator, level: str, world: World) -> dict[str, Any]:
+    channel = pick(rng, ("drop", "range", "intensity"))
     size = _sized(rng, channel, level, signed=False)
     if channel != "drop" and rng.random() < 0.5:
-        return size | {"of": "time", "period_s": _uniform(rng, 2.3, 9.0), "phase_deg": _uniform(rng, 0, 360)}
-    return size | {"of": "firing", "period": _uniform(rng, 8, 40), "duty": _uniform(rng, 0.2, 0.4)}
+        return size | {"of": "time", "period_s": uniform(rng, 2.3, 9.0), "phase_deg": uniform(rng, 0, 360)}
+    return size | {"of": "firing", "period": uniform(rng, 8, 40), "duty": uniform(rng, 0.2, 0.4)}
 
 
 def _weight_periodic(scan: Scan, rng: np.random.Generator, p: Parameters) -> np.ndarray:
@@ -236,15 +217,15 @@ def _weight_periodic(scan: Scan, rng: np.random.Generator, p: Parameters) -> np.
     return np.sin(2 * np.pi * turn)
 
 
-def _told_periodic(p: Parameters) -> Told:
+def _finding_periodic(p: Parameters) -> Finding:
     if p["of"] == "time":
-        return Told((p["channel"],), (("frame_time", "time", "phase", "scan"),))
-    return Told((p["channel"],), (("phase", "azimuth", "firing_time"),))
+        return Finding((p["channel"],), (("frame_time", "time", "phase", "scan"),))
+    return Finding((p["channel"],), (("phase", "azimuth", "firing_time"),))
 
 
 # A level of its own for each scan.
-def _draw_scan(rng: np.random.Generator, level: str) -> dict[str, Any]:
-    return _sized(rng, _pick(rng, _CHANNELS), level, signed=False) | {"seed": int(rng.integers(1 << 30))}
+def _draw_scan(rng: np.random.Generator, level: str, world: World) -> dict[str, Any]:
+    return _sized(rng, pick(rng, _CHANNELS), level, signed=False) | {"seed": int(rng.integers(1 << 30))}
 
 
 def _weight_scan(scan: Scan, rng: np.random.Generator, p: Parameters) -> np.ndarray:
@@ -253,20 +234,20 @@ def _weight_scan(scan: Scan, rng: np.random.Generator, p: Parameters) -> np.ndar
     return np.full(len(scan.found), level)
 
 
-def _told_scan(p: Parameters) -> Told:
-    return Told((p["channel"],), (("scan", "frame_time"),))
+def _finding_scan(p: Parameters) -> Finding:
+    return Finding((p["channel"],), (("scan", "frame_time"),))
 
 
 # The noise's shape, at the variance that the model has.
 _LAWS = ("two_humps", "skewed", "uniform")
-_SHARES = {"strong": (0.85, 0.95), "half": (0.55, 0.65)}
+_SHARES = {"quarter": (0.3, 0.4), "half": (0.55, 0.65), "one": (0.7, 0.8), "strong": (0.85, 0.95)}
 
 
-def _draw_noise(rng: np.random.Generator, level: str) -> dict[str, Any]:
+def _draw_noise(rng: np.random.Generator, level: str, world: World) -> dict[str, Any]:
     return {
-        "channel": _pick(rng, ("range", "intensity")),
-        "law": _pick(rng, _LAWS),
-        "share": _uniform(rng, *_SHARES[level]),
+        "channel": pick(rng, ("range", "intensity")),
+        "law": pick(rng, _LAWS),
+        "share": uniform(rng, *_SHARES[level]),
         "mirrored": bool(rng.random() < 0.5),
         "size": 0.0,
     }
@@ -288,49 +269,36 @@ def noise_law(p: Parameters, base: Callable) -> Callable[[np.random.Generator, i
     return shaped
 
 
-def _told_noise(p: Parameters) -> Told:
-    return Told((p["channel"], f"{p['channel']}_variance"), (("noise_shape",),))
+def _finding_noise(p: Parameters) -> Finding:
+    return Finding((p["channel"], f"{p['channel']}_variance"), (("noise_shape",),))
 
 
 # Porous surfaces: the return comes from somewhere behind the first blade. Of leaves the catalogue knows that.
 _POROUS = (("grass",), ("grass", "soil"), ("grass", "gravel"))
 
 
-def _draw_porous(rng: np.random.Generator, level: str) -> dict[str, Any]:
+def _draw_porous(rng: np.random.Generator, level: str, world: World) -> dict[str, Any]:
+    if world.share(lambda scan: made_of(scan, ("grass",))) < _FEWEST_SHARE:
+        raise NotApplicableError
     size = _sized(rng, "range", level, signed=False)
-    return size | {"materials": list(_pick(rng, _POROUS))}
+    return size | {"materials": list(pick(rng, _POROUS))}
 
 
 def _weight_porous(scan: Scan, rng: np.random.Generator, p: Parameters) -> np.ndarray:
     return made_of(scan, tuple(p["materials"])) * rng.exponential(size=len(scan.found))
 
 
-def _told_porous(p: Parameters) -> Told:
-    return Told(("range", "range_variance"), ((*_OF_MATERIAL, "class"),))
+def _finding_porous(p: Parameters) -> Finding:
+    return Finding(("range", "range_variance"), ((*_OF_MATERIAL, "class"),))
 
 
-KINDS: dict[str, Kind] = {
-    "one_covariate": Kind(_draw_one, _weight_one, _told_one),
-    "pair": Kind(_draw_pair, _weight_pair, _told_pair),
-    "neighbours": Kind(_draw_neighbour, _weight_neighbour, _told_neighbour, lambda p: p["look"].endswith("lost")),
-    "class_or_material": Kind(_draw_class, _weight_class, _told_class),
-    "periodic": Kind(_draw_periodic, _weight_periodic, _told_periodic),
-    "scan_level": Kind(_draw_scan, _weight_scan, _told_scan),
-    "noise_shape": Kind(_draw_noise, lambda scan, rng, p: np.zeros(len(scan.found)), _told_noise),
-    "porous": Kind(_draw_porous, _weight_porous, _told_porous),
+FORMS: dict[str, Kind] = {
+    "one_covariate": _form(_draw_one, _weight_one, _finding_one),
+    "pair": _form(_draw_pair, _weight_pair, _finding_pair),
+    "neighbours": _form(_draw_neighbour, _weight_neighbour, _finding_neighbour, lambda p: p["look"].endswith("lost")),
+    "class_or_material": _form(_draw_class, _weight_class, _finding_class),
+    "periodic": _form(_draw_periodic, _weight_periodic, _finding_periodic),
+    "scan_level": _form(_draw_scan, _weight_scan, _finding_scan),
+    "noise_shape": Kind(_draw_noise, lambda p, world: (_finding_noise(p),), lambda p: "law", noise_law),
+    "porous": _form(_draw_porous, _weight_porous, _finding_porous, is_random=True),
 }
-_MOST_DRAWS = 1000
-
-
-def draw_two(rng: np.random.Generator, level: str) -> dict[str, dict[str, Any]]:
-    """Two unknown effects of different kinds in different channels.
-
-    Raises:
-        RuntimeError: none were drawn, which means that no two kinds differ in channel.
-    """
-    for _ in range(_MOST_DRAWS):
-        names = rng.choice(list(KINDS), 2, replace=False)
-        two = {str(name): KINDS[name].draw(rng, level) for name in names}
-        if len({entry["channel"] for entry in two.values()}) == len(two):
-            return two
-    raise RuntimeError(f"no two of {', '.join(KINDS)} act in different channels")

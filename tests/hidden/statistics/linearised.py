@@ -1,0 +1,92 @@
+"""Synthetic scores as a linearisation of the diagnosis core."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from cosim.discrepancy.dictionary.groups import Group
+from cosim.discrepancy.dictionary.linearisation import Channel, Linearisation
+from scipy import sparse
+
+from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.score import Evidence, Factored
+from tests.hidden.statistics.score_tables import COUNTS, Beams, Scores, SparseMatrix
+
+PRECISION = 1 / 0.15**2
+
+
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """What the core reads of a sample."""
+
+    azimuth: np.ndarray
+    frame: np.ndarray
+    firing: np.ndarray
+    ring: np.ndarray
+    block: np.ndarray
+    share: np.ndarray
+    clear: np.ndarray
+    first: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.azimuth)
+
+
+def linearised(
+    beams: Beams,
+    scores: Mapping[str, Scores],
+    random_columns: Mapping[str, SparseMatrix] | None = None,
+    estimate: np.ndarray | None = None,
+) -> Linearisation:
+    """A linearisation of synthetic scores.
+
+    Args:
+        beams: the n beams.
+        scores: by channel.
+        random_columns: by channel, the (n, tracks) columns of one random effect per track.
+        estimate: (tracks,) fitted random effects; zero by default.
+    """
+    n, tracks = len(beams), int(beams.track.max()) + 1
+    ones, zero = np.ones(n), np.zeros(n, int)
+    sample = _Sample(
+        beams.azimuth, beams.scan, beams.firing, zero, zero, beams.share, np.ones(n, bool), np.ones(n, bool)
+    )
+    evidence = Evidence(
+        {name: of.score for name, of in scores.items()},  # type: ignore[arg-type]
+        {name: of.information for name, of in scores.items()},  # type: ignore[arg-type]
+    )
+    z: dict[Any, Any] = dict(random_columns or {})
+    used = np.arange(tracks if z else 0)
+    known = sparse.csr_matrix((len(used), len(used)))
+    for name, matrix in z.items():
+        known = known + matrix.T @ sparse.diags(scores[name].information) @ matrix
+    precision = np.full(len(used), PRECISION)
+    solver = Factored(sparse.csr_matrix(known + sparse.diags(precision)), np.ones(len(used), bool)) if z else None
+    mixed = LinearModel({}, z, used, precision, known, solver, evidence)
+    clusters = SimpleNamespace(
+        track=beams.track, scan=beams.scan, unit_track=np.arange(tracks), unit_scan=np.full(tracks, -1)
+    )
+    fitter: Any = SimpleNamespace(sample=sample, random=SimpleNamespace(clusters=clusters, has_poses=True))
+    u = np.zeros(tracks) if estimate is None else estimate
+    prediction = SimpleNamespace(seen=np.full(n, 0.93))
+    fitted: Any = SimpleNamespace(estimate=SimpleNamespace(u=u), prediction=prediction, columns=(), dependences=())
+    channels = {name: Channel(name, name, ones, one_sided=name in COUNTS) for name in scores}  # type: ignore[arg-type]
+    return Linearisation(fitter, fitted, (), fitted.prediction, evidence, channels, mixed)
+
+
+def group_of(channel: str, name: str, basis: SparseMatrix) -> Group:
+    """The hypothesis that a channel depends on the bins of a covariate."""
+    return Group(
+        f"{channel} by {name}",
+        channel,
+        (name,),
+        basis.shape[1],
+        {channel: basis},  # type: ignore[dict-item]
+        basis,
+        one_sided=channel in COUNTS,
+        is_count=channel in COUNTS,
+    )

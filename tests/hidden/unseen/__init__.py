@@ -1,0 +1,1 @@
+"""Makers of effects that no catalogue lists; each draws its parameters from a seed."""
