@@ -10,15 +10,17 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from cosim.discrepancy.analysis import Context, FittedFrames, context_of, fit_held_out, trace_and_fit
 from cosim.discrepancy.budget import HeldOut, held_out
 from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.data.checks import opened
-from cosim.discrepancy.diagnose import begun, case_of
-from cosim.discrepancy.groups.effects import effect_groups
-from cosim.discrepancy.groups.quantization import find_lattices
+from cosim.discrepancy.diagnose import fit_nuisances
+from cosim.discrepancy.dictionary.effects import effect_groups
+from cosim.discrepancy.dictionary.lattices import find_lattices
+from cosim.discrepancy.dictionary.linearisation import linearise
 from cosim.discrepancy.inference.intervals import intervals
-from cosim.discrepancy.select import best_fit
-from cosim.discrepancy.state import Case, Model, State, fitted_anew, given, judged
+from cosim.discrepancy.selection.refit import Model, refit_with
+from cosim.discrepancy.selection.table import score_groups
 from cosim.discrepancy.words import Vocabulary
 from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
@@ -28,6 +30,8 @@ from sensors.effects.registry import find_effect
 from sensors.errors import SensorError
 from sensors.pattern import first_problem
 from sensors.sensor_model import SensorModel, load_sensor
+
+_START_STEPS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,26 +104,28 @@ def add(
     drive = opened(drive)
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
     fixed, kind = known_parameters(kind, fixed or {}), for_rings(kind, model.pattern.rings)
-    case = case_of(drive, model, seed=seed, extra=())
-    effects = given(case)
-    place = next((i for i, one in enumerate(effects) if one.name == kind.name), None)
-    if place is not None and fixed:
-        effects = tuple(with_values(one, fixed) if i == place else one for i, one in enumerate(effects))
-    state = begun(case)
+    context = context_of(drive, model, seed=seed)
+    effects = context.initial_effects
+    index = next((i for i, effect in enumerate(effects) if effect.name == kind.name), None)
+    if index is not None and fixed:
+        effects = tuple(with_values(effect, fixed) if i == index else effect for i, effect in enumerate(effects))
+    on = fit_nuisances(context)
     known: dict[str, Any] = {}
-    if place is None or issubclass(kind, RoundingEffect):
-        effects, place, known = _begun(case, state, kind, effects, fixed)
-    view = fitted_anew(case, Model(effects, (place,)), state.view, tuple(fixed))
-    effects = view.fitted.effects
-    judges = judged(case, state.judges, Model(effects))
-    found = intervals(view.fitter, view.fitted)[kind.name] if view.fitted.free else known
+    if index is None or issubclass(kind, RoundingEffect):
+        effects, index, known = _start(context, on, kind, effects, fixed)
+    names, before = context.split.fit, on
+    on = trace_and_fit(context, names, effects, (index,), warm_start=on, fixed_params=tuple(fixed))
+    effects = on.fitted.effects
+    is_held_out = context.split.is_held_out
+    without = fit_held_out(context, context.initial_effects) if is_held_out else before
+    found = intervals(on.fitter, on.fitted)[kind.name] if on.fitted.free else known
     return Added(
         effect=kind.name,
-        params=effects[place].model_dump(mode="json"),
+        params=effects[index].model_dump(mode="json"),
         ci95=found,
         sensor=SensorModel(model.pattern, as_known(effects), model.origin),
-        error_before=held_out(case, state.judges, given(case)),
-        error_after=held_out(case, judges, effects),
+        error_before=held_out(context, without, context.initial_effects),
+        error_after=held_out(context, fit_held_out(context, effects) if is_held_out else on, effects),
     )
 
 
@@ -142,22 +148,37 @@ def known_parameters(kind: type[Effect], given: Mapping[str, Any]) -> dict[str, 
     return {name: getattr(checked, name) for name in given}
 
 
-def _begun(
-    case: Case, state: State, kind: type[Effect], effects: Sequence[Effect], fixed: Mapping[str, Any]
+def _start(
+    context: Context,
+    on: FittedFrames,
+    kind: type[Effect],
+    effects: Sequence[Effect],
+    fixed: Mapping[str, Any],
 ) -> tuple[tuple[Effect, ...], int, dict[str, Any]]:
-    """The effects with the new one, roughly as strong as it is, its place, and intervals that are known already."""
-    effects = tuple(one for one in effects if one.name != kind.name)
-    fitter, root = state.view.fitter, case.tracer.drive.root
+    """The effects with the new one at start values, its index, and intervals that are known already."""
+    others = tuple(effect for effect in effects if effect.name != kind.name)
+    fitter, root = on.fitter, context.tracer.drive.root
     if issubclass(kind, RoundingEffect) and not fixed:
-        found = find_lattices(fitter, fitter.at(effects, state.view.fitted.estimate), [kind], np.random.default_rng(0))
+        at = fitter.at(others, on.fitted.estimate)
+        found = find_lattices(fitter, at, [kind], np.random.default_rng([context.seed, 3]))
         if not found:
-            raise DriveError(f"{root}: its values stand on no lattice that {kind.name} would make; give its step")
-        return (*effects, found[0].effect), len(effects), found[0].interval
+            raise DriveError(
+                f"{root}: its values are no multiples of a step, as {kind.name} would make them; give its step"
+            )
+        return (*others, found[0].effect), len(others), found[0].interval
     if kind.neutral is None or all(name in fixed for name in kind.model_fields):
-        return (*effects, kind.model_validate({**kind.example, **fixed})), len(effects), {}
-    groups = effect_groups(fitter, state.view.fitted, [kind], range(len(effects)))
-    best = best_fit(state, [one for one in groups if one.name == kind.name])
-    if best is None:
+        return (*others, kind.model_validate({**kind.example, **fixed})), len(others), {}
+    linearisation = linearise(fitter, on.fitted, on.frames)
+    groups = [group for group in effect_groups(linearisation, [kind], (), ()) if group.effect_name == kind.name]
+    by = context.settings.selection
+    entries = score_groups(linearisation, groups, linearisation.projector(by.sectors), by)
+    model = Model(on.frames, fitter, on.fitted)
+    fits = [
+        refit_with(model, linearisation, entry.group, entry.coefficients, fine=True, steps=_START_STEPS)[0]
+        for entry in entries
+    ]
+    if not fits:
         raise DriveError(f"{root}: nothing in it depends on {kind.name}; give a drive that shows it")
-    effect = with_values(best, fixed) if fixed else best
-    return (*effects, effect), len(effects), {}
+    best = max(fits, key=lambda fit: fit.loglik).fitted.effects
+    effect = next(one for one in best if one.name == kind.name)
+    return (*others, with_values(effect, fixed) if fixed else effect), len(others), {}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -75,7 +76,7 @@ class FittedFrames:
 
 def context_of(
     drive: Drive,
-    sensor: SensorModel | str,
+    sensor: SensorModel | str | Path,
     *,
     frames: Sequence[str] | None = None,
     extra: Sequence[type[Effect]] = (),
@@ -106,7 +107,6 @@ def trace_and_fit(
     warm_start: FittedFrames | None = None,
     fixed_params: Collection[str] = (),
     traced: Sequence[TracedFrame] | None = None,
-    use_validation_cells: bool | None = None,
 ) -> FittedFrames:
     """Trace frames and fit the model, repeating until both agree.
 
@@ -122,14 +122,9 @@ def trace_and_fit(
         warm_start: earlier result to start from; its traced frames are reused while they are accurate enough.
         fixed_params: names of parameters to keep fixed.
         traced: frames already traced for this model.
-        use_validation_cells: for a map made of the scans, whether to use the cells reserved for validation; by default
-            only for frames that take no part in the fit.
     """
     settings = context.settings
     rows = settings.rows if sample_size is None else sample_size
-    judging = use_validation_cells
-    if judging is None and set(names) <= set(context.split.fit):
-        judging = False if context.tracer.has_map else None
     effects, fitter, start = tuple(effects), None, None
     if warm_start is not None:
         frames, fitter, start = warm_start.frames, warm_start.fitter, warm_start.fitted.estimate
@@ -142,7 +137,7 @@ def trace_and_fit(
         if fitter is not None and not is_last and _is_far(fitter, effects):
             frames, fitter = tuple(context.tracer.trace_all(names, bending(effects))), None
         if fitter is None:
-            sample = draw_sample(frames, rows, np.random.default_rng([context.seed, rows]), judging=judging)
+            sample = draw_sample(frames, rows, np.random.default_rng([context.seed, rows]))
             if tolerance is None:
                 clear = Fitter(sample.clear_of([frame.edge for frame in frames]))
                 start, random = clear.fit(effects, (), start).estimate, clear.random
@@ -158,18 +153,14 @@ def trace_and_fit(
     raise AssertionError("the last round returns")
 
 
-def fit_held_out(
-    context: Context, effects: Sequence[Effect], warm_start: FittedFrames | None = None
-) -> FittedFrames:
+def fit_held_out(context: Context, effects: Sequence[Effect], warm_start: FittedFrames | None = None) -> FittedFrames:
     """Trace the held-out frames and fit nothing but their nuisance parameters."""
     rows = context.settings.held_out_rows
     names = context.split.test
     return trace_and_fit(context, names, effects, sample_size=rows, warm_start=warm_start)
 
 
-def fit_random_effects(
-    on: FittedFrames, effects: Sequence[Effect], estimate: Estimate | None = None
-) -> Fitted:
+def fit_random_effects(on: FittedFrames, effects: Sequence[Effect], estimate: Estimate | None = None) -> Fitted:
     """Fit nothing but the random effects of frames under other effects."""
     return on.fitter.fit(effects, (), on.fitted.estimate if estimate is None else estimate)
 
@@ -191,11 +182,6 @@ def edge_tolerance(random: RandomEffects, estimate: Estimate) -> tuple[float, fl
 def is_accurate(fitter: Fitter, effects: Sequence[Effect]) -> bool:
     """Whether the frames were traced near enough to where effects bend the beams."""
     return not _is_far(fitter, effects)
-
-
-def with_effects(on: FittedFrames, fitted: Fitted) -> FittedFrames:
-    """The same frames with another fit."""
-    return replace(on, fitted=fitted)
 
 
 def _is_far(fitter: Fitter, effects: Sequence[Effect]) -> bool:

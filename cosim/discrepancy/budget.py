@@ -11,13 +11,13 @@ from functools import cached_property
 
 import numpy as np
 
+from cosim.discrepancy.analysis import Context, FittedFrames, edge_tolerance, fit_random_effects
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
 from cosim.discrepancy.sampling.drawing import whole_sample
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.scores import Ensemble, FrameScores, Totals, model_chance, scored
-from cosim.discrepancy.state import Case, View, seen_by, spreads
 from sensors.effects.acting import bending, in_order
 from sensors.effects.base import Effect
 from sensors.effects.expectation import Expectation, expect
@@ -94,31 +94,33 @@ class Aligned:
     """Frames scored with random effects taken out of the residuals, kind by kind.
 
     Args:
-        case: of the diagnosis.
-        view: frames and the random effects that were fitted to them.
+        context: of the analysis.
+        on: frames and the random effects that were fitted to them.
         effects: of the model.
         beside: the same frames as other models see them; what only depends on beams is taken from there.
     """
 
-    def __init__(self, case: Case, view: View, effects: tuple[Effect, ...], beside: Sequence[Aligned] = ()) -> None:
+    def __init__(
+        self, context: Context, on: FittedFrames, effects: tuple[Effect, ...], beside: Sequence[Aligned] = ()
+    ) -> None:
         self._effects = in_order(effects)
         bent = bending(self._effects)
-        same = bent == bending(view.fitted.effects)
+        same = bent == bending(on.fitted.effects)
         alike = next((one for one in beside if bending(one._effects) == bent), None)
         if alike is not None:
             frames, self._samples = alike._frames, alike._samples
         else:
-            frames = list(view.frames) if same else case.tracer.trace_all(view.names, bent)
+            frames = list(on.frames) if same else context.tracer.trace_all(on.names, bent)
             self._samples: dict[TracedFrame, Sample] = {}
         self._frames = frames
-        self._random = view.fitter.random
-        self._estimate = view.fitted.estimate if same else seen_by(view, effects).estimate
-        if view.fitter.sample.of_own_map:  # aligned with the map as it is: a sample shows a part
+        self._random = on.fitter.random
+        self._estimate = on.fitted.estimate if same else fit_random_effects(on, effects).estimate
+        if on.fitter.sample.of_own_map:  # aligned with the map as it is: a sample shows a part
             alone = self._random.without(self._estimate, ("map", "albedo_of_map"))
-            self._estimate = seen_by(view, effects, alone).estimate
-        sizes = spreads(self._random, self._estimate)
+            self._estimate = fit_random_effects(on, effects, alone).estimate
+        sizes = edge_tolerance(self._random, self._estimate)
         self._wide = [one.unsure(*sizes) if any(sizes) else None for one in frames]
-        origin = case.sensor.origin
+        origin = context.sensor.origin
         self._members = [
             Ensemble.of(one, self._effects, model_chance(0, number), origin) for number, one in enumerate(frames)
         ]
@@ -247,18 +249,18 @@ class Budget:
     aligned_steps: tuple[HeldOut, ...] = ()
 
 
-def budget_of(case: Case, view: View, models: Sequence[tuple[Effect, ...]]) -> tuple[Budget, Judged]:
+def budget_of(context: Context, on: FittedFrames, models: Sequence[tuple[Effect, ...]]) -> tuple[Budget, Judged]:
     """The budget of a model, or of one that effects were added to, and the frames that it was judged by.
 
     Args:
-        case: of the diagnosis.
-        view: frames that judge, as they are told in the end.
+        context: of the analysis.
+        on: frames that judge, as they are told in the end.
         models: the effects as given, and after every finding.
     """
-    last = Aligned(case, view, models[-1])
-    seen = [Aligned(case, view, models[0], [last])] if len(models) > 1 else []
+    last = Aligned(context, on, models[-1])
+    seen = [Aligned(context, on, models[0], [last])] if len(models) > 1 else []
     for effects in models[1:-1]:
-        seen.append(Aligned(case, view, effects, [seen[-1], last]))
+        seen.append(Aligned(context, on, effects, [seen[-1], last]))
     seen.append(last)
     first, floor, aligned = seen[0], last.floor(), last.error(PARTS)
     noise = aligned if floor is None else min(floor, aligned)
@@ -274,7 +276,7 @@ def budget_of(case: Case, view: View, models: Sequence[tuple[Effect, ...]]) -> t
     return Budget(first.error(()), aligned, first.error(PARTS), floor, parts, steps, of_aligned), Judged(first, last)
 
 
-def held_out(case: Case, view: View, effects: Sequence[Effect]) -> HeldOut:
+def held_out(context: Context, on: FittedFrames, effects: Sequence[Effect]) -> HeldOut:
     """Errors of effects on frames at the poses as given, and the floor with everything aligned."""
-    one = Aligned(case, view, tuple(effects))
+    one = Aligned(context, on, tuple(effects))
     return replace(one.held_out(), floor=one.floor())

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.discrepancy.analysis import Context, trace_and_fit
 from cosim.discrepancy.budget import Budget, Judged, budget_of
 from cosim.discrepancy.data.checks import check_fit, drive_notes, opened
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
@@ -18,7 +19,6 @@ from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
 from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, score_frame
 from cosim.discrepancy.settings import DEFAULT, Settings
-from cosim.discrepancy.state import Case, Model, viewed
 from cosim.discrepancy.words import source_words, times
 from cosim.drives.kitti import Drive
 from cosim.variants.worth import Worth
@@ -328,8 +328,8 @@ def _budget(
     if not frames or not any((one.observed.returned & one.observed.trusted).any() for one in frames):
         return None, None
     names = tuple(one.name for one in frames)
-    case = Case(model, tracer, Split(names, names), (), tracer.settings, seed, _LOG.debug)
+    context = Context(model, tracer, Split(names, names), (), tracer.settings, seed, _LOG.debug)
     own = with_rings(effects, model.pattern.rings)
-    view = viewed(case, names, Model(own), tracer.settings.rows, traced=tuple(frames))
-    budget, judged = budget_of(case, view, [own])
+    on = trace_and_fit(context, names, own, traced=tuple(frames))
+    budget, judged = budget_of(context, on, [own])
     return budget, replace(judged, before_parts=())

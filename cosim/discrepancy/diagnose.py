@@ -1,38 +1,62 @@
-"""Which physical effects a sensor model lacks: fit, screen, pick, accept, again; eliminate, confirm, end."""
+"""Which physical effects a sensor model lacks.
+
+Fit the nuisance parameters, test every hypothesis of one dictionary, add the best term by exact refits, repeat; turn
+terms that are no effects of the catalogue into plug-ins; measure errors on held-out frames.
+"""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from itertools import islice
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy import stats
 
+from cosim.discrepancy.analysis import (
+    Context,
+    FittedFrames,
+    context_of,
+    fit_held_out,
+    is_accurate,
+    trace_and_fit,
+)
 from cosim.discrepancy.budget import budget_of
-from cosim.discrepancy.candidates import candidate_effects
-from cosim.discrepancy.data.checks import check_fit, drive_notes, fit_notes, not_told, opened, struck_notes
-from cosim.discrepancy.data.frames import FrameTracer
-from cosim.discrepancy.data.split import split_drive, split_frames
+from cosim.discrepancy.data.checks import check_fit, drive_notes, fit_notes, opened
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
-from cosim.discrepancy.eliminate import assured, confirmed, eliminated, redrawn, simplified
-from cosim.discrepancy.inference.comparison import Gain, ToldBy, gain
+from cosim.discrepancy.dictionary.effects import effect_groups
+from cosim.discrepancy.dictionary.groups import Group
+from cosim.discrepancy.dictionary.lattices import find_lattices
+from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
+from cosim.discrepancy.inference.fit import all_free
 from cosim.discrepancy.inference.intervals import intervals
-from cosim.discrepancy.inference.score_test import Tested
-from cosim.discrepancy.select import Candidate, as_found, candidates, chosen, roundings, screened, screened_pairs, tiers
+from cosim.discrepancy.selection.curves import curve_of
+from cosim.discrepancy.selection.refit import Model, Term, rebuild
+from cosim.discrepancy.selection.search import Evidence, select_terms
 from cosim.discrepancy.settings import DEFAULT, Settings
-from cosim.discrepancy.state import Case, Model, State, View, fitted_anew, given, judged, seen_by, viewed
-from cosim.discrepancy.unexplained import unexplained
+from cosim.discrepancy.unexplained import Unexplained, evidence_matrix, remaining
+from cosim.discrepancy.unknown.effect import UnknownEffect
+from cosim.discrepancy.unknown.effect_class import effect_of
 from cosim.drives.kitti import Drive
 from cosim.drives.twin.surfels import has_surfels
 from cosim.labels.bias import Certainty, diagnose_labels
-from sensors.effects.base import Effect
-from sensors.effects.labels.box_shrink import BoxShrink
+from sensors.effects.base import Effect, LabelEffect
 from sensors.effects.lasers import as_known
-from sensors.sensor_model import SensorModel, load_sensor
+from sensors.sensor_model import SensorModel
 
 _LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A term as it is reported: an effect of the catalogue, a plug-in, or a fact of the file."""
+
+    name: str
+    p_value: float
+    alternatives: tuple[str, ...] = ()
+    unknown: UnknownEffect | None = None
+    interval: dict[str, list[float]] | None = None
 
 
 def diagnose(
@@ -43,190 +67,164 @@ def diagnose(
     extra: Sequence[type[Effect]] = (),
     seed: int = 0,
     settings: Settings = DEFAULT,
-    along: Sequence[str] = (),
+    refitted: Sequence[str] = (),
     on_progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
-    """Find the effects that a sensor model lacks against a drive.
+    """Find the effects that a sensor model lacks, given a measured drive.
 
     Args:
         drive: measured, with a twin, or its folder.
-        sensor: the model, or its file.
-        frames: those to use; all by default.
-        extra: effects of the user's own to ask for beside the catalogue and the installed ones.
-        seed: of samples and signs.
-        settings: numbers that decide.
-        along: names of the sensor's effects whose parameters are fitted anew along with whatever is found.
-        on_progress: is told what is being done.
+        sensor: model, or its file.
+        frames: frames to use; all by default.
+        extra: effects to test in addition to the catalogue and the installed ones.
+        seed: of samples, signs and folds.
+        settings: numeric choices.
+        refitted: names of effects of the sensor whose parameters are fitted from the beginning.
+        on_progress: called with a message for each step.
 
     Raises:
-        CosimError: the drive lacks points or a twin, or the twin does not fit it.
-        SensorError: the sensor file breaks the rules.
+        CosimError: the drive lacks points or a twin, or the twin does not match it.
+        SensorError: the sensor file is invalid.
     """
-    asked = opened(drive)
-    case = case_of(
-        asked, sensor, frames=frames, extra=extra, seed=seed, settings=settings, along=along,
-        say=on_progress or _LOG.debug,
+    measured = opened(drive)
+    context = context_of(
+        measured, sensor, frames=frames, extra=extra, seed=seed, settings=settings, refitted=refitted,
+        on_progress=on_progress or _LOG.debug,
     )  # fmt: skip
-    state = begun(case)
-    before = None
-    while state is not before and len(state.found) < settings.most_findings:
-        before, state = state, added(case, state)
-    state = confirmed(case, assured(case, redrawn(case, eliminated(case, simplified(case, state)))))
-    return with_labels(concluded(case, state), asked)
+    on = fit_nuisances(context)
+    on, facts = add_lattices(context, on)
+    model = Model(on.frames, on.fitter, on.fitted, _initially_free(context))
+    first, last, model = select(context, model)
+    model, found, phases = convert_terms(context, model)
+    return add_labels(conclude(context, model, (*facts, *found), phases, first, last), measured)
 
 
-def case_of(
-    drive: Drive,
-    sensor: SensorModel | str | Path,
-    *,
-    frames: Sequence[str] | None = None,
-    extra: Sequence[type[Effect]] = (),
-    seed: int = 0,
-    settings: Settings = DEFAULT,
-    along: Sequence[str] = (),
-    say: Callable[[str], None] = _LOG.debug,
-) -> Case:
-    """What stays the same throughout a diagnosis; see `diagnose`."""
-    model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
-    split = (
-        split_drive(drive, model.pattern.rings * model.pattern.firings, settings.sampling)
-        if frames is None
-        else split_frames(tuple(frames), settings=settings.sampling)
-    )
-    hidden = not_told(len(split.fit), has_surfels(drive.root), settings.beams)
-    kinds = tuple(one for one in candidate_effects(extra, model.pattern.rings) if one.name not in hidden)
-    return Case(model, FrameTracer(drive, model, settings), split, kinds, settings, seed, say, tuple(along))
+def fit_nuisances(context: Context) -> FittedFrames:
+    """Trace the frames to fit, check that the twin matches them, and fit the nuisance parameters."""
+    context.on_progress("tracing the twin and fitting poses, objects and map")
+    first = context.tracer.trace(context.split.fit[0], ())
+    check_fit(first, context.tracer.drive)
+    effects = context.initial_effects
+    return trace_and_fit(context, context.split.fit, effects, _initially_free(context))
 
 
-def begun(case: Case) -> State:
-    """Everything traced, and what is merely not known fitted."""
-    case.say("tracing the twin")
-    effects = given(case)
-    model = Model(effects, tuple(place for place, one in enumerate(effects) if one.name in case.along))
-    first = case.tracer.trace(case.split.fit[0], ())
-    check_fit(first, case.tracer.drive)
-    view = fitted_anew(case, model)
-    model = replace(model, effects=view.fitted.effects)
-    judges = view
-    if case.split.is_held_out:
-        judges = viewed(case, case.split.test, Model(model.effects), case.settings.judging_rows)
-    return State(model, view, judges)
+def add_lattices(context: Context, on: FittedFrames) -> tuple[FittedFrames, tuple[_Found, ...]]:
+    """Add the steps of which measured values are multiples and the model's are not: facts of the file."""
+    rng, found = np.random.default_rng([context.seed, 3]), []
+    for lattice in find_lattices(on.fitter, on.fitted, context.candidates, rng):
+        others = tuple(effect for effect in on.fitted.effects if effect.name != lattice.effect.name)
+        on = replace(on, fitted=on.fitter.fit((*others, lattice.effect), (), on.fitted.estimate, steps=3))
+        p_value = 1 / context.settings.selection.draws
+        found.append(_Found(lattice.effect.name, p_value, interval=lattice.interval))
+    return on, tuple(found)
 
 
-def added(case: Case, state: State) -> State:
-    """With the first candidate that helps on frames that took no part; the same state, screened, if there is none."""
-    case.say(f"looking for effects beyond {len(state.found)} found")
-    for one in roundings(case, state):
-        if one.name not in state.refused and not any(found.effect == one.name for found in state.found):
-            after = accepted(case, state, one, ())
-            if after is not None:
-                return after
-    tested = screened(case, state)
-    sure = [one for one in tested if one.p_value <= case.settings.level]
-    if not sure or not all(one.group.is_effect for one in sure):  # a dependence on one may be a part of one on two
-        tested = sorted([*tested, *screened_pairs(case, state)], key=lambda one: (one.p_value, -one.value))
-    state.screened[:] = tested
-    refused = state.refused
-    for some in tiers(case, state, tested):
-        asked = replace(state, refused=refused)
-        found = candidates(case, asked, some)
-        state.ranking[:] = state.ranking or _ranking(found, tested)
-        for one in islice(chosen(case, asked, some, found), case.settings.pick.tried):
-            case.say(f"adding {one.name}")
-            after = accepted(case, state, one, found)
-            if after is not None:
-                return replace(after, refused=refused)
-            refused = refused | {one.name}
-    return state
+def select(context: Context, model: Model) -> tuple[Evidence, Evidence, Model]:
+    """Select terms; the evidence about the model before and after, and the model with its terms."""
+    first: list[Evidence] = []
+
+    def tangents(linearisation: Linearisation, current: Model) -> list[Group]:
+        return effect_groups(linearisation, context.candidates, (), current.free)
+
+    model, last = select_terms(
+        model, tangents, context.initial_effects, context.settings, context.seed,
+        lambda current: retrace(context, current), context.on_progress, first.append,
+    )  # fmt: skip
+    return first[0], last, model
 
 
-def accepted(case: Case, state: State, one: Candidate, found: Sequence[Candidate]) -> State | None:
-    """With a candidate, everything fitted anew; None where frames that took no part deny it."""
-    view = fitted_anew(case, one.model, replace(state.view, fitted=one.fitted))
-    model = replace(one.model, effects=view.fitted.effects)
-    judges = judged(case, state.judges, model)
-    if not one.is_fact and case.split.is_held_out:
-        told = gain_elsewhere(case, state, view, judges, one.told_by)
-        case.say(f"{one.name} gains {told.value:.1f} ± {told.error:.1f} on frames that took no part")
-        if told.p_value > case.settings.level:
-            return None
-    after = replace(state, model=model, view=view, judges=judges, screened=[])
-    return after.with_found(as_found(case, state, one, found))
+def retrace(context: Context, model: Model) -> Model:
+    """Trace the frames again where the effects bend beams too far from where they were traced; fit what was selected."""
+    if is_accurate(model.fitter, model.fitted.effects):
+        return model
+    context.on_progress("tracing bent beams again")
+    on = trace_and_fit(context, context.split.fit, model.fitted.effects, model.free)
+    return rebuild(model, on)
 
 
-def gain_elsewhere(case: Case, state: State, view: View, judges: View, by: ToldBy) -> Gain:
-    """What a model gains where it was not fitted.
+def convert_terms(context: Context, model: Model) -> tuple[Model, tuple[_Found, ...], tuple[Term, ...]]:
+    """Turn dependences into plug-ins, and fit their parameters together with everything else.
 
-    On frames that took no part. Of a map made of the scans these are few, next to each other, and say little of how
-    surfaces look from near and far. There all frames judge, by surfaces in places that took no part: whose own places
-    are free as those of the others are. Such places are few, and one wall may gain more than all others together: so it
-    is asked, too, how sure the gain is without the most of that.
-
-    Args:
-        case: of the diagnosis.
-        state: before.
-        view, judges: frames that are fitted, and that judge, as the model tells them.
-        by: what tells of the candidate.
+    Returns:
+        The model without dependences; what was found, in order; and terms that no law predicts.
     """
-    same = judges.fitter is state.judges.fitter
-    if view.fitter.sample.of_own_map:
-        frozen, frames = Model(view.fitted.effects), (*view.frames, *judges.frames)
-        names = (*view.names, *judges.names)
-        judges, same = viewed(case, names, frozen, case.settings.judging_rows, traced=frames, judging=True), False
-    before = state.judges.fitted if same else seen_by(judges, state.model.effects)
-    told = gain(judges.fitter, before, judges.fitted, by)
-    if not view.fitter.sample.of_own_map:
-        return told
-    return min(told, told.without_outlier(), key=lambda one: one.p_value)
+    linearisation = linearise(model.fitter, model.fitted, model.frames)
+    effects, free = model.fitted.effects, model.free
+    found, phases = list[_Found](), list[Term]()
+    for term in model.terms:
+        names = term.alternatives
+        if term.group.is_effect:
+            found.append(_Found(term.group.effect_name, term.p_value, names))
+            continue
+        curve = curve_of(linearisation, term, context.settings.selection.sectors)
+        if curve is None or any(effect.name == curve.name for effect in effects):
+            phases.append(term)
+            continue
+        unknown = UnknownEffect.of(curve)
+        free = (*free, len(effects)) if not curve.is_shared else free
+        effects = (*effects, effect_of(unknown))
+        found.append(_Found(unknown.name, term.p_value, names, unknown))
+    if effects == model.fitted.effects and not model.fitted.dependences:
+        return model, tuple(found), tuple(phases)
+    context.on_progress("fitting formulas")
+    fitter = model.fitter
+    fitted = fitter.fit(effects, all_free(effects, free, fitter.rings), model.fitted.estimate)
+    return replace(model, fitted=fitted, free=free), tuple(found), tuple(phases)
 
 
-def concluded(case: Case, state: State) -> Diagnosis:
-    """The whole screen once more, errors and their budget, and everything in its last values."""
-    tested = state.screened
-    if not tested:
-        case.say("looking at what is left")
-        tested = [*screened(case, state), *screened_pairs(case, state)]
-    case.say("measuring errors on frames that took no part")
-    told = intervals(state.view.fitter, state.view.fitted) if state.view.fitted.free else {}
-    budget, judged = budget_of(case, state.judges, _steps(case, state))
+def conclude(
+    context: Context,
+    model: Model,
+    found: Sequence[_Found],
+    phases: Sequence[Term],
+    first: Evidence,
+    last: Evidence,
+) -> Diagnosis:
+    """Errors and their budget on held-out frames, intervals, and everything that remains."""
+    context.on_progress("measuring errors on held-out frames")
+    fitted = model.fitted
+    ci95 = intervals(model.fitter, fitted) if fitted.free else {}
+    on = FittedFrames(context.split.fit, model.frames, model.fitter, fitted)
+    held_out = fit_held_out(context, fitted.effects) if context.split.is_held_out else on
+    budget, judged = budget_of(context, held_out, _steps(context, fitted.effects, found))
     findings, unknowns = [], []
-    for number, one in enumerate(state.found):
-        place = state.model.place_of(one.effect)
-        if place is None:
+    for number, one in enumerate(found):
+        effect = next(effect for effect in fitted.effects if effect.name == one.name)
+        params, interval = effect.model_dump(mode="json"), ci95.get(one.name, one.interval or {})
+        if one.unknown is not None:
+            unknowns.append(one.unknown.refitted(params, interval))
             continue
-        params = state.model.effects[place].model_dump(mode="json")
-        ci95 = told.get(one.effect, one.interval or {})
-        if one.shape is not None:
-            unknowns.append(replace(one.shape, p_value=one.p_value).refitted(params, ci95))
-            continue
-        before, after = budget.steps[number], budget.steps[number + 1]
-        alike = tuple(name for name in one.also_possible if state.model.place_of(name) is None)
-        findings.append(Finding(one.effect, params, ci95, one.p_value, before, after, alike))
+        alike = tuple(dict.fromkeys(name for name in one.alternatives if name in _catalogue(context)))
+        steps = budget.steps[number], budget.steps[number + 1]
+        findings.append(Finding(one.name, params, interval, one.p_value, *steps, alike))
+    sets = tuple((one.name, *one.alternatives) for one in found if one.alternatives)
     return Diagnosis(
         effects=tuple(findings),
-        ranking=tuple(Alternative(*row) for row in state.ranking),
+        ranking=_ranking(first),
         unknowns=tuple(unknowns),
-        unexplained=unexplained(tested, state.view.fitted, case.settings),
-        smallest_detectable=_smallest(tested, case),
+        unexplained=_unexplained(context, model, phases, last),
+        either_or=sets,
+        evidence=evidence_matrix(first, last),
+        smallest_detectable=_smallest(last, context.settings),
         budget=budget,
-        sensor=SensorModel(case.sensor.pattern, as_known(state.model.effects), case.sensor.origin),
-        split=case.split,
-        spreads=_spreads(state),
-        notes=_notes(case, state),
+        sensor=SensorModel(context.sensor.pattern, as_known(fitted.effects), context.sensor.origin),
+        split=context.split,
+        spreads=_spreads(on),
+        notes=_notes(context, on),
         judged=judged,
-        settings=case.settings,
+        settings=context.settings,
         refitted={
-            one.name: {"params": one.model_dump(mode="json"), "ci95": told.get(one.name, {})}
-            for one in state.model.effects[: len(given(case))]
-            if one.name in case.along
+            effect.name: {"params": effect.model_dump(mode="json"), "ci95": ci95.get(effect.name, {})}
+            for effect in fitted.effects
+            if effect.name in context.refitted
         },
     )
 
 
-def with_labels(found: Diagnosis, drive: Drive) -> Diagnosis:
-    """A diagnosis with its labels looked at; a missing label effect goes into the improved sensor.
+def add_labels(found: Diagnosis, drive: Drive) -> Diagnosis:
+    """Test the labels as well; a missing label effect goes into the improved sensor.
 
-    The verdict stays that of the points, unless these lack nothing.
+    The verdict remains that of the points unless these lack nothing.
     """
     if not any(drive[name].has("label_2") for name in drive.frames):
         return found
@@ -235,57 +233,83 @@ def with_labels(found: Diagnosis, drive: Drive) -> Diagnosis:
     if labels.effect is None:
         return replace(found, labels=labels)
     model = found.sensor
-    others = tuple(one for one in model.effects if not isinstance(one, BoxShrink))
+    others = tuple(effect for effect in model.effects if not isinstance(effect, LabelEffect))
     sensor = SensorModel(model.pattern, (*others, labels.effect), model.origin)
     return replace(found, labels=labels, sensor=sensor)
 
 
-def _steps(case: Case, state: State) -> list[tuple[Effect, ...]]:
-    """The model after each finding, as it would be with the last values of those found so far."""
-    effects = state.model.effects
-    own = tuple(effects[place] if one.name in case.along else one for place, one in enumerate(given(case)))
-    models = [own]
-    there: set[str] = set()
-    for one in state.found:
-        there.add(one.effect)
-        known = [
-            effect if place >= len(own) or effect.name in there else own[place] for place, effect in enumerate(effects)
-        ]
-        models.append(tuple(e for place, e in enumerate(known) if place < len(own) or e.name in there))
+def _initially_free(context: Context) -> tuple[int, ...]:
+    effects = context.initial_effects
+    return tuple(index for index, effect in enumerate(effects) if effect.name in context.refitted)
+
+
+def _catalogue(context: Context) -> set[str]:
+    return {kind.name for kind in context.candidates} | {effect.name for effect in context.initial_effects}
+
+
+def _steps(context: Context, effects: tuple[Effect, ...], found: Sequence[_Found]) -> list[tuple[Effect, ...]]:
+    """The model after each finding, with the final values of those found so far."""
+    initial = context.initial_effects
+    names = {one.name for one in found}
+    final = {effect.name: effect for effect in effects}
+    own = [final[effect.name] if effect.name in context.refitted else effect for effect in initial]
+    models, present = [tuple(own)], set[str]()
+    for one in found:
+        present.add(one.name)
+        there = [final[effect.name] if effect.name in present else effect for effect in own]
+        added = [effect for effect in effects[len(initial) :] if effect.name in present or effect.name not in names]
+        models.append((*there, *added))
     return models
 
 
-def _ranking(found: Sequence[Candidate], tested: Sequence[Tested]) -> list[tuple[str, float, float]]:
-    """Candidates of the first round: name, twice the gain less its price (ΔBIC), and p."""
-    each = float(np.log(len(found[0].fitted.residuals.loglik))) if found else 0.0
-    rows = [(one.name, 2 * one.gain.value - one.numbers * each, one.p_value) for one in found]
-    there = {name for name, *_ in rows}
-    for one in tested:
-        if one.group.is_effect and one.group.name not in there:
-            there.add(one.group.name)
-            rows.append((one.group.name, 2 * one.gain - one.group.size * each if found else 0.0, one.p_value))
-    return [(name, float(value), float(p)) for name, value, p in sorted(rows, key=lambda row: -row[1])]
+def _unexplained(context: Context, model: Model, phases: Sequence[Term], last: Evidence) -> tuple[Unexplained, ...]:
+    """Terms that no law predicts, and everything significant that is left beyond the accuracy of the fit."""
+    gains = [term.exact_gain for term in model.terms]
+    least = context.settings.selection.follower_share * max(gains, default=0.0)
+    of_phases = tuple(
+        Unexplained(term.group.channel, term.group.covariates, float("nan"), "", term.p_value) for term in phases
+    )
+    return (*of_phases, *remaining(last, context.settings, least))
 
 
-def _smallest(tested: Sequence[Tested], case: Case) -> dict[str, dict[str, float]]:
-    """Amplitude of each effect that would have been found with 80 % power."""
+def _ranking(first: Evidence) -> tuple[Alternative, ...]:
+    """Effects about the initial model: twice the gain foreseen less its penalty (ΔBIC), and p."""
+    each = float(np.log(len(first.linearisation.sample)))
+    best: dict[str, Alternative] = {}
+    for result in first.results:
+        name = result.group.effect_name
+        if name:
+            row = Alternative(name, 2 * result.gain - each * result.group.size, result.p_value)
+            if name not in best or row.delta_bic > best[name].delta_bic:
+                best[name] = row
+    return tuple(sorted(best.values(), key=lambda row: -row.delta_bic))
+
+
+def _smallest(last: Evidence, settings: Settings) -> dict[str, dict[str, float]]:
+    """Amplitude of each effect that would have been detected with 80 % power at the family-wise level."""
+    needed = float(stats.norm.isf(settings.level / 2 / max(last.dictionary.tested, 1))) + settings.screen.power
     found: dict[str, dict[str, float]] = {}
-    for one in tested:
-        if one.group.is_effect and one.group.amplitude and np.isfinite(one.smallest):
-            mine = found.setdefault(one.group.name, {})
-            mine[one.group.amplitude] = min(one.smallest, mine.get(one.group.amplitude, np.inf))
+    for result in last.results:
+        tangent, entry = result.group.tangent, result.entry
+        if tangent is None or not tangent.amplitude or not np.any(entry.information > 0):
+            continue
+        total = float(entry.information.sum())
+        amplitude = needed * float(np.sqrt(entry.variance.sum())) / max(total, 1e-300)
+        amplitude *= abs(tangent.step) if result.group.direct is not None else 1.0
+        row = found.setdefault(tangent.effect.name, {})
+        row[tangent.amplitude] = min(amplitude, row.get(tangent.amplitude, np.inf))
     return found
 
 
-def _spreads(state: State) -> dict[str, float]:
-    """Standard deviations of what is merely not known, by name with its unit."""
-    random, estimate = state.view.fitter.random, state.view.fitted.estimate
+def _spreads(on: FittedFrames) -> dict[str, float]:
+    """Standard deviations of nuisance parameters, by name with unit."""
+    random, estimate = on.fitter.random, on.fitted.estimate
     poses = random.spread(estimate, "poses")
     objects = [random.spread(estimate, name) for name in ("objects", "objects_by_scan")]
     found = {
         "pose_shift_m": float(np.sqrt(np.mean(poses[:3] ** 2))) if len(poses) else 0.0,
         "pose_turn_deg": float(np.degrees(np.sqrt(np.mean(poses[3:] ** 2)))) if len(poses) else 0.0,
-        "object_shift_m": float(np.sqrt(sum(one[0] ** 2 for one in objects if len(one)))),
+        "object_shift_m": float(np.sqrt(sum(part[0] ** 2 for part in objects if len(part)))),
         "map_m": float(np.max(random.spread(estimate, "map"), initial=0.0)),
         "object_albedo": float(np.max(random.spread(estimate, "albedo"), initial=0.0)),
         "map_albedo": float(np.max(random.spread(estimate, "albedo_of_map"), initial=0.0)),
@@ -293,14 +317,15 @@ def _spreads(state: State) -> dict[str, float]:
     return {name: value for name, value in found.items() if value > 0}
 
 
-def _notes(case: Case, state: State) -> tuple[str, ...]:
-    seen = [frame.observed for frame in state.view.frames]
+def _notes(context: Context, on: FittedFrames) -> tuple[str, ...]:
+    observed = [frame.observed for frame in on.frames]
+    drive = context.tracer.drive
     of_drive = drive_notes(
-        case.tracer.drive,
-        frames=len(seen),
-        bad=sum(one.bad for one in seen),
-        strays=sum(one.strays for one in seen),
-        has_intensity=state.view.fitter.sample.has_intensity,
+        drive,
+        frames=len(observed),
+        bad=sum(frame.bad for frame in observed),
+        strays=sum(frame.strays for frame in observed),
+        has_intensity=on.fitter.sample.has_intensity,
     )
-    of_fit = fit_notes(len(seen), case.split.is_held_out, has_surfels(case.tracer.drive.root), case.settings.beams)
-    return (*of_drive, *of_fit, *struck_notes([one.effect for one in state.struck]))
+    of_fit = fit_notes(len(observed), context.split.is_held_out, has_surfels(drive.root), context.settings.beams)
+    return (*of_drive, *of_fit)

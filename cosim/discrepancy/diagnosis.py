@@ -12,8 +12,8 @@ import numpy as np
 from cosim.discrepancy.budget import Budget, HeldOut, Judged
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.settings import DEFAULT, Settings
-from cosim.discrepancy.unexplained import Unexplained
-from cosim.discrepancy.unknown.shape import Shape
+from cosim.discrepancy.unexplained import EvidenceCell, Unexplained
+from cosim.discrepancy.unknown.effect import UnknownEffect
 from cosim.discrepancy.words import FEW, Vocabulary, source_words, times, unexplained_words, unknown_words
 from cosim.labels.bias import LabelFinding
 from cosim.report.phrases import listed, p_words
@@ -78,7 +78,9 @@ class Diagnosis:
         effects: what was missing, in the order in which it was found.
         ranking: candidates of the first round, the likeliest first.
         unknowns: what no candidate explains.
-        unexplained: what is still significant in the end.
+        unexplained: dependences that are still significant in the end.
+        either_or: names of terms that these data cannot separate, the selected one first.
+        evidence: the matrix channel × covariate, before and after the findings.
         smallest_detectable: amplitude of each effect that would have been seen with 80 % power.
         budget: where the error comes from.
         sensor: the improved model.
@@ -94,8 +96,10 @@ class Diagnosis:
 
     effects: tuple[Finding, ...]
     ranking: tuple[Alternative, ...]
-    unknowns: tuple[Shape, ...]
+    unknowns: tuple[UnknownEffect, ...]
     unexplained: tuple[Unexplained, ...]
+    either_or: tuple[tuple[str, ...], ...]
+    evidence: tuple[EvidenceCell, ...]
     smallest_detectable: Mapping[str, Mapping[str, float]]
     budget: Budget
     sensor: SensorModel
@@ -123,7 +127,7 @@ class Diagnosis:
         return "missing" if self.labels is not None and self.labels.verdict == "missing" else "none"
 
     @property
-    def unknown(self) -> Shape | None:
+    def unknown(self) -> UnknownEffect | None:
         """The first of the unknowns."""
         return self.unknowns[0] if self.unknowns else None
 
@@ -157,6 +161,8 @@ class Diagnosis:
             "unknown": self.unknown.to_json() if self.unknown else None,
             "unknowns": [one.to_json() for one in self.unknowns],
             "unexplained": [one.to_json() for one in self.unexplained],
+            "either_or": [list(names) for names in self.either_or],
+            "evidence": [cell.to_json() for cell in self.evidence],
             "smallest_detectable": {name: dict(values) for name, values in self.smallest_detectable.items()},
             "error_before": self.error_before,
             "error_after": self.error_after,
@@ -175,10 +181,10 @@ class Diagnosis:
         Raises:
             OutputError: the folder cannot be written.
         """
-        from cosim.discrepancy.unknown.plug_in import class_name, effect_source
+        from cosim.discrepancy.unknown.source import effect_source
         from cosim.drives.sensor_files import write_sensor
 
-        own = {one.name: (class_name(one), effect_source(one)) for one in self.unknowns}
+        own = {one.name: (one.class_name, effect_source(one)) for one in self.unknowns}
         return write_sensor(self.sensor, Path(path), own)
 
     def __str__(self) -> str:

@@ -47,7 +47,6 @@ class Sampling:
     """Which frames are fitted and which judge, and which beams of them are taken."""
 
     segment: int = 3  # frames next to each other that do the same
-    fewest_confirmed: int = 16  # frames of which a segment can be spared for the end
     map_scans: int = 24  # of a map made of the scans that are fitted, evenly spread
     map_judges: int = 8  # that judge
     scans_each: int = 6  # of each map that are fitted where there are several

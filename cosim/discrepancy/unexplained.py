@@ -122,9 +122,7 @@ def evidence_matrix(before: Evidence, after: Evidence) -> tuple[EvidenceCell, ..
         old, new = first.get(name), last.get(name)
         group = (old or new or after.results[0]).group
         cells.append(
-            EvidenceCell(
-                group.channel, group.covariates, *_figures(old), *_figures(new), _curve(old), _curve(new)
-            )
+            EvidenceCell(group.channel, group.covariates, *_figures(old), *_figures(new), _curve(old), _curve(new))
         )
     return tuple(sorted(cells, key=lambda cell: -max(cell.gain, cell.gain_after)))
 
@@ -162,4 +160,3 @@ def _size(result: TestResult, evidence: Evidence) -> float:
     known = float(evidence.linearisation.weights(group.channel)[1][rows].sum())
     size = float(np.sqrt(2 * max(result.gain, 0.0) / known)) if known > 0 else 0.0
     return size * result.entry.unit if group.is_count else size
-

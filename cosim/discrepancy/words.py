@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.unexplained import Unexplained
-from cosim.discrepancy.unknown.shape import Shape
+from cosim.discrepancy.unknown.effect import UnknownEffect
 from cosim.report.phrases import as_sure, listed
 from sensors.effects.base import Effect, Parameter
 from sensors.effects.registry import effect_classes
@@ -121,8 +121,8 @@ def times(ratio: float) -> str:
 def unexplained_words(one: Unexplained) -> str:
     """What is left, in short."""
     channel = channel_words(one.channel)
-    if one.looks_like:
-        return f"{channel}, as {one.looks_like} would make it"
+    if one.resembles:
+        return f"{channel}, similar to {one.resembles}"
     return f"{channel} by {' and '.join(one.covariates).replace('_', ' ')}"
 
 
@@ -132,29 +132,36 @@ def channel_words(channel: str) -> str:
 
 
 _CHANNELS = {
-    "drop": "returns", "spurious": "strays", "range_variance": "spread of ranges",
+    "drop": "returns", "spurious": "spurious returns", "early": "early returns", "late": "late returns", "range_variance": "spread of ranges",
     "intensity_variance": "spread of intensities",
 }  # fmt: skip
 
 
-def unknown_words(unknown: Shape) -> str:
+def unknown_words(unknown: UnknownEffect) -> str:
     """What an unknown effect does, in short."""
-    channel = channel_words(unknown.channel)
-    on = " and ".join(unknown.covariates).replace("_", " ")
-    if unknown.names and unknown.factor is None:
-        return f"{channel} depends on {on}: {table_words(unknown)}"
-    of = f", x in {unknown.unit}" if unknown.unit else ""
-    return f"{channel} depends on {on} as {unknown.text}{of}"
+    curve = unknown.curve
+    channel = channel_words(curve.channel)
+    if curve.is_shared:
+        return f"{channel}: {unknown.form}"
+    if curve.covariates == ("constant",):
+        return f"{channel} differs by {unknown.form}"
+    on = " and ".join(curve.covariates).replace("_", " ")
+    rows = table_words(unknown)
+    if rows:
+        return f"{channel} depends on {on}: {rows}"
+    variables = f" ({unknown.variables})" if unknown.variables else ""
+    return f"{channel} depends on {on} as {unknown.form}{variables}"
 
 
-def table_words(unknown: Shape) -> str:
-    """The categories of a shape that stand out, with units: `paving +4.81 cm`."""
-    factor, unit = (100.0, "cm") if unknown.channel == "range" else (100.0, "%")
-    said = (
-        f"{unknown.names[row].replace('_', ' ')} {factor * unknown.y[row]:+.2f} {unit}".replace("-", "−")
-        for row in unknown.outstanding()
+def table_words(unknown: UnknownEffect) -> str:
+    """The significant categories with units: `paving +4.81 cm`; empty for formulas."""
+    factor, unit = {"m": (100.0, "cm"), "rad": (float(np.degrees(1.0)), "°")}.get(unknown.curve.unit, (100.0, "%"))
+    tail = unit if unit == "°" else f" {unit}"
+    words = (
+        f"{name.replace('_', ' ')} {factor * value:+.3g}{tail}".replace("-", "−")
+        for name, value, _ in unknown.table_rows()
     )
-    return ", ".join(said)
+    return ", ".join(words)
 
 
 def _short(name: str) -> str:

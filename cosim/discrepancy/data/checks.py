@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -98,7 +97,7 @@ def drive_notes(drive: Drive, *, frames: int, bad: int, strays: int, has_intensi
     return tuple(said)
 
 
-def not_told(fitted: int, of_own_map: bool, settings: Beams = DEFAULT.beams) -> tuple[str, ...]:
+def undetermined_effects(fitted: int, of_own_map: bool, settings: Beams = DEFAULT.beams) -> tuple[str, ...]:
     """Effects that so many scans cannot tell from errors of their poses, or a map made of them from its own."""
     return (
         *(_OF_POSES if fitted < settings.fewest_scans else ()),
@@ -127,11 +126,3 @@ def fit_notes(fitted: int, is_held_out: bool, of_own_map: bool, settings: Beams 
     if not is_held_out:
         said.append("no frame was left to judge by: errors after a fit are flattering")
     return tuple(said)
-
-
-def struck_notes(names: Sequence[str]) -> tuple[str, ...]:
-    """Of findings that the untouched segment denied."""
-    return tuple(
-        f"{name} was found and struck out again: the last frames, by which nothing was chosen, are told better without"
-        for name in names
-    )

@@ -1,4 +1,4 @@
-"""Which frames are fitted, which only judge, and which are not touched until the end."""
+"""Which frames are fitted, and which are held out."""
 
 from __future__ import annotations
 
@@ -21,13 +21,11 @@ class Split:
 
     Attributes:
         fit: those that are fitted.
-        test: those that judge, step by step; the same where there are too few for both.
-        confirm: those that are looked at once, at the end; none where there are too few.
+        test: held-out frames; the same where there are too few for both.
     """
 
     fit: tuple[str, ...]
     test: tuple[str, ...]
-    confirm: tuple[str, ...] = ()
 
     @property
     def is_held_out(self) -> bool:
@@ -90,19 +88,16 @@ def split_of_maps(
 
 
 def split_frames(names: Sequence[str], poor: Collection[str] = (), settings: Sampling = DEFAULT.sampling) -> Split:
-    """Every fourth segment of consecutive frames judges, the last one is left untouched, the rest is fitted.
+    """Hold out every fourth segment of consecutive frames.
 
-    Poor frames are shared out among those that fit and judge by themselves.
+    Poor frames, whose ground contains no information on ranges, are divided separately in the same proportion.
     """
     size = max(1, min(settings.segment, len(names) // 8))
-    rich = [name for name in names if name not in poor]
-    confirm = tuple(rich[-size:]) if len(rich) >= settings.fewest_confirmed else ()
-    ordered = [*rich[: len(rich) - len(confirm)], *(name for name in names if name in poor)]
-    judges = {name for place, name in enumerate(ordered) if place // size % 4 == 3}
-    left = [name for name in names if name not in confirm]
-    test = tuple(name for name in left if name in judges)
-    fit = tuple(name for name in left if name not in judges)
-    return Split(fit, test, confirm) if test and fit else Split(tuple(names), tuple(names))
+    ordered = [*(name for name in names if name not in poor), *(name for name in names if name in poor)]
+    held_out = {name for place, name in enumerate(ordered) if place // size % 4 == 3}
+    test = tuple(name for name in names if name in held_out)
+    fit = tuple(name for name in names if name not in held_out)
+    return Split(fit, test) if test and fit else Split(tuple(names), tuple(names))
 
 
 def _by_map(drive: Drive, names: Sequence[str]) -> list[list[str]]:

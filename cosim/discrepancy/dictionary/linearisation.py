@@ -17,6 +17,7 @@ from cosim.discrepancy.inference.dependence import ANGLES, SPURIOUS, angle_deriv
 from cosim.discrepancy.inference.fit import Fitted, Fitter
 from cosim.discrepancy.inference.likelihood import residuals_of
 from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.projection import Projector
 from cosim.discrepancy.inference.score import Evidence, Quantity, dispersion
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 
@@ -63,6 +64,11 @@ class Linearisation:
     def sample(self) -> Sample:
         """The beams."""
         return self.fitter.sample
+
+    def projector(self, sectors: int) -> Projector:
+        """Efficient scores about the model, with so many parts of each scan as clusters."""
+        clusters = self.fitter.random.clusters_by_sector(sectors)
+        return Projector(self.mixed, self.fitted.estimate, clusters, self.sample.share)
 
     def weights(self, channel: str) -> tuple[np.ndarray, np.ndarray]:
         """Score and information (n,) of one channel per unit of it."""

@@ -71,7 +71,10 @@ def line_groups(
     within = (hz > _LOWEST_HZ) & (hz < _HIGHEST_HZ)
     lines, hz = lines[:, within], hz[within]
     found = _strongest(lines, hz, length, draws, level, rng)
-    return [_line_group(linearisation, channel, float(hz[row]), float(hz[1] - hz[0])) for row in found]
+    return [
+        line_group(linearisation, channel, _refined(linearisation, channel, float(hz[row]), float(hz[1] - hz[0])))
+        for row in found
+    ]
 
 
 def _strongest(
@@ -105,13 +108,18 @@ def _strongest(
     return found
 
 
-def _line_group(linearisation: Linearisation, channel: str, hz: float, step_hz: float) -> Group:
+def line_group(linearisation: Linearisation, channel: str, frequency_hz: float) -> Group:
+    """Cosine and sine of a frequency in absolute time."""
+    turn = 2 * np.pi * frequency_hz * absolute_time(linearisation)
+    basis = sparse.csr_matrix(np.stack([np.cos(turn), np.sin(turn)], 1))
+    name = f"{channel} at {frequency_hz:.2f} Hz"
+    return basis_group(linearisation, channel, name, ("time",), basis, frequency_hz=frequency_hz)
+
+
+def _refined(linearisation: Linearisation, channel: str, hz: float, step_hz: float) -> float:
+    """The frequency about a line at which the periodogram is highest."""
     score, _ = linearisation.weights(channel)
     time = absolute_time(linearisation)
     fine = hz + np.linspace(-2, 2, _FINE) * step_hz
     power = [np.abs(score @ np.exp(-2j * np.pi * frequency * time)) for frequency in fine]
-    frequency = float(fine[int(np.argmax(power))])
-    turn = 2 * np.pi * frequency * time
-    basis = sparse.csr_matrix(np.stack([np.cos(turn), np.sin(turn)], 1))
-    name = f"{channel} at {frequency:.2f} Hz"
-    return basis_group(linearisation, channel, name, ("time",), basis, frequency_hz=frequency)
+    return float(fine[int(np.argmax(power))])

@@ -12,8 +12,8 @@ from scipy import stats
 from cosim.discrepancy.candidates import Unknown, amplitudes, with_values
 from cosim.discrepancy.inference.fit import Fitted, Fitter, Free
 from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.projection import Projector
 from cosim.discrepancy.inference.score import Column, ridged, stacked
-from cosim.discrepancy.inference.score_test import Projector
 from cosim.discrepancy.inference.search import likely_interval, widening
 from cosim.discrepancy.settings import DEFAULT, Settings
 from sensors.effects.base import Effect
@@ -105,10 +105,10 @@ def covariances(fitter: Fitter, fitted: Fitted) -> list[np.ndarray]:
         return [np.zeros((0, 0))]
     alone = LinearModel.of(fitter.random, (), fitted.evidence, fitted.prediction, fitted.estimate)
     columns = stacked(fitted.columns, fitted.evidence.score, len(fitter.sample))
-    tables, information = Projector(alone, fitted.estimate, fitter.random.clusters).of(columns)
-    inverse = np.linalg.pinv(ridged(information), hermitian=True)
+    projected = Projector(alone, fitted.estimate, fitter.random.clusters, fitter.sample.share).project(columns)
+    inverse = np.linalg.pinv(ridged(projected.information), hermitian=True)
     found = [inverse]
-    for table in tables:
+    for table in projected.tables:
         count = max(np.count_nonzero(np.abs(table).sum(1)), 2)
         found.append(inverse @ (table.T @ table) @ inverse * count / (count - 1))
     return found

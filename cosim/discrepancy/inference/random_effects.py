@@ -181,6 +181,12 @@ class RandomEffects:
                 track[rows] = np.repeat(of_unit, each)
         return Clusters(sample.track, sample.frame, sample.frame * sectors + sector, track, scan)
 
+    def clusters_by_sector(self, sectors: int) -> Clusters:
+        """The clusters with so many parts of each scan."""
+        sample = self.sample
+        sector = np.minimum(((sample.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int), sectors - 1)
+        return replace(self.clusters, part=sample.frame * sectors + sector)
+
     def start(self) -> Estimate:
         """None of anything, but pose errors of the spread that fits start from."""
         variance = np.array([value**2 for one in self.blocks for value in one.start])

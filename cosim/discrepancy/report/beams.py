@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.discrepancy.budget import PARTS, AlignedFrame, Judged
-from cosim.discrepancy.groups.dependences import covariates
+from cosim.discrepancy.dictionary.covariates import sample_covariates
 from cosim.discrepancy.scores import CLIP_M, FrameScores, Totals
 from cosim.discrepancy.settings import Settings
 
@@ -201,11 +201,11 @@ def columns_of(one: AlignedFrame, number: int = 0) -> dict[str, Column]:
     """(n,) of everything that residuals of a frame's beams may depend on; `number` is the frame's."""
     count = len(one.sample)
     found: dict[str, Column] = {}
-    for covariate in covariates(one.sample, one.prediction, 2):
+    for covariate in sample_covariates(one.sample, one.prediction, (one.frame,)):
         values = covariate.values.astype(np.float32)
-        if covariate.names and covariate.name != "ring":
-            values = np.where(covariate.bin >= 0, values, np.nan).astype(np.float32)
-            names = dict(zip(covariate.centres.astype(int).tolist(), covariate.names, strict=True))
+        if covariate.labels and covariate.name != "ring":
+            values = np.where(covariate.index >= 0, values, np.nan).astype(np.float32)
+            names = dict(zip(covariate.centres.astype(int).tolist(), covariate.labels, strict=True))
             words = tuple(names.get(code, "") for code in range(max(names) + 1))
             found[covariate.name] = Column(covariate.unit, values, words)
         else:

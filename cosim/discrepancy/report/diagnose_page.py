@@ -70,8 +70,9 @@ def format_diagnosis(
 
 def explored_of(found: Diagnosis) -> Explored | None:
     """The beams of the judging frames, and charts of them, also by what findings and leftovers depend on; or None."""
-    told = [name for one in (*found.unexplained, *found.unknowns) for name in one.covariates]
-    return Explored.of(found.judged, LAYOUT.scans, told)
+    names = [name for one in found.unexplained for name in one.covariates]
+    names += [name for one in found.unknowns for name in one.curve.covariates]
+    return Explored.of(found.judged, LAYOUT.scans, names)
 
 
 def _verdict(found: Diagnosis, words: Vocabulary, explored: Explored | None) -> str:
@@ -313,7 +314,5 @@ def _how(found: Diagnosis) -> str:
     labels = f"<p>L{escape(str(found.labels)[1:])}.</p>" if found.labels is not None else ""
     said = f"{fitted} {'frame was' if fitted == 1 else 'frames were'} fitted, {judged} judged"
     said += "." if found.split.is_held_out else "; they are the same, for want of more."
-    if found.split.confirm:
-        said += f" {len(found.split.confirm)} were looked at once, at the end, to confirm what was found."
     said += " Statistics are explained in docs/discrepancy.md."
     return section("How it was found", f"<p>{said}</p>{labels}") + notes_section(found.notes)

@@ -25,7 +25,7 @@ from cosim.discrepancy.report.residual_charts import (
 )
 from cosim.discrepancy.report.scan_view import scan_view
 from cosim.discrepancy.unexplained import Unexplained
-from cosim.discrepancy.unknown.shape import Shape, evaluate
+from cosim.discrepancy.unknown.effect import Factor, UnknownEffect
 from cosim.discrepancy.words import channel_words, table_words
 from cosim.report import button, figure, legend, section, table
 from cosim.report.phrases import p_cell
@@ -116,8 +116,8 @@ def unexplained_section(found: tuple[Unexplained, ...], explored: Explored | Non
     pictures = [_picture(one, explored) for one in found[: LAYOUT.unexplained]] if explored else []
     charts = f'<div class="charts">{"".join(pictures)}</div>' if any(pictures) else ""
     text = (
-        "Found by the last screen of the fitted frames and explained by nothing above. p is family-wise: the chance "
-        "that anything would look so if nothing were left. The charts show what is left on frames that judge."
+        "Still significant in the final model and explained by no finding above. p is family-wise: the probability "
+        "that any hypothesis would look like this if nothing were missing. The charts show residuals of held-out frames."
     )
     return section("What is not explained", listed, charts, text=text if found else "", anchor="unexplained")
 
@@ -132,14 +132,14 @@ def size_words(one: Unexplained) -> str:
 
 
 def _on(one: Unexplained) -> str:
-    if one.looks_like:
-        return f"as {one.looks_like} would make it"
+    if one.resembles:
+        return f"similar to {one.resembles}"
     return " and ".join(one.covariates).replace("_", " ")
 
 
 def _picture(one: Unexplained, explored: Explored) -> str:
     """The residuals that are left, by what they depend on."""
-    rows, title = explored.beams.rows, f"{channel_words(one.channel)}, {'' if one.looks_like else 'by '}{_on(one)}"
+    rows, title = explored.beams.rows, f"{channel_words(one.channel)}, {'' if one.resembles else 'by '}{_on(one)}"
     if one.channel not in CHANNELS:
         return ""
     title = title[0].upper() + title[1:]
@@ -153,7 +153,7 @@ def _picture(one: Unexplained, explored: Explored) -> str:
             return ""
         body = pair_chart(rows, one.channel, pair[0], pair[1])
         return figure(title, "What is left, over both", body) if body else ""
-    shown = _strongest(one, explored) if one.looks_like else _chart(one, explored)
+    shown = _strongest(one, explored) if one.resembles else _chart(one, explored)
     return drawn(shown, scale_of([shown]), 1, title) if shown else ""
 
 
@@ -186,66 +186,74 @@ def _shape(explored: Explored, channel: Channel) -> str:
     return plot.svg()
 
 
-_UNITS = {"range": " (m)", "intensity": " (relative)", "drop": " (probability)"}
+_UNITS = {"m": " [m]", "rad": " [rad]"}
 
 
 def unknown_section(found: Diagnosis) -> str:
-    """HTML: formulas, as fitted, plug-ins, and curves; empty where nothing is unknown."""
+    """HTML: formulas, fitted parameters, plug-ins and curves; empty where nothing is unknown."""
     if not found.unknowns:
         return ""
-    return section("What no effect of the catalogue explains", *(_unknown(unknown) for unknown in found.unknowns))
+    return section("Effects that are in no catalogue", *(_unknown(unknown) for unknown in found.unknowns))
 
 
-def _unknown(unknown: Shape) -> str:
-    fit = f"<p>The formula explains {unknown.r2:.1%} of the shape.</p>" if unknown.formula else ""
-    fitted = ", ".join(_plain(name, value, unknown.ci95.get(name)) for name, value in unknown.params.items())
-    fitted = f"<p>Fitted together with everything else: {escape(fitted)}.</p>" if fitted else ""
-    law = table_words(unknown) if unknown.names and unknown.factor is None else unknown.text
+def _unknown(unknown: UnknownEffect) -> str:
+    curve = unknown.curve
+    fit = f"<p>The formula explains {unknown.r2:.1%} of the curve.</p>" if unknown.terms else ""
+    parameters = ", ".join(_parameter(name, value, unknown.ci95.get(name)) for name, value in unknown.params.items())
+    parameters = f"<p>Fitted together with everything else: {escape(parameters)}.</p>" if parameters else ""
+    law = table_words(unknown) or unknown.form
+    variables = f"<p>{escape(unknown.variables)}</p>" if unknown.variables else ""
+    on = " and ".join(curve.covariates).replace("_", " ")
+    head = f"{channel_words(curve.channel).capitalize()} depends on {on}:"
+    charts = "".join(_chart_of(unknown, factor) for factor in unknown.factors)
     return (
-        f'<p>{escape(_depends(unknown))}</p><p class="formula">{escape(law)}</p>{fit}{fitted}'
-        f"<p>The improved sensor has it as <code>{escape(unknown.name)}.py</code> beside it: a plug-in to be renamed "
-        f"and edited once its cause is known.</p>{_curve_of(unknown)}"
+        f'<p>{escape(head)}</p><p class="formula">{escape(law)}</p>{variables}{fit}{parameters}'
+        f"<p>The improved sensor contains it as <code>{escape(unknown.name)}.py</code>: a plug-in to rename and edit "
+        f"when its cause is known.</p>{charts}"
     )
 
 
-def _plain(name: str, value: float, interval: list[float] | None) -> str:
-    said = f"{name} {value:.3g}".replace("-", "−")
-    return said if interval is None else f"{said} ± {(interval[1] - interval[0]) / 2:.2g}"
+def _parameter(name: str, value: float, interval: list[float] | None) -> str:
+    words = f"{name} {value:.3g}".replace("-", "−")
+    if interval is None:
+        return words
+    half = (interval[1] - interval[0]) / 2
+    return f"{words} ± {half:.2g}" if np.isfinite(half) else f"{words} (interval cannot be determined)"
 
 
-def _depends(unknown: Shape) -> str:
-    unit = f" [{unknown.unit}]" if unknown.unit else ""
-    of = "" if unknown.names else f", x{unit}"
-    on = " and ".join(unknown.covariates).replace("_", " ")
-    return f"{channel_words(unknown.channel).capitalize()} depends on {on}{of}:"
-
-
-def _curve_of(unknown: Shape) -> str:
-    x, y, sigma = (np.asarray(part, float) for part in (unknown.x, unknown.y, unknown.sigma))
-    name = unknown.covariate.replace("_", " ")
-    if unknown.names:
-        order = np.argsort(-np.abs(y / np.maximum(sigma, 1e-12)), kind="stable")[: LAYOUT.values]
+def _chart_of(unknown: UnknownEffect, factor: Factor) -> str:
+    """The curve over one covariate with two standard errors, and the fitted term."""
+    y, sigma = np.asarray(factor.y, float), np.asarray(factor.sigma, float)
+    name, unit = factor.covariate.replace("_", " "), f" [{factor.unit}]" if factor.unit else ""
+    known = np.isfinite(y) & np.isfinite(sigma)
+    if not known.any():
+        return ""
+    if isinstance(factor.x, tuple):
+        order = np.argsort(np.where(known, -np.abs(y / np.maximum(sigma, 1e-12)), 1.0), kind="stable")
+        order = order[: min(LAYOUT.values, int(known.sum()))]
         x, y, sigma = np.arange(len(order), dtype=float), y[order], sigma[order]
-        axis = Axis(-0.5, len(order) - 0.5, name, names=[unknown.names[row].replace("_", " ") for row in order])
+        labels = [factor.x[row].replace("_", " ") for row in order]
+        axis = Axis(-0.5, len(order) - 0.5, name, names=labels)
     else:
-        unit = f" ({unknown.unit})" if unknown.unit else ""
+        x, y, sigma = np.asarray(factor.x, float)[known], y[known], sigma[known]
         axis = Axis(float(x.min()), float(x.max()) if np.ptp(x) > 0 else float(x.min()) + 1, f"{name}{unit}")
     low, high = float((y - 2 * sigma).min()), float((y + 2 * sigma).max())
     reach = max(high, 0.0) - min(low, 0.0) or 1e-9
-    label = f"{channel_words(unknown.channel)} left over{_UNITS.get(unknown.channel, '')}"
+    is_first = factor is unknown.factors[0] or factor.covariate == unknown.curve.covariates[0]
+    channel_unit = _UNITS.get(unknown.curve.unit, "") if is_first else " (factor)"
+    label = f"{channel_words(unknown.curve.channel)}{channel_unit}"
     upright = Axis(min(low, 0.0) - 0.15 * reach, max(high, 0.0) + 0.15 * reach, label)
-    plot = Plot(axis, upright, f"left over against {name}", 900, 320)
+    plot = Plot(axis, upright, f"{label} by {name}", 900, 320)
     plot.line(np.array([axis.low, axis.high]), np.zeros(2), "zero")
-    if unknown.names:
+    if isinstance(factor.x, tuple):
         for place, level, side in zip(x, y, 2 * sigma, strict=True):
             plot.line(np.full(2, place), np.array([level - side, level + side]), "a")
         plot.line(x, y, "none", dots=True)
+        text = "Measured change by category, with two standard errors."
     else:
         plot.band(x, y - 2 * sigma, y + 2 * sigma, "a")
         plot.line(x, y, "a", dots=True)
-        if unknown.formula is not None:
-            fine = np.linspace(axis.low, axis.high, 300)
-            plot.line(fine, evaluate(unknown.formula, fine), "b")
-    text = "What is left over without it. Dots: bins with two standard errors."
-    text += "" if unknown.formula is None or unknown.names else " Blue: the formula."
+        fine = np.linspace(axis.low, axis.high, 300)
+        plot.line(fine, factor.term.evaluate(fine), "b")
+        text = "Dots: measured change by bin, with two standard errors. Blue: the fitted term."
     return figure("", text, plot.svg(), kind="full", width_px=900)

@@ -13,7 +13,6 @@ from cosim.discrepancy.dictionary.objects import AXES, PLACES
 from cosim.discrepancy.inference.dependence import SPURIOUS, Dependence
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.score import ridged, stacked
-from cosim.discrepancy.selection.projection import Projector
 from cosim.discrepancy.selection.refit import Term
 from cosim.discrepancy.unknown.curve import Curve
 
@@ -68,7 +67,7 @@ def standard_errors(linearisation: Linearisation, dependence: Dependence, sector
         linearisation.fitter.random, others, linearisation.evidence, fitted.prediction, fitted.estimate
     )
     columns = stacked([own], linearisation.evidence.score, len(sample))
-    found = Projector(replace(linearisation, mixed=mixed), sectors).project(columns)
+    found = replace(linearisation, mixed=mixed).projector(sectors).project(columns)
     inverse = np.linalg.pinv(ridged(found.information, 1e-6), hermitian=True)
     variances = [np.diag(inverse)]
     variances += [np.einsum("ij,jk,ik->i", inverse, table.T @ table, inverse) for table in found.tables]
@@ -82,9 +81,7 @@ def _binned_curve(group: Group, y: np.ndarray, sigma: np.ndarray, p_value: float
         return None
     if len(covariate.parts) < 2:
         axis, unit = _axis(covariate, kept), covariate.unit
-        return Curve(
-            group.channel, (covariate.name,), (unit,), (axis,), y, sigma, (covariate.period,), p_value=p_value
-        )
+        return Curve(group.channel, (covariate.name,), (unit,), (axis,), y, sigma, (covariate.period,), p_value=p_value)
     first, second = covariate.parts
     shape = len(first), len(second)
     table, errors = np.full(shape, np.nan), np.full(shape, np.inf)
@@ -120,4 +117,3 @@ def _shared_curve(linearisation: Linearisation, term: Term) -> Curve:
         group.channel, group.covariates, ("",), ((group.covariates[0],),), np.array([size]),
         np.array([error / max(2 * size, 1e-9)]), p_value=term.p_value,
     )  # fmt: skip
-

@@ -11,7 +11,7 @@ from cosim.discrepancy.dictionary.build import Dictionary
 from cosim.discrepancy.dictionary.groups import Group, binned_group, is_asked
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.inference.dependence import MEANS
-from cosim.discrepancy.selection.projection import PART, TRACK, Projector
+from cosim.discrepancy.inference.projection import PART, TRACK, Projector
 from cosim.discrepancy.settings import Settings
 
 

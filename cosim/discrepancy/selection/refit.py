@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cosim.discrepancy.analysis import FittedFrames
 from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.data.frames import TracedFrame
-from cosim.discrepancy.dictionary.covariates import refined
+from cosim.discrepancy.dictionary.covariates import Covariate, constant, refined, sample_covariates
 from cosim.discrepancy.dictionary.groups import Group, binned_group
-from cosim.discrepancy.dictionary.linearisation import Linearisation
+from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
+from cosim.discrepancy.dictionary.objects import object_groups
+from cosim.discrepancy.dictionary.periodic import line_group, wave_groups
 from cosim.discrepancy.inference.dependence import Dependence
 from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
 from sensors.effects.base import Effect
 
+_REFIT_STEPS = 10
 _STRENGTHS = (1.0, 0.3, 3.0)  # times the coefficients of one Gauss–Newton step, from which a fit may start
 
 
@@ -136,6 +140,53 @@ def fit_again(
         effects, all_free(effects, free, fitter.rings), model.fitted.estimate, steps=steps, roughly=True,
         dependences=dependences,
     )  # fmt: skip
+
+
+def rebuild(model: Model, on: FittedFrames) -> Model:
+    """The model on frames that were traced again: its dependences get bases of the new sample and are fitted.
+
+    Args:
+        model: with terms.
+        on: the frames, effects fitted without the dependences.
+    """
+    bare = replace(model, frames=on.frames, fitter=on.fitter, fitted=on.fitted, terms=())
+    linearisation = linearise(on.fitter, on.fitted, on.frames)
+    sample = on.fitter.sample
+    covariates = {one.name: one for one in sample_covariates(sample, on.fitted.prediction, on.frames)}
+    terms, dependences = list[Term](), list[Dependence]()
+    for term in model.terms:
+        if term.group.basis is not None:
+            group = rebuilt(linearisation, term.group, covariates)
+            if group is None or group.basis is None:
+                continue
+            term = replace(term, group=group)
+            dependences.append(Dependence(group.name, group.channel, group.basis, np.zeros(group.size)))
+        terms.append(term)
+    if dependences:
+        bare = replace(bare, fitted=fit_again(bare, on.fitted.effects, model.free, dependences, _REFIT_STEPS))
+    return replace(bare, terms=tuple(terms))
+
+
+def rebuilt(linearisation: Linearisation, group: Group, covariates: Mapping[str, Covariate]) -> Group | None:
+    """A dependence on another sample of the same drive; None where the sample has no such covariate."""
+    sample = linearisation.sample
+    fewest = max(sample.settings.screen.fewest_in_cell // 2, 1)
+    if group.frequency_hz:
+        return line_group(linearisation, group.channel, group.frequency_hz)
+    if group.covariates[-1] in ("object_size", "object_place"):
+        return next((one for one in object_groups(linearisation) if one.name == group.name), None)
+    if not group.is_clustered_by_scan:
+        return next((one for one in wave_groups(linearisation, group.channel) if one.name == group.name), None)
+    if group.covariates == ("constant",):
+        return binned_group(linearisation, group.channel, constant(sample), 1)
+    if any(name not in covariates for name in group.covariates):
+        return None
+    parts = [covariates[name] for name in group.covariates]
+    if len(parts) == 1:
+        return binned_group(linearisation, group.channel, refined(parts[0], sample), fewest)
+    sizes = [len(part) for part in group.covariate.parts] if group.covariate else [1, 1]
+    pair = parts[0].coarse(sizes[0]).crossed(parts[1].coarse(sizes[1]))
+    return binned_group(linearisation, group.channel, pair, fewest)
 
 
 def finest(linearisation: Linearisation, group: Group) -> Group:

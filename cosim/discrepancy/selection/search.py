@@ -13,8 +13,8 @@ from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
 from cosim.discrepancy.inference.dependence import ANGLES, SPREADS
+from cosim.discrepancy.inference.projection import TRACK
 from cosim.discrepancy.selection.first_pass import first_pass
-from cosim.discrepancy.selection.projection import TRACK, Projector
 from cosim.discrepancy.selection.refit import Model, Term, refit_with, refit_without
 from cosim.discrepancy.selection.table import TestResult, evaluate, score_groups, score_shared
 from cosim.discrepancy.settings import Settings
@@ -56,7 +56,7 @@ def gather_evidence(model: Model, effects: Sequence[Group], settings: Settings, 
     rng, by = np.random.default_rng([seed, len(model.terms)]), settings.selection
     linearisation = linearise(model.fitter, model.fitted, model.frames)
     dictionary = build_dictionary(linearisation, effects, settings, rng)
-    projector = Projector(linearisation, by.sectors)
+    projector = linearisation.projector(by.sectors)
     kept = first_pass(linearisation, dictionary, projector, settings)
     entries = score_groups(linearisation, kept, projector, by)
     shared = shared_errors(linearisation, projector.clusters[TRACK])
@@ -74,6 +74,7 @@ def select_terms(
     seed: int,
     retrace: Callable[[Model], Model],
     on_progress: Callable[[str], None],
+    on_first: Callable[[Evidence], None] = lambda _: None,
 ) -> tuple[Model, Evidence]:
     """Add the best term, refit, delete superfluous ones, and repeat until no significant term is left.
 
@@ -85,6 +86,7 @@ def select_terms(
         seed: of signs and folds.
         retrace: traces the frames again where the effects bend beams too far from where they were traced.
         on_progress: called with a message for each step.
+        on_first: called with the evidence about the initial model.
 
     Returns:
         The model with its terms, and the evidence that is left.
@@ -92,6 +94,7 @@ def select_terms(
     by, rejected = settings.selection, set[str]()
     effects = tangents(linearise(model.fitter, model.fitted, model.frames), model)
     evidence = gather_evidence(model, effects, settings, seed)
+    on_first(evidence)
     while len(model.terms) < by.steps:
         candidates = [
             result

@@ -11,9 +11,9 @@ from cosim.discrepancy.dictionary.groups import Group, joined
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.dictionary.shared_errors import SharedError, common_information
 from cosim.discrepancy.inference.dependence import SPREADS
+from cosim.discrepancy.inference.projection import PART, TRACK, Projector
 from cosim.discrepancy.selection.calibration import Statistic, family_wise_p
 from cosim.discrepancy.selection.gain import Cell, Law, cross_fitted_gain, fold_sums
-from cosim.discrepancy.selection.projection import PART, TRACK, Projector
 from cosim.discrepancy.settings import Selection
 
 _RIDGE = 1e-2  # of correlations: nearly collinear columns of one group

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from cosim.discrepancy.dictionary.linearisation import Linearisation
+from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.random_effects import Clusters, Estimate
 from cosim.discrepancy.inference.score import Quantity, SparseMatrix, scaled, summed_by
 
 TRACK, PART = 0, 1
@@ -43,19 +44,18 @@ class Projected:
 
 
 class Projector:
-    """Computes efficient scores about one linearisation.
+    """Computes efficient scores about one fitted model.
 
     Args:
-        linearisation: of the fitted model.
-        sectors: parts of a scan that are clusters of their own.
+        model: linear about the fit, with the random effects and everything that was fitted.
+        estimate: random effects of the fit.
+        clusters: of beams and random effects.
+        share: (n,) weights of the beams, 1 on average.
     """
 
-    def __init__(self, linearisation: Linearisation, sectors: int) -> None:
-        sample, random = linearisation.sample, linearisation.fitter.random
-        model, estimate, clusters = linearisation.mixed, linearisation.fitted.estimate, random.clusters
-        self._model, self._evidence, self._share = model, linearisation.evidence, sample.share
-        sector = np.minimum(((sample.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int), sectors - 1)
-        self.clusters = (clusters.track, sample.frame * sectors + sector)
+    def __init__(self, model: LinearModel, estimate: Estimate, clusters: Clusters, share: np.ndarray) -> None:
+        self._model, self._evidence, self._share = model, model.evidence, share
+        self.clusters = (clusters.track, clusters.part)
         self._counts = tuple(int(cluster.max(initial=-1)) + 1 for cluster in self.clusters)
         self._of_fitted = [self._fitted_scores(*of) for of in zip(self.clusters, self._counts, strict=True)]
         prior = estimate.u[model.used] * model.precision

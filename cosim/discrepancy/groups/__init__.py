@@ -1,1 +1,0 @@
-"""What may be missing, as columns that a residual is held against."""
