@@ -147,9 +147,9 @@ def apply_changes(sample: Sample, before: Prediction, changes: Mapping[str, np.n
     shares = {name: np.clip(changes[name], 0, _MOST_SHARE) for name in SPURIOUS if name in changes}
     if shares:
         density = spurious_densities(sample, after)
-        kept = np.prod([1 - share for share in shares.values()], axis=0)
-        stray = sum(share * density[name] for name, share in shares.items())
-        after = replace(after, seen=after.seen * kept, silent=after.silent * kept, stray=after.stray + stray)
+        surfaces = 1 - np.prod([1 - share for share in shares.values()], axis=0)
+        elsewhere = sum((share * density[name] for name, share in shares.items()), np.zeros(len(sample)))
+        after = replace(after, spurious_share=surfaces, spurious=elsewhere)
     return after
 
 

@@ -356,7 +356,7 @@ class Fitter:
         """With one step of expectation maximisation for the shares of spurious returns."""
         if not any(one.is_one_sided for one in state.dependences):
             return state
-        sample, share = self.sample, self.sample.share * self.sample.clear * self.sample.first
+        sample, share = self.sample, self.sample.share * self.sample.compared * self.sample.first
         density = spurious_densities(sample, state.prediction)
         likelihood = np.exp(self.residuals(state.prediction, state.estimate, blur).outcome)
         dependences = []

@@ -22,6 +22,7 @@ from sensors.effects.base import Effect
 
 _LOG = logging.getLogger(__name__)
 _ROUGH_STEPS, _STEPS = 4, 10
+_SAME_HZ = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +100,9 @@ def select_terms(
         candidates = [
             result
             for result in evidence.significant(settings)
-            if result.group.name not in rejected and result.gain >= _needed_gain(result.group, model, settings)
+            if result.group.name not in rejected
+            and not _is_selected(result.group, model)
+            and result.gain >= _needed_gain(result.group, model, settings)
         ]
         chosen = _choose(model, evidence, candidates, settings)
         if chosen is None:
@@ -136,6 +139,18 @@ def drop_superfluous(
             updated = replace(term, exact_gain=loss)
             model = replace(model, terms=tuple(updated if other is term else other for other in model.terms))
     return model
+
+
+def _is_selected(group: Group, model: Model) -> bool:
+    """Whether the same dependence was selected already, in these or other bins: fitting it again changes nothing."""
+    if group.is_effect:
+        return False
+    selected = [term.group for term in model.terms if term.group.channel == group.channel and not term.group.is_effect]
+    if group.frequency_hz:
+        return any(abs(other.frequency_hz - group.frequency_hz) < _SAME_HZ for other in selected)
+    if group.covariate is None:
+        return any(other.name == group.name for other in selected)
+    return any(other.covariate is not None and set(other.covariates) == set(group.covariates) for other in selected)
 
 
 def _needed_gain(group: Group, model: Model, settings: Settings) -> float:
