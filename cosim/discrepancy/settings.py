@@ -218,7 +218,8 @@ class Screen:
 class Selection:
     """Choice of hypotheses."""
 
-    draws: int = 400  # sign patterns
+    draws: int = 800  # sign patterns
+    level: float = 0.02  # family-wise error rate of adding a term: several are looked for
     folds: int = 8  # of clusters, for gains
     sectors: int = 6  # parts of a scan that are clusters
     chunk: int = 400  # columns that are projected at a time

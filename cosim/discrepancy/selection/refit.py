@@ -32,6 +32,7 @@ class Term:
         p_value: family-wise, when it was selected.
         gain: log-likelihood on clusters that took no part in its fit, when it was selected.
         exact_gain: log-likelihood that the model loses without it; that of `gain` for shared errors.
+        penalty: expected gain of as many parameters by chance.
         alternatives: names of groups that could replace it.
     """
 
@@ -39,6 +40,7 @@ class Term:
     p_value: float
     gain: float
     exact_gain: float
+    penalty: float = 1.0
     alternatives: tuple[str, ...] = ()
 
 

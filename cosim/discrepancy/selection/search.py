@@ -33,16 +33,23 @@ class Evidence:
         linearisation: of the model.
         dictionary: all hypotheses.
         results: of those that the first pass kept, the largest gain first.
+        rejected: names of groups whose exact refits gain no more than chance.
     """
 
     linearisation: Linearisation
     dictionary: Dictionary
     results: list[TestResult]
+    rejected: frozenset[str] = frozenset()
 
     def significant(self, settings: Settings) -> list[TestResult]:
         """Results at or below the level that gain something on clusters that took no part."""
         least = settings.selection.least_gain
-        return [one for one in self.results if one.p_value <= settings.level and one.gain >= least]
+        level = settings.selection.level
+        return [
+            result
+            for result in self.results
+            if result.p_value <= level and result.gain >= least and result.group.name not in self.rejected
+        ]
 
 
 def gather_evidence(model: Model, effects: Sequence[Group], settings: Settings, seed: int) -> Evidence:
@@ -104,9 +111,13 @@ def select_terms(
             and not _is_selected(result.group, model)
             and result.gain >= _needed_gain(result.group, model, settings)
         ]
-        chosen = _choose(model, evidence, candidates, settings)
-        if chosen is None:
+        if not candidates:
             break
+        chosen = _choose(model, evidence, candidates, settings)
+        if isinstance(chosen, str):
+            on_progress(f"rejected {chosen}: its fit gains no more than chance")
+            rejected.add(chosen)
+            continue
         before, (model, result) = model, chosen
         on_progress(f"added {result.group.name}: gain {result.gain:.1f}, p {result.p_value:.4f}")
         model = drop_superfluous(model, initial, settings, rejected, on_progress)
@@ -115,7 +126,7 @@ def select_terms(
         if model.fitted.effects != before.fitted.effects:
             effects = tangents(linearise(model.fitter, model.fitted, model.frames), model)
         evidence = gather_evidence(model, effects, settings, seed)
-    return model, evidence
+    return model, replace(evidence, rejected=frozenset(rejected))
 
 
 def drop_superfluous(
@@ -131,7 +142,7 @@ def drop_superfluous(
             continue
         less = refit_without(model, term, initial, _STEPS)
         loss = model.loglik - less.loglik
-        if loss < settings.selection.least_follower + term.group.size:
+        if loss < settings.selection.least_follower + term.penalty:
             on_progress(f"removed {term.group.name}: {loss:.1f} less likely without it")
             rejected.add(term.group.name)
             model = less
@@ -166,41 +177,76 @@ def _needed_gain(group: Group, model: Model, settings: Settings) -> float:
     return max(by.least_follower, by.follower_share * max(family, default=0.0), 1e-3 * largest)
 
 
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A candidate and its exact refit.
+
+    Attributes:
+        result: of the candidate.
+        gain: marginal log-likelihood that the refit gains.
+    """
+
+    result: TestResult
+    gain: float
+
+    @property
+    def penalty(self) -> float:
+        """Expected gain of as many parameters by chance alone, twice: the trace of Takeuchi's criterion (1976)."""
+        return self.result.group.size * max(self.result.entry.cell.dispersion, 1.0)
+
+    @property
+    def worth(self) -> float:
+        """Gain less penalty."""
+        return self.gain - self.penalty
+
+
 def _choose(
     model: Model, evidence: Evidence, candidates: Sequence[TestResult], settings: Settings
-) -> tuple[Model, TestResult] | None:
-    """The model with the best candidate, and which it is; None without any."""
-    if not candidates:
-        return None
-    systematic = [result for result in candidates if not result.group.is_random]
-    best = candidates[0]
-    if not systematic and not best.group.is_shared:
-        systematic = [result for result in candidates if not result.group.is_shared]
-    if not systematic:
+) -> tuple[Model, TestResult] | str:
+    """The model with the best candidate, and which it is; or the name of the best, if its exact gain is chance."""
+    best = _first(candidates)
+    if best.group.is_shared:
         term = Term(best.group, best.p_value, best.gain, best.gain)
         return replace(model, terms=(*model.terms, term)), best
-    best = systematic[0]
-    if best.group.channel in SPREADS:  # a wrong mean looks like spread
-        means = [
-            result
-            for result in systematic
-            if result.group.family == best.group.family and result.group.channel not in SPREADS
-        ]
-        best = next((result for result in means if result.gain > 0.2 * best.gain), best)
-    tried = []
-    for result in _shortlist(best, systematic, evidence, settings):
+    same_sort = [result for result in candidates if result.group.is_random == best.group.is_random]
+    trials = []
+    for result in _shortlist(best, same_sort, evidence, settings):
         after, _ = refit_with(
             model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=_ROUGH_STEPS
         )
-        tried.append((result, after.loglik - model.loglik))
-    _LOG.debug("tried %s", [(result.group.name, round(result.gain, 1), round(gain, 1)) for result, gain in tried])
-    result = _simplest(tried, settings)
+        trials.append(_Trial(result, after.loglik - model.loglik))
+    _LOG.debug("tried %s", [(one.result.group.name, round(one.result.gain, 1), round(one.gain, 1)) for one in trials])
+    trial = _simplest(trials, settings)
+    if trial.worth < _needed_gain(trial.result.group, model, settings):
+        return best.group.name
+    result = trial.result
     after, group = refit_with(
         model, evidence.linearisation, result.group, result.entry.coefficients, fine=True, steps=_STEPS
     )
-    rivals = tuple(other.group.name for other, gain in tried if other is not result and _is_rival(gain, tried, result))
-    term = Term(group, result.p_value, result.gain, after.loglik - model.loglik, rivals)
+    alternatives = tuple(one.result.group.name for one in trials if one is not trial and _is_rival(one, trial))
+    gain, penalty = after.loglik - model.loglik, group.size * max(result.entry.cell.dispersion, 1.0)
+    term = Term(group, result.p_value, result.gain, gain, penalty, alternatives)
     return replace(after, terms=(*model.terms, term)), result
+
+
+def _first(candidates: Sequence[TestResult]) -> TestResult:
+    """The candidate of the largest gain: systematic ones first, then random phases, then shared errors.
+
+    A mean goes before a spread of the same family, because a wrong mean looks like spread.
+    """
+    systematic = [result for result in candidates if not result.group.is_random]
+    if not systematic:
+        phases = [result for result in candidates if not result.group.is_shared]
+        return (phases or candidates)[0]
+    best = systematic[0]
+    if best.group.channel not in SPREADS:
+        return best
+    means = [
+        result
+        for result in systematic
+        if result.group.family == best.group.family and result.group.channel not in SPREADS
+    ]
+    return next((result for result in means if result.gain > 0.2 * best.gain), best)
 
 
 def _shortlist(
@@ -249,28 +295,39 @@ def _kind(group: Group) -> tuple:
     )
 
 
-def _simplest(tried: Sequence[tuple[TestResult, float]], settings: Settings) -> TestResult:
-    """The candidate of the largest exact gain less its parameters; a named or simpler one that gains nearly as much."""
+def _simplest(trials: Sequence[_Trial], settings: Settings) -> _Trial:
+    """The candidate that is worth most; a named or simpler one that is worth nearly as much."""
     by = settings.selection
-    worth = {id(result): gain - result.group.size for result, gain in tried}
-    best, top = max(tried, key=lambda row: worth[id(row[0])])
+    best = max(trials, key=lambda trial: trial.worth)
     named = [
-        (result, gain)
-        for result, gain in tried
-        if result.group.is_effect and result.group.size <= 2 and gain > (1 - by.named) * top
+        trial
+        for trial in trials
+        if trial.result.group.is_effect
+        and trial.result.group.size <= 2
+        and trial.gain > (1 - by.named) * best.gain
+        and trial.worth > 0
     ]
     if named:
-        return max(named, key=lambda row: row[1])[0]
-    near = [result for result, _ in tried if worth[id(result)] > worth[id(best)] - max(by.simpler * top, 8.0)]
-    return min(near or [best], key=_complexity)
+        return max(named, key=lambda trial: trial.gain)
+    near = [
+        trial for trial in trials if trial.worth > best.worth - max(by.simpler * best.gain, 8.0) and trial.worth > 0
+    ]
+    return min(near or [best], key=lambda trial: _complexity(trial.result.group))
 
 
-def _complexity(result: TestResult) -> int:
-    group = result.group
+def _complexity(group: Group) -> int:
     return group.size + 10 * len(group.covariates) - 5 * group.is_effect
 
 
-def _is_rival(gain: float, tried: Sequence[tuple[TestResult, float]], chosen: TestResult) -> bool:
-    """Whether an exact gain is within two standard errors of that of the chosen group."""
-    own = next(value for result, value in tried if result is chosen)
-    return gain > own - 2 * np.sqrt(max(own, 1.0)) and gain > 0.7 * own
+def _is_rival(other: _Trial, chosen: _Trial) -> bool:
+    """Whether a candidate could replace the chosen one: its gain is within two standard errors over folds.
+
+    The standard error of the linear gains is scaled to the exact ones.
+    """
+    difference, error = chosen.result.gap_to(other.result)
+    scale = chosen.gain / max(chosen.result.gain, 1.0)
+    return (
+        chosen.gain - other.gain < max(2 * error * scale, 0.0)
+        and other.gain > 0.5 * chosen.gain
+        and (difference < 2 * error or other.gain > chosen.gain)
+    )
