@@ -135,7 +135,7 @@ def select(context: Context, model: Model) -> tuple[Evidence, Evidence, Model]:
 
 
 def retrace(context: Context, model: Model) -> Model:
-    """Trace the frames again where the effects bend beams too far from where they were traced; fit what was selected."""
+    """Trace the frames again where the effects bend beams too far from where they were traced, and fit again."""
     if is_accurate(model.fitter, model.fitted.effects):
         return model
     context.on_progress("tracing bent beams again")

@@ -10,7 +10,7 @@ from scipy import sparse
 from cosim.discrepancy.dictionary.covariates import Covariate
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.inference.dependence import ANGLES, SPREADS, SPURIOUS
-from cosim.discrepancy.inference.score import Quantity, SparseMatrix, scaled
+from cosim.discrepancy.inference.score import QUANTITIES, Quantity, SparseMatrix, scaled
 from sensors.effects.base import Effect
 
 
@@ -158,10 +158,9 @@ def is_asked(channel: str, covariate: Covariate) -> bool:
 
 def joined(groups: list[Group], rows: int) -> dict[Quantity, SparseMatrix]:
     """Columns (n, sum of sizes) of several groups, by quantity."""
-    quantities = dict.fromkeys(name for group in groups for name in group.columns)
-    return {
-        name: sparse.hstack(
-            [group.columns.get(name, sparse.csr_matrix((rows, group.size))) for group in groups], format="csr"
-        )
-        for name in quantities
-    }
+    found: dict[Quantity, SparseMatrix] = {}
+    for name in QUANTITIES:
+        if any(name in group.columns for group in groups):
+            parts = [group.columns.get(name, sparse.csr_matrix((rows, group.size))) for group in groups]
+            found[name] = sparse.hstack(parts, format="csr")
+    return found

@@ -2,8 +2,8 @@
 
 For a change Δ of a predicted quantity a beam adds `score`·Δ to the log-likelihood and takes ½ `information`·Δ² from it.
 Spurious returns are mixture directions: mixing in a share π of returns with density p₁ changes the likelihood p₀ to
-p₀ + π(p₁ − p₀). The score is taken at a small reference share, and its unit is that share, so that score and information
-are differences of counts: observed minus expected events, and expected events.
+p₀ + π(p₁ − p₀). The score is taken at a small reference share, and its unit is that share, so that score and
+information are differences of counts: observed minus expected events, and expected events.
 """
 
 from __future__ import annotations
@@ -20,11 +20,13 @@ from cosim.discrepancy.inference.dependence import (
     spurious_densities,
 )
 from cosim.discrepancy.inference.fit import Fitted, Fitter
-from cosim.discrepancy.inference.likelihood import residuals_of
+from cosim.discrepancy.inference.likelihood import Residuals, residuals_of
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.projection import Projector
 from cosim.discrepancy.inference.score import Evidence, Quantity, dispersion
 from cosim.discrepancy.sampling.sample import Prediction, Sample
+
+Scores = dict[Quantity, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +102,7 @@ def linearise(fitter: Fitter, fitted: Fitted, frames: tuple[TracedFrame, ...]) -
     bent = any(one.channel in ANGLES for one in fitted.dependences)
     _mixtures(sample, adjusted, residuals.outcome, frames, bent, score, information)
     evidence = Evidence(score, information)
-    mixed = LinearModel.of(random, fitted.columns, evidence, fitted.prediction, fitted.estimate)  # type: ignore[arg-type]
+    mixed = LinearModel.of(random, fitted.columns, evidence, fitted.prediction, fitted.estimate)
     return Linearisation(fitter, fitted, frames, adjusted, evidence, _channels(sample, fitted, adjusted), mixed)
 
 
@@ -122,7 +124,7 @@ def _channels(sample: Sample, fitted: Fitted, adjusted: Prediction) -> dict[str,
     return {channel.name: channel for channel in channels}
 
 
-def _own_spread(sample: Sample, residuals, adjusted: Prediction, score: dict, information: dict) -> None:
+def _own_spread(sample: Sample, residuals: Residuals, adjusted: Prediction, score: Scores, information: Scores) -> None:
     """Spreads of intensity against the sensor's own σ: the floor of the likelihood is no noise of the sensor."""
     floor = 1.5 * sample.settings.law.intensity_floor
     own = np.hypot(adjusted.intensity_sigma, adjusted.unsure_intensity)
@@ -140,8 +142,8 @@ def _mixtures(
     outcome: np.ndarray,
     frames: tuple[TracedFrame, ...],
     bent: bool,
-    score: dict,
-    information: dict,
+    score: Scores,
+    information: Scores,
 ) -> None:
     """Mixture directions of spurious returns; at edges only where no beam nearby has such a range.
 

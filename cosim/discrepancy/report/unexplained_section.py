@@ -117,7 +117,7 @@ def unexplained_section(found: tuple[Unexplained, ...], explored: Explored | Non
     charts = f'<div class="charts">{"".join(pictures)}</div>' if any(pictures) else ""
     text = (
         "Still significant in the final model and explained by no finding above. p is family-wise: the probability "
-        "that any hypothesis would look like this if nothing were missing. The charts show residuals of held-out frames."
+        "that any hypothesis would look like this if nothing were missing. Charts show residuals of held-out frames."
     )
     return section("What is not explained", listed, charts, text=text if found else "", anchor="unexplained")
 

@@ -1,4 +1,4 @@
-"""Stepwise selection: shortlist by cross-fitted linear gains, choose by exact refits, delete what became superfluous."""
+"""Stepwise selection: shortlist by cross-fitted gains, choose by exact refits, delete what became superfluous."""
 
 from __future__ import annotations
 

@@ -9,11 +9,11 @@ import pytest
 
 pytest.importorskip("cosim.discrepancy.selection.table", reason="the core that these contracts are of is not here")
 
+from cosim.discrepancy.selection.projection import TRACK, Projector
+
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
 from cosim.discrepancy.selection.gain import cross_fitted_gain, fold_sums
-from cosim.discrepancy.selection.projection import TRACK, Projector
 from cosim.discrepancy.selection.table import Entry, TestResult, evaluate, score_groups, score_shared
-
 from cosim.discrepancy.settings import Selection
 from tests.hidden.statistics.checks import excess, lower_share, uniformity, upper_share
 from tests.hidden.statistics.linearised import PRECISION, group_of, linearised
