@@ -224,7 +224,7 @@ class Selection:
     sectors: int = 6  # parts of a scan that are clusters
     chunk: int = 400  # columns that are projected at a time
     kept: int = 8  # groups of each channel that a first pass keeps
-    least_left: float = 0.05  # share of a group's information that must outlive what is fitted
+    least_left: float = 1e-3  # share of a group's information that must outlive what is fitted
     fewest_events: float = 5.0  # expected losses below which one loss more is no evidence
     least_gain: float = 3.0  # log-likelihood of a first term,
     least_follower: float = 5.0  # and of later ones

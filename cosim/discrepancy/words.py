@@ -132,7 +132,11 @@ def channel_words(channel: str) -> str:
 
 
 _CHANNELS = {
-    "drop": "returns", "spurious": "spurious returns", "early": "early returns", "late": "late returns", "range_variance": "spread of ranges",
+    "drop": "returns",
+    "spurious": "spurious returns",
+    "early": "early returns",
+    "late": "late returns",
+    "range_variance": "spread of ranges",
     "intensity_variance": "spread of intensities",
 }  # fmt: skip
 

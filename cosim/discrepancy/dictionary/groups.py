@@ -78,9 +78,15 @@ class Group:
         return self.channel.startswith("shared_")
 
     @property
-    def is_random(self) -> bool:
-        """Whether it differs from unit to unit without a law: a shared error, or a phase of its own in each scan."""
-        return self.is_shared or not self.is_clustered_by_scan
+    def order(self) -> int:
+        """Order in which groups are added: 0 laws, 1 phases of their own in each scan, 2 what neighbours share.
+
+        Errors that a unit shares, and dependences on what neighbouring beams measured, contain the effect of every law
+        that neighbours have in common.
+        """
+        if self.is_shared or (self.covariate is not None and self.covariate.is_of_neighbour):
+            return 2
+        return 0 if self.is_clustered_by_scan else 1
 
     @property
     def effect_name(self) -> str:

@@ -229,7 +229,9 @@ class Fitter:
             )
             for dependence in state.dependences:
                 delta = of_channel.get(dependence.channel, {})
-                adjusted = {name: values * by.get(name, 1.0) for name, values in delta.items()}
+                adjusted: dict[Quantity, np.ndarray] = {
+                    name: values * by.get(name, 1.0) for name, values in delta.items()
+                }
                 columns.append(Column(adjusted, rings=dependence.size, basis=dependence.basis))
         return tuple(columns)
 

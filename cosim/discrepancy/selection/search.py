@@ -16,7 +16,7 @@ from cosim.discrepancy.inference.dependence import ANGLES, SPREADS
 from cosim.discrepancy.inference.projection import TRACK
 from cosim.discrepancy.selection.first_pass import first_pass
 from cosim.discrepancy.selection.refit import Model, Term, refit_with, refit_without
-from cosim.discrepancy.selection.table import TestResult, evaluate, score_groups, score_shared
+from cosim.discrepancy.selection.table import GroupTest, evaluate, score_groups, score_shared
 from cosim.discrepancy.settings import Settings
 from sensors.effects.base import Effect
 
@@ -38,10 +38,10 @@ class Evidence:
 
     linearisation: Linearisation
     dictionary: Dictionary
-    results: list[TestResult]
+    results: list[GroupTest]
     rejected: frozenset[str] = frozenset()
 
-    def significant(self, settings: Settings) -> list[TestResult]:
+    def significant(self, settings: Settings) -> list[GroupTest]:
         """Results at or below the level that gain something on clusters that took no part."""
         least = settings.selection.least_gain
         level = settings.selection.level
@@ -186,7 +186,7 @@ class _Trial:
         gain: marginal log-likelihood that the refit gains.
     """
 
-    result: TestResult
+    result: GroupTest
     gain: float
 
     @property
@@ -201,16 +201,16 @@ class _Trial:
 
 
 def _choose(
-    model: Model, evidence: Evidence, candidates: Sequence[TestResult], settings: Settings
-) -> tuple[Model, TestResult] | str:
+    model: Model, evidence: Evidence, candidates: Sequence[GroupTest], settings: Settings
+) -> tuple[Model, GroupTest] | str:
     """The model with the best candidate, and which it is; or the name of the best, if its exact gain is chance."""
     best = _first(candidates)
     if best.group.is_shared:
         term = Term(best.group, best.p_value, best.gain, best.gain)
         return replace(model, terms=(*model.terms, term)), best
-    same_sort = [result for result in candidates if result.group.is_random == best.group.is_random]
+    same_order = [result for result in candidates if result.group.order == best.group.order]
     trials = []
-    for result in _shortlist(best, same_sort, evidence, settings):
+    for result in _shortlist(best, same_order, evidence, settings):
         after, _ = refit_with(
             model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=_ROUGH_STEPS
         )
@@ -229,29 +229,27 @@ def _choose(
     return replace(after, terms=(*model.terms, term)), result
 
 
-def _first(candidates: Sequence[TestResult]) -> TestResult:
-    """The candidate of the largest gain: systematic ones first, then random phases, then shared errors.
+def _first(candidates: Sequence[GroupTest]) -> GroupTest:
+    """The candidate of the largest gain of the lowest order.
 
     A mean goes before a spread of the same family, because a wrong mean looks like spread.
     """
-    systematic = [result for result in candidates if not result.group.is_random]
-    if not systematic:
-        phases = [result for result in candidates if not result.group.is_shared]
-        return (phases or candidates)[0]
-    best = systematic[0]
+    lowest = min(result.group.order for result in candidates)
+    same_order = [result for result in candidates if result.group.order == lowest]
+    best = same_order[0]
     if best.group.channel not in SPREADS:
         return best
     means = [
         result
-        for result in systematic
+        for result in same_order
         if result.group.family == best.group.family and result.group.channel not in SPREADS
     ]
     return next((result for result in means if result.gain > 0.2 * best.gain), best)
 
 
 def _shortlist(
-    best: TestResult, candidates: Sequence[TestResult], evidence: Evidence, settings: Settings
-) -> list[TestResult]:
+    best: GroupTest, candidates: Sequence[GroupTest], evidence: Evidence, settings: Settings
+) -> list[GroupTest]:
     """Groups that may be the same thing as the best one: of its family, with much of its gain, each kind once.
 
     Turned beams are far from linear, so that the best of them are refitted whatever their linear gain.
@@ -260,7 +258,7 @@ def _shortlist(
     near = [result for result in candidates if result.group.family == family]
     picked = [result for result in near if result.gain >= by.rival_share * best.gain]
     seen: set[tuple] = set()
-    shortlist: list[TestResult] = []
+    shortlist: list[GroupTest] = []
     for result in [best, *picked]:
         key = _kind(result.group)
         if key not in seen and len(shortlist) < by.rivals + 1:
@@ -272,8 +270,8 @@ def _shortlist(
         if result.group.is_effect and result.group.size <= 2 and result.gain >= 0.3 * best.gain
     ]
     turned = []
-    if family == "range" and best.group.channel != "range_variance" and not best.group.is_random:
-        systematic = [other for other in evidence.results if not other.group.is_random and other.entry.z > 3]
+    if family == "range" and best.group.channel != "range_variance" and best.group.order == 0:
+        systematic = [other for other in evidence.results if other.group.order == 0 and other.entry.z > 3]
         for channel in ANGLES:
             turned += [other for other in systematic if other.group.channel == channel][:3]
     for result in [*named[:3], *turned]:

@@ -72,7 +72,7 @@ class Entry:
 
 
 @dataclass(frozen=True, eq=False)
-class TestResult:
+class GroupTest:
     """One group and what its scores show.
 
     Attributes:
@@ -92,7 +92,7 @@ class TestResult:
         """The hypothesis."""
         return self.entry.group
 
-    def gap_to(self, other: TestResult) -> tuple[float, float]:
+    def gap_to(self, other: GroupTest) -> tuple[float, float]:
         """How much more this group gains than another one, and the standard error over folds."""
         difference = self.fold_gains - other.fold_gains
         return float(difference.sum()), float(np.sqrt(len(difference) * difference.var(ddof=1))) + 1e-9
@@ -159,7 +159,7 @@ def score_shared(
 
 def evaluate(
     entries: Sequence[Entry], settings: Selection, rng: np.random.Generator, tested_per_kept: float = 1.0
-) -> list[TestResult]:
+) -> list[GroupTest]:
     """Family-wise p-values and cross-fitted gains of all groups together, the largest gain first."""
     if not entries:
         return []
@@ -186,7 +186,7 @@ def evaluate(
             if kind == TRACK or entry.group.is_clustered_by_scan
         ]
         fewest = min(gains, key=lambda values: float(values.sum()))
-        results.append(TestResult(entry, float(p_value), float(fewest.sum()), fewest))
+        results.append(GroupTest(entry, float(p_value), float(fewest.sum()), fewest))
     return sorted(results, key=lambda result: -result.gain)
 
 
