@@ -208,7 +208,9 @@ def _choose(
     if best.group.is_shared:
         term = Term(best.group, best.p_value, best.gain, best.gain)
         return replace(model, terms=(*model.terms, term)), best
-    same_order = [result for result in candidates if result.group.order == best.group.order]
+    same_order = [
+        result for result in candidates if result.group.order == best.group.order and not result.group.is_shared
+    ]
     trials = []
     for result in _shortlist(best, same_order, evidence, settings):
         after, _ = refit_with(
