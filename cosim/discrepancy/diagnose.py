@@ -57,6 +57,7 @@ class _Found:
     p_value: float
     alternatives: tuple[str, ...] = ()
     unknown: UnknownEffect | None = None
+    term: str = ""
     interval: dict[str, list[float]] | None = None
 
 
@@ -165,13 +166,39 @@ def convert_terms(context: Context, model: Model) -> tuple[Model, tuple[_Found, 
         if not curve.is_shared and curve.channel not in SPURIOUS:  # these have their likeliest size already
             free = (*free, len(effects))
         effects = (*effects, effect_of(unknown))
-        found.append(_Found(unknown.name, term.p_value, names, unknown))
+        found.append(_Found(unknown.name, term.p_value, names, unknown, term.group.name))
     if effects == model.fitted.effects and not model.fitted.dependences:
         return model, tuple(found), tuple(phases)
     context.on_progress("fitting formulas")
     fitter = model.fitter
     fitted = fitter.fit(effects, all_free(effects, free, fitter.rings), model.fitted.estimate)
-    return replace(model, fitted=fitted, free=free), tuple(found), tuple(phases)
+    converted = replace(model, fitted=fitted, free=free)
+    return _without_idle(context, converted, found, phases)
+
+
+def _without_idle(
+    context: Context, model: Model, found: Sequence[_Found], phases: Sequence[Term]
+) -> tuple[Model, tuple[_Found, ...], tuple[Term, ...]]:
+    """Without plug-ins that gain nothing: no formula describes their curves, so that these are only listed."""
+    fitted, fitter = model.fitted, model.fitter
+    loss = fitter.loss(fitted.estimate)
+    terms = {term.group.name: term for term in model.terms if not term.group.is_effect}
+    idle, listed = set[str](), list(phases)
+    for one in found:
+        if one.unknown is None or one.unknown.curve.is_shared:
+            continue
+        rest = tuple(effect for effect in fitted.effects if effect.name != one.name)
+        if loss(rest) - loss(fitted.effects) < context.settings.selection.least_follower:
+            idle.add(one.name)
+            listed.append(terms[one.term])
+    if not idle:
+        return model, tuple(found), tuple(phases)
+    effects = tuple(effect for effect in fitted.effects if effect.name not in idle)
+    names = {fitted.effects[index].name for index in model.free} - idle
+    free = tuple(index for index, effect in enumerate(effects) if effect.name in names)
+    refitted = fitter.fit(effects, all_free(effects, free, fitter.rings), fitted.estimate)
+    kept = tuple(one for one in found if one.name not in idle)
+    return replace(model, fitted=refitted, free=free), kept, tuple(listed)
 
 
 def conclude(

@@ -220,6 +220,8 @@ class Selection:
 
     draws: int = 800  # sign patterns
     level: float = 0.02  # family-wise error rate of adding a term: several are looked for
+    confirm_gain: float = 20.0  # log-likelihood from which a term is fitted even where random signs do not decide
+    confirm_draws: int = 1999  # sign patterns about its fit
     folds: int = 8  # of clusters, for gains
     sectors: int = 6  # parts of a scan that are clusters
     chunk: int = 400  # columns that are projected at a time

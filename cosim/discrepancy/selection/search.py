@@ -14,6 +14,7 @@ from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
 from cosim.discrepancy.inference.dependence import ANGLES, SPREADS
 from cosim.discrepancy.inference.projection import TRACK
+from cosim.discrepancy.selection.confirm import p_about_fit
 from cosim.discrepancy.selection.first_pass import first_pass
 from cosim.discrepancy.selection.refit import Model, Term, refit_with, refit_without
 from cosim.discrepancy.selection.table import GroupTest, evaluate, score_groups, score_shared
@@ -50,6 +51,18 @@ class Evidence:
             for result in self.results
             if result.p_value <= level and result.gain >= least and result.group.name not in self.rejected
         ]
+
+    def candidates(self, settings: Settings) -> list[GroupTest]:
+        """Significant results, and those that gain so much that their own fit has to decide."""
+        by, significant = settings.selection, self.significant(settings)
+        unsure = [
+            result
+            for result in self.results
+            if result.gain >= by.confirm_gain and not result.group.is_shared and not result.group.is_count
+        ]
+        names = {result.group.name for result in significant}
+        both = [*significant, *(result for result in unsure if result.group.name not in names)]
+        return sorted(both, key=lambda result: -result.gain)
 
 
 def gather_evidence(model: Model, effects: Sequence[Group], settings: Settings, seed: int) -> Evidence:
@@ -106,7 +119,7 @@ def select_terms(
     while len(model.terms) < by.steps:
         candidates = [
             result
-            for result in evidence.significant(settings)
+            for result in evidence.candidates(settings)
             if result.group.name not in rejected
             and not _is_selected(result.group, model)
             and result.gain >= _needed_gain(result.group, model, settings)
@@ -203,7 +216,7 @@ class _Trial:
 def _choose(
     model: Model, evidence: Evidence, candidates: Sequence[GroupTest], settings: Settings
 ) -> tuple[Model, GroupTest] | str:
-    """The model with the best candidate, and which it is; or the name of the best, if its exact gain is chance."""
+    """The model with the best candidate, and which it is; or the name of one whose exact gain is chance."""
     best = _first(candidates)
     if best.group.is_shared:
         term = Term(best.group, best.p_value, best.gain, best.gain)
@@ -220,14 +233,20 @@ def _choose(
     _LOG.debug("tried %s", [(one.result.group.name, round(one.result.gain, 1), round(one.gain, 1)) for one in trials])
     trial = _simplest(trials, settings)
     if trial.worth < _needed_gain(trial.result.group, model, settings):
-        return best.group.name
+        return trial.result.group.name
     result = trial.result
     after, group = refit_with(
         model, evidence.linearisation, result.group, result.entry.coefficients, fine=True, steps=_STEPS
     )
+    p_value = result.p_value
+    if p_value > settings.selection.level:
+        rng = np.random.default_rng([len(model.terms), settings.selection.confirm_draws])
+        p_value = p_about_fit(after, group, evidence.dictionary.tested, settings.selection, rng)
+        if p_value > settings.selection.level:
+            return result.group.name
     alternatives = tuple(one.result.group.name for one in trials if one is not trial and _is_rival(one, trial))
     gain, penalty = after.loglik - model.loglik, group.size * max(result.entry.cell.dispersion, 1.0)
-    term = Term(group, result.p_value, result.gain, gain, penalty, alternatives)
+    term = Term(group, p_value, result.gain, gain, penalty, alternatives)
     return replace(after, terms=(*model.terms, term)), result
 
 
