@@ -166,9 +166,14 @@ def drop_superfluous(
 
 
 def _is_selected(group: Group, model: Model) -> bool:
-    """Whether the same dependence was selected already, in these or other bins: fitting it again changes nothing."""
+    """Whether the same dependence was selected already, in these or other bins: fitting it again changes nothing.
+
+    A selected shared error also explains what neighbours measured of the same channel.
+    """
     if group.is_effect:
         return False
+    if group.is_of_neighbour and any(term.group.channel == f"shared_{group.channel}" for term in model.terms):
+        return True
     selected = [term.group for term in model.terms if term.group.channel == group.channel and not term.group.is_effect]
     if group.frequency_hz:
         return any(abs(other.frequency_hz - group.frequency_hz) < _SAME_HZ for other in selected)
@@ -187,7 +192,8 @@ def _needed_gain(group: Group, model: Model, settings: Settings) -> float:
         return by.least_gain
     family = [term.exact_gain for term in model.terms if term.group.family == group.family]
     largest = max((term.exact_gain for term in model.terms), default=0.0)
-    return max(by.least_follower, by.follower_share * max(family, default=0.0), 1e-3 * largest)
+    share = by.shared_share if group.is_shared else by.follower_share
+    return max(by.least_follower, share * max(family, default=0.0), by.inexact * largest)
 
 
 @dataclass(frozen=True, eq=False)
