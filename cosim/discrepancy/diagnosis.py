@@ -122,7 +122,7 @@ class Diagnosis:
             return "ambiguous"
         if self.effects:
             return "missing"
-        if self.unexplained:
+        if self.unexplained or (self.above_floor is not None and self.above_floor > self.settings.at_floor):
             return "unknown"
         return "missing" if self.labels is not None and self.labels.verdict == "missing" else "none"
 

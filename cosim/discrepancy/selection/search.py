@@ -11,6 +11,7 @@ import numpy as np
 from cosim.discrepancy.dictionary.build import Dictionary, build_dictionary
 from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
+from cosim.discrepancy.dictionary.periodic import line_group
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
 from cosim.discrepancy.inference.dependence import ANGLES, SPREADS
 from cosim.discrepancy.inference.projection import TRACK
@@ -121,7 +122,7 @@ def select_terms(
             result
             for result in evidence.candidates(settings)
             if result.group.name not in rejected
-            and not _is_selected(result.group, model)
+            and not is_explained(result.group, model)
             and result.gain >= _needed_gain(result.group, model, settings)
         ]
         if not candidates:
@@ -129,7 +130,7 @@ def select_terms(
         chosen = _choose(model, evidence, candidates, settings)
         if isinstance(chosen, str):
             on_progress(f"rejected {chosen}: its fit gains no more than chance")
-            rejected.add(chosen)
+            rejected |= _same_effect(chosen, candidates)
             continue
         before, (model, result) = model, chosen
         on_progress(f"added {result.group.name}: gain {result.gain:.1f}, p {result.p_value:.4f}")
@@ -165,7 +166,13 @@ def drop_superfluous(
     return model
 
 
-def _is_selected(group: Group, model: Model) -> bool:
+def _same_effect(name: str, candidates: Sequence[GroupTest]) -> set[str]:
+    """Names of all settings of the same effect, or the name alone."""
+    effect = next(result.group.effect_name for result in candidates if result.group.name == name)
+    return {name} | {result.group.name for result in candidates if effect and result.group.effect_name == effect}
+
+
+def is_explained(group: Group, model: Model) -> bool:
     """Whether the same dependence was selected already, in these or other bins: fitting it again changes nothing.
 
     A selected shared error also explains what neighbours measured of the same channel.
@@ -244,6 +251,8 @@ def _choose(
     after, group = refit_with(
         model, evidence.linearisation, result.group, result.entry.coefficients, fine=True, steps=_STEPS
     )
+    if group.frequency_hz:
+        after, group = _best_alias(model, evidence, after, group)
     p_value = result.p_value
     if p_value > settings.selection.level:
         rng = np.random.default_rng([len(model.terms), settings.selection.confirm_draws])
@@ -254,6 +263,21 @@ def _choose(
     gain, penalty = after.loglik - model.loglik, group.size * max(result.entry.cell.dispersion, 1.0)
     term = Term(group, p_value, result.gain, gain, penalty, alternatives)
     return replace(after, terms=(*model.terms, term)), result
+
+
+def _best_alias(model: Model, evidence: Evidence, best: Model, group: Group) -> tuple[Model, Group]:
+    """Of frequencies that the interval between scans does not separate, the likeliest: neighbours are tried in turn."""
+    linearisation = evidence.linearisation
+    time_s = np.sort(linearisation.sample.scan_values["time_s"])
+    apart_hz = 1 / max(float(np.median(np.diff(time_s))), 1e-3)
+    for side in (-1, 1):
+        while group.frequency_hz + side * apart_hz > 0:
+            other = line_group(linearisation, group.channel, group.frequency_hz + side * apart_hz)
+            after, other = refit_with(model, linearisation, other, np.zeros(2), fine=True, steps=_STEPS)
+            if after.loglik <= best.loglik:
+                break
+            best, group = after, other
+    return best, group
 
 
 def _first(candidates: Sequence[GroupTest]) -> GroupTest:
