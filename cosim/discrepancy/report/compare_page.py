@@ -8,8 +8,7 @@ from types import MappingProxyType
 
 from cosim.discrepancy.compare import Comparison, Slice
 from cosim.discrepancy.report.beams import LAYOUT
-from cosim.discrepancy.report.residual_charts import CHANNELS, Chart
-from cosim.discrepancy.report.unexplained_section import Explored, explorer_section, explorer_style
+from cosim.discrepancy.report.explorer_section import Explored, explorer_section, explorer_style
 from cosim.discrepancy.scores import SCALES
 from cosim.discrepancy.words import source_words, times
 from cosim.report import Piece, document, facts, meter, notes_section, section, stacked_bar, table
@@ -72,7 +71,7 @@ def format_comparison(found: Comparison, command: str, explored: Explored | None
         "beams of a frame, or of a sector of it, share is in them. <b>Click a bin to see its beams.</b>"
     )
     sections = [
-        f"<header><h1>{escape(title)}</h1>{_verdict(found, explored, command)}{_figures(found)}</header>",
+        f"<header><h1>{escape(title)}</h1>{_verdict(found, command)}{_figures(found)}</header>",
         _budget(found),
         _slices(found.slices),
         worth_section(found.worth),
@@ -82,7 +81,7 @@ def format_comparison(found: Comparison, command: str, explored: Explored | None
     return document(title, sections, style=explorer_style(), generator="cosim compare")
 
 
-def _verdict(found: Comparison, explored: Explored | None, command: str) -> str:
+def _verdict(found: Comparison, command: str) -> str:
     run = f'<p class="next">What is missing: <code>{escape(command)}</code></p>'
     if found.floor is None:
         return f'<p class="verdict">Error {found.error:.3g}; what noise alone would make is not known.</p>{run}'
@@ -101,14 +100,14 @@ def _verdict(found: Comparison, explored: Explored | None, command: str) -> str:
         small = (
             f'<p class="next">Small effects can hide in noise; this asks for them: <code>{escape(command)}</code></p>'
         )
-        return f'<p class="verdict">{said}</p>{_dependences(explored)}{small}'
+        return f'<p class="verdict">{said}</p>{small}'
     above = found.error / floor if floor > 0 else float("inf")
     said = '<span class="bad">Above the noise floor.</span> '
     said += f"The error {found.error:.3g} is {times(above)} what noise alone makes ({floor:.3g}){made}."
     if found.error_aligned is not None and found.budget and found.budget.floor:
         ratio = times(found.error_aligned / found.budget.floor)
         said += f" Aligned it is {found.error_aligned:.3g}, {ratio} its floor."
-    more = f'<p class="sources">{_excess(found)}</p>{_dependences(explored)}'
+    more = f'<p class="sources">{_excess(found)}</p>'
     if found.slices:
         run = f'<p class="next">Worst place, at the poses as given: {escape(str(found.slices[0]))}.</p>{run}'
     return f'<p class="verdict">{said}</p>{more}{run}'
@@ -131,22 +130,6 @@ def _off(name: str, found: Comparison) -> str:
         "drop": f"{t.dropped / t.frames:,.0f} lost a frame where the model loses {t.foreseen_drops / t.frames:,.0f}",
         "spurious": f"{t.spurious / t.frames:,.0f} points a frame where the model has {t.foreseen / t.frames:,.0f}",
     }[name]
-
-
-def _dependences(explored: Explored | None) -> str:
-    """What residuals still depend on once all is aligned, the strongest of each channel."""
-    first: dict[str, Chart] = {}
-    for one in explored.left if explored else ():
-        if one.channel.name not in first or one.after.size > first[one.channel.name].after.size:
-            first[one.channel.name] = one
-    said = [
-        f"{_CHANNEL_WORDS[name]} by {one.bins.shown.words.split(',')[0]} (±{CHANNELS[name].said(one.after.size)})"
-        for name, one in first.items()
-    ]
-    if not said:
-        return ""
-    links = f'<a href="#residuals">{escape(", ".join(said))}</a>'
-    return f'<p class="sources"><span class="warn">Left once all is aligned</span>: {links}.</p>'
 
 
 def _budget(found: Comparison) -> str:
