@@ -261,7 +261,8 @@ def headline(found: Diagnosis, words: Vocabulary) -> str:
         ambiguous = any(finding.also_possible for finding in found.effects)
         parts[0] = f"{'ambiguous' if ambiguous else 'missing'}: {parts[0]}"
     for unknown in found.unknowns:
-        parts.append(f"unknown: {unknown_words(unknown)}{NO_FALL if unknown.name in no_fall else ''}")
+        p_value = p_words(unknown.curve.p_value)
+        parts.append(f"unknown: {unknown_words(unknown)}, {p_value}{NO_FALL if unknown.name in no_fall else ''}")
     if found.labels is not None and found.labels.verdict == "missing":
         parts.append(str(found.labels))
     if found.unexplained:

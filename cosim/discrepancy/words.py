@@ -215,7 +215,8 @@ def unknown_words(unknown: UnknownEffect) -> str:
     rows = table_words(unknown)
     if rows:
         return f"{channel} depends on {on}: {rows}"
-    variables = f" ({unknown.variables})" if unknown.variables else ""
+    details = "; ".join(filter(None, (f"in {curve.unit}" if curve.unit else "", unknown.variables)))
+    variables = f" ({details})" if details else ""
     return f"{channel} depends on {on} as {unknown.form}{variables}"
 
 

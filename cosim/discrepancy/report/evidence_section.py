@@ -56,12 +56,13 @@ AXES = {
 }
 
 
-def evidence_section(cells: Sequence[EvidenceCell], settings: Settings) -> str:
+def evidence_section(cells: Sequence[EvidenceCell], settings: Settings, *, has_findings: bool) -> str:
     """HTML; empty without cells.
 
     Args:
         cells: of the matrix.
         settings: level and least gain, above which a cell counts as significant.
+        has_findings: whether the initial and the final model differ.
     """
     best = _strongest(cells)
     if not best:
@@ -70,15 +71,17 @@ def evidence_section(cells: Sequence[EvidenceCell], settings: Settings) -> str:
     top = max(_LEAST_TOP, *(max(cell.gain, cell.gain_after) for cell in best.values()))
     blocks = {
         "One covariate": [key for key in best if not _is_shared(key) and len(key[1]) == 1],
-        "Two covariates, without what each explains alone": [key for key in best if len(key[1]) > 1],
+        "Two covariates": [key for key in best if len(key[1]) > 1],
         "Errors that beams share": [key for key in best if _is_shared(key)],
     }
-    tables = "".join(_table(title, keys, best, names, top, settings) for title, keys in blocks.items() if keys)
+    view = _View(settings, top, has_findings)
+    tables = "".join(_table(title, keys, best, names, view) for title, keys in blocks.items() if keys)
     first = max(best, key=lambda key: _rank(best[key], settings))
-    charts = "".join(_chart(cell, names[key], settings, is_shown=key == first) for key, cell in best.items())
+    charts = "".join(_chart(cell, names[key], view, is_shown=key == first) for key, cell in best.items())
     text = (
-        "Each cell is a hypothesis: the channel (row) depends on the covariate (column). Left half: with the initial "
-        "model; right half: with all findings. Colour: gain, the log-likelihood that the dependence gains on clusters "
+        "Each cell is a hypothesis: the channel (row) depends on the covariate (column). "
+        + ("Left half: with the initial model; right half: with all findings. " if has_findings else "")
+        + "Colour: gain, the log-likelihood that the dependence gains on clusters "
         "of beams that took no part in its fit, on a logarithmic scale. A dot marks cells that are significant: "
         f"family-wise p ≤ {settings.level:g} and a gain of at least {settings.selection.least_gain:g}. Poses, objects, "
         "map and all fitted parameters are eliminated. Empty cells were tested in a first pass and are too weak to be "
@@ -102,6 +105,15 @@ def is_significant(gain: float, p_value: float, settings: Settings) -> bool:
 _Key = tuple[str, tuple[str, ...]]
 
 
+@dataclass(frozen=True)
+class _View:
+    """What all cells share: numeric choices, the gain of the brightest colour, and whether there are two models."""
+
+    settings: Settings
+    top: float
+    has_findings: bool
+
+
 def _strongest(cells: Sequence[EvidenceCell]) -> dict[_Key, EvidenceCell]:
     """The cell of the largest gain of each channel and covariates: classes of objects and waves share one."""
     best: dict[_Key, EvidenceCell] = {}
@@ -123,7 +135,7 @@ def _rank(cell: EvidenceCell, settings: Settings) -> tuple[bool, float, float]:
 
 
 def _table(
-    title: str, keys: Sequence[_Key], best: dict[_Key, EvidenceCell], names: dict[_Key, str], top: float, by: Settings
+    title: str, keys: Sequence[_Key], best: dict[_Key, EvidenceCell], names: dict[_Key, str], view: _View
 ) -> str:
     order = {name: place for place, name in enumerate(SHOWN)}
     columns = sorted(dict.fromkeys(key[1] for key in keys), key=lambda on: [order.get(name, 99) for name in on])
@@ -133,7 +145,7 @@ def _table(
     rows = []
     for channel in channels:
         tds = "".join(
-            _cell(best[channel, on], names[channel, on], top, by) if (channel, on) in best else "<td></td>"
+            _cell(best[channel, on], names[channel, on], view) if (channel, on) in best else "<td></td>"
             for on in columns
         )
         rows.append(f"<tr><th>{escape(channel_words(channel))}</th>{tds}</tr>")
@@ -149,12 +161,13 @@ def _column_words(covariates: tuple[str, ...], *, is_shared: bool) -> str:
     return " × ".join(covariate_words(name) for name in covariates)
 
 
-def _cell(cell: EvidenceCell, name: str, top: float, settings: Settings) -> str:
-    sides = ((cell.gain, cell.p_value), (cell.gain_after, cell.p_value_after))
-    colours = [_colour(gain, top) for gain, _ in sides]
-    dots = "".join("<i></i>" if is_significant(*side, settings) else "<b></b>" for side in sides)
-    words = f"{_title(cell)}: {_figures(cell)}"
-    background = f"linear-gradient(90deg,{colours[0]} 50%,{colours[1]} 50%)"
+def _cell(cell: EvidenceCell, name: str, view: _View) -> str:
+    sides = [(cell.gain, cell.p_value)] if view.has_findings else []
+    sides.append((cell.gain_after, cell.p_value_after))
+    colours = [_colour(gain, view.top) for gain, _ in sides]
+    dots = "".join("<i></i>" if is_significant(*side, view.settings) else "<b></b>" for side in sides)
+    words = f"{_title(cell)}: {_figures(cell, view)}"
+    background = f"linear-gradient(90deg,{colours[0]} 50%,{colours[-1]} 50%)"
     return (
         f'<td><button type="button" data-cell="{escape(name)}" style="background:{background}" '
         f'title="{escape(words)}" aria-label="{escape(words)}">{dots}</button></td>'
@@ -169,8 +182,10 @@ def _title(cell: EvidenceCell) -> str:
     return f"{channel} by {' and '.join(covariate_words(name) for name in cell.covariates)}"
 
 
-def _figures(cell: EvidenceCell) -> str:
+def _figures(cell: EvidenceCell, view: _View) -> str:
     before, after = _side(cell.gain, cell.p_value), _side(cell.gain_after, cell.p_value_after)
+    if not view.has_findings:
+        return after
     return f"initial model: {before}; with all findings: {after}"
 
 
@@ -195,15 +210,17 @@ def _scale(top: float) -> str:
     return f'<div class="legend">{samples}<span><u></u> significant</span></div>'
 
 
-def _chart(cell: EvidenceCell, name: str, settings: Settings, *, is_shown: bool) -> str:
-    text, body = f"{_figures(cell)[0].upper()}{escape(_figures(cell)[1:])}.", ""
+def _chart(cell: EvidenceCell, name: str, view: _View, *, is_shown: bool) -> str:
+    figures = _figures(cell, view)
+    text, body = f"{figures[0].upper()}{escape(figures[1:])}.", ""
+    if not view.has_findings:
+        cell = replace(cell, before=None)
     if cell.channel in AXES and (cell.before is not None or cell.after is not None):
         body = _svg(cell)
-        text += " Coefficients of one Gauss–Newton step by bin, with two standard errors: the statistic of the test. "
+        text += " Coefficients of one Gauss–Newton step by bin, with two standard errors: the statistic of the test"
         sides = {"before": (cell.before, "blue: initial model"), "after": (cell.after, "orange: with all findings")}
-        text += "; ".join(
-            f'<span class="{name}">{words}</span>' for name, (curve, words) in sides.items() if curve is not None
-        )
+        sides = {name: words for name, (curve, words) in sides.items() if curve is not None and view.has_findings}
+        text += "".join(f'; <span class="{name}">{words}</span>' for name, words in sides.items())
         names = _categories([curve for curve in (cell.before, cell.after) if curve is not None])
         text += f"; the {_MOST_NAMES} most significant of {len(names)} categories." if len(names) > _MOST_NAMES else "."
     else:

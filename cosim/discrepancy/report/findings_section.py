@@ -203,8 +203,8 @@ def _remedy(first: str, second: str, words: Vocabulary) -> str:
     on = [name for name in map(_covariates, map(_member_words, pair)) if name]
     if laws:
         return escape(
-            f"Vary the {on[0] if on else 'covariate'} while the quantities of {laws[0]} stay constant, and the reverse; "
-            "where that is impossible both are one dependence."
+            f"Vary the {on[0] if on else 'covariate'} while the quantities of {laws[0]} stay constant, and the "
+            "reverse; where that is impossible both are one dependence."
         )
     return escape(f"Vary {' and '.join(on)} independently of each other: each at several values of the other.")
 

@@ -16,7 +16,7 @@ from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.effect import Factor, UnknownEffect
 from cosim.discrepancy.words import UNDETERMINED, table_words
 from cosim.report import button, figure, section, table
-from cosim.report.phrases import p_cell
+from cosim.report.phrases import as_sure, p_cell, p_words
 from cosim.report.plot import Axis, Plot
 
 _WIDEST = 4.0  # times the median standard error: bins beyond do not set the scale of a chart
@@ -79,12 +79,14 @@ def _unknown(unknown: UnknownEffect, change: str) -> str:
     parameters = ", ".join(_parameter(name, value, unknown) for name, value in unknown.params.items())
     parameters = f"<p>Fitted together with everything else: {escape(parameters)}.</p>" if parameters else ""
     law = table_words(unknown) or unknown.form
-    variables = f"<p>{escape(unknown.variables)}</p>" if unknown.variables else ""
+    details = "; ".join(filter(None, (f"in {curve.unit}" if curve.unit else "", unknown.variables)))
+    variables = f"<p>{escape(details[0].upper() + details[1:])}</p>" if details else ""
     head = dependence_words(curve.channel, curve.covariates)
     error = f"<p>Aligned error {change.replace('<br>', '; ')}</p>" if change else ""
     charts = "".join(_factor_chart(unknown, factor) for factor in unknown.factors)
     return (
-        f'<h3>{escape(head[0].upper() + head[1:])}</h3><p class="formula">{escape(law)}</p>{variables}{fit}{parameters}'
+        f"<h3>{escape(head[0].upper() + head[1:])}, {escape(p_words(curve.p_value))}</h3>"
+        f'<p class="formula">{escape(law)}</p>{variables}{fit}{parameters}'
         f"{error}<p>The improved sensor contains it as <code>{escape(unknown.name)}.py</code>: a plug-in to rename and "
         f"edit when its cause is known.</p>{charts}{_object_table(unknown)}"
     )
@@ -93,11 +95,13 @@ def _unknown(unknown: UnknownEffect, change: str) -> str:
 def _parameter(name: str, value: float, unknown: UnknownEffect) -> str:
     interval, unit = unknown.ci95.get(name), unknown.parameter_units.get(name, "")
     unit = f" {unit}" if unit else ""
-    words = f"{name} {value:.3g}{unit}".replace("-", "−")
     if interval is None:
-        return words
+        return f"{name} {value:.3g}{unit}".replace("-", "−")
     half = (interval[1] - interval[0]) / 2
-    return f"{words} ± {half:.2g}" if np.isfinite(half) else f"{name}: {UNDETERMINED}"
+    if not np.isfinite(half):
+        return f"{name} {UNDETERMINED}"
+    number, error = as_sure(value, half)
+    return f"{name} {number} ± {error}{unit}".replace("-", "−")
 
 
 def _factor_chart(unknown: UnknownEffect, factor: Factor) -> str:
