@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -170,7 +170,7 @@ def _start(
         return (*others, kind.model_validate({**kind.example, **fixed})), len(others), {}
     linearisation = linearise(fitter, on.fitted, on.frames)
     groups = [group for group in effect_groups(linearisation, [kind], (), ()) if group.effect_name == kind.name]
-    by = context.settings.selection
+    by = replace(context.settings.selection, least_left=0.0)
     entries = score_groups(linearisation, groups, linearisation.projector(by.sectors), by)
     model = Model(on.frames, fitter, on.fitted)
     fits = [

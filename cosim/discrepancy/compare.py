@@ -11,13 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from cosim.discrepancy.analysis import Context, trace_and_fit
+from cosim.discrepancy.analysis import Context, FittedFrames, trace_and_fit
 from cosim.discrepancy.budget import Budget, Judged, budget_of
 from cosim.discrepancy.data.checks import check_fit, drive_notes, opened
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split
+from cosim.discrepancy.diagnose import convert_terms, select
 from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
 from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, score_frame
+from cosim.discrepancy.selection.refit import Model
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.words import source_words, times
 from cosim.drives.kitti import Drive
@@ -171,8 +173,8 @@ class Comparison:
 
         Of the aligned error within 5 %: poses and objects are never fitted exactly.
         """
-        if self.budget is not None and self.budget.floor is not None and self.error > 2 * self.budget.error_aligned:
-            return self.budget.error_aligned <= (1 + self.settings.at_floor) * self.budget.floor
+        if self.budget is not None and self.budget.floor is not None and self.error > 2 * self.budget.given_aligned:
+            return self.budget.given_aligned <= (1 + self.settings.at_floor) * self.budget.floor
         return self.floor is not None and self.error <= self.settings.near * self.floor.error + self.settings.negligible
 
     @property
@@ -186,7 +188,7 @@ class Comparison:
     @property
     def error_aligned(self) -> float | None:
         """The error with poses, objects and surfaces where a fit has them."""
-        return None if self.budget is None else self.budget.error_aligned
+        return None if self.budget is None else self.budget.given_aligned
 
     @property
     def excess(self) -> dict[str, float]:
@@ -242,11 +244,11 @@ class Comparison:
     def _sources(self) -> str:
         """How far the error stands above the floor, and what it is made of."""
         if self.budget is not None and self.budget.floor:
-            floor, aligned = self.budget.floor, self.budget.error_aligned / self.budget.floor
+            floor, aligned = self.budget.floor, self.budget.given_aligned / self.budget.floor
             made = source_words(self.parts, floor, is_complete=False)
             said = f", {times(self.error / floor)} the noise floor ({floor:.3f}){made and f': {made}'}"
             ends = "at the floor" if aligned <= 1 + self.settings.at_floor else f"{times(aligned)} the floor"
-            return f"{said}; aligned {self.budget.error_aligned:.3f}, {ends}"
+            return f"{said}; aligned {self.budget.given_aligned:.3f}, {ends}"
         return f", noise floor {self.floor.error:.3f}" if self.floor else ""
 
 
@@ -324,12 +326,21 @@ def compare(
 def _budget(
     tracer: FrameTracer, model: SensorModel, effects: Sequence[Effect], frames: Sequence[TracedFrame], seed: int
 ) -> tuple[Budget | None, Judged | None]:
-    """Where the error of some frames comes from, and these frames; None where nothing can be compared."""
+    """Sources of the error of some frames, and these frames; None where nothing can be compared.
+
+    What is missing is estimated as `diagnose` does, with dependences instead of the catalogue's effects and few terms.
+    """
     if not frames or not any((one.observed.returned & one.observed.trusted).any() for one in frames):
         return None, None
     names = tuple(one.name for one in frames)
-    context = Context(model, tracer, Split(names, names), (), tracer.settings, seed, _LOG.debug)
+    settings = tracer.settings
+    few = replace(settings, selection=replace(settings.selection, steps=settings.compare_steps))
+    context = Context(model, tracer, Split(names, names), (), few, seed, _LOG.debug)
     own = with_rings(effects, model.pattern.rings)
     on = trace_and_fit(context, names, own, traced=tuple(frames))
-    budget, judged = budget_of(context, on, [own])
+    _, _, selected = select(context, Model(on.frames, on.fitter, on.fitted))
+    selected, _, _ = convert_terms(context, selected)
+    final = selected.fitted.effects
+    on = FittedFrames(names, selected.frames, selected.fitter, selected.fitted)
+    budget, judged = budget_of(context, on, [own] if final == own else [own, final])
     return budget, replace(judged, before_parts=())

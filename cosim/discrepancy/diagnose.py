@@ -29,6 +29,7 @@ from cosim.discrepancy.dictionary.effects import effect_groups
 from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.lattices import find_lattices
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
+from cosim.discrepancy.inference.dependence import SPURIOUS
 from cosim.discrepancy.inference.fit import all_free
 from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.selection.curves import curve_of
@@ -134,7 +135,7 @@ def select(context: Context, model: Model) -> tuple[Evidence, Evidence, Model]:
 
 
 def retrace(context: Context, model: Model) -> Model:
-    """Trace the frames again where the effects bend beams too far from where they were traced; fit what was selected."""
+    """Trace the frames again where the effects bend beams too far from where they were traced, and fit again."""
     if is_accurate(model.fitter, model.fitted.effects):
         return model
     context.on_progress("tracing bent beams again")
@@ -161,7 +162,8 @@ def convert_terms(context: Context, model: Model) -> tuple[Model, tuple[_Found, 
             phases.append(term)
             continue
         unknown = UnknownEffect.of(curve)
-        free = (*free, len(effects)) if not curve.is_shared else free
+        if not curve.is_shared and curve.channel not in SPURIOUS:  # these have their likeliest size already
+            free = (*free, len(effects))
         effects = (*effects, effect_of(unknown))
         found.append(_Found(unknown.name, term.p_value, names, unknown))
     if effects == model.fitted.effects and not model.fitted.dependences:

@@ -218,12 +218,13 @@ class Screen:
 class Selection:
     """Choice of hypotheses."""
 
-    draws: int = 400  # sign patterns
+    draws: int = 800  # sign patterns
+    level: float = 0.02  # family-wise error rate of adding a term: several are looked for
     folds: int = 8  # of clusters, for gains
     sectors: int = 6  # parts of a scan that are clusters
     chunk: int = 400  # columns that are projected at a time
     kept: int = 8  # groups of each channel that a first pass keeps
-    least_left: float = 0.05  # share of a group's information that must outlive what is fitted
+    least_left: float = 1e-3  # share of a group's information that must outlive what is fitted
     fewest_events: float = 5.0  # expected losses below which one loss more is no evidence
     least_gain: float = 3.0  # log-likelihood of a first term,
     least_follower: float = 5.0  # and of later ones
@@ -298,6 +299,7 @@ class Settings:
     near: float = 1.02  # times its floor, within which an error is at it,
     negligible: float = 0.001  # and of a scale beyond that
     at_floor: float = 0.05  # share by which an aligned error may be above: poses and objects are never fitted exactly
+    compare_steps: int = 2  # terms by which a comparison estimates what is missing
     most_aligned: int = 12  # frames of a comparison of which it is asked where the error comes from
     beams: Beams = field(default_factory=Beams)
     sampling: Sampling = field(default_factory=Sampling)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.selection.search import Evidence
-from cosim.discrepancy.selection.table import TestResult
+from cosim.discrepancy.selection.table import GroupTest
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unknown.curve import CHANNEL_UNITS, Axis
 
@@ -127,11 +127,11 @@ def evidence_matrix(before: Evidence, after: Evidence) -> tuple[EvidenceCell, ..
     return tuple(sorted(cells, key=lambda cell: -max(cell.gain, cell.gain_after)))
 
 
-def _figures(result: TestResult | None) -> tuple[float, float]:
+def _figures(result: GroupTest | None) -> tuple[float, float]:
     return (0.0, 1.0) if result is None else (max(result.gain, 0.0), result.p_value)
 
 
-def _curve(result: TestResult | None) -> EvidenceCurve | None:
+def _curve(result: GroupTest | None) -> EvidenceCurve | None:
     if result is None or result.group.covariate is None or result.group.kept is None:
         return None
     covariate, kept = result.group.covariate, result.group.kept
@@ -146,7 +146,7 @@ def _curve(result: TestResult | None) -> EvidenceCurve | None:
     return EvidenceCurve(x, y, sigma, covariate.unit)
 
 
-def _size(result: TestResult, evidence: Evidence) -> float:
+def _size(result: GroupTest, evidence: Evidence) -> float:
     """Root mean square change: with information I of every beam a change of d everywhere gains ½ Σ I d²."""
     group = result.group
     if group.is_shared:

@@ -35,6 +35,7 @@ class Covariate:
         is_of_neighbour: whether other beams measured it, so that it has their noise.
         toward_next: (n,) share of each beam that belongs to the next bin, for piecewise linear functions.
         parts: the two covariates of a pair.
+        original: of a coarse covariate, the one with all bins.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Covariate:
     is_of_neighbour: bool = False
     toward_next: np.ndarray | None = None
     parts: tuple[Covariate, ...] = ()
+    original: Covariate | None = None
 
     def __len__(self) -> int:
         return len(self.centres)
@@ -76,7 +78,7 @@ class Covariate:
         index = np.where(self.index >= 0, self.index * bins // len(self), -1)
         count = np.maximum(np.bincount(index[index >= 0], minlength=bins), 1)
         total = np.bincount(index[index >= 0], self.values[index >= 0], bins)
-        return replace(self, index=index, centres=total / count, toward_next=None)
+        return replace(self, index=index, centres=total / count, toward_next=None, original=self)
 
     def crossed(self, other: Covariate) -> Covariate:
         """The partition by both, bins of the other one running faster."""
@@ -181,7 +183,10 @@ def sample_covariates(sample: Sample, expected: Prediction, frames: tuple[Traced
 
 def refined(covariate: Covariate, sample: Sample) -> Covariate:
     """The covariate in as many bins as a fit may have: piecewise linear in quantities that vary smoothly."""
-    if covariate.labels or len(covariate.names) > 1 or covariate.name in ("constant", *SCAN_COVARIATES):
+    if covariate.parts:
+        first, second = (part.original or part for part in covariate.parts)
+        return first.crossed(second)
+    if covariate.labels or covariate.name in ("constant", *SCAN_COVARIATES):
         return covariate
     by = sample.settings.screen
     bins = by.cyclic_bins if covariate.period else by.fine_bins

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -50,8 +51,6 @@ def mixture_score(
         changed: (n,) changes of the probability of the surface's return and of none, and of the density elsewhere.
     """
     sample, before = linearisation.sample, linearisation.adjusted
-    from dataclasses import replace
-
     seen, silent, stray = changed
     after = replace(
         before,

@@ -10,7 +10,7 @@ from scipy import sparse
 from cosim.discrepancy.dictionary.covariates import Covariate
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.inference.dependence import ANGLES, SPREADS, SPURIOUS
-from cosim.discrepancy.inference.score import Quantity, SparseMatrix, scaled
+from cosim.discrepancy.inference.score import QUANTITIES, Quantity, SparseMatrix, scaled
 from sensors.effects.base import Effect
 
 
@@ -78,9 +78,15 @@ class Group:
         return self.channel.startswith("shared_")
 
     @property
-    def is_random(self) -> bool:
-        """Whether it differs from unit to unit without a law: a shared error, or a phase of its own in each scan."""
-        return self.is_shared or not self.is_clustered_by_scan
+    def order(self) -> int:
+        """Order in which groups are added: 0 laws, 1 phases of their own in each scan, 2 what neighbours share.
+
+        Errors that a unit shares, and dependences on what neighbouring beams measured, contain the effect of every law
+        that neighbours have in common.
+        """
+        if self.is_shared or (self.covariate is not None and self.covariate.is_of_neighbour):
+            return 2
+        return 0 if self.is_clustered_by_scan else 1
 
     @property
     def effect_name(self) -> str:
@@ -158,10 +164,9 @@ def is_asked(channel: str, covariate: Covariate) -> bool:
 
 def joined(groups: list[Group], rows: int) -> dict[Quantity, SparseMatrix]:
     """Columns (n, sum of sizes) of several groups, by quantity."""
-    quantities = dict.fromkeys(name for group in groups for name in group.columns)
-    return {
-        name: sparse.hstack(
-            [group.columns.get(name, sparse.csr_matrix((rows, group.size))) for group in groups], format="csr"
-        )
-        for name in quantities
-    }
+    found: dict[Quantity, SparseMatrix] = {}
+    for name in QUANTITIES:
+        if any(name in group.columns for group in groups):
+            parts = [group.columns.get(name, sparse.csr_matrix((rows, group.size))) for group in groups]
+            found[name] = sparse.hstack(parts, format="csr")
+    return found

@@ -2,8 +2,8 @@
 
 For a change Δ of a predicted quantity a beam adds `score`·Δ to the log-likelihood and takes ½ `information`·Δ² from it.
 Spurious returns are mixture directions: mixing in a share π of returns with density p₁ changes the likelihood p₀ to
-p₀ + π(p₁ − p₀). The score is taken at a small reference share, and its unit is that share, so that score and information
-are differences of counts: observed minus expected events, and expected events.
+p₀ + π(p₁ − p₀). The score is taken at a small reference share, and its unit is that share, so that score and
+information are differences of counts: observed minus expected events, and expected events.
 """
 
 from __future__ import annotations
@@ -13,13 +13,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
-from cosim.discrepancy.inference.dependence import ANGLES, SPURIOUS, angle_derivatives, spurious_densities
+from cosim.discrepancy.inference.dependence import (
+    ANGLES,
+    SPURIOUS,
+    angle_derivatives,
+    spurious_densities,
+)
 from cosim.discrepancy.inference.fit import Fitted, Fitter
-from cosim.discrepancy.inference.likelihood import residuals_of
+from cosim.discrepancy.inference.likelihood import Residuals, residuals_of
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.projection import Projector
 from cosim.discrepancy.inference.score import Evidence, Quantity, dispersion
 from cosim.discrepancy.sampling.sample import Prediction, Sample
+
+Scores = dict[Quantity, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +102,7 @@ def linearise(fitter: Fitter, fitted: Fitted, frames: tuple[TracedFrame, ...]) -
     bent = any(one.channel in ANGLES for one in fitted.dependences)
     _mixtures(sample, adjusted, residuals.outcome, frames, bent, score, information)
     evidence = Evidence(score, information)
-    mixed = LinearModel.of(random, fitted.columns, evidence, fitted.prediction, fitted.estimate)  # type: ignore[arg-type]
+    mixed = LinearModel.of(random, fitted.columns, evidence, fitted.prediction, fitted.estimate)
     return Linearisation(fitter, fitted, frames, adjusted, evidence, _channels(sample, fitted, adjusted), mixed)
 
 
@@ -117,7 +124,7 @@ def _channels(sample: Sample, fitted: Fitted, adjusted: Prediction) -> dict[str,
     return {channel.name: channel for channel in channels}
 
 
-def _own_spread(sample: Sample, residuals, adjusted: Prediction, score: dict, information: dict) -> None:
+def _own_spread(sample: Sample, residuals: Residuals, adjusted: Prediction, score: Scores, information: Scores) -> None:
     """Spreads of intensity against the sensor's own σ: the floor of the likelihood is no noise of the sensor."""
     floor = 1.5 * sample.settings.law.intensity_floor
     own = np.hypot(adjusted.intensity_sigma, adjusted.unsure_intensity)
@@ -135,8 +142,8 @@ def _mixtures(
     outcome: np.ndarray,
     frames: tuple[TracedFrame, ...],
     bent: bool,
-    score: dict,
-    information: dict,
+    score: Scores,
+    information: Scores,
 ) -> None:
     """Mixture directions of spurious returns; at edges only where no beam nearby has such a range.
 
@@ -156,29 +163,28 @@ def _mixtures(
     explained = explained_nearby(sample, frames) if bent or sample.edge.any() else np.zeros(len(sample), bool)
     first = sample.compared & sample.first
     clear, edge = first & ~sample.edge, first & sample.edge & np.isfinite(surface)
-    usable = clear & ~(explained & sample.returned) if bent else clear
+    hidden = explained if bent else np.zeros(len(sample), bool)  # turned beams meet what lies beside
     likelihood = np.exp(outcome)
     measured = np.nan_to_num(sample.along_m)
     gap = measured - surface
     edge_gap = np.where(measured > behind, measured - behind, np.minimum(gap, 0.0))
     far = sample.returned & ~explained
+    at_edges = {"early": early_at_edges, "late": late_at_edges}
+    at_edges["spurious"] = np.where(early_at_edges + late_at_edges > 0, 1 / law.reach_m, 0.0)
+    at_edges = {name: np.where(explained, 0.0, values) for name, values in at_edges.items()}
     for name in SPURIOUS:
         solid = np.ones(len(sample), bool) if name == "spurious" else np.isfinite(adjusted.range_m) & (surface > 1)
-        present = law.stray_share + adjusted.stray * law.reach_m
+        present = law.stray_share + adjusted.stray * law.reach_m + adjusted.spurious_share
         share = sample.share
-        used = share * (usable & solid)
-        usual = _usual(share, usable, far, gap, name) if bent else 0.0
-        ratio = density[name] / np.maximum(likelihood + usual / law.reach_m, 1e-12) - 1
+        used = share * (clear & solid)
+        usual = _usual(share, clear, far, gap, name) if bent else 0.0
+        ratio = np.where(hidden, 0.0, density[name]) / np.maximum(likelihood + usual / law.reach_m, 1e-12) - 1
         score[name] = reference * used * ratio / (1 + reference * ratio)
         information[name] = used * (reference**2 / (reference + present) if not usual else reference + usual)
         if not edge.any():
             continue
         usual = max(_usual(share, edge, far, edge_gap, name), reference)
-        at_edge = {"early": early_at_edges, "late": late_at_edges}.get(
-            name, np.where(early_at_edges + late_at_edges > 0, 1 / law.reach_m, 0.0)
-        )
-        at_edge = np.where(explained, 0.0, at_edge)
-        ratio = at_edge / np.maximum(likelihood + usual / law.reach_m, 1e-12) - 1
+        ratio = at_edges[name] / np.maximum(likelihood + usual / law.reach_m, 1e-12) - 1
         used = share * edge
         score[name] = score[name] + reference * used * ratio / (1 + reference * ratio)
         information[name] = information[name] + used * (reference + usual)

@@ -59,33 +59,6 @@ class Dependence:
         return self.channel in SPURIOUS
 
 
-@dataclass(frozen=True, eq=False)
-class BasisColumns:
-    """Derivatives of a prediction with respect to the coefficients of a dependence; same interface as `Column`.
-
-    Attributes:
-        delta: (n,) derivative with respect to the channel's change, by quantity.
-        basis: (n, k).
-    """
-
-    delta: dict[Quantity, np.ndarray]
-    basis: SparseMatrix
-
-    @property
-    def rings(self) -> int:
-        """Number of coefficients."""
-        return self.basis.shape[1]
-
-    def matrix(self, quantity: Quantity, rows: int) -> SparseMatrix:
-        """(n, k) of one quantity."""
-        from scipy import sparse
-
-        values = self.delta.get(quantity)
-        if values is None:
-            return sparse.csr_matrix((rows, self.rings))
-        return sparse.csr_matrix(sparse.diags(values) @ self.basis)
-
-
 def angle_derivatives(sample: Sample) -> dict[str, np.ndarray]:
     """Change of range (n,) per radian of azimuth (counter-clockwise) and elevation (upwards) error [m/rad].
 
@@ -147,9 +120,9 @@ def apply_changes(sample: Sample, before: Prediction, changes: Mapping[str, np.n
     shares = {name: np.clip(changes[name], 0, _MOST_SHARE) for name in SPURIOUS if name in changes}
     if shares:
         density = spurious_densities(sample, after)
-        kept = np.prod([1 - share for share in shares.values()], axis=0)
-        stray = sum(share * density[name] for name, share in shares.items())
-        after = replace(after, seen=after.seen * kept, silent=after.silent * kept, stray=after.stray + stray)
+        surfaces = 1 - np.prod([1 - share for share in shares.values()], axis=0)
+        elsewhere = sum((share * density[name] for name, share in shares.items()), np.zeros(len(sample)))
+        after = replace(after, spurious_share=surfaces, spurious=elsewhere)
     return after
 
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
 from cosim.discrepancy.inference.dependence import (
-    BasisColumns,
     Dependence,
     apply_changes,
     changes_of,
@@ -60,7 +59,7 @@ class Fitted:
     prediction: Prediction
     residuals: Residuals
     evidence: Evidence
-    columns: tuple[Column | BasisColumns, ...]
+    columns: tuple[Column, ...]
     dependences: tuple[Dependence, ...]
     bare: Prediction
 
@@ -219,10 +218,10 @@ class Fitter:
 
     def _columns(
         self, state: _State, free: tuple[Free, ...], slopes: Sequence[Column] | None = None
-    ) -> tuple[Column | BasisColumns, ...]:
+    ) -> tuple[Column, ...]:
         """Derivatives of the adjusted prediction: of the free parameters, then of the dependences' coefficients."""
         slopes = self.slopes(state.effects, free, state.bare) if slopes is None else slopes
-        columns: list[Column | BasisColumns] = list(self.passed_on(slopes, state.prediction, state.estimate))
+        columns: list[Column] = list(self.passed_on(slopes, state.prediction, state.estimate))
         if state.dependences:
             by = self.random.passed_on(state.prediction, state.estimate)
             of_channel = channel_slopes(
@@ -230,7 +229,10 @@ class Fitter:
             )
             for dependence in state.dependences:
                 delta = of_channel.get(dependence.channel, {})
-                columns.append(BasisColumns({k: v * by.get(k, 1.0) for k, v in delta.items()}, dependence.basis))
+                adjusted: dict[Quantity, np.ndarray] = {
+                    name: values * by.get(name, 1.0) for name, values in delta.items()
+                }
+                columns.append(Column(adjusted, rings=dependence.size, basis=dependence.basis))
         return tuple(columns)
 
     def residuals(self, prediction: Prediction, estimate: Estimate, blur: float = 0.0) -> Residuals:
@@ -356,7 +358,7 @@ class Fitter:
         """With one step of expectation maximisation for the shares of spurious returns."""
         if not any(one.is_one_sided for one in state.dependences):
             return state
-        sample, share = self.sample, self.sample.share * self.sample.clear * self.sample.first
+        sample, share = self.sample, self.sample.share * self.sample.compared * self.sample.first
         density = spurious_densities(sample, state.prediction)
         likelihood = np.exp(self.residuals(state.prediction, state.estimate, blur).outcome)
         dependences = []

@@ -132,8 +132,9 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     z = np.where(returned & np.isfinite(mean), (along_m - mean) / sigma, 0.0)
     z = np.nan_to_num(z)
     seen = np.where(np.isfinite(mean), np.clip(expected.seen, law.lost_share, 1 - law.lost_share), 0.0)
+    kept = 1 - expected.spurious_share
     seen = np.where(sample.compared, seen, 0.0)
-    whole = np.where(seen > 0, expected.seen, 0.0)
+    whole = np.where(seen > 0, kept * expected.seen, 0.0)
     # That a beam returned shows a loss however rare; of beams that did not, none is certain to.
     certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, law.lost_share), 0.0)
     surface = certain * np.exp(student(z)) / sigma
@@ -141,11 +142,12 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     untouched = np.where(sample.edge, np.maximum(expected.seen + expected.silent, law.lost_share), 1.0)
     elsewhere = law.stray_share / law.reach_m + np.where(sample.edge, expected.split, expected.stray)
     density = surface + elsewhere
-    outcome = np.where(returned, density, np.maximum(expected.silent, law.lost_share)) / untouched
+    outcome = kept * np.where(returned, density, np.maximum(expected.silent, law.lost_share)) / untouched
+    outcome = outcome + np.where(returned, expected.spurious, 0.0)
     likelihood, met = _mixed(sample, outcome)
     of_outcome = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)
     loglik = of_outcome.copy()
-    matched = np.where(returned, met * surface / density, 0.0)
+    matched = np.where(returned, met * kept * surface / untouched / np.maximum(outcome, 1e-300), 0.0)
 
     rise = np.nan_to_num(sample.above_m - expected.rise_m)
     rise_z = np.where(sample.returned, rise / np.hypot(law.rise_sigma_m, blur), 0.0)

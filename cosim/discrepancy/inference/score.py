@@ -140,23 +140,27 @@ SparseMatrix = Any  # scipy's sparse matrices; their types do not tell what prod
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """The change that a unit of a parameter makes; with `ring` it is one parameter a ring.
+    """The change of a prediction per unit of a parameter, or of several with `ring` or `basis`.
 
     Attributes:
         delta: (n,) by quantity.
-        ring: (n,) int, or None.
-        rings: number of parameters, 1 without rings.
+        ring: (n,) int which parameter each beam depends on, for one parameter per ring; else None.
+        rings: number of parameters.
+        basis: (n, rings) basis functions that multiply `delta`, for coefficients of a dependence; else None.
     """
 
     delta: dict[Quantity, np.ndarray]
     ring: np.ndarray | None = None
     rings: int = 1
+    basis: SparseMatrix | None = None
 
     def matrix(self, quantity: Quantity, rows: int) -> SparseMatrix:
         """(n, rings) of one quantity."""
         values = self.delta.get(quantity)
         if values is None:
             return sparse.csr_matrix((rows, self.rings))
+        if self.basis is not None:
+            return scaled(self.basis, values)
         used = np.nonzero(values)[0]
         place = np.zeros(len(used), int) if self.ring is None else self.ring[used]
         return sparse.csr_matrix((values[used], (used, place)), (rows, self.rings))

@@ -27,6 +27,8 @@ class Prediction:
         stray: (n,) density [1/m] of returns from elsewhere at the measured range; 0 where nothing was measured.
         split: (n,) what other parts of the beam itself have of it.
         unsure_m, unsure_intensity: how far the twin itself may be off, standard deviations beside those of the sensor.
+        spurious_share: share of beams that fitted dependences let return from elsewhere.
+        spurious: (n,) their density [1/m] at the measured range, times the share.
     """
 
     range_m: np.ndarray
@@ -40,6 +42,8 @@ class Prediction:
     split: np.ndarray
     unsure_m: np.ndarray
     unsure_intensity: np.ndarray
+    spurious_share: np.ndarray | float = 0.0
+    spurious: np.ndarray | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

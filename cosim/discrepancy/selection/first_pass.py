@@ -12,6 +12,7 @@ from cosim.discrepancy.dictionary.groups import Group, binned_group, is_asked
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.inference.dependence import MEANS
 from cosim.discrepancy.inference.projection import PART, TRACK, Projector
+from cosim.discrepancy.inference.score import SparseMatrix
 from cosim.discrepancy.settings import Settings
 
 
@@ -42,9 +43,11 @@ _Row = tuple[float, float, Group]
 def _best(rows: Sequence[_Row], most: int) -> list[Group]:
     """The first so many by either figure, of each channel; effects and others by themselves."""
     kept: list[Group] = []
-    for figure in (0, 1):
+    by_significance = sorted(rows, key=lambda row: -row[0])
+    by_gain = sorted(rows, key=lambda row: -row[1])
+    for ordered in (by_significance, by_gain):
         count: dict[tuple[str, bool], int] = {}
-        for row in sorted(rows, key=lambda row: -float(row[figure])):
+        for row in ordered:
             key = row[2].channel, row[2].is_effect
             if count.get(key, 0) < most and row[2] not in kept:
                 kept.append(row[2])
@@ -57,7 +60,7 @@ def _rank_binned(
 ) -> list[_Row]:
     """All bins of one channel in one product."""
     asked = [covariate for covariate in dictionary.covariates.values() if is_asked(channel, covariate)]
-    basis = sparse.hstack([covariate.basis for covariate in asked], format="csr")
+    basis: SparseMatrix = sparse.hstack([covariate.basis for covariate in asked], format="csr")
     score, information = linearisation.weights(channel)
     figures = _figures(basis, score, information, linearisation.sample.share, projector)
     one_sided = linearisation.channels[channel].one_sided
@@ -84,7 +87,7 @@ def _rank_explicit(linearisation: Linearisation, groups: Sequence[Group], projec
         parts = []
         for name, matrix in group.columns.items():
             score, information = linearisation.evidence.score[name], linearisation.evidence.information[name]
-            parts.append(_figures(matrix.tocsr(), score, information, share, projector, squared=True))
+            parts.append(_figures(matrix.tocsr(), score, information, share, projector))
         track = sum(part[0] for part in parts)
         scatter, floor = (sum(part[place] for part in parts) for place in (1, 2))
         rows.append((*_summary((track, scatter, floor), slice(None), group.one_sided), group))  # type: ignore[arg-type]
@@ -95,17 +98,15 @@ _Figures = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def _figures(
-    basis: sparse.csr_matrix,
+    basis: SparseMatrix,
     score: np.ndarray,
     information: np.ndarray,
     share: np.ndarray,
     projector: Projector,
-    *,
-    squared: bool = True,
 ) -> _Figures:
     """Score, variance by clusters, and variance that the information implies, (k,) each."""
     tables = projector.plain(basis, score)
-    square = basis.power(2) if squared else basis
+    square = basis.power(2)
     scatter = np.maximum(*((table**2).sum(0) for table in (tables[TRACK], tables[PART])))
     return tables[TRACK].sum(0), scatter, square.T @ (information * share)
 

@@ -32,6 +32,7 @@ class Term:
         p_value: family-wise, when it was selected.
         gain: log-likelihood on clusters that took no part in its fit, when it was selected.
         exact_gain: log-likelihood that the model loses without it; that of `gain` for shared errors.
+        penalty: expected gain of as many parameters by chance.
         alternatives: names of groups that could replace it.
     """
 
@@ -39,6 +40,7 @@ class Term:
     p_value: float
     gain: float
     exact_gain: float
+    penalty: float = 1.0
     alternatives: tuple[str, ...] = ()
 
 
@@ -184,18 +186,17 @@ def rebuilt(linearisation: Linearisation, group: Group, covariates: Mapping[str,
     parts = [covariates[name] for name in group.covariates]
     if len(parts) == 1:
         return binned_group(linearisation, group.channel, refined(parts[0], sample), fewest)
-    sizes = [len(part) for part in group.covariate.parts] if group.covariate else [1, 1]
-    pair = parts[0].coarse(sizes[0]).crossed(parts[1].coarse(sizes[1]))
-    return binned_group(linearisation, group.channel, pair, fewest)
+    return binned_group(linearisation, group.channel, parts[0].crossed(parts[1]), fewest)
 
 
 def finest(linearisation: Linearisation, group: Group) -> Group:
     """The same dependence in as many bins as a fit may have."""
-    if group.covariate is None or len(group.covariate.names) > 1:
+    if group.covariate is None:
         return group
     sample = linearisation.sample
     covariate = refined(group.covariate, sample)
-    found = binned_group(linearisation, group.channel, covariate, max(sample.settings.screen.fewest_in_cell // 2, 1))
+    fewest = max(sample.settings.screen.fewest_in_cell // 2, 1)
+    found = binned_group(linearisation, group.channel, covariate, fewest)
     return group if found is None or found.size < group.size else found
 
 

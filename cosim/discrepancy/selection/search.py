@@ -1,4 +1,4 @@
-"""Stepwise selection: shortlist by cross-fitted linear gains, choose by exact refits, delete what became superfluous."""
+"""Stepwise selection: shortlist by cross-fitted gains, choose by exact refits, delete what became superfluous."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from cosim.discrepancy.inference.dependence import ANGLES, SPREADS
 from cosim.discrepancy.inference.projection import TRACK
 from cosim.discrepancy.selection.first_pass import first_pass
 from cosim.discrepancy.selection.refit import Model, Term, refit_with, refit_without
-from cosim.discrepancy.selection.table import TestResult, evaluate, score_groups, score_shared
+from cosim.discrepancy.selection.table import GroupTest, evaluate, score_groups, score_shared
 from cosim.discrepancy.settings import Settings
 from sensors.effects.base import Effect
 
 _LOG = logging.getLogger(__name__)
 _ROUGH_STEPS, _STEPS = 4, 10
+_SAME_HZ = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,16 +33,23 @@ class Evidence:
         linearisation: of the model.
         dictionary: all hypotheses.
         results: of those that the first pass kept, the largest gain first.
+        rejected: names of groups whose exact refits gain no more than chance.
     """
 
     linearisation: Linearisation
     dictionary: Dictionary
-    results: list[TestResult]
+    results: list[GroupTest]
+    rejected: frozenset[str] = frozenset()
 
-    def significant(self, settings: Settings) -> list[TestResult]:
+    def significant(self, settings: Settings) -> list[GroupTest]:
         """Results at or below the level that gain something on clusters that took no part."""
         least = settings.selection.least_gain
-        return [one for one in self.results if one.p_value <= settings.level and one.gain >= least]
+        level = settings.selection.level
+        return [
+            result
+            for result in self.results
+            if result.p_value <= level and result.gain >= least and result.group.name not in self.rejected
+        ]
 
 
 def gather_evidence(model: Model, effects: Sequence[Group], settings: Settings, seed: int) -> Evidence:
@@ -99,11 +107,17 @@ def select_terms(
         candidates = [
             result
             for result in evidence.significant(settings)
-            if result.group.name not in rejected and result.gain >= _needed_gain(result.group, model, settings)
+            if result.group.name not in rejected
+            and not _is_selected(result.group, model)
+            and result.gain >= _needed_gain(result.group, model, settings)
         ]
-        chosen = _choose(model, evidence, candidates, settings)
-        if chosen is None:
+        if not candidates:
             break
+        chosen = _choose(model, evidence, candidates, settings)
+        if isinstance(chosen, str):
+            on_progress(f"rejected {chosen}: its fit gains no more than chance")
+            rejected.add(chosen)
+            continue
         before, (model, result) = model, chosen
         on_progress(f"added {result.group.name}: gain {result.gain:.1f}, p {result.p_value:.4f}")
         model = drop_superfluous(model, initial, settings, rejected, on_progress)
@@ -112,7 +126,7 @@ def select_terms(
         if model.fitted.effects != before.fitted.effects:
             effects = tangents(linearise(model.fitter, model.fitted, model.frames), model)
         evidence = gather_evidence(model, effects, settings, seed)
-    return model, evidence
+    return model, replace(evidence, rejected=frozenset(rejected))
 
 
 def drop_superfluous(
@@ -128,7 +142,7 @@ def drop_superfluous(
             continue
         less = refit_without(model, term, initial, _STEPS)
         loss = model.loglik - less.loglik
-        if loss < settings.selection.least_follower + term.group.size:
+        if loss < settings.selection.least_follower + term.penalty:
             on_progress(f"removed {term.group.name}: {loss:.1f} less likely without it")
             rejected.add(term.group.name)
             model = less
@@ -136,6 +150,18 @@ def drop_superfluous(
             updated = replace(term, exact_gain=loss)
             model = replace(model, terms=tuple(updated if other is term else other for other in model.terms))
     return model
+
+
+def _is_selected(group: Group, model: Model) -> bool:
+    """Whether the same dependence was selected already, in these or other bins: fitting it again changes nothing."""
+    if group.is_effect:
+        return False
+    selected = [term.group for term in model.terms if term.group.channel == group.channel and not term.group.is_effect]
+    if group.frequency_hz:
+        return any(abs(other.frequency_hz - group.frequency_hz) < _SAME_HZ for other in selected)
+    if group.covariate is None:
+        return any(other.name == group.name for other in selected)
+    return any(other.covariate is not None and set(other.covariates) == set(group.covariates) for other in selected)
 
 
 def _needed_gain(group: Group, model: Model, settings: Settings) -> float:
@@ -151,46 +177,81 @@ def _needed_gain(group: Group, model: Model, settings: Settings) -> float:
     return max(by.least_follower, by.follower_share * max(family, default=0.0), 1e-3 * largest)
 
 
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A candidate and its exact refit.
+
+    Attributes:
+        result: of the candidate.
+        gain: marginal log-likelihood that the refit gains.
+    """
+
+    result: GroupTest
+    gain: float
+
+    @property
+    def penalty(self) -> float:
+        """Expected gain of as many parameters by chance alone, twice: the trace of Takeuchi's criterion (1976)."""
+        return self.result.group.size * max(self.result.entry.cell.dispersion, 1.0)
+
+    @property
+    def worth(self) -> float:
+        """Gain less penalty."""
+        return self.gain - self.penalty
+
+
 def _choose(
-    model: Model, evidence: Evidence, candidates: Sequence[TestResult], settings: Settings
-) -> tuple[Model, TestResult] | None:
-    """The model with the best candidate, and which it is; None without any."""
-    if not candidates:
-        return None
-    systematic = [result for result in candidates if not result.group.is_random]
-    best = candidates[0]
-    if not systematic and not best.group.is_shared:
-        systematic = [result for result in candidates if not result.group.is_shared]
-    if not systematic:
+    model: Model, evidence: Evidence, candidates: Sequence[GroupTest], settings: Settings
+) -> tuple[Model, GroupTest] | str:
+    """The model with the best candidate, and which it is; or the name of the best, if its exact gain is chance."""
+    best = _first(candidates)
+    if best.group.is_shared:
         term = Term(best.group, best.p_value, best.gain, best.gain)
         return replace(model, terms=(*model.terms, term)), best
-    best = systematic[0]
-    if best.group.channel in SPREADS:  # a wrong mean looks like spread
-        means = [
-            result
-            for result in systematic
-            if result.group.family == best.group.family and result.group.channel not in SPREADS
-        ]
-        best = next((result for result in means if result.gain > 0.2 * best.gain), best)
-    tried = []
-    for result in _shortlist(best, systematic, evidence, settings):
+    same_order = [
+        result for result in candidates if result.group.order == best.group.order and not result.group.is_shared
+    ]
+    trials = []
+    for result in _shortlist(best, same_order, evidence, settings):
         after, _ = refit_with(
             model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=_ROUGH_STEPS
         )
-        tried.append((result, after.loglik - model.loglik))
-    _LOG.debug("tried %s", [(result.group.name, round(result.gain, 1), round(gain, 1)) for result, gain in tried])
-    result = _simplest(tried, settings)
+        trials.append(_Trial(result, after.loglik - model.loglik))
+    _LOG.debug("tried %s", [(one.result.group.name, round(one.result.gain, 1), round(one.gain, 1)) for one in trials])
+    trial = _simplest(trials, settings)
+    if trial.worth < _needed_gain(trial.result.group, model, settings):
+        return best.group.name
+    result = trial.result
     after, group = refit_with(
         model, evidence.linearisation, result.group, result.entry.coefficients, fine=True, steps=_STEPS
     )
-    rivals = tuple(other.group.name for other, gain in tried if other is not result and _is_rival(gain, tried, result))
-    term = Term(group, result.p_value, result.gain, after.loglik - model.loglik, rivals)
+    alternatives = tuple(one.result.group.name for one in trials if one is not trial and _is_rival(one, trial))
+    gain, penalty = after.loglik - model.loglik, group.size * max(result.entry.cell.dispersion, 1.0)
+    term = Term(group, result.p_value, result.gain, gain, penalty, alternatives)
     return replace(after, terms=(*model.terms, term)), result
 
 
+def _first(candidates: Sequence[GroupTest]) -> GroupTest:
+    """The candidate of the largest gain of the lowest order.
+
+    A mean goes before a spread of the same family, because a wrong mean looks like spread.
+    """
+    lowest = min(result.group.order for result in candidates)
+    same_order = [result for result in candidates if result.group.order == lowest]
+    best = same_order[0]
+    if best.group.channel not in SPREADS:
+        return best
+    means = [
+        result
+        for result in same_order
+        if result.group.family == best.group.family and result.group.channel not in SPREADS
+    ]
+    return next((result for result in means if result.gain > 0.2 * best.gain), best)
+
+
 def _shortlist(
-    best: TestResult, candidates: Sequence[TestResult], evidence: Evidence, settings: Settings
-) -> list[TestResult]:
+    best: GroupTest, candidates: Sequence[GroupTest], evidence: Evidence, settings: Settings
+) -> list[GroupTest]:
     """Groups that may be the same thing as the best one: of its family, with much of its gain, each kind once.
 
     Turned beams are far from linear, so that the best of them are refitted whatever their linear gain.
@@ -199,7 +260,7 @@ def _shortlist(
     near = [result for result in candidates if result.group.family == family]
     picked = [result for result in near if result.gain >= by.rival_share * best.gain]
     seen: set[tuple] = set()
-    shortlist: list[TestResult] = []
+    shortlist: list[GroupTest] = []
     for result in [best, *picked]:
         key = _kind(result.group)
         if key not in seen and len(shortlist) < by.rivals + 1:
@@ -211,8 +272,8 @@ def _shortlist(
         if result.group.is_effect and result.group.size <= 2 and result.gain >= 0.3 * best.gain
     ]
     turned = []
-    if family == "range" and best.group.channel != "range_variance" and not best.group.is_random:
-        systematic = [other for other in evidence.results if not other.group.is_random and other.entry.z > 3]
+    if family == "range" and best.group.channel != "range_variance" and best.group.order == 0:
+        systematic = [other for other in evidence.results if other.group.order == 0 and other.entry.z > 3]
         for channel in ANGLES:
             turned += [other for other in systematic if other.group.channel == channel][:3]
     for result in [*named[:3], *turned]:
@@ -234,28 +295,39 @@ def _kind(group: Group) -> tuple:
     )
 
 
-def _simplest(tried: Sequence[tuple[TestResult, float]], settings: Settings) -> TestResult:
-    """The candidate of the largest exact gain less its parameters; a named or simpler one that gains nearly as much."""
+def _simplest(trials: Sequence[_Trial], settings: Settings) -> _Trial:
+    """The candidate that is worth most; a named or simpler one that is worth nearly as much."""
     by = settings.selection
-    worth = {id(result): gain - result.group.size for result, gain in tried}
-    best, top = max(tried, key=lambda row: worth[id(row[0])])
+    best = max(trials, key=lambda trial: trial.worth)
     named = [
-        (result, gain)
-        for result, gain in tried
-        if result.group.is_effect and result.group.size <= 2 and gain > (1 - by.named) * top
+        trial
+        for trial in trials
+        if trial.result.group.is_effect
+        and trial.result.group.size <= 2
+        and trial.gain > (1 - by.named) * best.gain
+        and trial.worth > 0
     ]
     if named:
-        return max(named, key=lambda row: row[1])[0]
-    near = [result for result, _ in tried if worth[id(result)] > worth[id(best)] - max(by.simpler * top, 8.0)]
-    return min(near or [best], key=_complexity)
+        return max(named, key=lambda trial: trial.gain)
+    near = [
+        trial for trial in trials if trial.worth > best.worth - max(by.simpler * best.gain, 8.0) and trial.worth > 0
+    ]
+    return min(near or [best], key=lambda trial: _complexity(trial.result.group))
 
 
-def _complexity(result: TestResult) -> int:
-    group = result.group
+def _complexity(group: Group) -> int:
     return group.size + 10 * len(group.covariates) - 5 * group.is_effect
 
 
-def _is_rival(gain: float, tried: Sequence[tuple[TestResult, float]], chosen: TestResult) -> bool:
-    """Whether an exact gain is within two standard errors of that of the chosen group."""
-    own = next(value for result, value in tried if result is chosen)
-    return gain > own - 2 * np.sqrt(max(own, 1.0)) and gain > 0.7 * own
+def _is_rival(other: _Trial, chosen: _Trial) -> bool:
+    """Whether a candidate could replace the chosen one: its gain is within two standard errors over folds.
+
+    The standard error of the linear gains is scaled to the exact ones.
+    """
+    difference, error = chosen.result.gap_to(other.result)
+    scale = chosen.gain / max(chosen.result.gain, 1.0)
+    return (
+        chosen.gain - other.gain < max(2 * error * scale, 0.0)
+        and other.gain > 0.5 * chosen.gain
+        and (difference < 2 * error or other.gain > chosen.gain)
+    )

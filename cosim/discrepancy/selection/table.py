@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -72,7 +72,7 @@ class Entry:
 
 
 @dataclass(frozen=True, eq=False)
-class TestResult:
+class GroupTest:
     """One group and what its scores show.
 
     Attributes:
@@ -92,7 +92,7 @@ class TestResult:
         """The hypothesis."""
         return self.entry.group
 
-    def gap_to(self, other: TestResult) -> tuple[float, float]:
+    def gap_to(self, other: GroupTest) -> tuple[float, float]:
         """How much more this group gains than another one, and the standard error over folds."""
         difference = self.fold_gains - other.fold_gains
         return float(difference.sum()), float(np.sqrt(len(difference) * difference.var(ddof=1))) + 1e-9
@@ -130,23 +130,22 @@ def score_shared(
         projector: for the clusters.
     """
     entries, track = [], projector.clusters[TRACK]
+    sample = linearisation.sample
     for one in shared:
         if one.group.name in selected:
             continue
-        score, information = one.group.direct or (np.zeros(0), np.zeros(0))
+        score, information = _direct_scores(one.group)
         whole, floor = float(information.sum()), one.weighted
         left = whole
         for other in shared:
-            if other.group.name in selected and other.group.channel == one.group.channel:
-                channel = one.group.channel.removeprefix("shared_")
-                sample = linearisation.sample
-                known = np.where(sample.clear & sample.first, linearisation.weights(channel)[1], 0.0)
-                common, own = (
-                    common_information(one, other, known, track),
-                    float((other.group.direct or (0, 0))[1].sum()),
-                )  # type: ignore[union-attr]
-                score = score - common / max(own, 1e-300) * (other.group.direct or (0, 0))[0]
-                left = left - common**2 / max(own, 1e-300)
+            if other.group.name not in selected or other.group.channel != one.group.channel:
+                continue
+            channel = one.group.channel.removeprefix("shared_")
+            known = np.where(sample.clear & sample.first, linearisation.weights(channel)[1], 0.0)
+            other_score, other_information = _direct_scores(other.group)
+            common, own = common_information(one, other, known, track), max(float(other_information.sum()), 1e-300)
+            score = score - common / own * other_score
+            left = left - common**2 / own
         if left <= 0.05 * whole or whole <= 0:
             continue
         tables, known = _summed(score, projector), _summed(information, projector)
@@ -160,7 +159,7 @@ def score_shared(
 
 def evaluate(
     entries: Sequence[Entry], settings: Selection, rng: np.random.Generator, tested_per_kept: float = 1.0
-) -> list[TestResult]:
+) -> list[GroupTest]:
     """Family-wise p-values and cross-fitted gains of all groups together, the largest gain first."""
     if not entries:
         return []
@@ -187,7 +186,7 @@ def evaluate(
             if kind == TRACK or entry.group.is_clustered_by_scan
         ]
         fewest = min(gains, key=lambda values: float(values.sum()))
-        results.append(TestResult(entry, float(p_value), float(fewest.sum()), fewest))
+        results.append(GroupTest(entry, float(p_value), float(fewest.sum()), fewest))
     return sorted(results, key=lambda result: -result.gain)
 
 
@@ -247,6 +246,11 @@ def _direct(linearisation: Linearisation, group: Group, projector: Projector, se
     return Entry(group, tables, known, total, variance, np.ones(1), cell, True, event)
 
 
+def _direct_scores(group: Group) -> tuple[np.ndarray, np.ndarray]:
+    assert group.direct is not None  # of shared errors
+    return group.direct
+
+
 def _law(group: Group) -> Law:
     if group.is_effect or group.basis is None:
         return "normal"
@@ -277,8 +281,6 @@ def _tail_by_channel(entries: Sequence[Entry]) -> dict[str, float]:
 
 
 def _with_dispersion(entry: Entry, tails: dict[str, float]) -> Entry:
-    from dataclasses import replace
-
     if entry.group.is_count:
         weight = np.maximum(entry.score, 0) + 1e-9
         dispersion = float(np.average(entry.event, weights=weight))
@@ -320,9 +322,9 @@ def _chunks(groups: Sequence[Group], most: int) -> list[list[Group]]:
     ordered = sorted(groups, key=lambda group: sorted(group.columns))
     parts: list[list[Group]] = []
     for group in ordered:
-        if parts and set(parts[-1][0].columns) == set(group.columns):
-            if sum(other.size for other in parts[-1]) + group.size <= most:
-                parts[-1].append(group)
-                continue
-        parts.append([group])
+        fits = bool(parts) and set(parts[-1][0].columns) == set(group.columns)
+        if fits and sum(other.size for other in parts[-1]) + group.size <= most:
+            parts[-1].append(group)
+        else:
+            parts.append([group])
     return parts

@@ -11,9 +11,8 @@ import yaml
 
 from assets.mesh import Mesh
 from assets.shapes import box, plate
+from cosim.discrepancy.analysis import FittedFrames, context_of, trace_and_fit
 from cosim.discrepancy.data.checks import opened
-from cosim.discrepancy.diagnose import case_of, given
-from cosim.discrepancy.state import Model, View, viewed
 from cosim.drives.kitti import PointRays, write_points, write_rays
 from cosim.drives.twin import Ego, Instance, Lidar, TwinFrame, read_glb, write_frame, write_glb, write_materials
 from cosim.drives.twin.scene import ego_motion, lidar_pose, scene_instances
@@ -104,11 +103,11 @@ def make_yard(
     return Yard(drive, folder / "sensor.yaml")
 
 
-def viewed_yard(yard: Yard, effects: Sequence[Effect] | None = None, free: Sequence[int] = ()) -> View:
-    """All frames of a yard fitted with effects, by default its sensor's own, of which those at some places are free."""
-    case = case_of(opened(yard.drive), yard.sensor)
-    effects = given(case) if effects is None else in_order(effects)
-    return viewed(case, (*case.split.fit, *case.split.test), Model(effects, tuple(free)), case.settings.rows)
+def fit_yard(yard: Yard, effects: Sequence[Effect] | None = None, free: Sequence[int] = ()) -> FittedFrames:
+    """Fit all frames of a yard with effects, by default its sensor's own; those at the indices `free` are fitted."""
+    context = context_of(opened(yard.drive), yard.sensor)
+    effects = context.initial_effects if effects is None else in_order(effects)
+    return trace_and_fit(context, (*context.split.fit, *context.split.test), effects, free)
 
 
 def _world() -> Mesh:

@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
+from cosim.discrepancy.analysis import FittedFrames
 from cosim.discrepancy.inference.likelihood import NU, SCALE, censored, range_spread_m, residuals_of, student
 from cosim.discrepancy.inference.score import Evidence
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from cosim.discrepancy.state import View
 from sensors.effects.points.range_noise import RangeNoise
-from tests.cosim.discrepancy.small_drive import make_yard, viewed_yard
+from tests.cosim.discrepancy.small_drive import fit_yard, make_yard
 
 STEP = {"range": 1e-6, "intensity": 1e-6, "drop": 1e-6}
 
 
 @pytest.fixture(scope="module")
-def view(tmp_path_factory: pytest.TempPathFactory) -> View:
+def view(tmp_path_factory: pytest.TempPathFactory) -> FittedFrames:
     """A yard whose model knows everything but a tenth of its range noise."""
     noise = {"effect": "range_noise", "sigma_m": 0.01}
     dim = {"effect": "intensity_noise", "sigma_rel": 0.1}
     effects = (RangeNoise(sigma_m=0.011, sigma_per_m=0.0),)
-    return viewed_yard(make_yard(tmp_path_factory.mktemp("yard"), effects, known=(noise, dim), frames=4))
+    return fit_yard(make_yard(tmp_path_factory.mktemp("yard"), effects, known=(noise, dim), frames=4))
 
 
 def test_ranges_have_a_density_of_unit_variance() -> None:
@@ -47,7 +47,7 @@ def test_the_density_is_that_of_a_student() -> None:
     np.testing.assert_allclose(student(z), stats.t.logpdf(z / SCALE, NU) - np.log(SCALE))
 
 
-def test_a_beam_returns_from_somewhere_or_not_at_all(view: View) -> None:
+def test_a_beam_returns_from_somewhere_or_not_at_all(view: FittedFrames) -> None:
     expected = _away_from_bounds(view)
     sample = replace(view.fitter.sample, intensity=np.zeros(len(expected.seen)), above_m=expected.rise_m)
     sigma, grid = range_spread_m(expected, sample.settings.law), np.linspace(-8, 8, 81)  # of arsinh of deviates
@@ -72,7 +72,7 @@ def _moved(expected: Prediction, channel: str, by: float) -> Prediction:
 
 
 @pytest.mark.parametrize("channel", ["range", "intensity", "drop"])
-def test_scores_are_slopes_of_the_likelihood(view: View, channel: str) -> None:
+def test_scores_are_slopes_of_the_likelihood(view: FittedFrames, channel: str) -> None:
     sample, expected = view.fitter.sample, _away_from_bounds(view)
     score = Evidence.of(sample, residuals_of(sample, expected)).score[channel]  # type: ignore[index]
     up, down = (residuals_of(sample, _moved(expected, channel, by)).loglik for by in (STEP[channel], -STEP[channel]))
@@ -83,14 +83,14 @@ def test_scores_are_slopes_of_the_likelihood(view: View, channel: str) -> None:
     np.testing.assert_allclose(sign * slope[clean], score[clean], rtol=2e-3, atol=2e-3 * np.abs(score[clean]).max())
 
 
-def _away_from_bounds(view: View) -> Prediction:
+def _away_from_bounds(view: FittedFrames) -> Prediction:
     """What is expected, every beam with some chance of not returning."""
     expected = view.fitted.prediction
     seen = np.minimum(expected.seen, 0.9)
     return replace(expected, seen=seen, silent=expected.silent + expected.seen - seen)
 
 
-def _clean(sample: Sample, view: View) -> np.ndarray:
+def _clean(sample: Sample, view: FittedFrames) -> np.ndarray:
     """Beams that certainly met their surface, or met nothing: between two surfaces responsibilities move, too."""
     matched = view.fitted.residuals.matched
     return sample.compared & np.isfinite(view.fitted.prediction.range_m) & ((matched > 0.9999) | ~sample.returned)

@@ -9,20 +9,21 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from cosim.discrepancy.analysis import FittedFrames, context_of, fit_held_out
 from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.data.checks import opened
-from cosim.discrepancy.diagnose import begun, case_of
-from cosim.discrepancy.groups.effects import effect_groups
-from cosim.discrepancy.inference.linear_model import LinearModel
-from cosim.discrepancy.inference.score_test import screen
-from cosim.discrepancy.state import View
+from cosim.discrepancy.dictionary.effects import effect_groups
+from cosim.discrepancy.dictionary.linearisation import linearise
+from cosim.discrepancy.selection.refit import Model
+from cosim.discrepancy.selection.search import gather_evidence
+from cosim.discrepancy.selection.table import GroupTest
 from cosim.drives.twin import write_frame
 from cosim.drives.twin.frame import read_frame
 from sensors.effects.base import Effect
 from sensors.effects.points.range_bias import RangeBias
 from sensors.effects.points.range_noise import RangeNoise
 from tests.cosim.discrepancy.conftest import NOISE
-from tests.cosim.discrepancy.small_drive import Yard, make_yard, viewed_yard
+from tests.cosim.discrepancy.small_drive import Yard, fit_yard, make_yard
 
 SHIFT_M, TURN_DEG = 0.02, 0.1
 NOISY = (RangeNoise(sigma_m=0.01, sigma_per_m=0.0),)
@@ -52,14 +53,14 @@ def shaken(tmp_path_factory: pytest.TempPathFactory) -> Yard:
 
 
 def test_exact_poses_have_hardly_any_spread(exact: Yard) -> None:
-    view = viewed_yard(exact)
+    view = fit_yard(exact)
     spread = view.fitter.random.spread(view.fitted.estimate, "poses")
     assert np.all(spread[:3] < 2e-3)
     assert np.all(np.degrees(spread[3:]) < 0.01)
 
 
 def test_the_spread_of_poses_is_found(shaken: Yard) -> None:
-    view = viewed_yard(shaken)
+    view = fit_yard(shaken)
     spread = view.fitter.random.spread(view.fitted.estimate, "poses")
     assert spread[:2] == pytest.approx([SHIFT_M] * 2, rel=0.6)
     assert spread[2] < SHIFT_M / 3
@@ -67,29 +68,28 @@ def test_the_spread_of_poses_is_found(shaken: Yard) -> None:
 
 
 def test_nothing_shows_where_only_poses_are_off(shaken: Yard) -> None:
-    assert min(one.p_value for one in _screened(viewed_yard(shaken), shaken)) > 0.01
+    assert min((one.p_value for one in _tested(fit_yard(shaken), shaken) if one.gain > 3), default=1.0) > 0.01
 
 
 def test_what_all_scans_share_shows_all_the_same(tmp_path: Path) -> None:
     yard = shaken_yard(tmp_path, RangeBias(offset_m=0.02))
-    found = _screened(viewed_yard(yard), yard)
-    assert next(one for one in found if one.group.name == "range_bias").p_value < 0.05
-    fitted = viewed_yard(yard, (RangeBias(offset_m=0.0), *NOISY), (0,)).fitted.effects
+    found = _tested(fit_yard(yard), yard)
+    assert next(one for one in found if one.group.effect_name == "range_bias").p_value < 0.05
+    fitted = fit_yard(yard, (RangeBias(offset_m=0.0), *NOISY), (0,)).fitted.effects
     assert next(one for one in fitted if isinstance(one, RangeBias)).offset_m == pytest.approx(0.02, rel=0.1)
 
 
-def _screened(view: View, yard: Yard):
-    case = case_of(opened(yard.drive), yard.sensor)
-    model: LinearModel = view.fitter.system(view.fitted)
-    groups = effect_groups(view.fitter, view.fitted, case.candidates, ())
-    rng = np.random.default_rng(0)
-    return screen(model, view.fitted.estimate, groups, view.fitter.random.clusters, case.settings, rng)
+def _tested(on: FittedFrames, yard: Yard) -> list[GroupTest]:
+    context = context_of(opened(yard.drive), yard.sensor)
+    model = Model(on.frames, on.fitter, on.fitted)
+    groups = effect_groups(linearise(on.fitter, on.fitted, on.frames), context.candidates, (), ())
+    return gather_evidence(model, groups, context.settings, 0).results
 
 
 def test_the_budget_adds_up_and_tells_poses_from_noise(shaken: Yard) -> None:
-    case = case_of(opened(shaken.drive), shaken.sensor)
-    state = begun(case)
-    budget, _ = budget_of(case, state.judges, [state.model.effects])
+    context = context_of(opened(shaken.drive), shaken.sensor)
+    effects = context.initial_effects
+    budget, _ = budget_of(context, fit_held_out(context, effects), [effects])
     assert sum(budget.parts.values()) == pytest.approx(budget.error, rel=0.02)
     assert budget.parts["poses"] > 0.3 * budget.error
     assert budget.floor is not None and budget.error_aligned < 1.1 * budget.floor < 0.7 * budget.error

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy import diagnose
-from cosim.discrepancy.diagnose import case_of
-from cosim.discrepancy.state import Model, View, viewed
+from cosim.discrepancy.analysis import FittedFrames, context_of, trace_and_fit
 from cosim.drives.kitti import Drive
 from cosim.labelled_twin import write_labelled_twin
 from sensors.effects.base import Effect
@@ -63,10 +62,10 @@ class Fits:
     """Joint fits to one drive."""
 
     def __init__(self, drive: Drive) -> None:
-        self.case, self.names = case_of(drive, PLAIN), drive.frames
+        self.context, self.names = context_of(drive, PLAIN), drive.frames
 
-    def fit(self, effects: tuple[Effect, ...]) -> View:
-        return viewed(self.case, self.names, Model(effects, tuple(range(len(effects)))), self.case.settings.rows)
+    def fit(self, effects: tuple[Effect, ...]) -> FittedFrames:
+        return trace_and_fit(self.context, self.names, effects, range(len(effects)))
 
 
 def test_where_lasers_stand_and_look_and_how_much_all_look_too_low(kitti_source: Path, tmp_path: Path) -> None:

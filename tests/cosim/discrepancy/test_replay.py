@@ -8,13 +8,13 @@ import pytest
 from cosim.discrepancy.forward.joined import Expected, Replay
 from sensors.effects.base import Effect
 from sensors.effects.registry import effect_classes
-from tests.cosim.discrepancy.small_drive import make_yard, viewed_yard
+from tests.cosim.discrepancy.small_drive import make_yard, fit_yard
 
 
 @pytest.fixture(scope="module")
 def replay(tmp_path_factory: pytest.TempPathFactory) -> Replay:
     yard = make_yard(tmp_path_factory.mktemp("yard"), (), frames=3)
-    return viewed_yard(yard).fitter.sample.replay
+    return fit_yard(yard).fitter.sample.replay
 
 
 def one_by_one(replay: Replay, effects: tuple[Effect, ...]) -> Expected:

@@ -12,9 +12,9 @@ import pytest
 import cosim.discrepancy
 
 HOME = "cosim.discrepancy"
-ROOMS = ("data", "forward", "sampling", "inference", "groups", "unknown", "report")
+ROOMS = ("data", "forward", "sampling", "inference", "unknown", "dictionary", "selection", "report")
 """Each may use those before it; what lies loose beside them is used by pages alone, but for what all rooms use."""
-EVERYWHERE = ("settings", "candidates")
+EVERYWHERE = ("settings", "candidates", "analysis")
 
 
 def modules(*, whole: bool = False) -> dict[str, set[str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.discrepancy.groups.quantization import _step
+from cosim.discrepancy.dictionary.lattices import _step
 
 
 @pytest.mark.parametrize("step", [0.002, 0.0137, 0.15])

@@ -11,17 +11,15 @@ from scipy import integrate, stats
 
 from assets.mesh import Mesh
 from assets.shapes import box
+from cosim.discrepancy.analysis import Context, context_of
 from cosim.discrepancy.data.checks import opened
-from cosim.discrepancy.diagnose import case_of, given
 from cosim.discrepancy.inference import likelihood
-from cosim.discrepancy.inference.comparison import gain
 from cosim.discrepancy.inference.fit import Fitter
 from cosim.discrepancy.inference.likelihood import range_spread_m, residuals_of, shares_of_neither
 from cosim.discrepancy.inference.score import Evidence
 from cosim.discrepancy.sampling.drawing import draw_sample, with_silhouettes
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.settings import DEFAULT
-from cosim.discrepancy.state import Case
 from sensors.effects.points.range_bias import RangeBias
 from tests.cosim.discrepancy.small_drive import Yard, make_yard
 
@@ -30,13 +28,13 @@ SHARES = np.array([0.03, 0.02])
 
 
 @pytest.fixture(scope="module")
-def case(biased_yard: Yard) -> Case:
-    return case_of(opened(biased_yard.drive), biased_yard.sensor)
+def context(biased_yard: Yard) -> Context:
+    return context_of(opened(biased_yard.drive), biased_yard.sensor)
 
 
 @pytest.fixture(scope="module")
-def frames(case: Case):
-    return case.tracer.trace_all(case.split.fit, ())
+def frames(context: Context):
+    return context.tracer.trace_all(context.split.fit, ())
 
 
 def _sampled(frames, rows: int = 12_000, shift_m: float = SHIFT_M, turn_rad: float = TURN_RAD) -> Sample:
@@ -44,9 +42,9 @@ def _sampled(frames, rows: int = 12_000, shift_m: float = SHIFT_M, turn_rad: flo
     return with_silhouettes(frames, drawn, shift_m, turn_rad)
 
 
-def _expected(case: Case, sample: Sample) -> Prediction:
+def _expected(context: Context, sample: Sample) -> Prediction:
     """Every beam has some chance of not returning."""
-    expected = sample.predict(given(case))
+    expected = sample.predict(context.initial_effects)
     seen = np.minimum(expected.seen, 0.9)
     return replace(expected, seen=seen, silent=expected.silent + expected.seen - seen)
 
@@ -88,7 +86,7 @@ def test_sharp_edges_have_one_side(frames) -> None:
     assert sample.first.all() and sample.edge.any()
 
 
-def test_beyond_an_edge_stands_what_the_beam_there_meets(case: Case, frames) -> None:
+def test_beyond_an_edge_stands_what_the_beam_there_meets(context: Context, frames) -> None:
     sample, truth = _sampled(frames), []
     for row in np.flatnonzero(~sample.first)[::7]:
         solid = frames[sample.frame[row]].shot.hits.solid
@@ -98,9 +96,9 @@ def test_beyond_an_edge_stands_what_the_beam_there_meets(case: Case, frames) -> 
 
 
 @pytest.mark.usefixtures("known_shares")
-def test_a_beam_near_an_edge_returns_from_somewhere_or_not_at_all(case: Case, frames) -> None:
+def test_a_beam_near_an_edge_returns_from_somewhere_or_not_at_all(context: Context, frames) -> None:
     sample = _sampled(frames, 6_000)
-    expected = _expected(case, sample)
+    expected = _expected(context, sample)
     sample = replace(sample, intensity=np.zeros(len(sample)), above_m=expected.rise_m)
     sigma, law = range_spread_m(expected, sample.settings.law), sample.settings.law
     near = np.flatnonzero(sample.first & sample.edge & np.isfinite(expected.range_m))
@@ -125,9 +123,9 @@ def test_a_beam_near_an_edge_returns_from_somewhere_or_not_at_all(case: Case, fr
 
 
 @pytest.mark.usefixtures("known_shares")
-def test_scores_of_both_sides_are_slopes_of_the_mixture(case: Case, frames) -> None:
+def test_scores_of_both_sides_are_slopes_of_the_mixture(context: Context, frames) -> None:
     sample = _sampled(frames)
-    expected, step = _expected(case, sample), 1e-6
+    expected, step = _expected(context, sample), 1e-6
     score = Evidence.of(sample, residuals_of(sample, expected)).score["range"]
     for rows in (np.flatnonzero(sample.first), _second(sample)):
         aside = np.zeros(len(sample))
@@ -152,9 +150,9 @@ def test_shares_of_neither_are_the_likeliest() -> None:
         assert loglik(share) > max(loglik(share + way), loglik(share - way))
 
 
-def test_without_edges_and_with_nothing_but_edges(case: Case, frames) -> None:
+def test_without_edges_and_with_nothing_but_edges(context: Context, frames) -> None:
     sample = _sampled(frames)
-    expected = _expected(case, sample)
+    expected = _expected(context, sample)
     inner = replace(
         sample, edge=np.zeros(len(sample), bool), own=np.arange(len(sample)), first=np.ones(len(sample), bool)
     )
@@ -166,21 +164,22 @@ def test_without_edges_and_with_nothing_but_edges(case: Case, frames) -> None:
     assert np.all(np.bincount(sample.own, outer.met) <= 1 + 1e-9)
 
 
-def test_gain_per_beam_near_edges_does_not_depend_on_how_many_were_drawn(case: Case, frames) -> None:
+def test_likelihood_per_beam_near_edges_does_not_depend_on_how_many_were_drawn(context: Context, frames) -> None:
     each = []
     for rows in (6_000, 24_000):
         fitter = Fitter(_sampled(frames, rows))
-        without = fitter.fit(given(case), ())
-        biased = fitter.at((*given(case), RangeBias(offset_m=0.04)), without.estimate)
-        each.append(gain(fitter, without, biased).value / np.count_nonzero(fitter.sample.first))
+        without = fitter.fit(context.initial_effects, ())
+        biased = fitter.at((*context.initial_effects, RangeBias(offset_m=0.04)), without.estimate)
+        share, before, after = fitter.sample.share, without.residuals.loglik, biased.residuals.loglik
+        each.append(float(share @ (after - before)) / np.count_nonzero(fitter.sample.first))
     assert each[0] == pytest.approx(each[1], rel=0.1)
 
 
 def test_what_stands_beyond_an_edge_is_not_seen_through_the_glass_there(tmp_path: Path) -> None:
     body, cabin = box((4.0, 1.8, 0.8), (0, 0, 0.4), "car_paint"), box((2.0, 1.6, 0.7), (0, 0, 1.15), "car_glass")
     yard = make_yard(tmp_path, car=Mesh.merge([body, cabin]))
-    case = case_of(opened(yard.drive), yard.sensor)
-    frames = case.tracer.trace_all(case.split.fit, ())
+    context = context_of(opened(yard.drive), yard.sensor)
+    frames = context.tracer.trace_all(context.split.fit, ())
     sample = _sampled(frames, 24_000)
     replays = sample.replay.frames
     assert any(np.isin(frame.shot.hits.pane_beam, sample.beam[~sample.first]).any() for frame in frames)

@@ -10,11 +10,7 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy import Diagnosis, diagnose
-from cosim.discrepancy.data.checks import opened
-from cosim.discrepancy.diagnose import begun, case_of
-from cosim.discrepancy.inference import score_test
 from cosim.discrepancy.inference.search import crowded_sector, widening
-from cosim.discrepancy.select import screened
 from sensors.effects.base import Effect
 from sensors.effects.points.range_noise import RangeNoise
 from sensors.effects.scans.backscatter import Backscatter
@@ -59,21 +55,6 @@ def test_parameters_that_make_up_for_one_another_are_less_sure(coupling):
 def _diagnosed(folder: Path, *hidden: Effect) -> Diagnosis:
     yard = make_yard(folder, (RangeNoise(sigma_m=0.01, sigma_per_m=0.0), *hidden), known=(NOISE,), frames=16)
     return diagnose(yard.drive, yard.sensor)
-
-
-def _screened(folder: Path, *hidden: Effect) -> dict[str, score_test.Tested]:
-    """What the first screen says of each effect."""
-    yard = make_yard(folder, (RangeNoise(sigma_m=0.01, sigma_per_m=0.0), *hidden), known=(NOISE,), frames=16)
-    case = case_of(opened(yard.drive), yard.sensor)
-    tested = screened(case, begun(case))
-    return {one.group.name: one for one in reversed(tested) if one.group.is_effect}
-
-
-def test_the_screen_sees_what_it_says_it_would_see(tmp_path: Path):
-    none = _screened(tmp_path / "none")["false_alarms"]
-    assert none.p_value > 0.05 and 2 < none.smallest < 8
-    truth = FalseAlarms(rate_per_frame=2 * none.smallest, azimuth_deg=60.0, width_deg=60.0)
-    assert _screened(tmp_path / "some", truth)["false_alarms"].p_value < 0.05
 
 
 @pytest.mark.slow

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from cosim.discrepancy.dictionary.groups import Group
-from cosim.discrepancy.dictionary.linearisation import Channel, Linearisation
 from scipy import sparse
 
+from cosim.discrepancy.dictionary.groups import Group
+from cosim.discrepancy.dictionary.linearisation import Channel, Linearisation
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.score import Evidence, Factored
 from tests.hidden.statistics.score_tables import COUNTS, Beams, Scores, SparseMatrix

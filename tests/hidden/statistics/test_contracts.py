@@ -9,11 +9,11 @@ import pytest
 
 pytest.importorskip("cosim.discrepancy.selection.table", reason="the core that these contracts are of is not here")
 
+from cosim.discrepancy.selection.projection import TRACK, Projector
+
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
 from cosim.discrepancy.selection.gain import cross_fitted_gain, fold_sums
-from cosim.discrepancy.selection.projection import TRACK, Projector
-from cosim.discrepancy.selection.table import Entry, TestResult, evaluate, score_groups, score_shared
-
+from cosim.discrepancy.selection.table import Entry, GroupTest, evaluate, score_groups, score_shared
 from cosim.discrepancy.settings import Selection
 from tests.hidden.statistics.checks import excess, lower_share, uniformity, upper_share
 from tests.hidden.statistics.linearised import PRECISION, group_of, linearised
@@ -212,7 +212,7 @@ def test_either_or_sets_hold_the_truth() -> None:
     assert high >= 0.95
 
 
-def _either_or(results: list[TestResult]) -> list[TestResult]:
+def _either_or(results: list[GroupTest]) -> list[GroupTest]:
     """The first result, and the others whose gain is within two standard errors of it."""
     first = results[0]
     near = [other for other in results[1:] if first.gap_to(other)[0] <= 2 * first.gap_to(other)[1]]
