@@ -129,9 +129,10 @@ def _is_shared(key: _Key) -> bool:
 
 
 def _rank(cell: EvidenceCell, settings: Settings) -> tuple[bool, float, float]:
-    """Order of importance: what is significant in the end, then the gain before; curves first."""
+    """Order of importance: what is significant in the end, then the gain before; curves of means first."""
     after = cell.gain_after if is_significant(cell.gain_after, cell.p_value_after, settings) else 0.0
-    return after > 0, after, cell.gain if cell.before is not None else 0.0
+    is_mean_curve = cell.before is not None and not cell.channel.endswith("_variance")
+    return after > 0, after, cell.gain if is_mean_curve else 0.0
 
 
 def _table(
@@ -183,15 +184,17 @@ def _title(cell: EvidenceCell) -> str:
 
 
 def _figures(cell: EvidenceCell, view: _View) -> str:
-    before, after = _side(cell.gain, cell.p_value), _side(cell.gain_after, cell.p_value_after)
+    before = _side(cell.gain, cell.p_value, cell.before)
+    after = _side(cell.gain_after, cell.p_value_after, cell.after)
     if not view.has_findings:
         return after
     return f"initial model: {before}; with all findings: {after}"
 
 
-def _side(gain: float, p_value: float) -> str:
+def _side(gain: float, p_value: float, curve: EvidenceCurve | None) -> str:
     """Gain and p of one model; cells that a first pass leaves out have none."""
-    return "not significant in the first pass" if gain == 0 and p_value == 1 else f"gain {gain:.1f}, {p_words(p_value)}"
+    is_left_out = gain == 0 and p_value == 1 and curve is None
+    return "not significant in the first pass" if is_left_out else f"gain {gain:.1f}, {p_words(p_value)}"
 
 
 def _colour(gain: float, top: float) -> str:
