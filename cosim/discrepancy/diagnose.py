@@ -10,6 +10,7 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -23,7 +24,9 @@ from cosim.discrepancy.analysis import (
     trace_and_fit,
 )
 from cosim.discrepancy.budget import budget_of
+from cosim.discrepancy.candidates import amplitudes
 from cosim.discrepancy.data.checks import check_fit, drive_notes, fit_notes, opened
+from cosim.discrepancy.data.wiring import Exchange, exchanged_rings
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.dictionary.effects import effect_groups
 from cosim.discrepancy.dictionary.groups import Group
@@ -57,6 +60,7 @@ class _Found:
     p_value: float
     alternatives: tuple[str, ...] = ()
     unknown: UnknownEffect | None = None
+    term: str = ""
     interval: dict[str, list[float]] | None = None
 
 
@@ -92,12 +96,13 @@ def diagnose(
         measured, sensor, frames=frames, extra=extra, seed=seed, settings=settings, refitted=refitted,
         on_progress=on_progress or _LOG.debug,
     )  # fmt: skip
-    on = fit_nuisances(context)
+    on, exchanged = check_wiring(context, fit_nuisances(context))
     on, facts = add_lattices(context, on)
     model = Model(on.frames, on.fitter, on.fitted, _initially_free(context))
     first, last, model = select(context, model)
     model, found, phases = convert_terms(context, model)
-    return add_labels(conclude(context, model, (*facts, *found), phases, first, last), measured)
+    model, found = drop_insignificant(context, model, found)
+    return add_labels(conclude(context, model, (*facts, *found), phases, exchanged, first, last), measured)
 
 
 def fit_nuisances(context: Context) -> FittedFrames:
@@ -107,6 +112,16 @@ def fit_nuisances(context: Context) -> FittedFrames:
     check_fit(first, context.tracer.drive)
     effects = context.initial_effects
     return trace_and_fit(context, context.split.fit, effects, _initially_free(context))
+
+
+def check_wiring(context: Context, on: FittedFrames) -> tuple[FittedFrames, tuple[Exchange, ...]]:
+    """Find exchanged lasers; their beams take no part in the diagnosis."""
+    exchanged = exchanged_rings(on.frames)
+    if not exchanged:
+        return on, ()
+    context.on_progress(f"rings {', '.join(str(one.ring) for one in exchanged)} are exchanged with others")
+    context.tracer.exclude_rings([one.ring for one in exchanged])
+    return trace_and_fit(context, context.split.fit, context.initial_effects, _initially_free(context)), exchanged
 
 
 def add_lattices(context: Context, on: FittedFrames) -> tuple[FittedFrames, tuple[_Found, ...]]:
@@ -165,13 +180,75 @@ def convert_terms(context: Context, model: Model) -> tuple[Model, tuple[_Found, 
         if not curve.is_shared and curve.channel not in SPURIOUS:  # these have their likeliest size already
             free = (*free, len(effects))
         effects = (*effects, effect_of(unknown))
-        found.append(_Found(unknown.name, term.p_value, names, unknown))
+        found.append(_Found(unknown.name, term.p_value, names, unknown, term.group.name))
     if effects == model.fitted.effects and not model.fitted.dependences:
         return model, tuple(found), tuple(phases)
     context.on_progress("fitting formulas")
     fitter = model.fitter
     fitted = fitter.fit(effects, all_free(effects, free, fitter.rings), model.fitted.estimate)
-    return replace(model, fitted=fitted, free=free), tuple(found), tuple(phases)
+    converted = replace(model, fitted=fitted, free=free)
+    return _without_idle(context, converted, found, phases)
+
+
+def _without_idle(
+    context: Context, model: Model, found: Sequence[_Found], phases: Sequence[Term]
+) -> tuple[Model, tuple[_Found, ...], tuple[Term, ...]]:
+    """Without plug-ins that gain nothing: no formula describes their curves, so that these are only listed."""
+    fitted, fitter = model.fitted, model.fitter
+    loss = fitter.loss(fitted.estimate)
+    terms = {term.group.name: term for term in model.terms if not term.group.is_effect}
+    idle, listed = set[str](), list(phases)
+    for one in found:
+        if one.unknown is None or one.unknown.curve.is_shared:
+            continue
+        rest = tuple(effect for effect in fitted.effects if effect.name != one.name)
+        if loss(rest) - loss(fitted.effects) < context.settings.selection.least_follower:
+            idle.add(one.name)
+            listed.append(terms[one.term])
+    if not idle:
+        return model, tuple(found), tuple(phases)
+    effects = tuple(effect for effect in fitted.effects if effect.name not in idle)
+    names = {fitted.effects[index].name for index in model.free} - idle
+    free = tuple(index for index, effect in enumerate(effects) if effect.name in names)
+    refitted = fitter.fit(effects, all_free(effects, free, fitter.rings), fitted.estimate)
+    kept = tuple(one for one in found if one.name not in idle)
+    return replace(model, fitted=refitted, free=free), kept, tuple(listed)
+
+
+def drop_insignificant(context: Context, model: Model, found: Sequence[_Found]) -> tuple[Model, tuple[_Found, ...]]:
+    """Drop effects of the catalogue of which every amplitude's interval includes doing nothing, and fit the rest."""
+    initial = len(context.initial_effects)
+    ci95 = intervals(model.fitter, model.fitted) if model.fitted.free else {}
+    idle = {
+        one.name
+        for one in found
+        if one.unknown is None
+        and one.interval is None
+        and _is_neutral(model, one.name, ci95.get(one.name, {}), initial)
+    }
+    if not idle:
+        return model, tuple(found)
+    context.on_progress(f"dropped {', '.join(sorted(idle))}: the interval includes no effect")
+    names = {model.fitted.effects[index].name for index in model.free} - idle
+    effects = tuple(effect for effect in model.fitted.effects if effect.name not in idle)
+    free = tuple(index for index, effect in enumerate(effects) if effect.name in names)
+    fitted = model.fitter.fit(effects, all_free(effects, free, model.fitter.rings), model.fitted.estimate)
+    return replace(model, fitted=fitted, free=free), tuple(one for one in found if one.name not in idle)
+
+
+def _is_neutral(model: Model, name: str, ci95: dict[str, Any], initial: int) -> bool:
+    """Whether the intervals of all amplitudes of an added effect include their neutral values."""
+    index = next(i for i, effect in enumerate(model.fitted.effects) if effect.name == name)
+    kind = type(model.fitted.effects[index])
+    sizes = [parameter for parameter in amplitudes(kind) if parameter in ci95]
+    if index < initial or not sizes or kind.neutral is None:
+        return False
+    pairs = {parameter: np.asarray(ci95[parameter], float).reshape(-1, 2) for parameter in sizes}
+    neutral = {parameter: np.ravel(kind.neutral[parameter])[0] for parameter in sizes}
+    return all(
+        bool(np.all((pair[:, 0] <= neutral[parameter]) & (neutral[parameter] <= pair[:, 1])))
+        for parameter, pair in pairs.items()
+    )
 
 
 def conclude(
@@ -179,6 +256,7 @@ def conclude(
     model: Model,
     found: Sequence[_Found],
     phases: Sequence[Term],
+    exchanged: Sequence[Exchange],
     first: Evidence,
     last: Evidence,
 ) -> Diagnosis:
@@ -204,7 +282,7 @@ def conclude(
         effects=tuple(findings),
         ranking=_ranking(first),
         unknowns=tuple(unknowns),
-        unexplained=_unexplained(context, model, phases, last),
+        unexplained=(*_wiring(exchanged), *_unexplained(context, model, phases, last)),
         either_or=sets,
         evidence=evidence_matrix(first, last),
         smallest_detectable=_smallest(last, context.settings),
@@ -212,7 +290,7 @@ def conclude(
         sensor=SensorModel(context.sensor.pattern, as_known(fitted.effects), context.sensor.origin),
         split=context.split,
         spreads=_spreads(on),
-        notes=_notes(context, on),
+        notes=(*_wiring_notes(exchanged), *_notes(context, on)),
         judged=judged,
         settings=context.settings,
         refitted={
@@ -271,7 +349,7 @@ def _unexplained(context: Context, model: Model, phases: Sequence[Term], last: E
     of_phases = tuple(
         Unexplained(term.group.channel, term.group.covariates, float("nan"), "", term.p_value) for term in phases
     )
-    return (*of_phases, *remaining(last, context.settings, least))
+    return (*of_phases, *remaining(last, model, context.settings, least))
 
 
 def _ranking(first: Evidence) -> tuple[Alternative, ...]:
@@ -317,6 +395,14 @@ def _spreads(on: FittedFrames) -> dict[str, float]:
         "map_albedo": float(np.max(random.spread(estimate, "albedo_of_map"), initial=0.0)),
     }
     return {name: value for name, value in found.items() if value > 0}
+
+
+def _wiring_notes(exchanged: Sequence[Exchange]) -> list[str]:
+    return [
+        f"ring {one.ring} is probably exchanged with ring {one.agrees_with}: {one.other:.0%} of its returns agree with the "
+        f"trace of that ring and {one.own:.0%} with its own; its beams were left out"
+        for one in exchanged
+    ]
 
 
 def _notes(context: Context, on: FittedFrames) -> tuple[str, ...]:

@@ -152,7 +152,7 @@ class Diagnosis:
             return "ambiguous"
         if self.effects:
             return "missing"
-        if self.unexplained:
+        if self.unexplained or (self.above_floor is not None and self.above_floor > self.settings.at_floor):
             return "unknown"
         if self.labels is not None and self.labels.verdict == "missing":
             return "missing"

@@ -220,6 +220,8 @@ class Selection:
 
     draws: int = 800  # sign patterns
     level: float = 0.02  # family-wise error rate of adding a term: several are looked for
+    confirm_gain: float = 20.0  # log-likelihood from which a term is fitted even where random signs do not decide
+    confirm_draws: int = 1999  # sign patterns about its fit
     folds: int = 8  # of clusters, for gains
     sectors: int = 6  # parts of a scan that are clusters
     chunk: int = 400  # columns that are projected at a time
@@ -233,7 +235,9 @@ class Selection:
     rivals: int = 5  # of a best group that are refitted
     rival_share: float = 0.4  # of its gain that these must have
     simpler: float = 0.04  # share of the best exact gain that a simpler group may lack
-    named: float = 0.2  # share that an effect of the catalogue may lack
+    named: float = 0.1  # share that an effect of the catalogue may lack
+    shared_share: float = 0.1  # of the largest gain of its family that a shared error must reach
+    inexact: float = 1e-3  # share of the largest gain to which no fit is exact
     follower_share: float = 0.01  # of the largest gain so far that a follower must reach
 
 

@@ -140,6 +140,11 @@ class FrameTracer:
         self._neighbours = Neighbours(self._rays, settings.beams)
         self._tracers = TracerCache(sensor.pattern.range_m)
         self._maps = Maps(drive, settings.sampling)
+        self._excluded: frozenset[int] = frozenset()
+
+    def exclude_rings(self, rings: Sequence[int]) -> None:
+        """Beams of these rings are not compared in frames that are traced from now on."""
+        self._excluded = self._excluded | frozenset(rings)
 
     def trace(self, name: str, effects: tuple[Effect, ...]) -> TracedFrame:
         """One frame, as beams changed by `effects` meet it."""
@@ -159,6 +164,7 @@ class FrameTracer:
         else:
             surface, trusted, unsure_m = _on_map(own_map, shot, observed, ego, self.settings.beams.grazing)
             unsure_intensity = np.zeros(len(observed.rays), np.float32)
+        trusted = trusted & ~np.isin(observed.rays.ring, list(self._excluded))
         border, seam = self._neighbours.at_border(traced.hits)
         edge, grazed, nearest_m = self._neighbours.at_edge(traced.hits)
         return TracedFrame(

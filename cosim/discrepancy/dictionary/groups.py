@@ -79,14 +79,21 @@ class Group:
 
     @property
     def order(self) -> int:
-        """Order in which groups are added: 0 laws, 1 phases of their own in each scan, 2 what neighbours share.
+        """Order in which groups are added: laws, phases of their own in each scan, shared errors, neighbours.
 
         Errors that a unit shares, and dependences on what neighbouring beams measured, contain the effect of every law
-        that neighbours have in common.
+        that neighbours have in common; neighbours also show every error that a unit shares.
         """
-        if self.is_shared or (self.covariate is not None and self.covariate.is_of_neighbour):
+        if self.is_of_neighbour:
+            return 3
+        if self.is_shared:
             return 2
         return 0 if self.is_clustered_by_scan else 1
+
+    @property
+    def is_of_neighbour(self) -> bool:
+        """Whether it depends on what neighbouring beams measured."""
+        return self.covariate is not None and self.covariate.is_of_neighbour
 
     @property
     def effect_name(self) -> str:

@@ -53,6 +53,7 @@ def shared_errors(linearisation: Linearisation, track: np.ndarray) -> list[Share
         score, information = (np.where(usable, values, 0.0) for values in linearisation.weights(channel))
         if not information.any():
             continue
+        score = score - information * (score.sum() / information.sum())  # a common mean is no shared error
         most = float(np.quantile(np.abs(score[information > 0]), _WIDEST))
         score = np.clip(score, -most, most)
         for name, unit in unit_codes(linearisation).items():

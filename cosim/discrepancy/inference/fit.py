@@ -275,7 +275,7 @@ class Fitter:
         """Where Gauss–Newton steps lead; where that is still far off, or where they lead through widened ranges."""
         state = self._descended(start, free, 0.0, steps)
         wide = self.roughness(self.random.adjusted(state.prediction, state.estimate))
-        if not wide or not (free or start.dependences):
+        if not wide:
             return state
         other = start
         while wide > 0:

@@ -60,12 +60,13 @@ class Evidence:
         paired = weight * residuals.matched * residuals.matched[pair] * (sample.partner >= 0)
         range_gap = (residuals.range_z - residuals.range_z[pair]) / np.sqrt(2)
         intensity_gap = (residuals.intensity_z - residuals.intensity_z[pair]) / np.sqrt(2)
+        lost = residuals.met * ~sample.returned[sample.own]
         binary = np.where(possible, weight / np.where(possible, variance, 1), 0.0)
         score: dict[Quantity, np.ndarray] = {
             "range": matched * student_score(range_z) / range_sigma,
             "rise": returned * student_score(rise_z) / rise_sigma,
             "range_variance": paired * _spread_excess(range_gap, law),
-            "drop": binary * (residuals.matched - residuals.met * residuals.expected_seen),
+            "drop": binary * ((1 - residuals.expected_seen) * residuals.matched - residuals.expected_seen * lost),
         }
         information: dict[Quantity, np.ndarray] = {
             "range": matched * MEAN_INFORMATION / range_sigma**2,

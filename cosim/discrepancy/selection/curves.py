@@ -72,7 +72,22 @@ def standard_errors(linearisation: Linearisation, dependence: Dependence, sector
     variances = [np.diag(inverse)]
     variances += [np.einsum("ij,jk,ik->i", inverse, table.T @ table, inverse) for table in found.tables]
     sigma = np.sqrt(np.maximum(np.max(variances, axis=0), 0))
-    return np.where(found.whole > 0, sigma, np.inf)
+    sigma = np.where(found.whole > 0, sigma, np.inf)
+    return _of_probabilities(linearisation, dependence, sigma) if dependence.channel == "drop" else sigma
+
+
+def _of_probabilities(linearisation: Linearisation, dependence: Dependence, sigma: np.ndarray) -> np.ndarray:
+    """Standard errors (k,) of relative changes of a probability, no less than binomial ones.
+
+    Where a laser is dead, the likelihood is flat beyond its bound and its curvature gives no error.
+    """
+    sample, seen = linearisation.sample, linearisation.fitted.bare.seen
+    share = sample.share * sample.compared * sample.first * (seen > 0)
+    beams = np.maximum(dependence.basis.T @ share, 1.0)
+    before = np.clip((dependence.basis.T @ (share * seen)) / beams, 1e-3, 1.0)
+    after = np.clip(before * (1 + dependence.coefficients), 1 / beams, 1 - 1 / beams)
+    binomial = np.sqrt(np.maximum(after * (1 - after), 0) / beams) / before
+    return np.where(np.isfinite(sigma), np.maximum(sigma, binomial), binomial)
 
 
 def _binned_curve(group: Group, y: np.ndarray, sigma: np.ndarray, p_value: float) -> Curve | None:

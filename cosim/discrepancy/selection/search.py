@@ -11,9 +11,11 @@ import numpy as np
 from cosim.discrepancy.dictionary.build import Dictionary, build_dictionary
 from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
+from cosim.discrepancy.dictionary.periodic import line_group
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
 from cosim.discrepancy.inference.dependence import ANGLES, SPREADS
 from cosim.discrepancy.inference.projection import TRACK
+from cosim.discrepancy.selection.confirm import p_about_fit
 from cosim.discrepancy.selection.first_pass import first_pass
 from cosim.discrepancy.selection.refit import Model, Term, refit_with, refit_without
 from cosim.discrepancy.selection.table import GroupTest, evaluate, score_groups, score_shared
@@ -50,6 +52,18 @@ class Evidence:
             for result in self.results
             if result.p_value <= level and result.gain >= least and result.group.name not in self.rejected
         ]
+
+    def candidates(self, settings: Settings) -> list[GroupTest]:
+        """Significant results, and those that gain so much that their own fit has to decide."""
+        by, significant = settings.selection, self.significant(settings)
+        unsure = [
+            result
+            for result in self.results
+            if result.gain >= by.confirm_gain and not result.group.is_shared and not result.group.is_count
+        ]
+        names = {result.group.name for result in significant}
+        both = [*significant, *(result for result in unsure if result.group.name not in names)]
+        return sorted(both, key=lambda result: -result.gain)
 
 
 def gather_evidence(model: Model, effects: Sequence[Group], settings: Settings, seed: int) -> Evidence:
@@ -106,9 +120,9 @@ def select_terms(
     while len(model.terms) < by.steps:
         candidates = [
             result
-            for result in evidence.significant(settings)
+            for result in evidence.candidates(settings)
             if result.group.name not in rejected
-            and not _is_selected(result.group, model)
+            and not is_explained(result.group, model)
             and result.gain >= _needed_gain(result.group, model, settings)
         ]
         if not candidates:
@@ -116,7 +130,7 @@ def select_terms(
         chosen = _choose(model, evidence, candidates, settings)
         if isinstance(chosen, str):
             on_progress(f"rejected {chosen}: its fit gains no more than chance")
-            rejected.add(chosen)
+            rejected |= _same_effect(chosen, candidates)
             continue
         before, (model, result) = model, chosen
         on_progress(f"added {result.group.name}: gain {result.gain:.1f}, p {result.p_value:.4f}")
@@ -152,10 +166,21 @@ def drop_superfluous(
     return model
 
 
-def _is_selected(group: Group, model: Model) -> bool:
-    """Whether the same dependence was selected already, in these or other bins: fitting it again changes nothing."""
+def _same_effect(name: str, candidates: Sequence[GroupTest]) -> set[str]:
+    """Names of all settings of the same effect, or the name alone."""
+    effect = next(result.group.effect_name for result in candidates if result.group.name == name)
+    return {name} | {result.group.name for result in candidates if effect and result.group.effect_name == effect}
+
+
+def is_explained(group: Group, model: Model) -> bool:
+    """Whether the same dependence was selected already, in these or other bins: fitting it again changes nothing.
+
+    A selected shared error also explains what neighbours measured of the same channel.
+    """
     if group.is_effect:
         return False
+    if group.is_of_neighbour and any(term.group.channel == f"shared_{group.channel}" for term in model.terms):
+        return True
     selected = [term.group for term in model.terms if term.group.channel == group.channel and not term.group.is_effect]
     if group.frequency_hz:
         return any(abs(other.frequency_hz - group.frequency_hz) < _SAME_HZ for other in selected)
@@ -174,7 +199,8 @@ def _needed_gain(group: Group, model: Model, settings: Settings) -> float:
         return by.least_gain
     family = [term.exact_gain for term in model.terms if term.group.family == group.family]
     largest = max((term.exact_gain for term in model.terms), default=0.0)
-    return max(by.least_follower, by.follower_share * max(family, default=0.0), 1e-3 * largest)
+    share = by.shared_share if group.is_shared else by.follower_share
+    return max(by.least_follower, share * max(family, default=0.0), by.inexact * largest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +229,7 @@ class _Trial:
 def _choose(
     model: Model, evidence: Evidence, candidates: Sequence[GroupTest], settings: Settings
 ) -> tuple[Model, GroupTest] | str:
-    """The model with the best candidate, and which it is; or the name of the best, if its exact gain is chance."""
+    """The model with the best candidate, and which it is; or the name of one whose exact gain is chance."""
     best = _first(candidates)
     if best.group.is_shared:
         term = Term(best.group, best.p_value, best.gain, best.gain)
@@ -220,15 +246,38 @@ def _choose(
     _LOG.debug("tried %s", [(one.result.group.name, round(one.result.gain, 1), round(one.gain, 1)) for one in trials])
     trial = _simplest(trials, settings)
     if trial.worth < _needed_gain(trial.result.group, model, settings):
-        return best.group.name
+        return trial.result.group.name
     result = trial.result
     after, group = refit_with(
         model, evidence.linearisation, result.group, result.entry.coefficients, fine=True, steps=_STEPS
     )
+    if group.frequency_hz:
+        after, group = _best_alias(model, evidence, after, group)
+    p_value = result.p_value
+    if p_value > settings.selection.level:
+        rng = np.random.default_rng([len(model.terms), settings.selection.confirm_draws])
+        p_value = p_about_fit(after, group, evidence.dictionary.tested, settings.selection, rng)
+        if p_value > settings.selection.level:
+            return result.group.name
     alternatives = tuple(one.result.group.name for one in trials if one is not trial and _is_rival(one, trial))
     gain, penalty = after.loglik - model.loglik, group.size * max(result.entry.cell.dispersion, 1.0)
-    term = Term(group, result.p_value, result.gain, gain, penalty, alternatives)
+    term = Term(group, p_value, result.gain, gain, penalty, alternatives)
     return replace(after, terms=(*model.terms, term)), result
+
+
+def _best_alias(model: Model, evidence: Evidence, best: Model, group: Group) -> tuple[Model, Group]:
+    """Of frequencies that the interval between scans does not separate, the likeliest: neighbours are tried in turn."""
+    linearisation = evidence.linearisation
+    time_s = np.sort(linearisation.sample.scan_values["time_s"])
+    apart_hz = 1 / max(float(np.median(np.diff(time_s))), 1e-3)
+    for side in (-1, 1):
+        while group.frequency_hz + side * apart_hz > 0:
+            other = line_group(linearisation, group.channel, group.frequency_hz + side * apart_hz)
+            after, other = refit_with(model, linearisation, other, np.zeros(2), fine=True, steps=_STEPS)
+            if after.loglik <= best.loglik:
+                break
+            best, group = after, other
+    return best, group
 
 
 def _first(candidates: Sequence[GroupTest]) -> GroupTest:

@@ -145,7 +145,7 @@ def _round(
         prepared, place / "twin", place / _SEGMENTS, sensor.effects, sampled=True, engine=engine, on_step=on_step
     )
     write_page(place / "map", format_map(twin))
-    found = diagnose(place / "twin", sensor, settings=settings, along=along, on_progress=on_step)
+    found = diagnose(place / "twin", sensor, settings=settings, refitted=along, on_progress=on_step)
     after = found.write_sensor(place / "sensor.yaml")
     words = Vocabulary([type(one) for one in found.sensor.effects])
     page = format_diagnosis(found, words, str(place / "twin"), str(before), explored_of(found))

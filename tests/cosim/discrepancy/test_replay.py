@@ -8,7 +8,7 @@ import pytest
 from cosim.discrepancy.forward.joined import Expected, Replay
 from sensors.effects.base import Effect
 from sensors.effects.registry import effect_classes
-from tests.cosim.discrepancy.small_drive import make_yard, fit_yard
+from tests.cosim.discrepancy.small_drive import fit_yard, make_yard
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy import diagnose
-from cosim.discrepancy.diagnose import case_of
-from cosim.discrepancy.state import Model, viewed
+from cosim.discrepancy.analysis import context_of, trace_and_fit
 from cosim.drives.kitti import Calibration, Drive, Labels, write_calibration, write_labels, write_points
 from cosim.labelled_twin import write_labelled_twin
 from sensors.effects.beams.elevation_offset import ElevationOffset
@@ -58,9 +57,9 @@ def _recorded(folder: Path, scans: int) -> Drive:
 
 def test_such_scans_have_no_pose_errors_that_could_make_up_for_the_sensor(tmp_path: Path) -> None:
     drive, effects = _recorded(tmp_path, 4), (ElevationOffset(offset_deg=0.0), NOISE)
-    case = case_of(drive, SensorModel(PATTERN, effects, "plain"))
+    context = context_of(drive, SensorModel(PATTERN, effects, "plain"))
     for free in ((), (0,)):
-        found = viewed(case, drive.frames, Model(effects, free), case.settings.rows)
+        found = trace_and_fit(context, drive.frames, effects, free)
         assert found.fitter.sample.own_axes
         assert not found.fitter.random.poses(found.fitted.estimate).any()
     offset = found.fitted.effects[0]

@@ -11,8 +11,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cosim.cli import main
+from cosim.discrepancy.analysis import context_of
 from cosim.discrepancy.data.checks import opened
-from cosim.discrepancy.diagnose import begun, case_of
+from cosim.discrepancy.diagnose import fit_nuisances
 from cosim.discrepancy.inference.fit import all_free
 from cosim.discrepancy.settings import DEFAULT
 from cosim.drives.kitti import Drive
@@ -224,11 +225,11 @@ def refused_bag(folder: Path) -> str:
 def test_a_fit_finds_the_motion_in_the_sweep_beside_noise_that_is_fitted_along(twin: Path) -> None:
     drive = Drive(twin / "twin")
     sensor = SensorModel(load_pattern(str(drive.pattern)), (RangeNoise(sigma_m=0.02), IntensityNoise(sigma_rel=0.1)))
-    case = case_of(
-        opened(drive), sensor, settings=replace(DEFAULT, rows=8_000), along=("range_noise", "intensity_noise")
+    context = context_of(
+        opened(drive), sensor, settings=replace(DEFAULT, rows=8_000), refitted=("range_noise", "intensity_noise")
     )
-    state = begun(case)
-    fitter, fitted = state.view.fitter, state.view.fitted
+    on = fit_nuisances(context)
+    fitter, fitted = on.fitter, on.fitted
     again = fitter.fit(fitted.effects, (), fitted.estimate)
     assert again.loglik - fitted.loglik < 5, "surfaces are as bright as is likeliest at once"
     effects = (*fitted.effects, SweepMotion(sweep_s=0.0))

@@ -1,0 +1,68 @@
+"""Are lasers exchanged? A matrix of which ring's returns agree with which ring's trace.
+
+An exchange is beyond any derivative: the returns of one laser lie where another one looks. The check needs no fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.discrepancy.data.frames import TracedFrame
+
+_AGREES_M, _AGREES_SHARE = 0.1, 0.005  # a return and a trace agree within so much, or so large a share of the range
+_FEWEST = 200  # comparable beams of a ring
+_MOST_FRAMES = 6
+_OWN, _OTHER = (
+    0.6,
+    0.85,
+)  # agreement with its own trace below which, and with another's above which, a ring is exchanged
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """A ring whose returns agree with the trace of another one.
+
+    Attributes:
+        ring: of the points.
+        agrees_with: ring whose trace they agree with.
+        own, other: share of returns that agree with the trace of their own ring, and of the other one.
+    """
+
+    ring: int
+    agrees_with: int
+    own: float
+    other: float
+
+
+def agreement(frames: Sequence[TracedFrame]) -> np.ndarray:
+    """Share (rings, rings) of the returns of each ring, in rows, that agree with the trace of each ring, in columns."""
+    pattern = frames[0].shot.pattern
+    agree, count = (np.zeros((pattern.rings, pattern.rings)) for _ in range(2))
+    shape = pattern.rings, pattern.firings
+    for frame in frames:
+        traced = np.where(frame.shot.hits.solid.exists & ~frame.edge, frame.shot.hits.solid.range_m, np.nan)
+        traced = traced.reshape(shape).astype(float)
+        measured = np.where(frame.observed.trusted, frame.observed.range_from(frame.shot.rays.origin), np.nan)
+        measured = measured.reshape(shape)
+        for ring in range(pattern.rings):
+            gap = np.abs(traced - measured[ring])
+            known = np.isfinite(gap)
+            agree[ring] += (known & (gap < _AGREES_M + _AGREES_SHARE * np.nan_to_num(traced))).sum(1)
+            count[ring] += known.sum(1)
+    return np.where(count >= _FEWEST, agree / np.maximum(count, 1), np.nan)
+
+
+def exchanged_rings(frames: Sequence[TracedFrame]) -> tuple[Exchange, ...]:
+    """Rings whose returns agree with another ring's trace much better than with their own."""
+    chosen = frames[:: -(-len(frames) // _MOST_FRAMES)]
+    share = agreement(chosen)
+    known, share = np.isfinite(share.diagonal()), np.nan_to_num(share)
+    found = []
+    for ring, row in enumerate(share):
+        other = int(np.argmax(row))
+        if other != ring and known[ring] and row[ring] < _OWN < _OTHER < row[other]:
+            found.append(Exchange(ring, other, float(row[ring]), float(row[other])))
+    return tuple(found)

@@ -1,0 +1,68 @@
+"""Significance of a fitted term about its own fit.
+
+A strong effect on few clusters makes all of their scores large and of one sign, so that random signs of these scores
+reach its statistic often. About the fit the scores hold nothing but noise: their signs give the reference distribution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cosim.discrepancy.dictionary.groups import Group
+from cosim.discrepancy.dictionary.linearisation import linearise
+from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.score import ridged, stacked
+from cosim.discrepancy.selection.calibration import random_signs, surprise
+from cosim.discrepancy.selection.refit import Model
+from cosim.discrepancy.settings import Selection
+
+
+def p_about_fit(model: Model, group: Group, tested: int, settings: Selection, rng: np.random.Generator) -> float:
+    """Family-wise p-value of the term that was fitted last, corrected for the number of hypotheses (Bonferroni).
+
+    Args:
+        model: with the term among its parameters.
+        group: of the term.
+        tested: number of hypotheses.
+        settings: numeric choices.
+        rng: for the signs.
+    """
+    linearisation = linearise(model.fitter, model.fitted, model.frames)
+    fitted, columns = model.fitted, linearisation.fitted.columns
+    place, size = _place(model, group)
+    if place is None:
+        return 1.0
+    others = tuple(column for row, column in enumerate(columns) if row != place)
+    evidence = linearisation.evidence
+    mixed = LinearModel.of(model.fitter.random, others, evidence, fitted.prediction, fitted.estimate)
+    own = stacked([columns[place]], evidence.score, len(linearisation.sample))
+    found = replace(linearisation, mixed=mixed).projector(settings.sectors).project(own)
+    precision = np.linalg.pinv(ridged(found.information, 1e-2), hermitian=True)
+    observed, worst = found.information @ size, 0.0
+    for number, table in enumerate(found.tables):
+        if number == 1 and not group.is_clustered_by_scan:
+            continue
+        used = table[np.abs(table).sum(1) > 0]
+        drawn = random_signs(len(used), settings.confirm_draws, rng)[1:] @ used
+        values = np.vstack([observed[None], drawn])
+        statistic = np.cbrt(np.maximum(np.einsum("dk,kl,dl->d", values, precision, values), 0))
+        worst = max(worst, float(np.exp(-surprise(statistic[:, None])[0, 0])))
+    return min(worst * tested, 1.0)
+
+
+def _place(model: Model, group: Group) -> tuple[int | None, np.ndarray]:
+    """Row of the term among the columns of the fit, and its distance from doing nothing (k,)."""
+    fitted = model.fitted
+    if not group.is_effect:
+        last = fitted.dependences[-1]
+        return len(fitted.columns) - 1, last.coefficients
+    tangent = group.tangent
+    assert tangent is not None  # of an effect
+    for row, free in enumerate(fitted.free):
+        effect = fitted.effects[free.effect]
+        if effect.name == tangent.effect.name and free.unknown.name == tangent.amplitude:
+            neutral = np.asarray(getattr(tangent.effect, tangent.amplitude), float) - tangent.step
+            return row, np.atleast_1d(np.asarray(getattr(effect, tangent.amplitude), float) - neutral)
+    return None, np.zeros(0)
