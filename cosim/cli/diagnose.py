@@ -65,7 +65,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from cosim.discrepancy import diagnose
     from cosim.discrepancy.data.checks import opened
     from cosim.discrepancy.diagnosis import headline
-    from cosim.discrepancy.report import explored_of, format_diagnosis, left_words
+    from cosim.discrepancy.report import format_diagnosis
     from cosim.discrepancy.words import Vocabulary
     from cosim.report import write_page
     from sensors.sensor_model import load_sensor
@@ -84,10 +84,9 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     sensor_out = found.write_sensor(options.sensor_out or folder / "sensor.yaml")
     found = replace(found, sensor_out=os.path.relpath(sensor_out))
     words = Vocabulary(extra)
-    explored = explored_of(found)
-    page = write_page(folder, format_diagnosis(found, words, str(path), str(options.sensor), explored))
+    page = write_page(folder, format_diagnosis(found, words, str(path), str(options.sensor)))
     if not options.quiet:
-        print(headline(found, words, left_words(explored)))
+        print(headline(found, words))
     say_notes(found.notes, console)
     console.print(f"{page}; the improved sensor: {found.sensor_out}", soft_wrap=True, highlight=False)
     write_json(options.json, without_nan(found.to_json()))

@@ -1,13 +1,15 @@
-"""What a diagnosis found, and the one line that says it."""
+"""The outcome of a diagnosis, and its summary in one line."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from scipy import stats
 
 from cosim.discrepancy.budget import Budget, HeldOut, Judged
 from cosim.discrepancy.data.split import Split
@@ -38,15 +40,15 @@ class Alternative:
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """An effect that was missing.
+    """A missing effect of the catalogue.
 
     Attributes:
-        effect: its name.
-        params: fitted parameters, totals.
-        ci95: intervals of those that are numbers.
-        p_value: its own, family-wise, when it was added.
-        error_before, error_after: on held-out frames, before and after it was added.
-        also_possible: what explains the data as well.
+        effect: name.
+        params: fitted parameters; totals where the sensor had the effect already.
+        ci95: intervals of numeric parameters.
+        p_value: family-wise, when it was added.
+        error_before, error_after: of the model before and after it was added, on held-out frames.
+        also_possible: effects that explain the data equally well.
     """
 
     effect: str
@@ -57,11 +59,12 @@ class Finding:
     error_after: HeldOut
     also_possible: tuple[str, ...]
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values."""
+    def to_json(self, words: Vocabulary | None = None) -> dict[str, Any]:
+        """Plain values; None for parameters that cannot be determined, as far as `words` has their bounds."""
+        params = words.determined(self.effect, self.params, self.ci95) if words else dict(self.params)
         return {
             "effect": self.effect,
-            "params": dict(self.params),
+            "params": params,
             "ci95": dict(self.ci95),
             "p_value": self.p_value,
             "error_before": self.error_before.error,
@@ -70,28 +73,55 @@ class Finding:
         }
 
 
+@dataclass(frozen=True)
+class ErrorChange:
+    """The change of the held-out error by one finding.
+
+    Attributes:
+        name: of the effect.
+        before, after: errors, aligned where poses, objects and map were fitted.
+        mean, half_interval: of the changes of single frames; NaN with fewer than two frames.
+    """
+
+    name: str
+    before: float
+    after: float
+    mean: float
+    half_interval: float
+
+    @property
+    def is_fall(self) -> bool:
+        """Whether the error is lower with the finding."""
+        return self.after < self.before
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the interval of the changes of single frames excludes 0."""
+        return abs(self.mean) > self.half_interval
+
+
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """The outcome.
 
     Attributes:
-        effects: what was missing, in the order in which it was found.
+        effects: missing effects of the catalogue, in the order in which they were added.
         ranking: candidates of the first round, the likeliest first.
-        unknowns: what no candidate explains.
+        unknowns: dependences that no candidate explains.
         unexplained: dependences that are still significant in the end.
         either_or: names of terms that these data cannot separate, the selected one first.
         evidence: the matrix channel × covariate, before and after the findings.
-        smallest_detectable: amplitude of each effect that would have been seen with 80 % power.
-        budget: where the error comes from.
+        smallest_detectable: amplitude of each effect that would have been detected with 80 % power.
+        budget: sources of the error.
         sensor: the improved model.
-        split: which frames were fitted and which judged.
-        spreads: standard deviations of what is merely not known of the drive, by name with its unit.
-        labels: what labelled boxes say, where there are any; a missing label effect is in the improved model.
-        notes: what the drive does not let one know, a sentence each.
-        judged: the judging frames under the model as given and as it ends, for pages.
-        refitted: of effects that were fitted along, by name their `params` and `ci95`.
-        worth: what the findings are worth to a detector, where one was asked.
-        settings: numbers that decided.
+        split: frames to fit and held-out frames.
+        spreads: standard deviations of the nuisance parameters, by name with unit.
+        labels: result for labelled boxes if there are any; a missing label effect is in the improved model.
+        notes: what these data cannot determine, a sentence each.
+        judged: the held-out frames under the initial and the final model, for pages.
+        refitted: `params` and `ci95` of the effects of the sensor that were refitted, by name.
+        worth: the change of a detector's average precision by each finding, if requested.
+        settings: numeric choices.
     """
 
     effects: tuple[Finding, ...]
@@ -115,55 +145,87 @@ class Diagnosis:
 
     @property
     def verdict(self) -> Literal["none", "missing", "ambiguous", "unknown"]:
-        """What was found, in a word."""
+        """The result in a word; never `none` while anything is listed or the aligned error is above the floor."""
         if self.unknowns:
             return "unknown"
-        if any(one.also_possible for one in self.effects):
+        if any(finding.also_possible for finding in self.effects):
             return "ambiguous"
         if self.effects:
             return "missing"
         if self.unexplained or (self.above_floor is not None and self.above_floor > self.settings.at_floor):
             return "unknown"
-        return "missing" if self.labels is not None and self.labels.verdict == "missing" else "none"
+        if self.labels is not None and self.labels.verdict == "missing":
+            return "missing"
+        return "unknown" if self.is_above_floor else "none"
 
     @property
     def unknown(self) -> UnknownEffect | None:
-        """The first of the unknowns."""
+        """The first unknown effect."""
         return self.unknowns[0] if self.unknowns else None
 
     @property
     def error_before(self) -> float:
-        """On held-out frames, of the model as it was given."""
+        """Held-out error of the initial model."""
         return self.budget.steps[0].error
 
     @property
     def error_after(self) -> float:
-        """On held-out frames, of the improved model."""
+        """Held-out error of the improved model."""
         return self.budget.steps[-1].error
 
     @property
     def noise_floor(self) -> float | None:
-        """The error of a model that is right up to noise."""
+        """Error of a model that is correct up to noise."""
         return self.budget.floor
 
     @property
     def above_floor(self) -> float | None:
-        """By what share the aligned error stands above the noise floor in the end; None if that is not known."""
+        """Final aligned error relative to the noise floor, less 1; None without a noise floor."""
         return self.budget.error_aligned / self.noise_floor - 1 if self.noise_floor else None
+
+    @property
+    def is_above_floor(self) -> bool:
+        """Whether the final aligned error exceeds the noise floor by more than its tolerance."""
+        return self.above_floor is not None and self.above_floor > self.settings.at_floor
+
+    @property
+    def changes(self) -> tuple[ErrorChange, ...]:
+        """Changes of the held-out error, finding by finding, in the order in which they were added."""
+        steps = self.budget.aligned_steps if len(self.budget.aligned_steps) > 1 else self.budget.steps
+        rows = zip(self._names, pairwise(steps), strict=False)
+        return tuple(_change(name, before, after, self.settings) for name, (before, after) in rows)
+
+    @property
+    def _names(self) -> list[str]:
+        """Names of all findings in the order of the steps of the budget."""
+        place: dict[int, int] = {}
+        for row, step in enumerate(self.budget.steps):
+            place.setdefault(id(step), row)
+        placed = {place[id(one.error_before)]: one.effect for one in self.effects if id(one.error_before) in place}
+        others = iter(
+            [finding.effect for finding in self.effects if finding.effect not in placed.values()]
+            + [unknown.name for unknown in self.unknowns]
+        )
+        count = len(self.effects) + len(self.unknowns)
+        return [placed[row] if row in placed else next(others, "") for row in range(count)]
 
     def to_json(self) -> dict[str, Any]:
         """What `cosim diagnose --json` writes."""
+        words = Vocabulary([type(effect) for effect in self.sensor.effects])
         return {
             "verdict": self.verdict,
             "labels": self.labels.to_json() if self.labels else None,
-            "effects": [one.to_json() for one in self.effects],
+            "effects": [finding.to_json(words) for finding in self.effects],
             "ranking": [one.to_json() for one in self.ranking],
             "unknown": self.unknown.to_json() if self.unknown else None,
             "unknowns": [one.to_json() for one in self.unknowns],
             "unexplained": [one.to_json() for one in self.unexplained],
             "either_or": [list(names) for names in self.either_or],
             "evidence": [cell.to_json() for cell in self.evidence],
-            "smallest_detectable": {name: dict(values) for name, values in self.smallest_detectable.items()},
+            "smallest_detectable": {
+                effect: {name: value if words.is_possible(effect, name, value) else None for name, value in row.items()}
+                for effect, row in self.smallest_detectable.items()
+            },
             "error_before": self.error_before,
             "error_after": self.error_after,
             "error_aligned": self.budget.error_aligned,
@@ -191,69 +253,74 @@ class Diagnosis:
         return headline(self, Vocabulary([type(effect) for effect in self.sensor.effects]))
 
 
-def headline(found: Diagnosis, words: Vocabulary, left: Sequence[str] = ()) -> str:
-    """The line that `cosim diagnose` says; `left` names what judging frames show although nothing was found."""
-    parts = [_found(one, words) for one in found.effects]
+def headline(found: Diagnosis, words: Vocabulary) -> str:
+    """The summary line of `cosim diagnose`."""
+    no_fall = {change.name for change in found.changes if not change.is_fall}
+    parts = [_finding_words(finding, words, finding.effect in no_fall) for finding in found.effects]
     if parts:
-        ambiguous = any(one.also_possible for one in found.effects)
+        ambiguous = any(finding.also_possible for finding in found.effects)
         parts[0] = f"{'ambiguous' if ambiguous else 'missing'}: {parts[0]}"
-    parts += [f"unknown: {unknown_words(one)}" for one in found.unknowns]
+    for unknown in found.unknowns:
+        p_value = p_words(unknown.curve.p_value)
+        parts.append(f"unknown: {unknown_words(unknown)}, {p_value}{NO_FALL if unknown.name in no_fall else ''}")
     if found.labels is not None and found.labels.verdict == "missing":
         parts.append(str(found.labels))
     if found.unexplained:
-        parts.append(f"unexplained: {listed([unexplained_words(one) for one in found.unexplained[:FEW]])}")
-    elif left:
-        parts.append(f"judging frames still show {listed(list(left[:FEW]))}")
+        parts.append(f"unexplained: {listed([unexplained_words(row) for row in found.unexplained[:FEW]])}")
+    if not parts and found.is_above_floor:
+        parts.append("unexplained: the error is above the noise floor, and no hypothesis is significant")
     if not parts:
         smallest = smallest_words(found, words, most=3)
-        parts.append(f"nothing missing that would show{f'; would have seen {smallest}' if smallest else ''}")
-    return f"{'; '.join(parts)}; {budget_words(found, is_complete=found.verdict == 'none' and not left)}"
+        parts.append(f"nothing missing: no significant effect{f'; detectable: {smallest}' if smallest else ''}")
+    return f"{'; '.join(parts)}; {budget_words(found, is_complete=found.verdict == 'none')}"
+
+
+NO_FALL = " (does not lower the error)"
 
 
 def budget_words(found: Diagnosis, *, is_complete: bool) -> str:
-    """Where the error comes from: `error 1.32, 4.3 × the noise floor: 3.1 of it poses, 0.2 objects, nothing missing`.
+    """The sources of the error: `held-out error 1.32, 4.3 × the noise floor, of which poses 3.1; aligned 0.31, …`.
 
     Args:
         found: the diagnosis.
-        is_complete: whether nothing is missing, which is said then.
+        is_complete: whether nothing is missing.
     """
-    budget, said = found.budget, f"{error_words(found)} {found.error_before:.3f}"
+    budget, line = found.budget, f"{error_words(found)} {found.error_before:.3f}"
     if not budget.floor:
         fall = _fall(found.error_before, found.error_after)
-        return f"{error_words(found)} {fall}; what noise alone would make is not known"
-    made = source_words(budget.parts, budget.floor, is_complete=is_complete)
+        return f"{error_words(found)} {fall}; the noise floor cannot be determined"
+    sources = source_words(budget.parts, budget.floor, is_complete=is_complete)
     aligned = _fall(budget.given_aligned, budget.error_aligned)
-    said += f", {times(budget.error / budget.floor)} the noise floor{made and f': {made}'}"
+    line += f", {times(budget.error / budget.floor)} the noise floor{sources and f', of which {sources}'}"
     if found.effects or found.unknowns:
-        said += f"; {found.error_after:.3f} with what was found"
-    return f"{said}; aligned {aligned}, {floor_words(found)}"
+        line += f"; {found.error_after:.3f} with all findings"
+    return f"{line}; aligned {aligned}, {floor_words(found)}"
 
 
 def _fall(before: float, after: float) -> str:
-    """An error, and what it becomes."""
+    """An error before and after the findings."""
     same = round(before, 3) == round(after, 3)
     return f"{before:.3f}" if same else f"{before:.3f} → {after:.3f}"
 
 
 def floor_words(found: Diagnosis) -> str:
-    """Where the aligned error ends beside its noise floor; empty where that is not known."""
+    """The final aligned error relative to the noise floor; empty without a noise floor."""
     above = found.above_floor
     if above is None:
         return ""
-    return "at the floor" if above <= found.settings.at_floor else f"{times(1 + above)} the floor"
+    return f"{times(1 + above)} the noise floor" if found.is_above_floor else "at the noise floor"
 
 
 def error_words(found: Diagnosis) -> str:
-    """Which error it is that a diagnosis tells."""
-    return "held-out error" if found.split.is_held_out else "error on the fitted frames themselves"
+    """Name of the error of a diagnosis."""
+    return "held-out error" if found.split.is_held_out else "error on the fitted frames"
 
 
 def smallest_words(found: Diagnosis, words: Vocabulary, most: int) -> str:
-    """Smallest amplitudes that would have been seen, of the first few effects, plain ones before others."""
+    """The smallest detectable amplitudes of a few effects, those of common effects first."""
     rows = [row for row in smallest_rows(found) if words.is_possible(*row)]
     rows.sort(key=lambda row: _PLAIN.index(row[0]) if row[0] in _PLAIN else len(_PLAIN))
-    said = [f"{effect} from {words.quantity(effect, name, value)}" for effect, name, value in rows[:most]]
-    return ", ".join(said)
+    return ", ".join(f"{effect} from {words.quantity(effect, name, value)}" for effect, name, value in rows[:most])
 
 
 def smallest_rows(found: Diagnosis) -> list[tuple[str, str, float]]:
@@ -266,7 +333,17 @@ def smallest_rows(found: Diagnosis) -> list[tuple[str, str, float]]:
     ]
 
 
-def _found(one: Finding, words: Vocabulary) -> str:
-    values = words.parameters(one.effect, one.params, one.ci95)
-    alike = f"; not separable from {', '.join(one.also_possible)}" if one.also_possible else ""
-    return f"{one.effect} ({values}), {p_words(one.p_value)}{alike}"
+def _finding_words(finding: Finding, words: Vocabulary, is_useless: bool) -> str:
+    values = words.parameters(finding.effect, finding.params, finding.ci95)
+    alike = f"; cannot be distinguished from {listed(list(finding.also_possible))}" if finding.also_possible else ""
+    return f"{finding.effect} ({values}), {p_words(finding.p_value)}{NO_FALL if is_useless else ''}{alike}"
+
+
+def _change(name: str, before: HeldOut, after: HeldOut, settings: Settings) -> ErrorChange:
+    """The change between two steps; its interval is Student's, over frames."""
+    by_frame = after.by_frame - before.by_frame
+    by_frame = by_frame[np.isfinite(by_frame)]
+    if len(by_frame) < 2:
+        return ErrorChange(name, before.error, after.error, float("nan"), float("nan"))
+    half = stats.t.ppf(settings.upper, len(by_frame) - 1) * np.std(by_frame, ddof=1) / np.sqrt(len(by_frame))
+    return ErrorChange(name, before.error, after.error, float(by_frame.mean()), float(half))

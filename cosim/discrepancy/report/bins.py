@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from cosim.discrepancy.quantities import Shown, shown
 from cosim.discrepancy.report.beams import LAYOUT, Column, Rows, Scan, renumbered
 from cosim.report.binned import quantile_edges
 
@@ -15,53 +16,10 @@ NO_BIN = 255
 _NUMBERED = ("ring", "scan")  # whole numbers, each a bin of its own
 
 
-@dataclass(frozen=True)
-class Shown:
-    """How a covariate is shown: words, and the unit that values are multiplied into."""
-
-    words: str
-    unit: str = ""
-    factor: float = 1.0
-
-
-SHOWN = {
-    "range": Shown("predicted range", "m"),
-    "incidence": Shown("angle of incidence", "°"),
-    "ring": Shown("ring, 0 on top"),
-    "azimuth": Shown("azimuth, left is positive", "°", 180 / np.pi),
-    "intensity": Shown("predicted intensity"),
-    "firing_time": Shown("firing time from the pose time", "ms", 1000.0),
-    "material": Shown("material"),
-    "kind": Shown("class of the object"),
-    "model": Shown("model of the object"),
-    "albedo": Shown("reflectance of the surface"),
-    "elevation": Shown("elevation of the beam", "°"),
-    "block": Shown("block of lasers"),
-    "frame_time": Shown("time of the frame", "s"),
-    "scan": Shown("scan, in order of time"),
-    "speed": Shown("speed of the vehicle", "m/s"),
-    "acceleration": Shown("acceleration of the vehicle", "m/s²"),
-    "yaw_rate": Shown("yaw rate of the vehicle", "°/s", 180 / np.pi),
-    "world_x": Shown("place in the world, x", "m"),
-    "world_y": Shown("place in the world, y", "m"),
-}
-_BESIDE = {"previous": "the beam fired before", "above": "the beam above", "below": "the beam below"}
-_MEASURED = {"range": ("range", "m"), "intensity": ("intensity", ""), "lost": ("return", "")}
 USUAL = (
     "range", "incidence", "ring", "azimuth", "intensity", "firing_time", "material", "kind", "albedo",
     "previous_intensity", "frame_time", "speed",
 )  # fmt: skip
-
-
-def shown(name: str) -> Shown:
-    """How a covariate is shown."""
-    if name in SHOWN:
-        return SHOWN[name]
-    side, _, what = name.partition("_")
-    if side in _BESIDE and what in _MEASURED:
-        measured, unit = _MEASURED[what]
-        return Shown(f"{measured} of {_BESIDE[side]}", unit)
-    return Shown(name.replace("_", " "))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The page of `cosim compare`: how far, where that comes from, where it is worst, and what it depends on."""
+"""The page of `cosim compare`: the error, its sources, where it is largest, and residuals beam by beam."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from types import MappingProxyType
 
 from cosim.discrepancy.compare import Comparison, Slice
 from cosim.discrepancy.report.beams import LAYOUT
-from cosim.discrepancy.report.residual_charts import CHANNELS, Chart
-from cosim.discrepancy.report.unexplained_section import Explored, explorer_section, explorer_style
+from cosim.discrepancy.report.explorer_section import Explored, explorer_section, explorer_style
 from cosim.discrepancy.scores import SCALES
 from cosim.discrepancy.words import source_words, times
 from cosim.report import Piece, document, facts, meter, notes_section, section, stacked_bar, table
@@ -21,12 +20,12 @@ _COLOURS = {
 }  # fmt: skip
 _NAMES = {"map": "the map", "missing": "missing effects"}
 _REMEDIES = {
-    "noise": "nothing to mend: a model that is right has it, too",
-    "poses": "mend the calibration and the poses of scans",
-    "objects": "mend the places of labelled objects",
-    "map": "mend the map",
-    "missing": "mend the sensor model: the improved one has them",
-    "unexplained": "not known",
+    "noise": "irreducible: a correct model has it, too",
+    "poses": "improve the calibration and the poses of scans",
+    "objects": "improve the positions of labelled objects",
+    "map": "improve the map",
+    "missing": "improve the sensor model: the improved one contains them",
+    "unexplained": "the source is not known",
 }
 
 
@@ -35,24 +34,27 @@ def budget_section(parts: Mapping[str, float], *, text: str, why: Mapping[str, s
 
     Args:
         parts: noise, poses, objects, map, missing and unexplained; they add up to the error.
-        text: what the error is of (HTML).
-        why: other words on some parts.
+        text: beneath the heading (HTML).
+        why: other remedies of some parts.
     """
     if not parts:
         return ""
-    told = {**_REMEDIES, **why}
+    remedies = {**_REMEDIES, **why}
     pieces = [
-        Piece(_NAMES.get(name, name), value, _COLOURS[name], told[name])
+        Piece(_NAMES.get(name, name), value, _COLOURS[name], remedies[name])
         for name, value in parts.items()
         if abs(value) >= LAYOUT.told or name in ("noise", "unexplained")
     ]
-    bar = stacked_bar(pieces, "where the error comes from")
-    return section("Where the error comes from", bar, text=text, anchor="budget")
+    bar = stacked_bar(pieces, "sources of the error")
+    return section("Sources of the error", bar, text=text, anchor="budget")
 
 
-_SIDES = ("at the poses as given", "poses, objects and the map aligned")
-_CHANNEL_WORDS = {"range": "ranges", "intensity": "intensities", "drop": "returns", "spurious": "stray points"}
-_WHY = {"unexplained": "left once all is aligned: the sensor model’s, or of poses and objects not known well enough"}
+_SIDES = ("initial poses", "poses, objects and map aligned")
+_CHANNEL_WORDS = {"range": "ranges", "intensity": "intensities", "drop": "returns", "spurious": "spurious points"}
+_WHY = {
+    "missing": "effects that the sensor model lacks; the command above identifies them",
+    "unexplained": "remains with poses, objects and map aligned, which are never known exactly",
+}
 
 
 def format_comparison(found: Comparison, command: str, explored: Explored | None = None) -> str:
@@ -66,13 +68,13 @@ def format_comparison(found: Comparison, command: str, explored: Explored | None
     explored = explored or Explored.of(found.judged, LAYOUT.scans)
     title = f"{found.sensor} against {found.drive}"
     text = (
-        "Before: at the poses as given. After: with errors of poses, objects and the map taken out as far as a fit "
-        "knows them; what is left then is the sensor’s. "
-        f"Bands are {found.settings.covered} intervals of means of equally filled bins; what "
-        "beams of a frame, or of a sector of it, share is in them. <b>Click a bin to see its beams.</b>"
+        "An illustration: residuals at the initial poses, and with fitted errors of poses, objects and map removed. "
+        "It shows where residuals are, not what is significant; that is what <code>cosim diagnose</code> tests. Lines "
+        "are means of equally filled bins, bands their scatter from one sector of a frame to another. "
+        "<b>Click a bin to see its beams.</b>"
     )
     sections = [
-        f"<header><h1>{escape(title)}</h1>{_verdict(found, explored, command)}{_figures(found)}</header>",
+        f"<header><h1>{escape(title)}</h1>{_verdict(found, command)}{_figures(found)}</header>",
         _budget(found),
         _slices(found.slices),
         worth_section(found.worth),
@@ -82,45 +84,43 @@ def format_comparison(found: Comparison, command: str, explored: Explored | None
     return document(title, sections, style=explorer_style(), generator="cosim compare")
 
 
-def _verdict(found: Comparison, explored: Explored | None, command: str) -> str:
-    run = f'<p class="next">What is missing: <code>{escape(command)}</code></p>'
+def _verdict(found: Comparison, command: str) -> str:
+    run = f'<p class="next">To identify what is missing: <code>{escape(command)}</code></p>'
     if found.floor is None:
-        return f'<p class="verdict">Error {found.error:.3g}; what noise alone would make is not known.</p>{run}'
-    aligned = found.budget is not None and found.error > 2 * found.budget.error_aligned
+        return f'<p class="verdict">Error {found.error:.3g}; the noise floor cannot be determined.</p>{run}'
+    is_aligned = found.error_aligned is not None and found.error > 2 * found.error_aligned
     floor = found.budget.floor if found.budget and found.budget.floor else found.floor.error
     sources = source_words(found.parts, floor, is_complete=False) if found.parts else ""
-    made = f": {sources}" if sources else ""
+    of_which = f", of which {sources}" if sources else ""
     if found.at_floor:
-        what = "Once poses, objects and the map are aligned the" if aligned else "The"
-        error = found.budget.error_aligned if aligned and found.budget else found.error
-        said = (
-            f'<span class="good">At the noise floor.</span> {what} error {error:.3g} is what noise alone makes '
-            f"({floor:.3g}): by this number the model is as good as these measurements can tell."
+        error = found.error_aligned if is_aligned and found.error_aligned is not None else found.error
+        subject = "With poses, objects and map aligned the error is" if is_aligned else "The error is"
+        verdict = (
+            f'<span class="good">At the noise floor.</span> {subject} {error:.3g}, of a correct model {floor:.3g}: '
+            "these measurements cannot distinguish the model from a correct one by this number."
         )
-        said += f" As poses are given it is {found.error:.3g}{made}." if aligned else ""
-        small = (
-            f'<p class="next">Small effects can hide in noise; this asks for them: <code>{escape(command)}</code></p>'
-        )
-        return f'<p class="verdict">{said}</p>{_dependences(explored)}{small}'
+        verdict += f" At the initial poses the error is {found.error:.3g}{of_which}." if is_aligned else ""
+        small = f'<p class="next">To test for small effects: <code>{escape(command)}</code></p>'
+        return f'<p class="verdict">{verdict}</p>{small}'
     above = found.error / floor if floor > 0 else float("inf")
-    said = '<span class="bad">Above the noise floor.</span> '
-    said += f"The error {found.error:.3g} is {times(above)} what noise alone makes ({floor:.3g}){made}."
+    verdict = '<span class="bad">Above the noise floor.</span> '
+    verdict += f"The error {found.error:.3g} is {times(above)} the noise floor ({floor:.3g}){of_which}."
     if found.error_aligned is not None and found.budget and found.budget.floor:
         ratio = times(found.error_aligned / found.budget.floor)
-        said += f" Aligned it is {found.error_aligned:.3g}, {ratio} its floor."
-    more = f'<p class="sources">{_excess(found)}</p>{_dependences(explored)}'
+        verdict += f" With poses, objects and map aligned it is {found.error_aligned:.3g}, {ratio} its floor."
+    more = f'<p class="sources">{_excess(found)}</p>'
     if found.slices:
-        run = f'<p class="next">Worst place, at the poses as given: {escape(str(found.slices[0]))}.</p>{run}'
-    return f'<p class="verdict">{said}</p>{more}{run}'
+        run = f'<p class="next">Largest residuals at the initial poses: {escape(str(found.slices[0]))}.</p>{run}'
+    return f'<p class="verdict">{verdict}</p>{more}{run}'
 
 
 def _excess(found: Comparison) -> str:
-    """The channels in which the error lies above the floor, with what is off in each on average."""
+    """The channels in which the error is above the floor, with the mean residual of each."""
     excess = found.excess
     total = sum(excess.values())
     order = [name for name in excess if excess[name] > LAYOUT.excess * total]
-    said = [f"<b>{_CHANNEL_WORDS[name]}</b> ({excess[name] / total:.0%}): {_off(name, found)}" for name in order]
-    return f"At the poses as given the excess lies in {'; '.join(said)}." if said else ""
+    parts = [f"<b>{_CHANNEL_WORDS[name]}</b> ({excess[name] / total:.0%}): {_off(name, found)}" for name in order]
+    return f"At the initial poses the excess is in {'; '.join(parts)}." if parts else ""
 
 
 def _off(name: str, found: Comparison) -> str:
@@ -128,25 +128,9 @@ def _off(name: str, found: Comparison) -> str:
     return {
         "range": f"on average {100 * t.signed / max(t.matched, 1):+.2f} cm",
         "intensity": f"on average {t.intensity_signed / max(t.lit, 1) + 0.0:+.3f}",
-        "drop": f"{t.dropped / t.frames:,.0f} lost a frame where the model loses {t.foreseen_drops / t.frames:,.0f}",
-        "spurious": f"{t.spurious / t.frames:,.0f} points a frame where the model has {t.foreseen / t.frames:,.0f}",
+        "drop": f"{t.dropped / t.frames:,.0f} lost per frame, with the model {t.foreseen_drops / t.frames:,.0f}",
+        "spurious": f"{t.spurious / t.frames:,.0f} points per frame, with the model {t.foreseen / t.frames:,.0f}",
     }[name]
-
-
-def _dependences(explored: Explored | None) -> str:
-    """What residuals still depend on once all is aligned, the strongest of each channel."""
-    first: dict[str, Chart] = {}
-    for one in explored.left if explored else ():
-        if one.channel.name not in first or one.after.size > first[one.channel.name].after.size:
-            first[one.channel.name] = one
-    said = [
-        f"{_CHANNEL_WORDS[name]} by {one.bins.shown.words.split(',')[0]} (±{CHANNELS[name].said(one.after.size)})"
-        for name, one in first.items()
-    ]
-    if not said:
-        return ""
-    links = f'<a href="#residuals">{escape(", ".join(said))}</a>'
-    return f'<p class="sources"><span class="warn">Left once all is aligned</span>: {links}.</p>'
 
 
 def _budget(found: Comparison) -> str:
@@ -157,9 +141,8 @@ def _budget(found: Comparison) -> str:
         if len(found.judged) < found.totals.frames
         else "all frames"
     )
-    text = f"The error, and what it is made of in the shares that {frames} tell."
-    parts = {name: value for name, value in found.parts.items() if name != "missing"}
-    return budget_section(parts, text=text, why=_WHY)
+    text = f"The error and its sources, in the shares of {frames}."
+    return budget_section(found.parts, text=text, why=_WHY)
 
 
 def _figures(found: Comparison) -> str:
@@ -184,10 +167,10 @@ def _figures(found: Comparison) -> str:
             ("Intensity RMSE", f"{json['intensity']['rmse']:.4f}"),
         ]
     items += [
-        ("Lost returns", f"{found.totals.dropped / found.totals.frames:,.0f} <small>a frame</small>"),
-        ("Spurious", f"{json['spurious']['per_frame']:,.1f} <small>a frame</small>"),
+        ("Lost returns", f"{found.totals.dropped / found.totals.frames:,.0f} <small>per frame</small>"),
+        ("Spurious", f"{json['spurious']['per_frame']:,.1f} <small>per frame</small>"),
     ]
-    how = "The error is the mean of the scores; each is a mean over beams in units of its scale."
+    how = "The error is the mean of the scores; each score is a mean over beams, divided by its scale."
     return f"{facts((name[0].upper() + name[1:], value) for name, value in items)}<p>{how}</p>"
 
 
@@ -201,9 +184,9 @@ def _slices(slices: Sequence[Slice]) -> str:
     ]  # fmt: skip
     heads = ["", "", "mean residual", "spread", "beams", "share of the channel’s error"]
     return section(
-        "Where it is worst",
+        "Largest residuals",
         table(heads, rows, words=(1,)),
-        text="At the poses as given; where a mean residual costs most stands first." if rows else "",
+        text="At the initial poses, sorted by the share of the error that the mean residual causes." if rows else "",
     )
 
 
@@ -217,7 +200,7 @@ def _spread(one: Slice) -> str:
 
 
 def _notes(found: Comparison) -> str:
-    said = [*found.notes]
+    notes = [*found.notes]
     if found.floor is not None:
-        said.append(f"the noise floor is {found.floor.how}")
-    return notes_section(said)
+        notes.append(f"the noise floor is {found.floor.how}")
+    return notes_section(notes)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from html import escape
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -71,23 +70,17 @@ class Chart:
         channel: what is off.
         bins: of the covariate.
         before, after: means by bin, in the channel's unit; `before` is None where both are the same.
-        level: error rate of what all charts show together.
     """
 
     channel: Channel
     bins: Bins
     before: Binned | None
     after: Binned
-    level: float
 
     @property
     def first(self) -> Binned:
         """What is there before anything was done."""
         return self.before or self.after
-
-    def shows(self, binned: Binned, charts: int) -> bool:
-        """Whether a dependence is there that is no chance, of so many charts that were looked at."""
-        return binned.p_value * charts < self.level and binned.size > self.channel.clear
 
 
 def all_charts(rows: Rows, bins: Mapping[str, Bins], is_one: bool) -> dict[str, list[Chart]]:
@@ -118,7 +111,7 @@ def chart(rows: Rows, channel: str, bins: Bins, is_one: bool) -> Chart | None:
         return None
     before = None if is_one else means(rows.before[channel], rows.before_cluster)
     before = before if before is not None and len(before.bin) > 1 else None
-    return Chart(kind, bins, before, after, rows.settings.level)
+    return Chart(kind, bins, before, after)
 
 
 def scale_of(charts: Sequence[Chart]) -> float:
@@ -133,27 +126,15 @@ def scale_of(charts: Sequence[Chart]) -> float:
     return 1.1 * max([*reach, 3 * charts[0].channel.clear])
 
 
-def drawn(one: Chart, top: float, charts: int, heading: str = "") -> str:
-    """HTML of a chart, its caption beneath its name; `charts` were looked at in all."""
-    title = heading or f"by {one.bins.shown.words.split(',')[0]}"
-    return figure(title, _caption(one, charts), _svg(one, top))
+def drawn(chart: Chart, top: float) -> str:
+    """HTML of a chart with its caption."""
+    return figure(f"by {chart.bins.shown.words.split(',')[0]}", _caption(chart), _svg(chart, top))
 
 
-def _caption(one: Chart, charts: int) -> str:
-    after = _said(one, one.after, charts)
-    if one.before is None:
-        return after[0].upper() + after[1:]
-    return f"Before: {_said(one, one.before, charts)}. After: {after}"
-
-
-def _said(one: Chart, side: Binned, charts: int) -> str:
-    if one.shows(side, charts):
-        return f'off by <span class="warn">±{one.channel.said(side.size)}</span>'
-    return (
-        "nothing beyond chance"
-        if side.p_value * charts >= one.level
-        else f"less than {one.channel.said(one.channel.clear)}"
-    )
+def _caption(chart: Chart) -> str:
+    """Root mean squares of the means of the bins, without their noise."""
+    after = chart.channel.said(chart.after.size)
+    return f"±{after}" if chart.before is None else f"±{chart.channel.said(chart.before.size)} → ±{after}"
 
 
 def _svg(one: Chart, top: float) -> str:
@@ -227,46 +208,3 @@ def _signed(one: Chart, side: Binned, row: int) -> str:
 def _brief(word: str, many: int) -> str:
     most = max(54 // max(many, 1), 4)
     return word if len(word) <= most else f"{word[: most - 1]}…"
-
-
-def pair_chart(rows: Rows, channel: str, one: Bins, other: Bins) -> str:
-    """HTML: what is left by two covariates at once, blue below 0 and red above; empty where few beams are."""
-    kind, residual = CHANNELS[channel], CHANNELS[channel].factor * rows.after[channel].astype(float)
-    used = np.isfinite(residual) & (one.of_rows != NO_BIN) & (other.of_rows != NO_BIN)
-    if not used.any():
-        return ""
-    cell = one.of_rows[used].astype(int) * len(other) + other.of_rows[used]
-    size = len(one) * len(other)
-    count = np.bincount(cell, minlength=size)
-    mean = np.bincount(cell, residual[used], size) / np.maximum(count, 1)
-    # What each covariate does alone is no part of a pair: rows' and columns' means are taken off.
-    table = np.where(count >= LAYOUT.fewest_in_cell, mean, np.nan).reshape(len(one), len(other))
-    if not np.isfinite(table).any():
-        return ""
-    weight = np.where(np.isfinite(table), count.reshape(table.shape), 0).astype(float)
-    for _ in range(LAYOUT.sweeps):
-        for axis in (0, 1):
-            middle = np.nansum(table * weight, axis=axis) / np.maximum(weight.sum(axis), 1)
-            table = table - (middle[None, :] if axis == 0 else middle[:, None])
-    top = float(np.nanquantile(np.abs(table), 0.95)) or 1.0
-    plot = Plot(
-        replace(_steps(one), label=f"{one.label}, in equally filled bins"),
-        replace(_steps(other), label=other.label),
-        f"{kind.title} by {one.shown.words} and {other.shown.words}", 560, 380,
-    )  # fmt: skip
-    for (row, column), value in np.ndenumerate(table):
-        if np.isfinite(value):
-            plot.tile((row, row + 1), (column, column + 1), _colour(value / top), f"{value:+.3g} {kind.unit}".strip())
-    said = f"Blue: below, red: above zero, to ±{kind.said(top)}; what each does alone taken off."
-    return f'{plot.svg()}<p class="under">{escape(said)}</p>'
-
-
-def _steps(bins: Bins) -> Axis:
-    return Axis(0, len(bins), names=[word.split(" to ")[0] if len(bins) > 3 else word for word in bins.words()])
-
-
-def _colour(share: float) -> str:
-    """Blue over grey to red for −1 to 1."""
-    share = float(np.clip(share, -1, 1))
-    middle, end = (70, 78, 92), (232, 70, 60) if share > 0 else (50, 120, 240)
-    return "rgb({},{},{})".format(*(round(m + abs(share) * (e - m)) for m, e in zip(middle, end, strict=True)))

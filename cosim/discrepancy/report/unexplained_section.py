@@ -1,125 +1,50 @@
-"""What no effect explains: unknown shapes, and what is still significant in the end with the residuals that show it."""
+"""Effects outside the catalogue: unknown effects with formulas and charts, and dependences that remain unexplained."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection
 from html import escape
-from importlib.resources import files
 
 import numpy as np
 
-from cosim.discrepancy.budget import Judged
 from cosim.discrepancy.diagnosis import Diagnosis
-from cosim.discrepancy.report.beams import LAYOUT, Beams
-from cosim.discrepancy.report.bins import USUAL, Bins, bins_of
-from cosim.discrepancy.report.residual_charts import (
-    CHANNELS,
-    Channel,
-    Chart,
-    all_charts,
-    chart,
-    drawn,
-    pair_chart,
-    scale_of,
-)
-from cosim.discrepancy.report.scan_view import scan_view
+from cosim.discrepancy.quantities import channel_words, covariate_words, dependence_words, shown, unit_words
+from cosim.discrepancy.report.beams import LAYOUT
+from cosim.discrepancy.report.evidence_section import AXES
+from cosim.discrepancy.report.findings_section import change_words
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.effect import Factor, UnknownEffect
-from cosim.discrepancy.words import channel_words, table_words
-from cosim.report import button, figure, legend, section, table
-from cosim.report.phrases import p_cell
+from cosim.discrepancy.words import UNDETERMINED, table_words
+from cosim.report import button, figure, section, table
+from cosim.report.phrases import as_sure, p_cell, p_words
 from cosim.report.plot import Axis, Plot
 
-
-@dataclass(frozen=True, eq=False)
-class Explored:
-    """What a page shows of judged frames.
-
-    Attributes:
-        beams: of the frames.
-        bins: of covariates, by name.
-        charts: by channel.
-    """
-
-    beams: Beams
-    bins: dict[str, Bins]
-    charts: dict[str, list[Chart]]
-
-    @classmethod
-    def of(cls, judged: Judged | None, shown: int, more: Collection[str] = ()) -> Explored | None:
-        """Of judged frames, `shown` of them whole; `more` names covariates beside the usual ones."""
-        return None if judged is None else cls.of_beams(Beams.of(judged, shown), more)
-
-    @classmethod
-    def of_beams(cls, beams: Beams, more: Collection[str] = ()) -> Explored:
-        """Of beams that have been gathered."""
-        bins = bins_of(beams.rows, (*USUAL, *more))
-        return cls(beams, bins, all_charts(beams.rows, bins, beams.is_one))
-
-    @property
-    def count(self) -> int:
-        """How many charts there are."""
-        return sum(len(charts) for charts in self.charts.values())
-
-    @property
-    def left(self) -> tuple[Chart, ...]:
-        """Charts that show a dependence in the end, the surest first."""
-        found = [one for charts in self.charts.values() for one in charts if one.shows(one.after, self.count)]
-        return tuple(sorted(found, key=lambda one: one.after.p_value))
+_WIDEST = 4.0  # times the median standard error: bins beyond do not set the scale of a chart
 
 
-def explorer_section(found: Explored | None, sides: Sequence[str], *, text: str) -> str:
-    """HTML; empty without frames.
-
-    Args:
-        found: what is shown.
-        sides: words on before and after, as in legends.
-        text: what was taken out of residuals (HTML).
-    """
-    if found is None or not found.charts:
-        return ""
-    told = sides[-1:] if found.beams.is_one else sides
-    first = next(iter(found.charts))
-    tabs = "".join(button(charts[0].channel.title, name == first, tab=name) for name, charts in found.charts.items())
-    panels = "".join(_panel(charts, found.count, name == first) for name, charts in found.charts.items())
-    colours = legend([(f"var(--{style})", escape(word)) for style, word in zip("ba"[-len(told) :], told, strict=True)])
-    picks = f'<div class="picks" role="group" aria-label="channel">{tabs}</div>'
-    left = f'<div class="residuals">{picks}{colours}{panels}</div>'
-    right = scan_view(found.beams.scans, found.bins, told)
-    body = f'<div class="explore">{left}{right}</div>'
-    return section("Residuals, and the beams that they are of", body, text=text, anchor="residuals")
-
-
-def _panel(charts: Sequence[Chart], count: int, is_shown: bool) -> str:
-    top, channel = scale_of(charts), charts[0].channel
-    figures = "".join(drawn(one, top, count) for one in charts)
-    hidden = "" if is_shown else " hidden"
-    return (
-        f'<div data-panel="{channel.name}"{hidden}><p>{channel.signs} Those with most to tell first, one scale.</p>'
-        f'<div class="charts">{figures}</div></div>'
-    )
-
-
-def explorer_style() -> str:
-    """CSS of what `explorer_section` gives."""
-    return "\n" + (files("cosim.discrepancy.report") / "explorer.css").read_text(encoding="utf-8")
-
-
-def unexplained_section(found: tuple[Unexplained, ...], explored: Explored | None) -> str:
-    """HTML; empty where nothing is left."""
+def unexplained_section(found: Diagnosis) -> str:
+    """HTML: significant dependences that remain; empty without any."""
+    keys = {(cell.channel, cell.covariates) for cell in found.evidence}
     rows = [
-        [escape(channel_words(one.channel)), escape(_on(one)), escape(size_words(one)), escape(p_cell(one.p_value))]
-        for one in found
-    ]
-    listed = table(["what is off", "by", "size", "p"], rows, words=(1,))
-    pictures = [_picture(one, explored) for one in found[: LAYOUT.unexplained]] if explored else []
-    charts = f'<div class="charts">{"".join(pictures)}</div>' if any(pictures) else ""
+        [
+            escape(channel_words(row.channel)), escape(_on(row)), escape(size_words(row)), escape(p_cell(row.p_value)),
+            _opener(row, keys),
+        ]
+        for row in found.unexplained
+    ]  # fmt: skip
     text = (
-        "Still significant in the final model and explained by no finding above. p is family-wise: the probability "
-        "that any hypothesis would look like this if nothing were missing. Charts show residuals of held-out frames."
+        "Still significant with the final model and explained by no finding. p is family-wise: the probability that "
+        "any hypothesis would be this significant if nothing were missing. Size: root mean square of the change."
     )
-    return section("What is not explained", listed, charts, text=text if found else "", anchor="unexplained")
+    listed = table(["channel", "by", "size", "p", ""], rows, words=(1,))
+    return section("Unexplained dependences", listed, text=text if rows else "", anchor="unexplained")
+
+
+def _opener(row: Unexplained, keys: Collection[tuple[str, tuple[str, ...]]]) -> str:
+    """A button that opens the chart of the evidence; empty for effects."""
+    if row.resembles or (row.channel, row.covariates) not in keys:
+        return ""
+    return button("chart", open=f"{row.channel}:{'+'.join(row.covariates)}")
 
 
 def size_words(one: Unexplained) -> str:
@@ -131,129 +56,108 @@ def size_words(one: Unexplained) -> str:
     return f"{one.size:.2g}" if one.channel == "intensity" else f"{100 * one.size:.2g} %"
 
 
-def _on(one: Unexplained) -> str:
-    if one.resembles:
-        return f"similar to {one.resembles}"
-    return " and ".join(one.covariates).replace("_", " ")
-
-
-def _picture(one: Unexplained, explored: Explored) -> str:
-    """The residuals that are left, by what they depend on."""
-    rows, title = explored.beams.rows, f"{channel_words(one.channel)}, {'' if one.resembles else 'by '}{_on(one)}"
-    if one.channel not in CHANNELS:
-        return ""
-    title = title[0].upper() + title[1:]
-    if one.covariates == ("noise_shape",):
-        return figure(
-            title, "What is left, beside a normal law of the same spread", _shape(explored, CHANNELS[one.channel])
-        )
-    if len(one.covariates) == 2:
-        pair = [Bins.of(rows, name, LAYOUT.pair_bins) for name in one.covariates]
-        if pair[0] is None or pair[1] is None:
-            return ""
-        body = pair_chart(rows, one.channel, pair[0], pair[1])
-        return figure(title, "What is left, over both", body) if body else ""
-    shown = _strongest(one, explored) if one.resembles else _chart(one, explored)
-    return drawn(shown, scale_of([shown]), 1, title) if shown else ""
-
-
-def _chart(one: Unexplained, explored: Explored) -> Chart | None:
-    name = one.covariates[0] if one.covariates else ""
-    bins = explored.bins.get(name) or bins_of(explored.beams.rows, (name,)).get(name)
-    return None if bins is None else chart(explored.beams.rows, one.channel, bins, is_one=True)
-
-
-def _strongest(one: Unexplained, explored: Explored) -> Chart | None:
-    """Of what looks like an effect, the chart of its channel in which most is left."""
-    return max(explored.charts.get(one.channel, ()), key=lambda chart: chart.after.size, default=None)
-
-
-def _shape(explored: Explored, channel: Channel) -> str:
-    """SVG: how residuals are distributed, over their spread, beside a normal law."""
-    values = explored.beams.rows.after[channel.name].astype(float)
-    values = values[np.isfinite(values)]
-    middle = values - np.median(values)
-    spread = 1.4826 * float(np.median(np.abs(middle))) or 1.0
-    edges = np.linspace(-LAYOUT.sigmas, LAYOUT.sigmas, 65)
-    share = np.histogram(middle / spread, edges)[0] / max(len(values), 1) / np.diff(edges)
-    normal = np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi)
-    top = 1.15 * max(float(share.max()), float(normal.max()))
-    unit = f"1 is {channel.said(channel.factor * spread)}"
-    over = Axis(-LAYOUT.sigmas, LAYOUT.sigmas, f"residual over its spread, {unit}")
-    plot = Plot(over, Axis(0, top, "density"), "the noise's shape", 460, 270)
-    plot.steps(edges, share, "a")
-    plot.line(edges, normal, "b")
-    return plot.svg()
-
-
-_UNITS = {"m": " [m]", "rad": " [rad]"}
+def _on(row: Unexplained) -> str:
+    if row.resembles:
+        return f"similar to {row.resembles}"
+    if row.channel.startswith("shared_"):
+        return f"each {unit_words(row.covariates[0])}"
+    return " and ".join(covariate_words(name) for name in row.covariates)
 
 
 def unknown_section(found: Diagnosis) -> str:
-    """HTML: formulas, fitted parameters, plug-ins and curves; empty where nothing is unknown."""
+    """HTML: formulas, fitted parameters, plug-ins and curves of unknown effects; empty without any."""
     if not found.unknowns:
         return ""
-    return section("Effects that are in no catalogue", *(_unknown(unknown) for unknown in found.unknowns))
+    changes = {change.name: change for change in found.changes}
+    parts = (_unknown(unknown, change_words(changes.get(unknown.name))) for unknown in found.unknowns)
+    return section("Effects that are in no catalogue", *parts)
 
 
-def _unknown(unknown: UnknownEffect) -> str:
+def _unknown(unknown: UnknownEffect, change: str) -> str:
     curve = unknown.curve
     fit = f"<p>The formula explains {unknown.r2:.1%} of the curve.</p>" if unknown.terms else ""
-    parameters = ", ".join(_parameter(name, value, unknown.ci95.get(name)) for name, value in unknown.params.items())
+    parameters = ", ".join(_parameter(name, value, unknown) for name, value in unknown.params.items())
     parameters = f"<p>Fitted together with everything else: {escape(parameters)}.</p>" if parameters else ""
     law = table_words(unknown) or unknown.form
-    variables = f"<p>{escape(unknown.variables)}</p>" if unknown.variables else ""
-    on = " and ".join(curve.covariates).replace("_", " ")
-    head = f"{channel_words(curve.channel).capitalize()} depends on {on}:"
-    charts = "".join(_chart_of(unknown, factor) for factor in unknown.factors)
+    details = "; ".join(filter(None, (f"in {curve.unit}" if curve.unit else "", unknown.variables)))
+    variables = f"<p>{escape(details[0].upper() + details[1:])}</p>" if details else ""
+    head = dependence_words(curve.channel, curve.covariates)
+    error = f"<p>Aligned error {change.replace('<br>', '; ')}</p>" if change else ""
+    charts = "".join(_factor_chart(unknown, factor) for factor in unknown.factors)
     return (
-        f'<p>{escape(head)}</p><p class="formula">{escape(law)}</p>{variables}{fit}{parameters}'
-        f"<p>The improved sensor contains it as <code>{escape(unknown.name)}.py</code>: a plug-in to rename and edit "
-        f"when its cause is known.</p>{charts}"
+        f"<h3>{escape(head[0].upper() + head[1:])}, {escape(p_words(curve.p_value))}</h3>"
+        f'<p class="formula">{escape(law)}</p>{variables}{fit}{parameters}'
+        f"{error}<p>The improved sensor contains it as <code>{escape(unknown.name)}.py</code>: a plug-in to rename and "
+        f"edit when its cause is known.</p>{charts}{_object_table(unknown)}"
     )
 
 
-def _parameter(name: str, value: float, interval: list[float] | None) -> str:
-    words = f"{name} {value:.3g}".replace("-", "−")
+def _parameter(name: str, value: float, unknown: UnknownEffect) -> str:
+    interval, unit = unknown.ci95.get(name), unknown.parameter_units.get(name, "")
+    unit = f" {unit}" if unit else ""
     if interval is None:
-        return words
+        return f"{name} {value:.3g}{unit}".replace("-", "−")
     half = (interval[1] - interval[0]) / 2
-    return f"{words} ± {half:.2g}" if np.isfinite(half) else f"{words} (interval cannot be determined)"
+    if not np.isfinite(half):
+        return f"{name} {UNDETERMINED}"
+    number, error = as_sure(value, half)
+    return f"{name} {number} ± {error}{unit}".replace("-", "−")
 
 
-def _chart_of(unknown: UnknownEffect, factor: Factor) -> str:
-    """The curve over one covariate with two standard errors, and the fitted term."""
+def _factor_chart(unknown: UnknownEffect, factor: Factor) -> str:
+    """The curve over one covariate with two standard errors, and the fitted term; both factors of a pair in turn."""
+    is_pair, is_first = len(unknown.factors) > 1, factor is unknown.factors[0]
+    is_first = is_first or factor.covariate == unknown.curve.covariates[0]
+    channel, covariate = AXES[unknown.curve.channel], shown(factor.covariate)
+    convert = channel.convert if is_first else np.asarray
     y, sigma = np.asarray(factor.y, float), np.asarray(factor.sigma, float)
-    name, unit = factor.covariate.replace("_", " "), f" [{factor.unit}]" if factor.unit else ""
     known = np.isfinite(y) & np.isfinite(sigma)
     if not known.any():
         return ""
+    label = f"{covariate.words} ({covariate.unit})" if covariate.unit else covariate.words
     if isinstance(factor.x, tuple):
         order = np.argsort(np.where(known, -np.abs(y / np.maximum(sigma, 1e-12)), 1.0), kind="stable")
         order = order[: min(LAYOUT.values, int(known.sum()))]
         x, y, sigma = np.arange(len(order), dtype=float), y[order], sigma[order]
-        labels = [factor.x[row].replace("_", " ") for row in order]
-        axis = Axis(-0.5, len(order) - 0.5, name, names=labels)
+        axis = Axis(-0.5, len(order) - 0.5, label, names=[factor.x[row].replace("_", " ") for row in order])
     else:
         x, y, sigma = np.asarray(factor.x, float)[known], y[known], sigma[known]
-        axis = Axis(float(x.min()), float(x.max()) if np.ptp(x) > 0 else float(x.min()) + 1, f"{name}{unit}")
-    low, high = float((y - 2 * sigma).min()), float((y + 2 * sigma).max())
-    reach = max(high, 0.0) - min(low, 0.0) or 1e-9
-    is_first = factor is unknown.factors[0] or factor.covariate == unknown.curve.covariates[0]
-    channel_unit = _UNITS.get(unknown.curve.unit, "") if is_first else " (factor)"
-    label = f"{channel_words(unknown.curve.channel)}{channel_unit}"
-    upright = Axis(min(low, 0.0) - 0.15 * reach, max(high, 0.0) + 0.15 * reach, label)
-    plot = Plot(axis, upright, f"{label} by {name}", 900, 320)
+        ends = covariate.factor * np.array([x.min(), x.max() if np.ptp(x) > 0 else x.min() + 1])
+        axis = Axis(float(ends[0]), float(ends[1]), label)
+    bottom, middle, above = convert(y - 2 * sigma), convert(y), convert(y + 2 * sigma)
+    usual = sigma <= _WIDEST * np.median(sigma)
+    low, high = min(float(bottom[usual].min()), 0.0), max(float(above[usual].max()), 0.0)
+    pad = 0.1 * (high - low) or 1e-9
+    upright = Axis(low - pad, high + pad, channel.label if is_first else f"factor by {covariate.words.split(',')[0]}")
+    plot = Plot(axis, upright, f"{upright.label} by {label}", 900, 320)
     plot.line(np.array([axis.low, axis.high]), np.zeros(2), "zero")
     if isinstance(factor.x, tuple):
-        for place, level, side in zip(x, y, 2 * sigma, strict=True):
-            plot.line(np.full(2, place), np.array([level - side, level + side]), "a")
-        plot.line(x, y, "none", dots=True)
+        for place, *ends in zip(x, bottom, above, strict=True):
+            plot.line(np.full(2, place), np.array(ends), "a")
+        plot.line(x, middle, "none", dots=True)
         text = "Measured change by category, with two standard errors."
     else:
-        plot.band(x, y - 2 * sigma, y + 2 * sigma, "a")
-        plot.line(x, y, "a", dots=True)
-        fine = np.linspace(axis.low, axis.high, 300)
-        plot.line(fine, factor.term.evaluate(fine), "b")
+        plot.band(covariate.factor * x, bottom, above, "a")
+        plot.line(covariate.factor * x, middle, "a", dots=True)
+        fine = np.linspace(float(x.min()), float(x.max()), 300)
+        plot.line(covariate.factor * fine, convert(factor.term.evaluate(fine)), "b")
         text = "Dots: measured change by bin, with two standard errors. Blue: the fitted term."
+    if is_pair:
+        text += " The effect is the product of both factors."
     return figure("", text, plot.svg(), kind="full", width_px=900)
+
+
+def _object_table(unknown: UnknownEffect) -> str:
+    """The errors of size or place of each class along the axes of its objects [cm]."""
+    curve = unknown.curve
+    if not curve.is_of_objects:
+        return ""
+    kinds, axes = (tuple(map(str, axis)) for axis in curve.x)
+    rows = [
+        [
+            escape(kind),
+            *(f"{100 * y:+.1f} ± {200 * error:.1f} cm".replace("-", "−") for y, error in zip(*row, strict=True)),
+        ]
+        for kind, *row in zip(kinds, curve.y, curve.sigma, strict=True)
+    ]
+    return table(["class", *axes], rows)

@@ -223,7 +223,10 @@ def _few(names: Sequence[str]) -> str:
 
 def _not_told(last: Round) -> str:
     rows = [
-        [escape(effect), escape(", ".join(f"{name} {value:.3g}" for name, value in values.items()))]
+        [
+            escape(effect),
+            escape(", ".join(f"{name} {value:.3g}" for name, value in values.items() if value is not None)),
+        ]
         for effect, values in sorted(last.not_told.items())
     ]
     if not rows:

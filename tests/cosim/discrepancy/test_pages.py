@@ -23,10 +23,11 @@ from cosim.discrepancy import compare, diagnose
 from cosim.discrepancy.budget import Budget, HeldOut
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding, headline
-from cosim.discrepancy.report import explored_of, format_comparison, format_diagnosis, left_words
+from cosim.discrepancy.quantities import group_words
+from cosim.discrepancy.report import explored_of, format_comparison, format_diagnosis
 from cosim.discrepancy.settings import Settings
-from cosim.discrepancy.unexplained import Unexplained
-from cosim.discrepancy.words import Vocabulary, source_words
+from cosim.discrepancy.unexplained import EvidenceCell, EvidenceCurve, Unexplained
+from cosim.discrepancy.words import Vocabulary, implausible_spreads, source_words
 from cosim.report import Piece, stacked_bar, write_page
 from cosim.report.binned import binned, quantile_edges
 from cosim.report.waterfall import waterfall
@@ -147,6 +148,8 @@ def diagnosis(*effects: Finding, aligned: float = 1.03, first: float = 1.2) -> D
         ranking=(Alternative("range_walk", 900.0, 0.0004), Alternative("incidence_bias", 895.0, 0.001)),
         unknowns=(),
         unexplained=(),
+        either_or=(),
+        evidence=(),
         smallest_detectable={"range_bias": {"offset_m": 0.004}, "encoder_eccentricity": {"amplitude_deg": 0.02}},
         budget=budget,
         sensor=SensorModel(PATTERN),
@@ -183,6 +186,8 @@ def test_diagnose_writes_its_json_page_and_sensor(told: Told, monkeypatch: pytes
         "unknown",
         "unknowns",
         "unexplained",
+        "either_or",
+        "evidence",
         "smallest_detectable",
         "error_before",
         "error_after",
@@ -276,7 +281,8 @@ def test_the_page_of_a_diagnosis_names_effect_interval_rivals_and_the_drive_that
         "2.9 cm to 3.3 cm",
         "&lt; 0.001",
         "asphalt beside road marking",
-        "poses of scans by 0.9 cm and 0.02° and brightness of objects by 5 %",
+        "positions of scans 0.9 cm, orientations of scans 0.02° and reflectances of objects 5 %",
+        "<b>either</b> range_walk <b>or</b> incidence_bias",
     ):
         assert words in text, words
     opened_in_chromium(write_page(tmp_path / "page", text))
@@ -301,49 +307,151 @@ def test_a_step_that_is_exact_to_a_billionth_has_no_row_of_zeros() -> None:
     assert Vocabulary().quantity("intensity_quantization", "step", 0.01, [0.01 - 2e-10, 0.01 + 2e-10]) == "0.01 ± 2e-10"
 
 
-def test_when_nothing_is_missing_page_and_line_say_so_and_what_would_have_shown() -> None:
+def test_when_nothing_is_missing_page_and_line_say_so_and_what_is_detectable() -> None:
     found = replace(diagnosis(), notes=("rays/ is <absent>",))
     text, line = format_diagnosis(found, Vocabulary(), "drive", "my.yaml"), headline(found, Vocabulary())
-    assert "Nothing is missing that would show" in text
+    assert "No effect is missing" in text
     assert "encoder_eccentricity from 0.02°" in text
     assert "rays/ is &lt;absent&gt;" in text
-    assert line.startswith("nothing missing that would show")
+    assert line.startswith("nothing missing: no significant effect; detectable: range_bias from 0.4 cm")
     for said in (text, line):
-        assert (
-            "3.2 × the noise floor: 2.0 of it poses, 0.2 objects, nothing missing; aligned 1.030, at the floor" in said
-        )
+        assert "3.2 × the noise floor, of which poses 2.0, objects 0.2; aligned 1.030, at the noise floor" in said
 
 
-def test_nothing_missing_never_stands_beside_what_is_left() -> None:
+def test_nothing_missing_is_never_reported_while_anything_is_listed() -> None:
     left = Unexplained("range", ("incidence", "range"), 0.004, "m", 0.003)
     found = replace(diagnosis(), unexplained=(left,))
-    text = format_diagnosis(found, Vocabulary(), "drive", "my.yaml")
-    assert "othing is missing" not in text
-    assert "nothing missing" not in text + headline(found, Vocabulary())
+    text, line = format_diagnosis(found, Vocabulary(), "drive", "my.yaml"), headline(found, Vocabulary())
+    assert found.verdict == "unknown"
+    assert "No effect is missing" not in text
     assert "0.4 cm" in text
-    assert "range by incidence and range" in headline(found, Vocabulary())
-    shown = headline(diagnosis(), Vocabulary(), ["returns by azimuth (±2.0 %)"])
-    assert "nothing missing" not in shown
-    assert "returns by azimuth" in shown
+    assert line.startswith("unexplained: range by angle of incidence and predicted range")
 
 
-def test_nothing_missing_never_stands_beside_a_chart_that_shows_otherwise(diagnosed: Diagnosis) -> None:
+def test_nothing_missing_is_never_reported_above_the_noise_floor() -> None:
+    found = diagnosis(aligned=1.02 * 1.08)
+    text, line = format_diagnosis(found, Vocabulary(), "drive", "my.yaml"), headline(found, Vocabulary())
+    assert found.verdict == "unknown"
+    assert "No effect is missing" not in text
+    assert "The error is above the noise floor" in text
+    assert line.startswith("unexplained: the error is above the noise floor")
+    assert "1.08 × the noise floor" in line
+
+
+def test_a_finding_that_does_not_lower_the_error_is_marked() -> None:
+    found = diagnosis(finding(also=()), first=1.03, aligned=1.04)
+    text, line = format_diagnosis(found, Vocabulary(), "drive", "my.yaml"), headline(found, Vocabulary())
+    assert [change.is_fall for change in found.changes] == [False]
+    assert text.count("does not lower the error") == 2  # in the verdict and in the table
+    assert "p < 0.001 (does not lower the error)" in line
+    assert "does not lower" not in headline(diagnosis(finding(also=())), Vocabulary())
+
+
+def test_changes_of_the_error_follow_the_order_in_which_effects_were_added() -> None:
+    first, second = finding("range_walk", ()), finding("incidence_bias", ())
+    found = diagnosis(first, second)
+    steps = found.budget.steps
+    swapped = replace(found, effects=(replace(first, error_before=steps[1]), replace(second, error_before=steps[0])))
+    assert [change.name for change in swapped.changes] == ["incidence_bias", "range_walk"]
+
+
+def test_numbers_wider_than_their_range_cannot_be_determined() -> None:
+    wide = replace(finding(also=()), ci95={"amplitude_m": [0.029, 0.033], "decay": [-7e5, 7e5]})
+    found = replace(diagnosis(wide), smallest_detectable={"range_bias": {"offset_m": 12.0}})
+    line = headline(found, Vocabulary())
+    assert "amplitude 3.10 cm ± 0.20, decay cannot be determined" in line
+    json_row = found.to_json()
+    assert json_row["effects"][0]["params"] == {"amplitude_m": 0.031, "decay": None}
+    assert json_row["smallest_detectable"] == {"range_bias": {"offset_m": None}}
+    text = format_diagnosis(found, Vocabulary(), "drive", "my.yaml")
+    assert "wider than the allowed range" in text
+    assert "<td>cannot be determined</td>" in text[text.index("Smallest detectable amplitudes") :]
+
+
+def test_lists_count_the_lasers_that_cannot_be_determined() -> None:
+    offsets, pairs = [0.01, 0.02, 0.03], [[0.0, 0.02], [-90.0, 90.0], [0.02, 0.04]]
+    line = Vocabulary().quantity("ring_range_offset", "offsets_m", offsets, pairs)
+    assert line == "3 values, 1 to 3 cm; 1 cannot be determined"
+
+
+@pytest.mark.parametrize(("name", "value", "words"), [("pose_shift_m", 0.5, "50 cm"), ("object_albedo", 0.6, "60 %")])
+def test_implausible_spreads_are_flagged_with_limit_and_cause(name: str, value: float, words: str) -> None:
+    found = replace(diagnosis(finding()), spreads={name: value, "map_m": 0.01})
+    (sentence,) = implausible_spreads(found.spreads)
+    assert words in sentence
+    assert "exceeds the plausible limit of" in sentence
+    assert "Usual causes" in sentence
+    assert words in format_diagnosis(found, Vocabulary(), "drive", "my.yaml")
+    assert implausible_spreads({name: value / 10}) == []
+
+
+def test_alternatives_of_an_either_or_set_have_a_drive_that_separates_them() -> None:
+    sets = (("range_walk [amplitude_m; decay 4]", "incidence_bias [gain_m]", "range by albedo"),)
+    text = format_diagnosis(replace(diagnosis(finding(also=())), either_or=sets), Vocabulary(), "drive", "my.yaml")
+    assert "<b>either</b> range_walk <b>or</b> incidence_bias <b>or</b> range by reflectance of the surface" in text
+    assert "asphalt beside road marking" in text
+    assert "Vary the reflectance of the surface while" in text
+
+
+def test_hypotheses_have_names_in_words() -> None:
+    assert group_words("range_walk [amplitude_m; decay 4]") == "range_walk"
+    assert (
+        group_words("drop by range x incidence") == "probability of a return by predicted range and angle of incidence"
+    )
+    assert group_words("shared_range by block") == "range error shared by each block of lasers in a scan"
+
+
+def evidence_cell(gains: tuple[float, float], p_values: tuple[float, float]) -> EvidenceCell:
+    x = np.array([10.0, 30.0, 60.0])
+    curves = [EvidenceCurve(x, size * np.array([1.0, -1.0, 2.0]), np.full(3, 1e-3), "deg") for size in (0.02, 1e-4)]
+    return EvidenceCell("range", ("incidence",), gains[0], p_values[0], gains[1], p_values[1], *curves)
+
+
+def test_each_cell_of_the_evidence_opens_its_chart(tmp_path: Path) -> None:
+    cells = (
+        evidence_cell((80.0, 0.2), (0.005, 0.9)),
+        EvidenceCell("shared_range", ("firing",), 2.0, 0.3, 1.0, 0.5),
+        EvidenceCell("drop", ("range", "incidence"), 40.0, 0.01, 30.0, 0.01),
+    )
+    text = format_diagnosis(replace(diagnosis(finding()), evidence=cells), Vocabulary(), "drive", "my.yaml")
+    names = re.findall(r'data-cell="([^"]+)"', text)
+    assert sorted(names) == ["drop:range+incidence", "range:incidence", "shared_range:firing"]
+    assert sorted(re.findall(r'data-chart="([^"]+)"', text)) == sorted(names)
+    cell = re.search(r'<button type="button" data-cell="range:incidence".*?</button>', text)
+    assert cell and cell[0].endswith("<i></i><b></b></button>")  # significant before, not after
+    page = write_page(tmp_path / "page", text)
+    for name in names:
+        document = opened_in_chromium(page, f"#cell={name}")
+        shown = re.findall(r'<div data-chart="([^"]+)">', document)
+        assert shown == [name]
+        assert f'data-cell="{name}"' in re.search(r"<button[^>]*aria-pressed=\"true\"[^>]*>", document)[0]  # type: ignore[index]
+
+
+def test_a_cell_is_significant_by_the_rule_that_selects_terms(diagnosed: Diagnosis, diagnosed_page: str) -> None:
+    by = diagnosed.settings
+    significant = {
+        f"{cell.channel}:{'+'.join(cell.covariates)}"
+        for cell in diagnosed.evidence
+        if cell.p_value_after <= by.level and cell.gain_after >= by.selection.least_gain
+    }
+    buttons = re.findall(r'<button type="button" data-cell="([^"]+)"[^>]*>(.*?)</button>', diagnosed_page)
+    assert len(buttons) > 20
+    assert {name for name, halves in buttons if halves.endswith("<i></i>")} == significant
+
+
+def test_charts_of_residuals_claim_no_significance(diagnosed: Diagnosis) -> None:
     assert diagnosed.judged is not None
-    given = replace(diagnosed.judged, after=diagnosed.judged.before)
-    denied = replace(diagnosed, effects=(), unexplained=(), judged=given)
-    assert denied.verdict == "none"
-    explored = explored_of(denied)
-    text = format_diagnosis(denied, Vocabulary(), "drive", "my.yaml", explored)
-    assert any(words.startswith("range by") for words in left_words(explored))
-    assert "Judging frames show more" in text
-    assert "othing is missing" not in text
-    assert "nothing missing" not in text
+    initial = replace(diagnosed.judged, after=diagnosed.judged.before)
+    denied = replace(diagnosed, effects=(), unexplained=(), evidence=(), judged=initial)
+    text = format_diagnosis(denied, Vocabulary(), "drive", "my.yaml", explored_of(denied))
+    assert "It shows where residuals are, not what is significant" in text
+    assert "chance" not in text
 
 
 def test_the_line_of_a_diagnosis() -> None:
     line = headline(diagnosis(finding(also=())), Vocabulary())
     assert "range_walk (amplitude 3.10 cm ± 0.20, decay 4.00 ± 0.50), p < 0.001" in line
-    assert "aligned 1.200 → 1.030, at the floor" in line
+    assert "aligned 1.200 → 1.030, at the noise floor" in line
 
 
 def test_pages_tell_the_coverage_that_a_diagnosis_used() -> None:
@@ -355,7 +463,7 @@ def test_pages_tell_the_coverage_that_a_diagnosis_used() -> None:
 
 def test_sources_are_told_in_floors() -> None:
     parts = {"noise": 0.5, "poses": 1.55, "objects": 0.1, "map": 0.0, "missing": 0.3, "unexplained": 0.001}
-    assert source_words(parts, 0.5, is_complete=False) == "3.1 of it poses, 0.2 objects, 0.6 missing effects"
+    assert source_words(parts, 0.5, is_complete=False) == "poses 3.1, objects 0.2, missing effects 0.6"
 
 
 def test_confusions_name_effects_that_exist() -> None:

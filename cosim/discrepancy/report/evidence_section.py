@@ -1,0 +1,312 @@
+"""The evidence: a heat map of all hypotheses, channel by covariate, each cell with the chart of its statistic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from html import escape
+from importlib.resources import files
+
+import numpy as np
+
+from cosim.discrepancy.quantities import CHANNELS, SHOWN, channel_words, covariate_words, shown, unit_words
+from cosim.discrepancy.settings import Settings
+from cosim.discrepancy.unexplained import EvidenceCell, EvidenceCurve
+from cosim.report import figure, section
+from cosim.report.phrases import p_words
+from cosim.report.plot import Axis, Plot
+
+_GROUND, _WARM, _HOT = (27, 33, 44), (214, 96, 36), (255, 226, 120)
+_LEAST_TOP = 100.0  # gain of the brightest colour, at least
+_STANDARD_ERRORS = 2.0
+_MOST_LOG = 3.0
+_WIDEST = 4.0  # times the median standard error: bins beyond do not set the scale of a chart
+_MOST_NAMES = 8
+
+
+def _linear(factor: float) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda values: factor * values
+
+
+def _percent_of_log(values: np.ndarray) -> np.ndarray:
+    return 100 * np.expm1(np.clip(values, -_MOST_LOG, _MOST_LOG))
+
+
+@dataclass(frozen=True)
+class ChannelAxis:
+    """The axis of a channel in charts: label with unit, and the conversion of coefficients into that unit."""
+
+    label: str
+    convert: Callable[[np.ndarray], np.ndarray]
+
+
+_ANGLE = _linear(float(np.degrees(1.0)))
+AXES = {
+    "range": ChannelAxis("measured − predicted range (cm)", _linear(100.0)),
+    "azimuth_error": ChannelAxis("azimuth error (°)", _ANGLE),
+    "elevation_error": ChannelAxis("elevation error (°)", _ANGLE),
+    "intensity": ChannelAxis("change of intensity (%)", _percent_of_log),
+    "intensity_offset": ChannelAxis("offset of intensity", _linear(1.0)),
+    "drop": ChannelAxis("change of the probability of a return (%)", _linear(100.0)),
+    "spurious": ChannelAxis("spurious returns (‰ of beams)", _linear(1000.0)),
+    "early": ChannelAxis("early returns (‰ of beams)", _linear(1000.0)),
+    "late": ChannelAxis("late returns (‰ of beams)", _linear(1000.0)),
+    "range_variance": ChannelAxis("change of range noise (%)", _percent_of_log),
+    "intensity_variance": ChannelAxis("change of intensity noise (%)", _percent_of_log),
+}
+
+
+def evidence_section(cells: Sequence[EvidenceCell], settings: Settings, *, has_findings: bool) -> str:
+    """HTML; empty without cells.
+
+    Args:
+        cells: of the matrix.
+        settings: level and least gain, above which a cell counts as significant.
+        has_findings: whether the initial and the final model differ.
+    """
+    best = _strongest(cells)
+    if not best:
+        return ""
+    names = {key: f"{key[0]}:{'+'.join(key[1])}" for key in best}
+    top = max(_LEAST_TOP, *(max(cell.gain, cell.gain_after) for cell in best.values()))
+    blocks = {
+        "One covariate": [key for key in best if not _is_shared(key) and len(key[1]) == 1],
+        "Two covariates": [key for key in best if len(key[1]) > 1],
+        "Errors that beams share": [key for key in best if _is_shared(key)],
+    }
+    view = _View(settings, top, has_findings)
+    tables = "".join(_table(title, keys, best, names, view) for title, keys in blocks.items() if keys)
+    first = max(best, key=lambda key: _rank(best[key], settings))
+    charts = "".join(_chart(cell, names[key], view, is_shown=key == first) for key, cell in best.items())
+    text = (
+        "Each cell is a hypothesis: the channel (row) depends on the covariate (column). "
+        + ("Left half: with the initial model; right half: with all findings. " if has_findings else "")
+        + "Colour: gain, the log-likelihood that the dependence gains on clusters "
+        "of beams that took no part in its fit, on a logarithmic scale. A dot marks cells that are significant: "
+        f"family-wise p ≤ {settings.level:g} and a gain of at least {settings.selection.least_gain:g}. Poses, objects, "
+        "map and all fitted parameters are eliminated. Empty cells were tested in a first pass and are too weak to be "
+        "significant, or are not defined. <b>Click a cell for its chart.</b>"
+    )
+    body = f'<div class="evidence"><div>{tables}{_scale(top)}</div><div class="evidence-charts">{charts}</div></div>'
+    script = (files("cosim.discrepancy.report") / "evidence.js").read_text(encoding="utf-8")
+    return section("Evidence", body, f"<script>{script}</script>", text=text, anchor="evidence")
+
+
+def evidence_style() -> str:
+    """CSS of what `evidence_section` returns."""
+    return "\n" + (files("cosim.discrepancy.report") / "evidence.css").read_text(encoding="utf-8")
+
+
+def is_significant(gain: float, p_value: float, settings: Settings) -> bool:
+    """Whether a cell is significant: the rule by which terms are selected."""
+    return p_value <= settings.level and gain >= settings.selection.least_gain
+
+
+_Key = tuple[str, tuple[str, ...]]
+
+
+@dataclass(frozen=True)
+class _View:
+    """What all cells share: numeric choices, the gain of the brightest colour, and whether there are two models."""
+
+    settings: Settings
+    top: float
+    has_findings: bool
+
+
+def _strongest(cells: Sequence[EvidenceCell]) -> dict[_Key, EvidenceCell]:
+    """The cell of the largest gain of each channel and covariates: classes of objects and waves share one."""
+    best: dict[_Key, EvidenceCell] = {}
+    for cell in cells:
+        key = cell.channel, cell.covariates
+        if key not in best or max(cell.gain, cell.gain_after) > max(best[key].gain, best[key].gain_after):
+            best[key] = cell
+    return best
+
+
+def _is_shared(key: _Key) -> bool:
+    return key[0].startswith("shared_")
+
+
+def _rank(cell: EvidenceCell, settings: Settings) -> tuple[bool, float, float]:
+    """Order of importance: what is significant in the end, then the gain before; curves of means first."""
+    after = cell.gain_after if is_significant(cell.gain_after, cell.p_value_after, settings) else 0.0
+    is_mean_curve = cell.before is not None and not cell.channel.endswith("_variance")
+    return after > 0, after, cell.gain if is_mean_curve else 0.0
+
+
+def _table(
+    title: str, keys: Sequence[_Key], best: dict[_Key, EvidenceCell], names: dict[_Key, str], view: _View
+) -> str:
+    order = {name: place for place, name in enumerate(SHOWN)}
+    columns = sorted(dict.fromkeys(key[1] for key in keys), key=lambda on: [order.get(name, 99) for name in on])
+    channels = [name for name in CHANNELS if any(key[0] == name for key in keys)]
+    is_shared = _is_shared(keys[0])
+    heads = "".join(f"<th><span>{escape(_column_words(on, is_shared=is_shared))}</span></th>" for on in columns)
+    rows = []
+    for channel in channels:
+        tds = "".join(
+            _cell(best[channel, on], names[channel, on], view) if (channel, on) in best else "<td></td>"
+            for on in columns
+        )
+        rows.append(f"<tr><th>{escape(channel_words(channel))}</th>{tds}</tr>")
+    return (
+        f'<table class="heat"><caption>{escape(title)}</caption><thead><tr><th></th>{heads}</tr></thead>'
+        f"<tbody>{''.join(rows)}</tbody></table>"
+    )
+
+
+def _column_words(covariates: tuple[str, ...], *, is_shared: bool) -> str:
+    if is_shared:
+        return unit_words(covariates[0])
+    return " × ".join(covariate_words(name) for name in covariates)
+
+
+def _cell(cell: EvidenceCell, name: str, view: _View) -> str:
+    sides = [(cell.gain, cell.p_value)] if view.has_findings else []
+    sides.append((cell.gain_after, cell.p_value_after))
+    colours = [_colour(gain, view.top) for gain, _ in sides]
+    dots = "".join("<i></i>" if is_significant(*side, view.settings) else "<b></b>" for side in sides)
+    words = f"{_title(cell)}: {_figures(cell, view)}"
+    background = f"linear-gradient(90deg,{colours[0]} 50%,{colours[-1]} 50%)"
+    return (
+        f'<td><button type="button" data-cell="{escape(name)}" style="background:{background}" '
+        f'title="{escape(words)}" aria-label="{escape(words)}">{dots}</button></td>'
+    )
+
+
+def _title(cell: EvidenceCell) -> str:
+    channel = channel_words(cell.channel)
+    channel = channel[0].upper() + channel[1:]
+    if cell.channel.startswith("shared_"):
+        return f"{channel} shared by each {unit_words(cell.covariates[0])}"
+    return f"{channel} by {' and '.join(covariate_words(name) for name in cell.covariates)}"
+
+
+def _figures(cell: EvidenceCell, view: _View) -> str:
+    before = _side(cell.gain, cell.p_value, cell.before)
+    after = _side(cell.gain_after, cell.p_value_after, cell.after)
+    if not view.has_findings:
+        return after
+    return f"initial model: {before}; with all findings: {after}"
+
+
+def _side(gain: float, p_value: float, curve: EvidenceCurve | None) -> str:
+    """Gain and p of one model; cells that a first pass leaves out have none."""
+    is_left_out = gain == 0 and p_value == 1 and curve is None
+    return "not significant in the first pass" if is_left_out else f"gain {gain:.1f}, {p_words(p_value)}"
+
+
+def _colour(gain: float, top: float) -> str:
+    """Dark for gains up to 1, bright for the largest, logarithmic."""
+    share = float(np.clip(np.log10(max(gain, 1.0)) / np.log10(top), 0, 1))
+    low, high, part = (_GROUND, _WARM, 2 * share) if share < 0.5 else (_WARM, _HOT, 2 * share - 1)
+    return "rgb({},{},{})".format(*(round(a + part * (b - a)) for a, b in zip(low, high, strict=True)))
+
+
+def _scale(top: float) -> str:
+    gains = [10.0**decade for decade in range(int(np.floor(np.log10(top))) + 1)]
+    samples = "".join(
+        f'<span><i style="background:{_colour(gain, top)}"></i> gain {"≤ 1" if gain == 1 else f"{gain:g}"}</span>'
+        for gain in gains
+    )
+    return f'<div class="legend">{samples}<span><u></u> significant</span></div>'
+
+
+def _chart(cell: EvidenceCell, name: str, view: _View, *, is_shown: bool) -> str:
+    figures = _figures(cell, view)
+    text, body = f"{figures[0].upper()}{escape(figures[1:])}.", ""
+    if not view.has_findings:
+        cell = replace(cell, before=None)
+    if cell.channel in AXES and (cell.before is not None or cell.after is not None):
+        body = _svg(cell)
+        text += " Coefficients of one Gauss–Newton step by bin, with two standard errors: the statistic of the test"
+        sides = {"before": (cell.before, "blue: initial model"), "after": (cell.after, "orange: with all findings")}
+        sides = {name: words for name, (curve, words) in sides.items() if curve is not None and view.has_findings}
+        text += "".join(f'; <span class="{name}">{words}</span>' for name, words in sides.items())
+        names = _categories([curve for curve in (cell.before, cell.after) if curve is not None])
+        text += f"; the {_MOST_NAMES} most significant of {len(names)} categories." if len(names) > _MOST_NAMES else "."
+    else:
+        text += " This hypothesis has no chart over bins: gain and p are its whole statistic."
+    hidden = "" if is_shown else " hidden"
+    return f'<div data-chart="{escape(name)}"{hidden}>{figure(_title(cell), text, body)}</div>'
+
+
+def _svg(cell: EvidenceCell) -> str:
+    covariate, axis = shown(cell.covariates[0]), AXES[cell.channel]
+    sides = [(style, curve) for style, curve in (("b", cell.before), ("a", cell.after)) if curve is not None]
+    categories = _categories([curve for _, curve in sides])
+    if len(categories) > _MOST_NAMES:
+        categories = _most_significant([curve for _, curve in sides])
+        sides = [(style, _selected(curve, categories)) for style, curve in sides]
+    label = f"{covariate.words} ({covariate.unit})" if covariate.unit else covariate.words
+    if categories:
+        x_axis = Axis(-0.5, len(categories) - 0.5, label, names=_ticks(categories))
+    else:
+        places = covariate.factor * np.concatenate([_places(curve, categories) for _, curve in sides])
+        pad = 0.02 * max(float(np.ptp(places)), 1e-6)
+        x_axis = Axis(float(places.min()) - pad, float(places.max()) + pad, label)
+    low, high = _limits(axis, [curve for _, curve in sides])
+    plot = Plot(x_axis, Axis(low, high, axis.label), _title(cell), 760, 330)
+    plot.line(np.array([x_axis.low, x_axis.high]), np.zeros(2), "zero")
+    for number, (style, curve) in enumerate(sides):
+        factor = 1.0 if categories else covariate.factor
+        x, half = factor * _places(curve, categories), _STANDARD_ERRORS * curve.sigma
+        y, bottom, above = (axis.convert(values) for values in (curve.y, curve.y - half, curve.y + half))
+        if categories:
+            x = x + (0.16 * number - 0.08) * (len(sides) > 1)
+            for place, *ends in zip(x, bottom, above, strict=True):
+                plot.line(np.full(2, place), np.array(ends), style)
+            for place, value in zip(x, y, strict=True):
+                plot.line(np.array([place]), np.array([value]), style, dots=True)
+        else:
+            order = np.argsort(x)
+            plot.band(x[order], bottom[order], above[order], style)
+            plot.line(x[order], y[order], style, dots=True)
+    return plot.svg()
+
+
+def _categories(curves: Sequence[EvidenceCurve]) -> list[str]:
+    """Names of the categories of all curves; empty for numbers, and for categories that are numbers."""
+    names = [name for curve in curves if isinstance(curve.x, tuple) for name in curve.x]
+    return [] if all(name.isdigit() for name in names) else list(dict.fromkeys(names))
+
+
+def _places(curve: EvidenceCurve, categories: Sequence[str]) -> np.ndarray:
+    if categories and isinstance(curve.x, tuple):
+        return np.array([float(categories.index(name)) for name in curve.x])
+    return np.array([float(value) for value in curve.x])
+
+
+def _most_significant(curves: Sequence[EvidenceCurve]) -> list[str]:
+    """The categories of the largest standardised coefficients, in their order."""
+    z: dict[str, float] = {}
+    for curve in curves:
+        for name, y, sigma in zip(curve.x, curve.y, curve.sigma, strict=True):
+            z[str(name)] = max(z.get(str(name), 0.0), abs(float(y)) / max(float(sigma), 1e-300))
+    best = sorted(z, key=lambda name: -z[name])[:_MOST_NAMES]
+    return [name for name in z if name in best]
+
+
+def _selected(curve: EvidenceCurve, categories: Sequence[str]) -> EvidenceCurve:
+    """A curve with some of its categories."""
+    rows = [row for row, name in enumerate(curve.x) if name in categories]
+    return replace(curve, x=tuple(str(curve.x[row]) for row in rows), y=curve.y[rows], sigma=curve.sigma[rows])
+
+
+def _ticks(categories: Sequence[str]) -> list[str]:
+    most = max(110 // len(categories), 3)
+    words = [name.replace("_", " ") for name in categories]
+    return [word if len(word) <= most else f"{word[: most - 1]}…" for word in words]
+
+
+def _limits(axis: ChannelAxis, curves: Sequence[EvidenceCurve]) -> tuple[float, float]:
+    """Ends of the upright axis: all values with two standard errors, but for bins with very large ones."""
+    ends = [0.0]
+    for curve in curves:
+        usual = curve.sigma <= _WIDEST * float(np.median(curve.sigma))
+        half = _STANDARD_ERRORS * curve.sigma
+        ends += [*axis.convert(curve.y - half)[usual], *axis.convert(curve.y + half)[usual]]
+    low, high = min(ends), max(ends)
+    pad = 0.08 * (high - low) or 1e-6
+    return low - pad, high + pad
