@@ -309,7 +309,7 @@ def add_labels(found: Diagnosis, drive: Drive) -> Diagnosis:
     if not any(drive[name].has("label_2") for name in drive.frames):
         return found
     by = found.settings
-    labels = diagnose_labels(drive, found.sensor, certainty=Certainty(by.level, by.coverage, by.screen.power))
+    labels = diagnose_labels(drive, found.sensor, certainty=Certainty(by.level, by.coverage, by.dictionary.power))
     if labels.effect is None:
         return replace(found, labels=labels)
     model = found.sensor
@@ -374,7 +374,7 @@ def _ranking(first: Evidence) -> tuple[Alternative, ...]:
 
 def _smallest(last: Evidence, settings: Settings) -> dict[str, dict[str, float]]:
     """Amplitude of each effect that would have been detected with 80 % power at the family-wise level."""
-    needed = float(stats.norm.isf(settings.level / 2 / max(last.dictionary.tested, 1))) + settings.screen.power
+    needed = float(stats.norm.isf(settings.level / 2 / max(last.dictionary.tested, 1))) + settings.dictionary.power
     found: dict[str, dict[str, float]] = {}
     for result in last.results:
         tangent, entry = result.group.tangent, result.entry

@@ -128,7 +128,6 @@ class Descent:
 
     gain: float = 0.05  # log-likelihood that a step must still bring
     steps: int = 12  # at most
-    rough_steps: int = 10  # of a candidate
     halvings: int = 5  # of a step
     ridge: float = 1e-6  # share of their information, a prior of coefficients of dependences
     brightnesses: Six = (0.3, 0.7, 0.95, 1.05, 1.4, 3.0)  # times what a surface of a map has, that are tried a step
@@ -175,43 +174,25 @@ class Search:
     at_ends: float = 0.04  # share of draws that may end where values do
     level_to: float = 1e-12  # relative, between log-likelihoods that are the same
     like_parabola: float = 0.98  # share of the variance of a smooth likelihood
-    plainly: float = 15.0  # half widths of its interval from which an amplitude is no matter of doubt
 
 
 @dataclass(frozen=True)
-class Screen:
-    """What is asked for, and how it is tested."""
+class Dictionary:
+    """Bins of covariates, and where to look for surroundings."""
 
-    draws: int = 1999  # sign patterns of a wild bootstrap: they tell p to 0.0005
     bins: int = 10  # of a covariate; equal numbers of beams in each
     fine_bins: int = 30  # of a covariate in a refit
     cyclic_bins: int = 36  # of an angle in a refit
-    fewest_in_cell: int = 60  # beams in a bin of two covariates, or of a spread
-    object_reach_m: float = 80.0  # horizontally, of objects near which hits are looked at
-    object_far_m: float = 12.0  # beyond which all distances from objects are alike
+    fewest_in_bin: int = 150  # informative beams in a bin
+    fewest_in_cell: int = 60  # the same in a bin of two covariates, or of a spread
+    fewest_values: int = 4  # distinct values of a covariate
+    object_reach_m: float = 80.0  # horizontal distance of objects that are looked at
+    object_far_m: float = 12.0  # distance from objects beyond which all distances are one bin
     retro_reach: int = 32  # firings from a reflector
-    fewest_in_bin: int = 150  # beams; fewer tell nothing of a bin
-    fewest_values: int = 4  # that a covariate has
-    speed: float = 0.01  # [m/s] that is told apart
-    acceleration: float = 0.01  # [m/s²]
-    yaw_rate: float = 1e-3  # [rad/s]: who drives straight on turns by less
-    degree: int = 2  # of smooth functions of pairs
-    main_degree: int = 4  # of each covariate beside these
-    hump: float = 0.4  # standard deviations about 0 in which residuals are counted
-    fewest_residuals: int = 2000  # that are
-    least_noise_m: float = 3e-3  # spread of ranges that tells of noise
-    least_noise: float = 5e-3  # of intensities
-    most_strays: float = 1e-4  # of all beams: of few a form that tells of many would say that there are none
-    slowest: int = 8  # waves a revolution below which it is a dependence on azimuth
-    wave_draws: int = 499  # sign patterns of periodograms
-    wave_fine: int = 81  # frequencies about a line that are looked at
-    looks: int = 2  # at the same data (Bonferroni)
-    chunk: int = 400  # columns that are projected at a time
-    plain: float = 3.0  # standard deviations beyond which sums by cluster grow as their logarithms
-    left: float = 1e-9  # share of information below which nothing outlives what is fitted, to rounding
-    most_times: float = 100.0  # a weak form, or its inverse, to which what would just be seen is looked for
-    times: int = 93  # steps of that
-    power: float = 0.84  # deviate that 80 % power adds to a critical value, the 80 % quantile of a normal law
+    speed: float = 0.01  # [m/s] resolution
+    acceleration: float = 0.01  # [m/s²] resolution
+    yaw_rate: float = 1e-3  # [rad/s] resolution
+    power: float = 0.84  # deviate that 80 % power adds to a critical value, the 80 % quantile of a normal distribution
 
 
 @dataclass(frozen=True)
@@ -256,50 +237,12 @@ class Quantization:
 
 
 @dataclass(frozen=True)
-class Pick:
-    """What is fitted and tried."""
-
-    fitted: int = 4  # catalogue effects that are fitted a round, the best by foreseen gain
-    nearly: float = 0.4  # of the best candidate's foreseen gain, from which another one is fitted, too
-    tried: int = 4  # candidates a round, until one helps
-    halves: int = 999  # random halves of the clusters on which candidates compete: they tell shares to 0.01
-    few_numbers: int = 2  # of effects that go first on a map made of the scans
-    of_ranges: int = 4  # candidates of ranges that are fitted there
-    of_others: int = 2  # of each other channel
-    shapes: int = 2  # dependences of a channel that are solved a round
-    much: float = 0.5  # of what an effect explains, that a simpler one must explain by itself
-    strengths: Six = (1.0, 5.0, 25.0, -1.0, -5.0, -25.0)  # times a weak form, from which a fit starts
-    unexplained: int = 12  # that are listed at most
-
-
-@dataclass(frozen=True)
-class Shapes:
-    """Shapes of unknown dependences, and their formulas."""
-
-    bins: int = 40  # of a covariate
-    pair_bins: int = 12  # of each of two
-    phase_bins: int = 24  # of a phase
-    fewest: int = 20  # beams in a bin of two
-    steps: int = 6  # of a solution
-    settled: float = 0.1  # of a standard error, within which it is there
-    most_lost: float = 0.9  # of a prediction that a shape may take away
-    formulas: int = 300  # that a shape over scans is chosen from, about
-    sure: float = 0.01  # chance at which it is told
-    regular: float = 0.1  # of the time between scans, by which it may vary in a regular drive
-    grid: int = 25  # values of a shape parameter that are tried,
-    centres: int = 60  # of a bell's middle,
-    widths: int = 32  # and of its width
-    harmonics: int = 4  # of what comes round
-
-
-@dataclass(frozen=True)
 class Settings:
     """All of them, those of each step under its name."""
 
     rows: int = 30_000  # beams of a sample; more make a diagnosis slower, and hardly surer, as clusters decide
     level: float = 0.05  # family-wise error rate of every test; the convention of the field
     coverage: float = 0.95  # of intervals
-    most_findings: int = 8  # effects and unknowns that are added at most
     near: float = 1.02  # times its floor, within which an error is at it,
     negligible: float = 0.001  # and of a scale beyond that
     at_floor: float = 0.05  # share by which an aligned error may be above: poses and objects are never fitted exactly
@@ -311,11 +254,9 @@ class Settings:
     unsure: Unsure = field(default_factory=Unsure)
     descent: Descent = field(default_factory=Descent)
     search: Search = field(default_factory=Search)
-    screen: Screen = field(default_factory=Screen)
+    dictionary: Dictionary = field(default_factory=Dictionary)
     quantization: Quantization = field(default_factory=Quantization)
     selection: Selection = field(default_factory=Selection)
-    pick: Pick = field(default_factory=Pick)
-    shapes: Shapes = field(default_factory=Shapes)
 
     @property
     def held_out_rows(self) -> int:

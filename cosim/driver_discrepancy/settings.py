@@ -73,7 +73,7 @@ class TrafficSettings:
 
     level: float = sensor_loop.DEFAULT.level  # family-wise error rate of the gate
     coverage: float = sensor_loop.DEFAULT.coverage  # of intervals
-    power: float = sensor_loop.DEFAULT.screen.power  # deviate that 80 % power adds to a critical value
+    power: float = sensor_loop.DEFAULT.dictionary.power  # deviate that 80 % power adds to a critical value
     at_floor: float = sensor_loop.DEFAULT.at_floor  # share by which an error may be above its floor
     alike_errors: float = 2.0  # standard errors of the gain within which two candidates cannot be distinguished
     most_findings: int = 5

@@ -154,7 +154,7 @@ def categories(name: str, codes: np.ndarray, names: tuple[str, ...], fewest: int
 
 def sample_covariates(sample: Sample, expected: Prediction, frames: tuple[TracedFrame, ...]) -> list[Covariate]:
     """All covariates of a sample, in bins for a first look."""
-    by = sample.settings.screen
+    by = sample.settings.dictionary
     found: list[Covariate | None] = []
     for name, (unit, values, period) in _numbers(sample, expected, frames).items():
         bins = len(sample.names) if name == "frame_time" else by.bins
@@ -188,7 +188,7 @@ def refined(covariate: Covariate, sample: Sample) -> Covariate:
         return first.crossed(second)
     if covariate.labels or covariate.name in ("constant", *SCAN_COVARIATES):
         return covariate
-    by = sample.settings.screen
+    by = sample.settings.dictionary
     bins = by.cyclic_bins if covariate.period else by.fine_bins
     linear = covariate.period > 0 or covariate.name in (
         "range",
@@ -208,7 +208,7 @@ def _numbers(
     sample: Sample, expected: Prediction, frames: tuple[TracedFrame, ...]
 ) -> dict[str, tuple[str, np.ndarray, float]]:
     """Unit, values (n,) and period of every numeric covariate."""
-    scan, by = sample.scan_values, sample.settings.screen
+    scan, by = sample.scan_values, sample.settings.dictionary
     nothing = sample.range_m * np.nan
 
     def of_scan(name: str, step: float) -> np.ndarray:
@@ -257,7 +257,7 @@ def _surroundings(sample: Sample, frames: tuple[TracedFrame, ...]) -> tuple[np.n
     """
     world, from_objects = np.zeros(len(sample)), np.full(len(sample), np.nan)
     from_reflectors = np.full(len(sample), np.nan)
-    by = sample.settings.screen
+    by = sample.settings.dictionary
     for number, frame in enumerate(frames):
         rows = np.flatnonzero(sample.frame == number)
         beam, pose = sample.beam[rows], frame.shot.hits.pose

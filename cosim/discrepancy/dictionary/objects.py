@@ -26,7 +26,7 @@ def object_groups(linearisation: Linearisation) -> Iterator[Group]:
     _, information = linearisation.weights("range")
     for code, kind in enumerate(sample.kinds):
         rows = np.flatnonzero((sample.kind == code) & (information > 0)) if code else np.zeros(0, int)
-        if len(rows) < sample.settings.screen.fewest_in_bin:
+        if len(rows) < sample.settings.dictionary.fewest_in_bin:
             continue
         for what, values in (("object_size", size), ("object_place", along)):
             places = np.repeat(rows, 3), np.tile(np.arange(3), len(rows))

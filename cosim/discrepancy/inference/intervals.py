@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from cosim.discrepancy.candidates import Unknown, amplitudes, with_values
+from cosim.discrepancy.candidates import Unknown, with_values
 from cosim.discrepancy.inference.fit import Fitted, Fitter, Free
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.projection import Projector
 from cosim.discrepancy.inference.score import Column, ridged, stacked
 from cosim.discrepancy.inference.search import likely_interval, widening
 from cosim.discrepancy.settings import DEFAULT, Settings
-from sensors.effects.base import Effect
 
 
 @dataclass(frozen=True)
@@ -127,31 +126,6 @@ def _each(fitter: Fitter, fitted: Fitted) -> Iterator[tuple[Free, Column, np.nda
     for one, column in zip(fitted.free, fitted.columns, strict=True):
         yield one, column, widths[at : at + one.unknown.rings]
         at += one.unknown.rings
-
-
-def deviations(fitter: Fitter, fitted: Fitted, given: Sequence[Effect]) -> dict[int, float]:
-    """By place of an effect, how many half widths of their intervals its amplitudes are from doing nothing, at most.
-
-    Of those among the `given`, which come first: from what they were given. Amplitudes that no slope tells of are left
-    out.
-    """
-    found: dict[int, float] = {}
-    for one, column, part in _each(fitter, fitted):
-        effect = fitted.effects[one.effect]
-        before = vars(given[one.effect]) if one.effect < len(given) else type(effect).neutral
-        name, is_searched = one.unknown.name, fitter.is_searched(effect, one.unknown, column)
-        if before is None or name not in amplitudes(type(effect)) or is_searched:
-            continue
-        away = np.abs(np.subtract(getattr(effect, name), before[name]))
-        size = float(np.max(away / np.maximum(part, 1e-300)))
-        found[one.effect] = max(size, found.get(one.effect, 0.0))
-    return found
-
-
-def plainly_on(fitter: Fitter, fitted: Fitted, given: Sequence[Effect]) -> frozenset[int]:
-    """Places of effects so surely on that nothing else that is fitted can make up for them."""
-    sizes = deviations(fitter, fitted, given).items()
-    return frozenset(place for place, size in sizes if size > fitter.settings.search.plainly)
 
 
 def intervals(fitter: Fitter, fitted: Fitted) -> dict[str, dict[str, Any]]:

@@ -69,7 +69,9 @@ def _rank_binned(
         mine = slice(end, end + len(covariate))
         end += len(covariate)
         pair = len(covariate.names) > 1
-        fewest = settings.screen.fewest_in_cell if pair or channel not in MEANS else settings.screen.fewest_in_bin
+        fewest = (
+            settings.dictionary.fewest_in_cell if pair or channel not in MEANS else settings.dictionary.fewest_in_bin
+        )
         significance, most = _summary(figures, mine, one_sided)
         if significance > -1.0:
             group = binned_group(linearisation, channel, covariate, fewest)

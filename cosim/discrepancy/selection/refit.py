@@ -172,7 +172,7 @@ def rebuild(model: Model, on: FittedFrames) -> Model:
 def rebuilt(linearisation: Linearisation, group: Group, covariates: Mapping[str, Covariate]) -> Group | None:
     """A dependence on another sample of the same drive; None where the sample has no such covariate."""
     sample = linearisation.sample
-    fewest = max(sample.settings.screen.fewest_in_cell // 2, 1)
+    fewest = max(sample.settings.dictionary.fewest_in_cell // 2, 1)
     if group.frequency_hz:
         return line_group(linearisation, group.channel, group.frequency_hz)
     if group.covariates[-1] in ("object_size", "object_place"):
@@ -195,7 +195,7 @@ def finest(linearisation: Linearisation, group: Group) -> Group:
         return group
     sample = linearisation.sample
     covariate = refined(group.covariate, sample)
-    fewest = max(sample.settings.screen.fewest_in_cell // 2, 1)
+    fewest = max(sample.settings.dictionary.fewest_in_cell // 2, 1)
     found = binned_group(linearisation, group.channel, covariate, fewest)
     return group if found is None or found.size < group.size else found
 
