@@ -342,6 +342,13 @@ def _steps(context: Context, effects: tuple[Effect, ...], found: Sequence[_Found
     return models
 
 
+def _wiring(exchanged: Sequence[Exchange]) -> tuple[Unexplained, ...]:
+    """Exchanged lasers as one entry: the share of their returns that agree with another ring's trace."""
+    if not exchanged:
+        return ()
+    return (Unexplained("wiring", ("ring",), float(np.mean([one.other for one in exchanged])), "", 0.0),)
+
+
 def _unexplained(context: Context, model: Model, phases: Sequence[Term], last: Evidence) -> tuple[Unexplained, ...]:
     """Terms that no law predicts, and everything significant that is left beyond the accuracy of the fit."""
     gains = [term.exact_gain for term in model.terms]
@@ -399,8 +406,8 @@ def _spreads(on: FittedFrames) -> dict[str, float]:
 
 def _wiring_notes(exchanged: Sequence[Exchange]) -> list[str]:
     return [
-        f"ring {one.ring} is probably exchanged with ring {one.agrees_with}: {one.other:.0%} of its returns agree with the "
-        f"trace of that ring and {one.own:.0%} with its own; its beams were left out"
+        f"ring {one.ring} is probably exchanged with ring {one.agrees_with}: {one.other:.0%} of its returns agree with "
+        f"the trace of that ring and {one.own:.0%} with its own; its beams were left out"
         for one in exchanged
     ]
 
