@@ -53,7 +53,7 @@ def format_diagnosis(
         unknown_section(found),
         alternatives_section(found, words),
         unexplained_section(found),
-        evidence_section(found.evidence, found.settings, has_findings=bool(found.changes)),
+        evidence_section(found.evidence, found.unexplained, found.settings, has_findings=bool(found.changes)),
         waterfall_section(found),
         explorer_section(explored, _SIDES if found.effects or found.unknowns else _SIDES[:1], text=text),
         ranking_rows(found),

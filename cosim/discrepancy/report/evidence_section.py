@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.discrepancy.quantities import CHANNELS, SHOWN, channel_words, covariate_words, shown, unit_words
 from cosim.discrepancy.settings import Settings
-from cosim.discrepancy.unexplained import EvidenceCell, EvidenceCurve
+from cosim.discrepancy.unexplained import EvidenceCell, EvidenceCurve, Unexplained
 from cosim.report import figure, section
 from cosim.report.phrases import p_words
 from cosim.report.plot import Axis, Plot
@@ -56,11 +56,14 @@ AXES = {
 }
 
 
-def evidence_section(cells: Sequence[EvidenceCell], settings: Settings, *, has_findings: bool) -> str:
+def evidence_section(
+    cells: Sequence[EvidenceCell], listed: Sequence[Unexplained], settings: Settings, *, has_findings: bool
+) -> str:
     """HTML; empty without cells.
 
     Args:
         cells: of the matrix.
+        listed: dependences that remain unexplained.
         settings: level and least gain, above which a cell counts as significant.
         has_findings: whether the initial and the final model differ.
     """
@@ -74,7 +77,7 @@ def evidence_section(cells: Sequence[EvidenceCell], settings: Settings, *, has_f
         "Two covariates": [key for key in best if len(key[1]) > 1],
         "Errors that beams share": [key for key in best if _is_shared(key)],
     }
-    view = _View(settings, top, has_findings)
+    view = _View(settings, top, has_findings, frozenset((row.channel, row.covariates) for row in listed))
     tables = "".join(_table(title, keys, best, names, view) for title, keys in blocks.items() if keys)
     first = max(best, key=lambda key: _rank(best[key], settings))
     charts = "".join(_chart(cell, names[key], view, is_shown=key == first) for key, cell in best.items())
@@ -83,8 +86,8 @@ def evidence_section(cells: Sequence[EvidenceCell], settings: Settings, *, has_f
         + ("Left half: with the initial model; right half: with all findings. " if has_findings else "")
         + "Colour: gain, the log-likelihood that the dependence gains on clusters "
         "of beams that took no part in its fit, on a logarithmic scale. A dot marks cells that are significant: "
-        f"family-wise p ≤ {settings.level:g} and a gain of at least {settings.selection.least_gain:g}. Poses, objects, "
-        "map and all fitted parameters are eliminated. Empty cells were tested in a first pass and are too weak to be "
+        f"family-wise p ≤ {settings.selection.level:g} and a gain of at least {settings.selection.least_gain:g}. Poses, "
+        "objects, map and all fitted parameters are eliminated. Empty cells were tested in a first pass and are too weak to be "
         "significant, or are not defined. <b>Click a cell for its chart.</b>"
     )
     body = f'<div class="evidence"><div>{tables}{_scale(top)}</div><div class="evidence-charts">{charts}</div></div>'
@@ -99,7 +102,7 @@ def evidence_style() -> str:
 
 def is_significant(gain: float, p_value: float, settings: Settings) -> bool:
     """Whether a cell is significant: the rule by which terms are selected."""
-    return p_value <= settings.level and gain >= settings.selection.least_gain
+    return p_value <= settings.selection.level and gain >= settings.selection.least_gain
 
 
 _Key = tuple[str, tuple[str, ...]]
@@ -107,11 +110,19 @@ _Key = tuple[str, tuple[str, ...]]
 
 @dataclass(frozen=True)
 class _View:
-    """What all cells share: numeric choices, the gain of the brightest colour, and whether there are two models."""
+    """What all cells share.
+
+    Attributes:
+        settings: numeric choices.
+        top: gain of the brightest colour.
+        has_findings: whether the initial and the final model differ.
+        listed: cells that remain unexplained.
+    """
 
     settings: Settings
     top: float
     has_findings: bool
+    listed: frozenset[_Key]
 
 
 def _strongest(cells: Sequence[EvidenceCell]) -> dict[_Key, EvidenceCell]:
@@ -166,7 +177,10 @@ def _cell(cell: EvidenceCell, name: str, view: _View) -> str:
     sides = [(cell.gain, cell.p_value)] if view.has_findings else []
     sides.append((cell.gain_after, cell.p_value_after))
     colours = [_colour(gain, view.top) for gain, _ in sides]
-    dots = "".join("<i></i>" if is_significant(*side, view.settings) else "<b></b>" for side in sides)
+    marks = ["<i></i>" if is_significant(*side, view.settings) else "<b></b>" for side in sides]
+    if marks[-1] == "<i></i>" and (cell.channel, cell.covariates) not in view.listed:
+        marks[-1] = '<i class="weak"></i>'
+    dots = "".join(marks)
     words = f"{_title(cell)}: {_figures(cell, view)}"
     background = f"linear-gradient(90deg,{colours[0]} 50%,{colours[-1]} 50%)"
     return (
@@ -210,7 +224,11 @@ def _scale(top: float) -> str:
         f'<span><i style="background:{_colour(gain, top)}"></i> gain {"≤ 1" if gain == 1 else f"{gain:g}"}</span>'
         for gain in gains
     )
-    return f'<div class="legend">{samples}<span><u></u> significant</span></div>'
+    return (
+        f'<div class="legend">{samples}<span><u></u> significant</span>'
+        '<span><u class="weak"></u> significant by this linear test, but not after an exact refit with all findings'
+        "</span></div>"
+    )
 
 
 def _chart(cell: EvidenceCell, name: str, view: _View, *, is_shown: bool) -> str:

@@ -424,7 +424,8 @@ def test_each_cell_of_the_evidence_opens_its_chart(tmp_path: Path) -> None:
         document = opened_in_chromium(page, f"#cell={name}")
         shown = re.findall(r'<div data-chart="([^"]+)">', document)
         assert shown == [name]
-        assert f'data-cell="{name}"' in re.search(r"<button[^>]*aria-pressed=\"true\"[^>]*>", document)[0]  # type: ignore[index]
+        pressed = re.search(r'<button[^>]*data-cell="([^"]+)"[^>]*aria-pressed="true"', document)
+        assert pressed and pressed[1] == name
 
 
 def test_a_cell_is_significant_by_the_rule_that_selects_terms(diagnosed: Diagnosis, diagnosed_page: str) -> None:
@@ -432,11 +433,11 @@ def test_a_cell_is_significant_by_the_rule_that_selects_terms(diagnosed: Diagnos
     significant = {
         f"{cell.channel}:{'+'.join(cell.covariates)}"
         for cell in diagnosed.evidence
-        if cell.p_value_after <= by.level and cell.gain_after >= by.selection.least_gain
+        if cell.p_value_after <= by.selection.level and cell.gain_after >= by.selection.least_gain
     }
     buttons = re.findall(r'<button type="button" data-cell="([^"]+)"[^>]*>(.*?)</button>', diagnosed_page)
     assert len(buttons) > 20
-    assert {name for name, halves in buttons if halves.endswith("<i></i>")} == significant
+    assert {name for name, halves in buttons if halves.endswith(("<i></i>", '<i class="weak"></i>'))} == significant
 
 
 def test_charts_of_residuals_claim_no_significance(diagnosed: Diagnosis) -> None:
@@ -445,7 +446,7 @@ def test_charts_of_residuals_claim_no_significance(diagnosed: Diagnosis) -> None
     denied = replace(diagnosed, effects=(), unexplained=(), evidence=(), judged=initial)
     text = format_diagnosis(denied, Vocabulary(), "drive", "my.yaml", explored_of(denied))
     assert "It shows where residuals are, not what is significant" in text
-    assert "chance" not in text
+    assert "beyond chance" not in text
 
 
 def test_the_line_of_a_diagnosis() -> None:
