@@ -12,5 +12,7 @@
       if (button.dataset.open) document.getElementById('evidence').scrollIntoView();
     });
   const first = charts.find(chart => !chart.hidden);
-  open(new URLSearchParams(location.hash.slice(1)).get('cell') ?? first?.dataset.chart);
+  // Names contain '+', which URLSearchParams would read as a space.
+  const asked = decodeURIComponent(location.hash).replace(/^#cell=/, '');
+  open(asked || first?.dataset.chart);
 }
