@@ -16,7 +16,6 @@ def add_recording(parser: argparse.ArgumentParser, *, path: bool = True) -> None
         parser.add_argument("recording", type=Path, metavar="RECORDING", help="folder of scans, bag or Ouster capture")
     parser.add_argument("--scans", metavar="GLOB", help="which files of the folder are scans, as 'raw_*.bin'")
     parser.add_argument("--topic", metavar="NAME", help="topic of a bag, where several hold clouds")
-    parser.add_argument("--intensity-scale", type=float, metavar="X", help="what full intensity reads, as 255")
     add_points(parser)
     parser.add_argument("--sweep-s", type=float, metavar="S", help="duration of one revolution [s]")
     parser.add_argument(
@@ -32,9 +31,14 @@ def opened(options: argparse.Namespace, path: Path) -> Recording:
     """
     from cosim.recordings import open_recording
 
-    names = ("scans", "topic", "intensity_scale", "sweep_s", "poses", "columns", "axes", "metres")
-    given = {name: getattr(options, name, None) for name in names}
-    return open_recording(path, **given, flip_y=getattr(options, "flip_y", False) or None)
+    names = ("scans", "topic", "sweep_s", "poses")
+    return open_recording(path, **{name: getattr(options, name) for name in names}, **point_options(options))
+
+
+def point_options(options: argparse.Namespace) -> dict[str, object]:
+    """What the command line states about point files; None of what it does not."""
+    names = ("columns", "intensity_scale", "axes", "metres")
+    return {name: getattr(options, name) for name in names} | {"flip_y": options.flip_y or None}
 
 
 def add_points(parser: argparse.ArgumentParser) -> None:
@@ -42,6 +46,7 @@ def add_points(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--columns", metavar="NAMES", help="meaning of each column of the scans, as x,y,z,intensity,_ (_: not used)"
     )
+    parser.add_argument("--intensity-scale", type=float, metavar="X", help="what full intensity reads, as 255")
     parser.add_argument("--axes", metavar="X,Y,Z", help="stored axes that are forward, left and up, as x,-y,z")
     parser.add_argument("--flip-y", action="store_true", help="stored y points to the right: mirror it")
     parser.add_argument("--metres", type=float, metavar="M", help="length of one unit of x, y, z [m], as 0.001")

@@ -87,7 +87,8 @@ def check_axes(clouds: Sequence[np.ndarray], times: Sequence[np.ndarray | None],
             f"either "
             "y points to the right (a left-handed frame, the scan is mirrored), or the head turns counter-clockwise "
             "seen "
-            "from above, which spinning sensors do not by default; settle it with --flip-y (y is mirrored) or --axes "
+            "from above, which spinning sensors do not by default; settle it with --flip-y (y is mirrored; `flip_y: "
+            "true` in drive.yaml or recording.yaml) or --axes "
             "x,y,z (it is right as it is)"
         )
 
