@@ -35,7 +35,10 @@ class Shot:
         measured: by name, (n,) what beams beside each returned, where that was measured; see `beside`.
         whole, rows: the whole revolution where these beams are only some of it, and which (n,).
         found: what effects have worked out of these beams, however they are bent; shots of the same beams share it.
+        noiseless: returns before the first noise or scan effect; None before these act.
     """
+
+    noiseless: Returns | None = None
 
     def __init__(
         self,
@@ -95,6 +98,30 @@ class Shot:
         return returns_of(self.hits, "pane")
 
     @cached_property
+    def every_beam(self) -> Returns:
+        """One row a beam: the solid surface that it meets, or none; intensity its reflectance."""
+        rows = np.arange(len(self.rays))
+        if self.traced is None:
+            return Returns.spurious(rows, np.full(len(rows), np.inf), np.zeros(len(rows)))
+        solid = self.hits.solid
+        reflectance = self.hits.reflectance(solid)
+        return Returns(
+            beam=rows.astype(np.int32),
+            range_m=solid.range_m,
+            intensity=reflectance,
+            reflectance=reflectance,
+            normal_code=solid.normal_code,
+            material=solid.material,
+            instance=solid.instance,
+            return_no=np.zeros(len(rows), np.uint8),
+        )
+
+    @property
+    def lidar_pose(self) -> np.ndarray:
+        """(4, 4) nominal world pose of the LiDAR at the pose time."""
+        return self.hits.pose if self.world is None else self.world.pose
+
+    @cached_property
     def block(self) -> np.ndarray:
         """Optical block of each beam, (n,) int."""
         return np.array(self.pattern.block)[self.rays.ring]
@@ -117,25 +144,27 @@ class Shot:
         """Instants at which the returns' beams saw the world, (m,) float32 from the pose time."""
         return np.broadcast_to(self._traced.time_s, len(self.rays))[returns.beam]
 
-    def beside(self, name: str, returns: Returns) -> np.ndarray:
+    def beside(self, name: str, returns: Returns, among: Returns | None = None) -> np.ndarray:
         """What a beam beside each (m,) returned with.
 
         Args:
             name: `previous_…` of the beam fired before in the ring, `above_…` or `below_…` of the one fired with it in
                 the next ring; `…_range` [m] and `…_intensity`, 0 where it did not return, or `…_lost`, 1 where it met a
                 surface and did not return.
-            returns: of the beams asked for; they tell of their neighbours where nothing was measured.
+            returns: of the beams in question.
+            among: returns of the neighbours where nothing was measured; by default `returns`.
         """
         if self.measured is not None:
             return self.measured[name][returns.beam]
         whose, what = name.split("_")
         firings, beams = self.pattern.firings, len(self.rays)
+        among = returns if among is None else among
         shown = np.zeros(beams, np.float32)
         if what == "lost":
             shown[self.hits.solid.exists] = 1
-            shown[returns.beam] = 0
+            shown[among.beam] = 0
         else:
-            shown[returns.beam] = returns.range_m if what == "range" else returns.intensity
+            shown[among.beam] = among.range_m if what == "range" else among.intensity
         other = returns.beam + {"previous": -1, "above": -firings, "below": firings}[whose]
         there = (other >= 0) & (other < beams)
         if whose == "previous":

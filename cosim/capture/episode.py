@@ -88,7 +88,15 @@ def _simulate(
         seed, state, own = int(rng.integers(2**31)), None, town.scenario is not None
         if config.warm_up_s > seen_s:
             state = warmed_up(sumocfg, seed, config.warm_up_s - seen_s, Path(folder))
-        with Traffic(sumocfg, seed, config.step_s, state, as_given=config.behaviour.as_given) as traffic:
+        with Traffic(
+            sumocfg,
+            seed,
+            config.step_s,
+            state,
+            as_given=config.behaviour.as_given,
+            cornering_mps2=config.behaviour.cornering_mps2,
+            street_speed=config.behaviour.street_speed,
+        ) as traffic:
             living = DrivenTraffic(
                 traffic,
                 config.behaviour,

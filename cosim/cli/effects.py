@@ -66,9 +66,7 @@ def _lines(effect: Any) -> list[str]:
     summary = " ".join((effect.__doc__ or "").split())
     lines = [f"{effect.name}: {effect.stage} stage, about {effect.channel}", f"  {effect.equation}", f"  {summary}"]
     for parameter in effect.parameters():
-        bounds = " or ".join(parameter.choices)
-        if not bounds:
-            bounds = f"{parameter.low:g} … {parameter.high:g}" if parameter.low is not None else "any"
+        bounds = " or ".join(parameter.choices) or _bounds(parameter)
         unit = f" {parameter.unit}" if parameter.unit else ""
         many = ", one a laser" if parameter.per_ring else ", one for all or one an axis" if parameter.per_axis else ""
         lines.append(f"  {parameter.name}: {parameter.description} [{bounds}{unit}{many}]")
@@ -80,6 +78,13 @@ def _lines(effect: Any) -> list[str]:
     if effect.taxonomy:
         lines.append(f"  taxonomy: {effect.taxonomy_link()}")
     return lines
+
+
+def _bounds(parameter: Any) -> str:
+    """Bounds of a number; either may be missing."""
+    if parameter.low is None:
+        return "any" if parameter.high is None else f"at most {parameter.high:g}"
+    return f"at least {parameter.low:g}" if parameter.high is None else f"{parameter.low:g} … {parameter.high:g}"
 
 
 def _described(effect: Any) -> dict[str, Any]:

@@ -27,9 +27,19 @@ def add_command(commands: Any) -> None:
 
 def add_input(parser: argparse.ArgumentParser) -> None:
     """What the commands about traffic read."""
-    parser.add_argument("measured", type=Path, metavar="MEASURED.csv", help="trajectories; see docs/formats.md")
+    parser.add_argument(
+        "measured", type=Path, metavar="MEASURED", help="trajectories: a table, FCD output, …; see docs/formats.md"
+    )
     parser.add_argument(
         "--config", type=Path, required=True, metavar="FILE", help="the model: `town` and `behaviour` of a run"
+    )
+    parser.add_argument(
+        "--vtypes",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE.rou.xml",
+        help="SUMO file with further vehicle types; may be repeated",
     )
     parser.add_argument("--workers", type=int, metavar="W", help="simulations at a time (default: one a core)")
 
@@ -56,7 +66,9 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     at_least("workers", options.workers, 1)
     folder = options.out or beside(options.measured.with_suffix(""), "compare")
     with ProgressReport(console, f"simulating with {options.seeds} seeds"):
-        found = traffic_compare(options.measured, options.config, seeds=options.seeds, workers=options.workers)
+        found = traffic_compare(
+            options.measured, options.config, seeds=options.seeds, workers=options.workers, vtypes=options.vtypes
+        )
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
     page = write_page(folder, format_comparison(found, str(options.measured), str(options.config)))

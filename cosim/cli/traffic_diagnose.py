@@ -23,7 +23,7 @@ def add_command(commands: Any) -> None:
     )
     add_input(parser)
     parser.add_argument(
-        "--seeds", type=int, default=10, metavar="N", help="simulations from which luck is known (default: 10)"
+        "--seeds", type=int, default=10, metavar="N", help="simulations that show the spread by chance (default: 10)"
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the page (default: MEASURED-diagnosis)")
     parser.add_argument(
@@ -50,6 +50,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             options.config,
             seeds=options.seeds,
             workers=options.workers,
+            vtypes=options.vtypes,
             on_progress=report.say,
         )
     with explained(folder):

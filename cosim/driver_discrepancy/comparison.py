@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,85 +10,99 @@ from typing import Any
 import numpy as np
 
 from cosim.capture.config import RunConfig
-from cosim.driver_discrepancy.case import opened
-from cosim.driver_discrepancy.distance import MANNERS, SCALES, UNITS, error, floor, mean_channels
-from cosim.driver_discrepancy.gate import Evidence, run_gate
+from cosim.driver_discrepancy.case import open_case
+from cosim.driver_discrepancy.channels import CHANNELS
+from cosim.driver_discrepancy.evidence import Evidence, Significance, find_significance, gather_evidence
+from cosim.driver_discrepancy.scores import Scores, noise_floor, score_vehicles
 from cosim.driver_discrepancy.settings import DEFAULT
-from cosim.driver_discrepancy.summary import STATISTICS, Summary
+from cosim.driver_discrepancy.summary import Column, Summary
 from cosim.driver_discrepancy.tracks import Tracks
-
-UNIT_OF = {
-    "free_speed": "of the limit",
-    "free_speed_spread": "of the limit",
-    "standing_gap": "m",
-    "headway": "s",
-    "lateral": "m",
-    "lateral_spread": "m",
-    "lane_changes": "/min",
-    "u_turns": "/h",
-    "pull_outs": "/h",
-    "acceleration_noise": "m/s²",
-    "acceleration_memory": "",
-    "reaction_lag": "s",
-    "startup_lag": "s",
-}
 
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One statistic: measured, modelled, and the family-wise p-value of their difference (NaN where it is not told)."""
+    """One column: measured, modelled, and the family-wise p-value of their difference (NaN without evidence)."""
 
     name: str
+    condition: str
+    level: str
     measured: float
     model: float
     sigma: float
     p_value: float
 
+    @property
+    def unit(self) -> str:
+        """Of its values."""
+        return CHANNELS[self.name].unit
+
+    @property
+    def place(self) -> str:
+        """Channel and condition in words."""
+        return self.name.replace("_", " ") + (f" ({self.condition}: {self.level})" if self.condition else "")
+
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
-        return {**vars(self), "unit": UNIT_OF[self.name]}
+        return {**vars(self), "unit": self.unit}
 
 
 @dataclass(frozen=True, eq=False)
 class TrafficComparison:
-    """A model's traffic held against measured traffic.
+    """A model's traffic compared with measured traffic.
 
     Attributes:
         measured, runs: summaries of the trajectories, and of the model with several seeds.
-        channels: mean distance by channel, in its unit.
-        error: the mean over channels of distance over scale; lower is better.
-        noise_floor: the error of the model against itself with other luck.
-        statistics: what shows how drivers drive.
-        notes: what could not be known, a sentence each.
+        scores: error of every vehicle in every channel.
+        error: mean over the groups of channels; lower is better.
+        noise_floor: the error of the model against itself with other seeds.
+        statistics: whole channels.
+        parts: channels under conditions that both show.
+        evidence: table of differences.
+        notes: limits of the data, a sentence each.
     """
 
     measured: Summary
     runs: tuple[Summary, ...]
-    channels: Mapping[str, float]
+    scores: Scores
     error: float
     noise_floor: float
     statistics: tuple[Row, ...]
+    parts: tuple[Row, ...]
+    evidence: Evidence
     notes: tuple[str, ...]
 
     @property
+    def channels(self) -> Mapping[str, float]:
+        """Error of each group of channels."""
+        return self.scores.by_group()
+
+    @property
     def worst(self) -> Row | None:
-        """The statistic that differs most, if luck does not explain it."""
-        told = [row for row in self.statistics if row.p_value <= DEFAULT.level]
-        return max(told, key=lambda row: abs(row.measured - row.model) / row.sigma) if told else None
+        """The whole channel that differs most, if chance does not explain it."""
+        significant = [row for row in self.statistics if row.p_value <= DEFAULT.level]
+        return max(significant, key=lambda row: abs(row.measured - row.model) / row.sigma) if significant else None
 
     def to_json(self) -> dict[str, Any]:
         """What `cosim traffic-compare --json` writes."""
+        by_channel = self.scores.by_channel()
         return {
             "vehicles": len(self.measured.ids),
             "seconds": self.measured.seconds,
             "simulations": len(self.runs),
             "channels": {
-                name: {"distance": value, "unit": UNITS[name], "scale": SCALES[name]}
-                for name, value in self.channels.items()
+                name: {
+                    "distance": value * CHANNELS[name].scale,
+                    "unit": CHANNELS[name].unit,
+                    "scale": CHANNELS[name].scale,
+                    "group": CHANNELS[name].group,
+                }
+                for name, value in by_channel.items()
             },
+            "groups": dict(self.channels),
             "error": self.error,
             "noise_floor": self.noise_floor,
             "statistics": [row.to_json() for row in self.statistics],
+            "evidence": [row.to_json() for row in self.parts if row.p_value <= DEFAULT.level],
             "notes": list(self.notes),
         }
 
@@ -96,61 +110,71 @@ class TrafficComparison:
         at = f"error {self.error:.3f}, noise floor {self.noise_floor:.3f}"
         if self.worst is None:
             at_floor = self.error <= (1 + DEFAULT.at_floor) * self.noise_floor
-            return at + ("; at the floor" if at_floor else "; nothing beyond luck")
+            return at + ("; at the floor" if at_floor else "; no channel differs significantly")
         row = self.worst
-        unit = f" {UNIT_OF[row.name]}" if UNIT_OF[row.name] else ""
+        unit = f" {row.unit}" if row.unit else ""
         return f"{at}; worst: {row.name.replace('_', ' ')} {row.measured:.3g}{unit}, model {row.model:.3g}"
 
 
 def traffic_compare(
-    measured: Tracks | str | Path, config: RunConfig | str | Path, *, seeds: int = 8, workers: int | None = None
+    measured: Tracks | str | Path,
+    config: RunConfig | str | Path,
+    *,
+    seeds: int = 8,
+    workers: int | None = None,
+    vtypes: Sequence[Path] = (),
 ) -> TrafficComparison:
-    """Hold a model's traffic against measured trajectories.
+    """Compare a model's traffic with measured trajectories.
 
     The model drives the measured demand: the same vehicles enter when, where and as fast as they were measured.
 
     Args:
-        measured: trajectories, or their CSV file.
+        measured: trajectories, or their file.
         config: the model: town and behaviour of a run's configuration, or its file.
         seeds: how many simulations.
         workers: processes; one a core by default.
+        vtypes: SUMO files with further vehicle types.
 
     Raises:
         CosimError: the trajectories cannot be used, or are not of this town.
         TownError: the town cannot be used.
     """
-    with opened(measured, config, workers) as case:
+    with open_case(measured, config, workers, vtypes=vtypes) as case:
         runs = case.simulations.run([(case.behaviour, seed) for seed in range(seeds)])
-        return compared(case.measured, runs, case.notes)
+        return compare_summaries(case.measured, runs, case.notes)
 
 
-def compared(measured: Summary, runs: list[Summary], notes: tuple[str, ...]) -> TrafficComparison:
+def compare_summaries(measured: Summary, runs: Sequence[Summary], notes: tuple[str, ...]) -> TrafficComparison:
     """A comparison from summaries."""
-    evidence = Evidence.of(measured, runs)
-    verdict = run_gate(evidence, np.random.default_rng(0))
-    parts = mean_channels(measured, runs)
-    mine, rows = measured.statistics(), [run.statistics() for run in runs]
-    sigma = dict(zip(evidence.names, evidence.sigma.tolist(), strict=True))
+    evidence = gather_evidence(measured, runs)
+    significance = find_significance(evidence, np.random.default_rng(0))
+    scores = score_vehicles(measured, runs)
+    rows = _rows(measured, runs, evidence, significance)
     return TrafficComparison(
         measured=measured,
         runs=tuple(runs),
-        channels=parts,
-        error=error(parts),
-        noise_floor=floor(runs),
-        statistics=tuple(
-            Row(
-                name,
-                mine[name],
-                _mean([row[name] for row in rows]),
-                sigma.get(name, MANNERS[name]),
-                verdict.by_statistic.get(name, float("nan")),
-            )
-            for name in STATISTICS
-        ),
+        scores=scores,
+        error=scores.error,
+        noise_floor=noise_floor(runs),
+        statistics=tuple(row for row in rows if not row.condition),
+        parts=tuple(row for row in rows if row.condition and np.isfinite(row.p_value)),
+        evidence=evidence,
         notes=notes,
     )
 
 
-def _mean(values: list[float]) -> float:
-    told = [value for value in values if np.isfinite(value)]
-    return float(np.mean(told)) if told else float("nan")
+def _rows(measured: Summary, runs: Sequence[Summary], evidence: Evidence, significance: Significance) -> list[Row]:
+    own = measured.ratios()
+    model = np.array([run.ratios() for run in runs])
+    known = np.isfinite(model)
+    mean = np.where(known, model, 0).sum(0) / np.maximum(known.sum(0), 1)
+    mean = np.where(known.any(0), mean, np.nan)
+    at: dict[Column, int] = {column: number for number, column in enumerate(evidence.columns)}
+    rows = []
+    for number, column in enumerate(measured.columns):
+        place = at.get(column)
+        sigma = CHANNELS[column.channel].scale if place is None else float(evidence.sigma[place])
+        p_value = float("nan") if place is None else float(significance.p_values[place])
+        values = float(own[number]), float(mean[number])
+        rows.append(Row(column.channel, column.condition, column.level, *values, sigma, p_value))
+    return rows

@@ -1,4 +1,4 @@
-"""Which driver behaviour a model lacks: gate, rank, fit, add, until nothing more is there."""
+"""Which driver behaviour a model lacks: test, rank, fit, accept by the held-out error, until nothing more is found."""
 
 from __future__ import annotations
 
@@ -9,40 +9,50 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.capture.config import ConfigError, RunConfig, load_config
-from cosim.driver_discrepancy.behaviours import BEHAVIOURS, Behaviour
-from cosim.driver_discrepancy.case import Case, opened
-from cosim.driver_discrepancy.comparison import TrafficComparison, compared
+from cosim.capture.config import RunConfig, load_config
+from cosim.driver_discrepancy.behaviours import BEHAVIOURS, Behaviour, Signal
+from cosim.driver_discrepancy.case import Case, open_case
+from cosim.driver_discrepancy.comparison import Row, TrafficComparison, compare_summaries
 from cosim.driver_discrepancy.diagnosis import Candidate, TrafficDiagnosis, TrafficFinding
-from cosim.driver_discrepancy.distance import MANNERS, error, floor, mean_channels
 from cosim.driver_discrepancy.estimate import Estimator, Fit, intervals
-from cosim.driver_discrepancy.gate import Evidence, Verdict, run_gate, smallest
+from cosim.driver_discrepancy.evidence import Evidence, Significance, find_significance, gather_evidence
+from cosim.driver_discrepancy.scores import Fall, Scores, compare_scores, noise_floor, score_vehicles
 from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
-from cosim.driver_discrepancy.summary import STATISTICS, Summary
+from cosim.driver_discrepancy.summary import Summary
 from cosim.driver_discrepancy.tracks import Tracks
 from cosim.traffic.behaviour import BehaviourConfig
 
 _LOG = logging.getLogger(__name__)
+_MOST_UNEXPLAINED = 6
 
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """The model as it stands, simulated with all seeds, and its gate."""
+    """The model as it stands, simulated with all seeds, and the evidence against it."""
 
     config: BehaviourConfig
     runs: list[Summary]
-    verdict: Verdict
+    significance: Significance
     all: Evidence
     fitted: Evidence
+    scores: Scores
 
 
 @dataclass(frozen=True, eq=False)
 class _Try:
-    """A behaviour fitted beside those found before, and how much the BIC falls with it."""
+    """A behaviour fitted beside those found before.
+
+    Attributes:
+        behaviour: which.
+        fit: of all of them together.
+        gain: fall of chi² less its penalty.
+        error: standard error of the cross-fitted gain over folds, times two.
+    """
 
     behaviour: Behaviour
     fit: Fit
-    delta_bic: float
+    gain: float
+    error: float
 
 
 def traffic_diagnose(
@@ -53,31 +63,29 @@ def traffic_diagnose(
     workers: int | None = None,
     settings: TrafficSettings = DEFAULT,
     on_progress: Callable[[str], None] | None = None,
+    vtypes: Sequence[Path] = (),
 ) -> TrafficDiagnosis:
     """Find the driver behaviours that a model lacks against measured trajectories.
 
     Args:
-        measured: trajectories, or their CSV file.
+        measured: trajectories, or their file.
         config: the model: town and behaviour of a run's configuration, or its file.
-        seeds: simulations from which luck is known.
+        seeds: simulations that show the spread by chance.
         workers: processes; one a core by default.
         settings: numbers that decide.
-        on_progress: is told what is being done.
+        on_progress: called with a one-line status message.
+        vtypes: SUMO files with further vehicle types.
 
     Raises:
         CosimError: the trajectories cannot be used, or are not of this town.
         TownError: the town cannot be used.
     """
     run_config = config if isinstance(config, RunConfig) else load_config(Path(config))
-    if run_config.behaviour.as_given:
-        raise ConfigError(
-            "behaviour sumo leaves drivers as the vTypes have them, so nothing could be fitted; take calm"
-        )
-    with opened(measured, run_config, workers, settings) as case:
-        return _Detective(case, run_config, seeds, settings, on_progress or _LOG.debug).run()
+    with open_case(measured, run_config, workers, settings, vtypes) as case:
+        return _Diagnosis(case, run_config, seeds, settings, on_progress or _LOG.debug).run()
 
 
-class _Detective:
+class _Diagnosis:
     """One diagnosis."""
 
     def __init__(
@@ -86,196 +94,265 @@ class _Detective:
         self._case, self._config, self._by, self._say = case, config, by, say
         self._seeds = tuple(range(seeds))
         self._simulations = case.simulations
-        self._slopes: dict[str, np.ndarray] = {}
         self._found: list[TrafficFinding] = []
         self._ranking: tuple[Candidate, ...] = ()
         self._refused: set[str] = set()
         self._fit: Fit | None = None
 
     def run(self) -> TrafficDiagnosis:
-        """Everything in order."""
+        """Add behaviours until none is accepted, then conclude."""
         first = look = self._look(self._case.behaviour)
-        while len(self._found) < self._by.most_findings and look.verdict.p_value <= self._by.level:
-            better = self._better(look)
+        while len(self._found) < self._by.most_findings and look.significance.smallest <= self._by.level:
+            better = self._improve(look)
             if better is None:
                 break
             look = better
-        return self._concluded(first, look)
+        return self._conclude(first, look)
 
     def _look(self, config: BehaviourConfig) -> _Look:
-        """Simulate the model with every seed, and run the gate."""
+        """Simulate the model with every seed, and gather the evidence."""
         self._say(f"simulating with {len(self._seeds)} seeds")
         runs = self._simulations.run([(config, seed) for seed in self._seeds])
-        evidence = Evidence.of(self._case.measured, runs, self._by)
-        ids = self._case.fitted
+        measured, ids = self._case.measured, self._case.fitted
+        evidence = gather_evidence(measured, runs, self._by)
         return _Look(
             config,
             runs,
-            run_gate(evidence, np.random.default_rng(1), self._by),
+            find_significance(evidence, np.random.default_rng(1), self._by),
             evidence,
-            Evidence.of(self._case.measured.of(ids), [run.of(ids) for run in runs], self._by),
+            gather_evidence(measured.of(ids), [run.of(ids) for run in runs], self._by),
+            score_vehicles(measured, runs),
         )
 
-    def _learn(self, look: _Look, behaviours: Sequence[Behaviour]) -> None:
-        """How statistics change with the parameters of behaviours of which that is not known yet."""
-        new = [one for one in behaviours if one.name not in self._slopes]
-        if new:
-            self._say(f"learning what {', '.join(one.name for one in new)} changes")
-            self._slopes |= self._estimator(self._by.fitting.slope_seeds).slopes(look.config, new, STATISTICS)
-
-    def _better(self, look: _Look) -> _Look | None:
-        """Add the behaviour with which most is explained, and look again; None where none helps."""
-        taken = {one.behaviour for one in self._found} | self._refused
-        open_ = [one for one in BEHAVIOURS.values() if one.name not in taken]
-        shown = [one for one in open_ if look.verdict.by_behaviour[one.name] <= self._by.level]
-        if not shown:
+    def _improve(self, look: _Look) -> _Look | None:
+        """Add the behaviour that explains most and lets the held-out error fall; None where none does."""
+        options = self._options(look)
+        if not options:
             return None
-        self._learn(look, shown)
-        slopes = self._slopes_for(look.fitted.names)
-        estimator = self._estimator(self._by.fitting.slope_seeds)
-        promise = {
-            one.name: estimator.promise(look.fitted, one, slopes[one.name], look.config) - self._penalty(one)
-            for one in shown
-        }
-        shown.sort(key=lambda one: -promise[one.name])
-        worth = [one for one in shown if promise[one.name] > self._by.fitting.nearly * promise[shown[0].name]] or shown
-        tries = [self._try(one, look, slopes) for one in worth[: self._by.fitting.tried]]
-        tries.sort(key=lambda one: -one.delta_bic)
-        self._ranking = self._ranking or self._ranked(shown, promise, tries, look)
-        for one in tries:
-            after = self._look(one.fit.config) if one.delta_bic > 0 else None
-            if after is not None and self._helps(one.behaviour, look, after):
-                self._add(one, tries, look, after)
+        self._say(f"estimating the effect of {', '.join(behaviour.name for behaviour, _ in options)}")
+        tries, promise = self._fit_best(look, options)
+        self._ranking = self._ranking or self._rank(options, promise, tries, look)
+        for attempt in tries:
+            name = attempt.behaviour.name
+            after = self._look(attempt.fit.config) if attempt.gain > 0 else None
+            fall = None if after is None else self._held_out_fall(look, after)
+            if after is not None and fall is not None and _is_accepted(attempt.behaviour, fall):
+                self._add(attempt, tries, look, after, fall)
                 return after
-            self._refused.add(one.behaviour.name)
-        return self._better(look) if any(one.name not in self._refused for one in shown) else None
+            self._refused.add(name)
+        return self._improve(look)
 
-    def _try(self, behaviour: Behaviour, look: _Look, slopes: Mapping[str, np.ndarray]) -> _Try:
-        """Fit a behaviour together with those found before."""
-        self._say(f"fitting {behaviour.name}")
-        together = [*(BEHAVIOURS[one.behaviour] for one in self._found), behaviour]
-        estimator = self._estimator(self._by.fitting.seeds)
-        fit = estimator.fit(look.config, together, look.fitted, slopes)
-        return _Try(behaviour, fit, fit.chi2_before - fit.chi2 - self._penalty(behaviour))
+    def _options(self, look: _Look) -> list[tuple[Behaviour, BehaviourConfig]]:
+        """Behaviours whose columns differ significantly, with the configurations from which they are fitted."""
+        taken = {finding.behaviour for finding in self._found} | self._refused
+        signals = _signals(look.all)
+        options = []
+        for behaviour in BEHAVIOURS.values():
+            if behaviour.name in taken or _p_value(behaviour, look) > self._by.level:
+                continue
+            config = look.config if behaviour.propose is None else behaviour.propose(look.config, signals)
+            if config is not None:
+                values = behaviour.read(config, self._case.background)
+                options.append((behaviour, behaviour.write(config, behaviour.clipped(values))))
+        return options
 
-    def _helps(self, behaviour: Behaviour, look: _Look, with_it: _Look) -> bool:
-        """Whether vehicles that took no part in the fit are told better, not worse, or as luck has it with it.
+    def _fit_best(
+        self, look: _Look, options: Sequence[tuple[Behaviour, BehaviourConfig]]
+    ) -> tuple[list[_Try], dict[str, float]]:
+        """Fit the behaviours with the largest cross-fitted gains; the best first."""
+        estimator = self._estimator(self._by.fitting.slope_seeds)
+        slopes, promise, errors = {}, {}, {}
+        for behaviour, config in options:
+            slopes |= estimator.slopes(config, [behaviour])
+            gain, error = estimator.gain(look.fitted, behaviour, slopes[behaviour.name], look.config, config)
+            promise[behaviour.name], errors[behaviour.name] = 2 * gain - self._penalty(behaviour), 2 * error
+        order = sorted(options, key=lambda option: -promise[option[0].name])
+        least = self._by.fitting.nearly * promise[order[0][0].name]
+        chosen = [option for option in order if promise[option[0].name] > least] or order
+        judged = np.array(
+            [
+                column.is_whole or any(option.shows(column.channel, column.condition) for option, _ in options)
+                for column in look.fitted.columns
+            ],
+            bool,
+        )
+        before_chi2 = float((look.fitted.z[judged] ** 2).sum())
+        tries = []
+        for behaviour, config in chosen[: self._by.fitting.tried]:
+            self._say(f"fitting {behaviour.name}")
+            before = [BEHAVIOURS[finding.behaviour] for finding in self._found]
+            known = slopes | (estimator.slopes(config, before) if before else {})
+            fit = self._estimator(self._by.fitting.seeds).fit(config, [*before, behaviour], look.fitted, known, judged)
+            gain = before_chi2 - fit.chi2 - self._penalty(behaviour)
+            tries.append(_Try(behaviour, fit, gain, errors[behaviour.name]))
+        return sorted(tries, key=lambda attempt: -attempt.gain), promise
 
-        Of a rare manner few vehicles may show nothing, though the model that has it drives as nearly often like them.
-        """
-        before, after = (self._apart(behaviour, one) for one in (look, with_it))
-        told = np.isfinite(before).all(0) & np.isfinite(after).all(0)
-        if not told.any():
-            return True
-        worse = (np.abs(after) - np.abs(before))[:, told].mean(1)
-        error_of_mean = float(worse.std(ddof=1)) / np.sqrt(len(worse)) if len(worse) > 1 else 0.0
-        as_luck_has_it = (after[:, told].min(0) <= 0) & (after[:, told].max(0) >= 0)
-        return bool(worse.mean() < error_of_mean or as_luck_has_it.all())
-
-    def _apart(self, behaviour: Behaviour, look: _Look) -> np.ndarray:
-        """(seeds, statistics) how far held-out vehicles are off in what shows a behaviour, in units of its scale."""
+    def _held_out_fall(self, before: _Look, after: _Look) -> Fall:
         ids = self._case.judging
-        mine, others = self._case.measured.of(ids).statistics(), [run.of(ids).statistics() for run in look.runs]
-        return np.array([[(one[name] - mine[name]) / MANNERS[name] for name in behaviour.statistics] for one in others])
+        return compare_scores(before.scores.of(ids), after.scores.of(ids))
 
-    def _add(self, one: _Try, tries: Sequence[_Try], look: _Look, after: _Look) -> None:
-        self._say(f"adding {one.behaviour.name}")
-        name = one.behaviour.name
-        least = one.delta_bic - self._by.alike_bic
-        alike = tuple(other.behaviour.name for other in tries if other is not one and other.delta_bic > least)
-        before = one.behaviour.read(look.config, self._case.background)
+    def _add(self, attempt: _Try, tries: Sequence[_Try], look: _Look, after: _Look, fall: Fall) -> None:
+        name = attempt.behaviour.name
+        self._say(f"adding {name}")
+        least = attempt.gain - self._by.alike_errors * max(attempt.error, 1.0)
+        alike = tuple(
+            other.behaviour.name
+            for other in tries
+            if other is not attempt
+            and other.gain > max(least, 0.0)
+            and _p_value(other.behaviour, after) > self._by.level
+        )
+        config = attempt.fit.config
         self._found.append(
             TrafficFinding(
                 behaviour=name,
-                params=one.fit.values[name],
-                before=before,
+                params=attempt.fit.values[name],
+                before=attempt.behaviour.read(look.config, self._case.background),
                 ci95={},
-                p_value=look.verdict.by_behaviour[name],
-                error_before=self._held_out(look),
-                error_after=self._held_out(after),
+                p_value=_p_value(attempt.behaviour, look),
+                error_before=fall.before,
+                error_after=fall.after,
                 also_possible=alike,
-                shown_by=_shown_by(one.behaviour, self._case.measured, look, after),
+                shown_by=_shown_by(attempt.behaviour, self._case.measured, look, after),
+                fall_ci95=fall.interval,
+                worse=fall.worse,
+                streets=config.street_speed.edges
+                if attempt.behaviour.condition == "street" and config.street_speed
+                else (),
             )
         )
-        self._fit = one.fit
+        self._fit = attempt.fit
 
-    def _concluded(self, first: _Look, last: _Look) -> TrafficDiagnosis:
-        behaviours = [BEHAVIOURS[one.behaviour] for one in self._found]
+    def _conclude(self, first: _Look, last: _Look) -> TrafficDiagnosis:
+        behaviours = [BEHAVIOURS[finding.behaviour] for finding in self._found]
         config, findings = last.config, list(self._found)
         if self._fit is not None:
-            rows = [STATISTICS.index(name) for name in last.fitted.names]
-            aligned = replace(self._fit, slopes=self._fit.slopes[rows])
-            fit = self._estimator(self._by.fitting.seeds).polished(aligned, behaviours, last.fitted)
+            fit = self._refine(last, behaviours)
             ends = intervals(fit, behaviours, last.fitted.freedom, self._by.coverage)
             config = fit.config
-            findings = [_settled(one, fit.values[one.behaviour], ends[one.behaviour]) for one in findings]
-        left = [name for name, p_value in last.verdict.by_statistic.items() if p_value <= self._by.level]
-        ambiguous = any(one.also_possible for one in findings)
+            findings = [replace(one, params=fit.values[one.behaviour], ci95=ends[one.behaviour]) for one in findings]
+        before, after = self._compare(first), self._compare(last)
+        left = find_unexplained(after, self._by.level)
+        ambiguous = any(finding.also_possible for finding in findings)
+        ids = self._case.judging
         return TrafficDiagnosis(
             verdict="ambiguous" if ambiguous else "missing" if findings else "unknown" if left else "none",
             effects=tuple(findings),
             ranking=self._ranking,
-            smallest_detectable=self._smallest(last),
-            before=self._compared(first),
-            after=self._compared(last),
-            error_before=self._held_out(first),
-            error_after=self._held_out(last),
-            noise_floor=floor([run.of(self._case.judging) for run in last.runs]),
+            smallest_detectable={} if findings else self._smallest(last),
+            before=before,
+            after=after,
+            error_before=first.scores.of(ids).error,
+            error_after=last.scores.of(ids).error,
+            noise_floor=noise_floor([run for run in last.runs], ids),
             config=self._config.model_copy(update={"behaviour": config}) if findings else self._config,
-            unexplained=tuple(left),
+            unexplained=left,
             simulations=self._simulations.count,
         )
 
-    def _slopes_for(self, names: Sequence[str]) -> dict[str, np.ndarray]:
-        """Slopes in the order of some statistics."""
-        rows = [STATISTICS.index(name) for name in names]
-        return {name: slopes[rows] for name, slopes in self._slopes.items()}
+    def _refine(self, last: _Look, behaviours: Sequence[Behaviour]) -> Fit:
+        """Linearise about the fit, take further steps there, and a small last one with what all seeds show."""
+        self._say("refining the parameters")
+        estimator = self._estimator(self._by.fitting.seeds)
+        slopes = estimator.slopes(last.config, behaviours, self._by.fitting.near)
+        fit = estimator.fit(last.config, behaviours, last.fitted, slopes)
+        fresh = np.concatenate([slopes[behaviour.name] for behaviour in behaviours], 1)
+        fit = replace(fit, slopes=fresh)
+        if fit.config == last.config:
+            return estimator.polished(fit, behaviours, last.fitted)
+        return estimator.with_covariance(fit, behaviours, last.fitted)
 
     def _smallest(self, last: _Look) -> dict[str, dict[str, float]]:
-        """Changes that would have been seen."""
-        self._say("learning how small a change would have shown")
-        slopes = self._estimator(self._by.fitting.slope_seeds).own_slopes(last.config, last.all.names)
-        return {
-            name: smallest(last.all, last.verdict, behaviour, slopes[name], self._by)
-            for name, behaviour in BEHAVIOURS.items()
-        }
+        """Change of each parameter that 80 % of recordings like this one would show."""
+        self._say("estimating how small a change would be significant")
+        columns = self._case.measured.columns
+        slopes = self._estimator(self._by.fitting.slope_seeds).slopes_together(last.config, columns)
+        at = {column: number for number, column in enumerate(columns)}
+        rows = np.array([at[column] for column in last.all.columns], int)
+        found: dict[str, dict[str, float]] = {}
+        for name, slope in slopes.items():
+            ratio = np.abs(slope[rows]) / (last.all.sigma * (last.significance.critical + self._by.power))[:, None]
+            steepest = ratio.max(0, initial=0.0)
+            found[name] = {
+                knob.name: float(1 / value)
+                for knob, value in zip(BEHAVIOURS[name].knobs, steepest.tolist(), strict=True)
+                if value > 0
+            }
+        return found
 
-    def _ranked(
-        self, shown: Sequence[Behaviour], promise: Mapping[str, float], tries: Sequence[_Try], look: _Look
+    def _rank(
+        self,
+        options: Sequence[tuple[Behaviour, BehaviourConfig]],
+        promise: Mapping[str, float],
+        tries: Sequence[_Try],
+        look: _Look,
     ) -> tuple[Candidate, ...]:
-        fitted = {one.behaviour.name: one for one in tries}
+        fitted = {attempt.behaviour.name: attempt for attempt in tries}
         rows = []
-        for one in shown:
-            done = fitted.get(one.name)
-            gain = done.delta_bic if done else promise[one.name]
-            rows.append(Candidate(one.name, gain, look.verdict.by_behaviour[one.name], done is not None))
-        return tuple(sorted(rows, key=lambda row: -row.delta_bic))
+        for behaviour, _ in options:
+            done = fitted.get(behaviour.name)
+            gain = done.gain if done else promise[behaviour.name]
+            rows.append(Candidate(behaviour.name, gain, _p_value(behaviour, look), done is not None))
+        return tuple(sorted(rows, key=lambda row: (not row.fitted, -row.delta_bic)))
 
     def _estimator(self, seeds: int) -> Estimator:
-        return Estimator(self._simulations, self._case.fitted, self._case.background, self._seeds[:seeds], self._by)
+        case = self._case
+        return Estimator(
+            self._simulations, case.fitted, case.background, self._seeds[:seeds], case.measured.columns, self._by
+        )
 
     def _penalty(self, behaviour: Behaviour) -> float:
         return len(behaviour.knobs) * float(np.log(max(len(self._case.fitted), 2)))
 
-    def _held_out(self, look: _Look) -> float:
-        ids = self._case.judging
-        return error(mean_channels(self._case.measured.of(ids), [run.of(ids) for run in look.runs]))
+    def _compare(self, look: _Look) -> TrafficComparison:
+        return compare_summaries(self._case.measured, look.runs, self._case.notes)
 
-    def _compared(self, look: _Look) -> TrafficComparison:
-        return compared(self._case.measured, look.runs, self._case.notes)
+
+def find_unexplained(found: TrafficComparison, level: float) -> tuple[Row, ...]:
+    """Columns that differ significantly, one of each channel, the clearest first.
+
+    A condition is named where one of its levels differs more clearly than the channel as a whole.
+    """
+    best: dict[str, tuple[float, Row]] = {}
+    for row in (*found.statistics, *found.parts):
+        if not row.p_value <= level:
+            continue
+        size = abs(row.measured - row.model) / row.sigma
+        known = best.get(row.name)
+        if known is None or size > known[0]:
+            best[row.name] = (size, row)
+    ordered = sorted(best.values(), key=lambda pair: -pair[0])
+    return tuple(row for _, row in ordered[:_MOST_UNEXPLAINED])
+
+
+def _is_accepted(behaviour: Behaviour, fall: Fall) -> bool:
+    """Whether the held-out error falls; of a rare act, whether it does not rise significantly."""
+    return fall.interval[1] > 0 if behaviour.is_incident else fall.size > 0
+
+
+def _p_value(behaviour: Behaviour, look: _Look) -> float:
+    shown = [behaviour.shows(column.channel, column.condition) for column in look.all.columns]
+    return float(look.significance.p_values[shown].min(initial=1.0))
+
+
+def _signals(evidence: Evidence) -> list[Signal]:
+    ratio = evidence.measured / np.where(np.abs(evidence.model) > 1e-9, evidence.model, 1e-9)
+    return [
+        Signal(column.channel, column.condition, column.level, z, share)
+        for column, z, share in zip(evidence.columns, evidence.z.tolist(), ratio.tolist(), strict=True)
+    ]
 
 
 def _shown_by(
     behaviour: Behaviour, measured: Summary, before: _Look, after: _Look
 ) -> dict[str, tuple[float, float, float]]:
-    mine = measured.statistics()
+    values = measured.statistics()
     rows = {}
     for name in behaviour.statistics:
-        if name in before.all.names and name in after.all.names:
-            one, other = before.all.names.index(name), after.all.names.index(name)
-            rows[name] = (mine[name], float(before.all.model[one]), float(after.all.model[other]))
+        first, last = (
+            next((at for at, c in enumerate(look.all.columns) if c.is_whole and c.channel == name), None)
+            for look in (before, after)
+        )
+        if first is not None and last is not None:
+            rows[name] = (values[name], float(before.all.model[first]), float(after.all.model[last]))
     return rows
-
-
-def _settled(finding: TrafficFinding, values: Mapping[str, float], ends: Mapping[str, list[float]]) -> TrafficFinding:
-    return replace(finding, params=values, ci95=ends)

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from cosim.capture.config import RunConfig
-from cosim.driver_discrepancy.comparison import TrafficComparison
+from cosim.driver_discrepancy.comparison import Row, TrafficComparison
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A behaviour of the first round: how much the BIC falls with it, its family-wise p-value, and the error with it.
+    """A behaviour of the first round.
 
     Attributes:
         behaviour: its name.
-        delta_bic: fall of chi² less ln n a parameter, n vehicles; by simulation where it was `fitted`, else as its
-            slopes promise.
-        p_value: of the statistics that show it.
-        fitted: whether it was.
+        delta_bic: fall of chi² less ln n per parameter, n vehicles; by simulation where it was `fitted`, else twice
+            the cross-fitted gain of its slopes.
+        p_value: family-wise, of the columns that show it.
+        fitted: whether it was fitted by simulation.
     """
 
     behaviour: str
@@ -43,8 +43,11 @@ class TrafficFinding:
         ci95: their intervals.
         p_value: family-wise, when it was added.
         error_before, error_after: on held-out vehicles, before and after it was added.
-        also_possible: what explains the data as well, within ΔBIC 10.
-        shown_by: statistics with their values measured, before and after.
+        also_possible: behaviours that explain the data as well, within two standard errors of the gain.
+        shown_by: channels with their values measured, before and after.
+        fall_ci95: 95 % interval of the fall of the held-out error, over seeds and vehicles.
+        worse: groups of channels whose held-out error rises significantly, with the rise over their scale.
+        streets: edges that it applies to; empty for the whole town.
     """
 
     behaviour: str
@@ -56,6 +59,9 @@ class TrafficFinding:
     error_after: float
     also_possible: tuple[str, ...]
     shown_by: Mapping[str, tuple[float, float, float]]
+    fall_ci95: tuple[float, float] = (float("nan"), float("nan"))
+    worse: Mapping[str, float] = field(default_factory=dict)
+    streets: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -67,6 +73,9 @@ class TrafficFinding:
             "error_before": self.error_before,
             "error_after": self.error_after,
             "also_possible": list(self.also_possible),
+            "fall_ci95": list(self.fall_ci95),
+            "worse": dict(self.worse),
+            **({"streets": list(self.streets)} if self.streets else {}),
         }
 
 
@@ -75,15 +84,15 @@ class TrafficDiagnosis:
     """The outcome.
 
     Attributes:
-        verdict: none, missing or ambiguous.
+        verdict: none, missing, ambiguous or unknown.
         effects: what was missing, in the order found.
         ranking: candidates of the first round, the likeliest first.
         smallest_detectable: change of each parameter that would have been seen with 80 % power.
         before, after: comparisons of the model as given and improved, all vehicles.
         error_before, error_after: on held-out vehicles.
-        noise_floor: the error of the model against itself with other luck, on the same vehicles.
+        noise_floor: the error of the model against itself with other seeds, on the same vehicles.
         config: the improved configuration.
-        unexplained: statistics that still differ by more than luck and that no behaviour explains.
+        unexplained: columns that still differ significantly, one of each channel, the clearest first.
         simulations: how many were run.
         config_out: where the configuration was written.
     """
@@ -98,19 +107,21 @@ class TrafficDiagnosis:
     error_after: float
     noise_floor: float
     config: RunConfig
-    unexplained: tuple[str, ...]
+    unexplained: tuple[Row, ...]
     simulations: int
     config_out: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         """What `cosim traffic-diagnose --json` writes: the keys of `cosim diagnose`, and some of its own."""
-        left = self.unexplained
-        unknown = {"channel": "traffic", "covariates": [], "form": f"{', '.join(left)} differ", "r2": None}
+        unknowns = [_unknown(row) for row in self.unexplained]
         return {
             "verdict": self.verdict,
             "effects": [one.to_json() for one in self.effects],
             "ranking": [one.to_json() for one in self.ranking],
-            "unknown": unknown if left else None,
+            "unknown": unknowns[0] if unknowns else None,
+            "unknowns": unknowns,
+            "unexplained": unknowns,
+            "groups": {"before": dict(self.before.channels), "after": dict(self.after.channels)},
             "smallest_detectable": {name: dict(values) for name, values in self.smallest_detectable.items()},
             "error_before": self.error_before,
             "error_after": self.error_after,
@@ -120,3 +131,17 @@ class TrafficDiagnosis:
             "simulations": self.simulations,
             "notes": list(self.before.notes),
         }
+
+
+def _unknown(row: Row) -> dict[str, Any]:
+    unit = f" {row.unit}" if row.unit else ""
+    return {
+        "channel": row.name,
+        "covariates": [row.condition] if row.condition else [],
+        "level": row.level or None,
+        "form": f"{row.place}: measured {row.measured:.3g}{unit}, model {row.model:.3g}{unit}",
+        "size": row.measured - row.model,
+        "unit": row.unit,
+        "r2": None,
+        "p_value": row.p_value,
+    }

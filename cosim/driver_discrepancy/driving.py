@@ -1,25 +1,34 @@
-"""SUMO's own drivers with the habits of a configuration, as cheap as traffic can be simulated.
+"""What drivers do besides following: changes of lane without a reason, U-turns, pull-outs.
 
-What `cosim run` adds — bodies that follow smoothly, drivers who brake for bends — costs four times as much and hardly
-shows in how people follow, hurry or keep their lane; so fits do without it.
+SUMO's own drivers do all the rest by themselves; these acts are decided twice a second.
 """
 
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 
 from cosim.driver_discrepancy.settings import DEFAULT
-from cosim.traffic.actors import Actors
 from cosim.traffic.behaviour import BehaviourConfig
-from cosim.traffic.behaviour.free_driving import MOTORISED
+from cosim.traffic.behaviour.distributions import Constant
 from cosim.traffic.behaviour.habits import Habits, draw_habits
 from cosim.traffic.behaviour.roads import Lane, Roads
-from cosim.traffic.simulation import Traffic
+from cosim.traffic.behaviour.vehicle_parameters import set_parameters
 
 _BY = DEFAULT.simulating
+_ACTS_EVERY_S = 0.5
+_ON_FOOT = ("pedestrian", "bicycle", "scooter")
+
+
+def needs_steps(behaviour: BehaviourConfig) -> bool:
+    """Whether a behaviour has acts that SUMO's vTypes cannot express."""
+    share = behaviour.lane_change_share
+    changes = not (isinstance(share, Constant) and share.value == 0) and share.bounds[1] > 0
+    return changes or behaviour.u_turns_per_min > 0 or behaviour.pull_outs_per_min > 0
 
 
 @dataclass(eq=False)
@@ -37,45 +46,93 @@ class _Turn:
     until_s: float
 
 
+@dataclass(frozen=True, eq=False)
+class _Snapshot:
+    """Vehicles at a time: names, lanes, positions along them [m], speeds [m/s], places (n, 2) [m], who is parked."""
+
+    time_s: float
+    ids: tuple[str, ...]
+    lanes: tuple[str, ...]
+    lane_position_m: np.ndarray
+    speed_mps: np.ndarray
+    front: np.ndarray
+    parked: np.ndarray
+
+
 class Driving:
-    """Lets drivers act step by step. Equal seeds give each of them the same luck, whatever the configuration.
+    """Lets drivers act step by step. Equal seeds give each of them the same draws, whatever the configuration.
 
     Args:
-        traffic: the simulation, not yet stepped.
+        sumo: the running libsumo, not yet stepped.
         config: how drivers behave; collisions and pull-ins are left out.
         seed: of all draws.
         seconds: how long the simulation lasts.
+        step_s: of the simulation [s].
+        sets_parameters: whether vTypes do not have the drivers' parameters already.
+        prolong: gives a vehicle a longer route, with the draws of a generator; None: routes are long enough.
     """
 
-    def __init__(self, traffic: Traffic, config: BehaviourConfig, seed: int, seconds: float) -> None:
-        self._traffic, self._config, self._seed = traffic, config, seed
-        self._roads = Roads(traffic.api)
+    def __init__(
+        self,
+        sumo: ModuleType,
+        config: BehaviourConfig,
+        seed: int,
+        seconds: float,
+        step_s: float,
+        *,
+        sets_parameters: bool = True,
+        prolong: Callable[[str, np.random.Generator], None] | None = None,
+    ) -> None:
+        self._sumo, self._config, self._seed = sumo, config, seed
+        self._step_s, self._sets_parameters, self._prolong = step_s, sets_parameters, prolong
+        self._roads = Roads(sumo)
         self._drivers: dict[str, _Driver] = {}
         self._turns: dict[str, _Turn] = {}
         self._ways = np.random.default_rng([seed, 1])
-        begin = traffic.time_s
+        begin = float(sumo.simulation.getTime())
         self._u_turns = _schedule(config.u_turns_per_min, begin, seconds, np.random.default_rng([seed, 2]))
         self._pull_outs = _schedule(config.pull_outs_per_min, begin, seconds, np.random.default_rng([seed, 3]))
-        self._onward_s = begin
+        self._onward_s = self._acts_s = begin
 
-    def step(self, actors: Actors) -> None:
-        """Act after a step."""
+    def step(self) -> None:
+        """Act after a step, if it is time to."""
+        if self._sets_parameters:
+            for name in self._sumo.simulation.getDepartedIDList():
+                self._drivers[name] = self._begin(name)
+        time_s = float(self._sumo.simulation.getTime())
+        if time_s < self._acts_s - 1e-6:
+            return
+        self._acts_s = time_s + _ACTS_EVERY_S
+        actors = self._snapshot(time_s)
         for row, (name, lane) in enumerate(zip(actors.ids, actors.lanes, strict=True)):
-            if actors.kinds[row] in MOTORISED and lane and not actors.parked[row]:
+            if lane and not actors.parked[row]:
                 self._drive(actors, row, name, lane)
-        if actors.time_s >= self._onward_s:
+        if self._prolong is not None and time_s >= self._onward_s:
             self._onward_s += _BY.onward_every_s
             for name, lane in zip(actors.ids, actors.lanes, strict=True):
                 if name in self._drivers and lane and name not in self._turns:
-                    self._traffic.prolong_route(name, self._ways)
-        if self._pull_outs and actors.time_s >= self._pull_outs[0][0]:
+                    self._prolong(name, self._ways)
+        if self._pull_outs and time_s >= self._pull_outs[0][0]:
             self._pull_out(actors, self._pull_outs.pop(0)[1])
-        if self._u_turns and actors.time_s >= self._u_turns[0][0]:
+        if self._u_turns and time_s >= self._u_turns[0][0]:
             self._begin_turn(actors, self._u_turns.pop(0)[1])
         for name in list(self._turns):
             self._turn(actors, name)
 
-    def _drive(self, actors: Actors, row: int, name: str, lane: str) -> None:
+    def _snapshot(self, time_s: float) -> _Snapshot:
+        api = self._sumo.vehicle
+        ids = tuple(name for name in sorted(api.getIDList()) if api.getVehicleClass(name) not in _ON_FOOT)
+        return _Snapshot(
+            time_s,
+            ids,
+            tuple(api.getLaneID(name) for name in ids),
+            np.array([api.getLanePosition(name) for name in ids], float),
+            np.array([api.getSpeed(name) for name in ids], float),
+            np.array([api.getPosition(name) for name in ids], float).reshape(-1, 2),
+            np.array([api.isStoppedParking(name) for name in ids], bool),
+        )
+
+    def _drive(self, actors: _Snapshot, row: int, name: str, lane: str) -> None:
         driver = self._drivers.get(name)
         if driver is None:
             driver = self._drivers[name] = self._begin(name)
@@ -84,8 +141,9 @@ class Driving:
             return
         if here.edge != driver.edge:
             driver.edge = here.edge
-            if not self._config.as_given:
-                self._traffic.api.vehicle.setSpeedFactor(name, max(driver.habits.speed_factor(here.limit_mps), 0.1))
+            if self._sets_parameters and self._config.speeding_share is not None:
+                factor = driver.habits.speed_factor(here.limit_mps)
+                self._sumo.vehicle.setSpeedFactor(name, max(factor, 0.1))
             driver.wish = self._wish(driver, here)
         if driver.wish is not None and name not in self._turns:
             wanted, place, index = driver.wish
@@ -93,21 +151,14 @@ class Driving:
                 driver.wish = None
             elif actors.lane_position_m[row] > place and actors.speed_mps[row] > 2:
                 driver.wish = None
-                self._traffic.api.vehicle.changeLane(name, index, _BY.lane_held_s)
+                self._sumo.vehicle.changeLane(name, index, _BY.lane_held_s)
 
     def _begin(self, name: str) -> _Driver:
-        habits, api = draw_habits(self._config, self._seed, name), self._traffic.api.vehicle
-        if self._config.as_given:
-            return _Driver(habits, self._luck_of(name))
-        api.setMinGap(name, habits.gap_m)
-        api.setTau(name, habits.headway_s)
-        if habits.lane_offset_m:
-            api.setLateralAlignment(name, f"{habits.lane_offset_m:.3f}")
-        if habits.imperfection is not None:
-            api.setImperfection(name, habits.imperfection)
-        if habits.reaction_s is not None:
-            steps = max(1, round(habits.reaction_s / self._traffic.step_s))
-            api.setActionStepLength(name, steps * self._traffic.step_s)
+        habits, api = draw_habits(self._config, self._seed, name), self._sumo.vehicle
+        if self._sets_parameters and api.getVehicleClass(name) not in _ON_FOOT:
+            set_parameters(api, name, habits, self._step_s)
+            if self._config.speeding_share is None and habits.speed_ratio != 1.0:
+                api.setSpeedFactor(name, api.getSpeedFactor(name) * habits.speed_ratio)
         return _Driver(habits, self._luck_of(name))
 
     def _luck_of(self, name: str) -> np.random.Generator:
@@ -123,18 +174,18 @@ class Driving:
         place = 0.1 * here.length_m + at * (0.9 * here.length_m - _BY.turn_clear_of_ends_m)
         return here.id, place, wishes[int(which * len(wishes))]
 
-    def _pull_out(self, actors: Actors, luck: float) -> None:
+    def _pull_out(self, actors: _Snapshot, luck: float) -> None:
         """Let one of those who are parked go."""
-        parked = [actors.ids[row] for row in np.flatnonzero(actors.parked) if actors.kinds[row] in MOTORISED]
+        parked = [actors.ids[row] for row in np.flatnonzero(actors.parked).tolist()]
         if parked:
             name = parked[int(luck * len(parked))]
-            if self._send(name, self._traffic.api.vehicle.getRoute(name)[0]):
-                self._traffic.api.vehicle.resume(name)
+            if self._send(name, self._sumo.vehicle.getRoute(name)[0]):
+                self._sumo.vehicle.resume(name)
 
     def _send(self, name: str, edge: str) -> bool:
         """A way from an edge to somewhere; whether there is one."""
-        api = self._traffic.api
-        vtype, edges = api.vehicle.getTypeID(name).partition("@")[0], sorted(self._roads.of_edge)
+        api = self._sumo
+        vtype, edges = api.vehicle.getTypeID(name), sorted(self._roads.of_edge)
         edges = [one for one in edges if one[0] != ":"]
         for _ in range(_BY.ways_tried):
             target = edges[int(self._ways.integers(len(edges)))]
@@ -144,7 +195,7 @@ class Driving:
                 return True
         return False
 
-    def _begin_turn(self, actors: Actors, luck: float) -> None:
+    def _begin_turn(self, actors: _Snapshot, luck: float) -> None:
         """Let one who drives on the innermost lane brake to turn round."""
         found = []
         for row, (name, lane) in enumerate(zip(actors.ids, actors.lanes, strict=True)):
@@ -154,17 +205,17 @@ class Driving:
             stop = actors.lane_position_m[row] + actors.speed_mps[row] ** 2 / (2 * _BY.turn_brakes_mps2)
             inner = here is self._roads.of_edge[here.edge][-1] and here.edge in self._roads.back
             inner &= _BY.turn_clear_of_ends_m < stop < here.length_m - _BY.turn_clear_of_ends_m
-            if inner and actors.speed_mps[row] > 1:
+            if inner and actors.speed_mps[row] > 1 and not actors.parked[row]:
                 found.append((row, here))
         if found:
             row, here = found[int(luck * len(found))]
             back = self._roads.of_edge[self._roads.back[here.edge]][-1]
             name, seconds = actors.ids[row], max(float(actors.speed_mps[row]) / _BY.turn_brakes_mps2, 1.0)
-            self._traffic.api.vehicle.slowDown(name, 0.0, seconds)
+            self._sumo.vehicle.slowDown(name, 0.0, seconds)
             self._turns[name] = _Turn(here, back, actors.time_s + _BY.turn_waits_s)
 
-    def _turn(self, actors: Actors, name: str) -> None:
-        turn, api = self._turns[name], self._traffic.api.vehicle
+    def _turn(self, actors: _Snapshot, name: str) -> None:
+        turn, api = self._turns[name], self._sumo.vehicle
         row = actors.ids.index(name) if name in actors.ids else -1
         lane = actors.lanes[row] if row >= 0 else ""
         if lane == turn.back.id and turn.lane.id != turn.back.id:
@@ -176,9 +227,9 @@ class Driving:
         elif actors.speed_mps[row] <= DEFAULT.placing.rests_mps:
             self._move_over(actors, name, row, turn)
 
-    def _move_over(self, actors: Actors, name: str, row: int, turn: _Turn) -> None:
+    def _move_over(self, actors: _Snapshot, name: str, row: int, turn: _Turn) -> None:
         """Put who stands on the other side, if there is room; he goes on once he is there."""
-        api = self._traffic.api.vehicle
+        api = self._sumo.vehicle
         api.setSpeed(name, 0.0)
         at, _ = turn.back.project(actors.front[row, :2])
         there = [i for i, lane in enumerate(actors.lanes) if lane == turn.back.id and not actors.parked[i]]

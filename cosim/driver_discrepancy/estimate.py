@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS, TOGETHER, Background, Behaviour, Knob
-from cosim.driver_discrepancy.gate import Evidence
+from cosim.driver_discrepancy.evidence import Evidence, cross_fitted_gain
 from cosim.driver_discrepancy.pool import Simulations
 from cosim.driver_discrepancy.settings import TrafficSettings
-from cosim.driver_discrepancy.summary import STATISTICS, Summary
+from cosim.driver_discrepancy.summary import Column
 from cosim.traffic.behaviour import BehaviourConfig
 
 Values = dict[str, dict[str, float]]
@@ -25,8 +25,8 @@ class Fit:
     Attributes:
         config: with them.
         values: behaviour → parameter → value.
-        chi2_before, chi2: sum of squared standardised differences before, and what is left.
-        slopes: (parameters) of all of `STATISTICS`; zero for those that told nothing.
+        chi2_before, chi2: sum of squared standardised differences of whole channels, before and after.
+        slopes: (c, parameters) of all columns; zero for those without evidence.
         covariance: (parameters, parameters).
     """
 
@@ -46,6 +46,7 @@ class Estimator:
         ids: vehicles that are fitted.
         background: what configurations leave to the town.
         seeds: of the simulations of a fit.
+        columns: of all tables.
         by: numbers that decide.
     """
 
@@ -55,26 +56,34 @@ class Estimator:
         ids: frozenset[str],
         background: Background,
         seeds: Sequence[int],
+        columns: Sequence[Column],
         by: TrafficSettings,
     ) -> None:
         self._simulations = simulations
         self._ids = ids
         self._background = background
         self._seeds = tuple(seeds)
+        self._columns = tuple(columns)
         self._by = by
 
     def slopes(
-        self, config: BehaviourConfig, behaviours: Sequence[Behaviour], names: Sequence[str]
+        self, config: BehaviourConfig, behaviours: Sequence[Behaviour], share: float = 1.0
     ) -> dict[str, np.ndarray]:
-        """Change of statistics (k, parameters) with each behaviour's parameters, from the configuration on."""
+        """Change of all columns (c, parameters) with each behaviour's parameters, from the configuration on.
+
+        Args:
+            config: about which.
+            behaviours: whose parameters.
+            share: of a parameter's step.
+        """
         jobs, steps = [], []
         for behaviour in behaviours:
             values = behaviour.read(config, self._background)
             for knob in behaviour.knobs:
-                changed = _changed(behaviour, knob.name, values)
+                changed = _changed(behaviour, knob.name, values, share)
                 steps.append(changed[knob.name] - values[knob.name])
                 jobs.append(behaviour.write(config, changed))
-        found = self._many([config, *jobs], names)
+        found = self._many([config, *jobs])
         columns = [(row - found[0]) / step for row, step in zip(found[1:], steps, strict=True)]
         sloped, at = {}, 0
         for behaviour in behaviours:
@@ -82,8 +91,8 @@ class Estimator:
             at += len(behaviour.knobs)
         return sloped
 
-    def own_slopes(self, config: BehaviourConfig, names: Sequence[str]) -> dict[str, np.ndarray]:
-        """Change of the statistics that show each behaviour with its parameters; several are changed at a time."""
+    def slopes_together(self, config: BehaviourConfig, channels: Sequence[Column]) -> dict[str, np.ndarray]:
+        """Change of the columns that show each behaviour with its parameters; several are changed at a time."""
         jobs, steps = [config], {}
         for group in TOGETHER:
             changed = config
@@ -94,26 +103,39 @@ class Estimator:
                 steps[name, knob] = (len(jobs), new[knob] - values[knob])
                 changed = behaviour.write(changed, new)
             jobs.append(changed)
-        found = self._many(jobs, names)
+        found = self._many(jobs)
         sloped = {}
-        for name, behaviour in BEHAVIOURS.items():
-            rows = np.array([one in behaviour.statistics for one in names])
+        for name in dict(key for key in steps):
+            behaviour = BEHAVIOURS[name]
+            rows = np.array([behaviour.shows(column.channel, column.condition) for column in channels])
             columns = [
-                (found[job] - found[0]) / step for job, step in (steps[name, one.name] for one in behaviour.knobs)
+                (found[job] - found[0]) / step for job, step in (steps[name, knob.name] for knob in behaviour.knobs)
             ]
             sloped[name] = np.nan_to_num(np.stack(columns, 1)) * rows[:, None]
         return sloped
 
-    def promise(self, evidence: Evidence, behaviour: Behaviour, slopes: np.ndarray, config: BehaviourConfig) -> float:
-        """How much chi² would fall if statistics went on as straight as they begin."""
-        values = behaviour.read(config, self._background)
-        jacobian = slopes / evidence.sigma[:, None]
-        step = self._solve(jacobian, evidence.z, behaviour.knobs)
-        now = np.array([values[knob.name] for knob in behaviour.knobs])
-        low = np.array([knob.low for knob in behaviour.knobs]) - now
-        high = np.array([knob.high for knob in behaviour.knobs]) - now
-        left = evidence.z - jacobian @ np.clip(step, low, high)
-        return float(evidence.z @ evidence.z - left @ left)
+    def gain(
+        self,
+        evidence: Evidence,
+        behaviour: Behaviour,
+        slopes: np.ndarray,
+        config: BehaviourConfig,
+        start: BehaviourConfig,
+    ) -> tuple[float, float]:
+        """Cross-fitted gain that a behaviour's slopes promise in its own columns, and its standard error.
+
+        Args:
+            evidence: against the model.
+            behaviour: whose parameters.
+            slopes: (c, parameters) change of all columns with them.
+            config: the model.
+            start: about which the slopes were taken.
+        """
+        columns = np.array([behaviour.shows(one.channel, one.condition) for one in evidence.columns], bool)
+        limits = np.array([knob.high - knob.low for knob in behaviour.knobs])
+        rows = self._rows(evidence)
+        model, begin = self._many([config, start])[:, rows]
+        return cross_fitted_gain(evidence, columns, slopes[rows], limits, np.nan_to_num(begin - model))
 
     def fit(
         self,
@@ -121,21 +143,30 @@ class Estimator:
         behaviours: Sequence[Behaviour],
         evidence: Evidence,
         slopes: Mapping[str, np.ndarray],
+        judged: np.ndarray | None = None,
     ) -> Fit:
-        """All parameters of some behaviours together, by the statistics that show them.
+        """Fit all parameters of some behaviours together to the columns that show them.
 
         The slopes are corrected by what each simulation shows (Broyden, Math. Comp. 1965), so that a step costs one.
+
+        Args:
+            config: from which the fit begins.
+            behaviours: whose parameters are fitted.
+            evidence: of the configuration without them.
+            slopes: behaviour → change of all columns with its parameters.
+            judged: (k,) columns over which chi² is summed; by default all.
         """
         knobs = [(behaviour, knob) for behaviour in behaviours for knob in behaviour.knobs]
         start = {one.name: one.read(config, self._background) for one in behaviours}
         at = np.array([start[behaviour.name][knob.name] for behaviour, knob in knobs])
         plain = [knob for _, knob in knobs]
         low, high = (np.array([getattr(knob, end) for knob in plain]) for end in ("low", "high"))
-        rows = [STATISTICS.index(name) for name in evidence.names]
-        jacobian = np.concatenate([slopes[one.name] for one in behaviours], 1) / evidence.sigma[:, None]
-        own = np.array([any(name in one.statistics for one in behaviours) for name in evidence.names])
+        rows = self._rows(evidence)
+        jacobian = np.concatenate([slopes[one.name] for one in behaviours], 1)[rows] / evidence.sigma[:, None]
+        own = np.array([any(one.shows(c.channel, c.condition) for one in behaviours) for c in evidence.columns])
         jacobian *= own[:, None]
         at = np.clip(at, low, high)
+        whole = np.ones(len(evidence.columns), bool) if judged is None else judged
         before = rest = self._rest(config, behaviours, at, evidence)
         for _ in range(self._by.fitting.rounds):
             step = np.clip(at + self._solve(jacobian, rest, plain), low, high) - at
@@ -150,13 +181,13 @@ class Estimator:
             if own @ rest**2 < self._by.fitting.luck * own.sum():
                 break
         values = _by_name(behaviours, at)
-        full = np.zeros((len(STATISTICS), len(knobs)))
+        full = np.zeros((len(self._columns), len(knobs)))
         full[rows] = jacobian * evidence.sigma[:, None]
         return Fit(
             config=_written(config, behaviours, values),
             values=values,
-            chi2_before=float(before @ before),
-            chi2=float(rest @ rest),
+            chi2_before=float(before[whole] @ before[whole]),
+            chi2=float(rest[whole] @ rest[whole]),
             slopes=full,
             covariance=self._covariance(jacobian, plain),
         )
@@ -165,7 +196,7 @@ class Estimator:
         """One more step with what more seeds say, if it is a small one."""
         knobs = [knob for behaviour in behaviours for knob in behaviour.knobs]
         at = np.array([fit.values[one.name][knob.name] for one in behaviours for knob in one.knobs])
-        jacobian = fit.slopes / evidence.sigma[:, None]
+        jacobian = self._own_jacobian(fit, behaviours, evidence)
         low, high = (np.array([getattr(knob, end) for knob in knobs]) for end in ("low", "high"))
         covariance = self._covariance(jacobian, knobs)
         step = np.clip(at + self._solve(jacobian, evidence.z, knobs), low, high) - at
@@ -174,22 +205,32 @@ class Estimator:
         config = _written(fit.config, behaviours, values)
         return Fit(config, values, fit.chi2_before, fit.chi2, fit.slopes, covariance)
 
+    def with_covariance(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: Evidence) -> Fit:
+        """The same with the covariance that its slopes give, over the columns that show the behaviours."""
+        knobs = [knob for behaviour in behaviours for knob in behaviour.knobs]
+        return replace(fit, covariance=self._covariance(self._own_jacobian(fit, behaviours, evidence), knobs))
+
+    def _own_jacobian(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: Evidence) -> np.ndarray:
+        own = np.array([any(one.shows(c.channel, c.condition) for one in behaviours) for c in evidence.columns])
+        return fit.slopes[self._rows(evidence)] / evidence.sigma[:, None] * own[:, None]
+
     def _rest(
         self, config: BehaviourConfig, behaviours: Sequence[Behaviour], at: np.ndarray, evidence: Evidence
     ) -> np.ndarray:
         written = _written(config, behaviours, _by_name(behaviours, at))
-        found = self._many([written], evidence.names)[0]
+        found = self._many([written])[0][self._rows(evidence)]
         return np.nan_to_num((evidence.measured - found) / evidence.sigma)
 
-    def _many(self, configs: Sequence[BehaviourConfig], names: Sequence[str]) -> np.ndarray:
-        """Statistics (configurations, k), each the mean over the seeds."""
-        runs = self._simulations.run([(config, seed) for config in configs for seed in self._seeds])
-        rows = [self._row(run, names) for run in runs]
-        return np.array(rows).reshape(len(configs), len(self._seeds), len(names)).mean(1)
+    def _rows(self, evidence: Evidence) -> np.ndarray:
+        """Places of the evidence's columns among all."""
+        at = {column: number for number, column in enumerate(self._columns)}
+        return np.array([at[column] for column in evidence.columns], int)
 
-    def _row(self, run: Summary, names: Sequence[str]) -> list[float]:
-        found = run.of(self._ids).statistics()
-        return [found[name] for name in names]
+    def _many(self, configs: Sequence[BehaviourConfig]) -> np.ndarray:
+        """Means of all columns (configurations, c), each over the seeds."""
+        runs = self._simulations.run([(config, seed) for config in configs for seed in self._seeds])
+        rows = np.array([run.of(self._ids).ratios() for run in runs])
+        return rows.reshape(len(configs), len(self._seeds), -1).mean(1)
 
     def _covariance(self, jacobian: np.ndarray, knobs: Sequence[Knob]) -> np.ndarray:
         """Covariance of parameters; what the data do not tell is held by weak priors."""
@@ -214,12 +255,12 @@ def intervals(
     return found
 
 
-def _changed(behaviour: Behaviour, name: str, values: Mapping[str, float]) -> dict[str, float]:
+def _changed(behaviour: Behaviour, name: str, values: Mapping[str, float], share: float = 1.0) -> dict[str, float]:
     """Values with one changed by its step, or the other way where a bound is near."""
     knob = next(one for one in behaviour.knobs if one.name == name)
-    changed = behaviour.clipped({**values, name: values[name] + knob.step})
-    if abs(changed[name] - values[name]) < abs(knob.step) / 3:
-        changed = behaviour.clipped({**values, name: values[name] - knob.step})
+    changed = behaviour.clipped({**values, name: values[name] + share * knob.step})
+    if abs(changed[name] - values[name]) < abs(share * knob.step) / 3:
+        changed = behaviour.clipped({**values, name: values[name] - share * knob.step})
     return changed
 
 

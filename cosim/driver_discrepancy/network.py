@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -55,11 +57,44 @@ class NetLane:
 
 @dataclass(frozen=True)
 class NetType:
-    """A vehicle type: its kind (`car`, `van`, …), length [m] and SUMO's imperfection [1]."""
+    """A vehicle type: its kind (`car`, `van`, …), length [m] and SUMO's attributes as written."""
 
     kind: str
     length_m: float
-    sigma: float
+    attributes: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Link:
+    """A way from a lane to the next.
+
+    Attributes:
+        target, via: ids of the next lane and of the first lane inside the junction; `via` may be empty.
+        signal, index: traffic light and its link index; empty and −1 without one.
+        direction: SUMO's letter: s, l, r, L, R, t.
+        has_priority: nobody else goes first.
+    """
+
+    target: str
+    via: str
+    signal: str
+    index: int
+    direction: str
+    has_priority: bool
+
+
+@dataclass(frozen=True)
+class Program:
+    """A fixed-time signal program: offset [s], durations of its phases (k,) [s] and their states."""
+
+    offset_s: float
+    durations_s: tuple[float, ...]
+    states: tuple[str, ...]
+
+    @property
+    def cycle_s(self) -> float:
+        """Duration of a cycle."""
+        return sum(self.durations_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +107,10 @@ class Network:
         onward: edge → edges that a car may take next, turning back included.
         back: edge → the edge of the other direction.
         lots: parking area → its lane, start and end along it [m].
-        types: vType → what of it matters here.
+        types: vType → kind, length and attributes.
+        links: lane → ways on.
+        yields_to: lane inside a junction → lanes inside it to which its vehicles must yield.
+        programs: traffic light → its fixed-time program; actuated ones are left out.
     """
 
     lanes: dict[str, NetLane]
@@ -81,6 +119,9 @@ class Network:
     back: dict[str, str]
     lots: dict[str, tuple[str, float, float]]
     types: dict[str, NetType]
+    links: dict[str, tuple[Link, ...]] = field(default_factory=dict)
+    yields_to: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    programs: dict[str, Program] = field(default_factory=dict)
 
     def lanes_of(self, edge: str) -> list[NetLane]:
         """Lanes of cars of an edge, from the right."""
@@ -145,7 +186,45 @@ def read_network(net: Path, additional: tuple[Path, ...], routes: tuple[Path, ..
     by_ends = {pair: edge for edge, pair in sorted(ends.items())}
     back = {edge: by_ends[b, a] for edge, (a, b) in ends.items() if (b, a) in by_ends}
     ways = {edge: tuple(sorted(found)) for edge, found in onward.items() if not edge.startswith(":")}
-    return Network(lanes, frozenset(others), ways, back, *_furniture((*additional, *routes)))
+    lots, types = _furniture((*additional, *routes))
+    junctions = _links(root, lanes), _yields(root), _programs(root)
+    return Network(lanes, frozenset(others), ways, back, lots, types, *junctions)
+
+
+def _links(root: Element, lanes: Mapping[str, NetLane]) -> dict[str, tuple[Link, ...]]:
+    found: dict[str, list[Link]] = {}
+    for link in root.iter("connection"):
+        source = f"{link.get('from', '')}_{link.get('fromLane')}"
+        target = f"{link.get('to', '')}_{link.get('toLane')}"
+        if source in lanes and target in lanes:
+            state = link.get("state", "M")
+            index = int(link.get("linkIndex", -1)) if link.get("tl") else -1
+            via, signal, turn = link.get("via", ""), link.get("tl", ""), link.get("dir", "s")
+            found.setdefault(source, []).append(Link(target, via, signal, index, turn, state.isupper()))
+    return {lane: tuple(links) for lane, links in found.items()}
+
+
+def _yields(root: Element) -> dict[str, tuple[str, ...]]:
+    found = {}
+    for junction in root.iter("junction"):
+        inside = junction.get("intLanes", "").split()
+        for request in junction.iter("request"):
+            index, bits = int(request.get("index", -1)), request.get("response", "")[::-1]
+            if 0 <= index < len(inside):
+                found[inside[index]] = tuple(lane for lane, bit in zip(inside, bits, strict=False) if bit == "1")
+    return found
+
+
+def _programs(root: Element) -> dict[str, Program]:
+    found = {}
+    for logic in root.iter("tlLogic"):
+        phases = logic.findall("phase")
+        if logic.get("type", "static") == "static" and phases:
+            durations = tuple(float(phase.get("duration", 0)) for phase in phases)
+            offset = logic.get("offset", "0")
+            states = tuple(phase.get("state", "") for phase in phases)
+            found[logic.get("id", "")] = Program(float(offset) if offset != "begin" else 0.0, durations, states)
+    return found
 
 
 def _furniture(files: tuple[Path, ...]) -> tuple[dict[str, tuple[str, float, float]], dict[str, NetType]]:
@@ -158,8 +237,8 @@ def _furniture(files: tuple[Path, ...]) -> tuple[dict[str, tuple[str, float, flo
             lots[lot.get("id", "")] = (lot.get("lane", ""), *ends)
         for vtype in root.iter("vType"):
             kind = KIND_OF_CLASS.get(vtype.get("vClass", "passenger"), "")
-            length, sigma = float(vtype.get("length", 5.0)), float(vtype.get("sigma", 0.5))
-            types[vtype.get("id", "")] = NetType(kind, length, sigma)
+            attributes = {key: value for key, value in vtype.attrib.items() if key != "id"}
+            types[vtype.get("id", "")] = NetType(kind, float(vtype.get("length", 5.0)), attributes)
     return lots, types
 
 

@@ -8,9 +8,10 @@ from html import escape
 import numpy as np
 
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS
-from cosim.driver_discrepancy.comparison import UNIT_OF, Row, TrafficComparison
+from cosim.driver_discrepancy.channels import CHANNELS
+from cosim.driver_discrepancy.comparison import Row, TrafficComparison
 from cosim.driver_discrepancy.diagnosis import TrafficDiagnosis, TrafficFinding
-from cosim.driver_discrepancy.distance import SCALES, UNITS
+from cosim.driver_discrepancy.diagrams import draw_diagrams
 from cosim.driver_discrepancy.sentences import (
     fitted_words,
     parameter_words,
@@ -18,7 +19,7 @@ from cosim.driver_discrepancy.sentences import (
     smallest_words,
     unexplained_words,
 )
-from cosim.driver_discrepancy.summary import HEADWAY_BINS, LATERAL_BINS, SPEED_BINS, Summary
+from cosim.driver_discrepancy.summary import ACCELERATION_BINS, HEADWAY_BINS, LATERAL_BINS, SPEED_BINS, Summary
 from cosim.report.html import document
 from cosim.report.phrases import p_cell
 from cosim.report.plot import Axis, Plot
@@ -27,25 +28,12 @@ from cosim.report.style import STYLE
 
 _AREAS = ".area { opacity: .22; } .area.a { fill: var(--a); }"
 _CHARTS = {
-    "speed": ("Speeds of who moves", "speed [m/s]", SPEED_BINS, 2),
+    "speed": ("Speeds of moving vehicles", "speed [m/s]", SPEED_BINS, 2),
     "headway": ("Time headways to the leader", "headway [s]", HEADWAY_BINS, 2),
-    "lateral": ("Places beside the lane's middle", "to the left [m]", LATERAL_BINS, 2),
+    "acceleration": ("Accelerations", "acceleration [m/s²]", ACCELERATION_BINS, 1),
+    "lateral": ("Lateral positions in the lane", "to the left [m]", LATERAL_BINS, 2),
 }
-_WORDS = {
-    "free_speed": "speed where nothing holds one up",
-    "free_speed_spread": "spread of that speed between drivers",
-    "standing_gap": "gap to the leader in a queue",
-    "headway": "time headway when following",
-    "lateral": "place beside the lane's middle, to the left",
-    "lateral_spread": "spread of that place between drivers",
-    "lane_changes": "lane changes on roads of several lanes",
-    "u_turns": "U-turns, an hour of driving",
-    "pull_outs": "pull-outs, an hour of a parked vehicle",
-    "acceleration_noise": "unsteadiness of the acceleration when cruising",
-    "acceleration_memory": "acceleration left after 0.4 s",
-    "reaction_lag": "lag of the acceleration behind the leader's",
-    "startup_lag": "lag of setting off behind the leader",
-}
+_LOWEST_SHOWN = 0.002  # share of a bin, from which a chart's axis begins
 
 
 def format_comparison(found: TrafficComparison, measured: str, config: str) -> str:
@@ -57,19 +45,22 @@ def format_comparison(found: TrafficComparison, measured: str, config: str) -> s
     """
     command = f"cosim traffic-diagnose {measured} --config {config}"
     row = found.worst
-    said = f"The error is <b>{found.error:.3f}</b>, and luck alone makes {found.noise_floor:.3f}. "
+    said = f"The error is <b>{found.error:.3f}</b>; the noise floor is {found.noise_floor:.3f}. "
     if row is None:
-        said += '<span class="good">How drivers drive differs by no more than luck.</span>'
+        said += "No channel differs significantly from the model."
     else:
         said += (
-            f'<span class="bad">Farthest off</span>: {escape(_WORDS[row.name])} is {_value(row.name, row.measured)}, '
-            f"the model has {_value(row.name, row.model)}."
+            f'<span class="bad">Largest difference</span>: {escape(_words(row))} is {_value(row, row.measured)}, '
+            f"the model has {_value(row, row.model)}."
         )
     sections = [
         f"<header><h1>{escape(config)} against {escape(measured)}</h1><p class=verdict>{said}</p>"
-        f"<p class=next>Which behaviour is missing: <code>{escape(command)}</code></p>{_facts(found)}</header>",
+        f"<p class=next>To find the missing behaviour: <code>{escape(command)}</code></p>{_facts(found)}</header>",
         _charts(found.measured, [("model", found.runs)]),
+        draw_diagrams(found.measured, [("model", found.runs)]),
+        _groups(found, None),
         _statistics(found.statistics, None),
+        _parts(found, None),
         _notes(found.notes),
     ]
     return document(f"{config} against {measured}", sections, style=STYLE + _AREAS, generator="cosim traffic-compare")
@@ -82,15 +73,18 @@ def format_diagnosis(found: TrafficDiagnosis, measured: str, config: str) -> str
         found: the diagnosis.
         measured, config: what was diagnosed, for people.
     """
-    title = f"What drivers of {config} lack against {measured}"
+    title = f"Behaviours that {config} lacks against {measured}"
     models = [("model as given", found.before.runs)]
     models += [("improved", found.after.runs)] if found.effects else []
     sections = [
         f"<header><h1>{escape(title)}</h1>{_verdict(found)}{_next(found, measured)}</header>",
         _falls(found),
         _findings(found),
+        _groups(found.before, found.after if found.effects else None),
         _charts(found.before.measured, models),
+        draw_diagrams(found.before.measured, models),
         _statistics(found.before.statistics, found.after.statistics if found.effects else None),
+        _parts(found.before, found.after if found.effects else None),
         _ranking(found),
         _smallest(found),
         _notes((*found.before.notes, f"{found.simulations} simulations of {found.before.measured.seconds:.0f} s")),
@@ -99,26 +93,27 @@ def format_diagnosis(found: TrafficDiagnosis, measured: str, config: str) -> str
 
 
 def _verdict(found: TrafficDiagnosis) -> str:
+    fall = f"{found.error_before:.3f} to {found.error_after:.3f}; the noise floor is {found.noise_floor:.3f}"
     if found.effects:
         names = [f"<b>{escape(one.behaviour)}</b> ({escape(parameter_words(one))})" for one in found.effects]
-        said = [f'<span class="bad">Missing</span>: {"; ".join(names)}.']
-        said.append(
-            f"With {'it' if len(names) == 1 else 'them'} the error on vehicles that took no part in any fit goes from "
-            f"{found.error_before:.3f} to {found.error_after:.3f}; luck alone makes {found.noise_floor:.3f}."
-        )
+        parts = [f'<span class="bad">Missing</span>: {"; ".join(names)}.']
+        parts.append(f"With {'it' if len(names) == 1 else 'them'} the error on held-out vehicles goes from {fall}.")
         for one in found.effects:
             if one.also_possible:
-                others = " or ".join(one.also_possible)
-                said.append(f'<span class="warn">It may as well be {escape(others)}</span> for {one.behaviour}.')
+                others = escape(" or ".join(one.also_possible))
+                parts.append(f'<span class="warn">{one.behaviour} cannot be distinguished from {others}.</span>')
+            if one.worse:
+                parts.append(f'<span class="warn">{one.behaviour} makes worse: {escape(", ".join(one.worse))}.</span>')
     elif found.unexplained:
-        said = [f'<span class="warn">Something unknown:</span> {escape(unexplained_words(found))} differ.']
+        words = escape(unexplained_words(found))
+        parts = [f'<span class="warn">Unknown:</span> {words} differ; no behaviour of the catalogue explains it.']
     else:
-        said = ['<span class="good">Nothing is missing that would show.</span>']
-        said.append(f"The held-out error is {found.error_before:.3f}; luck alone makes {found.noise_floor:.3f}.")
-        said.append(f"It would have shown {escape(smallest_words(found))}.")
+        parts = ["No missing behaviour is significant."]
+        parts.append(f"The held-out error is {found.error_before:.3f}; the noise floor is {found.noise_floor:.3f}.")
+        parts.append(f"A change would have been detected with 80 % power: {escape(smallest_words(found))}.")
     if found.effects and found.unexplained:
-        said.append(f'<span class="warn">Left unexplained:</span> {escape(unexplained_words(found))}.')
-    return f'<p class="verdict">{" ".join(said)}</p>'
+        parts.append(f'<span class="warn">Left unexplained:</span> {escape(unexplained_words(found))}.')
+    return f'<p class="verdict">{" ".join(parts)}</p>'
 
 
 def _next(found: TrafficDiagnosis, measured: str) -> str:
@@ -133,13 +128,35 @@ def _next(found: TrafficDiagnosis, measured: str) -> str:
 
 def _facts(found: TrafficComparison) -> str:
     items = [("Vehicles", f"{len(found.measured.ids):,}"), ("Seconds", f"{found.measured.seconds:.0f}")]
-    for name, value in found.channels.items():
-        unit = f" {UNITS[name]}" if UNITS[name] else ""
-        shown = f"{value:.3g}{unit} <small>counts {value / SCALES[name]:.2f}</small>" if np.isfinite(value) else "–"
-        items.append((name.capitalize(), shown))
+    items.append(("Simulations", f"{len(found.runs)}"))
     cells = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in items)
-    how = "The error is the mean of what the channels count; each is a distance in units of its scale."
+    how = (
+        "The error is the mean over channels of the continuous ranked probability score of single vehicles, each "
+        "compared with itself in the simulations and divided by the channel’s scale."
+    )
     return f"<dl>{cells}</dl><p>{how}</p>"
+
+
+def _groups(before: TrafficComparison, after: TrafficComparison | None) -> str:
+    """Errors of all channels, before and after."""
+    first, last = before.channels, after.channels if after is not None else {}
+    rows = []
+    for group, value in first.items():
+        then = last.get(group, float("nan"))
+        style = ' class="bad"' if np.isfinite(then) and then > 1.1 * value + 0.02 else ""
+        cell = f"<td><span{style}>{then:.3f}</span></td>" if after is not None else ""
+        rows.append(f"<tr><th>{escape(group.replace('_', ' '))}</th><td>{value:.3f}</td>{cell}</tr>")
+    rows.append(
+        f"<tr><th>all channels</th><td>{before.error:.3f}</td>"
+        + (f"<td>{after.error:.3f}</td>" if after is not None else "")
+        + "</tr>"
+    )
+    heads = "<th>model</th>" if after is None else "<th>model as given</th><th>improved</th>"
+    return (
+        f"<section><h2>Error by channel</h2><table><thead><tr><th></th>{heads}</tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table><p>All vehicles; the noise floor of all channels is "
+        f"{before.noise_floor:.3f}. Coloured: larger than before.</p></section>"
+    )
 
 
 def _falls(found: TrafficDiagnosis) -> str:
@@ -161,13 +178,13 @@ def _falls(found: TrafficDiagnosis) -> str:
         plot.band(ends, np.full(2, levels[row]), np.full(2, levels[row - 1]), style)
         plot.line(np.array([row - 1, row + 0.28]), np.full(2, levels[row - 1]), "link")
     plot.line(np.array([-0.5, len(names) - 0.5]), np.full(2, found.noise_floor), "floor")
-    plot.note(-0.48, found.noise_floor + 0.02 * top, "luck alone", anchor="start")
+    plot.note(-0.48, found.noise_floor + 0.02 * top, "noise floor", anchor="start")
     for row, value in enumerate(levels):
         plot.line(np.array([float(row)]), np.array([value]), "whisker", dots=True)
         plot.note(row + 0.05, value + 0.03 * top, f"{value:.3f}", anchor="start")
     return (
-        "<section><h2>How the error falls</h2><p>On every third vehicle, none of which took part in a fit. Behaviour "
-        "that few show, as a U-turn, moves this number little: the statistics below show it.</p>"
+        "<section><h2>Error on held-out vehicles</h2><p>Every third vehicle, none of which took part in a fit. Rare "
+        "acts such as U-turns change this number little; the statistics below show them.</p>"
         f'<figure style="max-width:{max(620, 190 * len(names))}px;margin-top:12px">{plot.svg()}</figure></section>'
     )
 
@@ -179,8 +196,9 @@ def _findings(found: TrafficDiagnosis) -> str:
     return (
         "<section><h2>What was missing</h2><table><thead><tr><th></th><th>parameter</th><th>was</th><th>is</th>"
         "<th>95 % interval</th><th>p</th><th>error</th><th class=words>law</th><th class=words>SUMO’s word</th></tr>"
-        f"</thead><tbody>{rows}</tbody></table><p>p is family-wise: the chance that any statistic would differ so much "
-        "if nothing were missing, with vehicles and simulations as the independent facts.</p></section>"
+        f"</thead><tbody>{rows}</tbody></table><p>p is family-wise: the chance that any column of the dictionary would "
+        "differ so much if nothing were missing. Vehicles are the independent units: their signs are flipped.</p>"
+        "</section>"
     )
 
 
@@ -209,16 +227,16 @@ def _charts(measured: Summary, models: Sequence[tuple[str, Sequence[Summary]]]) 
     figures = []
     for channel, (title, label, bins, coarse) in _CHARTS.items():
         edges = bins[::coarse]
-        curves = [("a", _density(measured.histograms[channel].sum(0), coarse))]
+        curves = [("a", _density(measured.histograms[channel], coarse))]
         for style, (_, runs) in zip("bc", models, strict=False):
-            summed = np.sum([run.histograms[channel].sum(0) for run in runs], axis=0)
+            summed = np.sum([run.histograms[channel] for run in runs], axis=0)
             curves.append((style, _density(summed, coarse)))
-        told = [curve for _, curve in curves if curve.sum() > 0]
-        if not told:
+        drawn = [curve for _, curve in curves if curve.sum() > 0]
+        if not drawn:
             continue
-        shown = np.flatnonzero(np.max([curve for _, curve in curves], axis=0) > 0.002)
+        shown = np.flatnonzero(np.max([curve for _, curve in curves], axis=0) > _LOWEST_SHOWN)
         low, high = max(shown.min() - 1, 0), min(shown.max() + 2, len(edges) - 1)
-        top = 1.12 * max(float(curve.max()) for curve in told)
+        top = 1.12 * max(float(curve.max()) for curve in drawn)
         plot = Plot(Axis(float(edges[low]), float(edges[high]), label), Axis(0, top, "share", percent=True), title)
         for style, curve in curves:
             plot.steps(edges[low : high + 1], curve[low:high], style, filled=style == "a")
@@ -229,7 +247,7 @@ def _charts(measured: Summary, models: Sequence[tuple[str, Sequence[Summary]]]) 
         for style, name in zip("abc", names, strict=False)
     )
     return (
-        f'<section><h2>Measured and modelled</h2><div class="legend" style="padding-left:0">{legend}</div>'
+        f'<section><h2>Distributions</h2><div class="legend" style="padding-left:0">{legend}</div>'
         f'<div class="charts">{"".join(figures)}</div></section>'
     )
 
@@ -242,52 +260,81 @@ def _density(counts: np.ndarray, coarse: int) -> np.ndarray:
 
 
 def _statistics(before: Sequence[Row], after: Sequence[Row] | None) -> str:
-    shows = {name: one.name for one in BEHAVIOURS.values() for name in one.statistics}
+    shows: dict[str, list[str]] = {}
+    for behaviour in BEHAVIOURS.values():
+        for name in behaviour.statistics:
+            shows.setdefault(name, []).append(behaviour.name)
     rows = []
     for number, row in enumerate(before):
         then = after[number] if after is not None else None
-        marks = [_marked(one) for one in (row, then) if one is not None]
-        cells = "".join(f"<td>{mark}</td>" for mark in marks)
+        cells = "".join(f"<td>{_marked(one)}</td>" for one in (row, then) if one is not None)
         rows.append(
-            f"<tr><th>{escape(_WORDS[row.name])}</th><td>{_value(row.name, row.measured)}</td>{cells}"
-            f"<td>{_value(row.name, row.sigma)}</td><td class=words>{escape(shows[row.name])}</td></tr>"
+            f"<tr><th>{escape(_words(row))}</th><td>{_value(row, row.measured)}</td>{cells}"
+            f"<td>{_value(row, row.sigma)}</td><td class=words>{escape(', '.join(shows.get(row.name, [])))}</td></tr>"
         )
     heads = "<th>model</th>" if after is None else "<th>model as given</th><th>improved</th>"
     return (
-        f"<section><h2>How they drive</h2><table><thead><tr><th></th><th>measured</th>{heads}<th>luck (1 σ)</th>"
-        f"<th class=words>shows</th></tr></thead><tbody>{''.join(rows)}</tbody></table><p>Coloured: differs by more "
-        "than luck, 5 % family-wise.</p></section>"
+        f"<section><h2>Channels</h2><table><thead><tr><th></th><th>measured</th>{heads}<th>1 σ by chance</th>"
+        f"<th class=words>shows</th></tr></thead><tbody>{''.join(rows)}</tbody></table><p>Coloured: differs "
+        "significantly, 5 % family-wise.</p></section>"
+    )
+
+
+def _parts(before: TrafficComparison, after: TrafficComparison | None) -> str:
+    """Channels under conditions that differ significantly."""
+    then = {(row.name, row.condition, row.level): row for row in (after.parts if after is not None else ())}
+    rows = []
+    for row in sorted(before.parts, key=lambda one: one.p_value):
+        later = then.get((row.name, row.condition, row.level))
+        if row.p_value > 0.05 and (later is None or later.p_value > 0.05):
+            continue
+        cells = "".join(f"<td>{_marked(one)}</td>" for one in (row, later) if one is not None)
+        cells += "<td>–</td>" if after is not None and later is None else ""
+        place = f"{CHANNELS[row.name].words}; {row.condition}: {row.level}"
+        rows.append(f"<tr><th>{escape(place)}</th><td>{_value(row, row.measured)}</td>{cells}</tr>")
+    if not rows:
+        return ""
+    heads = "<th>model</th>" if after is None else "<th>model as given</th><th>improved</th>"
+    return (
+        f"<section><h2>Conditions under which channels differ</h2><table><thead><tr><th></th><th>measured</th>{heads}"
+        f"</tr></thead><tbody>{''.join(rows[:40])}</tbody></table></section>"
     )
 
 
 def _marked(row: Row) -> str:
-    text = _value(row.name, row.model)
+    text = _value(row, row.model)
     return f'<span class="bad">{text}</span>' if row.p_value <= 0.05 else text
 
 
-def _value(name: str, value: float) -> str:
+def _words(row: Row) -> str:
+    return CHANNELS[row.name].words
+
+
+def _value(row: Row, value: float) -> str:
     if not np.isfinite(value):
         return "–"
-    value = round(value, 3) + 0.0
-    return f"{value:.3g}{f' {UNIT_OF[name]}' if UNIT_OF[name] else ''}"
+    value = round(value, 4) + 0.0
+    return f"{value:.3g}{f' {row.unit}' if row.unit else ''}"
 
 
 def _ranking(found: TrafficDiagnosis) -> str:
     return ranking_section(
         [(one.behaviour, one.delta_bic, one.p_value) for one in found.ranking],
-        ["fitted" if one.fitted else "by its slopes" for one in found.ranking],
+        ["fitted" if one.fitted else "from its slopes" for one in found.ranking],
     )
 
 
 def _smallest(found: TrafficDiagnosis) -> str:
+    if not found.smallest_detectable:
+        return ""
     rows = "".join(
         f"<tr><th>{escape(name)}</th><td>{escape(knob)}</td><td>± {escape(quantity(name, knob, value))}</td></tr>"
         for name, values in found.smallest_detectable.items()
         for knob, value in values.items()
     )
     return (
-        "<section><h2>Smallest changes that would show</h2><p>With 80 % power in this recording, beside what is in the "
-        f"model now.</p><table><thead><tr><th></th><th></th><th>from</th></tr></thead><tbody>{rows}</tbody></table>"
+        "<section><h2>Smallest detectable changes</h2><p>With 80 % power in this recording, from the model as it is "
+        f"now.</p><table><thead><tr><th></th><th></th><th>from</th></tr></thead><tbody>{rows}</tbody></table>"
         "</section>"
     )
 

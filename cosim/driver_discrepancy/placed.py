@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.driver_discrepancy.network import Network
+from cosim.driver_discrepancy.network import NetLane, Network
 from cosim.driver_discrepancy.settings import DEFAULT
 from cosim.driver_discrepancy.tracks import TrackError, Tracks
 
@@ -20,6 +21,8 @@ class Placed:
 
     Attributes:
         tracks, network: what was placed where.
+        code: index of `lanes`.
+        lanes: the ids of lanes on which somebody was.
         on: on a lane of cars, inside junctions too.
         along_m: front bumper's distance from the lane's start.
         left_m: how far it is to the left of the lane's middle.
@@ -34,6 +37,8 @@ class Placed:
 
     tracks: Tracks
     network: Network
+    code: np.ndarray
+    lanes: tuple[str, ...]
     on: np.ndarray
     along_m: np.ndarray
     left_m: np.ndarray
@@ -44,6 +49,12 @@ class Placed:
     acceleration_mps2: np.ndarray
     leader: np.ndarray
     gap_m: np.ndarray
+
+    def of_lane(self, values: Callable[[str, NetLane], float]) -> np.ndarray:
+        """A property of each sample's lane (n,); NaN off lanes of cars."""
+        known = self.network.lanes
+        table = [values(name, known[name]) if name in known else np.nan for name in self.lanes]
+        return np.array(table, float)[self.code]
 
 
 def place(tracks: Tracks, network: Network) -> Placed:
@@ -71,7 +82,22 @@ def place(tracks: Tracks, network: Network) -> Placed:
     parked = _lasting(tracks, (tracks.speed_mps < _BY.rests_mps) & beside)
     leader, gap = _leaders(tracks, network, code, along, on & ~parked & ~beside)
     acceleration = _acceleration(tracks)
-    return Placed(tracks, network, on, along, left, limit, ends, free, parked, acceleration, leader, gap)
+    return Placed(
+        tracks,
+        network,
+        code,
+        tuple(names.tolist()),
+        on,
+        along,
+        left,
+        limit,
+        ends,
+        free,
+        parked,
+        acceleration,
+        leader,
+        gap,
+    )
 
 
 def kind_of(tracks: Tracks, network: Network) -> np.ndarray:

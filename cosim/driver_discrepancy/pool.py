@@ -9,9 +9,11 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Self
 
+from cosim.driver_discrepancy.conditions import Frame
+from cosim.driver_discrepancy.demand import Demand
 from cosim.driver_discrepancy.network import Network
+from cosim.driver_discrepancy.observation import Observation
 from cosim.driver_discrepancy.placed import place
-from cosim.driver_discrepancy.replay import Replay
 from cosim.driver_discrepancy.simulate import simulate
 from cosim.driver_discrepancy.summary import Summary, summarise
 from cosim.traffic.behaviour import BehaviourConfig
@@ -27,14 +29,25 @@ class Simulations:
     libsumo knows one simulation a process, so workers are spawned.
 
     Args:
-        replay: the demand.
+        demand: the demand.
         network: of the town.
+        frame: levels of the conditions.
+        observation: how positions are measured.
         step_s: of the simulation.
         workers: processes; by default one a core.
     """
 
-    def __init__(self, replay: Replay, network: Network, step_s: float, workers: int | None = None) -> None:
-        self._workers, self._given = workers or min(os.cpu_count() or 1, _MOST_WORKERS), (replay, network, step_s)
+    def __init__(
+        self,
+        demand: Demand,
+        network: Network,
+        frame: Frame,
+        observation: Observation,
+        step_s: float,
+        workers: int | None = None,
+    ) -> None:
+        self._workers = workers or min(os.cpu_count() or 1, _MOST_WORKERS)
+        self._given = (demand, network, frame, observation, step_s)
         self._pool = self._begun()
         self._done: dict[tuple[str, int], Summary] = {}
 
@@ -68,7 +81,9 @@ class Simulations:
                 self._pool.shutdown()
                 self._pool = self._begun()
                 if deaths > _MOST_DEATHS:
-                    raise TrafficError("SUMO dies of a simulation again and again; try another --seeds") from None
+                    raise TrafficError(
+                        "SUMO dies of a simulation again and again; try another number of --seeds"
+                    ) from None
         return [self._done[key] for key in keys]
 
     def _begun(self) -> ProcessPoolExecutor:
@@ -80,11 +95,11 @@ class Simulations:
 class _Worker:
     """What a process was given when it began."""
 
-    given: tuple[Replay, Network, float]
+    given: tuple[Demand, Network, Frame, Observation, float]
 
 
-def _begin(replay: Replay, network: Network, step_s: float) -> None:
-    _Worker.given = (replay, network, step_s)
+def _begin(demand: Demand, network: Network, frame: Frame, observation: Observation, step_s: float) -> None:
+    _Worker.given = (demand, network, frame, observation, step_s)
 
 
 def _summary(job: Job) -> Summary:
@@ -95,8 +110,12 @@ def _summary(job: Job) -> Summary:
     """
     import libsumo
 
-    replay, network, step_s = _Worker.given
+    demand, network, frame, observation, step_s = _Worker.given
+    behaviour, seed = job
     try:
-        return summarise(place(simulate(replay, *job, step_s), network))
-    except libsumo.TraCIException as error:
+        tracks = observation.apply(simulate(demand, behaviour, seed, step_s), seed)
+        return summarise(place(tracks, network), frame, demand.clock_s, demand.planned)
+    except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
         raise TrafficError(f"SUMO refuses what drivers do: {error}") from None
+    except TrafficError as error:
+        raise TrafficError(str(error)) from None  # its cause cannot pass between processes

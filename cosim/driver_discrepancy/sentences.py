@@ -15,8 +15,8 @@ def headline(found: TrafficDiagnosis) -> str:
         smallest = smallest_words(found)
         left = unexplained_words(found)
         if left:
-            return f"unknown: {left}, which no behaviour explains"
-        return "nothing missing that would show" + (f"; would have seen {smallest}" if smallest else "")
+            return f"unknown: {left}; no behaviour of the catalogue explains it"
+        return _nothing(found) + (f"; would have been detected: {smallest}" if smallest else "")
     parts = [finding_words(one) for one in found.effects]
     parts[0] = f"{found.verdict}: {parts[0]}"
     fall = f"held-out error {found.error_before:.3f} → {found.error_after:.3f}, noise floor {found.noise_floor:.3f}"
@@ -27,7 +27,9 @@ def headline(found: TrafficDiagnosis) -> str:
 def finding_words(one: TrafficFinding) -> str:
     """A finding with its parameters."""
     alike = f"; not separable from {', '.join(one.also_possible)}" if one.also_possible else ""
-    return f"{one.behaviour} ({parameter_words(one)}), {p_words(one.p_value)}{alike}"
+    where = f" on {len(one.streets)} streets" if one.streets else ""
+    worse = f"; makes worse: {', '.join(one.worse)}" if one.worse else ""
+    return f"{one.behaviour}{where} ({parameter_words(one)}), {p_words(one.p_value)}{alike}{worse}"
 
 
 def parameter_words(one: TrafficFinding) -> str:
@@ -67,10 +69,18 @@ def smallest_words(found: TrafficDiagnosis, names: tuple[str, ...] = _NEEDED) ->
         values = found.smallest_detectable.get(name, {})
         first = next(iter(values), None)
         if first is not None:
-            said.append(f"{name} from {first} ± {quantity(name, first, values[first])}")
+            said.append(f"{name} from a change of {first} by {quantity(name, first, values[first])}")
     return ", ".join(said)
 
 
 def unexplained_words(found: TrafficDiagnosis) -> str:
-    """Statistics that differ still."""
-    return ", ".join(name.replace("_", " ") for name in found.unexplained)
+    """Columns that still differ."""
+    return ", ".join(row.place for row in found.unexplained)
+
+
+def _nothing(found: TrafficDiagnosis) -> str:
+    """The line for no finding: error and floor belong to it."""
+    return (
+        f"no missing behaviour is significant; held-out error {found.error_before:.3f}, "
+        f"noise floor {found.noise_floor:.3f}"
+    )

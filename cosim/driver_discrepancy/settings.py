@@ -15,22 +15,23 @@ from cosim.discrepancy import settings as sensor_loop
 class Gate:
     """When measured traffic differs from a model's by more than luck."""
 
-    vehicle_freedom: float = 4.0  # degrees of freedom of the spread between vehicles, beside those between seeds
-    correlated: float = 0.5  # share of what seeds show of correlations between statistics that is no chance
-    draws: int = 20_000  # of the largest standardised difference
-    fewest: int = 3  # vehicles that tell a mean
-    fewest_of_medians: int = 6  # and a median
+    vehicle_freedom: float = 8.0  # degrees of freedom of the spread between vehicles, beside those between seeds
+    correlated: float = 0.7  # share of the correlations between columns in the null distribution
+    draws: int = 4_000  # of the largest standardised difference
+    fewest: int = 4  # vehicles that show a whole channel
+    fewest_of_conditions: int = 6  # and a channel under a condition
 
 
 @dataclass(frozen=True)
 class Fitting:
     """Fits by simulation."""
 
-    tried: int = 3  # candidates a round
-    seeds: int = 3  # simulations a step of a fit
+    tried: int = 2  # candidates a round
+    seeds: int = 2  # simulations a step of a fit
     slope_seeds: int = 1  # simulations of a slope: common random numbers leave little luck in differences
+    near: float = 0.5  # share of a parameter's step for slopes about a fit
     nearly: float = 0.3  # of the best candidate's foreseen gain, to be worth a fit
-    rounds: int = 5  # steps of a fit at most
+    rounds: int = 4  # steps of a fit at most
     enough: float = 0.1  # fall of chi² that is not worth a simulation
     weak_steps: float = 5.0  # of a parameter, that it may be expected to be off where nothing tells
     luck: float = 0.25  # a squared difference that luck makes more often than not
@@ -51,8 +52,9 @@ class Placing:
 class Simulating:
     """How the model's vehicles enter, drive and leave."""
 
+    sublane_m: float = 0.8  # lateral resolution where measured changes of lane take their time
+    jump_m: float = 1.5  # sideways within a step, by which changes of lane at once are recognised
     clear_m: float = 0.3  # by which a parked vehicle may stand out of its lot
-    passed_m: float = 5.0  # before its last measured place, where a vehicle is taken out
     left_early_s: float = 2.0  # before a recording's end, to have left the town
     parked_every_s: float = 5.0  # between two samples of who is parked
     onward_every_s: float = 5.0  # between two looks at who needs a longer way
@@ -73,9 +75,10 @@ class TrafficSettings:
     coverage: float = sensor_loop.DEFAULT.coverage  # of intervals
     power: float = sensor_loop.DEFAULT.screen.power  # deviate that 80 % power adds to a critical value
     at_floor: float = sensor_loop.DEFAULT.at_floor  # share by which an error may be above its floor
-    alike_bic: float = 10.0  # ΔBIC within which two candidates are not told apart (Kass and Raftery, JASA 1995)
+    alike_errors: float = 2.0  # standard errors of the gain within which two candidates cannot be distinguished
     most_findings: int = 5
     shortest_s: float = 10.0  # of a recording
+    longest_s: float = 7200.0
     judge_every: int = 3  # one of so many vehicles judges and takes no part in fits
     gate: Gate = field(default_factory=Gate)
     fitting: Fitting = field(default_factory=Fitting)

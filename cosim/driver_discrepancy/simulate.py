@@ -1,90 +1,107 @@
-"""The model's traffic as trajectories."""
+"""The model's traffic as trajectories: SUMO's own drivers with the parameters of a behaviour, and nothing else."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping
+import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from cosim.driver_discrepancy.driving import Driving
-from cosim.driver_discrepancy.replay import Leaving, Replay
-from cosim.driver_discrepancy.settings import DEFAULT
-from cosim.driver_discrepancy.tracks import Tracks, gathered
-from cosim.traffic.actors import Actors
+from cosim.driver_discrepancy.demand import Demand, write_demand
+from cosim.driver_discrepancy.driving import Driving, needs_steps
+from cosim.driver_discrepancy.fcd import read_fcd_table
+from cosim.driver_discrepancy.recording import Recorder
+from cosim.driver_discrepancy.tracks import Tracks, take_rows
 from cosim.traffic.behaviour import BehaviourConfig
+from cosim.traffic.behaviour.habits import draw_habits
+from cosim.traffic.lane_limits import scale_limits, slow_for_bends
 from cosim.traffic.simulation import Traffic
+from cosim.traffic.starting import TrafficError, start_sumo_with
 
-_BY = DEFAULT.simulating
-
-
-class Recorder:
-    """Gathers samples of vehicles; of those who are parked only now and then.
-
-    Args:
-        sample_s: time between two samples.
-    """
-
-    def __init__(self, sample_s: float) -> None:
-        self._sample_s = sample_s
-        self._next_s = -np.inf
-        self._parked_s: dict[str, float] = {}
-        self._ids: list[str] = []
-        self._types: list[str] = []
-        self._lanes: list[str] = []
-        self._rows: list[np.ndarray] = []
-
-    def see(self, actors: Actors) -> None:
-        """Look at one step."""
-        if actors.time_s < self._next_s - 1e-6:
-            return
-        first = not np.isfinite(self._next_s)
-        self._next_s = (actors.time_s if first else self._next_s) + self._sample_s
-        keep = [row for row in range(len(actors)) if actors.kinds[row] != "pedestrian" and self._due(actors, row)]
-        self._ids += [actors.ids[row] for row in keep]
-        self._types += [actors.types[row] for row in keep]
-        self._lanes += [actors.lanes[row] for row in keep]
-        time_s = np.full(len(keep), actors.time_s)
-        speed, heading = actors.speed_mps[keep], actors.heading_rad[keep]
-        self._rows.append(np.column_stack([time_s, actors.front[keep, :2], speed, heading]))
-
-    def tracks(self) -> Tracks:
-        """All that was seen."""
-        values = np.concatenate(self._rows) if self._rows else np.zeros((0, 5))
-        return gathered(self._ids, self._types, self._lanes, values[:, 0], values[:, 1:3], values[:, 3], values[:, 4])
-
-    def _due(self, actors: Actors, row: int) -> bool:
-        if not actors.parked[row]:
-            self._parked_s.pop(actors.ids[row], None)
-            return True
-        if actors.time_s < self._parked_s.get(actors.ids[row], -np.inf):
-            return False
-        self._parked_s[actors.ids[row]] = actors.time_s + _BY.parked_every_s
-        return True
+_PARKED_FROM_S = 0.8
 
 
-def simulate(replay: Replay, behaviour: BehaviourConfig, seed: int, step_s: float) -> Tracks:
+def simulate(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: float) -> Tracks:
     """Let the model drive a measured demand.
 
+    Vehicles do what SUMO makes of their vTypes; lanes keep their limits in bends unless the behaviour has
+    `cornering_mps2`. Lateral positions in the lane are added afterwards unless the sublane model is used.
+
     Args:
-        replay: the demand.
-        behaviour: how drivers behave; equal seeds give each vehicle the same luck whatever the behaviour.
+        demand: the demand.
+        behaviour: how drivers behave; equal seeds give each vehicle the same draws whatever the behaviour.
         seed: of SUMO and of all draws.
         step_s: of the simulation.
 
     Raises:
         TrafficError: SUMO refuses the scenario.
     """
-    recorder = Recorder(replay.sample_s)
-    with Traffic(replay.sumocfg, seed=seed, step_s=step_s, as_given=behaviour.as_given) as traffic:
-        driving, exits = Driving(traffic, behaviour, seed, replay.seconds), _Exits(replay.leaving)
-        for _ in range(round(replay.seconds / step_s)):
-            actors = traffic.step()
-            recorder.see(actors)
-            driving.step(actors)
-            exits.see(traffic, actors)
-    return recorder.tracks()
+    with tempfile.TemporaryDirectory(prefix="cosim-traffic-") as name:
+        folder = Path(name)
+        options = write_demand(demand, behaviour, seed, step_s, folder)
+        output = folder / "fcd.csv"
+        command = [
+            *options,
+            *("--seed", str(seed % 2**31)),
+            *("--step-length", str(step_s)),
+            *("--begin", f"{demand.begin_s:.3f}"),
+            *("--time-to-teleport", "-1"),
+            *("--fcd-output", str(output)),
+            *("--fcd-output.attributes", "x,y,angle,speed,lane"),
+            "--fcd-output.skip-empty",
+            *("--precision", "3"),
+            *(word for key, value in demand.options.items() for word in (f"--{key}", value)),
+        ]
+        if demand.sample_s > 1.5 * step_s:
+            command += ["--device.fcd.period", f"{round(demand.sample_s / step_s) * step_s:.3f}"]
+        if demand.lateral_m > 0:
+            command += ["--lateral-resolution", str(demand.lateral_m)]
+        _run(command, demand, behaviour, seed, step_s)
+        tracks = _without_parking(read_fcd_table(output), demand)
+    if demand.lateral_m == 0:
+        tracks = _beside_the_middle(tracks, behaviour, seed)
+    types = {trip.name: trip.base[0] for trip in demand.trips}
+    return replace(tracks, types=tuple(types[name] for name in tracks.ids))
+
+
+def _run(command: list[str], demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: float) -> None:
+    sumo = start_sumo_with(command)
+    try:
+        if behaviour.cornering_mps2 is not None:
+            slow_for_bends(sumo, behaviour.cornering_mps2)
+        if behaviour.street_speed is not None:
+            scale_limits(sumo, behaviour.street_speed)
+        steps = round(demand.seconds / step_s) + 1
+        if needs_steps(behaviour):
+            driving = Driving(sumo, behaviour, seed, demand.seconds, step_s, sets_parameters=False)
+            for _ in range(steps):
+                sumo.simulationStep()
+                driving.step()
+        else:
+            sumo.simulationStep(demand.begin_s + steps * step_s)
+    except (sumo.TraCIException, sumo.FatalTraCIError) as error:
+        raise TrafficError(f"SUMO stopped at {sumo.simulation.getTime():.1f} s: {error}") from None
+    finally:
+        sumo.close()
+
+
+def _without_parking(tracks: Tracks, demand: Demand) -> Tracks:
+    """The same without the first moments of who begins parked: SUMO puts them on the lane first."""
+    parked = {trip.name for trip in demand.trips if trip.stop}
+    if not parked:
+        return tracks
+    begins = np.array([name in parked for name in tracks.ids], bool)[tracks.vehicle]
+    return take_rows(tracks, ~(begins & (tracks.time_s < demand.begin_s + _PARKED_FROM_S)))
+
+
+def _beside_the_middle(tracks: Tracks, behaviour: BehaviourConfig, seed: int) -> Tracks:
+    """The same with each driver's lateral position in the lane."""
+    offset = np.array([draw_habits(behaviour, seed, name).lane_offset_m for name in tracks.ids], float)
+    if not offset.any():
+        return tracks
+    left = np.column_stack([-np.sin(tracks.heading_rad), np.cos(tracks.heading_rad)])
+    return replace(tracks, place=tracks.place + left * offset[tracks.vehicle][:, None])
 
 
 def record(
@@ -95,35 +112,13 @@ def record(
     Raises:
         TrafficError: SUMO refuses the scenario.
     """
-    recorder = Recorder(step_s)
-    with Traffic(sumocfg, seed=seed, step_s=step_s, as_given=behaviour.as_given) as traffic:
-        driving, warm_up = Driving(traffic, behaviour, seed, warm_up_s + seconds), round(warm_up_s / step_s)
+    recorder, bends, streets = Recorder(step_s), behaviour.cornering_mps2, behaviour.street_speed
+    with Traffic(sumocfg, seed, step_s, as_given=True, cornering_mps2=bends, street_speed=streets) as traffic:
+        driving = Driving(traffic.api, behaviour, seed, warm_up_s + seconds, step_s, prolong=traffic.prolong_route)
+        warm_up = round(warm_up_s / step_s)
         for number in range(warm_up + round(seconds / step_s)):
             actors = traffic.step()
             if number >= warm_up:
-                recorder.see(actors)
-            driving.step(actors)
-    return recorder.tracks()
-
-
-class _Exits:
-    """Lets vehicles leave where they were last measured."""
-
-    def __init__(self, leaving: Mapping[str, Leaving]) -> None:
-        self._leaving = dict(leaving)
-        self._edge: dict[str, str] = {}
-        self._passed: Counter[str] = Counter()
-
-    def see(self, traffic: Traffic, actors: Actors) -> None:
-        for row, (name, lane) in enumerate(zip(actors.ids, actors.lanes, strict=True)):
-            leaving = self._leaving.get(name)
-            if leaving is None or not lane or lane[0] == ":":
-                continue
-            edge = lane.rpartition("_")[0]
-            if self._edge.get(name) != edge:
-                self._edge[name] = edge
-                self._passed[name] += 1
-            there = edge == leaving.edge and self._passed[name] >= leaving.edges
-            if there and actors.lane_position_m[row] > leaving.along_m - _BY.passed_m:
-                traffic.remove(name)
-                del self._leaving[name]
+                recorder.add(actors)
+            driving.step()
+    return _beside_the_middle(recorder.tracks(), behaviour, seed)

@@ -1,170 +1,238 @@
-"""What trajectories say about each of their drivers, in few enough numbers to compare many simulations."""
+"""What trajectories say about each vehicle: sums and weights of every column, channel × condition."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.driver_discrepancy import manners
+from cosim.driver_discrepancy.channels import BASES, CHANNELS, Values, between_drivers, measure_channels
+from cosim.driver_discrepancy.conditions import CONDITIONS_OF, Frame, condition_codes, edge_codes
 from cosim.driver_discrepancy.placed import FOUR_WHEELS, Placed, kind_of
 
 SPEED_BINS = np.arange(0.5, 40.01, 0.5)
 HEADWAY_BINS = np.arange(0.0, 6.01, 0.1)
 LATERAL_BINS = np.arange(-1.0, 1.001, 0.02)
-MEANS = (
-    "free_speed",
-    "standing_gap",
-    "headway",
-    "lateral",
-    "lane_changes",
-    "u_turns",
-    "pull_outs",
-    "acceleration_noise",
-    "acceleration_memory",
-    "startup_lag",
-)
-COUNTS = ("lane_changes", "u_turns", "pull_outs")
-"""Those of `MEANS` that are events over exposure."""
-MEDIANS = ("standing_gap", "headway")
-"""Those of `MEANS` of which the middle vehicle counts: some stand or drive behind another without following him."""
-SPREADS = {"free_speed_spread": "free_speed", "lateral_spread": "lateral"}
-STATISTICS = (
-    "free_speed",
-    "free_speed_spread",
-    "standing_gap",
-    "headway",
-    "lateral",
-    "lateral_spread",
-    "lane_changes",
-    "u_turns",
-    "pull_outs",
-    "acceleration_noise",
-    "acceleration_memory",
-    "reaction_lag",
-    "startup_lag",
-)
-LAGS_S = np.arange(0.0, 3.01, 0.1)
+ACCELERATION_BINS = np.arange(-6.0, 6.01, 0.25)
+_DIAGRAM_S, _INTERVAL_S = 1.0, 30.0
+
+
+@dataclass(frozen=True)
+class Column:
+    """A channel under a condition; the condition and its level are empty for the whole channel."""
+
+    channel: str
+    condition: str = ""
+    level: str = ""
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it is the whole channel."""
+        return not self.condition
 
 
 @dataclass(frozen=True, eq=False)
 class Summary:
-    """Vehicle by vehicle, v of them.
+    """Vehicle by vehicle, v of them, and column by column, c of them.
 
     Attributes:
-        ids: their names.
-        sums, weights: of every statistic in `MEANS`, (v,) each; their ratio is the vehicle's value.
-        squares: of the same, weight times the square of the vehicle's value.
-        histograms: `speed`, `headway`, `lateral`: (v, bins) seconds.
-        lagged: (v, lags) covariance of the acceleration with the leader's so much earlier.
-        edges: vehicle row and edge of each entry into an edge.
-        seconds: of the recording.
+        ids: of the vehicles.
+        columns: of the tables.
+        sums, weights: (v, c); their ratio is the vehicle's value.
+        histograms: `speed`, `headway`, `lateral`, `acceleration`: (bins + 2,) samples.
+        fundamental: (m, 2) density [veh/km] and flow [veh/h] of streets in intervals of 30 s.
+        space_time: (p, 3) vehicle, time since the begin [s] and position [m] on the diagram's street.
+        seconds: duration of the recording.
     """
 
     ids: tuple[str, ...]
-    sums: Mapping[str, np.ndarray]
-    weights: Mapping[str, np.ndarray]
+    columns: tuple[Column, ...]
+    sums: np.ndarray
+    weights: np.ndarray
     histograms: Mapping[str, np.ndarray]
-    lagged: np.ndarray
-    edges: tuple[np.ndarray, np.ndarray]
+    fundamental: np.ndarray
+    space_time: np.ndarray
     seconds: float
 
     def of(self, ids: frozenset[str]) -> Summary:
-        """That of some vehicles alone."""
+        """That of some vehicles alone; the histograms stay those of all."""
         keep = np.array([name in ids for name in self.ids], bool)
-        row = np.cumsum(keep) - 1
-        mine = keep[self.edges[0]]
+        names = tuple(name for name in self.ids if name in ids)
         return Summary(
-            ids=tuple(name for name in self.ids if name in ids),
-            sums={name: values[keep] for name, values in self.sums.items()},
-            weights={name: values[keep] for name, values in self.weights.items()},
-            histograms={name: values[keep] for name, values in self.histograms.items()},
-            lagged=self.lagged[keep],
-            edges=(row[self.edges[0][mine]], self.edges[1][mine]),
-            seconds=self.seconds,
+            names,
+            self.columns,
+            self.sums[keep],
+            self.weights[keep],
+            self.histograms,
+            self.fundamental,
+            self.space_time,
+            self.seconds,
         )
 
+    def ratios(self) -> np.ndarray:
+        """Mean of each column over all vehicles (c,); NaN without exposure."""
+        total = self.weights.sum(0)
+        return np.divide(self.sums.sum(0), total, out=np.full(len(total), np.nan), where=total > 0)
+
     def statistics(self) -> dict[str, float]:
-        """Every statistic over all vehicles; NaN where nothing tells."""
-        found = {name: _ratio(self.sums[name], self.weights[name]) for name in MEANS}
-        found |= {name: float(np.median(self.values(name))) for name in MEDIANS if len(self.values(name))}
-        found |= {name: self._spread(of) for name, of in SPREADS.items()}
-        return {**found, "reaction_lag": _centre(self.lagged.sum(0))}
+        """Mean of each whole channel."""
+        return {
+            column.channel: float(value)
+            for column, value in zip(self.columns, self.ratios().tolist(), strict=True)
+            if column.is_whole
+        }
 
-    def count(self, name: str) -> float:
-        """Events, or vehicles that tell about a statistic."""
-        if name in COUNTS:
-            return float(self.sums[name].sum())
-        if name == "reaction_lag":
-            return float((np.abs(self.lagged).sum(1) > 0).sum())
-        return float((self.weights[SPREADS.get(name, name)] > 0).sum())
-
-    def values(self, name: str) -> np.ndarray:
-        """The values of those vehicles that tell about one of `MEANS`."""
-        told = self.weights[name] > 0
-        return self.sums[name][told] / self.weights[name][told]
-
-    def _spread(self, name: str) -> float:
-        weight = self.weights[name]
-        told = weight > 0
-        if told.sum() < 3:
-            return float("nan")
-        value = self.sums[name][told] / weight[told]
-        mean = np.average(value, weights=weight[told])
-        return float(np.sqrt(np.average((value - mean) ** 2, weights=weight[told])))
+    def rows(self, ids: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Sums and weights of some vehicles in their order; zero for those that are missing."""
+        at = {name: row for row, name in enumerate(self.ids)}
+        found = np.array([at.get(name, -1) for name in ids], int)
+        there = (found >= 0)[:, None]
+        if not len(self.ids):
+            return np.zeros((len(ids), len(self.columns))), np.zeros((len(ids), len(self.columns)))
+        return np.where(there, self.sums[found], 0.0), np.where(there, self.weights[found], 0.0)
 
 
-def summarise(placed: Placed) -> Summary:
-    """The summary of four-wheeled vehicles; others take part in traffic only."""
+def summarise(
+    placed: Placed, frame: Frame, clock_s: float = 0.0, planned: frozenset[tuple[str, str]] = frozenset()
+) -> Summary:
+    """Summarise four-wheeled vehicles; others take part in traffic only.
+
+    Args:
+        placed: trajectories on their network.
+        frame: levels of conditions.
+        clock_s: the trajectories' clock less the recording's [s].
+        planned: vehicle and edge of U-turns that are part of the demand and not counted.
+    """
     tracks = placed.tracks
-    kinds = kind_of(tracks, placed.network)
-    told = np.isin(kinds, FOUR_WHEELS)
-    count = len(tracks.ids)
-    parts = {
-        "free_speed": manners.free_speed(placed),
-        "standing_gap": manners.standing_gap(placed),
-        "headway": manners.headway(placed),
-        "lateral": manners.lateral(placed),
-        "lane_changes": manners.lane_changes(placed),
-        "u_turns": manners.u_turns(placed),
-        "pull_outs": manners.pull_outs(placed),
-        "acceleration_noise": manners.acceleration_noise(placed),
-        "acceleration_memory": manners.acceleration_memory(placed),
-        "startup_lag": manners.startup_lag(placed),
-    }
-    rows, edges = manners.entries(placed)
-    whole = Summary(
-        ids=tracks.ids,
-        sums={name: sums for name, (sums, _) in parts.items()},
-        weights={name: weights for name, (_, weights) in parts.items()},
+    red = frame.phases.red(placed, clock_s)
+    keep = np.isin(kind_of(tracks, placed.network), FOUR_WHEELS)
+    measured = measure_channels(placed, red)
+    frame_now = _moved(frame, clock_s)
+    codes = condition_codes(placed, frame_now, red)
+    columns, sums, weights = _tables(placed, measured, codes, dict(frame.centres))
+    speeds = measured["speed"].rows
+    accelerations = np.flatnonzero(placed.on & ~placed.parked & np.isfinite(placed.acceleration_mps2))
+    return Summary(
+        ids=tuple(name for name, kept in zip(tracks.ids, keep.tolist(), strict=True) if kept),
+        columns=columns,
+        sums=sums[keep],
+        weights=weights[keep],
         histograms={
-            "speed": _histogram(tracks.vehicle, count, *manners.speeds(placed), SPEED_BINS),
-            "headway": _histogram(tracks.vehicle, count, *manners.headways(placed), HEADWAY_BINS),
-            "lateral": _histogram(tracks.vehicle, count, *manners.laterals(placed), LATERAL_BINS),
+            "speed": _histogram(tracks.speed_mps[speeds], SPEED_BINS),
+            "headway": _histogram(_headways(placed), HEADWAY_BINS),
+            "lateral": _histogram(measured["lateral"].values, LATERAL_BINS),
+            "acceleration": _histogram(placed.acceleration_mps2[accelerations], ACCELERATION_BINS),
         },
-        lagged=manners.lagged(placed, LAGS_S),
-        edges=(rows, edges),
+        fundamental=_fundamental(placed),
+        space_time=_space_time(placed, frame.diagram),
         seconds=tracks.seconds,
     )
-    return whole.of(frozenset(name for name, mine in zip(tracks.ids, told, strict=True) if mine))
 
 
-def _ratio(sums: np.ndarray, weights: np.ndarray) -> float:
-    total = float(weights.sum())
-    return float(sums.sum()) / total if total > 0 else float("nan")
+def centres_of(placed: Placed, red: np.ndarray) -> tuple[tuple[str, float], ...]:
+    """Mean of the measured vehicles in each channel that differences between drivers are counted in."""
+    measured = measure_channels(placed, red)
+    found = []
+    for base in sorted(set(BASES.values())):
+        sums, weights = _by_vehicle(measured[base], placed.tracks.vehicle, len(placed.tracks.ids))
+        known = weights > 0
+        found.append((base, float(np.mean(sums[known] / weights[known])) if known.any() else 1.0))
+    return tuple(found)
 
 
-def _centre(lagged: np.ndarray) -> float:
-    """Lag at the middle of the hump of a covariance [s]."""
-    peak = float(lagged.max()) if len(lagged) else 0.0
-    if peak <= 0:
-        return float("nan")
-    top = np.maximum(lagged - peak / 2, 0.0)
-    return float((top * LAGS_S[: len(top)]).sum() / top.sum())
+def _moved(frame: Frame, clock_s: float) -> Frame:
+    return replace(frame, begin_s=frame.begin_s + clock_s)
 
 
-def _histogram(vehicle: np.ndarray, count: int, rows: np.ndarray, values: np.ndarray, bins: np.ndarray) -> np.ndarray:
+def _tables(
+    placed: Placed,
+    measured: Mapping[str, Values],
+    codes: Mapping[str, tuple[tuple[str, ...], np.ndarray]],
+    centres: Mapping[str, float],
+) -> tuple[tuple[Column, ...], np.ndarray, np.ndarray]:
+    vehicle, count = placed.tracks.vehicle, len(placed.tracks.ids)
+    columns: list[Column] = []
+    tables: list[tuple[np.ndarray, np.ndarray]] = []
+    whole = {name: _by_vehicle(values, vehicle, count) for name, values in measured.items()}
+    for channel in CHANNELS:
+        base = BASES.get(channel)
+        columns.append(Column(channel))
+        tables.append(between_drivers(channel, *whole[base], centres[base]) if base else whole[channel])
+    for channel, conditions in CONDITIONS_OF.items():
+        values = measured[channel]
+        for condition in conditions:
+            levels, code = codes[condition]
+            if not levels:
+                continue
+            sums, weights = _by_level(values, vehicle, count, code, len(levels))
+            for at, level in enumerate(levels):
+                columns.append(Column(channel, condition, level))
+                tables.append((sums[:, at], weights[:, at]))
+            if channel == "counts":  # per vehicle, wherever it was
+                for at in range(len(levels)):
+                    tables[len(tables) - len(levels) + at] = (sums[:, at], whole[channel][1])
+    return tuple(columns), np.stack([one for one, _ in tables], 1), np.stack([one for _, one in tables], 1)
+
+
+def _by_vehicle(values: Values, vehicle: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    who = vehicle[values.rows]
+    # Events carry the weight zero and exposure the value zero, so sums of both need no distinction.
+    is_event = values.weights == 0
+    amount = np.where(is_event, values.values, values.values * values.weights)
+    return np.bincount(who, amount, minlength=count), np.bincount(who, values.weights, minlength=count)
+
+
+def _by_level(
+    values: Values, vehicle: np.ndarray, count: int, code: np.ndarray, levels: int
+) -> tuple[np.ndarray, np.ndarray]:
+    level = code[values.rows]
+    good = level >= 0
+    key = vehicle[values.rows][good] * levels + level[good]
+    weight, value = values.weights[good], values.values[good]
+    amount = np.where(weight == 0, value, value * weight)
+    size = count * levels
+    return (
+        np.bincount(key, amount, minlength=size).reshape(count, levels),
+        np.bincount(key, weight, minlength=size).reshape(count, levels),
+    )
+
+
+def _headways(placed: Placed) -> np.ndarray:
+    speed = placed.tracks.speed_mps
+    follows = (placed.gap_m < 60) & (placed.gap_m > 0) & (speed > 2)
+    return placed.gap_m[follows] / speed[follows]
+
+
+def _fundamental(placed: Placed) -> np.ndarray:
+    """Density and flow after Edie: time spent and distance travelled over length times duration."""
+    tracks = placed.tracks
+    edge, names = edge_codes(placed)
+    lengths: dict[str, float] = {}
+    for lane in placed.network.lanes.values():
+        lengths[lane.edge] = lengths.get(lane.edge, 0.0) + lane.length_m
+    interval = ((tracks.time_s - tracks.start_s) / _INTERVAL_S).astype(int)
+    count = int(interval.max(initial=0)) + 1
+    good = edge >= 0
+    key = edge[good] * count + interval[good]
+    size = len(names) * count
+    spent = np.bincount(key, minlength=size) * tracks.step_s
+    travelled = np.bincount(key, tracks.speed_mps[good], minlength=size) * tracks.step_s
+    area = np.repeat([lengths[name] for name in names], count) * _INTERVAL_S
+    used = (spent > 0) & (area > 50 * _INTERVAL_S)
+    return np.column_stack([spent[used] / area[used] * 1000, travelled[used] / area[used] * 3600])
+
+
+def _space_time(placed: Placed, street: str) -> np.ndarray:
+    tracks = placed.tracks
+    edge, names = edge_codes(placed)
+    if street not in names:
+        return np.zeros((0, 3))
+    every = max(1, round(_DIAGRAM_S / max(tracks.step_s, 1e-3)))
+    rows = np.flatnonzero(edge == names.index(street))[::every]
+    return np.column_stack([tracks.vehicle[rows], tracks.time_s[rows] - tracks.start_s, placed.along_m[rows]])
+
+
+def _histogram(values: np.ndarray, bins: np.ndarray) -> np.ndarray:
     cell = np.clip(np.searchsorted(bins, values, side="right"), 0, len(bins))
-    flat = np.bincount(vehicle[rows] * (len(bins) + 1) + cell, minlength=count * (len(bins) + 1))
-    return flat.reshape(count, len(bins) + 1).astype(float)
+    return np.bincount(cell, minlength=len(bins) + 1).astype(float)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from cosim.drives.writer import explained
 from cosim.errors import CosimError
 
 COLUMNS = ("time_s", "id", "x_m", "y_m", "speed_mps", "heading_deg", "lane", "type")
+_OPTIONAL = ("lane", "type")
 _NUMBERS = ("time_s", "x_m", "y_m", "speed_mps", "heading_deg")
 
 
@@ -33,6 +35,7 @@ class Tracks:
         speed_mps: (n,).
         heading_rad: (n,) counter-clockwise from east.
         lane: n SUMO lane ids; empty where unknown.
+        notes: what was changed when they were read, a sentence each.
     """
 
     ids: tuple[str, ...]
@@ -43,6 +46,7 @@ class Tracks:
     speed_mps: np.ndarray
     heading_rad: np.ndarray
     lane: np.ndarray
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -57,7 +61,7 @@ class Tracks:
         """How long it lasts."""
         return float(np.ptp(self.time_s))
 
-    @property
+    @cached_property
     def step_s(self) -> float:
         """Usual time between two samples of a vehicle, the shortest that is common."""
         gaps = np.diff(self.time_s)[np.diff(self.vehicle) == 0]
@@ -65,43 +69,51 @@ class Tracks:
 
 
 def gathered(
-    ids: Sequence[str],
-    types: Sequence[str],
-    lane: Sequence[str],
+    ids: Sequence[str] | np.ndarray,
+    types: Sequence[str] | np.ndarray,
+    lane: Sequence[str] | np.ndarray,
     time_s: np.ndarray,
     place: np.ndarray,
     speed_mps: np.ndarray,
     heading_rad: np.ndarray,
 ) -> Tracks:
-    """Trajectories from samples in any order of vehicles; of each vehicle they must be in order of time."""
+    """Trajectories from samples in any order."""
     names, first, vehicle = np.unique(np.array(ids, dtype=str), return_index=True, return_inverse=True)
-    order = np.argsort(vehicle, kind="stable")
+    order = np.lexsort((time_s, vehicle))
     return Tracks(
         ids=tuple(names.tolist()),
-        types=tuple(types[int(i)] for i in first),
+        types=tuple(str(types[int(i)]) for i in first),
         vehicle=vehicle[order],
         time_s=time_s[order],
         place=place[order],
         speed_mps=speed_mps[order],
         heading_rad=heading_rad[order],
-        lane=np.array(lane, dtype=object)[order],
+        lane=np.array(lane, dtype=str)[order],
     )
+
+
+def take_rows(tracks: Tracks, chosen: np.ndarray) -> Tracks:
+    """Samples of a mask or of row numbers, of the same vehicles; those without samples must not be left."""
+    parts = ("vehicle", "time_s", "place", "speed_mps", "heading_rad", "lane")
+    return replace(tracks, **{name: getattr(tracks, name)[chosen] for name in parts})
 
 
 def read_tracks(path: Path) -> Tracks:
     """Trajectories from a CSV file with the columns `COLUMNS`; headings may be counted as SUMO does, or from east.
 
+    Rows may be in any order; `lane` and `type` may be missing.
+
     Raises:
-        TrackError: the file lacks columns, holds what is no finite number, time runs backwards, or there are fewer
-            than two vehicles.
+        TrackError: the file lacks columns, holds what is no finite number, or there are fewer than two
+            vehicles.
     """
     header, rows = _rows(path)
-    missing = [name for name in COLUMNS if name not in header]
+    missing = [name for name in COLUMNS if name not in header and name not in _OPTIONAL]
     if missing:
         raise TrackError(f"{path}: lacks the columns {', '.join(missing)}; the header must be {','.join(COLUMNS)}")
     if not rows:
         raise TrackError(f"{path}: holds no samples; give at least a minute of two vehicles or more")
-    at = {name: header.index(name) for name in COLUMNS}
+    at = {name: header.index(name) for name in COLUMNS if name in header}
     short = next((number for number, row in enumerate(rows) if len(row) < len(header)), None)
     if short is not None:
         raise TrackError(f"{path}: line {short + 2} has {len(rows[short])} values, the header {len(header)}")
@@ -113,8 +125,8 @@ def read_tracks(path: Path) -> Tracks:
         )
     found = gathered(
         [row[at["id"]].strip() for row in rows],
-        [row[at["type"]].strip() for row in rows],
-        [row[at["lane"]].strip() for row in rows],
+        [row[at["type"]].strip() if "type" in at else "car" for row in rows],
+        [row[at["lane"]].strip() if "lane" in at else "" for row in rows],
         values["time_s"],
         np.column_stack([values["x_m"], values["y_m"]]),
         values["speed_mps"],
@@ -196,16 +208,10 @@ def with_true_headings(tracks: Tracks) -> Tracks:
     other = np.pi / 2 - tracks.heading_rad
     if np.cos(course - other[:-1][moved]).sum() <= np.cos(course - heading).sum():
         return tracks
-    return Tracks(**{**vars(tracks), "heading_rad": np.angle(np.exp(1j * other))})
+    return replace(tracks, heading_rad=np.angle(np.exp(1j * other)))
 
 
 def _check(path: Path, tracks: Tracks) -> None:
-    same = np.diff(tracks.vehicle) == 0
-    back = np.flatnonzero(same & (np.diff(tracks.time_s) <= 0))
-    if len(back):
-        who = tracks.ids[tracks.vehicle[back[0]]]
-        now, then = tracks.time_s[back[0]], tracks.time_s[back[0] + 1]
-        raise TrackError(f"{path}: time of {who!r} goes from {now:g} to {then:g} s; it must increase for each vehicle")
     if len(tracks.ids) < 2:
         only = next(iter(tracks.ids))
         raise TrackError(f"{path}: holds one vehicle only ({only!r}); give two or more, whose distance can show")

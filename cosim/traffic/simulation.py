@@ -10,11 +10,12 @@ from typing import Self
 import numpy as np
 
 from cosim.traffic.actors import Actors
+from cosim.traffic.lane_limits import scale_limits, slow_for_bends
 from cosim.traffic.longer_routes import LongerRoutes
-from cosim.traffic.motion.corners import corner_speed
 from cosim.traffic.road_users import RoadUsers
 from cosim.traffic.route_corners import RouteCorners
 from cosim.traffic.starting import SavedState, TrafficError, start_sumo
+from cosim.traffic.street_speed import StreetSpeed
 from cosim.traffic.subscriptions import Subscriptions
 
 _CHANGES_LANE = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.25"}  # no sliding sideways at rest
@@ -37,6 +38,8 @@ class Traffic:
         state: where it begins, as `cosim.traffic.starting.warmed_up` saves it; by default at its beginning.
         as_given: leave lanes, lane changes, vehicle types and drivers as the scenario has them, instead of slowing for
             corners, changing lanes gradually, keeping long vehicles out of tight corners, and deciding seldom far away.
+        cornering_mps2: lateral acceleration to which lanes are limited in bends; by default 2.8 unless `as_given`.
+        street_speed: streets whose limits are multiplied.
 
     Raises:
         TrafficError: SUMO refuses the scenario, or another simulation runs in this process.
@@ -50,6 +53,8 @@ class Traffic:
         state: SavedState | None = None,
         *,
         as_given: bool = False,
+        cornering_mps2: float | None = None,
+        street_speed: StreetSpeed | None = None,
     ) -> None:
         self.step_s = step_s
         self._as_given = as_given
@@ -87,8 +92,10 @@ class Traffic:
         self._arriving: set[str] = set()
         self._hidden: set[str] = set()
         self._routes = LongerRoutes(self._sumo)
-        if not as_given:
-            self._slow_for_corners()
+        if cornering_mps2 is not None or not as_given:
+            slow_for_bends(self._sumo, cornering_mps2)
+        if street_speed is not None:
+            scale_limits(self._sumo, street_speed)
         self._corners = RouteCorners(self._sumo)
         if state is not None:
             self._take_over()
@@ -292,14 +299,6 @@ class Traffic:
             api.setActionStepLength(vehicle, max(_FAR_DECIDES_S, self.step_s))
         self._driving.discard(vehicle)
         self._far[vehicle] = decides_s
-
-    def _slow_for_corners(self) -> None:
-        """Limit lanes to what their bends allow: SUMO takes corners at 5.5 m/s² sideways, and faster."""
-        api = self._sumo.lane
-        for lane in api.getIDList():
-            comfortable = corner_speed(np.array(api.getShape(lane)))
-            if comfortable < api.getMaxSpeed(lane) and tuple(api.getAllowed(lane)) != ("pedestrian",):
-                api.setMaxSpeed(lane, comfortable)
 
     def _begins_parked(self, vehicle: str) -> bool:
         api = self._sumo.vehicle

@@ -108,6 +108,15 @@ def start_empty(net: Path, additional: Path, begin_s: float, step_s: float, opti
     return _start([*command, *(word for name, value in options.items() for word in (f"--{name}", value))])
 
 
+def start_sumo_with(options: list[str]) -> ModuleType:
+    """The running libsumo with the options of its command line.
+
+    Raises:
+        TrafficError: SUMO refuses the files, or another simulation runs in this process.
+    """
+    return _start(["sumo", *options])
+
+
 def _start(command: list[str]) -> ModuleType:
     """Start libsumo; what it complains of becomes the error's line instead of noise on the terminal."""
     try:

@@ -2,9 +2,12 @@
 
 from sensors.effects.base import (
     BeamEffect,
+    DetectionEffect,
     EchoEffect,
     Effect,
     LabelEffect,
+    NoiseEffect,
+    NoiseScaleEffect,
     Parameter,
     PointEffect,
     RoundingEffect,
@@ -18,9 +21,12 @@ from sensors.effects.phases import Phase
 
 __all__ = [
     "BeamEffect",
+    "DetectionEffect",
     "EchoEffect",
     "Effect",
     "LabelEffect",
+    "NoiseEffect",
+    "NoiseScaleEffect",
     "Parameter",
     "Phase",
     "PointEffect",

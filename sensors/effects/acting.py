@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 
 import numpy as np
 
 from sensors.beams import Beams
-from sensors.effects.base import BeamEffect, EchoEffect, Effect, LabelEffect, PointEffect, ScanEffect
+from sensors.effects.base import (
+    BeamEffect,
+    DetectionEffect,
+    EchoEffect,
+    Effect,
+    LabelEffect,
+    NoiseEffect,
+    NoiseScaleEffect,
+    PointEffect,
+    ScanEffect,
+)
+from sensors.effects.blame import blamed, broken, check_values, is_finite
 from sensors.effects.phases import CLIP_BEFORE
-from sensors.errors import SensorError
 from sensors.label_boxes import LabelBoxes
 from sensors.returns import Returns
 from sensors.shot import Shot
@@ -43,15 +52,51 @@ class Streams:
         return np.random.default_rng([self._root, zlib.crc32(effect.name.encode()), number])
 
 
-def act_on_beams(effects: Sequence[Effect], beams: Beams, shot: Shot, streams: Streams, origin: str) -> Beams:
-    """The beams after all beam effects."""
+def act_on_beams(
+    effects: Sequence[Effect],
+    beams: Beams,
+    shot: Shot,
+    streams: Streams,
+    origin: str,
+    trace: Callable[[Beams], Shot] | None = None,
+) -> Beams:
+    """Return the beams after all beam effects.
+
+    Args:
+        effects: of the sensor.
+        beams: before them.
+        shot: of these beams, untraced.
+        streams: of random numbers.
+        origin: of the sensor, for messages.
+        trace: gives the shot in which beams meet surfaces, for effects with `needs_surfaces`; by default beams are
+            traced in the world of `shot`.
+    """
     for effect in effects:
         if isinstance(effect, BeamEffect):
-            changed = _called(effect, beams, shot, streams.of(effect), origin)
+            seen = (trace or _tracing(shot))(beams) if effect.needs_surfaces else shot
+            changed = _called(effect, beams, seen, streams.of(effect), origin)
             if effect.source:
                 _check_beams(effect, beams, changed, origin)
             beams = changed
     return beams
+
+
+def _tracing(shot: Shot) -> Callable[[Beams], Shot]:
+    """Trace beams in the world of a shot."""
+
+    def trace(beams: Beams) -> Shot:
+        if shot.world is None:
+            return shot
+        return Shot(
+            shot.pattern,
+            beams.rays,
+            beams=beams,
+            traced=shot.world.trace(beams, "beams before an effect"),
+            world=shot.world,
+            frame_time_s=shot.frame_time_s,
+        )
+
+    return trace
 
 
 def act_on_returns(
@@ -66,24 +111,35 @@ def act_on_returns(
 
     `memo` keeps what each beginning of a list of effects led to, for other lists on the same shot and streams.
     """
-    clips, past = list(CLIP_BEFORE), tuple[str, ...]()
+    clips, past, noise = list(CLIP_BEFORE), tuple[str, ...](), Noise(len(shot.rays))
+    shot.noiseless = None
     for effect in effects:
         if not isinstance(effect, EchoEffect | PointEffect | ScanEffect):
             continue
         while clips and effect.phase >= clips[0]:
             clips.pop(0)
             returns = _clipped(returns)
-        rng = streams.of(effect)
+        if shot.noiseless is None and isinstance(effect, NoiseEffect | NoiseScaleEffect | ScanEffect):
+            shot.noiseless = returns
+        rng, before = streams.of(effect), returns
         past = (*past, f"{effect.source or effect.name} {effect.model_dump_json()}")
         if memo is not None and past in memo:
             returns = memo[past]
-            continue
-        changed = _called(effect, returns, shot, rng, origin)
-        if effect.source:
-            _check_returns(effect, returns, changed, shot, origin)
-        returns = changed
-        if memo is not None:
-            memo[past] = returns
+        else:
+            if effect.source and isinstance(effect, DetectionEffect):
+                with blamed(effect, origin):
+                    kept = effect.kept(before, shot)
+                check_values(effect, "kept", kept, len(before), 0.0)
+            returns = _called(effect, before, shot, rng, origin)
+            if isinstance(effect, NoiseScaleEffect):
+                with blamed(effect, origin):
+                    returns = noise.scaled(effect, before, shot)
+            if effect.source:
+                check_returns(effect, before, returns, shot, origin)
+            if memo is not None:
+                memo[past] = returns
+        if isinstance(effect, NoiseEffect | NoiseScaleEffect):
+            noise.add(before, returns)
     returns = _clipped(returns)
     usable = np.isfinite(returns.range_m) & (returns.range_m > 0) & np.isfinite(returns.intensity)
     return returns if usable.all() else returns.take(usable)
@@ -94,7 +150,7 @@ def act_on_boxes(effects: Sequence[Effect], boxes: LabelBoxes, streams: Streams,
     for effect in effects:
         if not isinstance(effect, LabelEffect):
             continue
-        with _blamed(effect, origin):
+        with blamed(effect, origin):
             changed = effect.apply(boxes, streams.of(effect))
         if effect.source:
             _check_boxes(effect, boxes, changed, origin)
@@ -102,72 +158,84 @@ def act_on_boxes(effects: Sequence[Effect], boxes: LabelBoxes, streams: Streams,
     return boxes
 
 
+class Noise:
+    """The noise that effects have added to the returns of a revolution, by return number and beam.
+
+    Args:
+        beams: their number.
+    """
+
+    def __init__(self, beams: int) -> None:
+        self._range_m, self._intensity = np.zeros((2, beams), np.float32), np.zeros((2, beams), np.float32)
+
+    def add(self, before: Returns, after: Returns) -> None:
+        """Add what an effect changed of the same returns."""
+        at = np.minimum(before.return_no, 1), before.beam
+        self._range_m[at] += after.range_m - before.range_m
+        self._intensity[at] += after.intensity - before.intensity
+
+    def scaled(self, effect: NoiseScaleEffect, returns: Returns, shot: Shot) -> Returns:
+        """Return the returns with their noise multiplied by the factors of an effect."""
+        at = np.minimum(returns.return_no, 1), returns.beam
+        range_m, intensity = returns.range_m - self._range_m[at], returns.intensity - self._intensity[at]
+        of_range, of_intensity = effect.factors(replace(returns, range_m=range_m, intensity=intensity), shot)
+        return replace(
+            returns,
+            range_m=(returns.range_m + (of_range - 1) * self._range_m[at]).astype(np.float32),
+            intensity=(returns.intensity + (of_intensity - 1) * self._intensity[at]).astype(np.float32),
+        )
+
+
 def _clipped(returns: Returns) -> Returns:
     return replace(returns, intensity=returns.intensity.clip(0, 1))
 
 
 def _called(effect, state, shot: Shot, rng: np.random.Generator, origin: str):
-    with _blamed(effect, origin):
+    with blamed(effect, origin):
         return effect.apply(state, shot, rng)
-
-
-@contextmanager
-def _blamed(effect: Effect, origin: str) -> Iterator[None]:
-    """Errors of a user's effect in one line that names it; those of built-in ones as they are."""
-    try:
-        yield
-    except Exception as error:
-        if not effect.source:
-            raise
-        told = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        raise _broken(effect, origin, f"raised {told}; mend its apply") from error
 
 
 def _check_beams(effect: Effect, before: Beams, after: object, origin: str) -> None:
     if not isinstance(after, Beams):
-        raise _broken(effect, origin, f"returned {type(after).__name__}; return Beams")
+        raise broken(effect, origin, f"returned {type(after).__name__}; return Beams")
     shape = (len(before.rays), 3)
     for name in ("origin", "direction"):
         values = getattr(after, name)
-        if np.shape(values) != shape or not _finite(values):
-            raise _broken(effect, origin, f"gave {name} of shape {np.shape(values)} or not finite; give {shape}")
+        if np.shape(values) != shape or not is_finite(values):
+            raise broken(effect, origin, f"gave {name} of shape {np.shape(values)} or not finite; give {shape}")
 
 
-def _check_returns(effect: Effect, before: Returns, after: object, shot: Shot, origin: str) -> None:
+def check_returns(effect: Effect, before: Returns, after: object, shot: Shot, origin: str) -> None:
+    """Check the returns that a user's effect gave.
+
+    Raises:
+        SensorError: no `Returns`, other shapes or types, NaN, or beams out of order.
+    """
     if not isinstance(after, Returns):
-        raise _broken(effect, origin, f"returned {type(after).__name__}; return Returns")
+        raise broken(effect, origin, f"returned {type(after).__name__}; return Returns")
     rows = len(after.beam)
     if isinstance(effect, PointEffect) and rows != len(before):
-        raise _broken(effect, origin, f"returned {rows} of {len(before)} returns; a PointEffect keeps them all")
+        raise broken(effect, origin, f"returned {rows} of {len(before)} returns; a PointEffect keeps them all")
     for field in fields(Returns):
         values = getattr(after, field.name)
         wanted = (rows, 2) if field.name == "normal_code" else (rows,)
         if np.shape(values) != wanted:
-            raise _broken(effect, origin, f"gave {field.name} of shape {np.shape(values)}; give {wanted}")
+            raise broken(effect, origin, f"gave {field.name} of shape {np.shape(values)}; give {wanted}")
         kind, usual = np.asarray(values).dtype, getattr(before, field.name).dtype
         if kind.kind not in ("f" if usual.kind == "f" else "iu"):
-            raise _broken(effect, origin, f"gave {field.name} of type {kind}; give {usual}")
+            raise broken(effect, origin, f"gave {field.name} of type {kind}; give {usual}")
     if not (np.isfinite(after.range_m).all() and np.isfinite(after.intensity).all()):
-        raise _broken(effect, origin, "gave NaN or infinity; keep range_m and intensity finite")
+        raise broken(effect, origin, "gave NaN or infinity; keep range_m and intensity finite")
     if rows and (after.beam.min() < 0 or after.beam.max() >= len(shot.rays) or (np.diff(after.beam) < 0).any()):
-        raise _broken(effect, origin, "gave beams out of order or bounds; sort rows by beam")
+        raise broken(effect, origin, "gave beams out of order or bounds; sort rows by beam")
 
 
 def _check_boxes(effect: Effect, before: LabelBoxes, after: object, origin: str) -> None:
     if not isinstance(after, LabelBoxes):
-        raise _broken(effect, origin, f"returned {type(after).__name__}; return LabelBoxes")
+        raise broken(effect, origin, f"returned {type(after).__name__}; return LabelBoxes")
     for name in ("centre", "size", "yaw", "kept"):
         values, wanted = getattr(after, name), np.shape(getattr(before, name))
-        if np.shape(values) != wanted or not _finite(values):
-            raise _broken(effect, origin, f"gave {name} of shape {np.shape(values)} or not finite; give {wanted}")
+        if np.shape(values) != wanted or not is_finite(values):
+            raise broken(effect, origin, f"gave {name} of shape {np.shape(values)} or not finite; give {wanted}")
     if (after.size <= 0).any():
-        raise _broken(effect, origin, "gave a size that is not above zero; keep every edge positive")
-
-
-def _finite(values: object) -> bool:
-    array = np.asarray(values)
-    return array.dtype.kind in "biuf" and bool(np.isfinite(array).all())
-
-
-def _broken(effect: Effect, origin: str, what: str) -> SensorError:
-    return SensorError(f"sensor {origin}: effect {effect.name} ({effect.source}) {what}")
+        raise broken(effect, origin, "gave a size that is not above zero; keep every edge positive")

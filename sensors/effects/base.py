@@ -123,11 +123,17 @@ class Effect(BaseModel):
 
 
 class BeamEffect(Effect):
-    """Changes the beams before they are traced."""
+    """Changes the beams before they are traced.
+
+    Class attributes:
+        needs_surfaces: `apply` uses the surfaces that the beams meet in the state in which it receives them; `shot`
+            is traced then.
+    """
 
     stage: ClassVar[Stage] = "beam"
     phase: ClassVar[Phase] = Phase.OWN_BEAM
     needs_new_rays: ClassVar[bool] = True
+    needs_surfaces: ClassVar[bool] = False
 
     def apply(self, beams: Beams, shot: Shot, rng: np.random.Generator) -> Beams:
         """The changed beams; as many as before."""
@@ -186,6 +192,25 @@ class NoiseEffect(PointEffect):
     def spread(self, returns: Returns, shot: Shot) -> tuple[np.ndarray | float, np.ndarray | float]:
         """Standard deviations of range [m] and of intensity, (m,) or one for all."""
         raise NotImplementedError
+
+
+class NoiseScaleEffect(PointEffect):
+    """Multiplies the noise that all noise effects before it have added; it adds none of its own."""
+
+    phase: ClassVar[Phase] = Phase.NOISE_SCALE
+
+    def factors(self, returns: Returns, shot: Shot) -> tuple[np.ndarray | float, np.ndarray | float]:
+        """Return the factors of the noise of range and of intensity, (m,) or one for all.
+
+        Args:
+            returns: without the noise.
+            shot: of the revolution.
+        """
+        raise NotImplementedError
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """Return the returns as they are: `acting` multiplies the noise."""
+        return returns
 
 
 class RoundingEffect(PointEffect):

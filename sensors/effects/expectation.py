@@ -7,7 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sensors.effects.base import EchoEffect, Effect, NoiseEffect, PointEffect, RoundingEffect, ScanEffect
+from sensors.effects.acting import check_returns
+from sensors.effects.base import (
+    EchoEffect,
+    Effect,
+    NoiseEffect,
+    NoiseScaleEffect,
+    PointEffect,
+    RoundingEffect,
+    ScanEffect,
+)
+from sensors.effects.blame import blamed, check_values
 from sensors.effects.phases import CLIP_BEFORE
 from sensors.effects.rounding import rounded
 from sensors.returns import Returns
@@ -47,25 +57,41 @@ def expect(effects: Sequence[Effect], shot: Shot, unsure: tuple[np.ndarray, np.n
             on what the twin says. The spreads of the expectation are the sensor's alone.
     """
     beams = len(shot.rays)
-    returns = shot.solids
+    returns, shot.noiseless = shot.solids, None
     seen, silent = np.ones(beams), None
     range_variance, intensity_variance = np.zeros(beams), np.zeros(beams)
+    noise = np.zeros((2, beams))  # the part of the variances that noise effects added
     more = (np.zeros(beams), np.zeros(beams)) if unsure is None else (np.square(unsure[0]), np.square(unsure[1]))
     clips = list(CLIP_BEFORE)
     for effect in effects:
         while clips and effect.phase >= clips[0]:
             clips.pop(0)
             returns = replace(returns, intensity=returns.intensity.clip(0, 1))
+        if shot.noiseless is None and isinstance(effect, NoiseEffect | NoiseScaleEffect | ScanEffect):
+            shot.noiseless = returns
         if isinstance(effect, EchoEffect):
-            returns, chance = effect.expected(returns, shot)
+            returns, chance = _answer(effect, returns, shot)
             first = returns.return_no == 0
             if not first.all():
                 returns, chance = returns.take(first), chance[first]
             seen[returns.beam] *= chance
         elif isinstance(effect, NoiseEffect):
-            of_range, of_intensity = effect.spread(returns, shot)
+            before = np.stack([range_variance, intensity_variance])
+            with blamed(effect, ""):
+                of_range, of_intensity = effect.spread(returns, shot)
+            for values in (of_range, of_intensity):
+                check_values(effect, "spread", values, len(returns), 0.0)
             range_variance[returns.beam] += np.square(of_range)
             intensity_variance[returns.beam] += np.square(of_intensity)
+            noise += np.stack([range_variance, intensity_variance]) - before
+        elif isinstance(effect, NoiseScaleEffect):
+            with blamed(effect, ""):
+                factors = effect.factors(returns, shot)
+            for row, (variance, factor) in enumerate(zip((range_variance, intensity_variance), factors, strict=True)):
+                check_values(effect, "factors", factor, len(returns), 0.0)
+                change = noise[row, returns.beam] * (np.square(factor) - 1)
+                variance[returns.beam] += change
+                noise[row, returns.beam] += change
         elif isinstance(effect, RoundingEffect):
             beam = returns.beam
             true_range, true_intensity = range_variance[beam] + more[0][beam], intensity_variance[beam] + more[1][beam]
@@ -78,11 +104,16 @@ def expect(effects: Sequence[Effect], shot: Shot, unsure: tuple[np.ndarray, np.n
             intensity_variance[returns.beam] += spread[1]
         elif isinstance(effect, ScanEffect):
             silent = 1 - _answering(seen, returns) if silent is None else silent
-            kept = effect.survival(returns, shot)
+            with blamed(effect, ""):
+                kept = effect.survival(returns, shot)
+            check_values(effect, "survival", kept, len(returns), 0.0)
             if type(effect).density is Effect.density:  # takes returns away and puts nothing in their place
                 silent[returns.beam] += seen[returns.beam] * (1 - kept)
             else:
-                silent *= effect.silence(shot)
+                with blamed(effect, ""):
+                    quiet = effect.silence(shot)
+                check_values(effect, "silence", quiet, beams, 0.0)
+                silent *= quiet
             seen[returns.beam] *= kept
     seen = _answering(seen, returns)
     mean_range, mean_intensity = np.full(beams, np.nan), np.zeros(beams)
@@ -98,6 +129,28 @@ def expect(effects: Sequence[Effect], shot: Shot, unsure: tuple[np.ndarray, np.n
     )
 
 
+def spurious_density(effect: Effect, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
+    """Return the probability per metre (k,) that an effect puts a return of `beam` (k,) at `range_m` (k,).
+
+    Raises:
+        SensorError: a user's effect raises an error, or gives another shape, NaN or values below 0.
+    """
+    with blamed(effect, ""):
+        density = effect.density(beam, range_m, shot)
+    check_values(effect, "density", density, len(beam), 0.0)
+    return density
+
+
+def _answer(effect: EchoEffect, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
+    """Returns after an echo effect, and the probability (m,) of each."""
+    with blamed(effect, ""):
+        changed, chance = effect.expected(returns, shot)
+    if effect.source:
+        check_returns(effect, returns, changed, shot, "")
+    check_values(effect, "kept", chance, len(changed), 0.0)
+    return changed, chance
+
+
 def _answering(seen: np.ndarray, returns: Returns) -> np.ndarray:
     """Chances (n,) of a return; 0 of beams that have none."""
     found = np.zeros(len(seen))
@@ -111,7 +164,10 @@ def _mean_and_spread(
     """Returns after a point effect, and the variances it brings; some draw random numbers."""
     rng = np.random.default_rng(0)
     before = rng.bit_generator.state
-    changed = effect.apply(returns, shot, rng)
+    with blamed(effect, ""):
+        changed = effect.apply(returns, shot, rng)
+    if effect.source:
+        check_returns(effect, returns, changed, shot, "")
     if rng.bit_generator.state == before:  # it draws no random numbers
         return changed, (0.0, 0.0)
     draws = [effect.apply(returns, shot, np.random.default_rng(seed)) for seed in range(1, _DRAWS)]

@@ -6,7 +6,26 @@ from enum import IntEnum, auto
 from typing import Literal
 
 Stage = Literal["beam", "echo", "point", "scan", "label", "traffic"]
-Channel = Literal["range", "range_variance", "intensity", "intensity_variance", "drop", "spurious", "pose", "label"]
+Channel = Literal[
+    "range",
+    "range_variance",
+    "azimuth_error",
+    "elevation_error",
+    "intensity",
+    "intensity_offset",
+    "intensity_variance",
+    "drop",
+    "spurious",
+    "early",
+    "late",
+    "shared_range",
+    "shared_azimuth_error",
+    "shared_elevation_error",
+    "shared_intensity",
+    "shared_drop",
+    "pose",
+    "label",
+]
 
 
 class Phase(IntEnum):
@@ -52,6 +71,8 @@ class Phase(IntEnum):
     INTENSITY_NOISE = auto()
     INTENSITY_JITTER = auto()
     RANGE_NOISE = auto()
+    NOISE_SCALE = auto()
+    SHARED_NOISE = auto()
     DETECTOR_FLOOR = auto()
     CUTOFF = auto()
     BACKSCATTER = auto()

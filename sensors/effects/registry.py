@@ -10,6 +10,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from sensors.effects.base import BeamEffect, EchoEffect, Effect, LabelEffect, PointEffect, ScanEffect
+from sensors.effects.blame import line_of
 from sensors.effects.catalogue import built_in_effects
 from sensors.errors import SensorError
 
@@ -88,9 +89,11 @@ def _from_file(text: str, folder: Path) -> type[Effect]:
         module = sys.modules[module_name] = importlib.util.module_from_spec(spec)
         try:
             spec.loader.exec_module(module)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             del sys.modules[module_name]
-            raise SensorError(f"effect {text!r}: {path} does not load: {_told(error)}; mend the file") from error
+            line = line_of(error, path)
+            place = f"{path}, line {line}," if line else f"{path}"
+            raise SensorError(f"effect {text!r}: {place} does not load: {_told(error)}; correct the file") from error
     if not hasattr(module, name):
         raise SensorError(f"effect {text!r}: {path} holds no {name!r}; name one of its classes after the colon")
     found = _checked(getattr(module, name), text)
@@ -116,5 +119,5 @@ def _checked(found: object, origin: str) -> type[Effect]:
     return found
 
 
-def _told(error: Exception) -> str:
+def _told(error: BaseException) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -19,7 +19,7 @@ from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
 from sensors.effects.base import BeamEffect, Effect, ScanEffect
 from sensors.effects.beams.ring_elevation import RingElevation
-from sensors.effects.expectation import Expectation, expect
+from sensors.effects.expectation import Expectation, expect, spurious_density
 from sensors.hits import NOTHING, Hits, Surface
 from sensors.motion import EgoMotion, yaw_matrices
 from sensors.pattern import Pattern
@@ -170,7 +170,7 @@ class Replayed:
         rows = np.flatnonzero(~np.isnan(self.along_m))
         for effect in effects:
             if type(effect).density is not Effect.density:
-                density = effect.density(rows, self.along_m[rows] - along[rows], shot)
+                density = spurious_density(effect, rows, self.along_m[rows] - along[rows], shot)
                 stray[rows] += density
                 split[rows] += 0.0 if isinstance(effect, ScanEffect) else density
         return Expected(found, along, above, stray, split)
@@ -199,10 +199,13 @@ class Replayed:
     def _left(self, effects: tuple[Effect, ...]) -> Beams:
         """The beams as beam effects let them leave."""
         streams = Streams(np.random.default_rng(0))
-        return act_on_beams(effects, Beams.nominal(self.nominal), self._unbent(), streams, "replayed")
+        return act_on_beams(effects, Beams.nominal(self.nominal), self._unbent(), streams, "", self._met)
 
     def _bent(self, effects: tuple[Effect, ...]) -> Shot:
-        beams = self._left(effects)
+        return self._met(self._left(effects))
+
+    def _met(self, beams: Beams) -> Shot:
+        """Beams as they meet the planes of their surfaces."""
         origin, direction, time_s = _ray_origins(beams, self.egos, self.poses, self.frame)
         solid = reached(self.solid, self.met.ranges(origin, direction, time_s))
         rows = self.pane_beam

@@ -1,1 +1,1 @@
-"""What no effect of the catalogue explains: on what it depends, in what shape, and as an effect that runs."""
+"""Unknown effects: measured curves, their formulas, and the effects that they make, in memory and as files."""

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from cosim.traffic.behaviour.distributions import Choice, Constant, Distribution, Normal, Uniform, within
+from cosim.traffic.street_speed import StreetSpeed
 
 Rate = Annotated[float, Field(ge=0, le=600, allow_inf_nan=False)]
 
@@ -37,6 +38,9 @@ _PRESETS: dict[str, dict[str, Any]] = {
     },
     "sumo": {
         "speeding_kmh": {"kind": "constant", "value": 0.0},
+        "speeding_share": None,
+        "gap_m": None,
+        "headway_s": None,
         "lane_offset_m": {"kind": "constant", "value": 0.0},
         "lane_change_share": {"kind": "constant", "value": 0.0},
         "u_turns_per_min": 0.0,
@@ -46,6 +50,35 @@ _PRESETS: dict[str, dict[str, Any]] = {
         "parked_yaw_deg": {"kind": "constant", "value": 0.0},
     },
 }
+
+
+_HABIT_FIELDS = (
+    *("speeding_share", "gap_m", "headway_s", "imperfection", "reaction_time_s", "acceleration_mps2", "braking_mps2"),
+    *("startup_delay_s", "gap_acceptance_s", "driver_classes"),
+)
+_REPLACEABLE = frozenset(
+    (
+        *(*_HABIT_FIELDS, "cornering_mps2", "street_speed"),
+        *("lane_offset_m", "lane_change_share", "u_turns_per_min", "pull_outs_per_min"),
+    )
+)
+"""What may be replaced beside the preset sumo: parameters of drivers, speeds of lanes, and single acts."""
+
+
+def _as_constant(value: Any) -> Any:
+    """A uniform distribution of no width as a constant."""
+    if isinstance(value, dict) and value.get("kind") == "uniform" and value["min"] == value["max"]:
+        return {"kind": "constant", "value": value["min"]}
+    return value
+
+
+class DriverClasses(BaseModel):
+    """A second class of drivers: each driver belongs to it with a probability."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    share: float = Field(ge=0, le=1, description="probability that a driver belongs to the second class [1]")
+    speed_ratio: float = Field(gt=0.1, lt=5, description="desired speed of the second class over that of the first [1]")
 
 
 class BehaviourConfig(BaseModel):
@@ -60,15 +93,18 @@ class BehaviourConfig(BaseModel):
     speeding_kmh: Annotated[Distribution, within(0, 60)] = Field(
         default=Uniform(min=0.0, max=30.0), description="how much a driver exceeds the limit on free roads [km/h]"
     )
-    speeding_share: Annotated[Distribution, within(-0.5, 1)] = Field(
+    speeding_share: Annotated[Distribution, within(-0.5, 1)] | None = Field(
         default=Constant(value=0.0),
-        description="how much he exceeds it besides, as a share of the limit; who stays below it has a negative one",
+        description="difference between desired speed and limit, as a share of the limit; negative below the limit; "
+        "none: the speedFactor of the vehicle type",
     )
-    gap_m: Annotated[Distribution, within(0, 20)] = Field(
-        default=Uniform(min=0.2, max=3.0), description="gap to the leader when standing [m]"
+    gap_m: Annotated[Distribution, within(0, 20)] | None = Field(
+        default=Uniform(min=0.2, max=3.0),
+        description="gap to the leader when standing [m]; none: the minGap of the vehicle type",
     )
-    headway_s: Annotated[Distribution, within(0.3, 5)] = Field(
-        default=Normal(mean=1.2, sigma=0.3, min=0.7, max=2.0), description="headway to the leader when driving [s]"
+    headway_s: Annotated[Distribution, within(0.3, 5)] | None = Field(
+        default=Normal(mean=1.2, sigma=0.3, min=0.7, max=2.0),
+        description="headway to the leader when driving [s]; none: the tau of the vehicle type",
     )
     lane_offset_m: Annotated[Distribution, within(-0.3, 0.3)] = Field(
         default=Uniform(min=-0.2, max=0.2), description="place beside the lane's middle, positive to the left [m]"
@@ -82,6 +118,33 @@ class BehaviourConfig(BaseModel):
     )
     reaction_time_s: Annotated[Distribution, within(0, 3)] | None = Field(
         default=None, description="time between two of his decisions [s]; none: he decides in every step"
+    )
+    acceleration_mps2: Annotated[Distribution, within(0.2, 10)] | None = Field(
+        default=None, description="SUMO's accel, the largest acceleration [m/s²]; none: as the vehicle type has it"
+    )
+    braking_mps2: Annotated[Distribution, within(0.5, 12)] | None = Field(
+        default=None,
+        description="SUMO's decel, the usual largest deceleration [m/s²]; none: as the vehicle type has it",
+    )
+    startup_delay_s: Annotated[Distribution, within(0, 10)] | None = Field(
+        default=None,
+        description="SUMO's startupDelay, time before a standing driver sets off [s]; none: as the vehicle type has it",
+    )
+    gap_acceptance_s: Annotated[Distribution, within(0, 20)] | None = Field(
+        default=None,
+        description="SUMO's jmTimegapMinor, smallest time gap in the major stream that is accepted at a junction "
+        "without own priority [s]; none: as the vehicle type has it",
+    )
+    cornering_mps2: Annotated[float, Field(gt=0, le=12, allow_inf_nan=False)] | None = Field(
+        default=None,
+        description="lateral acceleration to which drivers slow down in bends [m/s²]; none: 2.8 in `cosim run`, and "
+        "the limits of the network's lanes with the preset `sumo` and in the traffic loop",
+    )
+    street_speed: StreetSpeed | None = Field(
+        default=None, description="streets whose limits are multiplied by a factor; none: no street"
+    )
+    driver_classes: DriverClasses | None = Field(
+        default=None, description="a second class of drivers with its own desired speed; none: one class"
     )
     u_turns_per_min: Rate = Field(
         default=1.0, description="U-turns in the middle of the road begun in the town a minute"
@@ -112,16 +175,22 @@ class BehaviourConfig(BaseModel):
         return values
 
     @model_validator(mode="after")
-    def _stands_alone(self) -> Self:
+    def _keeps_the_scenario(self) -> Self:
         if self.preset == "sumo":
             plain = {**BehaviourConfig().model_dump(mode="json"), **_PRESETS["sumo"], "preset": "sumo"}
             for key, value in self.model_dump(mode="json").items():
-                if value != plain[key]:
+                if key not in _REPLACEABLE and _as_constant(value) != _as_constant(plain[key]):
                     raise ValueError(
-                        f"the preset sumo leaves drivers as the scenario's vTypes have them, but {key} would change "
-                        f"them; write it into the vTypes, or take another preset"
+                        f"the preset sumo leaves parked vehicles and accidents as the scenario has them, but {key} "
+                        "would change them; take another preset"
                     )
         return self
+
+    @property
+    def changes_vtypes(self) -> bool:
+        """Whether a driver's parameters differ from those of his vehicle type; with the preset sumo only."""
+        offset = self.lane_offset_m.bounds != (0.0, 0.0)
+        return self.as_given and (offset or any(getattr(self, key) is not None for key in _HABIT_FIELDS))
 
     @property
     def as_given(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from cosim.traffic.behaviour.roads import Roads
 from cosim.traffic.behaviour.stage import Stage
 from cosim.traffic.behaviour.turnarounds import Turnarounds
 from cosim.traffic.behaviour.u_turns import UTurns
+from cosim.traffic.behaviour.vehicle_parameters import ChangedParameters
 from cosim.traffic.motion import Motion
 from cosim.traffic.simulation import Traffic
 
@@ -58,7 +60,7 @@ class Drivers:
         self._roads = roads
         self._sight_m = sight_m
         self._behaviours = (
-            (Patience(),)  # only keeps SUMO's vehicles with their bodies
+            self._acts_of_sumo(config, seed, rng)
             if config.as_given
             else (
                 driving,
@@ -77,6 +79,18 @@ class Drivers:
         self._stage: Stage | None = None
         self._exempt, self._attended = exempt, attended
         self.share = 1.0
+
+    @staticmethod
+    def _acts_of_sumo(config: BehaviourConfig, seed: int, rng: Callable[[str], np.random.Generator]) -> tuple:
+        """What a configuration of the preset `sumo` changes; usually only that vehicles wait for their bodies."""
+        acts: list = [ChangedParameters(config, seed)] if config.changes_vtypes else []
+        if config.lane_change_share.bounds != (0.0, 0.0):
+            acts.append(LaneChanges(rng("lane changes"), FreeDriving(seed)))
+        if config.pull_outs_per_min > 0:
+            acts.append(PullOut(rng("pull-outs")))
+        if config.u_turns_per_min > 0:
+            acts.append(UTurns(rng("U-turns")))
+        return (*acts, Patience())
 
     @property
     def events(self) -> list[Event]:

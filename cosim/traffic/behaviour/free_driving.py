@@ -9,6 +9,7 @@ import numpy as np
 from cosim.traffic.behaviour.habits import Habits, draw_habits
 from cosim.traffic.behaviour.roads import Lane
 from cosim.traffic.behaviour.stage import Stage
+from cosim.traffic.behaviour.vehicle_parameters import set_parameters
 
 MOTORISED = frozenset({"car", "van", "truck", "bus", "motorcycle"})
 _BRAKES_MPS2 = 2.5
@@ -75,13 +76,7 @@ class FreeDriving:
 
     def _begin(self, stage: Stage, vehicle: str) -> _Driver:
         habits = draw_habits(stage.config, self._seed, vehicle)
-        stage.api.vehicle.setMinGap(vehicle, habits.gap_m)
-        stage.api.vehicle.setTau(vehicle, habits.headway_s)
-        if habits.imperfection is not None:
-            stage.api.vehicle.setImperfection(vehicle, habits.imperfection)
-        if habits.reaction_s is not None:
-            steps = max(1, round(habits.reaction_s / stage.step_s))
-            stage.api.vehicle.setActionStepLength(vehicle, steps * stage.step_s)
+        set_parameters(stage.api.vehicle, vehicle, habits, stage.step_s)
         row = stage.rows[vehicle]
         lane = stage.roads.lanes.get(stage.actors.lanes[row])
         spare = (lane.width_m - float(stage.actors.size[row, 1])) / 2 - _SPARE_M if lane else 0.0

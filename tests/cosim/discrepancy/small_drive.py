@@ -80,6 +80,7 @@ def make_yard(
             scene_instances(twin.instances),
             ego_motion(twin),
             np.random.default_rng([seed, 41, number]),
+            frame_time_s=twin.time_s,
         )
         points = change(np.column_stack([cloud.xyz, cloud.intensity]).astype(np.float32))
         if columns == 4:

@@ -49,12 +49,12 @@ def test_a_hidden_place_in_the_lane_is_found_and_written(tmp_path: Path, capsys)
 
 @pytest.mark.slow
 def test_simulations_whose_process_dies_are_done_again(tmp_path: Path) -> None:
-    from cosim.driver_discrepancy.case import opened
+    from cosim.driver_discrepancy.case import open_case
 
     csv, config = measured(tmp_path, {}, seed=5, seconds=20, drivers=12)
     statistics, seeds = [], range(3)
     for killed in (False, True):
-        with opened(csv, config, workers=1) as case, ThreadPoolExecutor(1) as beside:
+        with open_case(csv, config, workers=1) as case, ThreadPoolExecutor(1) as beside:
             case.simulations.run([(case.behaviour, 9)])  # its process has begun
             running = beside.submit(case.simulations.run, [(case.behaviour, seed) for seed in seeds])
             if killed:

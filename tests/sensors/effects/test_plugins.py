@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cosim.cli.main import main
+from sensors.effects.expectation import expect
 from sensors.effects.registry import effect_classes, find_effect
 from sensors.errors import SensorError
 from sensors.sensor_model import load_sensor
@@ -91,12 +92,68 @@ def test_a_broken_effect_is_named_with_its_file_and_remedy(tmp_path, source, com
         of_hits(model, room())
     message = str(caught.value)
     assert "\n" not in message and "my_effect.py" in message and "rain_streaks" in message
+    first = next(row for row, text in enumerate(source.splitlines(), 1) if "def apply" in text)
+    line = int(message.partition(", line ")[2].partition(")")[0])
+    assert first <= line <= len(source.splitlines())
+
+
+EXPECTED = '''
+"""Losses."""
+from __future__ import annotations
+from typing import ClassVar
+import numpy as np
+from sensors.effects import {base}
+
+
+class RainStreaks({base}):
+    """P."""
+
+    name: ClassVar = "rain_streaks"
+    channel: ClassVar = "drop"
+
+    def apply(self, returns, shot, rng):
+        """As they are."""
+        return returns
+
+    def {method}:
+        """Wrong."""
+        return {value}
+'''
+
+
+@pytest.mark.parametrize(
+    ("base", "method", "value", "complaint"),
+    [
+        ("DetectionEffect", "kept(self, returns, shot)", "np.full(len(returns), np.nan)", "NaN or infinity in kept"),
+        ("DetectionEffect", "kept(self, returns, shot)", "np.ones(3)", r"kept of shape \(3,\)"),
+        ("DetectionEffect", "kept(self, returns, shot)", "1 / 0", "raised ZeroDivisionError"),
+        ("NoiseEffect", "spread(self, returns, shot)", "-1.0, 0.0", "spread below 0"),
+        ("NoiseScaleEffect", "factors(self, returns, shot)", "np.nan, 1.0", "NaN or infinity in factors"),
+        ("ScanEffect", "survival(self, returns, shot)", "np.ones(2)", r"survival of shape \(2,\)"),
+    ],
+)
+def test_wrong_predictions_of_an_effect_are_named_with_the_line(tmp_path, base, method, value, complaint):
+    source = EXPECTED.format(base=base, method=method, value=value)
+    model = load_sensor(written(tmp_path, source, "{effect: ./my_effect.py:RainStreaks}"))
+    _, shot = of_hits(load_sensor("hdl64e"), room())
+    with pytest.raises(SensorError, match=complaint) as caught:
+        expect(model.effects, shot)
+    lines = [
+        row for row, text in enumerate(source.splitlines(), 1) if "def k" in text or "def s" in text or "def f" in text
+    ]
+    assert f"my_effect.py:RainStreaks, line {lines[0]}" in str(caught.value) or "raised" in complaint
 
 
 @pytest.mark.parametrize(
     ("source", "entry", "complaint"),
     [
-        (GOOD + "\n1/0\n", None, "does not load: ZeroDivisionError"),
+        (GOOD + "\n1/0\n", None, "my_effect.py, line 23, does not load: ZeroDivisionError"),
+        (
+            GOOD.replace("returns, shot, rng", "returns, shot rng"),
+            None,
+            "my_effect.py, line 19, does not load: SyntaxErr",
+        ),
+        ("import sys\nsys.exit(0)\n", None, "my_effect.py, line 2, does not load: SystemExit"),
         (GOOD, "{effect: ./my_effect.py:Hail, shift_m: 0}", "holds no 'Hail'"),
         (GOOD, "{effect: ./other.py:RainStreaks}", "does not exist"),
         (GOOD, "{effect: ./my_effect.py}", "names no class of that file; write `./my_effect.py:ClassName`"),

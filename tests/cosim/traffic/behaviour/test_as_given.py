@@ -125,8 +125,8 @@ def test_taxis_fetch_those_who_call_them_and_trams_that_stop_are_left_out(tmp_pa
 
 def test_the_preset_stands_alone(tmp_path):
     path = tmp_path / "c.yaml"
-    path.write_text("behaviour: {preset: sumo, gap_m: {kind: constant, value: 1}}\n")
-    with pytest.raises(ConfigError, match="gap_m would change them") as caught:
+    path.write_text("behaviour: {preset: sumo, collisions_per_min: 1}\n")
+    with pytest.raises(ConfigError, match="collisions_per_min would change them") as caught:
         load_config(path)
     assert "\n" not in str(caught.value)
 

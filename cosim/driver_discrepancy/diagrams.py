@@ -1,0 +1,64 @@
+"""Diagrams of traffic engineering: the fundamental diagram, and space and time on one street."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+
+from cosim.driver_discrepancy.summary import Summary
+from cosim.report.plot import Axis, Plot
+
+_GAP_S = 3.0  # between samples of a vehicle, from which its line is interrupted
+
+
+def draw_diagrams(measured: Summary, models: Sequence[tuple[str, Sequence[Summary]]]) -> str:
+    """A section with the fundamental diagram, and a space–time diagram of the measurement and of each model.
+
+    Args:
+        measured: the measurement.
+        models: names and simulations; the first simulation of each is drawn.
+    """
+    drawn = [("measured", "a", measured)]
+    drawn += [(name, style, runs[0]) for style, (name, runs) in zip("bc", models, strict=False) if runs]
+    figures = [_fundamental(drawn), *(_space_time(name, style, one, measured) for name, style, one in drawn)]
+    shown = [figure for figure in figures if figure]
+    if not shown:
+        return ""
+    words = (
+        "Fundamental diagram: one dot per street and 30 s, density and flow after Edie. Space–time diagram: the street "
+        "with most vehicle time, one line per vehicle; of each model the first seed."
+    )
+    charts = f'<div class="charts">{"".join(shown)}</div>'
+    return f"<section><h2>Flow, density, space and time</h2><p>{words}</p>{charts}</section>"
+
+
+def _fundamental(drawn: Sequence[tuple[str, str, Summary]]) -> str:
+    points = [one.fundamental for _, _, one in drawn if len(one.fundamental)]
+    if not points:
+        return ""
+    top = np.concatenate(points).max(0) * 1.08
+    title = "Fundamental diagram"
+    plot = Plot(
+        Axis(0, float(top[0]), "density [veh/km of lane]"), Axis(0, float(top[1]), "flow [veh/h of lane]"), title
+    )
+    for _, style, one in drawn:
+        for density, flow in one.fundamental.tolist():
+            plot.line(np.array([density]), np.array([flow]), style, dots=True)
+    return f"<figure><figcaption><h3>{title}</h3></figcaption>{plot.svg()}</figure>"
+
+
+def _space_time(name: str, style: str, one: Summary, measured: Summary) -> str:
+    if not len(measured.space_time):
+        return ""
+    length = float(measured.space_time[:, 2].max()) * 1.02
+    title = f"Space–time diagram, {name}"
+    plot = Plot(Axis(0, max(measured.seconds, 1.0), "time [s]"), Axis(0, length, "position [m]"), title)
+    for vehicle in np.unique(one.space_time[:, 0]).tolist():
+        rows = one.space_time[one.space_time[:, 0] == vehicle]
+        cuts = np.flatnonzero(np.diff(rows[:, 1]) > _GAP_S) + 1
+        for part in np.split(rows, cuts):
+            if len(part) > 1:
+                plot.line(part[:, 1], np.minimum(part[:, 2], length), style)
+    return f"<figure><figcaption><h3>{escape(title)}</h3></figcaption>{plot.svg()}</figure>"

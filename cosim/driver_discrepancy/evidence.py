@@ -1,0 +1,185 @@
+"""Evidence: a table of standardised differences, clusters × columns, and what follows from it.
+
+Clusters are vehicles: each is compared with itself in the simulations of the same demand. Columns are channels under
+conditions. The functions know neither channels nor behaviours: a table, groups of its columns, and directions in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.driver_discrepancy.channels import CHANNELS
+from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
+from cosim.driver_discrepancy.summary import Column, Summary
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Measured against modelled, for the k columns that both show.
+
+    Attributes:
+        columns: of the table.
+        measured, model: (k,) means; the model's is over seeds.
+        sigma: (k,) standard deviation of their difference if the model is right.
+        freedom: degrees of freedom of sigma.
+        clusters: (v, k) standardised difference of each vehicle; columns sum to about `z`.
+    """
+
+    columns: tuple[Column, ...]
+    measured: np.ndarray
+    model: np.ndarray
+    sigma: np.ndarray
+    freedom: float
+    clusters: np.ndarray
+
+    @property
+    def z(self) -> np.ndarray:
+        """Standardised differences (k,), measured less modelled."""
+        return (self.measured - self.model) / self.sigma
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlations of the columns (k, k), from the vehicles' differences and shrunk towards none."""
+        size = np.sqrt(np.maximum((self.clusters**2).sum(0), 1e-12))
+        scaled = self.clusters / size
+        return 0.5 * scaled.T @ scaled + 0.5 * np.eye(len(self.columns))
+
+
+@dataclass(frozen=True, eq=False)
+class Significance:
+    """Family-wise p-values.
+
+    Attributes:
+        p_values: (k,) of each column: the chance that any column of the dictionary would differ so much.
+        critical: (k,) |z| that chance exceeds in any column of its half of the dictionary at half the level.
+    """
+
+    p_values: np.ndarray
+    critical: np.ndarray
+
+    @property
+    def smallest(self) -> float:
+        """The smallest p-value; 1 without columns."""
+        return float(self.p_values.min()) if len(self.p_values) else 1.0
+
+
+def gather_evidence(measured: Summary, runs: Sequence[Summary], by: TrafficSettings = DEFAULT) -> Evidence:
+    """Compare a measurement with the model's seeds, column by column.
+
+    The variance of a difference is pooled from that between seeds and that between the paired differences of vehicles;
+    a small difference that is the simulator's own is added.
+    """
+    columns = measured.columns
+    ids = measured.ids
+    own_sums, own_weights = measured.rows(ids)
+    sums, weights = (np.stack(parts) for parts in zip(*(run.rows(ids) for run in runs), strict=True))
+    total, totals = own_weights.sum(0), weights.sum(1)
+    told = _shown(columns, own_sums, own_weights, sums, weights, by)
+    at = np.flatnonzero(told)
+    value = own_sums.sum(0)[at] / total[at]
+    values = sums.sum(1)[:, at] / totals[:, at]
+    mean, count = values.mean(0), len(runs)
+    own = (own_sums[:, at] - mean * own_weights[:, at]) / total[at]
+    model = ((sums[:, :, at] - mean * weights[:, :, at]) / totals[:, None, at]).mean(0)
+    differences = own - model
+    between = values.var(0, ddof=1) if count > 1 else np.zeros(len(at))
+    vehicles = (differences**2).sum(0)
+    freedom = by.gate.vehicle_freedom
+    pooled = (freedom * vehicles + (count - 1) * between) / (freedom + count - 1)
+    channels = [CHANNELS[columns[number].channel] for number in at.tolist()]
+    floor = np.array([channel.resolution for channel in channels])
+    events = np.array([channel.is_event for channel in channels], bool)
+    expected = np.maximum((own_sums.sum(0)[at] + sums.sum(1)[:, at].mean(0)) / 2, 1.0)
+    poisson = np.where(events, expected / total[at] ** 2, 0.0)
+    sigma = np.sqrt(np.maximum(pooled * (1 + 1 / count), poisson) + floor**2 + 1e-18)
+    return Evidence(
+        columns=tuple(columns[number] for number in at.tolist()),
+        measured=value,
+        model=mean,
+        sigma=sigma,
+        freedom=freedom + count - 1,
+        clusters=differences / sigma,
+    )
+
+
+def find_significance(evidence: Evidence, rng: np.random.Generator, by: TrafficSettings = DEFAULT) -> Significance:
+    """Family-wise p-values by flipping the signs of clusters.
+
+    The null distribution of the largest |z| is drawn with signs of whole vehicles flipped, which keeps the correlations
+    of columns; a share of independent draws and Student's tails are added. Whole channels and channels under
+    conditions are two families with half of the level each.
+    """
+    kinds, draws = len(evidence.columns), by.gate.draws
+    if not kinds:
+        return Significance(np.zeros(0), np.zeros(0))
+    size = np.sqrt(np.maximum((evidence.clusters**2).sum(0), 1e-12))
+    signs = rng.choice(np.array([-1.0, 1.0]), (draws, len(evidence.clusters)))
+    shared = signs @ (evidence.clusters / size)
+    drawn = np.sqrt(by.gate.correlated) * shared
+    drawn += np.sqrt(1 - by.gate.correlated) * rng.standard_normal((draws, kinds))
+    drawn /= np.sqrt(rng.chisquare(evidence.freedom, (draws, 1)) / evidence.freedom)
+    p_values, critical = np.ones(kinds), np.full(kinds, np.inf)
+    whole = np.array([column.is_whole for column in evidence.columns], bool)
+    families = [family for family in (whole, ~whole) if family.any()]
+    for family in families:
+        largest = np.sort(np.abs(drawn[:, family]).max(1))
+        above = draws - np.searchsorted(largest, np.abs(evidence.z[family]), side="left")
+        p_values[family] = np.minimum(len(families) * (1 + above) / (1 + draws), 1.0)
+        critical[family] = np.quantile(largest, 1 - by.level / len(families))
+    return Significance(p_values, critical)
+
+
+def cross_fitted_gain(
+    evidence: Evidence, columns: np.ndarray, slopes: np.ndarray, limits: np.ndarray, shift: np.ndarray, folds: int = 5
+) -> tuple[float, float]:
+    """Gain of a direction, fitted on some vehicles and judged on the others, and its standard error over folds.
+
+    Σₖ θ₋ₖᵀsₖ − ½ θ₋ₖᵀHₖθ₋ₖ with the score s = JᵀC⁻¹z and the information H = JᵀC⁻¹J of a fold k.
+
+    Args:
+        evidence: the table.
+        columns: (k,) which take part.
+        slopes: (k, parameters) change of columns with parameters.
+        limits: (parameters,) by which a parameter is expected to change at most.
+        shift: (k,) change of columns from the model to the point about which the slopes were taken.
+        folds: of vehicles.
+    """
+    at = np.flatnonzero(columns)
+    if not len(at):
+        return 0.0, 0.0
+    jacobian = slopes[at] / evidence.sigma[at, None]
+    precision = np.linalg.inv(evidence.correlation[np.ix_(at, at)])
+    weighted = jacobian.T @ precision
+    information = weighted @ jacobian
+    fold = np.arange(len(evidence.clusters)) % folds
+    z = evidence.z[at] - shift[at] / evidence.sigma[at]
+    share = np.stack([evidence.clusters[fold == k][:, at].sum(0) for k in range(folds)])
+    share += (z - share.sum(0)) / folds
+    before = evidence.z[at] @ precision @ evidence.z[at] - z @ precision @ z
+    gains = []
+    for k in range(folds):
+        theta = np.linalg.solve(information * (folds - 1) / folds + np.diag(1 / limits**2), weighted @ (z - share[k]))
+        theta = np.clip(theta, -limits, limits)
+        gains.append(float(theta @ weighted @ share[k] - 0.5 * theta @ information @ theta / folds))
+    return float(np.sum(gains)) + 0.5 * float(before), float(np.sqrt(folds) * np.std(gains, ddof=1))
+
+
+def _shown(
+    columns: Sequence[Column],
+    own_sums: np.ndarray,
+    own_weights: np.ndarray,
+    sums: np.ndarray,
+    weights: np.ndarray,
+    by: TrafficSettings,
+) -> np.ndarray:
+    """Columns (c,) that enough vehicles show, measured and in every simulation."""
+    events = np.array([CHANNELS[column.channel].is_event for column in columns], bool)
+    whole = np.array([column.is_whole for column in columns], bool)
+    fewest = np.where(whole, by.gate.fewest, by.gate.fewest_of_conditions)
+    exposed = (own_weights > 0).sum(0) >= fewest
+    exposed &= ((weights > 0).sum(1) >= fewest).all(0)
+    happened = own_sums.sum(0) + sums.sum(1).mean(0) >= np.where(whole, 1.0, 4.0)
+    return exposed & (~events | happened)

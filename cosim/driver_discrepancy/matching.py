@@ -1,0 +1,201 @@
+"""Map matching: lanes of trajectories that come without them.
+
+A hidden Markov model over lanes (Newson and Krumm, ACM GIS 2009): distance and heading are the observation, and
+connectivity of the network the transition. It is solved by Viterbi's algorithm on about one sample a second.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from cosim.driver_discrepancy.network import Network
+from cosim.driver_discrepancy.tracks import TrackError, Tracks
+
+_SPACING_M, _REACH_M, _NEIGHBOURS = 2.0, 9.0, 16
+_DISTANCE_M, _HEADING_RAD = 1.2, 0.35
+_AGAINST_RAD = 1.3  # who is turned farther from a lane is not on it
+_KEY_S = 1.0
+_CHANGE, _SKIP, _UNCONNECTED = 2.0, 3.0, 14.0
+_FEWEST_SHARE = 0.5
+
+
+def match_lanes(tracks: Tracks, network: Network) -> tuple[Tracks, list[str]]:
+    """The same trajectories with lanes; those that have lanes of the network keep them.
+
+    Returns:
+        Trajectories, and a note if lanes were matched.
+
+    Raises:
+        TrackError: most samples lie on no lane of the network.
+    """
+    given = np.char.str_len(tracks.lane.astype(str)) > 0
+    if given.mean() > _FEWEST_SHARE:
+        return tracks, []
+    matcher = _Matcher(network)
+    matcher.check(tracks)
+    first = np.searchsorted(tracks.vehicle, np.arange(len(tracks.ids) + 1))
+    lane = tracks.lane.astype("U64")
+    for start, end in zip(first[:-1].tolist(), first[1:].tolist(), strict=True):
+        rows = np.arange(start, end)
+        lane[rows] = matcher.match(tracks.place[rows], tracks.heading_rad[rows], tracks.time_s[rows])
+    lost = float((np.char.str_len(lane) == 0).mean())
+    note = "lanes were found by map matching" + (f"; {lost:.0%} of the samples lie on none" if lost > 0.01 else "")
+    return replace(tracks, lane=lane), [note]
+
+
+class _Matcher:
+    """Matches one vehicle after another."""
+
+    def __init__(self, network: Network) -> None:
+        self._names = sorted(network.lanes)
+        row = {name: at for at, name in enumerate(self._names)}
+        self._lanes = [network.lanes[name] for name in self._names]
+        points, lanes, headings = [], [], []
+        for at, lane in enumerate(self._lanes):
+            dense, heading = _along(lane.shape)
+            points.append(dense)
+            headings.append(heading)
+            lanes.append(np.full(len(dense), at))
+        self._points = np.concatenate(points)
+        self._lane, self._heading = np.concatenate(lanes), np.concatenate(headings)
+        self._tree = KDTree(self._points)
+        self._steps: dict[tuple[int, int], tuple[int, ...]] = {}
+        follows: dict[int, list[tuple[int, ...]]] = {}
+        for name, links in network.links.items():
+            for link in links:
+                if name not in row:
+                    continue
+                inside, target = row.get(link.via, -1), row[link.target]
+                way = (row[name], inside, target) if inside >= 0 else (row[name], target)
+                follows.setdefault(row[name], []).append(way)
+                if inside >= 0:
+                    self._steps[row[name], inside] = (row[name], inside)
+                    self._steps[inside, target] = (inside, target)
+                self._steps[row[name], target] = way
+        for source, ways in follows.items():
+            for way in ways:
+                for onward in follows.get(way[-1], ()):
+                    self._steps.setdefault((source, onward[-1]), (*way, *onward[1:]))
+                    if len(onward) > 2:
+                        self._steps.setdefault((source, onward[1]), (*way, onward[1]))
+                        if len(way) > 2:
+                            self._steps.setdefault((way[1], onward[1]), (way[1], *onward[:2]))
+        self._edge = [lane.edge for lane in self._lanes]
+
+    def check(self, tracks: Tracks) -> None:
+        """Refuse trajectories that are not on the network, with the reason that was verified."""
+        every = max(1, len(tracks) // 2000)
+        place, heading = tracks.place[::every], tracks.heading_rad[::every]
+        if self._share(place, heading) >= _FEWEST_SHARE:
+            return
+        swapped = self._share(place[:, ::-1], np.pi / 2 - heading)
+        mirrored = self._share(place * (1, -1), -heading)
+        away = float(np.median(self._tree.query(place)[0]))
+        middle, town = np.median(place, axis=0), np.median(self._points, axis=0)
+        if swapped >= _FEWEST_SHARE:
+            raise TrackError("x and y are exchanged: with them swapped the positions lie on the streets; swap them")
+        if mirrored >= _FEWEST_SHARE:
+            raise TrackError("y points the wrong way: mirrored, the positions lie on the streets; negate y")
+        if away < _REACH_M:
+            raise TrackError(
+                "positions lie on the streets, but headings and directions of lanes differ for most of them; "
+                "check the network's side of driving and the heading column"
+            )
+        raise TrackError(
+            f"most positions lie off the streets (median {away:.0f} m away; tracks about ({middle[0]:.0f}, "
+            f"{middle[1]:.0f}) m, streets about ({town[0]:.0f}, {town[1]:.0f}) m); give the configuration of the town "
+            "that was measured, in the same axes"
+        )
+
+    def match(self, place: np.ndarray, heading: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+        """Lane of each sample of a vehicle (n,); empty where there is none."""
+        keys = _keys(time_s)
+        options = [self._options(place[row], float(heading[row])) for row in keys.tolist()]
+        known = [at for at, option in enumerate(options) if option]
+        found = np.full(len(place), "", dtype="U64")
+        if not known:
+            return found
+        path = self._viterbi([options[at] for at in known])
+        rows = keys[known]
+        found[: rows[0] + 1] = self._names[path[0]]
+        found[rows[-1] :] = self._names[path[-1]]
+        for begin, end, a, b in zip(rows[:-1], rows[1:], path[:-1], path[1:], strict=True):
+            span = np.arange(begin, end + 1)
+            way = (a,) if a == b else self._steps.get((a, b), (a, b))
+            cost = np.stack([self._cost(lane, place[span], heading[span]) for lane in way])
+            choice = np.maximum.accumulate(np.argmin(cost, axis=0))
+            found[span] = np.array([self._names[lane] for lane in way])[choice]
+        return found
+
+    def _share(self, place: np.ndarray, heading: np.ndarray) -> float:
+        away, near = self._tree.query(place, k=4, distance_upper_bound=_REACH_M)
+        good = np.isfinite(away)
+        turned = np.abs(
+            np.angle(np.exp(1j * (self._heading[np.minimum(near, len(self._lane) - 1)] - heading[:, None])))
+        )
+        return float((good & (turned < 0.6) & (away < 5.0)).any(1).mean())
+
+    def _options(self, place: np.ndarray, heading: float) -> dict[int, float]:
+        """Lanes near a place with their costs."""
+        away, near = self._tree.query(place, k=_NEIGHBOURS, distance_upper_bound=_REACH_M)
+        lanes = set(self._lane[np.asarray(near)[np.isfinite(away)]].tolist())
+        costs = {lane: float(self._cost(lane, place[None], np.array([heading]))[0]) for lane in lanes}
+        return {lane: cost for lane, cost in costs.items() if np.isfinite(cost)}
+
+    def _cost(self, lane: int, place: np.ndarray, heading: np.ndarray) -> np.ndarray:
+        shape = self._lanes[lane].shape
+        start, piece = shape[:-1], np.diff(shape, axis=0)
+        length2 = np.maximum((piece**2).sum(1), 1e-12)
+        away = place[:, None] - start
+        share = np.clip(np.einsum("nij,ij->ni", away, piece) / length2, 0, 1)
+        apart = np.hypot(*np.moveaxis(away - share[..., None] * piece, 2, 0))
+        best = apart.argmin(1)
+        rows = np.arange(len(place))
+        turned = np.angle(np.exp(1j * (np.arctan2(piece[best, 1], piece[best, 0]) - heading)))
+        cost = 0.5 * (apart[rows, best] / _DISTANCE_M) ** 2 + 0.5 * (turned / _HEADING_RAD) ** 2
+        return np.where(np.abs(turned) > _AGAINST_RAD, np.inf, cost)
+
+    def _viterbi(self, options: list[dict[int, float]]) -> list[int]:
+        cost = dict(options[0])
+        back: list[dict[int, int]] = []
+        for option in options[1:]:
+            came: dict[int, int] = {}
+            new: dict[int, float] = {}
+            for lane, own in option.items():
+                before = min(cost, key=lambda other: cost[other] + self._transition(other, lane))
+                came[lane], new[lane] = before, cost[before] + self._transition(before, lane) + own
+            back.append(came)
+            cost = new
+        path = [min(cost, key=lambda lane: cost[lane])]
+        for came in reversed(back):
+            path.append(came[path[-1]])
+        return path[::-1]
+
+    def _transition(self, a: int, b: int) -> float:
+        if a == b:
+            return 0.0
+        way = self._steps.get((a, b))
+        if way is not None:
+            return 0.0 if len(way) <= 3 else _SKIP
+        return _CHANGE if self._edge[a] == self._edge[b] else _UNCONNECTED
+
+
+def _keys(time_s: np.ndarray) -> np.ndarray:
+    """Samples about a second apart, the first and the last among them."""
+    tick = np.floor((time_s - time_s[0]) / _KEY_S + 1e-6)
+    keys = np.flatnonzero(np.concatenate([[True], np.diff(tick) > 0]))
+    return np.unique(np.append(keys, len(time_s) - 1))
+
+
+def _along(shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points every two metres along a line and its headings there."""
+    piece = np.diff(shape, axis=0)
+    length = np.hypot(piece[:, 0], piece[:, 1])
+    way = np.concatenate([[0.0], np.cumsum(length)])
+    at = np.linspace(0, way[-1], max(2, int(way[-1] / _SPACING_M) + 1))
+    segment = np.clip(np.searchsorted(way, at, side="right") - 1, 0, len(piece) - 1)
+    points = np.column_stack([np.interp(at, way, shape[:, axis]) for axis in (0, 1)])
+    return points, np.arctan2(piece[segment, 1], piece[segment, 0])

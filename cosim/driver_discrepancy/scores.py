@@ -1,0 +1,173 @@
+"""The error: how badly the model predicts single vehicles, in every channel.
+
+Each vehicle is compared with the same vehicle in simulations of the same demand with other seeds, by the continuous
+ranked probability score with the correction for small ensembles (Gneiting and Raftery, JASA 2007; Ferro, QJRMS 2014).
+The score is proper: in expectation no model has a smaller error than the true one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.driver_discrepancy.channels import BASES, CHANNELS
+from cosim.driver_discrepancy.summary import Summary
+
+_FEWEST_VEHICLES = 3
+_LARGEST = 10.0  # scales, to which a single difference is limited
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Errors of vehicles.
+
+    Attributes:
+        ids: of v vehicles.
+        channels: names of c channels.
+        table: (v, c) score over the channel's scale; NaN where a vehicle does not show it.
+        by_seed: (s, v, c) the same with a seed left out.
+    """
+
+    ids: tuple[str, ...]
+    channels: tuple[str, ...]
+    table: np.ndarray
+    by_seed: np.ndarray
+
+    def of(self, ids: frozenset[str]) -> Scores:
+        """Those of some vehicles."""
+        keep = np.array([name in ids for name in self.ids], bool)
+        names = tuple(name for name in self.ids if name in ids)
+        return Scores(names, self.channels, self.table[keep], self.by_seed[:, keep])
+
+    def by_channel(self) -> dict[str, float]:
+        """Mean score of each channel over its scale; NaN where fewer than three vehicles show it."""
+        return dict(zip(self.channels, _means(self.table).tolist(), strict=True))
+
+    def by_group(self) -> dict[str, float]:
+        """Mean of the channels of each group."""
+        return _grouped(self.by_channel())
+
+    @property
+    def error(self) -> float:
+        """Mean over the groups of channels."""
+        return _total(self.by_channel())
+
+
+@dataclass(frozen=True)
+class Fall:
+    """How much an error falls from one model to another, on the same vehicles and seeds.
+
+    Attributes:
+        before, after: errors.
+        interval: 95 % interval of the fall over seeds and vehicles.
+        worse: groups of channels whose error rises by more than two standard errors, with the rise over their scale.
+    """
+
+    before: float
+    after: float
+    interval: tuple[float, float]
+    worse: Mapping[str, float]
+
+    @property
+    def size(self) -> float:
+        """The fall; positive is better."""
+        return self.before - self.after
+
+
+def score_vehicles(measured: Summary, runs: Sequence[Summary]) -> Scores:
+    """Score every measured vehicle in every whole channel."""
+    at = [number for number, column in enumerate(measured.columns) if column.is_whole and column.channel not in BASES]
+    names = tuple(measured.columns[number].channel for number in at)
+    truth = _values(*measured.rows(measured.ids), at, names)
+    model = np.stack([_values(*run.rows(measured.ids), at, names) for run in runs])
+    scale = np.array([CHANNELS[name].scale for name in names])
+    return Scores(measured.ids, names, *_crps(truth / scale, model / scale))
+
+
+def noise_floor(runs: Sequence[Summary], ids: frozenset[str] | None = None) -> float:
+    """The error of the model against itself: each seed takes the place of the measurement once."""
+    errors = []
+    for number, run in enumerate(runs):
+        scores = score_vehicles(run, [other for at, other in enumerate(runs) if at != number])
+        errors.append((scores if ids is None else scores.of(ids)).error)
+    return float(np.nanmean(errors)) if errors else float("nan")
+
+
+def compare_scores(before: Scores, after: Scores, draws: int = 200, seed: int = 5) -> Fall:
+    """The fall of the error between two models, and what of it is chance.
+
+    Vehicles and seeds are drawn with replacement together (bootstrap); seeds by their leave-one-out scores.
+    """
+    both = np.isfinite(before.table) & np.isfinite(after.table)
+    first = np.where(both, before.table, np.nan)
+    second = np.where(both, after.table, np.nan)
+    names = before.channels
+    rng, count = np.random.default_rng(seed), len(before.ids)
+    seeds = len(before.by_seed)
+    falls, groups = [], []
+    for _ in range(draws if count else 0):
+        rows, weight = rng.integers(count, size=count), rng.integers(seeds, size=seeds)
+        shift = (before.by_seed[weight] - after.by_seed[weight]).mean(0) - (before.by_seed - after.by_seed).mean(0)
+        drawn = np.where(both, first - second + (seeds - 1) * np.nan_to_num(shift), np.nan)[rows]
+        parts = dict(zip(names, _means(drawn).tolist(), strict=True))
+        falls.append(_total(parts))
+        groups.append(_grouped(parts))
+    low, high = np.nanquantile(falls, [0.025, 0.975]).tolist() if falls else (float("nan"), float("nan"))
+    one, other = (dict(zip(names, _means(table).tolist(), strict=True)) for table in (first, second))
+    worse = {}
+    for group, value in _grouped(one).items():
+        rise = _grouped(other).get(group, np.nan) - value
+        spread = float(np.nanstd([drawn.get(group, np.nan) for drawn in groups])) if groups else np.inf
+        if np.isfinite(rise) and rise > 2 * spread and rise > 0.02:
+            worse[group] = float(rise)
+    return Fall(_total(one), _total(other), (low, high), worse)
+
+
+def _values(sums: np.ndarray, weights: np.ndarray, at: Sequence[int], names: Sequence[str]) -> np.ndarray:
+    """Values of vehicles (v, c): means, or numbers of events; NaN without exposure."""
+    sums, weights = sums[:, at], weights[:, at]
+    events = np.array([CHANNELS[name].is_event for name in names], bool)
+    mean = np.divide(sums, weights, out=np.full(sums.shape, np.nan), where=weights > 0)
+    return np.where(events, np.where(weights > 0, sums, np.nan), mean)
+
+
+def _crps(truth: np.ndarray, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Scores (v, c) of values (v, c) against an ensemble (s, v, c), and with each member left out (s, v, c)."""
+    known = np.isfinite(model)
+    count = known.sum(0)
+    off = np.where(known, np.minimum(np.abs(model - truth), _LARGEST), 0.0)
+    pairs = np.abs(model[:, None] - model[None])
+    pairs = np.where(known[:, None] & known[None], np.minimum(pairs, _LARGEST), 0.0)
+    of_member = pairs.sum(1)
+    near, spread = off.sum(0), of_member.sum(0)
+    enough = (count >= max(2, len(model) // 2)) & np.isfinite(truth)
+    whole = _score(near, spread, count)
+    left = _score(near - off, spread - 2 * of_member, count - known)
+    return np.where(enough, whole, np.nan), np.where(enough, left, np.nan)
+
+
+def _score(near: np.ndarray, spread: np.ndarray, count: np.ndarray) -> np.ndarray:
+    n = np.maximum(count, 1)
+    return near / n - spread / (2 * n * np.maximum(count - 1, 1))
+
+
+def _means(table: np.ndarray) -> np.ndarray:
+    known = np.isfinite(table)
+    count = known.sum(0)
+    mean = np.where(known, table, 0.0).sum(0) / np.maximum(count, 1)
+    return np.where(count >= _FEWEST_VEHICLES, mean, np.nan)
+
+
+def _grouped(parts: Mapping[str, float]) -> dict[str, float]:
+    groups: dict[str, list[float]] = {}
+    for name, value in parts.items():
+        if np.isfinite(value):
+            groups.setdefault(CHANNELS[name].group, []).append(value)
+    return {group: float(np.mean(values)) for group, values in groups.items()}
+
+
+def _total(parts: Mapping[str, float]) -> float:
+    groups = list(_grouped(parts).values())
+    return float(np.mean(groups)) if groups else float("nan")

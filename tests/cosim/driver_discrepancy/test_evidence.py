@@ -1,0 +1,88 @@
+"""Tables of differences: silent without a difference, clear with one; the score is proper."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cosim.driver_discrepancy.evidence import cross_fitted_gain, find_significance, gather_evidence
+from cosim.driver_discrepancy.scores import compare_scores, noise_floor, score_vehicles
+from cosim.driver_discrepancy.summary import Column, Summary
+
+CHANNELS = ("speed", "acceleration", "headway", "stops")
+COLUMNS = (*(Column(name) for name in CHANNELS), *(Column("speed", "street", f"s{k}") for k in range(6)))
+
+
+def summary(rng: np.random.Generator, shift: dict[int, float], count: int = 60) -> Summary:
+    """Vehicles with equal exposure whose values are normal about 1, shifted in some columns."""
+    mean = np.ones(len(COLUMNS))
+    for column, by in shift.items():
+        mean[column] += by
+    values = mean + 0.1 * rng.standard_normal((count, len(COLUMNS)))
+    ids = tuple(f"v{k:02d}" for k in range(count))
+    nothing = np.zeros((0, 3))
+    return Summary(ids, COLUMNS, values, np.ones_like(values), {}, nothing[:, :2], nothing, 90.0)
+
+
+def drawn(seed: int, shift: dict[int, float]) -> tuple[Summary, list[Summary]]:
+    rng = np.random.default_rng(seed)
+    return summary(rng, shift), [summary(rng, {}) for _ in range(8)]
+
+
+def test_nothing_is_significant_without_a_difference() -> None:
+    alarms = 0
+    for seed in range(20):
+        evidence = gather_evidence(*drawn(seed, {}))
+        alarms += find_significance(evidence, np.random.default_rng(seed)).smallest <= 0.05
+    assert alarms <= 3
+
+
+def test_a_difference_is_found_in_its_column_only() -> None:
+    evidence = gather_evidence(*drawn(1, {1: 0.3, 6: -0.2}))
+    p_values = find_significance(evidence, np.random.default_rng(0)).p_values
+    assert {evidence.columns[k] for k in np.flatnonzero(p_values <= 0.05)} == {COLUMNS[1], COLUMNS[6]}
+    assert evidence.z[1] > 0 > evidence.z[6]
+
+
+def test_clusters_sum_to_the_differences() -> None:
+    evidence = gather_evidence(*drawn(2, {0: 0.2}))
+    assert evidence.clusters.sum(0) == pytest.approx(evidence.z, abs=1e-6)
+
+
+@pytest.mark.parametrize(("direction", "helps"), [(0, True), (2, False)])
+def test_cross_fitted_gain_is_positive_for_the_true_direction(direction: int, helps: bool) -> None:
+    evidence = gather_evidence(*drawn(3, {0: 0.3}))
+    slopes = np.zeros((len(COLUMNS), 1))
+    slopes[direction] = 1.0
+    everything = np.ones(len(COLUMNS), bool)
+    gain, _ = cross_fitted_gain(evidence, everything, slopes, np.ones(1), np.zeros(len(COLUMNS)))
+    assert (gain > 4.0) == helps
+
+
+def test_the_true_model_has_the_smallest_error() -> None:
+    measured, true = drawn(4, {})
+    wrong = [summary(np.random.default_rng(seed), {1: 0.4}) for seed in range(8)]
+    before, after = score_vehicles(measured, wrong), score_vehicles(measured, true)
+    assert after.error < before.error
+    assert after.error == pytest.approx(noise_floor(true), rel=0.2)
+    fall = compare_scores(before, after)
+    assert fall.interval[0] > 0
+    assert fall.size == pytest.approx(before.error - after.error)
+    assert not fall.worse
+    assert set(compare_scores(after, before).worse) == {"acceleration"}
+
+
+def test_a_model_of_too_little_spread_is_worse() -> None:
+    measured, true = drawn(5, {})
+    narrow = [summary(np.random.default_rng(1), {}, len(measured.ids)) for _ in range(8)]
+    for run in narrow:
+        run.sums[:] = 1.0
+    assert score_vehicles(measured, narrow).error > score_vehicles(measured, true).error
+
+
+def test_vehicles_that_are_missing_in_a_simulation_are_left_out() -> None:
+    measured, runs = drawn(6, {})
+    few = [run.of(frozenset(run.ids[:30])) for run in runs]
+    scores = score_vehicles(measured, few)
+    assert np.isfinite(scores.table[:30]).all() and not np.isfinite(scores.table[30:]).any()
+    assert np.isfinite(scores.error)
