@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -72,6 +73,7 @@ def run(
         AssetError, TownError, SensorError, CameraError: likewise.
     """
     sensors = rig_sensors(config)
+    inferred: dict[str, Any] = {}
     given = config.world is not None or config.trajectories is not None
     for name in config.towns:
         if name in RECIPES and not given:
@@ -83,6 +85,7 @@ def run(
             config.world.read(town.streets)
         if config.trajectories is not None:
             replay = replay_of(config.trajectories, town)
+            inferred = dict(replay.tracks.inferred)
             replay.draw_ego(config.ego, 0.0, np.random.default_rng(0))
             for note in (*replay.tracks.notes, *signal_notes(replay, town)):
                 _log.warning("%s", note)
@@ -98,7 +101,7 @@ def run(
             on_start(len(done), config.frames)
             _record(writer, config, engine or LocalEngine(), on_event)
             _demand_frames(writer)
-            _finish(writer, config, sensors)
+            _finish(writer, config, sensors, inferred)
             recorded = len(writer.manifest()) - len(done)
         else:
             on_start(config.frames, config.frames)
@@ -170,7 +173,9 @@ def _settings(config: RunConfig) -> str:
     return yaml.safe_dump(document, sort_keys=False)
 
 
-def _finish(writer: DriveWriter, config: RunConfig, sensors: Mapping[str, SensorModel]) -> None:
+def _finish(
+    writer: DriveWriter, config: RunConfig, sensors: Mapping[str, SensorModel], inferred: Mapping[str, Any]
+) -> None:
     first = next(iter(sensors))
     sensor, rig = sensors[first], config.rig_used
     entries = writer.manifest()
@@ -195,6 +200,8 @@ def _finish(writer: DriveWriter, config: RunConfig, sensors: Mapping[str, Sensor
         }
         | {"frames": len(names), "episodes": len({entry["episode"] for entry in entries.values()})},
     }
+    if inferred:
+        summary["inferred"] = dict(inferred)
     writer.finish(files, _settings(config) + yaml.safe_dump(summary, sort_keys=False))
 
 
