@@ -146,6 +146,7 @@ def write_variant(truth: Truth, rng: np.random.Generator, path: Path) -> str:
             del columns[name]
             said.append("no time")
     if rng.random() < 0.5:
+        said.append("length")
         columns["length"] = [f"{value / metres:.2f}" for value in np.repeat(truth.length_m, count)]
     if rng.random() < 0.7:
         columns["agent_type"] = ["car"] * (users * count)
@@ -170,7 +171,7 @@ def write_variant(truth: Truth, rng: np.random.Generator, path: Path) -> str:
     return "; ".join(said)
 
 
-def find_error(truth: Truth, tracks: RoadTracks) -> str | None:
+def find_error(truth: Truth, tracks: RoadTracks, said: str) -> str | None:
     """What of the tracks differs from the truth; None where they agree."""
     if len(tracks.ids) != len(truth.middle):
         return f"{len(tracks.ids)} road users of {len(truth.middle)}"
@@ -182,6 +183,8 @@ def find_error(truth: Truth, tracks: RoadTracks) -> str | None:
         middle = tracks.front[rows, :2] - np.column_stack([np.cos(heading), np.sin(heading)]) * (
             tracks.size[user, 0] / 2
         )
+        if "length" in said and abs(tracks.size[user, 0] - truth.length_m[number]) > 0.02:
+            return f"{name} is {tracks.size[user, 0]:.2f} m long"
         true = np.column_stack([np.interp(time_s, truth.time_s, truth.middle[number, :, axis]) for axis in (0, 1)])
         away = np.linalg.norm(middle - true, axis=1)
         if np.quantile(away, 0.9) > 0.3:
@@ -224,7 +227,7 @@ def try_tables(
         truth = drive_vehicles(rng)
         said = write_variant(truth, rng, path)
         try:
-            difference = find_error(truth, read(path))
+            difference = find_error(truth, read(path), said)
         except refusals as error:
             refused.append(f"{number}: {said}: {error}")
         except Exception as error:  # noqa: BLE001 - every foreign exception is counted

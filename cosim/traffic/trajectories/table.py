@@ -26,6 +26,7 @@ from cosim.traffic.trajectories.tracks import RoadTracks, Sample, TrajectoryErro
 
 _FALSE = frozenset({"0", "0.0", "false", ""})
 _NO_TYPE = "car"
+_FASTEST_MPS, _WIDEST_RAD, _LONGEST_M = 90.0, 4 * np.pi + 0.01, 40.0  # what lies beyond is no measurement
 
 
 def read_table(path: Path, type_files: Iterable[Path], left_out: Counter[str]) -> RoadTracks:
@@ -58,27 +59,25 @@ def read_table(path: Path, type_files: Iterable[Path], left_out: Counter[str]) -
 
 def _users(
     header: Sequence[str],
-    rows: Sequence[Sequence[str]],
+    rows: list[list[str]],
     schema: TableSchema,
     table: TableColumns,
     known: Mapping[str, User],
     left_out: Counter[str],
 ) -> dict[str, User]:
-    """Road users by id, from the first row of each."""
+    """Road users by id: type of the first row of each, medians of the sizes."""
     at = {role: header.index(name) for role, name in schema.columns.items()}
     sizes = [
         table.values[schema.columns[role]] * schema.length_unit_m if role in at else np.full(len(rows), np.nan)
         for role in ("length", "width", "height")
     ]
     users: dict[str, User] = {}
-    seen: set[str] = set()
-    for number, row in enumerate(rows):
+    first = np.unique(table.user, return_index=True)[1]
+    for user, number in enumerate(first.tolist()):
+        row = rows[number]
         name = _identifier(row[at["id"]])
-        if name in seen:
-            continue
-        seen.add(name)
         word = _identifier(row[at["type"]]) if "type" in at else _NO_TYPE
-        length, width, height = (float(size[number]) if size[number] > 0 else None for size in sizes)
+        length, width, height = (_usual(size[table.user == user]) for size in sizes)
         user = known.get(word) or known.get(word.partition("@")[0]) or user_of(word, (length, width, height))
         if user is None:
             left_out[word] += 1
@@ -98,10 +97,10 @@ def _samples(
 
     stored = {"x": column("x", schema.metres), "y": column("y", schema.metres)}
     east, north = (stored[axis.strip("-")] * (-1 if axis.startswith("-") else 1) for axis in schema.axes.split(","))
-    speed = np.abs(column("speed", schema.speed_unit_mps))
+    speed = _within(np.abs(column("speed", schema.speed_unit_mps)), _FASTEST_MPS)
     components = np.hypot(column("vx", schema.speed_unit_mps), column("vy", schema.speed_unit_mps))
-    speed = np.where(np.isfinite(speed), speed, components)
-    heading = turned(column("heading", schema.heading_unit_rad), schema.heading_zero)
+    speed = np.where(np.isfinite(speed), speed, _within(components, _FASTEST_MPS))
+    heading = turned(_within(column("heading", schema.heading_unit_rad), _WIDEST_RAD), schema.heading_zero)
     time, z = column("time", schema.time_unit_s), column("z", schema.metres)
     lane_at = header.index(schema.columns["lane"]) if "lane" in schema.columns else None
     id_at = header.index(schema.columns["id"])
@@ -110,6 +109,17 @@ def _samples(
         Sample(t, _identifier(row[id_at]), x, y, up, angle, v, lane="" if lane_at is None else row[lane_at].strip())
         for row, t, x, y, up, angle, v in values
     ]
+
+
+def _usual(sizes: np.ndarray) -> float | None:
+    """Median of the sizes that a road user can have; None where there are none."""
+    sizes = sizes[(sizes > 0) & (sizes < _LONGEST_M)]
+    return float(np.median(sizes)) if len(sizes) else None
+
+
+def _within(values: np.ndarray, largest: float) -> np.ndarray:
+    """Values without those beyond a limit, which are unknown."""
+    return np.where(np.abs(values) <= largest, values, np.nan)
 
 
 def _identifier(text: str) -> str:

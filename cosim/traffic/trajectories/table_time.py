@@ -208,7 +208,8 @@ def _counted(
     interval = 1 / rate if snapped else measured
     if not snapped or not _STEP_S[0] <= interval * float(np.median(steps.dt)) <= _STEP_S[1]:
         raise TrajectoryError(
-            f"{source}: by the speeds in the table one step of {name} lasts {interval:.3g} s, which is no ordinary rate of "
+            f"{source}: by the speeds in the table one step of {name} lasts {interval:.3g} s, which is no ordinary "
+            f"rate of "
             f"recording; "
             f"state it in {source}.yaml, as `frame_rate_hz: 25`, or `speed_unit_mps: 0.27778` where speeds are km/h"
         )
