@@ -74,11 +74,14 @@ def run(
     """
     sensors = rig_sensors(config)
     inferred: dict[str, Any] = {}
+    origins: dict[str, tuple[float, float, float]] = {}
     given = config.world is not None or config.trajectories is not None
     for name in config.towns:
         if name in RECIPES and not given:
             continue  # a built-in town holds nothing to be told about, and workers read it anyway
         town = read_town(name)
+        if any(town.streets.origin_m):
+            origins[town.name] = town.streets.origin_m
         for note in town.notes:
             _log.warning("%s", note)
         if config.world is not None:
@@ -101,7 +104,7 @@ def run(
             on_start(len(done), config.frames)
             _record(writer, config, engine or LocalEngine(), on_event)
             _demand_frames(writer)
-            _finish(writer, config, sensors, inferred)
+            _finish(writer, config, sensors, inferred, origins)
             recorded = len(writer.manifest()) - len(done)
         else:
             on_start(config.frames, config.frames)
@@ -174,7 +177,11 @@ def _settings(config: RunConfig) -> str:
 
 
 def _finish(
-    writer: DriveWriter, config: RunConfig, sensors: Mapping[str, SensorModel], inferred: Mapping[str, Any]
+    writer: DriveWriter,
+    config: RunConfig,
+    sensors: Mapping[str, SensorModel],
+    inferred: Mapping[str, Any],
+    origins: Mapping[str, tuple[float, float, float]],
 ) -> None:
     first = next(iter(sensors))
     sensor, rig = sensors[first], config.rig_used
@@ -200,9 +207,19 @@ def _finish(
         }
         | {"frames": len(names), "episodes": len({entry["episode"] for entry in entries.values()})},
     }
+    if origins:
+        files["twin/origin.yaml"] = _origin_file(origins, config).encode()
     if inferred:
         summary["inferred"] = dict(inferred)
     writer.finish(files, _settings(config) + yaml.safe_dump(summary, sort_keys=False))
+
+
+def _origin_file(origins: Mapping[str, tuple[float, float, float]], config: RunConfig) -> str:
+    """`twin/origin.yaml`: what is added to the twin's coordinates to get those of the network's files [m]."""
+    values = {name: dict(zip("xyz", origin, strict=True)) for name, origin in origins.items()}
+    if len(config.towns) == 1:
+        return yaml.safe_dump(next(iter(values.values())), sort_keys=False)
+    return yaml.safe_dump({"towns": values}, sort_keys=False)
 
 
 def _lines(names: list[str]) -> bytes:

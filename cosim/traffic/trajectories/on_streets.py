@@ -15,6 +15,7 @@ from cosim.traffic.trajectories.tracks import RoadTracks, TrajectoryError
 
 _BESIDE_M, _FEWEST_SHARE = 30.0, 0.5
 _MOVED_M, _NEXT_S, _FEWEST_WAYS = 0.1, 1.5, 10
+_FEWEST_USERS = 2  # a single way may lie along a lane by chance
 _ON_LANE_M, _ALONG = 2.5, 0.7
 _CONTRADICTS, _UNRELATED, _CONFIRMS = 0.5, 0.3, 0.6
 _TOO_FAST = 2.0
@@ -28,6 +29,7 @@ def check_streets(path: Path, tracks: RoadTracks, streets: Streets) -> RoadTrack
     """
     lanes = LanePoints.of(streets)
     points, ways, tree = lanes.points, lanes.ways, lanes.tree
+    tracks = _in_local_axes(tracks, streets, tree)
     away, nearest = tree.query(tracks.front[:, :2])
     if (away < _BESIDE_M).mean() < _FEWEST_SHARE:
         middle, town = np.median(tracks.front[:, :2], axis=0), np.median(points[:, :2], axis=0)
@@ -36,13 +38,22 @@ def check_streets(path: Path, tracks: RoadTracks, streets: Streets) -> RoadTrack
             f"about ({middle[0]:.0f}, {middle[1]:.0f}) m, streets about ({town[0]:.0f}, {town[1]:.0f}) m); give the "
             f"network they were recorded in, in the same axes{_fitting_axes(tracks, tree, ways)}"
         )
-    if not tracks.sumo_clock:
+    if tracks.inferred:  # a table; the axes of other formats are defined
         _check_directions(path, tracks, streets, tree, ways)
-    if tracks.inferred:
         _check_speeds(path, tracks, lanes.limits[nearest], away)
     front = tracks.front.copy()
     front[:, 2] = heights_of(tracks, lanes)
     return replace(tracks, front=front)
+
+
+def _in_local_axes(tracks: RoadTracks, streets: Streets, tree: KDTree) -> RoadTracks:
+    """Tracks about the local origin, whether the file has the coordinates of the network's files or local ones."""
+    offset = np.array(streets.origin_m)
+    if not offset.any():
+        return tracks
+    moved = tracks.front - offset
+    away = [np.median(tree.query(front[:, :2])[0]) for front in (tracks.front, moved)]
+    return replace(tracks, front=moved) if away[1] < away[0] else tracks
 
 
 def _check_speeds(path: Path, tracks: RoadTracks, limit_mps: np.ndarray, away_m: np.ndarray) -> None:
@@ -88,12 +99,11 @@ def _check_directions(path: Path, tracks: RoadTracks, streets: Streets, tree: KD
     if len(places) < _FEWEST_WAYS:
         return
     found, other = _agreement(places, moves, tree, ways), _fitting_axes(tracks, tree, ways)
-    if found > -_CONTRADICTS and (found > _UNRELATED or not other):
+    if found > -_CONTRADICTS and (found > _UNRELATED or not other or len(tracks.ids) < _FEWEST_USERS):
         return
     raise TrajectoryError(
         f"{path}: vehicles do not drive along the lanes of {streets.name} (share of ways along a lane less share "
-        f"against: {found:.2f}){other}; give the network they were recorded in, or "
-        f"state "
+        f"against: {found:.2f}){other}; give the network they were recorded in, or state "
         f"the axes in {path}.yaml, as `axes: x,-y`"
     )
 
