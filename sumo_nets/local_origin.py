@@ -78,7 +78,7 @@ def move_file(path: Path, root: ET.Element, origin: Origin) -> Path:
     try:
         changed = _move(moved, Decimal(str(origin[0])), Decimal(str(origin[1])))
     except InvalidOperation as error:
-        raise TownError(f"{path}: a coordinate is no number; make the file anew") from error
+        raise TownError(f"{path}: a coordinate is no number; make the file again") from error
     if not changed:
         return path
     data = ET.tostring(moved)

@@ -43,7 +43,7 @@ class Deck:
         outline: in the plane.
         samples: (n, 3) points along its lanes, from which it has its height.
         ends: (e, 2) middles of the ends of its lanes.
-        streets: its lanes alone.
+        streets: its lanes only.
     """
 
     outline: Geometry
@@ -253,7 +253,7 @@ def _meet(first: np.ndarray, second: np.ndarray) -> bool:
     """Whether two lines have one height where they are nearest."""
     away, near = KDTree(second[:, :2]).query(first[:, :2])
     row = int(away.argmin())
-    return bool(abs(first[row, 2] - second[near[row], 2]) < _LEVEL_M)
+    return bool(abs(first[row, 2] - second[np.asarray(near)[row], 2]) < _LEVEL_M)
 
 
 def _surface(deck: Deck) -> tuple[Mesh, np.ndarray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cosim.recordings import Recording
@@ -35,7 +35,7 @@ def opened(options: argparse.Namespace, path: Path) -> Recording:
     return open_recording(path, **{name: getattr(options, name) for name in names}, **point_options(options))
 
 
-def point_options(options: argparse.Namespace) -> dict[str, object]:
+def point_options(options: argparse.Namespace) -> dict[str, Any]:
     """What the command line states about point files; None of what it does not."""
     names = ("columns", "intensity_scale", "axes", "metres")
     return {name: getattr(options, name) for name in names} | {"flip_y": options.flip_y or None}
