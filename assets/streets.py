@@ -107,6 +107,7 @@ class Streets:
         left_hand: whether one drives on the left.
         buildings: those the town's files tell of; where there are any, no others are built.
         trees: (x, y) of trees that they tell of [m].
+        origin_m: x, y, z of the local origin in the coordinates of the network's files [m]; add it to get those.
     """
 
     name: str
@@ -118,3 +119,4 @@ class Streets:
     left_hand: bool = False
     buildings: tuple[StreetBuilding, ...] = ()
     trees: tuple[tuple[float, float], ...] = ()
+    origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -21,7 +21,8 @@ def simple_outlines(points: np.ndarray) -> list[np.ndarray]:
     polygon = shapely.Polygon(outline[:, :2])
     if polygon.is_valid:
         return [outline]
-    parts = [part for part in shapely.get_parts(shapely.make_valid(polygon)) if part.area > _SPECK_M2]
+    pieces = shapely.get_parts(shapely.get_parts(shapely.make_valid(polygon)))  # collections may hold several polygons
+    parts = [part for part in pieces if isinstance(part, shapely.Polygon) and part.area > _SPECK_M2]
     parts.sort(key=lambda part: -part.area)
     corners = [_without_repeats(np.array(part.exterior.coords)) for part in parts]
     return [np.column_stack([xy, _heights(outline, xy)]) for xy in corners if len(xy) >= 3]

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from assets.streets import Streets
 from sumo_nets.errors import TownError
 from sumo_nets.lanelets import read_lanelets
+from sumo_nets.local_origin import ZERO, find_origin, move_file, move_scenario, move_streets, net_origin
 from sumo_nets.parking import Lot, read_parking
 from sumo_nets.reader import not_drawn, read_network, read_streets
 from sumo_nets.recipes import RECIPES, TOWNS
@@ -30,7 +33,7 @@ class Town:
         name: built-in name, or the stem of the user's `.sumocfg`.
         folder: where its files are.
         sumocfg: the configuration to start SUMO with.
-        net: the network.
+        net: the network, in local coordinates (see `Streets.origin_m`).
         additional: further files, with vehicle types and parking areas.
         style: what it looks like, as `Streets.style`.
         streets: its geometry, world metres (x east, y north, z up).
@@ -103,14 +106,17 @@ def read_town(name_or_path: str | Path) -> Town:
     if path.is_file() and path.name.removesuffix(".gz").endswith(".xml"):
         return _read_streets_only(path)
     scenario = read_scenario(_find_config(path))
+    notes = (*scenario.notes, *not_drawn(scenario.net))
+    origin = net_origin(scenario.net)
+    if origin != ZERO:
+        scenario = move_scenario(scenario, origin)
     config, net, additional = scenario.config, scenario.net, scenario.files.get("additional-files", ())
     _try_in_sumo(net)
-    streets = read_streets(config.stem, net, additional, _OWN_STYLE)
+    streets = replace(read_streets(config.stem, net, additional, _OWN_STYLE), origin_m=origin)
     if not any(lane.use == "drive" for lane in streets.lanes):
         raise TownError(
             f"{net}: has no lane for road vehicles, so nothing can carry the sensors; give one with streets"
         )
-    notes = (*scenario.notes, *not_drawn(net))
     return Town(config.stem, config.parent, config, net, additional, _OWN_STYLE, streets, scenario, notes)
 
 
@@ -120,11 +126,15 @@ def _read_streets_only(path: Path) -> Town:
     root = read_xml(path, "net", "commonRoad")
     name = path.name.partition(".")[0]
     if root.tag == "commonRoad":
-        streets, notes = read_lanelets(path, root, _OWN_STYLE), ()
+        streets, notes, net = read_lanelets(path, root, _OWN_STYLE), (), path
+        origin = find_origin(np.concatenate([lane.centre[:, :2] for lane in streets.lanes]))
+        streets = move_streets(streets, origin) if origin != ZERO else streets
     else:
-        _try_in_sumo(path)
-        streets, notes = read_streets(name, path, (), _OWN_STYLE), not_drawn(path)
-    return Town(name, path.parent, path, path, (), _OWN_STYLE, streets, notes=notes, streets_only=True)
+        origin = net_origin(path)
+        net = path if origin == ZERO else move_file(path, root, origin)
+        _try_in_sumo(net)
+        streets, notes = replace(read_streets(name, net, (), _OWN_STYLE), origin_m=origin), not_drawn(path)
+    return Town(name, path.parent, net, net, (), _OWN_STYLE, streets, notes=notes, streets_only=True)
 
 
 def built_in_folder(name: str) -> Path:

@@ -68,6 +68,7 @@ def build_world(
         ValueError: the network has no lanes, or its style is unknown.
     """
     base = groundwork or lay_groundwork(streets)
+    streets = base.streets  # on the land; bridges carry the rest
     environment = environment or Environment()
     style = environment.dress(style_of(streets.style))
     rng = np.random.default_rng(seed)
@@ -104,4 +105,5 @@ def build_world(
         parts += [gardens.mesh(stand_z, rng), fronts.mesh(stand_z, rng)]
         parts.append(hedgerow_trees(rows, blocked, stand_z, style, rng))
     parts.append(planted)
+    parts.append(base.bridges)
     return World(Mesh.merge(parts), ground, base.height, base.bounds, signals)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from shapely import Geometry
 
 from assets.cache import cached
 from assets.mesh import Mesh
 from assets.streets import Streets
+from assets.world.bridges import decks_mesh, split_levels
 from assets.world.ground import CARRIAGEWAY, TERRAIN, Plan, triangulate
 from assets.world.height_field import fit_height_field
 from assets.world.kerbside import Kerbside, kerbside
@@ -27,7 +29,7 @@ class Groundwork:
     """Everything in a town's worlds that no seed changes; world axes, metres.
 
     Attributes:
-        streets: the network it was made of.
+        streets: the network, without what bridges carry.
         town: (2, 2) lower and upper corner of the streets, x and y.
         bounds: (2, 2) the same of the land.
         height: the sheet that everything lies on: the smooth surface, uneven as ground is.
@@ -39,6 +41,7 @@ class Groundwork:
         ground: the same with heights; its first faces are the plan's, of which those of terrain carry any material.
         kerb_stones, markings: meshes upon it.
         edge: stations along the kerbs.
+        bridges: railings, piers and markings of bridges, whose decks are part of `ground`.
     """
 
     streets: Streets
@@ -54,6 +57,7 @@ class Groundwork:
     kerb_stones: Mesh
     markings: Mesh
     edge: Kerbside
+    bridges: Mesh
 
     def surfaced(self, terrain_materials: np.ndarray) -> Mesh:
         """The ground with terrain of given materials, (t,) rows in the plan's order."""
@@ -74,23 +78,28 @@ def lay_groundwork(streets: Streets) -> Groundwork:
     places = np.concatenate([lane.centre[:, :2] for lane in streets.lanes])
     low, high = places.min(0), places.max(0)
     bounds = np.stack([low - _MARGIN_M, high + _MARGIN_M])
+    streets, decks = split_levels(streets)
     outlines = outline(streets)
     plan = triangulate(outlines, *bounds)
     smooth = fit_height_field(streets, *bounds)(plan.points)
     height = Sheet(plan.triangles, smooth + unevenness(plan, streets.name))
     relief = Relief(height, outlines.crossings)
+    land = ground_mesh(plan, relief, np.full(int((plan.zone == TERRAIN).sum()), CARRIAGEWAY, np.uint8))
+    surfaces, bridges = decks_mesh(decks, height, outlines.carriageway)
+    paint = [markings_mesh(deck.streets, deck.outline, deck.height) for deck in decks]
     return Groundwork(
         streets=streets,
         town=np.stack([low, high]),
         bounds=bounds,
         height=height,
         outlines=outlines,
-        paved=outlines.paved,
+        paved=shapely.union_all([outlines.paved, *(deck.outline for deck in decks)]) if decks else outlines.paved,
         open_roads=open_roads(streets),
         relief=relief,
         plan=plan,
-        ground=ground_mesh(plan, relief, np.full(int((plan.zone == TERRAIN).sum()), CARRIAGEWAY, np.uint8)),
+        ground=Mesh.merge([land, surfaces]) if decks else land,
         kerb_stones=kerb_stones(plan, relief),
         markings=markings_mesh(streets, outlines.carriageway, height),
         edge=kerbside(streets, outlines),
+        bridges=Mesh.merge([bridges, *paint]),
     )

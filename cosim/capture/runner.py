@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -72,17 +73,22 @@ def run(
         AssetError, TownError, SensorError, CameraError: likewise.
     """
     sensors = rig_sensors(config)
+    inferred: dict[str, Any] = {}
+    origins: dict[str, tuple[float, float, float]] = {}
     given = config.world is not None or config.trajectories is not None
     for name in config.towns:
         if name in RECIPES and not given:
             continue  # a built-in town holds nothing to be told about, and workers read it anyway
         town = read_town(name)
+        if any(town.streets.origin_m):
+            origins[town.name] = town.streets.origin_m
         for note in town.notes:
             _log.warning("%s", note)
         if config.world is not None:
             config.world.read(town.streets)
         if config.trajectories is not None:
             replay = replay_of(config.trajectories, town)
+            inferred = dict(replay.tracks.inferred)
             replay.draw_ego(config.ego, 0.0, np.random.default_rng(0))
             for note in (*replay.tracks.notes, *signal_notes(replay, town)):
                 _log.warning("%s", note)
@@ -98,7 +104,7 @@ def run(
             on_start(len(done), config.frames)
             _record(writer, config, engine or LocalEngine(), on_event)
             _demand_frames(writer)
-            _finish(writer, config, sensors)
+            _finish(writer, config, sensors, inferred, origins)
             recorded = len(writer.manifest()) - len(done)
         else:
             on_start(config.frames, config.frames)
@@ -170,7 +176,13 @@ def _settings(config: RunConfig) -> str:
     return yaml.safe_dump(document, sort_keys=False)
 
 
-def _finish(writer: DriveWriter, config: RunConfig, sensors: Mapping[str, SensorModel]) -> None:
+def _finish(
+    writer: DriveWriter,
+    config: RunConfig,
+    sensors: Mapping[str, SensorModel],
+    inferred: Mapping[str, Any],
+    origins: Mapping[str, tuple[float, float, float]],
+) -> None:
     first = next(iter(sensors))
     sensor, rig = sensors[first], config.rig_used
     entries = writer.manifest()
@@ -195,7 +207,19 @@ def _finish(writer: DriveWriter, config: RunConfig, sensors: Mapping[str, Sensor
         }
         | {"frames": len(names), "episodes": len({entry["episode"] for entry in entries.values()})},
     }
+    if origins:
+        files["twin/origin.yaml"] = _origin_file(origins, config).encode()
+    if inferred:
+        summary["inferred"] = dict(inferred)
     writer.finish(files, _settings(config) + yaml.safe_dump(summary, sort_keys=False))
+
+
+def _origin_file(origins: Mapping[str, tuple[float, float, float]], config: RunConfig) -> str:
+    """`twin/origin.yaml`: what is added to the twin's coordinates to get those of the network's files [m]."""
+    values = {name: dict(zip("xyz", origin, strict=True)) for name, origin in origins.items()}
+    if len(config.towns) == 1:
+        return yaml.safe_dump(next(iter(values.values())), sort_keys=False)
+    return yaml.safe_dump({"towns": values}, sort_keys=False)
 
 
 def _lines(names: list[str]) -> bytes:

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from cosim.cli.options import add_common, beside, say_notes, write_json
 from cosim.cli.progress import ProgressReport
+from cosim.cli.recording_options import add_points, point_options
 
 if TYPE_CHECKING:
     from cosim.drives.kitti import Labels
@@ -39,6 +40,7 @@ def add_command(commands: Any) -> None:
         "--device", choices=("auto", "cpu", "cuda"), default="auto", help="default: a GPU if there is one"
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="gets NAME.txt a frame (default: DRIVE-detections)")
+    add_points(parser)
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
@@ -82,7 +84,7 @@ def _recorded(
     from cosim.recordings import open_recording
     from training.recorded import LEARNT_HEIGHT_M, RecordedFrames, height_above_ground, write_calibrations
 
-    recording = open_recording(options.drive)
+    recording = open_recording(options.drive, **point_options(options))
     height_m = height_above_ground(recording)
     frames = RecordedFrames(recording, LEARNT_HEIGHT_M if height_m is None else height_m)
     say_notes([_height_note(frames, height_m), *recording.notes], console)

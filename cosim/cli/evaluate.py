@@ -14,7 +14,9 @@ from cosim.cli.progress import ProgressReport
 from cosim.cli.scoring_options import add_draws, add_scored, chosen_draws, demand_draws
 
 if TYPE_CHECKING:
-    from training.evaluation import Evaluation
+    import numpy as np
+
+    from training.evaluation import Evaluation, Scored
     from training.evaluation.slices import Slice
 
 _DRAWS = 1000
@@ -37,6 +39,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from cosim.report.write import write_page
     from training.evaluation import evaluate, read_results
     from training.evaluation.as_json import as_json
+    from training.evaluation.comparable import parse_classes, rename_classes
     from training.evaluation.page import format_page
     from training.evaluation.pictures import detection_pictures
     from training.evaluation.slices import scans_beside
@@ -44,10 +47,11 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     demand_draws(options)
     with ProgressReport(console, "reading") as report:
         scored = read_results(options.detections, options.labels, options.frames)
+        scored = rename_classes(scored, parse_classes(options.classes))
         report.begin(f"scoring {len(scored.names):,} frames")
-        evaluation = evaluate(scored)
-        intervals = _intervals(evaluation, options)
         drive = scans_beside(options.labels)
+        evaluation = evaluate(scored, points=_label_points(scored, drive))
+        intervals = _intervals(evaluation, options)
         parts = _parts(evaluation, drive)
     pictures = detection_pictures(scored, drive) if drive is not None else []
     title = f"{options.detections} against {options.labels}"
@@ -57,8 +61,35 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     )
     if not options.quiet:
         _say(evaluation)
+        _say_notes(evaluation, console)
     console.print(f"{len(scored.names):,} frames on {page}", soft_wrap=True, highlight=False)
     write_json(options.json, as_json(evaluation, intervals, parts))
+
+
+def _label_points(scored: Scored, drive: Any) -> np.ndarray | None:
+    """Points in the boxes of all labels, where image boxes cannot decide and the scans are there."""
+    from training.evaluation.comparable import has_image_boxes
+    from training.evaluation.rules import CLASSES
+    from training.evaluation.slices import points_in_rows
+
+    if drive is None or all(has_image_boxes(scored, name) for name in CLASSES):
+        return None
+    every = scored.labels.kind != "dontcare"
+    return points_in_rows(scored.labels, every, scored.names, drive)
+
+
+def _say_notes(evaluation: Evaluation, console: Console) -> None:
+    from training.evaluation.comparable import unscored_classes
+
+    for name, note in evaluation.notes.items():
+        console.print(f"{name}: {note}", soft_wrap=True, highlight=False)
+    others = unscored_classes(evaluation.scored)
+    if others:
+        console.print(
+            f"not scored: {', '.join(others)} (no classes of KITTI; --classes NAME=CLASS maps them)",
+            soft_wrap=True,
+            highlight=False,
+        )
 
 
 def _intervals(evaluation: Evaluation, options: argparse.Namespace) -> dict[tuple[str, str], list[tuple[float, float]]]:

@@ -42,13 +42,17 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     """Read, split, write the page."""
     from cosim.report import write_page
     from training.evaluation import read_results
+    from training.evaluation.comparable import demand_comparable_classes, parse_classes, rename_classes
     from training.evaluation.losses import SETS_MENDED, as_json, drawn_frames, find_losses, format_losses
     from training.evaluation.slices import scans_beside
 
     demand_draws(options)
     given = _given(options)
     with ProgressReport(console, "reading") as report:
-        scored = [read_results(*places) for places in given]
+        names = parse_classes(options.classes)
+        scored = [rename_classes(read_results(*places), names) for places in given]
+        for each in scored:
+            demand_comparable_classes(each, (options.name,))
         draws = chosen_draws(options, max(len(some.names) for some in scored), _DRAWS)
         times = drawn_frames(scored[0], scored[-1], draws, options.seed)
         report.begin("mending errors", SETS_MENDED * len(given))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cosim.recordings import Recording
@@ -16,7 +16,7 @@ def add_recording(parser: argparse.ArgumentParser, *, path: bool = True) -> None
         parser.add_argument("recording", type=Path, metavar="RECORDING", help="folder of scans, bag or Ouster capture")
     parser.add_argument("--scans", metavar="GLOB", help="which files of the folder are scans, as 'raw_*.bin'")
     parser.add_argument("--topic", metavar="NAME", help="topic of a bag, where several hold clouds")
-    parser.add_argument("--intensity-scale", type=float, metavar="X", help="what full intensity reads, as 255")
+    add_points(parser)
     parser.add_argument("--sweep-s", type=float, metavar="S", help="duration of one revolution [s]")
     parser.add_argument(
         "--poses", metavar="FILE", help="poses in KITTI's or TUM's format (default: found, or odometry)"
@@ -31,5 +31,22 @@ def opened(options: argparse.Namespace, path: Path) -> Recording:
     """
     from cosim.recordings import open_recording
 
-    names = ("scans", "topic", "intensity_scale", "sweep_s", "poses")
-    return open_recording(path, **{name: getattr(options, name) for name in names})
+    names = ("scans", "topic", "sweep_s", "poses")
+    return open_recording(path, **{name: getattr(options, name) for name in names}, **point_options(options))
+
+
+def point_options(options: argparse.Namespace) -> dict[str, Any]:
+    """What the command line states about point files; None of what it does not."""
+    names = ("columns", "intensity_scale", "axes", "metres")
+    return {name: getattr(options, name) for name in names} | {"flip_y": options.flip_y or None}
+
+
+def add_points(parser: argparse.ArgumentParser) -> None:
+    """What the numbers of point files mean, where they do not decide it themselves."""
+    parser.add_argument(
+        "--columns", metavar="NAMES", help="meaning of each column of the scans, as x,y,z,intensity,_ (_: not used)"
+    )
+    parser.add_argument("--intensity-scale", type=float, metavar="X", help="what full intensity reads, as 255")
+    parser.add_argument("--axes", metavar="X,Y,Z", help="stored axes that are forward, left and up, as x,-y,z")
+    parser.add_argument("--flip-y", action="store_true", help="stored y points to the right: mirror it")
+    parser.add_argument("--metres", type=float, metavar="M", help="length of one unit of x, y, z [m], as 0.001")

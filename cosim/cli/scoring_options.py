@@ -17,6 +17,13 @@ def add_scored(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--frames", type=Path, metavar="FILE", help="names to score, one a line; absent detection files hold none"
     )
+    parser.add_argument(
+        "--classes",
+        nargs="+",
+        default=[],
+        metavar="NAME=CLASS",
+        help="names of classes in the files and the KITTI classes that they mean, as Vehicle=Car",
+    )
 
 
 def add_draws(parser: argparse.ArgumentParser, of: str, usual: int) -> None:

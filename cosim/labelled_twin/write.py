@@ -15,6 +15,7 @@ import yaml
 
 from assets import MATERIALS, build_model
 from cosim.drives.kitti import Drive, Frame
+from cosim.drives.kitti.point_format import OPTIONS
 from cosim.drives.twin import encode_glb, encode_trust, format_materials
 from cosim.drives.writer import DriveWriter, OutputError, explained
 from cosim.errors import FormatError
@@ -93,7 +94,10 @@ def write_labelled_twin(
         check_labelled(frame)
     notes = _notes(drive, names, pattern)
     writer = DriveWriter(folder)
-    settings = {"kind": "measured", "source": str(drive.root.resolve()), "twin": "labels", "pattern": beams.name}
+    settings: dict[str, object] = {"kind": "measured", "source": str(drive.root.resolve()), "twin": "labels"}
+    settings |= {"pattern": beams.name} | {key: drive.info[key] for key in OPTIONS if key in drive.info}
+    if drive.point_format.schema is not None:
+        settings["inferred"] = drive.point_format.schema.as_dict()
     writer.open(yaml.safe_dump(settings | {"cosim": version("cosim")}, sort_keys=False))
     done = writer.manifest()
     for frame in frames:
@@ -180,7 +184,7 @@ def _notes(drive: Drive, names: Sequence[str], pattern: str | None) -> tuple[str
 
 
 def _finish(
-    writer: DriveWriter, names: list[str], beams: Pattern, settings: dict[str, str], notes: tuple[str, ...]
+    writer: DriveWriter, names: list[str], beams: Pattern, settings: dict[str, object], notes: tuple[str, ...]
 ) -> TwinSummary:
     entries = writer.manifest()
     rows = [_row(entries[name]) for name in names]

@@ -51,29 +51,59 @@ def natural_order(name: str) -> list[tuple[int, int, str]]:
 
 
 def find_stamps(root: Path, files: tuple[Path, ...]) -> np.ndarray | None:
-    """When the scans were taken (n,) [s]: from `times.txt` or `timestamps.txt` beside them, or from their names.
+    """Times of the scans (n,) [s]: from `times.txt` or `timestamps.txt` beside them, or from their names.
+
+    Where such a file has more lines than there are scans, as KITTI's raw drives with missing scans, the number in a
+    scan's name chooses its line. Times in names are seconds since 1970.
 
     Raises:
-        RecordingError: such a file has another number of lines than there are scans, or a line is no time.
+        RecordingError: the lines of such a file cannot be assigned to scans, or a line is no time.
     """
     folder = files[0].parent
     for place in dict.fromkeys((folder, folder.parent, root)):
         for name in _BESIDE:
             if (place / name).is_file():
-                return _listed(place / name, len(files))
+                return _listed(place / name, files)
     found = [max(re.findall(r"\d+", file.name) or [""], key=len) for file in files]
     digits = {len(number) for number in found}
     if len(digits) == 1 and digits <= _EPOCH_DIGITS.keys() and len(files) > 1:
-        whole = np.array([int(number) for number in found], np.int64)
-        return (whole - whole[0]).astype(np.float64) * _EPOCH_DIGITS[digits.pop()]
+        return np.array([int(number) for number in found], np.float64) * _EPOCH_DIGITS[digits.pop()]
     return None
 
 
-def _listed(file: Path, count: int) -> np.ndarray:
+def numbered_rows(files: tuple[Path, ...] | tuple[str, ...], count: int) -> np.ndarray | None:
+    """Row of each scan in a list of all scans that were taken, by the number in its name.
+
+    None where that cannot be: the number of the last scan must be that of the last row, so that the numbers that are
+    missing explain the difference.
+
+    Args:
+        files: scans, or their names; scans may be missing.
+        count: rows of the list, one for every scan that was taken.
+    """
+    names = [file.name if isinstance(file, Path) else file for file in files]
+    last = [re.findall(r"\d+", name) for name in names]
+    if not all(last):
+        return None
+    rows = np.array([int(numbers_[-1]) if len(numbers_[-1]) < 10 else -1 for numbers_ in last])
+    if len(rows) == 0 or rows.min() < 0 or np.any(np.diff(rows) <= 0) or rows.max() != count - 1:
+        return None
+    return rows
+
+
+def _listed(file: Path, files: tuple[Path, ...]) -> np.ndarray:
     lines = [line.strip() for line in read_text(file).splitlines() if line.strip()]
-    if len(lines) != count:
-        raise RecordingError(f"{file}: {len(lines)} times for {count} scans; give one a scan, or remove the file")
-    return np.array([_seconds(line, f"{file}:{row}") for row, line in enumerate(lines, 1)])
+    stamps = np.array([_seconds(line, f"{file}:{row}") for row, line in enumerate(lines, 1)])
+    if len(lines) == len(files):
+        return stamps
+    rows = numbered_rows(files, len(lines)) if len(lines) > len(files) else None
+    if rows is None:
+        raise RecordingError(
+            f"{file}: {len(lines)} times for {len(files)} scans, and the numbers in the names of the scans "
+            f"({files[0].name} to {files[-1].name}) do not say which are missing; give one time a scan, or remove the "
+            f"file"
+        )
+    return stamps[rows]
 
 
 def _seconds(line: str, where: str) -> float:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 from types import ModuleType
 
-from cosim.recordings.scan import RecordingError
-
-_HOW = {
-    "ouster": "pip install --no-deps ouster-sdk (it pins older versions of what cosim uses)",
-}
+from cosim.point_files import libraries
+from cosim.recordings.scan import recording_errors
 
 
 def needed(module: str, reads: str) -> ModuleType:
@@ -22,9 +18,5 @@ def needed(module: str, reads: str) -> ModuleType:
     Raises:
         RecordingError: it is not installed.
     """
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        package = module.partition(".")[0]
-        how = _HOW.get(package, "pip install 'cosim[recordings]'")
-        raise RecordingError(f"{reads} needs the package {package}; install it: {how}") from error
+    with recording_errors():
+        return libraries.needed(module, reads)

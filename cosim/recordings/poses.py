@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from cosim.drives.files import numbers, read_text
 from cosim.drives.kitti.oxts import read_oxts
-from cosim.recordings.folder import natural_order
+from cosim.recordings.folder import natural_order, numbered_rows
 from cosim.recordings.scan import RecordingError
 
 _PLACES = ("poses.txt", "poses.tum", "trajectory.tum", "trajectory.txt", "oxts/data", "oxts")
@@ -38,35 +38,37 @@ def find_poses(root: Path, named: str | None) -> Path | None:
     return next((root / name for name in _PLACES if (root / name).exists()), None)
 
 
-def read_poses(file: Path, count: int, stamp_s: np.ndarray | None) -> tuple[np.ndarray, str]:
+def read_poses(
+    file: Path, count: int, stamp_s: np.ndarray | None, names: tuple[str, ...] = ()
+) -> tuple[np.ndarray, str]:
     """Poses (n, 4, 4) float64 of the sensor in the axes of its first pose, and a sentence on where they come from.
 
     Args:
         file: of poses, or the folder of GPS/IMU records.
         count: number of scans.
-        stamp_s: (n,) when they were taken; TUM's poses are interpolated to them.
+        stamp_s: (n,) times of the scans; TUM's poses are interpolated to them.
+        names: of the scans; their numbers choose the poses where there are more poses than scans.
 
     Raises:
         RecordingError: no such format, another number of poses than of scans, no rotations, or axes of a camera
             without the calibration that relates them to the sensor's.
     """
     if file.is_dir():
-        poses = _from_oxts(file, count)
+        poses = _from_oxts(file, count, names)
         return np.linalg.inv(poses[0]) @ poses, f"poses from the GPS/IMU records in {file.name}"
     lines = [line.split() for line in read_text(file).splitlines() if line.strip() and not line.startswith("#")]
     width = len(lines[0]) if lines else 0
     if width not in (8, 12, 16) or any(len(line) != width for line in lines):
         raise RecordingError(f"{file}: lines of {width} numbers; KITTI's have 12 (or 16), TUM's 8: t x y z qx qy qz qw")
     rows = np.array([numbers(line, f"{file}:{row}") for row, line in enumerate(lines, 1)])
-    poses = _from_tum(rows, file, count, stamp_s) if width == 8 else _from_kitti(rows, file, count)
+    poses = _from_tum(rows, file, count, stamp_s) if width == 8 else _from_kitti(rows, file, count, names)
     poses = np.linalg.inv(poses[0]) @ poses
     _demand_ahead(poses, file)
     return poses, f"poses from {file.name}"
 
 
-def _from_kitti(rows: np.ndarray, file: Path, count: int) -> np.ndarray:
-    if len(rows) != count:
-        raise RecordingError(f"{file}: {len(rows)} poses for {count} scans; give one a scan")
+def _from_kitti(rows: np.ndarray, file: Path, count: int, names: tuple[str, ...]) -> np.ndarray:
+    rows = rows[_rows_of_scans(file, len(rows), count, names)]
     poses = np.tile(np.eye(4), (count, 1, 1))
     poses[:, :3] = rows[:, :12].reshape(-1, 3, 4)
     off = np.abs(poses[:, :3, :3] @ poses[:, :3, :3].swapaxes(1, 2) - np.eye(3)).max((1, 2))
@@ -77,16 +79,32 @@ def _from_kitti(rows: np.ndarray, file: Path, count: int) -> np.ndarray:
     return poses if camera is None else np.linalg.inv(camera) @ poses @ camera
 
 
-def _from_oxts(folder: Path, count: int) -> np.ndarray:
+def _from_oxts(folder: Path, count: int, names: tuple[str, ...]) -> np.ndarray:
     files = sorted(folder.glob("*.txt"), key=lambda file: natural_order(file.name))
-    if len(files) != count:
-        raise RecordingError(f"{folder}: {len(files)} records for {count} scans; give one a scan, or remove the folder")
+    by_name = {file.stem: file for file in files}
+    if len(files) != count and names and set(names) <= by_name.keys():
+        files = [by_name[name] for name in names]
+    elif len(files) != count:
+        files = [files[row] for row in _rows_of_scans(folder, len(files), count, names)]
     poses = np.array([read_oxts(file).pose for file in files])
     calib = next((place / "calib.txt" for place in folder.parents[:2] if (place / "calib.txt").is_file()), None)
     given = _matrices(calib, ("Tr_imu_to_velo", "Tr_imu_velo")) if calib else {}
     lidar = np.eye(4)
     lidar[:3] = next(iter(given.values()), np.eye(4)[:3].ravel()).reshape(3, 4)
     return poses @ np.linalg.inv(lidar)
+
+
+def _rows_of_scans(source: Path, held: int, count: int, names: tuple[str, ...]) -> np.ndarray:
+    """Row of each scan in a list of poses: its place, or its number where scans are missing."""
+    if held == count:
+        return np.arange(count)
+    rows = numbered_rows(names, held) if held > count and len(names) == count else None
+    if rows is None:
+        raise RecordingError(
+            f"{source}: {held} poses for {count} scans, and the numbers in the names of the scans do not say which are "
+            "missing; give one pose a scan"
+        )
+    return rows
 
 
 def _from_tum(rows: np.ndarray, file: Path, count: int, stamp_s: np.ndarray | None) -> np.ndarray:
@@ -99,15 +117,38 @@ def _from_tum(rows: np.ndarray, file: Path, count: int, stamp_s: np.ndarray | No
     poses[:, :3, 3] = rows[:, 1:4]
     if len(rows) == count:
         return poses
-    time = rows[:, 0]
+    time = _in_clock_of(rows[:, 0], stamp_s)
     if stamp_s is None or np.any(np.diff(time) <= 0) or stamp_s[0] < time[0] - 0.2 or stamp_s[-1] > time[-1] + 0.2:
-        why = "scans have no stamps" if stamp_s is None else "their times do not span the scans'"
-        raise RecordingError(f"{file}: {len(rows)} poses for {count} scans, and {why}; give one pose a scan")
+        raise RecordingError(f"{file}: {len(rows)} poses for {count} scans, {_why_apart(time, stamp_s)}")
     at = np.clip(stamp_s, time[0], time[-1])
     found = np.tile(np.eye(4), (count, 1, 1))
     found[:, :3, :3] = Slerp(time, Rotation.from_quat(rows[:, 4:]))(at).as_matrix()
     found[:, :3, 3] = np.stack([np.interp(at, time, rows[:, axis]) for axis in (1, 2, 3)], 1)
     return found
+
+
+def _in_clock_of(time: np.ndarray, stamp_s: np.ndarray | None) -> np.ndarray:
+    """Times of poses in the unit of the scans' stamps, where exactly one of s, ms, µs and ns makes them overlap."""
+    if stamp_s is None or len(time) < 2:
+        return time
+    units = [unit for unit in (1.0, 1e-3, 1e-6, 1e-9) if _overlap(time * unit, stamp_s)]
+    return time * units[0] if len(units) == 1 else time
+
+
+def _overlap(time: np.ndarray, stamp_s: np.ndarray) -> bool:
+    return bool(time.min() <= stamp_s[0] + 0.2 and time.max() >= stamp_s[-1] - 0.2)
+
+
+def _why_apart(time: np.ndarray, stamp_s: np.ndarray | None) -> str:
+    if stamp_s is None:
+        return "and scans have no stamps to choose them by; give one pose a scan, or times.txt beside the scans"
+    if np.any(np.diff(time) <= 0):
+        row = int(np.argmax(np.diff(time) <= 0)) + 1
+        return f"and the time of pose {row + 1} is not later than the one before; sort the file by time"
+    return (
+        f"and their times ({time[0]:.3f} to {time[-1]:.3f} s) do not span the scans' ({stamp_s[0]:.3f} to "
+        f"{stamp_s[-1]:.3f} s), so the clocks differ; give both in one clock, or one pose a scan"
+    )
 
 
 def _camera_from_lidar(folder: Path) -> np.ndarray | None:

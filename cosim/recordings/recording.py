@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.recordings.fields import Columns, Units, find_units, make_scan
+from cosim.point_files import Columns, PointSchema, find_schema, make_scan
 from cosim.recordings.folder import find_scans, find_stamps
 from cosim.recordings.poses import find_poses, read_poses
 from cosim.recordings.reading import (
@@ -20,7 +20,7 @@ from cosim.recordings.reading import (
     ouster_sources,
     suffix_of,
 )
-from cosim.recordings.scan import RecordingError, Scan
+from cosim.recordings.scan import RecordingError, Scan, recording_errors
 from cosim.recordings.settings import RecordingSettings, read_settings
 
 _SAMPLES = 5  # scans that tell units and fields
@@ -35,7 +35,7 @@ class Recording:
     Attributes:
         path: as given.
         sources: where each scan lies.
-        units: what the numbers of the files mean.
+        schema: meaning of the columns of the files, and their units and axes.
         settings: what the user said.
         stamp_s: (n,) when each was taken, from any epoch [s]; None where nothing says so.
         poses: (n, 4, 4) of the sensor in the axes of its first pose; None where there are none.
@@ -44,7 +44,7 @@ class Recording:
 
     path: Path
     sources: tuple[Source, ...]
-    units: Units
+    schema: PointSchema
     settings: RecordingSettings
     stamp_s: np.ndarray | None = None
     poses: np.ndarray | None = None
@@ -64,7 +64,8 @@ class Recording:
         """
         source = self.sources[number]
         stamp = None if self.stamp_s is None else float(self.stamp_s[number])
-        return make_scan(source.read(), source.name, self.units, stamp)
+        with recording_errors():
+            return make_scan(source.read(), source.name, self.schema, stamp)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -113,11 +114,12 @@ def open_recording(path: str | Path, **options: object) -> Recording:
     settings = read_settings(place).with_options(**options)
     sources, stamp_s = _sources(place, settings)
     samples = _samples(sources)
-    units, notes = find_units([columns for _, columns in samples], settings.intensity_scale)
-    recording = Recording(place, sources, units, settings, stamp_s)
+    with recording_errors():
+        schema = find_schema([columns for _, columns in samples], settings.points, str(place))
+    recording = Recording(place, sources, schema, settings, stamp_s)
     poses, said = _poses(recording)
     recording = replace(recording, poses=poses)
-    return replace(recording, notes=(*notes, *said, *_absences(recording, samples)))
+    return replace(recording, notes=(*schema.notes, *said, *_absences(recording, samples)))
 
 
 def _sources(place: Path, settings: RecordingSettings) -> tuple[tuple[Source, ...], np.ndarray | None]:
@@ -128,10 +130,10 @@ def _sources(place: Path, settings: RecordingSettings) -> tuple[tuple[Source, ..
     elif place.is_file():
         if not suffix_of(place):
             raise RecordingError(f"{place}: no reader for {place.suffix or 'such files'}; see docs/recordings.md")
-        sources = file_sources([place])
+        sources = file_sources([place], settings.points)
     else:
         files = find_scans(place, settings.scans)
-        return file_sources(files), _rising(find_stamps(place, files), place)
+        return file_sources(files, settings.points), _rising(find_stamps(place, files), place)
     if not sources:
         raise RecordingError(f"{place}: holds no scan; record longer")
     stamps = np.array([source.stamp_s for source in sources], np.float64)
@@ -162,13 +164,14 @@ def _poses(recording: Recording) -> tuple[np.ndarray | None, list[str]]:
     file = find_poses(recording.path, recording.settings.poses)
     if file is None:
         return None, []
-    poses, said = read_poses(file, len(recording), recording.stamp_s)
+    poses, said = read_poses(file, len(recording), recording.stamp_s, recording.names)
     return poses, [said]
 
 
 def _absences(recording: Recording, samples: list[tuple[str, Columns]]) -> list[str]:
     notes = []
-    scan = make_scan(samples[0][1], samples[0][0], recording.units)
+    with recording_errors():
+        scan = make_scan(samples[0][1], samples[0][0], recording.schema)
     if not len(scan):
         notes.append(f"scan {scan.name} holds no point")
     if scan.intensity is None:

@@ -7,7 +7,8 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from cosim.drives.files import read_mapping
-from cosim.recordings.scan import RecordingError
+from cosim.point_files import PointOptions
+from cosim.recordings.scan import RecordingError, recording_errors
 from sensors.pattern import first_problem
 
 SETTINGS = "recording.yaml"
@@ -31,12 +32,26 @@ class RecordingSettings(BaseModel):
     scans: str | None = Field(default=None, description="which files are scans, a pattern such as `raw_*.bin`")
     topic: str | None = Field(default=None, description="topic of a bag that holds the clouds")
     intensity_scale: float | None = Field(default=None, gt=0, description="what full intensity reads, as 255")
+    columns: str | None = Field(default=None, description="meaning of each column, as `x,y,z,intensity,_`")
+    axes: str | None = Field(default=None, description="stored axes that are forward, left and up, as `x,-y,z`")
+    flip_y: bool = Field(default=False, description="stored y points to the right")
+    metres: float | None = Field(default=None, gt=0, description="length of one unit of x, y, z [m], as 0.001")
     sweep_s: float | None = Field(default=None, gt=0, le=10, description="duration of one revolution [s]")
     poses: str | None = Field(default=None, description="file of poses, relative to the folder: KITTI or TUM")
     segment_scans: int | None = Field(
         default=None, ge=20, le=1000, description="scans of a segment of a long recording; 150 by default"
     )
     mount: Mount | None = Field(default=None, description="height and tilt of the sensor above level ground")
+
+    @property
+    def points(self) -> PointOptions:
+        """What is stated about the point files.
+
+        Raises:
+            RecordingError: a value that is no list of columns or axes.
+        """
+        with recording_errors():
+            return PointOptions(self.columns, self.intensity_scale, self.axes, self.flip_y, self.metres)
 
     def with_options(self, **options: object) -> RecordingSettings:
         """The settings with what was given on the command line in their place; None gives nothing."""

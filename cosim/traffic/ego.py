@@ -20,15 +20,25 @@ def draw_ego(traffic: Traffic, actors: Actors, rng: np.random.Generator) -> str:
     """
     driving = _ridable(traffic, actors)
     if not driving:
-        standing = sum(kind in _RIDDEN for kind in actors.kinds)
-        raise TrafficError(
-            f"no road vehicle drives after {actors.time_s:.0f} s, while {standing} stand; "
-            "lengthen warm_up_s, or add traffic that moves by itself"
-        )
+        raise TrafficError(f"no road vehicle drives after {actors.time_s:.0f} s: {_reason(traffic, actors)}")
     kind = min((actors.kinds[row] for row in driving), key=_RIDDEN.index)
     driving = [row for row in driving if actors.kinds[row] == kind]
     moving = [row for row in driving if actors.speed_mps[row] > _MOVES_MPS]
     return str(rng.choice(sorted(actors.ids[row] for row in moving or driving)))
+
+
+def _reason(traffic: Traffic, actors: Actors) -> str:
+    """Why nobody drives, as SUMO's state shows, and what to do."""
+    standing = sum(kind in _RIDDEN for kind in actors.kinds)
+    taxis = traffic.api.vehicle.getTaxiFleet(-1)
+    if taxis:
+        return (
+            f"{len(taxis)} taxis wait for a dispatcher, which is a program outside this scenario; write "
+            '<device.taxi.dispatch-algorithm value="greedy"/> into the .sumocfg for the one of SUMO'
+        )
+    if not anybody_comes(traffic):
+        return "all vehicles have arrived and none departs later; shorten warm_up_s, or add traffic"
+    return f"{standing} stand, and others have not departed; lengthen warm_up_s, or add traffic that moves by itself"
 
 
 def anybody_drives(traffic: Traffic, actors: Actors) -> bool:

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from cosim.drives.kitti import Drive, Frame
-from cosim.drives.kitti.points import POINT_BYTES
 from cosim.view.objects import Objects, PointInstances
 
 Facts = list[tuple[str, str]]
@@ -23,7 +22,8 @@ def drive_facts(drive: Drive) -> Facts:
     if "seed" in drive.info:
         facts.append(("Seed", str(drive.info["seed"])))
     facts.append(("Frames", f"{len(drive):,}"))
-    sizes = [drive[name].path("velodyne").stat().st_size // POINT_BYTES for name in drive.frames]
+    row = drive.point_format.layout.row_bytes
+    sizes = [drive[name].path("velodyne").stat().st_size // row for name in drive.frames]
     facts.append(("Points a frame", f"{np.mean(sizes):,.0f}"))
     if drive.pattern is not None:
         facts.append(("Beam pattern", str(drive.info.get("pattern", Path(drive.pattern).name))))

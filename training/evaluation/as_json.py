@@ -19,7 +19,8 @@ def as_json(
     """`{CLASS: {METRIC: {"R40": [easy, moderate, hard], "R11": […], "continuous": […]}, "aos": …}}` in percent.
 
     A class of which nothing was detected is null, and so is a metric whose boxes the detections do not have.
-    `R40_ci95` and `slices` are there where they were computed.
+    `rules` says how difficulty was found where the files have no image boxes; 2D and AOS are then null. `R40_ci95` and
+    `slices` are there where they were computed.
     """
     return {name: _class_json(evaluation, name, intervals or {}, (parts or {}).get(name)) for name in CLASSES}
 
@@ -43,6 +44,8 @@ def _class_json(
             said[metric]["R40_ci95"] = [list(pair) for pair in intervals[name, metric]]
     image = metrics.get("2d") if evaluation.oriented else None
     said["aos"] = image and {"R40": [r.aos40 for r in image], "R11": [r.aos11 for r in image]}
+    if name in evaluation.notes:
+        said["rules"] = evaluation.notes[name]
     if parts is not None:
         said["slices"] = {kind: [part.as_json() for part in some] for kind, some in parts.items()}
     return said

@@ -14,6 +14,12 @@ from training.evaluation.average_precision import (
     whole_curve,
 )
 from training.evaluation.candidates import Pairs, absorbed, overlapping
+from training.evaluation.comparable import (
+    demand_comparable_classes,
+    has_image_boxes,
+    heights,
+    without_image_rules,
+)
 from training.evaluation.matching import Task, count, hit_scores
 from training.evaluation.read import Scored
 from training.evaluation.rules import (
@@ -68,11 +74,13 @@ class Evaluation:
         results: by class, metric and difficulty; a metric is absent where the detections have no such boxes, a
             class where nothing of it was detected.
         oriented: whether all detections tell their alpha, so that AOS means something.
+        notes: by class, how difficulty was found where the files hold no image boxes.
     """
 
     scored: Scored
     results: dict[str, dict[Metric, list[Result]]] = field(default_factory=dict)
     oriented: bool = True
+    notes: dict[str, str] = field(default_factory=dict)
 
 
 def evaluate(
@@ -80,37 +88,50 @@ def evaluate(
     *,
     classes: Sequence[str] = CLASSES,
     overlaps: dict[str, float] = MIN_OVERLAP,
+    points: np.ndarray | None = None,
     on_part: Callable[[], None] = lambda: None,
 ) -> Evaluation:
-    """Score detections as KITTI's C++ devkit does.
+    """Score detections as KITTI's C++ devkit does; classes without image boxes by 3D and bird's-eye boxes only.
 
     Args:
         scored: labels and detections.
         classes: those to score.
         overlaps: least intersection over union by class, exclusive.
+        points: (g,) scan points in the box of each label, if known; used where there are no image boxes.
         on_part: called after every class and metric.
     """
     oriented = not (scored.detections.objects.alpha == NO_ALPHA).any()
     evaluation = Evaluation(scored, oriented=oriented)
+    demand_comparable_classes(scored, classes)
     for name in classes:
         there = _boxes_given(scored, name)
         results = {}
         for metric in METRICS:
             if metric in there:
-                results[metric] = [_score(task) for task in tasks(scored, name, metric, overlaps[name])]
+                results[metric] = [_score(task) for task in tasks(scored, name, metric, overlaps[name], points)]
             on_part()
         if results:
             evaluation.results[name] = results
+            if not has_image_boxes(scored, name):
+                evaluation.notes[name] = without_image_rules(points is not None)
     return evaluation
 
 
-def tasks(scored: Scored, name: str, metric: Metric, above: float) -> list[Task]:
-    """A class and metric at the three difficulties."""
-    objects, found = scored.labels.objects, scored.detections.objects
+def tasks(scored: Scored, name: str, metric: Metric, above: float, points: np.ndarray | None = None) -> list[Task]:
+    """A class and metric at the three difficulties.
+
+    Args:
+        scored: labels and detections.
+        name: of the class.
+        metric: one of `METRICS`.
+        above: least overlap, exclusive.
+        points: (g,) scan points in the box of each label, if known; used where there are no image boxes.
+    """
+    objects = scored.labels.objects
     of_class = scored.labels.kind == name.lower()
     neighbour = scored.labels.kind == (NEIGHBOURS[name] or "").lower()
     detected = scored.detections.kind == name.lower()
-    height, height_found = objects.bbox[:, 3] - objects.bbox[:, 1], np.abs(found.bbox[:, 3] - found.bbox[:, 1])
+    height, height_found, has_points = heights(scored, name, points)
     candidates = np.flatnonzero(detected | (height_found < max(MIN_HEIGHT_PX)))
     pairs = overlapping(scored, np.flatnonzero(of_class | neighbour), candidates, metric, above)
     stuff = np.zeros(len(detected), bool)
@@ -119,7 +140,7 @@ def tasks(scored: Scored, name: str, metric: Metric, above: float) -> list[Task]
     given = []
     for level in range(len(DIFFICULTIES)):
         easy_enough = (objects.occluded <= MAX_OCCLUSION[level]) & (objects.truncated <= MAX_TRUNCATION[level])
-        counts = of_class & easy_enough & (height > MIN_HEIGHT_PX[level])
+        counts = of_class & easy_enough & (height > MIN_HEIGHT_PX[level]) & has_points
         small = height_found < MIN_HEIGHT_PX[level]
         kept = (detected | small)[pairs.detection]
         some = Pairs(pairs.label[kept], pairs.detection[kept], pairs.overlap[kept])
@@ -134,7 +155,7 @@ def _boxes_given(scored: Scored, name: str) -> set[Metric]:
     height, width, length = found.dimensions.T
     ground = mine & (found.location[:, 0] != -1000) & (found.location[:, 2] != -1000) & (width > 0) & (length > 0)
     given: dict[Metric, np.ndarray] = {
-        "2d": mine & (found.bbox[:, 0] >= 0),
+        "2d": mine & (found.bbox[:, 0] >= 0) & has_image_boxes(scored, name),
         "bev": ground,
         "3d": ground & (found.location[:, 1] != -1000) & (height > 0),
     }

@@ -87,9 +87,7 @@ def _table(evaluation: Evaluation, name: str, intervals: Intervals) -> str:
     for metric in METRICS:
         levels = metrics.get(metric)
         if levels is None:
-            rows.append(
-                f"<tr><th>{_TITLES[metric]}</th><td class=words colspan=9>detections have no such boxes</td></tr>"
-            )
+            rows.append(f"<tr><th>{_TITLES[metric]}</th><td class=words colspan=9>not scored: no such boxes</td></tr>")
             continue
         values = [[f"{getattr(r, kind):.2f}" for r in levels] for kind in ("r40", "r11", "continuous")]
         bounds = intervals.get((name, metric), [])
@@ -108,9 +106,15 @@ def _table(evaluation: Evaluation, name: str, intervals: Intervals) -> str:
             "every one that is lacking. Go by the continuous AP there.</p>"
         )
     return (
-        "<table><thead><tr><th></th><th colspan=3>R40</th><th colspan=3>R11</th><th colspan=3>continuous</th></tr>"
+        f"{_rules(evaluation, name)}<table><thead><tr><th></th><th colspan=3>R40</th><th colspan=3>R11</th><th "
+        f"colspan=3>continuous</th></tr>"
         f"<tr><th></th>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>{note}"
     )
+
+
+def _rules(evaluation: Evaluation, name: str) -> str:
+    """How difficulty was found, where it was not KITTI's way."""
+    return f"<p>{escape(evaluation.notes[name])}</p>" if name in evaluation.notes else ""
 
 
 def _row(title: str, words: Sequence[str]) -> str:

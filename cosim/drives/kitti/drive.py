@@ -13,13 +13,13 @@ import numpy as np
 from cosim.drives.files import is_safe_name, read_mapping
 from cosim.drives.kitti.frame import Frame
 from cosim.drives.kitti.layout import LIDARS, find_layout, lidar_folder, list_scans, read_manifest, read_split
-from cosim.drives.kitti.points import POINT_COLUMNS
+from cosim.drives.kitti.point_format import OPTIONS, PLAIN, PointFormat, drive_options, find_point_format
 from cosim.drives.kitti.scan_notes import scan_notes
 from cosim.errors import DriveError
 
 _LOG = logging.getLogger(__name__)
 _SWEEP_S = 0.1  # HDL-64E at 10 Hz, as in KITTI
-_OF_FIRST = ("pattern", "sweep_s", "sensor", "columns")  # keys of drive.yaml that tell of the first LiDAR
+_OF_FIRST = ("pattern", "sweep_s", "sensor", *OPTIONS)  # keys of drive.yaml that tell of the first LiDAR
 _CONSEQUENCES = {
     "rays": "rings and firing times are recovered from the order of the points",
     "image_0": "no grayscale images",
@@ -69,7 +69,7 @@ class Drive:
         self.info: Mapping[str, Any] = self._said()
         self.kind: Literal["simulated", "measured"] = self._find_kind()
         self.sweep_s = self._find_sweep()
-        self._columns = self._find_columns()
+        drive_options(self.info, self.base / "drive.yaml")  # raises
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -95,7 +95,7 @@ class Drive:
             self.root,
             self.sweep_s,
             self._elevations_rad,
-            self._columns,
+            self.point_format,
             self.base if self.lidar else None,
             self.lidar,
             self._reference,
@@ -210,7 +210,12 @@ class Drive:
             DriveError: none of them holds a point, or there is no such frame.
             FormatError: a scan cannot be read.
         """
-        return (*self.missing, *scan_notes([self[name] for name in (self.frames if names is None else names)]))
+        inferred = () if self.point_format.schema is None else self.point_format.schema.notes
+        return (
+            *self.missing,
+            *inferred,
+            *scan_notes([self[name] for name in (self.frames if names is None else names)]),
+        )
 
     @property
     def _reference(self) -> str:
@@ -251,13 +256,17 @@ class Drive:
             raise DriveError(f"{self.root}: sweep_s is {sweep!r}; give seconds a turn, as 0.1 (drive or pattern.yaml)")
         return float(sweep)
 
-    def _find_columns(self) -> int:
-        columns = self.info.get("columns", POINT_COLUMNS)
-        if isinstance(columns, bool) or columns not in (POINT_COLUMNS - 1, POINT_COLUMNS):
-            raise DriveError(
-                f"{self.root / 'drive.yaml'}: columns is {columns!r}; a point has 4 (x y z intensity) or 3 (x y z)"
-            )
-        return columns
+    @cached_property
+    def point_format(self) -> PointFormat:
+        """Layout of the scans and meaning of their columns; inferred from some of them where the drive is measured.
+
+        Raises:
+            FormatError: no layout fits, or two clues contradict each other.
+        """
+        if self.kind == "simulated":
+            return PLAIN
+        files = [self.root / "velodyne" / f"{name}.bin" for name in self.frames]
+        return find_point_format(files, self.info, self.base / "drive.yaml")
 
     @cached_property
     def _pattern_content(self) -> Mapping[str, Any]:

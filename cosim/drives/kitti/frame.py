@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -15,7 +15,7 @@ from cosim.drives.kitti.calibration import Calibration, read_calibration
 from cosim.drives.kitti.images import read_depth, read_image, read_instances
 from cosim.drives.kitti.labels import Labels, read_labels
 from cosim.drives.kitti.oxts import Oxts, read_oxts
-from cosim.drives.kitti.points import POINT_COLUMNS, read_points_lenient
+from cosim.drives.kitti.point_format import PLAIN, PointFormat, StoredScan
 from cosim.drives.kitti.rays import PointRays, read_rays
 from cosim.drives.kitti.rings import recover_rays
 from cosim.drives.twin.frame import TwinFrame, read_frame
@@ -64,7 +64,7 @@ class Frame:
         root: the folder that holds `velodyne/`.
         sweep_s: duration of a turn, to make up firing times with.
         elevations_rad: (k,) of the pattern's rings, if the drive tells; helps to recover rings.
-        columns: floats a point in the file: 4, or 3 where intensity was not recorded.
+        format: layout of the file of points and meaning of its columns.
         base: holds what LiDARs share, where a drive has several; None: the root.
         lidar: name of the LiDAR, where it is not the drive's first.
         reference: name of the camera that labels refer to, where the rig is not KITTI's.
@@ -74,7 +74,7 @@ class Frame:
     root: Path
     sweep_s: float = 0.1
     elevations_rad: np.ndarray | None = None
-    columns: int = 4
+    format: PointFormat = PLAIN
     base: Path | None = None
     lidar: str = ""
     reference: str = ""
@@ -108,33 +108,37 @@ class Frame:
 
     @cached_property
     def points(self) -> np.ndarray:
-        """(n, 4) float32 x, y, z [m] in LiDAR axes and intensity; rows with NaN or infinity left out."""
-        return self._scan[0]
+        """(n, 4) float32 x, y, z [m] in LiDAR axes and intensity; rows that are no returns are left out."""
+        return self._scan.points
 
     @cached_property
     def has_intensity(self) -> bool:
         """Whether intensities were recorded: not all of the finite points' are zero."""
-        return self.columns > POINT_COLUMNS - 1 and bool(self.points[:, 3].any())
+        return self.format.has_intensity and bool(self.points[:, 3].any())
 
     @property
     def bad_points(self) -> int:
-        """How many rows of the file were left out because they hold NaN or infinity."""
-        return int((~self._scan[1]).sum())
+        """Number of rows of the file that were left out."""
+        return int((~self._scan.is_used).sum())
+
+    @property
+    def left_out(self) -> Mapping[str, int]:
+        """Number of rows of the file that were left out, by reason."""
+        return self._scan.left_out
 
     @cached_property
     def rays(self) -> PointRays:
         """The beam of every point; `rays.recovered` says whether it was made up from their order."""
-        points, finite = self._scan
         file = self.find("rays")
         if file is not None:
-            return read_rays(file, points=len(finite))[finite]
-        return recover_rays(points, self.sweep_s, self.elevations_rad, str(self.path("velodyne")))
+            return read_rays(file, points=len(self._scan.is_used))[self._scan.is_used]
+        return recover_rays(self.points, self.sweep_s, self.elevations_rad, str(self.path("velodyne")))
 
     @property
     def bad_rays(self) -> PointRays | None:
         """The beams of the rows that were left out; None where the drive does not tell beams."""
-        file, finite = self.find("rays"), self._scan[1]
-        return None if file is None else read_rays(file, points=len(finite))[~finite]
+        file, used = self.find("rays"), self._scan.is_used
+        return None if file is None else read_rays(file, points=len(used))[~used]
 
     @cached_property
     def calibration(self) -> Calibration:
@@ -200,17 +204,19 @@ class Frame:
         )
 
     @cached_property
-    def _scan(self) -> tuple[np.ndarray, np.ndarray]:
-        points, finite = self._read("velodyne", lambda path: read_points_lenient(path, self.columns))
-        if not finite.all():
-            _warn_of_bad(self.path("velodyne"), int((~finite).sum()), len(finite))
-        return points, finite
+    def _scan(self) -> StoredScan:
+        stored = self._read("velodyne", self.format.read)
+        if not stored.is_used.all():
+            _warn_of_bad(self.path("velodyne"), len(stored.is_used), tuple(stored.left_out.items()))
+        return stored
 
     def _read(self, part: str, reader: Callable[[Path], _T]) -> _T:
         return reader(self.path(part))
 
 
 @cache
-def _warn_of_bad(path: Path, bad: int, count: int) -> None:
+def _warn_of_bad(path: Path, count: int, left_out: tuple[tuple[str, int], ...]) -> None:
     """Once a file, however often it is read."""
-    _LOG.warning("%s: left out %d of %d points with NaN or infinity", path, bad, count)
+    reasons = ", ".join(f"{number} {reason}" for reason, number in left_out)
+    bad = sum(number for _, number in left_out)
+    _LOG.warning("%s: left out %d of %d points (%s)", path, bad, count, reasons)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -20,11 +21,12 @@ def scan_notes(frames: Sequence[Frame]) -> tuple[str, ...]:
     """
     if not frames:
         raise DriveError("no frames: name at least one")
-    bad = points = empty = dark = unordered = 0
+    left_out: Counter[str] = Counter()
+    points = empty = dark = unordered = 0
     highest = 0.0
     for kept in frames:
         frame = replace(kept)  # forgets its points
-        bad += frame.bad_points
+        left_out.update(frame.left_out)
         points += len(frame.points)
         if not len(frame.points):
             empty += 1
@@ -39,7 +41,8 @@ def scan_notes(frames: Sequence[Frame]) -> tuple[str, ...]:
         )
     many = len(frames)
     said = {
-        f"{bad} points hold NaN or infinity: left out": bad,
+        f"{left_out['not finite']} points hold NaN or infinity: left out": left_out.pop("not finite", 0),
+        f"{left_out.total()} points are no returns ({', '.join(left_out)}): left out": left_out.total(),
         f"{empty} of {many} scans hold no point": empty,
         f"intensities are absent or all zero in {dark} of {many} scans: nothing is said of intensity there": dark,
         f"intensities reach {highest:g}: 0 to 1 is expected, those above count as 1": highest > 1,

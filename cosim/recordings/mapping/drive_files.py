@@ -96,6 +96,7 @@ class DriveFiles:
             "twin": "map",
             "pattern": self.prepared.pattern.name,
             "scans": len(recording),
+            "inferred": recording.schema.as_dict(),
         }
         return yaml.safe_dump(settings | {"cosim": version("cosim")}, sort_keys=False)
 

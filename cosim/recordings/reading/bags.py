@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.recordings.fields import Columns
+from cosim.point_files import Columns
 from cosim.recordings.libraries import needed
 from cosim.recordings.reading.source import Source
 from cosim.recordings.scan import RecordingError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from cosim.recordings.fields import Columns
+from cosim.point_files import Columns
 
 
 @dataclass(frozen=True)

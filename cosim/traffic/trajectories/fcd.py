@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cosim.traffic.trajectories.kinds import sumo_types, user_of
+from cosim.traffic.trajectories.riders import is_rider
 from cosim.traffic.trajectories.tracks import RoadTracks, Sample, TrajectoryError, User, gather
 
 
@@ -26,6 +27,8 @@ def read_fcd(path: Path, root: ET.Element, type_files: Iterable[Path], left_out:
     """
     known = sumo_types(type_files)
     samples: list[Sample] = []
+    carried: list[bool] = []
+    on_foot: list[bool] = []
     users: dict[str, User] = {}
     strangers: dict[str, str] = {}
     for step in root.iter("timestep"):
@@ -44,8 +47,17 @@ def read_fcd(path: Path, root: ET.Element, type_files: Iterable[Path], left_out:
                     users[name] = user
             if name in users:
                 samples.append(_sample(path, element, name, time_s))
+                on_foot.append(element.tag == "person")
+                carried.append(element.tag == "person" and bool(element.get("vehicle")))
     left_out.update(strangers.values())
-    return replace(gather(path, samples, users, centred=False), sumo_clock=True)
+    riding = is_rider(samples, on_foot, carried)
+    kept = [sample for sample, rides in zip(samples, riding.tolist(), strict=True) if not rides]
+    tracks = replace(gather(path, kept, users, centred=False), sumo_clock=True)
+    if not riding.any():
+        return tracks
+    riders = {sample.user for sample, rides in zip(samples, riding.tolist(), strict=True) if rides}
+    note = f"{path}: {int(riding.sum())} samples of {len(riders)} persons riding in vehicles are left out"
+    return replace(tracks, notes=(note,))
 
 
 def _sample(path: Path, element: ET.Element, name: str, time_s: float) -> Sample:

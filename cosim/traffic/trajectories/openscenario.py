@@ -7,9 +7,9 @@ the middle of the rear axle; headings count counter-clockwise from x. The file i
 from __future__ import annotations
 
 import math
-import re
 import xml.etree.ElementTree as ET
 from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -19,6 +19,7 @@ import numpy as np
 
 from cosim.traffic.trajectories.kinds import user_of
 from cosim.traffic.trajectories.tracks import RoadTracks, Sample, TrajectoryError, User, gather
+from cosim.traffic.trajectories.xosc_parameters import resolve_entry, resolve_parameters
 from sumo_nets.errors import TownError
 from sumo_nets.xml_guard import read_xml
 
@@ -28,7 +29,6 @@ _REMEDY = (
     "only trajectories as polylines of world positions with times are replayed: play it elsewhere, and give a table"
 )
 _WORDS = {"motorbike": "motorcycle", "wheelchair": "pedestrian"}
-_PARAMETER = re.compile(r"\$(\w+)")
 
 
 @dataclass
@@ -47,15 +47,10 @@ def read_openscenario(path: Path, root: ET.Element, left_out: Counter[str]) -> R
             library that reads such files is missing.
     """
     xosc = _library()
-    _with_parameters(path, root)
-    try:
-        scenario = xosc.Scenario.parse(root)
-    except (ValueError, TypeError, KeyError, AttributeError, NotImplementedError, *_complaints(xosc)) as error:
-        said = " ".join(str(error).split()) or type(error).__name__
-        raise TrajectoryError(
-            f"{path}: is no OpenSCENARIO XML 1.x that can be read ({said}); check it against its schema"
-        ) from error
-    users = _users(path, scenario, xosc, left_out)
+    resolve_parameters(str(path), root)
+    scenario = _parse(path, "the scenario", xosc.Scenario.parse, root, xosc)
+    assigned = _assignments(root)
+    users = _users(path, scenario, xosc, assigned, left_out)
     ways = {name: _Way(None, []) for name in users}
     _initial(path, scenario, xosc, ways)
     for story in scenario.storyboard.stories:
@@ -76,29 +71,44 @@ def _complaints(xosc: Any) -> tuple[type[Exception], ...]:
     return tuple(one for one in vars(xosc.exceptions).values() if isinstance(one, type) and issubclass(one, Exception))
 
 
-def _with_parameters(path: Path, root: ET.Element) -> None:
-    """Put the values of declared parameters where they are named."""
-    declared = root.findall("ParameterDeclarations/ParameterDeclaration")
-    values = {one.get("name", ""): one.get("value", "") for one in declared}
+def _parse(path: Path, what: str, parse: Callable[[ET.Element], Any], element: ET.Element, xosc: Any) -> Any:
+    """What the library makes of an element.
 
-    def value(found: re.Match[str]) -> str:
-        if found[1] not in values:
-            raise TrajectoryError(f"{path}: ${found[1]} is not declared; give it under <ParameterDeclarations>")
-        return values[found[1]]
+    Raises:
+        TrajectoryError: the library cannot parse it.
+    """
+    for position in element.iter("LanePosition"):  # the standard has no need of an offset
+        position.set("offset", position.get("offset") or "0")
+    try:
+        return parse(element)
+    except (ValueError, TypeError, LookupError, AttributeError, NotImplementedError, *_complaints(xosc)) as error:
+        reason = " ".join(str(error).split())
+        raise TrajectoryError(
+            f"{path}: scenariogeneration cannot parse {what} ({type(error).__name__}: {reason[:200]}); correct that "
+            f"element, "
+            "or give a table of trajectories"
+        ) from error
 
-    for element in root.iter():
-        for key, text in element.attrib.items():
-            if "${" in text:
-                raise TrajectoryError(f"{path}: {text!r} is an expression, which is not evaluated; write its value")
-            element.set(key, _PARAMETER.sub(value, text))
+
+def _assignments(root: ET.Element) -> dict[str, dict[str, str]]:
+    """Values that each entity assigns to parameters of its catalogue entry."""
+    return {
+        thing.get("name", ""): {
+            assignment.get("parameterRef", "").removeprefix("$"): assignment.get("value", "")
+            for assignment in thing.findall("CatalogReference/ParameterAssignments/ParameterAssignment")
+        }
+        for thing in root.iter("ScenarioObject")
+    }
 
 
-def _users(path: Path, scenario: Any, xosc: Any, left_out: Counter[str]) -> dict[str, User]:
+def _users(
+    path: Path, scenario: Any, xosc: Any, assigned: Mapping[str, Mapping[str, str]], left_out: Counter[str]
+) -> dict[str, User]:
     users: dict[str, User] = {}
     for one in scenario.entities.scenario_objects:
         entity = one.entityobject
         if isinstance(entity, xosc.CatalogReference):
-            entity = _catalogued(path, scenario, xosc, entity)
+            entity = _catalogued(path, scenario, xosc, entity, assigned.get(one.name, {}))
         user = _user(entity, xosc)
         if user is None:
             left_out[type(entity).__name__] += 1
@@ -121,7 +131,7 @@ def _user(entity: Any, xosc: Any) -> User | None:
     return None if found is None else User(found.type, found.kind, found.size_m, middle_ahead_m=float(box.center.x))
 
 
-def _catalogued(path: Path, scenario: Any, xosc: Any, reference: Any) -> Any:
+def _catalogued(path: Path, scenario: Any, xosc: Any, reference: Any, assigned: Mapping[str, str]) -> Any:
     """An entity of a catalogue beside the scenario.
 
     Raises:
@@ -137,7 +147,9 @@ def _catalogued(path: Path, scenario: Any, xosc: Any, reference: Any) -> Any:
                 continue
             for entry in catalog:
                 if entry.get("name") == reference.entryname and entry.tag in ("Vehicle", "Pedestrian"):
-                    return getattr(xosc, entry.tag).parse(entry)
+                    what = f"{entry.tag} {reference.entryname!r}"
+                    resolve_entry(f"{file}: {what}", entry, assigned)
+                    return _parse(file, what, getattr(xosc, entry.tag).parse, entry, xosc)
     raise TrajectoryError(
         f"{path}: {reference.entryname!r} of catalogue {reference.catalogname!r} is in no folder of its "
         "CatalogLocations; put the catalogue there"

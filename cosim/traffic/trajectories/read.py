@@ -7,18 +7,14 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-from scipy.spatial import KDTree
-
 from assets.streets import Streets
 from cosim.traffic.trajectories.commonroad import read_commonroad
 from cosim.traffic.trajectories.fcd import read_fcd
+from cosim.traffic.trajectories.on_streets import check_streets
 from cosim.traffic.trajectories.openscenario import read_openscenario
 from cosim.traffic.trajectories.table import read_table
 from cosim.traffic.trajectories.tracks import RoadTracks, TrajectoryError
 from sumo_nets.xml_guard import read_xml
-
-_BESIDE_M, _FEWEST_SHARE = 30.0, 0.5
 
 
 def read_trajectories(path: Path, streets: Streets, type_files: Iterable[Path] = ()) -> RoadTracks:
@@ -49,28 +45,6 @@ def read_trajectories(path: Path, streets: Streets, type_files: Iterable[Path] =
     else:
         tracks = read_table(path, type_files, left_out)
     if left_out:
-        said = ", ".join(f"{count} of {name!r}" for name, count in sorted(left_out.items()))
-        tracks = replace(tracks, notes=(f"{path}: left out, as they are no road users: {said}",))
-    return _on_streets(path, tracks, streets)
-
-
-def _on_streets(path: Path, tracks: RoadTracks, streets: Streets) -> RoadTracks:
-    """Tracks with heights; refuses those that lie elsewhere."""
-    points = np.concatenate([_dense(lane.centre) for lane in streets.lanes])
-    away, nearest = KDTree(points[:, :2]).query(tracks.front[:, :2])
-    if (away < _BESIDE_M).mean() < _FEWEST_SHARE:
-        middle, town = np.median(tracks.front[:, :2], axis=0), np.median(points[:, :2], axis=0)
-        raise TrajectoryError(
-            f"{path}: most places lie off the streets of {streets.name} (median {np.median(away):.0f} m away; tracks "
-            f"about ({middle[0]:.0f}, {middle[1]:.0f}) m, streets about ({town[0]:.0f}, {town[1]:.0f}) m); give the "
-            "network they were recorded in, in the same axes"
-        )
-    tracks.front[:, 2] = np.where(np.isfinite(tracks.front[:, 2]), tracks.front[:, 2], points[nearest, 2])
-    return tracks
-
-
-def _dense(centre: np.ndarray, step_m: float = 4.0) -> np.ndarray:
-    """Points (n, 3) along a line, a few metres apart."""
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(centre[:, :2], axis=0), axis=1))])
-    at = np.linspace(0, along[-1], max(2, int(along[-1] / step_m) + 1))
-    return np.column_stack([np.interp(at, along, centre[:, axis]) for axis in range(3)])
+        types = ", ".join(f"{count} of {name!r}" for name, count in sorted(left_out.items()))
+        tracks = replace(tracks, notes=(*tracks.notes, f"{path}: left out, as they are no road users: {types}"))
+    return check_streets(path, tracks, streets)

@@ -1,159 +1,188 @@
-"""Tracks in a table (CSV): the traffic loop's, and those of data sets, whose columns have many names.
+"""Tracks in a table (CSV): the traffic loop's, SUMO's, and those of data sets, whose columns have many names.
 
 Argoverse 1 and 2 (Chang et al., CVPR 2019; Wilson et al., NeurIPS 2021), Waymo Open Motion (Ettinger et al., ICCV 2021)
-and INTERACTION (Zhan et al., 2019) name the middle of the body; the traffic loop's table the front bumper.
+and INTERACTION (Zhan et al., 2019) give the middle of the body; the traffic loop's table and SUMO's
+(`--fcd-output FILE.csv`) the middle of the front bumper. `table_schema.py` infers units, clocks and angles.
 """
 
 from __future__ import annotations
 
 import csv
-import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from cosim.traffic.trajectories.kinds import sumo_types, user_of
+from cosim.traffic.trajectories.riders import is_rider
+from cosim.traffic.trajectories.table_heading import turned
+from cosim.traffic.trajectories.table_names import is_sumo_table, named_columns, needs_numbers
+from cosim.traffic.trajectories.table_options import TableOptions, read_table_options
+from cosim.traffic.trajectories.table_schema import TableSchema, infer_table_schema
+from cosim.traffic.trajectories.table_steps import TableColumns
 from cosim.traffic.trajectories.tracks import RoadTracks, Sample, TrajectoryError, User, gather
 
-# Names of a column, and by how much its numbers are multiplied to be SI.
-_NAMES: dict[str, dict[str, float]] = {
-    "time": {"time_s": 1, "timestamp": 1, "t": 1, "time": 1, "timestamp_s": 1, "timestamp_ms": 1e-3}
-    | {"timestamp_ns": 1e-9, "timestamp_us": 1e-6, "timestep": 0.1, "frame_id": 0.1},
-    "id": {"id": 1, "track_id": 1, "vehicle_id": 1, "object_id": 1},
-    "x": {"x_m": 1, "x": 1, "position_x": 1, "center_x": 1, "tx_m": 1},
-    "y": {"y_m": 1, "y": 1, "position_y": 1, "center_y": 1, "ty_m": 1},
-    "heading": {"heading_deg": math.pi / 180, "heading": 1, "heading_rad": 1, "yaw": 1, "psi_rad": 1, "yaw_rad": 1},
-    "speed": {"speed_mps": 1, "speed": 1},
-    "vx": {"velocity_x": 1, "vx": 1, "vx_mps": 1},
-    "vy": {"velocity_y": 1, "vy": 1, "vy_mps": 1},
-    "length": {"length": 1, "length_m": 1},
-    "width": {"width": 1, "width_m": 1},
-    "height": {"height": 1, "height_m": 1},
-    "type": {"type": 1, "object_type": 1, "agent_type": 1, "class": 1, "category": 1},
-    "lane": {"lane": 1},
-    "valid": {"valid": 1, "observed_valid": 1},
-}
-_NEEDED = ("time", "id", "x", "y")
-_LOOP = {"time_s", "id", "x_m", "y_m", "speed_mps", "heading_deg", "lane", "type"}
-_MOVED_M = 0.1
-_FALSE = frozenset({"0", "false", ""})
+_FALSE = frozenset({"0", "0.0", "false", ""})
+_NO_TYPE = "car"
+_FASTEST_MPS, _WIDEST_RAD, _LONGEST_M = 90.0, 4 * np.pi + 0.01, 40.0  # what lies beyond is no measurement
 
 
 def read_table(path: Path, type_files: Iterable[Path], left_out: Counter[str]) -> RoadTracks:
-    """Tracks of a CSV file; whose word for a road user is not known is counted in `left_out`.
+    """Tracks of a CSV file; types that are no road user are counted in `left_out`.
 
     Raises:
-        TrajectoryError: columns are missing, a value is no number, or see `gather`.
+        TrajectoryError: columns are missing, a value is no number, clues about units contradict each other, or see
+            `gather`.
         TownError: a file of types cannot be read.
+        FormatError: the file of statements beside the table is no YAML.
     """
+    options = read_table_options(path)
     header, rows = _rows(path)
-    of_loop, known = set(header) >= _LOOP, sumo_types(type_files)
-    columns = _columns(path, header)
-    samples: list[Sample] = []
+    rows = _valid_rows(header, rows, options)
+    table = _columns(path, header, rows, options)
+    schema = infer_table_schema(table, str(path), options)
+    users = _users(header, rows, schema, table, sumo_types(type_files), left_out)
+    samples = _samples(header, rows, schema, table)
+    sumo = is_sumo_table(header)
+    on_foot = [sample.user in users and users[sample.user].kind == "pedestrian" for sample in samples]
+    riding = is_rider(samples, on_foot) if sumo else np.zeros(len(samples), bool)
+    kept = [sample for sample, rides in zip(samples, riding.tolist(), strict=True) if not rides]
+    tracks = gather(path, kept, users, centred=schema.position == "middle")
+    notes = tuple(f"{path}: {note}" for note in schema.notes)
+    if riding.any():
+        riders = {sample.user for sample, rides in zip(samples, riding.tolist(), strict=True) if rides}
+        notes += (f"{path}: {int(riding.sum())} samples of {len(riders)} persons riding in vehicles are left out",)
+    return replace(tracks, sumo_clock=sumo, notes=notes, inferred=schema.as_dict())
+
+
+def _users(
+    header: Sequence[str],
+    rows: list[list[str]],
+    schema: TableSchema,
+    table: TableColumns,
+    known: Mapping[str, User],
+    left_out: Counter[str],
+) -> dict[str, User]:
+    """Road users by id: type of the first row of each, medians of the sizes."""
+    at = {role: header.index(name) for role, name in schema.columns.items()}
+    sizes = [
+        table.values[schema.columns[role]] * schema.length_unit_m if role in at else np.full(len(rows), np.nan)
+        for role in ("length", "width", "height")
+    ]
     users: dict[str, User] = {}
-    strangers: dict[str, str] = {}
-    for number, row in enumerate(rows, 2):
-        if len(row) < len(header):
-            raise TrajectoryError(f"{path}: line {number} has {len(row)} values, the header {len(header)}")
-        cells = _Cells(path, number, row, columns)
-        if cells.text("valid", "1").lower() in _FALSE:
+    first = np.unique(table.user, return_index=True)[1]
+    for user, number in enumerate(first.tolist()):
+        row = rows[number]
+        name = _identifier(row[at["id"]])
+        word = _identifier(row[at["type"]]) if "type" in at else _NO_TYPE
+        length, width, height = (_usual(size[table.user == user]) for size in sizes)
+        user = known.get(word) or known.get(word.partition("@")[0]) or user_of(word, (length, width, height))
+        if user is None:
+            left_out[word] += 1
+        else:
+            users[name] = user
+    return users
+
+
+def _samples(
+    header: Sequence[str], rows: Sequence[Sequence[str]], schema: TableSchema, table: TableColumns
+) -> list[Sample]:
+    """Every row in SI units and the axes of the town."""
+
+    def column(role: str, unit: float) -> np.ndarray:
+        name = schema.columns.get(role)
+        return np.full(len(rows), np.nan) if name is None else table.values[name] * unit
+
+    stored = {"x": column("x", schema.metres), "y": column("y", schema.metres)}
+    east, north = (stored[axis.strip("-")] * (-1 if axis.startswith("-") else 1) for axis in schema.axes.split(","))
+    speed = _within(np.abs(column("speed", schema.speed_unit_mps)), _FASTEST_MPS)
+    components = np.hypot(column("vx", schema.speed_unit_mps), column("vy", schema.speed_unit_mps))
+    speed = np.where(np.isfinite(speed), speed, _within(components, _FASTEST_MPS))
+    heading = turned(_within(column("heading", schema.heading_unit_rad), _WIDEST_RAD), schema.heading_zero)
+    time, z = column("time", schema.time_unit_s), column("z", schema.metres)
+    lane_at = header.index(schema.columns["lane"]) if "lane" in schema.columns else None
+    id_at = header.index(schema.columns["id"])
+    values = zip(rows, *(each.tolist() for each in (time, east, north, z, heading, speed)), strict=True)
+    return [
+        Sample(t, _identifier(row[id_at]), x, y, up, angle, v, lane="" if lane_at is None else row[lane_at].strip())
+        for row, t, x, y, up, angle, v in values
+    ]
+
+
+def _usual(sizes: np.ndarray) -> float | None:
+    """Median of the sizes that a road user can have; None where there are none."""
+    sizes = sizes[(sizes > 0) & (sizes < _LONGEST_M)]
+    return float(np.median(sizes)) if len(sizes) else None
+
+
+def _within(values: np.ndarray, largest: float) -> np.ndarray:
+    """Values without those beyond a limit, which are unknown."""
+    return np.where(np.abs(values) <= largest, values, np.nan)
+
+
+def _identifier(text: str) -> str:
+    return text.strip().removesuffix(".0")
+
+
+def _valid_rows(header: Sequence[str], rows: list[list[str]], options: TableOptions) -> list[list[str]]:
+    names = [options.columns["valid"]] if "valid" in options.columns else named_columns(header, "valid")
+    if not names or names[0] not in header:
+        return rows
+    at = header.index(names[0])
+    return [row for row in rows if row[at].strip().lower() not in _FALSE]
+
+
+def _columns(path: Path, header: list[str], rows: list[list[str]], options: TableOptions) -> TableColumns:
+    """The numeric columns, and the number of each row's road user."""
+    ids = [options.columns["id"]] if "id" in options.columns else named_columns(header, "id")
+    at = header.index(ids[0]) if ids and ids[0] in header else None
+    names = [_identifier(row[at]) for row in rows] if at is not None else [""] * len(rows)
+    number = {name: count for count, name in enumerate(dict.fromkeys(names))}
+    values = {
+        name: _numbers(path, name, [row[where] for row in rows])
+        for where, name in enumerate(header)
+        if needs_numbers(name) or name in options.columns.values()
+    }
+    return TableColumns(tuple(header), np.array([number[name] for name in names], int), values)
+
+
+def _numbers(path: Path, name: str, cells: list[str]) -> np.ndarray:
+    """A column as numbers, NaN where a cell is empty or the column is one of words."""
+    found = np.full(len(cells), np.nan)
+    wrong = []
+    for row, cell in enumerate(cells):
+        text = cell.strip()
+        if not text:
             continue
-        name = cells.text("id", "").removesuffix(".0")
-        if name not in users and name not in strangers:
-            word = cells.text("type", "car").removesuffix(".0")
-            sizes = (cells.size("length"), cells.size("width"), cells.size("height"))
-            user = known.get(word) or user_of(word, sizes)
-            if user is None:
-                strangers[name] = word
-            else:
-                users[name] = user
-        if name in users:
-            samples.append(cells.sample(name))
-    left_out.update(strangers.values())
-    tracks = gather(path, samples, users, centred=not of_loop)
-    return _with_true_headings(tracks) if of_loop else tracks
-
-
-def _with_true_headings(tracks: RoadTracks) -> RoadTracks:
-    """The same with headings taken for SUMO's (clockwise from north) where the ways driven say so."""
-    move = np.diff(tracks.front[:, :2], axis=0)
-    apart = np.hypot(move[:, 0], move[:, 1])
-    same = np.ones(len(move), bool)
-    same[tracks.first[1:-1] - 1] = False
-    moved = same & (apart > _MOVED_M)
-    course, heading = np.arctan2(move[:, 1], move[:, 0])[moved], tracks.heading_rad[:-1][moved]
-    if np.cos(course - (np.pi / 2 - heading)).sum() <= np.cos(course - heading).sum():
-        return tracks
-    return replace(tracks, heading_rad=np.pi / 2 - tracks.heading_rad)
-
-
-class _Cells:
-    """One line of a table, its cells asked for by what they mean."""
-
-    def __init__(self, path: Path, number: int, row: Sequence[str], columns: dict[str, tuple[int, float, str]]) -> None:
-        self._path, self._number, self._row, self._columns = path, number, row, columns
-
-    def text(self, what: str, default: str) -> str:
-        """The cell's text, or the default where there is no such column."""
-        return self._row[self._columns[what][0]].strip() if what in self._columns else default
-
-    def value(self, what: str) -> float:
-        """The cell's number in SI units; NaN where there is no such column."""
-        if what not in self._columns:
-            return math.nan
-        at, factor, name = self._columns[what]
         try:
-            return float(self._row[at]) * factor
+            found[row] = float(text)
         except ValueError:
-            raise TrajectoryError(
-                f"{self._path}: {name} is {self._row[at]!r} in line {self._number}; write a number"
-            ) from None
-
-    def size(self, what: str) -> float | None:
-        """A length, or None where it is not told."""
-        value = self.value(what)
-        return value if value > 0 else None
-
-    def sample(self, user: str) -> Sample:
-        """The line as a sample."""
-        speed = self.value("speed")
-        if math.isnan(speed):
-            speed = math.hypot(self.value("vx"), self.value("vy"))
-        return Sample(
-            time_s=self.value("time"),
-            user=user,
-            x_m=self.value("x"),
-            y_m=self.value("y"),
-            heading_rad=self.value("heading"),
-            speed_mps=abs(speed),
-            lane=self.text("lane", ""),
+            wrong.append(row)
+    if wrong and (len(wrong) < len(cells) or needs_numbers(name)):
+        raise TrajectoryError(
+            f"{path}: {name} is {cells[wrong[0]]!r} in row {wrong[0] + 1} below the header; write a number"
         )
-
-
-def _columns(path: Path, header: Sequence[str]) -> dict[str, tuple[int, float, str]]:
-    """Where each meaning stands in a line, its factor and its name."""
-    found = {}
-    for what, names in _NAMES.items():
-        for at, name in enumerate(header):
-            if name.lower() in names:
-                found[what] = at, names[name.lower()], name
-                break
-    missing = [what for what in _NEEDED if what not in found]
-    if missing:
-        names = "; ".join(f"{what}: {', '.join(_NAMES[what])}" for what in missing)
-        raise TrajectoryError(f"{path}: lacks columns, which may be called {names}; its header is {','.join(header)}")
     return found
 
 
 def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
+    """Names of the columns, and the cells below them; the separator is what separates the header best."""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = [row for row in csv.reader(file) if row]
+        text = path.read_text(encoding="utf-8-sig")
+        first = text.lstrip().partition("\n")[0]
+        separator = max(",;\t", key=first.count)
+        lines = [row for row in csv.reader(text.splitlines(), delimiter=separator) if row]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise TrajectoryError(f"{path} is no table: {' '.join(str(error).split())}; give CSV with a header") from error
     if not lines:
         raise TrajectoryError(f"{path} is empty; give CSV with a header")
-    return [name.strip() for name in lines[0]], lines[1:]
+    header = [name.strip() for name in lines[0]]
+    double = [name for name, count in Counter(header).items() if count > 1 and name]
+    if double:
+        raise TrajectoryError(f"{path}: the header has {double[0]!r} more than once; rename one of the columns")
+    for number, row in enumerate(lines[1:], 2):
+        if len(row) < len(header):
+            raise TrajectoryError(f"{path}: line {number} has {len(row)} values, the header {len(header)}")
+    return header, lines[1:]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ GAP_S = 2.1  # who is not seen for longer was away, and is not put in between
 _FASTEST_MPS = 90.0
 _JITTER_M = 3.0  # of positions, which no speed explains
 _MOVES_M = 0.3
+_STANDS_M = 0.5
 _LARGEST = 1e12  # of times, which may count from 1970, and of places
 
 
@@ -39,7 +41,8 @@ class RoadTracks:
         signals: (n,) int64 SUMO's bit set of lamps.
         lanes: n lane ids, empty where unknown.
         sumo_clock: whether times are those of a SUMO simulation, whose signals ran by the same clock.
-        notes: what of the file was left out, a line each.
+        notes: what of the file was inferred or left out, a line each.
+        inferred: the meaning of a table's columns, for `drive.yaml`; empty for other files.
     """
 
     ids: tuple[str, ...]
@@ -55,6 +58,7 @@ class RoadTracks:
     lanes: tuple[str, ...]
     sumo_clock: bool = False
     notes: tuple[str, ...] = ()
+    inferred: Mapping[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -62,6 +66,10 @@ class RoadTracks:
     def samples(self, user: int) -> slice:
         """Rows of a user's samples."""
         return slice(int(self.first[user]), int(self.first[user + 1]))
+
+    def stands(self, user: int) -> bool:
+        """Whether a user goes nowhere."""
+        return self.way_m(user) < _STANDS_M
 
     def way_m(self, user: int) -> float:
         """How far a user went."""

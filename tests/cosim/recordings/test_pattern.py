@@ -124,7 +124,7 @@ def test_scans_of_several_sensors_are_refused(tmp_path: Path) -> None:
 
 
 def test_too_few_points_are_refused(tmp_path: Path) -> None:
-    folder = written(tmp_path / "few", [Scan("0", np.ones((50, 3)))])
+    folder = written(tmp_path / "few", [Scan("0", np.arange(150.0).reshape(50, 3) % 17 + 1)])
     assert "50 points" in refused("pattern", folder, "--out", tmp_path / "p.yaml")
 
 

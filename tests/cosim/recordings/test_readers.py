@@ -14,12 +14,15 @@ SWEEP_NS = 100_000_000
 
 
 def points(seed: int = 0, count: int = 500) -> np.ndarray:
-    """A scan's points with all fields; times span a sweep, from 0."""
+    """Points of a head of 32 lasers that turns clockwise, with all fields; times span a sweep, from 0."""
     rng = np.random.default_rng(seed)
     rows = np.zeros(count, STRUCTURE)
-    for axis in "xyz":
-        rows[axis] = rng.uniform(-40, 40, count)
-    rows["intensity"], rows["ring"] = rng.integers(1, 256, count), rng.integers(0, 32, count)
+    rows["intensity"], rows["ring"] = rng.integers(1, 256, count), np.arange(count) % 32
+    azimuth = np.pi - 2 * np.pi * np.arange(count) / count
+    elevation = np.radians(10 - 1.2 * rows["ring"])
+    reach = rng.uniform(5, 40, count)
+    rows["x"], rows["y"] = reach * np.cos(elevation) * np.cos(azimuth), reach * np.cos(elevation) * np.sin(azimuth)
+    rows["z"] = reach * np.sin(elevation)
     rows["t"] = np.linspace(0, SWEEP_NS - 1, count).astype(np.uint32)
     return rows
 

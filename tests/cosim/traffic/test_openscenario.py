@@ -136,14 +136,14 @@ ON_LANE = '<Position><LanePosition roadId="1" laneId="-1" s="3" offset="0"/></Po
             f'<Init><Actions><Private entityRef="ego">{teleport(ON_LANE)}</Private>',
             "LanePosition, only",
         ),
-        (' time="6.0"', "", "is no OpenSCENARIO XML"),
-        ('scale="1" offset="0"', "", "is no OpenSCENARIO XML"),
+        (' time="6.0"', "", "scenariogeneration cannot parse"),
+        ('scale="1" offset="0"', "", "scenariogeneration cannot parse"),
         (' time="6.0"', ' time="-6.0"', "do not grow"),
         ('rule="greaterThan"', 'rule="lessThan"', "begins when a condition of traffic is met"),
-        ('value="0"', 'value="$unheard"', r"\$unheard is not declared"),
-        ('offset="0"', 'offset="${1 + 1}"', "is an expression"),
+        ('value="0"', 'value="$unheard"', r"\$unheard is declared in no element"),
+        ('offset="0"', 'offset="${1 + import}"', "no arithmetic expression"),
         ("<Storyboard>", "<Story>", "not well-formed"),
-        ("<Entities>", "<Entities><ScenarioObject/>", "is no OpenSCENARIO XML"),
+        ("<Entities>", "<Entities><ScenarioObject/>", "scenariogeneration cannot parse"),
     ],
 )
 def test_what_only_a_simulator_could_tell_is_refused_in_one_line(old, new, says, hamlet, lane, tmp_path):
@@ -155,3 +155,45 @@ def test_what_only_a_simulator_could_tell_is_refused_in_one_line(old, new, says,
     with pytest.raises(Exception, match=says) as caught:
         read_trajectories(path, hamlet.streets)
     assert "\n" not in str(caught.value) and type(caught.value).__name__ in ("TrajectoryError", "TownError")
+
+
+LENGTH = '<ParameterDeclaration name="L" parameterType="double" value="{}"/>'
+
+
+@pytest.mark.parametrize(
+    ("declared", "used", "assigned", "length_m"),
+    [
+        ("4.5", "$L", "", 4.5),
+        ("4.5", "$L", '<ParameterAssignment parameterRef="L" value="5.1"/>', 5.1),
+        ("4.5", "$L", '<ParameterAssignment parameterRef="L" value="$start"/>', 3.0),
+        ("4.5", "${$L * 2 - round(3.6)}", "", 5.0),
+    ],
+)
+def test_parameters_of_catalogue_entries_are_resolved_by_scope(
+    declared, used, assigned, length_m, hamlet, lane, tmp_path
+):
+    start, way, heading = lane
+    entry = CAR.replace(
+        "<BoundingBox>", f"<ParameterDeclarations>{LENGTH.format(declared)}</ParameterDeclarations><BoundingBox>"
+    )
+    entry = entry.replace('length="4.4"', f'length="{used}"')
+    (tmp_path / "c.xosc").write_text(f'<OpenSCENARIO>{HEAD}<Catalog name="cars">{entry}</Catalog></OpenSCENARIO>')
+    values = f"<ParameterAssignments>{assigned}</ParameterAssignments>" if assigned else ""
+    reference = f'<CatalogReference catalogName="cars" entryName="saloon">{values}</CatalogReference>'
+    follow = follows([(0.0, start), (6.0, start + 30 * way)], heading)
+    path = scenario(tmp_path, {}, {"ego": follow}, ego=reference)
+    catalogs = '<CatalogLocations><VehicleCatalog><Directory path="."/></VehicleCatalog></CatalogLocations>'
+    path.write_text(path.read_text().replace("<CatalogLocations/>", catalogs))
+    assert read_trajectories(path, hamlet.streets).size[0, 0] == pytest.approx(length_m)
+
+
+def test_an_entry_that_cannot_be_parsed_is_named(hamlet, lane, tmp_path):
+    start, _, heading = lane
+    entry = CAR.replace('length="4.4"', 'length="long"')
+    (tmp_path / "c.xosc").write_text(f'<OpenSCENARIO>{HEAD}<Catalog name="cars">{entry}</Catalog></OpenSCENARIO>')
+    reference = '<CatalogReference catalogName="cars" entryName="saloon"/>'
+    path = scenario(tmp_path, {"ego": teleport(place(start, heading))}, {}, ego=reference)
+    catalogs = '<CatalogLocations><VehicleCatalog><Directory path="."/></VehicleCatalog></CatalogLocations>'
+    path.write_text(path.read_text().replace("<CatalogLocations/>", catalogs))
+    with pytest.raises(TrajectoryError, match=r"c.xosc: scenariogeneration cannot parse Vehicle 'saloon'"):
+        read_trajectories(path, hamlet.streets)

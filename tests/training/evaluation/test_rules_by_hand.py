@@ -9,8 +9,10 @@ import pytest
 
 from cosim.drives.kitti import Labels
 from tests.training.evaluation.scenes import perfect
+from training.errors import EvaluationError
 from training.evaluation import evaluate, pair_frames
 from training.evaluation.as_json import as_json
+from training.evaluation.comparable import parse_classes, rename_classes
 
 _MANY = 41  # objects from which on a perfect detector reaches 100
 
@@ -130,11 +132,51 @@ def test_orientation_counts_by_the_cosine_and_one_missing_alpha_voids_it():
     assert said["Car"]["aos"] is None and said["Car"]["2d"]["R40"][1] == pytest.approx(100)
 
 
-def test_without_image_boxes_3d_is_zero_and_the_image_metrics_are_null():
-    blind = replace(sure(cars()), bbox=np.full((1, 4), -1.0))
-    said = as_json(evaluate(pair_frames([cars()] * _MANY, [blind] * _MANY)))["Car"]
-    assert said["2d"] is None and said["aos"] is None
-    assert said["3d"]["R40"] == said["bev"]["R40"] == [0, 0, 0]
+@pytest.mark.parametrize("side", ["labels", "detections", "both"])
+@pytest.mark.parametrize("value", [-1.0, 0.0])
+def test_without_image_boxes_3d_is_scored_and_the_image_metrics_are_null(side, value):
+    none = {"bbox": np.full((1, 4), value)}
+    labels = cars() if side == "detections" else replace(cars(), **none)
+    found = sure(cars()) if side == "labels" else replace(sure(cars()), **none)
+    result = as_json(evaluate(pair_frames([labels] * _MANY, [found] * _MANY)))["Car"]
+    assert result["2d"] is None and result["aos"] is None
+    assert result["3d"]["R40"] == result["bev"]["R40"] == pytest.approx([100, 100, 100])
+    assert "without the image rules" in result["rules"]
+
+
+def test_without_image_boxes_far_objects_are_hard_and_objects_without_points_do_not_count():
+    far = replace(cars(), bbox=np.zeros((1, 4)), location=np.array([[0.0, 1.6, 35.0]]))
+    levels = scored([far] * _MANY, [sure(far)] * _MANY)["3d"]
+    assert [int(level.task.object_counts.sum()) for level in levels] == [0, _MANY, _MANY]
+    points = np.array([3] * 11 + [60] * (_MANY - 11))
+    result = evaluate(pair_frames([far] * _MANY, [sure(far)] * _MANY), points=points).results["Car"]["3d"][2]
+    assert result.task.object_counts.sum() == _MANY - 11
+
+
+@pytest.mark.parametrize(
+    ("labelled", "found", "option"),
+    [
+        ("Vehicle", "Car", "Vehicle=Car"),
+        ("Car", "vehicle", "vehicle=Car"),
+        ("4", "4", "4=Car"),
+        ("Bike", "Cyclist", "Bike=Cyclist"),
+    ],
+)
+def test_classes_of_other_names_are_refused_and_mapped(labelled, found, option):
+    frames = pair_frames([cars(kind=labelled)] * _MANY, [sure(cars(kind=found))] * _MANY)
+    with pytest.raises(EvaluationError, match=f"--classes {option}"):
+        evaluate(frames)
+    name = option.partition("=")[2]
+    mapped = rename_classes(frames, parse_classes([option]))
+    assert evaluate(mapped).results[name]["3d"][1].r40 == pytest.approx(100)
+
+
+def test_a_mapping_of_classes_that_means_nothing_is_refused():
+    frames = pair_frames([cars()], [sure(cars())])
+    with pytest.raises(EvaluationError, match="NAME=CLASS"):
+        parse_classes(["Vehicle=Lorry"])
+    with pytest.raises(EvaluationError, match="the files hold car"):
+        rename_classes(frames, parse_classes(["Vehicle=Car"]))
 
 
 def test_hidden_and_cut_off_objects_count_from_their_difficulty_on():

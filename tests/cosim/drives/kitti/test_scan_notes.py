@@ -68,8 +68,8 @@ def test_points_without_intensity_are_read_when_the_drive_says_so(drive_root: Pa
     assert not frame.points[:, 3].any()
     assert not frame.has_intensity
     assert any("intensities are absent" in note for note in Drive(drive_root).notes(["000000"]))
-    (drive_root / "drive.yaml").write_text("kind: measured\ncolumns: 5\n")
-    with pytest.raises(DriveError, match="columns is 5"):
+    (drive_root / "drive.yaml").write_text("kind: measured\ncolumns: 2\n")
+    with pytest.raises(DriveError, match="columns is 2"):
         Drive(drive_root)
 
 

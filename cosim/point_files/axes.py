@@ -1,0 +1,127 @@
+"""Whether coordinates are metres in a right-handed frame with z up, by what the points show.
+
+Two independent clues fix the frame of a spinning sensor: the ground lies below it, and its head turns clockwise seen
+from above (Velodyne, Hesai, Ouster and RoboSense do so unless they are configured otherwise).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cosim.point_files.clues import find_ground, sense_of_rotation
+from cosim.point_files.scan import PointFileError
+
+_UNITS_M = {1.0: "m", 0.01: "cm", 0.001: "mm", 0.3048: "feet"}
+_RANGES_M = (1.0, 150.0)  # median ranges of scans of any spinning sensor
+_FULL_CIRCLE = 0.5  # share of sectors with points of a scan that is about the sensor
+_SECTORS = 36
+_ALL_AROUND, _LAYER_M = 0.8, 0.2  # share of sectors in which the ground is seen, half the thickness of its layer
+_FEWEST = 200
+
+
+def find_metres(clouds: Sequence[np.ndarray], source: str, notes: list[str]) -> float:
+    """Length of one unit of x, y, z [m]: metres unless both the ranges and the ground's depth say otherwise.
+
+    Raises:
+        PointFileError: ranges are no metres, and no other unit agrees with both clues.
+    """
+    xyz = np.concatenate(clouds) if clouds else np.zeros((0, 3))
+    if len(xyz) < _FEWEST:
+        return 1.0
+    median = float(np.median(np.linalg.norm(xyz, axis=1)))
+    if median <= _RANGES_M[1] or not _surrounds(xyz):
+        return 1.0  # small scenes are possible; coordinates far from the origin are not measured from the sensor
+    fitting = [
+        unit
+        for unit in (0.01, 0.001)
+        if _RANGES_M[0] < median * unit < _RANGES_M[1] and find_ground(xyz, unit) is not None
+    ]
+    if len(fitting) == 1:
+        ground = find_ground(xyz, fitting[0])
+        depth = abs(ground.z * fitting[0]) if ground else 0.0
+        notes.append(
+            f"coordinates are in {_UNITS_M[fitting[0]]}: the median range is {median * fitting[0]:.1f} m and the "
+            f"ground "
+            f"{depth:.1f} m below"
+        )
+        return fitting[0]
+    raise PointFileError(
+        f"{source}: the median range is {median:.4g}; in metres no scan reaches so far, and the ground is not seen at "
+        f"a "
+        "plausible depth in cm or mm; state the unit with --metres, as 0.001"
+    )
+
+
+def check_axes(clouds: Sequence[np.ndarray], times: Sequence[np.ndarray | None], metres: float, source: str) -> None:
+    """Raise where ground and sense of rotation contradict a right-handed frame with z up.
+
+    Args:
+        clouds: (n, 3) points of some scans, in the order of the files.
+        times: (n,) firing times of each, or None.
+        metres: length of one unit.
+        source: name of folder or file, for messages.
+
+    Raises:
+        PointFileError: z points down, another axis than z is vertical, or y points to the right.
+    """
+    grounds = [found for cloud in clouds if (found := find_ground(cloud, metres)) is not None]
+    if not grounds:
+        _demand_vertical(clouds, metres, source)
+        return
+    z = float(np.median([ground.z for ground in grounds])) * metres
+    share = float(np.median([ground.share for ground in grounds]))
+    if z > 0:
+        raise PointFileError(
+            f"{source}: {share:.0%} of the near points lie in a layer {z:.1f} m above the sensor and none beyond, so "
+            f"the z "
+            "axis points down to the ground; state the axes: --axes x,-y,-z (x forward, y right, z down), or --axes "
+            "x,y,-z where only z is mirrored, or --axes x,y,z where this is right"
+        )
+    senses = [sense_of_rotation(cloud, time) for cloud, time in zip(clouds, times, strict=True)]
+    known = [sense for sense in senses if sense is not None]
+    if known and 2 * sum(sense > 0 for sense in known) > len(known):
+        raise PointFileError(
+            f"{source}: the ground is {abs(z):.1f} m below, so z points up, but azimuths grow in the order of firing: "
+            f"either "
+            "y points to the right (a left-handed frame, the scan is mirrored), or the head turns counter-clockwise "
+            "seen "
+            "from above, which spinning sensors do not by default; settle it with --flip-y (y is mirrored; `flip_y: "
+            "true` in drive.yaml or recording.yaml) or --axes "
+            "x,y,z (it is right as it is)"
+        )
+
+
+def _demand_vertical(clouds: Sequence[np.ndarray], metres: float, source: str) -> None:
+    """Raise where the ground shows clearly across another axis than z."""
+    for letter, order in (("y", [0, 2, 1]), ("x", [1, 2, 0])):
+        turned = [find_ground(cloud[:, order], metres) for cloud in clouds]
+        clear = [
+            ground
+            for cloud, ground in zip(clouds, turned, strict=True)
+            if ground is not None and _lies_around(cloud[:, order], ground.z, metres)
+        ]
+        if clear and 2 * len(clear) > len(clouds):
+            depth = float(np.median([ground.z for ground in clear])) * metres
+            down = letter if depth > 0 else f"-{letter}"
+            raise PointFileError(
+                f"{source}: no ground lies across z, but {clear[0].share:.0%} of the near points lie in a layer at "
+                f"{letter} = {depth:.1f} m, so {down} points down, as in a camera's axes; state which axes are "
+                f"forward, "
+                "left and up, as --axes z,-x,-y, or --axes x,y,z where this is right"
+            )
+
+
+def _lies_around(xyz: np.ndarray, z: float, metres: float) -> bool:
+    """Whether a layer lies all around the axis it is across, as the ground does and a wall does not."""
+    layer = xyz[np.abs(xyz[:, 2] - z) * metres < _LAYER_M]
+    counts, _ = np.histogram(np.arctan2(layer[:, 1], layer[:, 0]), _SECTORS, (-np.pi, np.pi))
+    return float(np.mean(counts > 0)) > _ALL_AROUND
+
+
+def _surrounds(xyz: np.ndarray) -> bool:
+    """Whether points lie around the origin, not to one side of it."""
+    azimuth = np.arctan2(xyz[:, 1], xyz[:, 0])
+    counts, _ = np.histogram(azimuth, _SECTORS, (-np.pi, np.pi))
+    return float(np.mean(counts > 0)) > _FULL_CIRCLE

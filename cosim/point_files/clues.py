@@ -1,0 +1,148 @@
+"""What the points of a scan themselves show: ground, sense of rotation, lasers, firing times.
+
+Every statistic is robust: it uses quantiles or shares, so that a few wrong rows do not decide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_FEWEST = 200  # points that a statistic needs
+_BLOCKS = 180  # of consecutive points, for the turn of the head
+_TOGETHER = 0.95  # resultant length of azimuths in a block that the head was at in one moment
+_SAME_SENSE = 0.9  # share of steps between blocks in one sense
+_TURN = (0.45, 1.6)  # revolutions that one scan may hold
+_LAYER_M, _HEIGHTS_M = 0.2, (0.3, 6.0)  # thickness of a ground layer, heights of sensors above the ground
+_LAYER_SHARE, _OTHER_SHARE, _BEYOND_SHARE = 0.12, 0.3, 0.02
+_REACH_M = 40.0  # of points that show the ground
+_RING_SPREAD = 0.3  # spread of elevations within a laser over that of all points
+_GROWTH = 0.97  # correlation of time with place in the file
+_CORE, _GAP = (0.02, 0.98), 0.25  # quantiles of times that are not stray; longest pause relative to their span
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The layer of points that the ground makes.
+
+    Attributes:
+        z: its height in the sensor's axes [unit of the file].
+        share: of the near points in it.
+    """
+
+    z: float
+    share: float
+
+
+def find_ground(xyz: np.ndarray, unit_m: float = 1.0) -> Ground | None:
+    """The ground as a dense layer below or above the sensor; None where no layer is one clearly.
+
+    Args:
+        xyz: (n, 3) points.
+        unit_m: length of one unit of the coordinates.
+    """
+    near = xyz[np.hypot(xyz[:, 0], xyz[:, 1]) * unit_m < _REACH_M]
+    if len(near) < _FEWEST:
+        return None
+    below, above = (_layer(sign * near[:, 2] * unit_m) for sign in (-1, 1))
+    best, other, sign = (below, above, -1) if below[1] >= above[1] else (above, below, 1)
+    beyond = float(np.mean(sign * near[:, 2] * unit_m > best[0] + 2 * _LAYER_M))
+    if best[1] < _LAYER_SHARE or other[1] > _OTHER_SHARE * best[1] or beyond > _BEYOND_SHARE:
+        return None
+    return Ground(sign * best[0] / unit_m, best[1])
+
+
+def _layer(heights: np.ndarray) -> tuple[float, float]:
+    """Height and share of the densest layer at the heights at which sensors are mounted."""
+    edges = np.arange(_HEIGHTS_M[0], _HEIGHTS_M[1] + _LAYER_M, _LAYER_M)
+    counts, _ = np.histogram(heights, edges)
+    densest = int(counts.argmax())
+    return float(edges[densest] + _LAYER_M / 2), float(counts[densest] / len(heights))
+
+
+def sense_of_rotation(xyz: np.ndarray, time: np.ndarray | None) -> int | None:
+    """+1 where azimuths grow with time (counter-clockwise about z), −1 where they fall; None where that is not to see.
+
+    Points come in the order of firing where blocks of consecutive points share an azimuth and the blocks make about one
+    revolution. With times the points are put in that order first.
+
+    Args:
+        xyz: (n, 3) points in the order of the file.
+        time: (n,) firing times of any unit; None where there are none.
+    """
+    if time is not None:
+        xyz = xyz[np.argsort(time, kind="stable")]
+    if len(xyz) < 4 * _BLOCKS:
+        return None
+    direction = np.exp(1j * np.arctan2(xyz[:, 1], xyz[:, 0]))
+    edges = np.linspace(0, len(xyz), _BLOCKS + 1).astype(int)
+    mean = np.add.reduceat(direction, edges[:-1]) / np.diff(edges)
+    if float(np.median(np.abs(mean))) < _TOGETHER:
+        return None
+    step = np.angle(mean[1:] / mean[:-1])
+    turns = abs(float(step.sum())) / (2 * np.pi)
+    sense = 1 if step.sum() > 0 else -1
+    if not _TURN[0] < turns < _TURN[1] or float(np.mean(sense * step > 0)) < _SAME_SENSE:
+        return None
+    return sense
+
+
+def separates_elevations(xyz: np.ndarray, values: np.ndarray) -> bool:
+    """Whether points of equal value lie at equal elevations, as those of one laser do.
+
+    Args:
+        xyz: (n, 3) points.
+        values: (n,) whole numbers.
+    """
+    known, group, count = np.unique(values, return_inverse=True, return_counts=True)
+    if len(xyz) < _FEWEST or len(known) < 2 or len(known) > len(xyz) / 8:
+        return False
+    elevation = np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1]))
+    order = np.lexsort((elevation, group))
+    median = elevation[order][np.cumsum(count) - (count + 1) // 2]
+    within = float(np.median(np.abs(elevation - median[group])))
+    return within < _RING_SPREAD * float(np.median(np.abs(elevation - np.median(elevation))))
+
+
+def are_laser_numbers(values: np.ndarray, most: int = 512) -> bool:
+    """Whether all values but a few are small whole numbers."""
+    finite = values[np.isfinite(values)]
+    whole = (finite == np.round(finite)) & (finite >= 0) & (finite < most)
+    return len(finite) > 0 and float(np.mean(whole)) > 0.99
+
+
+def grows_along_firing(xyz: np.ndarray, time: np.ndarray) -> bool:
+    """Whether values grow along the order of firing: with the place in the file, or with the turn of the head.
+
+    Args:
+        xyz: (n, 3) points in the order of the file.
+        time: (n,) finite values.
+    """
+    usual = core_times(time)
+    xyz, time = xyz[usual], time[usual]
+    if len(time) < 20 or time.max() <= time.min():
+        return False
+    place = np.arange(len(time), dtype=np.float64)
+    if np.corrcoef(place, time)[0, 1] > _GROWTH:
+        return True
+    return sense_of_rotation(xyz, time) is not None
+
+
+def core_times(time: np.ndarray) -> np.ndarray:
+    """(n,) bool: times that belong to the sweep; stray ones lie beyond a pause that no sweep has.
+
+    Args:
+        time: (n,) of any unit; values that are not finite are stray.
+    """
+    finite = np.isfinite(time.astype(np.float64))
+    if finite.sum() < 20:
+        return finite
+    ordered = np.sort(time[finite])
+    low, high = (round(q * (len(ordered) - 1)) for q in _CORE)
+    longest = _GAP * float(ordered[high] - ordered[low])
+    steps = np.diff(ordered).astype(np.float64)
+    first = low - int(np.argmax((steps[:low] > longest)[::-1])) if (steps[:low] > longest).any() else 0
+    last = high + int(np.argmax(steps[high:] > longest)) if (steps[high:] > longest).any() else len(ordered) - 1
+    with np.errstate(invalid="ignore"):
+        return finite & (time >= ordered[first]) & (time <= ordered[last])

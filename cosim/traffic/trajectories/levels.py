@@ -1,0 +1,130 @@
+"""Heights of road users where lanes lie above each other.
+
+Which lane carries a road user is decided by the lane that the file names, else by the height that it gives, else by the
+direction of travel and the height of the step before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from assets.streets import Streets
+from cosim.traffic.trajectories.tracks import RoadTracks
+
+_STEP_M = 4.0
+_BESIDE_M = 4.0  # lanes that may carry a road user
+_NEIGHBOURS = 12
+_APART_M = 2.0  # heights of different levels
+_TURNED_M = 6.0  # cost of a lane across or against the way, as a distance
+_CLIMBED = 2.0  # cost of each metre up or down since the step before
+
+
+@dataclass(frozen=True, eq=False)
+class LanePoints:
+    """Points along all lanes, a few metres apart.
+
+    Attributes:
+        points: (n, 3) [m].
+        ways: (n, 2) direction of the lane; NaN where nobody drives.
+        limits: (n,) speed limit [m/s].
+        rows: first and last row of each lane, by id.
+        tree: of `points` in the plane.
+    """
+
+    points: np.ndarray
+    ways: np.ndarray
+    limits: np.ndarray
+    rows: Mapping[str, tuple[int, int]]
+    tree: KDTree
+
+    @classmethod
+    def of(cls, streets: Streets) -> LanePoints:
+        """Points of a network."""
+        dense = [_dense(lane.centre) for lane in streets.lanes]
+        ways = [np.gradient(points[:, :2], axis=0) for points in dense]
+        for way, lane in zip(ways, streets.lanes, strict=True):
+            if lane.use != "drive":
+                way[:] = np.nan
+        way, points = np.concatenate(ways), np.concatenate(dense)
+        counts = [len(each) for each in dense]
+        ends = np.cumsum([0, *counts]).tolist()
+        limits = np.repeat([lane.speed_mps for lane in streets.lanes], counts)
+        rows = {lane.id: (start, end) for lane, start, end in zip(streets.lanes, ends[:-1], ends[1:], strict=True)}
+        way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+        return cls(points, way, limits, rows, KDTree(points[:, :2]))
+
+
+def heights_of(tracks: RoadTracks, lanes: LanePoints) -> np.ndarray:
+    """Height of each sample (n,) [m]: that of the file, or of the lane that carries the road user."""
+    z = tracks.front[:, 2].copy()
+    unknown = ~np.isfinite(z)
+    if not unknown.any():
+        return z
+    named = np.array([bool(name) and name in lanes.rows for name in tracks.lanes], bool) & unknown
+    for name in {tracks.lanes[row] for row in np.flatnonzero(named).tolist()}:
+        rows = np.flatnonzero(named & (np.array(tracks.lanes) == name))
+        z[rows] = _height_along(lanes.points[slice(*lanes.rows[name])], tracks.front[rows, :2])
+    places = tracks.front[:, :2]
+    near, far = lanes.tree.query(places, k=1)[1], np.zeros(len(places), bool)
+    low, high = _range_of_heights(lanes, places)
+    far = high - low > _APART_M
+    plain = unknown & ~named & ~far
+    z[plain] = lanes.points[near[plain], 2]
+    for user in range(len(tracks.ids)):
+        rows = np.arange(*tracks.samples(user).indices(len(z)))
+        if (unknown & ~named & far)[rows].any():
+            z[rows] = _follow(tracks, rows, z[rows], lanes)
+    return z
+
+
+def _range_of_heights(lanes: LanePoints, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest lane (n,) near each place."""
+    count = min(_NEIGHBOURS, len(lanes.points))
+    near = lanes.tree.query(places, k=count, distance_upper_bound=_BESIDE_M)[1].reshape(len(places), count)
+    heights = np.append(lanes.points[:, 2], np.nan)[near]
+    none = np.isnan(heights).all(1)
+    heights[none] = 0.0
+    return np.nanmin(heights, axis=1), np.nanmax(heights, axis=1)
+
+
+def _follow(tracks: RoadTracks, rows: np.ndarray, known: np.ndarray, lanes: LanePoints) -> np.ndarray:
+    """Heights of one road user by the cheapest sequence of lanes (Viterbi's algorithm)."""
+    place, heading = tracks.front[rows, :2], tracks.heading_rad[rows]
+    count = min(_NEIGHBOURS, len(lanes.points))
+    away, near = (each.reshape(len(rows), count) for each in lanes.tree.query(place, k=count))
+    height = np.where(np.isfinite(known)[:, None], known[:, None], lanes.points[near, 2])
+    ahead = np.column_stack([np.cos(heading), np.sin(heading)])
+    cosine = np.nan_to_num(np.einsum("nkd,nd->nk", lanes.ways[near], ahead))
+    cost = away + _TURNED_M * (1 - cosine)
+    total, back = cost[0], np.zeros((len(rows), count), int)
+    for step in range(1, len(rows)):
+        change = total[:, None] + _CLIMBED * np.abs(height[step][None] - height[step - 1][:, None])
+        back[step] = change.argmin(0)
+        total = change.min(0) + cost[step]
+    chosen = np.zeros(len(rows), int)
+    chosen[-1] = int(total.argmin())
+    for step in range(len(rows) - 1, 0, -1):
+        chosen[step - 1] = back[step, chosen[step]]
+    return height[np.arange(len(rows)), chosen]
+
+
+def _height_along(points: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Height of a line at the points next to places, interpolated."""
+    start, way = points[:-1], np.diff(points, axis=0)
+    length = np.maximum((way[:, :2] ** 2).sum(1), 1e-12)
+    share = np.einsum("nkd,kd->nk", places[:, None] - start[None, :, :2], way[:, :2]) / length
+    share = np.clip(share, 0, 1)
+    foot = start[None] + share[..., None] * way[None]
+    nearest = ((foot[..., :2] - places[:, None]) ** 2).sum(-1).argmin(1)
+    return foot[np.arange(len(places)), nearest, 2]
+
+
+def _dense(centre: np.ndarray) -> np.ndarray:
+    """Points (n, 3) along a line, a few metres apart."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(centre[:, :2], axis=0), axis=1))])
+    at = np.linspace(0, along[-1], max(2, int(along[-1] / _STEP_M) + 1))
+    return np.column_stack([np.interp(at, along, centre[:, axis]) for axis in range(3)])

@@ -1,0 +1,103 @@
+"""Unit and zero of the headings of a table, by the direction of travel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cosim.traffic.trajectories.table_names import declared_unit
+from cosim.traffic.trajectories.table_options import TableOptions
+from cosim.traffic.trajectories.table_steps import Steps, TableColumns
+from cosim.traffic.trajectories.tracks import TrajectoryError
+
+_MOVES_M = 0.05  # a step that shows speed
+_COURSE_M = 0.5  # a way that shows a direction
+_FEWEST = 5  # comparisons that a verdict needs
+_ALONG = 0.85  # mean cosine between heading and way of a reading that is right
+_BETTER = 0.05  # of that, between two readings
+_FULL_TURN = {"radians": 2 * np.pi, "degrees": 360.0}
+
+
+def infer_heading(
+    table: TableColumns,
+    columns: Mapping[str, str],
+    options: TableOptions,
+    source: str,
+    steps: Steps,
+    notes: list[str],
+) -> tuple[float, str, bool]:
+    """Unit of the headings [rad], where they count from, and whether they are used."""
+    if "heading" not in columns or options.heading == "unused":
+        return 1.0, "east", False
+    if options.heading is not None:
+        unit, _, zero = options.heading.partition(" from ")
+        return (np.pi / 180 if unit == "degrees" else 1.0), zero, True
+    name = columns["heading"]
+    values = table.values[name]
+    finite = np.abs(values[np.isfinite(values)])
+    if not len(finite):
+        return 1.0, "east", False
+    declared = declared_unit("heading", name)
+    widest = float(np.quantile(finite, 0.98))
+    scores = _heading_scores(table.user, values, steps)
+    if not scores:  # nobody moves far enough
+        unit = declared or (1.0 if widest <= 2 * np.pi + 0.1 else np.pi / 180)
+        notes.append(f"{name} is in {_angle(unit)} by its name and size; nobody moves, so the way does not confirm it")
+        return unit, "east", True
+    fitting = {
+        reading: score
+        for reading, score in scores.items()
+        if widest <= _FULL_TURN["degrees" if reading[0] < 1 else "radians"] * 1.02
+    }
+    best = max(fitting, key=lambda reading: fitting[reading]) if fitting else (1.0, "east")
+    told = ", ".join(f"{_angle(unit)} from {zero} {score:.2f}" for (unit, zero), score in scores.items())
+    if not fitting or fitting[best] < _ALONG:
+        raise TrajectoryError(
+            f"{source}: {name} is the direction of travel in no reading (mean cosine with the way: {told}); state it "
+            f"in "
+            f"{source}.yaml, as `heading: degrees from east`, or `heading: unused`"
+        )
+    usual = (declared or best[0], "east")
+    if usual in fitting and fitting[usual] > fitting[best] - _BETTER and (declared or fitting[usual] == fitting[best]):
+        best = usual
+    if declared is not None and best[0] != declared:
+        raise TrajectoryError(
+            f"{source}: {name} is in {_angle(declared)} by its name, but along the way in {_angle(best[0])} (mean "
+            f"cosine "
+            f"with the way: {told}); state it in {source}.yaml, as `heading: {_angle(best[0])} from {best[1]}`"
+        )
+    notes.append(f"{name} is in {_angle(best[0])} from {best[1]}: along the way (mean cosine {fitting[best]:.3f})")
+    return best[0], best[1], True
+
+
+def _heading_scores(user: np.ndarray, values: np.ndarray, steps: Steps) -> dict[tuple[float, str], float]:
+    """Mean cosine between way and heading for each reading; empty where nobody moves.
+
+    Every road user counts alike, whoever has more samples.
+    """
+    moved = (steps.way > min(_COURSE_M, 0.5 * float(np.quantile(steps.way, 0.9)))) if len(steps) else np.zeros(0, bool)
+    moved &= steps.way > _MOVES_M
+    moved &= np.isfinite(values[steps.row]) & np.isfinite(values[steps.after])
+    if moved.sum() < _FEWEST:
+        return {}
+    course = np.arctan2(steps.dy, steps.dx)[moved]
+    _, who = np.unique(user[steps.row[moved]], return_inverse=True)
+    count = np.bincount(who)
+    given = (values[steps.row], values[steps.after])
+    scores = {}
+    for unit in (np.pi / 180, 1.0):
+        for zero in ("east", "north"):
+            found = [turned(value[moved] * unit, zero) for value in given]
+            middle = np.arctan2(sum(np.sin(a) for a in found), sum(np.cos(a) for a in found))
+            scores[unit, zero] = float(np.mean(np.bincount(who, np.cos(middle - course)) / count))
+    return scores
+
+
+def turned(angle_rad: np.ndarray, zero: str) -> np.ndarray:
+    """Angles counted from a zero as angles counter-clockwise from east [rad]."""
+    return np.pi / 2 - angle_rad if zero == "north" else angle_rad
+
+
+def _angle(unit: float) -> str:
+    return "radians" if unit == 1.0 else "degrees"

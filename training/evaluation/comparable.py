@@ -1,0 +1,149 @@
+"""Whether labels and detections can be compared: names of classes, and boxes in the image.
+
+KITTI's rules take an object's difficulty from its box in the image. Files without such boxes (zeros or −1 on one side)
+are scored in 3D and in bird's-eye view only, with the height that each box would have in KITTI's own camera.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cosim.drives.kitti import Labels
+from training.errors import EvaluationError
+from training.evaluation.read import Scored, Table
+from training.evaluation.rules import NEIGHBOURS
+
+#: Types of KITTI's label files, in lower case.
+TYPES = ("Car", "Van", "Truck", "Pedestrian", "Person_sitting", "Cyclist", "Tram", "Misc", "DontCare")
+_KNOWN = frozenset(name.lower() for name in TYPES)
+_FOCAL_PX = 721.5377  # of KITTI's camera (P2 of 2011_09_26)
+_FEWEST_POINTS = 5
+_MOST = 0.5  # share of a class's boxes that decides whether its files have image boxes
+
+
+def has_image_boxes(scored: Scored, name: str) -> bool:
+    """Whether both labels and detections of a class have boxes in the image."""
+    names = {name.lower(), (NEIGHBOURS.get(name) or name).lower()}
+    of_class = np.isin(scored.labels.kind, list(names))
+    detected = scored.detections.kind == name.lower()
+    for table, rows in ((scored.labels, of_class), (scored.detections, detected)):
+        if rows.any() and _has_box(table.objects)[rows].mean() < _MOST:
+            return False
+    return True
+
+
+def heights(scored: Scored, name: str, points: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Heights in the image by which difficulty is decided.
+
+    Returns:
+        (g,) height of each label [px], (d,) height of each detection [px], (g,) bool whether each label has points
+        enough; all true where image boxes decide, or where points are unknown.
+    """
+    objects, found = scored.labels.objects, scored.detections.objects
+    if has_image_boxes(scored, name):
+        tall, tall_found = objects.bbox[:, 3] - objects.bbox[:, 1], np.abs(found.bbox[:, 3] - found.bbox[:, 1])
+        return tall, tall_found, np.ones(len(tall), bool)
+    enough = np.ones(len(objects), bool) if points is None else points >= _FEWEST_POINTS
+    return _projected(objects), _projected(found), enough
+
+
+def without_image_rules(has_points: bool) -> str:
+    """Sentence on how difficulty was found."""
+    by = f" and holds {_FEWEST_POINTS} points or more" if has_points else ""
+    return (
+        "labels or detections have no boxes in the image: 3D and bird's-eye view are scored without the image rules; "
+        "an "
+        f"object counts where its height at its distance is tall enough in KITTI's camera{by}"
+    )
+
+
+def demand_comparable_classes(scored: Scored, classes: Sequence[str]) -> None:
+    """Refuse labels and detections whose classes have other names.
+
+    Raises:
+        EvaluationError: a scored class is on one side only, and the other side has names that KITTI does not know.
+    """
+    sides = {"labels": Counter(scored.labels.kind.tolist()), "detections": Counter(scored.detections.kind.tolist())}
+    wanted = [name.lower() for name in classes]
+    strange = {side: [kind for kind in counts if kind not in _KNOWN] for side, counts in sides.items()}
+    for here, there in (("labels", "detections"), ("detections", "labels")):
+        lacking = [name for name in wanted if sides[there][name] and not sides[here][name]]
+        both = any(sides["labels"][name] and sides["detections"][name] for name in wanted)
+        if strange[here] and (lacking or not both):
+            label = next((name for name in classes if name.lower() in lacking), classes[0])
+            raise EvaluationError(
+                f"{here} hold {_list(scored, here)}, {there} {_list(scored, there)}: {', '.join(strange[here])} is no "
+                f"class "
+                f"of KITTI; map it to the class that it means, as --classes "
+                f"{_name(scored, here, strange[here][0])}={label}"
+            )
+
+
+def unscored_classes(scored: Scored) -> list[str]:
+    """Names, as in the files, of classes that KITTI does not know."""
+    tables = (scored.labels, scored.detections)
+    names = {kind: name for table in tables for kind, name in zip(table.kind, table.objects.type, strict=True)}
+    return sorted(name for kind, name in names.items() if kind not in _KNOWN)
+
+
+def parse_classes(texts: Sequence[str]) -> dict[str, str]:
+    """`["Vehicle=Car", "Bike=Cyclist,Person=Pedestrian"]` as a mapping from lower-case names to KITTI's.
+
+    Raises:
+        EvaluationError: no `=`, or an unknown class on its right.
+    """
+    found = {}
+    for pair in (part for text in texts for part in text.split(",") if part):
+        old, equals, new = pair.partition("=")
+        target = next((name for name in TYPES if name.lower() == new.strip().lower()), None)
+        if not equals or not old.strip() or target is None:
+            raise EvaluationError(f"--classes {pair}: give NAME=CLASS with one of {', '.join(TYPES)}, as Vehicle=Car")
+        found[old.strip().lower()] = target
+    return found
+
+
+def rename_classes(scored: Scored, names: Mapping[str, str]) -> Scored:
+    """The same with other names of classes.
+
+    Raises:
+        EvaluationError: a name is in neither the labels nor the detections.
+    """
+    have = {*scored.labels.kind.tolist(), *scored.detections.kind.tolist()}
+    for old in names:
+        if old not in have:
+            raise EvaluationError(
+                f"--classes {old}={names[old]}: the files hold {', '.join(sorted(have))}; give one of them"
+            )
+
+    def renamed(table: Table) -> Table:
+        types = tuple(names.get(kind, name) for kind, name in zip(table.kind, table.objects.type, strict=True))
+        kind = np.array([name.lower() for name in types], dtype=str)
+        return replace(table, objects=replace(table.objects, type=types), kind=kind)
+
+    return replace(scored, labels=renamed(scored.labels), detections=renamed(scored.detections))
+
+
+def _has_box(objects: Labels) -> np.ndarray:
+    """Which objects have a box of some area in the image, (n,) bool."""
+    return (objects.bbox[:, 2] > objects.bbox[:, 0]) & (objects.bbox[:, 3] > objects.bbox[:, 1])
+
+
+def _projected(objects: Labels) -> np.ndarray:
+    """Height (n,) [px] that boxes of their height and distance have in KITTI's camera."""
+    distance = np.hypot(objects.location[:, 0], objects.location[:, 2])
+    return _FOCAL_PX * objects.dimensions[:, 0] / np.maximum(distance, 1.0)
+
+
+def _list(scored: Scored, side: str) -> str:
+    table: Table = getattr(scored, side)
+    counts = Counter(table.objects.type)
+    return ", ".join(f"{name} ({count})" for name, count in counts.most_common(8)) or "nothing"
+
+
+def _name(scored: Scored, side: str, kind: str) -> str:
+    table: Table = getattr(scored, side)
+    return table.objects.type[table.kind.tolist().index(kind)]
