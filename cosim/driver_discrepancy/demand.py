@@ -45,16 +45,16 @@ class Trip:
         name: id.
         base: vType that it has, and SUMO's attributes of that.
         depart_s: by the clock of the simulation.
-        lane, along_m, speed_mps: where and how fast it begins; the lane's index.
+        lane, along_m, speed_mps: initial position and speed; the lane's index.
         route: edges as measured.
-        onward: ways on from the last edge, of which each seed takes one: the true one is not known. Empty for who
-            leaves at the end of his route.
+        onward: ways on from the last edge, of which each seed takes one: the true one is not known. Empty for a
+            vehicle that leaves at the end of its route.
         limit_mps: mean limit of the route, for excesses in km/h.
-        lane_limit_mps: limit of the lane where it begins.
-        leaves_m: position on the last edge at which it was last measured; None for who is still there at the end.
+        lane_limit_mps: limit of its first lane.
+        leaves_m: position on the last edge at which it was last measured; None if it is present at the end.
         leaves_at: the same in world axes, x, y [m] and heading [rad].
         checked: whether SUMO may delay its insertion until it is safe.
-        stop: SUMO's attributes of the place where it is parked; empty for who drives.
+        stop: SUMO's attributes of the place where it is parked; empty for a driving vehicle.
         turns: edges of the route at whose end it turns back.
     """
 
@@ -81,14 +81,14 @@ class Demand:
 
     Attributes:
         net, additional: files.
-        trips: of all vehicles, those who begin parked first.
+        trips: of all vehicles, those that are parked at the start first.
         begin_s, seconds: by the simulation's clock, and how long to simulate.
         clock_s: the simulation's clock less the recording's [s].
         sample_s: time between two samples of a vehicle.
         options: SUMO's, that decide how vehicles move.
         lateral_m: lateral resolution of the sublane model; 0 without it.
         programs: traffic lights whose offsets differ from the network's, by the simulation's clock.
-        vehicles: how many drive, and how many begin parked.
+        vehicles: how many drive, and how many are parked at the start.
     """
 
     net: Path
@@ -113,10 +113,10 @@ def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, fo
     """The demand of some trajectories.
 
     Routes are those measured, U-turns at junctions included; the channel `u_turns` counts those of simulations only
-    that were not measured. Leaving the kerb is behaviour, not demand: who begins parked stays so.
+    that were not measured. Pull-outs are behaviour, not demand: a vehicle that is parked at the start stays there.
 
     Raises:
-        TrackError: nobody drives.
+        TrackError: no vehicle drives.
     """
     tracks, network = placed.tracks, placed.network
     start_s = tracks.start_s
@@ -163,7 +163,7 @@ def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, fo
             )
         )
     if not drivers:
-        raise TrackError(_nobody(placed))
+        raise TrackError(_refusal(placed))
     drivers.sort(key=lambda trip: (trip.depart_s, trip.name))
     scenario = {} if town.scenario is None else town.scenario.options
     return Demand(
@@ -268,10 +268,10 @@ def _own_factor(attributes: Mapping[str, str], seed: int, name: str) -> float:
     return float(np.clip(mean + deviation * luck, 0.2, 2.0))
 
 
-def _nobody(placed: Placed) -> str:
+def _refusal(placed: Placed) -> str:
     if placed.parked.all() or not (placed.tracks.speed_mps > 1).any():
-        return "all vehicles stand throughout; measured trajectories must move"
-    return "nobody drives on the town's lanes; give trajectories of road vehicles on this network"
+        return "all vehicles are at rest throughout; measured trajectories must move"
+    return "no vehicle drives on the town's lanes; give trajectories of road vehicles on this network"
 
 
 def _bases(placed: Placed) -> list[tuple[str, tuple[tuple[str, str], ...]]]:
@@ -324,9 +324,9 @@ def _seen_to(placed: Placed) -> dict[str, float]:
 
 
 def _ways_on(network: Network, edge: str, last_lane: str, name: str) -> tuple[tuple[str, ...], ...]:
-    """Ways on for who does not end there, so that nobody vanishes early.
+    """Continuations of a route for a vehicle that does not end there, so that none vanishes early.
 
-    They begin where the vehicle's last lane leads, which was chosen for that, and differ beyond.
+    The first edge is one to which the vehicle's last lane leads; the others are drawn.
     """
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     lanes, links = network.lanes, network.links
@@ -365,7 +365,7 @@ def _vehicle(trip: Trip, onward: tuple[str, ...], fastest_mps: float) -> list[st
 
 
 def _parker(placed: Placed, name: str, base: tuple[str, tuple[tuple[str, str], ...]], row: int, clock_s: float) -> Trip:
-    """A vehicle that begins parked: in the lot where it stands, or beside the lane."""
+    """A vehicle that is parked at the start: in its lot, or at the side of the lane."""
     network, tracks = placed.network, placed.tracks
     lane = network.lanes.get(placed.lanes[placed.code[row]]) or network.nearest(tracks.place[row])
     along = float(lane.project(tracks.place[row : row + 1])[0][0])

@@ -87,7 +87,7 @@ def score_vehicles(measured: Summary, runs: Sequence[Summary]) -> Scores:
 
 
 def noise_floor(runs: Sequence[Summary], ids: frozenset[str] | None = None) -> float:
-    """The error of the model against itself: each seed takes the place of the measurement once."""
+    """The error of the model against itself: each seed serves as the measurement once."""
     errors = []
     for number, run in enumerate(runs):
         scores = score_vehicles(run, [other for at, other in enumerate(runs) if at != number])

@@ -124,7 +124,10 @@ def jumping(after_s: float, by_s: float) -> np.ndarray:
             lambda: np.concatenate([drives(), drives() + np.array((400, 5, 0, 0, 0, 0))]),
             "the file holds two recordings",
         ),
-        (lambda: drives() * (1, 1, 0, 0, 0, 1) + (0, 0, *drives()[0, 2:4], 0, 0), "all vehicles stand throughout"),
+        (
+            lambda: drives() * (1, 1, 0, 0, 0, 1) + (0, 0, *drives()[0, 2:4], 0, 0),
+            "all vehicles are at rest throughout",
+        ),
     ],
 )
 def test_units_clocks_and_axes(tmp_path: Path, capsys, table: Callable[[], np.ndarray], says: str) -> None:
