@@ -269,8 +269,8 @@ def _own_factor(attributes: Mapping[str, str], seed: int, name: str) -> float:
 
 
 def _refusal(placed: Placed) -> str:
-    if placed.parked.all() or not (placed.tracks.speed_mps > 1).any():
-        return "all vehicles are at rest throughout; measured trajectories must move"
+    if placed.parked.all():
+        return "all vehicles are parked throughout; measured trajectories must move"
     return "no vehicle drives on the town's lanes; give trajectories of road vehicles on this network"
 
 

@@ -1,4 +1,4 @@
-"""Turn the lanelets of a CommonRoad motorway into a SUMO network: `python -m tests.hidden.traffic.lanelets FILE FOLDER`.
+"""Turn a CommonRoad motorway into a SUMO network: `python -m tests.hidden.traffic.lanelets FILE FOLDER`.
 
 Lanelets side by side become the lanes of an edge, successors become connections. Junctions, signs and lights are not
 converted: the map must be a motorway.
