@@ -171,6 +171,16 @@ def _built_in(name: str) -> Rig:
     return load_rig(name)
 
 
+def _found_from(folder: Path, town: object) -> object:
+    """Towns whose `.sumocfg` is given relative to the configuration's folder, as absolute paths; others unchanged."""
+    if isinstance(town, list):
+        return [_found_from(folder, part) for part in town]
+    if not isinstance(town, str) or not town.endswith(".sumocfg"):
+        return town
+    beside = (folder / town).resolve()
+    return str(beside) if beside.is_file() and beside != Path(town).resolve() else town
+
+
 def load_config(path: Path | None, **overrides: object) -> RunConfig:
     """A configuration from a YAML file, with values of the command line on top (None: not given).
 
@@ -188,6 +198,8 @@ def load_config(path: Path | None, **overrides: object) -> RunConfig:
         if loaded is not None and not isinstance(loaded, dict):
             raise ConfigError(f"{path} holds {type(loaded).__name__}, not keys and values; write `town: town01`")
         values.update(loaded or {})
+        if "town" in values:
+            values["town"] = _found_from(path.parent, values["town"])
     values.update({key: value for key, value in overrides.items() if value is not None})
     try:
         return RunConfig.model_validate(values)

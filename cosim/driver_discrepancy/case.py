@@ -42,7 +42,7 @@ class Case:
         background: what the configuration leaves to the town.
         demand: the measured demand.
         frame: levels of the conditions.
-        fitted, judging: ids of the vehicles that take part in fits, and of those that are held out.
+        fitted, held_out: ids of the vehicles that take part in fits, and of those that are held out.
         notes: limits of the data, a sentence each.
     """
 
@@ -53,7 +53,7 @@ class Case:
     demand: Demand
     frame: Frame
     fitted: frozenset[str]
-    judging: frozenset[str]
+    held_out: frozenset[str]
     notes: tuple[str, ...]
 
 
@@ -101,7 +101,7 @@ def open_case(
     with tempfile.TemporaryDirectory(prefix="cosim-traffic-") as folder:
         demand = read_demand(placed, town, phases, lateral_m, Path(folder))
         with Simulations(demand, network, frame, observation, settings.step_s, workers) as simulations:
-            fitted, judging = _split(placed, by.judge_every)
+            fitted, held_out = _split(placed, by.judge_every)
             yield Case(
                 measured=summarise(placed, frame),
                 behaviour=with_common_luck(settings.behaviour),
@@ -110,7 +110,7 @@ def open_case(
                 demand=demand,
                 frame=frame,
                 fitted=fitted,
-                judging=judging,
+                held_out=held_out,
                 notes=(*notes, *matched, *phases.notes, *_notes(placed, demand)),
             )
 
@@ -127,15 +127,15 @@ def _thin(tracks: Tracks, step_s: float) -> tuple[Tracks, list[str]]:
 
 
 def _split(placed: Placed, judge_every: int) -> tuple[frozenset[str], frozenset[str]]:
-    """Vehicles that are fitted and that are held out, drivers and parkers alike; drawn by their names."""
+    """Split vehicles into fitted and held-out ones by a hash of the name; drivers and parked vehicles separately."""
     tracks = placed.tracks
     first = np.searchsorted(tracks.vehicle, np.arange(len(tracks.ids)))
-    judging: set[str] = set()
+    held_out: set[str] = set()
     for parked in (True, False):
         names = [name for name, row in zip(tracks.ids, first.tolist(), strict=True) if placed.parked[row] == parked]
         names.sort(key=lambda name: zlib.crc32(name.encode()))
-        judging.update(names[judge_every - 1 :: judge_every])
-    return frozenset(tracks.ids) - judging, frozenset(judging)
+        held_out.update(names[judge_every - 1 :: judge_every])
+    return frozenset(tracks.ids) - held_out, frozenset(held_out)
 
 
 def _lateral_resolution(placed: Placed, town: Town, by: TrafficSettings) -> float:
@@ -187,5 +187,5 @@ def _notes(placed: Placed, demand: Demand) -> list[str]:
     if placed.tracks.step_s > 0.5:
         found.append(f"samples every {placed.tracks.step_s:.3g} s: reaction time and imperfection need 0.2 s or less")
     if not demand.vehicles[1]:
-        found.append("no vehicle begins parked: pull-outs cannot be estimated")
+        found.append("no vehicle is parked at the start: pull-outs cannot be estimated")
     return found

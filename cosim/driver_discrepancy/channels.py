@@ -67,7 +67,7 @@ class Channel:
         unit: of its values.
         scale: difference that counts one in the error.
         resolution: differences so small are not attributed to drivers.
-        words: what it is, for people.
+        words: description on pages.
         is_event: counted by vehicle in the error, instead of averaged.
     """
 
@@ -532,7 +532,7 @@ def _turned_rad(shape: np.ndarray) -> float:
 
 
 def _last_rest(placed: Placed, row: int) -> int:
-    """The latest sample within 5 s before one at which a vehicle stood behind a leader; −1 without one."""
+    """The latest sample within 5 s before one at which a vehicle was at rest behind a leader; −1 without one."""
     tracks = placed.tracks
     for before in range(row, max(row - round(_LONGEST_LAG_S / max(tracks.step_s, 1e-3)), -1), -1):
         if tracks.vehicle[before] != tracks.vehicle[row]:

@@ -9,7 +9,7 @@ import numpy as np
 from cosim.driver_discrepancy.placed import Placed, kind_of
 from cosim.driver_discrepancy.signals import Phases
 
-_STREETS, _TIMES = 24, 3
+_STREETS, _TIMES = 96, 3
 _FEWEST_OF_CLASS = 8
 CONDITIONS_OF: dict[str, tuple[str, ...]] = {
     "speed": ("street", "lane", "time", "class", "signal", "density"),

@@ -1,6 +1,6 @@
 """Tables of data sets with a layout of their own.
 
-highD, inD, rounD, exiD: `NN_tracks.csv` beside `NN_tracksMeta.csv` and `NN_recordingMeta.csv` (Krajewski et al., ITSC
+highD, inD, rounD, exiD: `NN_tracks.csv` with `NN_tracksMeta.csv` and `NN_recordingMeta.csv` (Krajewski et al., ITSC
 2018; Bock et al., IV 2020). NGSIM: columns of the FHWA tables, in feet and milliseconds. pNEUMA: a vehicle per line
 (Barmpounakis and Geroliminis, Transp. Res. C 2020). SUMO: `--fcd-output FILE.csv`.
 """
@@ -77,16 +77,16 @@ def _numbers(path: Path, name: str, texts: list[str]) -> np.ndarray:
         raise TrackError(f"{path}: column {name} holds a value that is no number") from None
 
 
-def _beside(path: Path, word: str) -> dict[str, list[str]]:
+def _companion(path: Path, word: str) -> dict[str, list[str]]:
     other = path.with_name(path.name.replace("_tracks", f"_{word}"))
     if other == path or not other.is_file():
-        raise TrackError(f"{path}: needs {path.name.replace('_tracks', f'_{word}')} beside it; copy it there")
+        raise TrackError(f"{path}: needs {path.name.replace('_tracks', f'_{word}')} in the same folder; copy it there")
     return _columns(other)
 
 
 def _read_levelx(path: Path, header: Sequence[str], *, centred: bool) -> Tracks:
     """highD (corners of boxes, y downwards) and inD, rounD, exiD (centres)."""
-    table, meta, recording = _columns(path), _beside(path, "tracksMeta"), _beside(path, "recordingMeta")
+    table, meta, recording = _columns(path), _companion(path, "tracksMeta"), _companion(path, "recordingMeta")
     rate = float(recording["framerate"][0])
     key = "trackid" if centred else "id"
     kind = {who: _KINDS.get(word.lower(), "") for who, word in zip(meta[key], meta["class"], strict=True)}
@@ -161,7 +161,7 @@ def _gather(
 ) -> Tracks:
     keep = np.array([bool(kind[who]) for who in ids], bool)
     if not keep.any():
-        raise TrackError(f"{path}: holds nobody who drives; give trajectories of vehicles")
+        raise TrackError(f"{path}: holds no vehicle that drives; give trajectories of vehicles")
     names = np.array(ids, dtype=str)[keep]
     tracks = gathered(
         names.tolist(),
@@ -178,7 +178,7 @@ def _gather(
 
 
 def _courses(tracks: Tracks) -> np.ndarray:
-    """Direction of the way about each sample; that before where a vehicle stands."""
+    """Direction of the way about each sample; the previous one while a vehicle is at rest."""
     found = np.full(len(tracks), np.nan)
     first = np.searchsorted(tracks.vehicle, np.arange(len(tracks.ids) + 1))
     for start, end in zip(first[:-1].tolist(), first[1:].tolist(), strict=True):

@@ -26,7 +26,8 @@ from sumo_nets.xml_guard import read_xml
 _BY = DEFAULT.simulating
 _FOREVER_S = 1_000_000
 _SUMO_CLOCK_S = 1e6  # later times are not those of a SUMO simulation
-_TAIL_EDGES = 12
+_TAIL_EDGES, _WAYS_ON = 8, 12
+_BORDER_M = 15.0  # before the farthest place seen on an edge, where a vehicle leaves what is seen
 _NOT_MOTORISED = ("bicycle", "scooter", "pedestrian")  # keep the parameters of their vehicle types
 _OPTIONS = (
     *("lanechange.duration", "step-method.ballistic", "default.action-step-length", "default.speeddev"),
@@ -44,13 +45,16 @@ class Trip:
         name: id.
         base: vType that it has, and SUMO's attributes of that.
         depart_s: by the clock of the simulation.
-        lane, along_m, speed_mps: where and how fast it begins; the lane's index.
-        route: edges; the measured ones and, for who is still there at the end, some more.
+        lane, along_m, speed_mps: initial position and speed; the lane's index.
+        route: edges as measured.
+        onward: ways on from the last edge, of which each seed takes one: the true one is not known. Empty for a
+            vehicle that leaves at the end of its route.
         limit_mps: mean limit of the route, for excesses in km/h.
-        lane_limit_mps: limit of the lane where it begins.
-        leaves_m: position on the last edge at which it was last measured; None for who stays.
+        lane_limit_mps: limit of its first lane.
+        leaves_m: position on the last edge at which it was last measured; None if it is present at the end.
+        leaves_at: the same in world axes, x, y [m] and heading [rad].
         checked: whether SUMO may delay its insertion until it is safe.
-        stop: SUMO's attributes of the place where it is parked; empty for who drives.
+        stop: SUMO's attributes of the place where it is parked; empty for a driving vehicle.
         turns: edges of the route at whose end it turns back.
     """
 
@@ -61,9 +65,11 @@ class Trip:
     along_m: float
     speed_mps: float
     route: tuple[str, ...]
+    onward: tuple[tuple[str, ...], ...]
     limit_mps: float
     lane_limit_mps: float
     leaves_m: float | None = None
+    leaves_at: tuple[float, float, float] = (0.0, 0.0, 0.0)
     checked: bool = True
     stop: str = ""
     turns: tuple[str, ...] = ()
@@ -75,14 +81,14 @@ class Demand:
 
     Attributes:
         net, additional: files.
-        trips: of all vehicles, those who begin parked first.
+        trips: of all vehicles, those that are parked at the start first.
         begin_s, seconds: by the simulation's clock, and how long to simulate.
         clock_s: the simulation's clock less the recording's [s].
         sample_s: time between two samples of a vehicle.
         options: SUMO's, that decide how vehicles move.
         lateral_m: lateral resolution of the sublane model; 0 without it.
         programs: traffic lights whose offsets differ from the network's, by the simulation's clock.
-        vehicles: how many drive, and how many begin parked.
+        vehicles: how many drive, and how many are parked at the start.
     """
 
     net: Path
@@ -107,10 +113,10 @@ def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, fo
     """The demand of some trajectories.
 
     Routes are those measured, U-turns at junctions included; the channel `u_turns` counts those of simulations only
-    that were not measured. Leaving the kerb is behaviour, not demand: who begins parked stays so.
+    that were not measured. Pull-outs are behaviour, not demand: a vehicle that is parked at the start stays there.
 
     Raises:
-        TrackError: nobody drives.
+        TrackError: no vehicle drives.
     """
     tracks, network = placed.tracks, placed.network
     start_s = tracks.start_s
@@ -119,6 +125,7 @@ def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, fo
     kinds = kind_of(tracks, network)
     first = np.searchsorted(tracks.vehicle, np.arange(len(tracks.ids) + 1))
     is_street = placed.of_lane(lambda _, lane: float(not lane.inside)) > 0
+    seen_to = _seen_to(placed)
     drivers, parkers = [], []
     last_s = tracks.time_s.max()
     for who, name in enumerate(tracks.ids):
@@ -133,6 +140,10 @@ def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, fo
         stays = not whole or tracks.time_s[rows[-1]] > last_s - _BY.left_early_s or bool(placed.parked[rows[-1]])
         begin = int(streets[0])
         lane = network.lanes[placed.lanes[placed.code[begin]]]
+        end = int(streets[-1])
+        leaves_m = None if stays else float(placed.along_m[end])
+        last_lane = _last_lane(placed, rows)
+        goes_on = leaves_m is None or leaves_m > seen_to.get(route[-1], np.inf) - _BORDER_M
         drivers.append(
             Trip(
                 name=name,
@@ -141,16 +152,18 @@ def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, fo
                 lane=lane.index,
                 along_m=min(float(placed.along_m[begin]), lane.length_m - 0.1),
                 speed_mps=float(tracks.speed_mps[begin]),
-                route=(*route, *_tail(network, route[-1], _last_lane(placed, rows), name)) if stays else tuple(route),
+                route=tuple(route),
+                onward=_ways_on(network, route[-1], last_lane, name) if goes_on else (),
                 limit_mps=float(np.mean([network.lanes_of(edge)[0].limit_mps for edge in route])),
                 lane_limit_mps=lane.limit_mps,
-                leaves_m=None if stays else float(placed.along_m[streets[-1]]),
+                leaves_m=leaves_m,
+                leaves_at=(*tracks.place[end].tolist(), float(tracks.heading_rad[end])),
                 checked=bool(tracks.time_s[begin] > start_s + 0.5),
                 turns=tuple(a for a, b in pairwise(route) if network.back.get(a) == b),
             )
         )
     if not drivers:
-        raise TrackError(_nobody(placed))
+        raise TrackError(_refusal(placed))
     drivers.sort(key=lambda trip: (trip.depart_s, trip.name))
     scenario = {} if town.scenario is None else town.scenario.options
     return Demand(
@@ -186,7 +199,11 @@ def write_demand(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: 
         slower = streets.factor if streets is not None and trip.route[0] in streets.edges else 1.0
         fastest = trip.lane_limit_mps * min(slower, 1.0) * factor
         fastest = min(fastest, float(attributes.get("desiredMaxSpeed", np.inf)) * factor)
-        lines += _vehicle(trip, min(fastest, float(attributes.get("maxSpeed", np.inf))))
+        lines += _vehicle(
+            trip,
+            trip.onward[seed % len(trip.onward)] if trip.onward else (),
+            min(fastest, float(attributes.get("maxSpeed", np.inf))),
+        )
     write_xml(folder / "demand.rou.xml", "routes", lines)
     additional = list(demand.additional)
     if demand.programs:
@@ -251,10 +268,10 @@ def _own_factor(attributes: Mapping[str, str], seed: int, name: str) -> float:
     return float(np.clip(mean + deviation * luck, 0.2, 2.0))
 
 
-def _nobody(placed: Placed) -> str:
-    if placed.parked.all() or not (placed.tracks.speed_mps > 1).any():
-        return "all vehicles stand throughout; measured trajectories must move"
-    return "nobody drives on the town's lanes; give trajectories of road vehicles on this network"
+def _refusal(placed: Placed) -> str:
+    if placed.parked.all():
+        return "all vehicles are parked throughout; measured trajectories must move"
+    return "no vehicle drives on the town's lanes; give trajectories of road vehicles on this network"
 
 
 def _bases(placed: Placed) -> list[tuple[str, tuple[tuple[str, str], ...]]]:
@@ -295,31 +312,46 @@ def _last_lane(placed: Placed, rows: np.ndarray) -> str:
     return placed.lanes[placed.code[on[-1]]]
 
 
-def _tail(network: Network, edge: str, last_lane: str, name: str) -> list[str]:
-    """Some more edges for who is still there at the end, so that nobody vanishes early.
-
-    The first is that to which the vehicle's last lane leads: it was chosen for that.
-    """
-    rng, found = np.random.default_rng(zlib.crc32(name.encode())), []
-    lanes, links = network.lanes, network.links
-    leads = [lanes[link.target].edge for link in links.get(last_lane, ()) if lanes[link.target].edge != edge]
-    inside = [link.target for some in links.values() for link in some if link.via == last_lane]
-    options = [lanes[target].edge for target in inside] or leads
-    for _ in range(_TAIL_EDGES):
-        onward = list(network.onward.get(edge, ()))
-        options = [one for one in options if one in onward] or onward
-        options = [one for one in options if one != network.back.get(edge)] or options
-        if not options:
-            break
-        edge = options[int(rng.integers(len(options)))]
-        found.append(edge)
-        options = []
+def _seen_to(placed: Placed) -> dict[str, float]:
+    """Edge → farthest position on it at which anybody was seen [m]: beyond it may lie the border of what is seen."""
+    found: dict[str, float] = {}
+    lanes = placed.network.lanes
+    for code, name in enumerate(placed.lanes):
+        if name in lanes and not lanes[name].inside:
+            edge, rows = lanes[name].edge, placed.code == code
+            found[edge] = max(found.get(edge, 0.0), float(placed.along_m[rows].max()))
     return found
 
 
-def _vehicle(trip: Trip, fastest_mps: float) -> list[str]:
+def _ways_on(network: Network, edge: str, last_lane: str, name: str) -> tuple[tuple[str, ...], ...]:
+    """Continuations of a route for a vehicle that does not end there, so that none vanishes early.
+
+    The first edge is one to which the vehicle's last lane leads; the others are drawn.
+    """
+    rng = np.random.default_rng(zlib.crc32(name.encode()))
+    lanes, links = network.lanes, network.links
+    leads = [lanes[link.target].edge for link in links.get(last_lane, ()) if lanes[link.target].edge != edge]
+    inside = [link.target for some in links.values() for link in some if link.via == last_lane]
+    first = [lanes[target].edge for target in inside] or leads
+    ways = []
+    for _ in range(_WAYS_ON):
+        at, way, options = edge, [], first
+        for _ in range(_TAIL_EDGES):
+            onward = list(network.onward.get(at, ()))
+            options = [one for one in options if one in onward] or onward
+            options = [one for one in options if one != network.back.get(at)] or options
+            if not options:
+                break
+            at = options[int(rng.integers(len(options)))]
+            way.append(at)
+            options = []
+        ways.append(tuple(way))
+    return tuple(ways) if ways[0] else ()
+
+
+def _vehicle(trip: Trip, onward: tuple[str, ...], fastest_mps: float) -> list[str]:
     head = f"    <vehicle id={quoteattr(trip.name)} type={quoteattr(f'{trip.base[0]}@{trip.name}')}"
-    route = f'        <route edges="{" ".join(trip.route)}"/>'
+    route = f'        <route edges="{" ".join((*trip.route, *onward))}"/>'
     if trip.stop:
         head += f' depart="{trip.depart_s:.2f}" departPos="stop">'
         return [head, route, f'        <stop {trip.stop} duration="{_FOREVER_S}"/>', "    </vehicle>"]
@@ -327,13 +359,13 @@ def _vehicle(trip: Trip, fastest_mps: float) -> list[str]:
     head += f' depart="{max(trip.depart_s, 0):.2f}" departLane="{trip.lane}" departPos="{trip.along_m:.2f}"'
     checks = "collision leaderGap followerGap junction" if trip.checked else "none"
     head += f' departSpeed="{speed:.2f}" insertionChecks="{checks}"'
-    if trip.leaves_m is not None:
+    if trip.leaves_m is not None and not onward:
         head += f' arrivalPos="{trip.leaves_m:.2f}"'
     return [head + ">", route, "    </vehicle>"]
 
 
 def _parker(placed: Placed, name: str, base: tuple[str, tuple[tuple[str, str], ...]], row: int, clock_s: float) -> Trip:
-    """A vehicle that begins parked: in the lot where it stands, or beside the lane."""
+    """A vehicle that is parked at the start: in its lot, or at the side of the lane."""
     network, tracks = placed.network, placed.tracks
     lane = network.lanes.get(placed.lanes[placed.code[row]]) or network.nearest(tracks.place[row])
     along = float(lane.project(tracks.place[row : row + 1])[0][0])
@@ -344,7 +376,9 @@ def _parker(placed: Placed, name: str, base: tuple[str, tuple[tuple[str, str], .
     ]
     where = f'parkingArea="{min(lots)[1]}"' if lots else f'lane="{lane.id}" endPos="{along:.2f}" parking="true"'
     depart = max(tracks.start_s + clock_s, 0.0)
-    return Trip(name, base, depart, lane.index, along, 0.0, (lane.edge,), lane.limit_mps, lane.limit_mps, stop=where)
+    return Trip(
+        name, base, depart, lane.index, along, 0.0, (lane.edge,), (), lane.limit_mps, lane.limit_mps, stop=where
+    )
 
 
 def _moved_programs(network: Network, phases: Phases, clock_s: float) -> dict[str, Program]:

@@ -1,4 +1,4 @@
-"""Which driver behaviour a model lacks: test, rank, fit, accept by the held-out error, until nothing more is found."""
+"""Find missing driver behaviour: test, rank, fit, accept by the held-out error, repeat."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MOST_UNEXPLAINED = 6
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """The model as it stands, simulated with all seeds, and the evidence against it."""
+    """The current model, simulated with all seeds, and the evidence against it."""
 
     config: BehaviourConfig
     runs: list[Summary]
@@ -40,7 +40,7 @@ class _Look:
 
 @dataclass(frozen=True, eq=False)
 class _Try:
-    """A behaviour fitted beside those found before.
+    """A behaviour fitted together with those found before.
 
     Attributes:
         behaviour: which.
@@ -169,26 +169,26 @@ class _Diagnosis:
         order = sorted(options, key=lambda option: -promise[option[0].name])
         least = self._by.fitting.nearly * promise[order[0][0].name]
         chosen = [option for option in order if promise[option[0].name] > least] or order
-        judged = np.array(
+        scored = np.array(
             [
                 column.is_whole or any(option.shows(column.channel, column.condition) for option, _ in options)
                 for column in look.fitted.columns
             ],
             bool,
         )
-        before_chi2 = float((look.fitted.z[judged] ** 2).sum())
+        before_chi2 = float((look.fitted.z[scored] ** 2).sum())
         tries = []
         for behaviour, config in chosen[: self._by.fitting.tried]:
             self._say(f"fitting {behaviour.name}")
             before = [BEHAVIOURS[finding.behaviour] for finding in self._found]
             known = slopes | (estimator.slopes(config, before) if before else {})
-            fit = self._estimator(self._by.fitting.seeds).fit(config, [*before, behaviour], look.fitted, known, judged)
+            fit = self._estimator(self._by.fitting.seeds).fit(config, [*before, behaviour], look.fitted, known, scored)
             gain = before_chi2 - fit.chi2 - self._penalty(behaviour)
             tries.append(_Try(behaviour, fit, gain, errors[behaviour.name]))
         return sorted(tries, key=lambda attempt: -attempt.gain), promise
 
     def _held_out_fall(self, before: _Look, after: _Look) -> Fall:
-        ids = self._case.judging
+        ids = self._case.held_out
         return compare_scores(before.scores.of(ids), after.scores.of(ids))
 
     def _add(self, attempt: _Try, tries: Sequence[_Try], look: _Look, after: _Look, fall: Fall) -> None:
@@ -234,7 +234,7 @@ class _Diagnosis:
         before, after = self._compare(first), self._compare(last)
         left = find_unexplained(after, self._by.level)
         ambiguous = any(finding.also_possible for finding in findings)
-        ids = self._case.judging
+        ids = self._case.held_out
         return TrafficDiagnosis(
             verdict="ambiguous" if ambiguous else "missing" if findings else "unknown" if left else "none",
             effects=tuple(findings),

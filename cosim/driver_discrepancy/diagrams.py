@@ -27,11 +27,20 @@ def draw_diagrams(measured: Summary, models: Sequence[tuple[str, Sequence[Summar
     if not shown:
         return ""
     words = (
-        "Fundamental diagram: one dot per street and 30 s, density and flow after Edie. Space–time diagram: the street "
-        "with most vehicle time, one line per vehicle; of each model the first seed."
+        "Fundamental diagram: one dot per street and 30 s, density and flow after Edie. Space–time diagrams: all lanes "
+        f"of {_street_words(measured)}, one line per vehicle. Of each model the first seed is drawn."
     )
+    swatches = "".join(
+        f'<span><i style="background:var(--{style})"></i> {escape(name)}</span>' for name, style, _ in drawn
+    )
+    legend = f'<div class="legend" style="padding-left:0">{swatches}</div>'
     charts = f'<div class="charts">{"".join(shown)}</div>'
-    return f"<section><h2>Flow, density, space and time</h2><p>{words}</p>{charts}</section>"
+    return f"<section><h2>Flow, density, space and time</h2><p>{words}</p>{legend}{charts}</section>"
+
+
+def _street_words(measured: Summary) -> str:
+    name = f"street {escape(measured.street)}, " if measured.street else ""
+    return f"{name}the one with most vehicle time"
 
 
 def _fundamental(drawn: Sequence[tuple[str, str, Summary]]) -> str:

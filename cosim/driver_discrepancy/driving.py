@@ -1,6 +1,6 @@
 """What drivers do besides following: changes of lane without a reason, U-turns, pull-outs.
 
-SUMO's own drivers do all the rest by themselves; these acts are decided twice a second.
+SUMO's own drivers do everything else; these acts are decided twice a second.
 """
 
 from __future__ import annotations

@@ -143,7 +143,7 @@ class Estimator:
         behaviours: Sequence[Behaviour],
         evidence: Evidence,
         slopes: Mapping[str, np.ndarray],
-        judged: np.ndarray | None = None,
+        scored: np.ndarray | None = None,
     ) -> Fit:
         """Fit all parameters of some behaviours together to the columns that show them.
 
@@ -154,7 +154,7 @@ class Estimator:
             behaviours: whose parameters are fitted.
             evidence: of the configuration without them.
             slopes: behaviour → change of all columns with its parameters.
-            judged: (k,) columns over which chi² is summed; by default all.
+            scored: (k,) columns over which chi² is summed; by default all.
         """
         knobs = [(behaviour, knob) for behaviour in behaviours for knob in behaviour.knobs]
         start = {one.name: one.read(config, self._background) for one in behaviours}
@@ -166,7 +166,7 @@ class Estimator:
         own = np.array([any(one.shows(c.channel, c.condition) for one in behaviours) for c in evidence.columns])
         jacobian *= own[:, None]
         at = np.clip(at, low, high)
-        whole = np.ones(len(evidence.columns), bool) if judged is None else judged
+        whole = np.ones(len(evidence.columns), bool) if scored is None else scored
         before = rest = self._rest(config, behaviours, at, evidence)
         for _ in range(self._by.fitting.rounds):
             step = np.clip(at + self._solve(jacobian, rest, plain), low, high) - at

@@ -135,7 +135,7 @@ def find_significance(evidence: Evidence, rng: np.random.Generator, by: TrafficS
 def cross_fitted_gain(
     evidence: Evidence, columns: np.ndarray, slopes: np.ndarray, limits: np.ndarray, shift: np.ndarray, folds: int = 5
 ) -> tuple[float, float]:
-    """Gain of a direction, fitted on some vehicles and judged on the others, and its standard error over folds.
+    """Gain of a direction, fitted on some vehicles and scored on the others, and its standard error over folds.
 
     Σₖ θ₋ₖᵀsₖ − ½ θ₋ₖᵀHₖθ₋ₖ with the score s = JᵀC⁻¹z and the information H = JᵀC⁻¹J of a fold k.
 

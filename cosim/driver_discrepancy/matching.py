@@ -17,9 +17,11 @@ from cosim.driver_discrepancy.tracks import TrackError, Tracks
 _SPACING_M, _REACH_M, _NEIGHBOURS = 2.0, 9.0, 16
 _DISTANCE_M, _HEADING_RAD = 1.2, 0.35
 _AGAINST_RAD = 1.3  # who is turned farther from a lane is not on it
+_OFF_COURSE_DEG = 20.0  # median angle between heading and direction of travel, from which headings are wrong
 _KEY_S = 1.0
 _CHANGE, _SKIP, _UNCONNECTED = 2.0, 3.0, 14.0
-_FEWEST_SHARE = 0.5
+_FEWEST_SHARE = 0.5  # of samples that lie on streets, to be of this town
+_AXES_SHARE = 0.8  # of samples that lie on streets with other axes, to be an error of the axes
 
 
 def match_lanes(tracks: Tracks, network: Network) -> tuple[Tracks, list[str]]:
@@ -89,25 +91,33 @@ class _Matcher:
         """Refuse trajectories that are not on the network, with the reason that was verified."""
         every = max(1, len(tracks) // 2000)
         place, heading = tracks.place[::every], tracks.heading_rad[::every]
-        if self._share(place, heading) >= _FEWEST_SHARE:
+        share = self._share(place, heading)
+        if share >= _FEWEST_SHARE:
             return
         swapped = self._share(place[:, ::-1], np.pi / 2 - heading)
         mirrored = self._share(place * (1, -1), -heading)
         away = float(np.median(self._tree.query(place)[0]))
         middle, town = np.median(place, axis=0), np.median(self._points, axis=0)
-        if swapped >= _FEWEST_SHARE:
-            raise TrackError("x and y are exchanged: with them swapped the positions lie on the streets; swap them")
-        if mirrored >= _FEWEST_SHARE:
-            raise TrackError("y points the wrong way: mirrored, the positions lie on the streets; negate y")
-        if away < _REACH_M:
+        if swapped >= _AXES_SHARE:
             raise TrackError(
-                "positions lie on the streets, but headings and directions of lanes differ for most of them; "
-                "check the network's side of driving and the heading column"
+                f"x and y are exchanged: with them swapped {swapped:.0%} of the positions lie on the streets; swap them"
             )
+        if mirrored >= _AXES_SHARE:
+            raise TrackError(
+                f"y points the wrong way: mirrored, {mirrored:.0%} of the positions lie on the streets; negate y"
+            )
+        off_course = _off_course_deg(tracks)
+        if off_course > _OFF_COURSE_DEG:
+            raise TrackError(
+                f"headings differ from the direction of travel by {off_course:.0f}° (median); write heading_deg in "
+                "degrees counter-clockwise from east, or clockwise from north"
+            )
+        if self._share(place, heading + np.pi) >= _AXES_SHARE:
+            raise TrackError("vehicles drive against the lanes; check on which side the network's traffic drives")
         raise TrackError(
-            f"most positions lie off the streets (median {away:.0f} m away; tracks about ({middle[0]:.0f}, "
-            f"{middle[1]:.0f}) m, streets about ({town[0]:.0f}, {town[1]:.0f}) m); give the configuration of the town "
-            "that was measured, in the same axes"
+            f"most positions lie off the streets: {share:.0%} are on a lane of their direction (median distance to a "
+            f"lane {away:.0f} m; tracks about ({middle[0]:.0f}, {middle[1]:.0f}) m, streets about ({town[0]:.0f}, "
+            f"{town[1]:.0f}) m); give the configuration of the town that was measured, in the same axes"
         )
 
     def match(self, place: np.ndarray, heading: np.ndarray, time_s: np.ndarray) -> np.ndarray:
@@ -181,6 +191,17 @@ class _Matcher:
         if way is not None:
             return 0.0 if len(way) <= 3 else _SKIP
         return _CHANGE if self._edge[a] == self._edge[b] else _UNCONNECTED
+
+
+def _off_course_deg(tracks: Tracks) -> float:
+    """Median angle between heading and direction of travel."""
+    move = np.diff(tracks.place, axis=0)
+    apart = np.hypot(*move.T)
+    moved = (np.diff(tracks.vehicle) == 0) & (apart > 0.1) & (apart < 50)
+    if not moved.any():
+        return 0.0
+    angle = np.arctan2(move[:, 1], move[:, 0])[moved] - tracks.heading_rad[:-1][moved]
+    return float(np.degrees(np.median(np.abs(np.angle(np.exp(1j * angle))))))
 
 
 def _keys(time_s: np.ndarray) -> np.ndarray:

@@ -72,7 +72,7 @@ class Link:
         target, via: ids of the next lane and of the first lane inside the junction; `via` may be empty.
         signal, index: traffic light and its link index; empty and −1 without one.
         direction: SUMO's letter: s, l, r, L, R, t.
-        has_priority: nobody else goes first.
+        has_priority: no other stream goes first.
     """
 
     target: str

@@ -15,7 +15,7 @@ import numpy as np
 from cosim.driver_discrepancy.channels import BASES, CHANNELS
 from cosim.driver_discrepancy.summary import Summary
 
-_FEWEST_VEHICLES = 3
+_FEWEST_VEHICLES = 10
 _LARGEST = 10.0  # scales, to which a single difference is limited
 
 
@@ -42,7 +42,7 @@ class Scores:
         return Scores(names, self.channels, self.table[keep], self.by_seed[:, keep])
 
     def by_channel(self) -> dict[str, float]:
-        """Mean score of each channel over its scale; NaN where fewer than three vehicles show it."""
+        """Mean score of each channel over its scale; NaN where fewer than ten vehicles show it."""
         return dict(zip(self.channels, _means(self.table).tolist(), strict=True))
 
     def by_group(self) -> dict[str, float]:
@@ -87,7 +87,7 @@ def score_vehicles(measured: Summary, runs: Sequence[Summary]) -> Scores:
 
 
 def noise_floor(runs: Sequence[Summary], ids: frozenset[str] | None = None) -> float:
-    """The error of the model against itself: each seed takes the place of the measurement once."""
+    """The error of the model against itself: each seed serves as the measurement once."""
     errors = []
     for number, run in enumerate(runs):
         scores = score_vehicles(run, [other for at, other in enumerate(runs) if at != number])

@@ -58,7 +58,7 @@ def simulate(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: floa
         if demand.lateral_m > 0:
             command += ["--lateral-resolution", str(demand.lateral_m)]
         _run(command, demand, behaviour, seed, step_s)
-        tracks = _without_parking(read_fcd_table(output), demand)
+        tracks = _as_far_as_measured(_without_parking(read_fcd_table(output), demand), demand)
     if demand.lateral_m == 0:
         tracks = _beside_the_middle(tracks, behaviour, seed)
     types = {trip.name: trip.base[0] for trip in demand.trips}
@@ -93,6 +93,27 @@ def _without_parking(tracks: Tracks, demand: Demand) -> Tracks:
         return tracks
     begins = np.array([name in parked for name in tracks.ids], bool)[tracks.vehicle]
     return take_rows(tracks, ~(begins & (tracks.time_s < demand.begin_s + _PARKED_FROM_S)))
+
+
+def _as_far_as_measured(tracks: Tracks, demand: Demand) -> Tracks:
+    """The same without what vehicles do beyond the place where they left the measured area."""
+    keep = np.ones(len(tracks), bool)
+    edges = np.array([name.rpartition("_")[0] if name[:1] != ":" else "" for name in tracks.lane.tolist()], dtype=str)
+    row = {name: number for number, name in enumerate(tracks.ids)}
+    first = np.searchsorted(tracks.vehicle, np.arange(len(tracks.ids) + 1))
+    for trip in demand.trips:
+        if trip.leaves_m is None or not trip.onward or trip.name not in row:
+            continue
+        rows = np.arange(first[row[trip.name]], first[row[trip.name] + 1])
+        on = edges[rows] != ""
+        street = edges[rows][np.maximum.accumulate(np.where(on, np.arange(len(rows)), 0))]
+        visit = 1 + np.cumsum(np.concatenate([[False], street[1:] != street[:-1]]))
+        x, y, heading = trip.leaves_at
+        ahead = (tracks.place[rows] - (x, y)) @ (np.cos(heading), np.sin(heading))
+        beyond = (visit > len(trip.route)) | ((visit == len(trip.route)) & ((ahead > 0) | ~on))
+        keep[rows[np.maximum.accumulate(beyond)]] = False
+        keep[rows[0]] = True
+    return take_rows(tracks, keep)
 
 
 def _beside_the_middle(tracks: Tracks, behaviour: BehaviourConfig, seed: int) -> Tracks:

@@ -15,7 +15,9 @@ SPEED_BINS = np.arange(0.5, 40.01, 0.5)
 HEADWAY_BINS = np.arange(0.0, 6.01, 0.1)
 LATERAL_BINS = np.arange(-1.0, 1.001, 0.02)
 ACCELERATION_BINS = np.arange(-6.0, 6.01, 0.25)
-_DIAGRAM_S, _INTERVAL_S = 1.0, 30.0
+_DIAGRAM_S = 1.0
+_INTERVAL_S, _SHORTEST_INTERVAL_S = 30.0, 10.0  # of the fundamental diagram
+_SHORTEST_STREET_M = 50.0
 
 
 @dataclass(frozen=True)
@@ -41,9 +43,10 @@ class Summary:
         columns: of the tables.
         sums, weights: (v, c); their ratio is the vehicle's value.
         histograms: `speed`, `headway`, `lateral`, `acceleration`: (bins + 2,) samples.
-        fundamental: (m, 2) density [veh/km] and flow [veh/h] of streets in intervals of 30 s.
+        fundamental: (m, 2) density [veh/km] and flow [veh/h] of streets in intervals of 30 s; the last may be shorter.
         space_time: (p, 3) vehicle, time since the begin [s] and position [m] on the diagram's street.
         seconds: duration of the recording.
+        street: id of the diagram's street; empty without one.
     """
 
     ids: tuple[str, ...]
@@ -54,6 +57,7 @@ class Summary:
     fundamental: np.ndarray
     space_time: np.ndarray
     seconds: float
+    street: str = ""
 
     def of(self, ids: frozenset[str]) -> Summary:
         """That of some vehicles alone; the histograms stay those of all."""
@@ -68,6 +72,7 @@ class Summary:
             self.fundamental,
             self.space_time,
             self.seconds,
+            self.street,
         )
 
     def ratios(self) -> np.ndarray:
@@ -127,6 +132,7 @@ def summarise(
         fundamental=_fundamental(placed),
         space_time=_space_time(placed, frame.diagram),
         seconds=tracks.seconds,
+        street=frame.diagram,
     )
 
 
@@ -218,8 +224,11 @@ def _fundamental(placed: Placed) -> np.ndarray:
     size = len(names) * count
     spent = np.bincount(key, minlength=size) * tracks.step_s
     travelled = np.bincount(key, tracks.speed_mps[good], minlength=size) * tracks.step_s
-    area = np.repeat([lengths[name] for name in names], count) * _INTERVAL_S
-    used = (spent > 0) & (area > 50 * _INTERVAL_S)
+    last = float(tracks.time_s.max()) - tracks.start_s + tracks.step_s
+    duration = np.clip(last - _INTERVAL_S * np.arange(count), 0.0, _INTERVAL_S)
+    length = np.array([lengths[name] for name in names])
+    area = np.outer(length, duration).ravel()
+    used = (spent > 0) & np.outer(length > _SHORTEST_STREET_M, duration >= min(_SHORTEST_INTERVAL_S, last)).ravel()
     return np.column_stack([spent[used] / area[used] * 1000, travelled[used] / area[used] * 3600])
 
 

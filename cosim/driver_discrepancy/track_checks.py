@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from cosim.driver_discrepancy.settings import TrafficSettings
 from cosim.driver_discrepancy.tracks import TrackError, Tracks, take_rows
@@ -12,6 +13,9 @@ from cosim.driver_discrepancy.tracks import TrackError, Tracks, take_rows
 _GAP_S, _FASTEST_MPS, _JITTER_M = 5.0, 90.0, 3.0
 _SHORT_S = 3.0
 _RECORDINGS_APART_S = 30.0
+_FEWEST_ROWS = 20  # of samples, to compare with each other
+_MOVES_MPS = 1.0
+_SAME_PLACE_M, _SAME_PLACE_SHARE = 1.0, 0.1
 _SPLITS_SHARE = 0.02  # of samples, from which jumps are no reused ids
 _UNITS = (
     (1e-3, "times look like milliseconds", "divide time_s by 1000"),
@@ -30,7 +34,8 @@ def split_tracks(tracks: Tracks) -> tuple[Tracks, list[str]]:
         Trajectories, and notes on what was changed.
 
     Raises:
-        TrackError: units disagree with the positions, the clock jumps, or there are two recordings.
+        TrackError: units disagree with the positions, the clock jumps, vehicles overlap, or
+            there are two recordings.
     """
     notes = []
     same = np.diff(tracks.vehicle) == 0
@@ -41,6 +46,7 @@ def split_tracks(tracks: Tracks) -> tuple[Tracks, list[str]]:
         same = np.diff(tracks.vehicle) == 0
     _check_units(tracks)
     _check_clock(tracks)
+    _check_overlaps(tracks)
     gap, move = np.diff(tracks.time_s), np.hypot(*np.diff(tracks.place, axis=0).T)
     cut = same & ((gap > _GAP_S) | (move > _FASTEST_MPS * gap + _JITTER_M))
     stood = same & (move < 1.0) & (tracks.speed_mps[:-1] < 0.5) & (tracks.speed_mps[1:] < 0.5)
@@ -77,7 +83,7 @@ def split_tracks(tracks: Tracks) -> tuple[Tracks, list[str]]:
 
 
 def check_duration(tracks: Tracks, by: TrafficSettings) -> None:
-    """Refuse recordings that are too short or too long, and tracks in which nobody can be followed.
+    """Refuse recordings that are too short or too long, without motion, or with tracks that are too short.
 
     Raises:
         TrackError: with the duration, the limit and the remedy.
@@ -91,12 +97,37 @@ def check_duration(tracks: Tracks, by: TrafficSettings) -> None:
             f"the trajectories last {tracks.seconds:.0f} s; give at most {by.longest_s:.0f} s, or check that time_s is "
             "in seconds"
         )
+    _check_motion(tracks)
     first = np.searchsorted(tracks.vehicle, np.arange(len(tracks.ids) + 1))
     lasts = tracks.time_s[first[1:] - 1] - tracks.time_s[first[:-1]]
     if float(np.median(lasts)) < _SHORT_S:
         raise TrackError(
             f"half of the vehicles are seen for less than {np.median(lasts):.1f} s; give tracks of at least "
             f"{_SHORT_S:.0f} s, and check that ids stay the same along a track"
+        )
+
+
+def _check_motion(tracks: Tracks) -> None:
+    if not (tracks.speed_mps > _MOVES_MPS).any():
+        raise TrackError("all vehicles are at rest throughout; measured trajectories must move")
+
+
+def _check_overlaps(tracks: Tracks) -> None:
+    """Refuse vehicles that drive at the same place at the same time."""
+    rows = np.flatnonzero(tracks.speed_mps > _MOVES_MPS)
+    if len(rows) < _FEWEST_ROWS:
+        return
+    step_s = max(tracks.step_s, 1e-3)
+    instant = np.round((tracks.time_s[rows] - tracks.start_s) / step_s)
+    # Instants lie farther apart than the radius, so that pairs are of one instant.
+    points = np.column_stack([tracks.place[rows], 10 * _SAME_PLACE_M * instant])
+    pairs = KDTree(points).query_pairs(_SAME_PLACE_M, output_type="ndarray")
+    others = tracks.vehicle[rows[pairs[:, 0]]] != tracks.vehicle[rows[pairs[:, 1]]]
+    share = len(np.unique(pairs[others])) / len(rows)
+    if share > _SAME_PLACE_SHARE:
+        raise TrackError(
+            f"{share:.0%} of the samples of moving vehicles lie within {_SAME_PLACE_M:g} m of another vehicle at the "
+            "same time: the file holds two recordings on one clock, or vehicles under two ids; give one of them"
         )
 
 
@@ -107,7 +138,7 @@ def _check_units(tracks: Tracks) -> None:
     own = gap[np.diff(tracks.vehicle) == 0]
     usual = float(np.median(own)) if len(own) else 0.0
     good = (np.diff(tracks.vehicle) == 0) & (gap > 0) & (gap < 3 * max(usual, 1e-9)) & (speed > 2) & (move > 0)
-    if good.sum() < 20:
+    if good.sum() < _FEWEST_ROWS:
         return
     ratio = float(np.median(move[good] / (speed[good] * gap[good])))
     if 0.7 < ratio < 1.4:

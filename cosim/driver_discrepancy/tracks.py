@@ -15,6 +15,7 @@ from cosim.errors import CosimError
 
 COLUMNS = ("time_s", "id", "x_m", "y_m", "speed_mps", "heading_deg", "lane", "type")
 _OPTIONAL = ("lane", "type")
+_ON_FOOT = ("pedestrian", "person", "type_pedestrian")
 _NUMBERS = ("time_s", "x_m", "y_m", "speed_mps", "heading_deg")
 
 
@@ -123,17 +124,26 @@ def read_tracks(path: Path) -> Tracks:
         raise TrackError(
             f"{path}: speed_mps is {values['speed_mps'][row]:g} in line {row + 2}; speeds are not negative"
         )
+    ids = np.array([row[at["id"]].strip() for row in rows])
+    types = np.array([row[at["type"]].strip() if "type" in at else "car" for row in rows])
+    lanes = np.array([row[at["lane"]].strip() if "lane" in at else "" for row in rows])
+    place = np.column_stack([values["x_m"], values["y_m"]])
+    _check_order(np.unique(ids, return_inverse=True)[1], values["time_s"], place, values["speed_mps"])
+    drives = ~np.isin(np.char.lower(types), _ON_FOOT)
+    if not drives.any():
+        raise TrackError(f"{path}: holds people on foot only; give trajectories of vehicles")
     found = gathered(
-        [row[at["id"]].strip() for row in rows],
-        [row[at["type"]].strip() if "type" in at else "car" for row in rows],
-        [row[at["lane"]].strip() if "lane" in at else "" for row in rows],
-        values["time_s"],
-        np.column_stack([values["x_m"], values["y_m"]]),
-        values["speed_mps"],
-        _from_east(values),
+        ids[drives],
+        types[drives],
+        lanes[drives],
+        values["time_s"][drives],
+        place[drives],
+        values["speed_mps"][drives],
+        _from_east(values)[drives],
     )
     _check(path, found)
-    return found
+    people = len(np.unique(ids[~drives]))
+    return replace(found, notes=(f"{people} people on foot were left out",)) if people else found
 
 
 def write_tracks(path: Path, tracks: Tracks) -> None:
@@ -209,6 +219,44 @@ def with_true_headings(tracks: Tracks) -> Tracks:
     if np.cos(course - other[:-1][moved]).sum() <= np.cos(course - heading).sum():
         return tracks
     return replace(tracks, heading_rad=np.angle(np.exp(1j * other)))
+
+
+def _check_order(vehicle: np.ndarray, time_s: np.ndarray, place: np.ndarray, speed_mps: np.ndarray) -> None:
+    """Find a clock that goes back, from samples in the order of the file.
+
+    A vehicle whose time decreases once while it moves on as far as in a usual step shows a change of the clock. In
+    files in another order time decreases often, or with positions far apart.
+
+    Args:
+        vehicle: (n,) code of the vehicle of each sample.
+        time_s: (n,) time of each sample.
+        place: (n, 2) position of each sample [m].
+        speed_mps: (n,) speed of each sample.
+
+    Raises:
+        TrackError: the times of three vehicles or more, or of all that move, go back at the same time.
+    """
+    order = np.argsort(vehicle, kind="stable")
+    same = np.diff(vehicle[order]) == 0
+    gap = np.diff(time_s[order])
+    usual = gap[same & (gap > 0)]
+    if not len(usual):
+        return
+    move = np.hypot(*np.diff(place[order], axis=0).T)
+    fast = speed_mps[order][:-1]
+    back = same & (gap < 0)
+    near = back & (fast > 2) & (move < 3 * fast * float(np.median(usual)))
+    who = vehicle[order][:-1]
+    if (np.bincount(who[back]) > 3).any() or not near.any():
+        return
+    before, by = time_s[order][:-1][near], gap[near]
+    at_once = np.abs(before - np.median(before)) < 1 + abs(float(np.median(by)))
+    moving = len(np.unique(vehicle[speed_mps > 2]))
+    if len(np.unique(who[near][at_once])) >= min(3, moving):
+        raise TrackError(
+            f"the clock goes back by {-float(np.median(by)):.1f} s after {float(np.median(before)):.2f} s: vehicles "
+            "move on without a gap there; correct time_s, or give one part"
+        )
 
 
 def _check(path: Path, tracks: Tracks) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from cosim.cli import main
 from cosim.driver_discrepancy.network import read_network
+from cosim.driver_discrepancy.tracks import read_tracks
 from sumo_nets import read_town
 
 HEADER = "time_s,id,x_m,y_m,speed_mps,heading_deg,lane,type"
@@ -25,10 +26,10 @@ def sample(time_s: object, name: str = "a", speed: object = 5.0, lane: str = "A0
 GOOD = [sample(t, name) for name in ("a", "b") for t in (0.0, 0.1, 0.2)]
 
 
-def refused(tmp_path: Path, capsys, command: str = "traffic-compare") -> str:
+def refused(tmp_path: Path, capsys, town: str = "town01") -> str:
     """The error's line."""
-    (tmp_path / "run.yaml").write_text("town: town01\n")
-    assert main([command, str(tmp_path / "m.csv"), "--config", str(tmp_path / "run.yaml")]) == 2
+    (tmp_path / "run.yaml").write_text(f"town: {town}\n")
+    assert main(["traffic-compare", str(tmp_path / "m.csv"), "--config", str(tmp_path / "run.yaml")]) == 2
     line = capsys.readouterr().err
     assert line.count("\n") == 1
     return line
@@ -45,7 +46,11 @@ def refused(tmp_path: Path, capsys, command: str = "traffic-compare") -> str:
         (HEADER, [sample(t, n, -1) for n in "ab" for t in (0.0, 0.1)], "speeds are not negative"),
         (HEADER, [*GOOD, "1,2"], "has 2 values"),
         (HEADER, [sample(0), sample(1, "b")], "last 1.0 s"),
-        (HEADER, [sample(t, n, 0, "nowhere_0") for n in "ab" for t in (0, 20)], "lane 'nowhere_0' is not in the town"),
+        (
+            HEADER,
+            [sample(t, n, 5, "nowhere_0") for n in "ab" for t in range(0, 21, 4)],
+            "lane 'nowhere_0' is not in the town",
+        ),
         (HEADER, [sample(t, n, 0) for n in "ab" for t in (0, 9000)], "give at most 7200 s"),
         (HEADER, [sample(20 * k, f"v{k}") for k in range(3)], "seen for less than 0.0 s"),
     ],
@@ -112,6 +117,11 @@ def jumping(after_s: float, by_s: float) -> np.ndarray:
     return table
 
 
+def tracks_of_two_seconds() -> np.ndarray:
+    short = drives()[drives()[:, 0] <= 2]
+    return np.concatenate([short + np.array((3.0 * k, 2 * k, 0, 0, 0, 0)) for k in range(6)])
+
+
 @pytest.mark.parametrize(
     ("table", "says"),
     [
@@ -124,9 +134,53 @@ def jumping(after_s: float, by_s: float) -> np.ndarray:
             lambda: np.concatenate([drives(), drives() + np.array((400, 5, 0, 0, 0, 0))]),
             "the file holds two recordings",
         ),
-        (lambda: drives() * (1, 1, 0, 0, 0, 1) + (0, 0, *drives()[0, 2:4], 0, 0), "all vehicles stand throughout"),
+        (lambda: jumping(6.0, -5.0), "the clock goes back by 4.8 s after 6.00 s"),
+        (
+            lambda: np.concatenate([drives(), drives() + np.array((0, 5, 0, 0, 0, 0))]),
+            "lie within 1 m of another vehicle at the same time: the file holds two recordings on one clock",
+        ),
+        (lambda: drives() + np.array((0, 0, 0, 0, 0, 70)), "headings differ from the direction of travel by 70°"),
+        (lambda: tracks_of_two_seconds(), "half of the vehicles are seen for less than 2.0 s"),
+        (
+            lambda: drives() * (1, 1, 0, 0, 0, 1) + (0, 0, *drives()[0, 2:4], 0, 0),
+            "all vehicles are at rest throughout",
+        ),
     ],
 )
 def test_units_clocks_and_axes(tmp_path: Path, capsys, table: Callable[[], np.ndarray], says: str) -> None:
     write(tmp_path / "m.csv", table())
     assert says in refused(tmp_path, capsys)
+
+
+@pytest.mark.parametrize("town", ["town02", "town03", "town05"])
+def test_a_table_of_another_town(tmp_path: Path, capsys, town: str) -> None:
+    write(tmp_path / "m.csv", drives())
+    assert "most positions lie off the streets" in refused(tmp_path, capsys, town=town)
+
+
+def test_persons_only(tmp_path: Path, capsys) -> None:
+    write(tmp_path / "m.csv", drives(), "pedestrian")
+    assert "holds people on foot only" in refused(tmp_path, capsys)
+
+
+def test_persons_among_vehicles_are_left_out_and_counted(tmp_path: Path) -> None:
+    write(tmp_path / "m.csv", drives())
+    vehicles = read_tracks(tmp_path / "m.csv")
+    lines = (tmp_path / "m.csv").read_text() + "0,p,1,1,1,0,pedestrian\n0.2,p,1.2,1,1,0,person\n"
+    (tmp_path / "m.csv").write_text(lines)
+    tracks = read_tracks(tmp_path / "m.csv")
+    assert tracks.ids == vehicles.ids and len(tracks) == len(vehicles)
+    assert tracks.notes == ("1 people on foot were left out",)
+
+
+def test_a_relative_town_belongs_to_the_folder_of_the_configuration(tmp_path: Path, capsys, monkeypatch) -> None:
+    town = read_town("town01")
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep" / "net.net.xml").write_bytes(Path(town.net).read_bytes())
+    (tmp_path / "deep" / "s.sumocfg").write_text('<configuration><net-file value="net.net.xml"/></configuration>')
+    (tmp_path / "deep" / "run.yaml").write_text("town: s.sumocfg\nbehaviour: sumo\n")
+    write(tmp_path / "m.csv", drives() + np.array((0, 0, 50_000, 0, 0, 0)))
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert main(["traffic-compare", "../m.csv", "--config", "../deep/run.yaml"]) == 2
+    assert "most positions lie off the streets" in capsys.readouterr().err

@@ -100,16 +100,17 @@ def main() -> None:
     parser.add_argument("--cases", default="", help="regular expression of case names")
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--folder", type=Path, default=Path("out/hidden/traffic_sumo"))
+    parser.add_argument("--workers", type=int, default=2, help="processes that simulate")
     chosen = parser.parse_args()
     done = {}
     for name, case in CASES.items():
         if re.search(chosen.cases, name):
-            done[name] = _result(chosen.folder.resolve() / f"{name}-{chosen.seed}", case, chosen.seed)
+            done[name] = _result(chosen.folder.resolve() / f"{name}-{chosen.seed}", case, chosen.seed, chosen.workers)
             print(_line(name, case, done[name]), flush=True)
     _print_shares(done)
 
 
-def _result(folder: Path, case: Case, seed: int) -> dict[str, Any]:
+def _result(folder: Path, case: Case, seed: int, workers: int) -> dict[str, Any]:
     path = folder / "found.json"
     if not path.exists():
         from cosim.capture.config import RunConfig
@@ -122,7 +123,7 @@ def _result(folder: Path, case: Case, seed: int) -> dict[str, Any]:
         subprocess.run(maker, check=True, cwd=_ROOT)
         before = _cpu_s()
         config = RunConfig(town=str(town), behaviour="sumo")  # pyright: ignore[reportArgumentType]
-        found = traffic_diagnose(folder / "measured.csv", config, workers=2).to_json()
+        found = traffic_diagnose(folder / "measured.csv", config, workers=workers).to_json()
         path.write_text(json.dumps({**found, "cpu_s": _cpu_s() - before}, indent=1))
     return json.loads(path.read_text())
 
