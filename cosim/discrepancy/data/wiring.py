@@ -56,13 +56,19 @@ def agreement(frames: Sequence[TracedFrame]) -> np.ndarray:
 
 
 def exchanged_rings(frames: Sequence[TracedFrame]) -> tuple[Exchange, ...]:
-    """Rings whose returns agree with another ring's trace much better than with their own."""
+    """Pairs of rings whose returns agree with each other's trace much better than with their own.
+
+    Where elevations are wrong throughout, rings agree with a neighbour's trace, but not in pairs.
+    """
     chosen = frames[:: -(-len(frames) // _MOST_FRAMES)]
     share = agreement(chosen)
     known, share = np.isfinite(share.diagonal()), np.nan_to_num(share)
-    found = []
-    for ring, row in enumerate(share):
-        other = int(np.argmax(row))
-        if other != ring and known[ring] and row[ring] < _OWN < _OTHER < row[other]:
-            found.append(Exchange(ring, other, float(row[ring]), float(row[other])))
-    return tuple(found)
+    best = np.argmax(share, axis=1)
+    return tuple(
+        Exchange(ring, int(other), float(share[ring, ring]), float(share[ring, other]))
+        for ring, other in enumerate(best)
+        if other != ring
+        and best[other] == ring
+        and known[ring]
+        and share[ring, ring] < _OWN < _OTHER < share[ring, other]
+    )

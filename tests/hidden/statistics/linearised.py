@@ -13,7 +13,9 @@ from scipy import sparse
 from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import Channel, Linearisation
 from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.random_effects import Clusters
 from cosim.discrepancy.inference.score import Evidence, Factored
+from cosim.discrepancy.settings import DEFAULT, Settings
 from tests.hidden.statistics.score_tables import COUNTS, Beams, Scores, SparseMatrix
 
 PRECISION = 1 / 0.15**2
@@ -31,6 +33,7 @@ class _Sample:
     share: np.ndarray
     clear: np.ndarray
     first: np.ndarray
+    settings: Settings = DEFAULT
 
     def __len__(self) -> int:
         return len(self.azimuth)
@@ -65,12 +68,16 @@ def linearised(
     for name, matrix in z.items():
         known = known + matrix.T @ sparse.diags(scores[name].information) @ matrix
     precision = np.full(len(used), PRECISION)
-    solver = Factored(sparse.csr_matrix(known + sparse.diags(precision)), np.ones(len(used), bool)) if z else None
+    solver = Factored(sparse.csr_matrix(known + sparse.diags(precision)), np.arange(len(used))) if z else None
     mixed = LinearModel({}, z, used, precision, known, solver, evidence)
-    clusters = SimpleNamespace(
-        track=beams.track, scan=beams.scan, unit_track=np.arange(tracks), unit_scan=np.full(tracks, -1)
-    )
-    fitter: Any = SimpleNamespace(sample=sample, random=SimpleNamespace(clusters=clusters, has_poses=True))
+
+    def clusters_by_sector(sectors: int) -> Clusters:
+        sector = np.minimum(((beams.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int), sectors - 1)
+        part = beams.scan * sectors + sector
+        return Clusters(beams.track, beams.scan, part, np.arange(tracks), np.full(tracks, -1))
+
+    random = SimpleNamespace(clusters_by_sector=clusters_by_sector, has_poses=True)
+    fitter: Any = SimpleNamespace(sample=sample, random=random)
     u = np.zeros(tracks) if estimate is None else estimate
     prediction = SimpleNamespace(seen=np.full(n, 0.93))
     fitted: Any = SimpleNamespace(estimate=SimpleNamespace(u=u), prediction=prediction, columns=(), dependences=())

@@ -7,11 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("cosim.discrepancy.selection.table", reason="the core that these contracts are of is not here")
-
-from cosim.discrepancy.selection.projection import TRACK, Projector
-
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
+from cosim.discrepancy.inference.projection import TRACK
 from cosim.discrepancy.selection.gain import cross_fitted_gain, fold_sums
 from cosim.discrepancy.selection.table import Entry, GroupTest, evaluate, score_groups, score_shared
 from cosim.discrepancy.settings import Selection
@@ -50,7 +47,7 @@ def _entries(rng: np.random.Generator, channels: tuple[str, ...], groups_each: i
         for number in range(groups_each)
         for by in (_BY[int(rng.integers(4))],)
     ]
-    return score_groups(of, groups, Projector(of, _SETTINGS.sectors), _SETTINGS)
+    return score_groups(of, groups, of.projector(_SETTINGS.sectors), _SETTINGS)
 
 
 @pytest.mark.slow
@@ -84,7 +81,7 @@ def test_p_values_of_shared_errors_are_not_too_small(channel: str, unit: str) ->
         beams = draw_beams(rng, 2500)
         of = linearised(beams, {channel: draw_scores(rng, channel, beams)})
         shared = [one for one in shared_errors(of, beams.track) if one.group.covariates == (unit,)]
-        entries = score_shared(of, shared, [], Projector(of, _SETTINGS.sectors))
+        entries = score_shared(of, shared, [], of.projector(_SETTINGS.sectors))
         p_values += [result.p_value for result in evaluate(entries, _SETTINGS, rng)]
     print(f"shared {channel} by {unit}: share at 5 %: {np.mean(np.array(p_values) <= 0.05):.3f}")
     assert len(p_values) > 0.9 * _NULLS
@@ -103,7 +100,7 @@ def test_twice_as_many_events_are_noticed(channel: str) -> None:
         basis = draw_basis(rng, beams, 4, "beam")
         scores = draw_scores(rng, channel, beams, basis @ np.array([1.0, 0.0, 0.0, 0.0]))
         of = linearised(beams, {channel: scores})
-        entries = score_groups(of, [group_of(channel, "bin", basis)], Projector(of, _SETTINGS.sectors), _SETTINGS)
+        entries = score_groups(of, [group_of(channel, "bin", basis)], of.projector(_SETTINGS.sectors), _SETTINGS)
         noticed += evaluate(entries, _SETTINGS, rng)[0].p_value <= 0.05
     assert noticed >= 16
 
@@ -129,7 +126,7 @@ def test_efficient_scores_and_gram_matrices_are_derivatives_of_the_profiled_like
     fitted = rng.normal(0, 0.1, z.shape[1])
     of = linearised(beams, {channel: scores}, {channel: z}, fitted)
     basis = draw_basis(rng, beams, 4, "azimuth")
-    projected = Projector(of, 6).project({channel: basis})  # type: ignore[dict-item]
+    projected = of.projector(6).project({channel: basis})  # type: ignore[dict-item]
     x, precision, step = basis.toarray(), np.full(z.shape[1], PRECISION), 1e-3
 
     def value(theta: np.ndarray) -> float:
@@ -188,9 +185,11 @@ def _strong(channel: str, seed: int) -> tuple[Beams, SparseMatrix, Scores, np.nd
 def _gain(channel: str, beams: Beams, basis: SparseMatrix, scores: Scores, seed: int) -> float:
     """Cross-fitted gain of one group, in log-likelihood of the weighted beams."""
     of = linearised(beams, {channel: scores})
-    entry = score_groups(of, [group_of(channel, "beam", basis)], Projector(of, _SETTINGS.sectors), _SETTINGS)[0]
-    sums = fold_sums(entry.tables[TRACK], _SETTINGS.folds, np.random.default_rng(seed))
-    return float(cross_fitted_gain(sums, replace(entry.cell, dispersion=1.0)).sum())
+    entry = score_groups(of, [group_of(channel, "beam", basis)], of.projector(_SETTINGS.sectors), _SETTINGS)[0]
+    sums, known = (
+        fold_sums(table[TRACK], _SETTINGS.folds, np.random.default_rng(seed)) for table in (entry.tables, entry.known)
+    )
+    return float(cross_fitted_gain(sums, known, replace(entry.cell, dispersion=1.0)).sum())
 
 
 @pytest.mark.slow
@@ -205,7 +204,7 @@ def test_either_or_sets_hold_the_truth() -> None:
         effect = true @ rng.normal(0, 0.12, 5)
         of = linearised(beams, {"range": draw_scores(rng, "range", beams, effect)})
         groups = [group_of("range", f"covariate{number}", basis) for number, basis in enumerate((true, *rivals))]
-        results = evaluate(score_groups(of, groups, Projector(of, 6), _SETTINGS), _SETTINGS, rng)
+        results = evaluate(score_groups(of, groups, of.projector(6), _SETTINGS), _SETTINGS, rng)
         held += any(result.group.name == "range by covariate0" for result in _either_or(results))
     share, high = lower_share(held, _SETS)
     print(f"sets that hold the truth: {share:.3f}, at most {high:.3f}")
