@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from cosim.capture.mast import Mast, stand_mast
 from cosim.capture.plan import EpisodePlan
 from cosim.traffic.actors import Actors
 from cosim.traffic.driven_traffic import DrivenTraffic
-from cosim.traffic.ego import anybody_comes, anybody_drives, draw_ego
+from cosim.traffic.ego import ArrivedError, anybody_comes, anybody_drives, draw_ego
 from cosim.traffic.signals import SignalStates
 from cosim.traffic.simulation import Traffic
 from cosim.traffic.starting import warmed_up
@@ -26,6 +27,9 @@ from sumo_nets import RECIPES, Town, write_demand
 _SIGHT_M = 120.0  # as far as a LiDAR sees
 _LEAD_IN_S = 8.0  # until bodies follow, drivers have their habits, and some are in a manoeuvre
 _LONGEST_WAIT_S = 900.0  # for the first vehicle of a scenario
+
+_log = logging.getLogger(__name__)
+_SHORTEST_WARM_UP_S = 1.0
 
 
 class FrameRecorder(Protocol):
@@ -62,9 +66,22 @@ def run_episode(
     """
     left = list(plan.frames)
     for attempt in range(config.collection.attempts):
-        left = _simulate(plan, attempt, left, config, town, recorder, done, on_frame, on_step)
+        left = _simulate_early(plan, attempt, left, config, town, recorder, done, on_frame, on_step)
         if not left:
             return
+
+
+def _simulate_early(plan: EpisodePlan, attempt: int, frames: list[str], config: RunConfig, *rest: Any) -> list[str]:
+    """One simulation; where all vehicles have arrived before the warm-up ends, one with a warm-up half as long."""
+    while True:
+        try:
+            return _simulate(plan, attempt, frames, config, *rest)
+        except ArrivedError as error:
+            if config.warm_up_s < _SHORTEST_WARM_UP_S:
+                raise
+            warm_up_s = round(config.warm_up_s / 2, 3)
+            _log.warning("%s; the warm-up is shortened from %g to %g s", error, config.warm_up_s, warm_up_s)
+            config = config.model_copy(update={"warm_up_s": warm_up_s})
 
 
 def _simulate(

@@ -12,6 +12,10 @@ _RIDDEN = ("car", "van", "truck", "bus", "motorcycle", "cyclist")  # the first o
 _MOVES_MPS = 1.0
 
 
+class ArrivedError(TrafficError):
+    """All vehicles have arrived, and none departs later."""
+
+
 def draw_ego(traffic: Traffic, actors: Actors, rng: np.random.Generator) -> str:
     """The id of a vehicle to ride in: a car that drives, drawn at random; without cars, one of the next kind.
 
@@ -20,7 +24,8 @@ def draw_ego(traffic: Traffic, actors: Actors, rng: np.random.Generator) -> str:
     """
     driving = _ridable(traffic, actors)
     if not driving:
-        raise TrafficError(f"no road vehicle drives after {actors.time_s:.0f} s: {_reason(traffic, actors)}")
+        kind = TrafficError if anybody_comes(traffic) else ArrivedError
+        raise kind(f"no road vehicle drives after {actors.time_s:.0f} s: {_reason(traffic, actors)}")
     kind = min((actors.kinds[row] for row in driving), key=_RIDDEN.index)
     driving = [row for row in driving if actors.kinds[row] == kind]
     moving = [row for row in driving if actors.speed_mps[row] > _MOVES_MPS]
