@@ -50,6 +50,7 @@ CHANNELS = {
     "shared_elevation_error": "elevation error",
     "shared_intensity": "intensity error",
     "shared_drop": "loss",
+    "wiring": "exchanged lasers",
 }
 
 

@@ -84,11 +84,11 @@ def evidence_section(
     text = (
         "Each cell is a hypothesis: the channel (row) depends on the covariate (column). "
         + ("Left half: with the initial model; right half: with all findings. " if has_findings else "")
-        + "Colour: gain, the log-likelihood that the dependence gains on clusters "
-        "of beams that took no part in its fit, on a logarithmic scale. A dot marks cells that are significant: "
-        f"family-wise p ≤ {settings.selection.level:g} and a gain of at least {settings.selection.least_gain:g}. "
-        "Poses, objects, map and all fitted parameters are eliminated. Empty cells were tested in a first pass and are "
-        "too weak to be significant, or are not defined. <b>Click a cell for its chart.</b>"
+        + "Colour: gain, the log-likelihood that the dependence gains on clusters of beams that took no part in its "
+        "fit, on a logarithmic scale. A dot marks cells that are significant: family-wise p ≤ "
+        f"{settings.selection.level:g} and a gain of at least {settings.selection.least_gain:g}. Poses, objects, map "
+        "and all fitted parameters are eliminated. Empty cells were tested in a first pass and are too weak to be "
+        "significant, or are not defined. <b>Click a cell for its chart.</b>"
     )
     body = f'<div class="evidence"><div>{tables}{_scale(top)}</div><div class="evidence-charts">{charts}</div></div>'
     script = (files("cosim.discrepancy.report") / "evidence.js").read_text(encoding="utf-8")
