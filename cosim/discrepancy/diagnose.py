@@ -32,6 +32,7 @@ from cosim.discrepancy.dictionary.effects import effect_groups
 from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.lattices import find_lattices
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
+from cosim.discrepancy.evidence_matrix import evidence_matrix
 from cosim.discrepancy.inference.dependence import SPURIOUS
 from cosim.discrepancy.inference.fit import all_free
 from cosim.discrepancy.inference.intervals import intervals
@@ -39,7 +40,7 @@ from cosim.discrepancy.selection.curves import curve_of
 from cosim.discrepancy.selection.refit import Model, Term, rebuild
 from cosim.discrepancy.selection.search import Evidence, select_terms
 from cosim.discrepancy.settings import DEFAULT, Settings
-from cosim.discrepancy.unexplained import Unexplained, evidence_matrix, remaining
+from cosim.discrepancy.unexplained import Unexplained, remaining
 from cosim.discrepancy.unknown.effect import UnknownEffect
 from cosim.discrepancy.unknown.effect_class import effect_of
 from cosim.drives.kitti import Drive

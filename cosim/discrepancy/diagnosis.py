@@ -13,8 +13,9 @@ from scipy import stats
 
 from cosim.discrepancy.budget import Budget, HeldOut, Judged
 from cosim.discrepancy.data.split import Split
+from cosim.discrepancy.evidence_matrix import EvidenceCell
 from cosim.discrepancy.settings import DEFAULT, Settings
-from cosim.discrepancy.unexplained import EvidenceCell, Unexplained
+from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.effect import UnknownEffect
 from cosim.discrepancy.words import FEW, Vocabulary, source_words, times, unexplained_words, unknown_words
 from cosim.labels.bias import LabelFinding

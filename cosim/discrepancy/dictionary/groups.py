@@ -101,6 +101,11 @@ class Group:
         return self.tangent.effect.name if self.tangent else ""
 
     @property
+    def hypothesis(self) -> str:
+        """Name of the effect, whatever its setting, or of the dependence."""
+        return self.effect_name or self.name
+
+    @property
     def family(self) -> str:
         """What it changes: range, intensity or returns."""
         name = self.channel.removeprefix("shared_")

@@ -2,58 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from importlib.resources import files
 
 import numpy as np
 
-from cosim.discrepancy.quantities import CHANNELS, SHOWN, channel_words, covariate_words, shown, unit_words
+from cosim.discrepancy.evidence_matrix import EvidenceCell, EvidenceCurve, EvidenceGrid
+from cosim.discrepancy.quantities import CHANNELS, SHOWN, channel_words, covariate_words, unit_words
+from cosim.discrepancy.report.evidence_charts import (
+    AXES,
+    MOST_NAMES,
+    categories_of,
+    curve_chart,
+    grid_chart,
+    has_chart,
+)
 from cosim.discrepancy.settings import Settings
-from cosim.discrepancy.unexplained import EvidenceCell, EvidenceCurve, Unexplained
+from cosim.discrepancy.unexplained import Unexplained
 from cosim.report import figure, section
 from cosim.report.phrases import p_words
-from cosim.report.plot import Axis, Plot
 
 _GROUND, _WARM, _HOT = (27, 33, 44), (214, 96, 36), (255, 226, 120)
 _LEAST_TOP = 100.0  # gain of the brightest colour, at least
-_STANDARD_ERRORS = 2.0
-_MOST_LOG = 3.0
-_WIDEST = 4.0  # times the median standard error: bins beyond do not set the scale of a chart
-_MOST_NAMES = 8
-
-
-def _linear(factor: float) -> Callable[[np.ndarray], np.ndarray]:
-    return lambda values: factor * values
-
-
-def _percent_of_log(values: np.ndarray) -> np.ndarray:
-    return 100 * np.expm1(np.clip(values, -_MOST_LOG, _MOST_LOG))
-
-
-@dataclass(frozen=True)
-class ChannelAxis:
-    """The axis of a channel in charts: label with unit, and the conversion of coefficients into that unit."""
-
-    label: str
-    convert: Callable[[np.ndarray], np.ndarray]
-
-
-_ANGLE = _linear(float(np.degrees(1.0)))
-AXES = {
-    "range": ChannelAxis("measured − predicted range (cm)", _linear(100.0)),
-    "azimuth_error": ChannelAxis("azimuth error (°)", _ANGLE),
-    "elevation_error": ChannelAxis("elevation error (°)", _ANGLE),
-    "intensity": ChannelAxis("change of intensity (%)", _percent_of_log),
-    "intensity_offset": ChannelAxis("offset of intensity", _linear(1.0)),
-    "drop": ChannelAxis("change of the probability of a return (%)", _linear(100.0)),
-    "spurious": ChannelAxis("spurious returns (‰ of beams)", _linear(1000.0)),
-    "early": ChannelAxis("early returns (‰ of beams)", _linear(1000.0)),
-    "late": ChannelAxis("late returns (‰ of beams)", _linear(1000.0)),
-    "range_variance": ChannelAxis("change of range noise (%)", _percent_of_log),
-    "intensity_variance": ChannelAxis("change of intensity noise (%)", _percent_of_log),
-}
 
 
 def evidence_section(
@@ -194,7 +166,19 @@ def _title(cell: EvidenceCell) -> str:
     channel = channel[0].upper() + channel[1:]
     if cell.channel.startswith("shared_"):
         return f"{channel} shared by each {unit_words(cell.covariates[0])}"
-    return f"{channel} by {' and '.join(covariate_words(name) for name in cell.covariates)}"
+    if cell.covariates == ("constant",):
+        return f"{channel}, the same for all beams"
+    words = f"{channel} by {' and '.join(covariate_words(name) for name in cell.covariates)}"
+    return f"{words} ({detail})" if (detail := _detail(cell)) else words
+
+
+def _detail(cell: EvidenceCell) -> str:
+    """Class of objects, number of waves or frequency, which the covariates do not tell."""
+    if cell.covariates[-1] in ("object_size", "object_place"):
+        return cell.name.removeprefix(f"{cell.channel} by ").rpartition(" ")[0]
+    if cell.name.endswith(("waves per turn", "Hz")):
+        return cell.name.removeprefix(f"{cell.channel} ").removeprefix("by scan: ")
+    return ""
 
 
 def _figures(cell: EvidenceCell, view: _View) -> str:
@@ -205,7 +189,7 @@ def _figures(cell: EvidenceCell, view: _View) -> str:
     return f"initial model: {before}; with all findings: {after}"
 
 
-def _side(gain: float, p_value: float, curve: EvidenceCurve | None) -> str:
+def _side(gain: float, p_value: float, curve: EvidenceCurve | EvidenceGrid | None) -> str:
     """Gain and p of one model; cells that a first pass leaves out have none."""
     is_left_out = gain == 0 and p_value == 1 and curve is None
     return "not significant in the first pass" if is_left_out else f"gain {gain:.1f}, {p_words(p_value)}"
@@ -233,98 +217,44 @@ def _scale(top: float) -> str:
 
 def _chart(cell: EvidenceCell, name: str, view: _View, *, is_shown: bool) -> str:
     figures = _figures(cell, view)
-    text, body = f"{figures[0].upper()}{escape(figures[1:])}.", ""
+    text = f"{figures[0].upper()}{escape(figures[1:])}."
+    if cell.is_rejected:
+        text += " An exact refit with this term gains no more than chance: it was not added."
     if not view.has_findings:
         cell = replace(cell, before=None)
-    if cell.channel in AXES and (cell.before is not None or cell.after is not None):
-        body = _svg(cell)
-        text += " Coefficients of one Gauss–Newton step by bin, with two standard errors: the statistic of the test"
-        sides = {"before": (cell.before, "blue: initial model"), "after": (cell.after, "orange: with all findings")}
-        sides = {name: words for name, (curve, words) in sides.items() if curve is not None and view.has_findings}
-        text += "".join(f'; <span class="{name}">{words}</span>' for name, words in sides.items())
-        names = _categories([curve for curve in (cell.before, cell.after) if curve is not None])
-        text += f"; the {_MOST_NAMES} most significant of {len(names)} categories." if len(names) > _MOST_NAMES else "."
-    else:
+    if not has_chart(cell):
         text += " This hypothesis has no chart over bins: gain and p are its whole statistic."
+        body = ""
+    elif isinstance(cell.after, EvidenceGrid) or isinstance(cell.before, EvidenceGrid):
+        text, body = _grids(cell, text)
+    else:
+        text, body = _curves(cell, text, view)
     hidden = "" if is_shown else " hidden"
     return f'<div data-chart="{escape(name)}"{hidden}>{figure(_title(cell), text, body)}</div>'
 
 
-def _svg(cell: EvidenceCell) -> str:
-    covariate, axis = shown(cell.covariates[0]), AXES[cell.channel]
-    sides = [(style, curve) for style, curve in (("b", cell.before), ("a", cell.after)) if curve is not None]
-    categories = _categories([curve for _, curve in sides])
-    if len(categories) > _MOST_NAMES:
-        categories = _most_significant([curve for _, curve in sides])
-        sides = [(style, _selected(curve, categories)) for style, curve in sides]
-    label = f"{covariate.words} ({covariate.unit})" if covariate.unit else covariate.words
-    if categories:
-        x_axis = Axis(-0.5, len(categories) - 0.5, label, names=_ticks(categories))
-    else:
-        places = covariate.factor * np.concatenate([_places(curve, categories) for _, curve in sides])
-        pad = 0.02 * max(float(np.ptp(places)), 1e-6)
-        x_axis = Axis(float(places.min()) - pad, float(places.max()) + pad, label)
-    low, high = _limits(axis, [curve for _, curve in sides])
-    plot = Plot(x_axis, Axis(low, high, axis.label), _title(cell), 760, 330)
-    plot.line(np.array([x_axis.low, x_axis.high]), np.zeros(2), "zero")
-    for number, (style, curve) in enumerate(sides):
-        factor = 1.0 if categories else covariate.factor
-        x, half = factor * _places(curve, categories), _STANDARD_ERRORS * curve.sigma
-        y, bottom, above = (axis.convert(values) for values in (curve.y, curve.y - half, curve.y + half))
-        if categories:
-            x = x + (0.16 * number - 0.08) * (len(sides) > 1)
-            for place, *ends in zip(x, bottom, above, strict=True):
-                plot.line(np.full(2, place), np.array(ends), style)
-            for place, value in zip(x, y, strict=True):
-                plot.line(np.array([place]), np.array([value]), style, dots=True)
-        else:
-            order = np.argsort(x)
-            plot.band(x[order], bottom[order], above[order], style)
-            plot.line(x[order], y[order], style, dots=True)
-    return plot.svg()
+def _curves(cell: EvidenceCell, text: str, view: _View) -> tuple[str, str]:
+    """Words and chart of coefficients by one covariate."""
+    text += " Coefficients of one Gauss–Newton step by bin, with two standard errors: the statistic of the test"
+    sides = {"before": (cell.before, "blue: initial model"), "after": (cell.after, "orange: with all findings")}
+    sides = {name: words for name, (curve, words) in sides.items() if curve is not None and view.has_findings}
+    text += "".join(f'; <span class="{name}">{words}</span>' for name, words in sides.items())
+    names = categories_of([curve for curve in (cell.before, cell.after) if isinstance(curve, EvidenceCurve)])
+    text += f"; the {MOST_NAMES} most significant of {len(names)} categories." if len(names) > MOST_NAMES else "."
+    return text, curve_chart(cell, _title(cell))
 
 
-def _categories(curves: Sequence[EvidenceCurve]) -> list[str]:
-    """Names of the categories of all curves; empty for numbers, and for categories that are numbers."""
-    names = [name for curve in curves if isinstance(curve.x, tuple) for name in curve.x]
-    return [] if all(name.isdigit() for name in names) else list(dict.fromkeys(names))
-
-
-def _places(curve: EvidenceCurve, categories: Sequence[str]) -> np.ndarray:
-    if categories and isinstance(curve.x, tuple):
-        return np.array([float(categories.index(name)) for name in curve.x])
-    return np.array([float(value) for value in curve.x])
-
-
-def _most_significant(curves: Sequence[EvidenceCurve]) -> list[str]:
-    """The categories of the largest standardised coefficients, in their order."""
-    z: dict[str, float] = {}
-    for curve in curves:
-        for name, y, sigma in zip(curve.x, curve.y, curve.sigma, strict=True):
-            z[str(name)] = max(z.get(str(name), 0.0), abs(float(y)) / max(float(sigma), 1e-300))
-    best = sorted(z, key=lambda name: -z[name])[:_MOST_NAMES]
-    return [name for name in z if name in best]
-
-
-def _selected(curve: EvidenceCurve, categories: Sequence[str]) -> EvidenceCurve:
-    """A curve with some of its categories."""
-    rows = [row for row, name in enumerate(curve.x) if name in categories]
-    return replace(curve, x=tuple(str(curve.x[row]) for row in rows), y=curve.y[rows], sigma=curve.sigma[rows])
-
-
-def _ticks(categories: Sequence[str]) -> list[str]:
-    most = max(110 // len(categories), 3)
-    words = [name.replace("_", " ") for name in categories]
-    return [word if len(word) <= most else f"{word[: most - 1]}…" for word in words]
-
-
-def _limits(axis: ChannelAxis, curves: Sequence[EvidenceCurve]) -> tuple[float, float]:
-    """Ends of the upright axis: all values with two standard errors, but for bins with very large ones."""
-    ends = [0.0]
-    for curve in curves:
-        usual = curve.sigma <= _WIDEST * float(np.median(curve.sigma))
-        half = _STANDARD_ERRORS * curve.sigma
-        ends += [*axis.convert(curve.y - half)[usual], *axis.convert(curve.y + half)[usual]]
-    low, high = min(ends), max(ends)
-    pad = 0.08 * (high - low) or 1e-6
-    return low - pad, high + pad
+def _grids(cell: EvidenceCell, text: str) -> tuple[str, str]:
+    """Words and charts of coefficients by two covariates: the initial model above, the final one below."""
+    text += (
+        f" Colour: {AXES[cell.channel].label}, coefficient of one Gauss–Newton step by pair of bins over its standard "
+        "error; orange positive, blue negative, full colour from ±6. Bins have equal numbers of beams or equal width; "
+        "values with two standard errors are shown above each tile."
+    )
+    grids = [("initial model", cell.before), ("with all findings", cell.after)]
+    drawn = [(words, grid) for words, grid in grids if isinstance(grid, EvidenceGrid)]
+    parts = [
+        (f'<p class="small">{words.capitalize()}</p>' if len(drawn) > 1 else "") + grid_chart(cell, grid, _title(cell))
+        for words, grid in drawn
+    ]
+    return text, "".join(parts)

@@ -259,7 +259,7 @@ def _choose(
         p_value = p_about_fit(after, group, evidence.dictionary.tested, settings.selection, rng)
         if p_value > settings.selection.level:
             return result.group.name
-    alternatives = tuple(one.result.group.name for one in trials if one is not trial and _is_rival(one, trial))
+    alternatives = _rivals(trial, trials)
     gain, penalty = after.loglik - model.loglik, group.size * max(result.entry.cell.dispersion, 1.0)
     term = Term(group, p_value, result.gain, gain, penalty, alternatives)
     return replace(after, terms=(*model.terms, term)), result
@@ -366,6 +366,14 @@ def _simplest(trials: Sequence[_Trial], settings: Settings) -> _Trial:
 
 def _complexity(group: Group) -> int:
     return group.size + 10 * len(group.covariates) - 5 * group.is_effect
+
+
+def _rivals(chosen: _Trial, trials: Sequence[_Trial]) -> tuple[str, ...]:
+    """Names of the hypotheses that could replace the chosen one: effects first, each once."""
+    rivals = [other.result.group for other in trials if other is not chosen and _is_rival(other, chosen)]
+    own = chosen.result.group.hypothesis
+    names = [group.hypothesis for group in sorted(rivals, key=lambda group: not group.is_effect)]
+    return tuple(dict.fromkeys(name for name in names if name != own))
 
 
 def _is_rival(other: _Trial, chosen: _Trial) -> bool:

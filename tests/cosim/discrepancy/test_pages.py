@@ -23,10 +23,11 @@ from cosim.discrepancy import compare, diagnose
 from cosim.discrepancy.budget import Budget, HeldOut
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding, headline
+from cosim.discrepancy.evidence_matrix import EvidenceCell, EvidenceCurve, EvidenceGrid
 from cosim.discrepancy.quantities import group_words
 from cosim.discrepancy.report import explored_of, format_comparison, format_diagnosis
 from cosim.discrepancy.settings import Settings
-from cosim.discrepancy.unexplained import EvidenceCell, EvidenceCurve, Unexplained
+from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.words import Vocabulary, implausible_spreads, source_words
 from cosim.report import Piece, stacked_bar, write_page
 from cosim.report.binned import binned, quantile_edges
@@ -404,7 +405,7 @@ def test_hypotheses_have_names_in_words() -> None:
 def evidence_cell(gains: tuple[float, float], p_values: tuple[float, float]) -> EvidenceCell:
     x = np.array([10.0, 30.0, 60.0])
     curves = [EvidenceCurve(x, size * np.array([1.0, -1.0, 2.0]), np.full(3, 1e-3), "deg") for size in (0.02, 1e-4)]
-    return EvidenceCell("range", ("incidence",), gains[0], p_values[0], gains[1], p_values[1], *curves)
+    return EvidenceCell("range", ("incidence",), *(gains[0], p_values[0], gains[1], p_values[1]), "", *curves)
 
 
 def test_each_cell_of_the_evidence_opens_its_chart(tmp_path: Path) -> None:
@@ -426,6 +427,19 @@ def test_each_cell_of_the_evidence_opens_its_chart(tmp_path: Path) -> None:
         assert shown == [name]
         pressed = re.search(r'<button[^>]*data-cell="([^"]+)"[^>]*aria-pressed="true"', document)
         assert pressed and pressed[1] == name
+
+
+def test_a_pair_of_covariates_is_drawn_with_both_units() -> None:
+    y = np.array([[0.1, np.nan], [-0.2, 0.0]])
+    grid = EvidenceGrid(np.array([10.0, 40.0]), np.array([5.0, 60.0]), y, np.full((2, 2), 0.02))
+    cell = EvidenceCell(
+        "range", ("range", "incidence"), 0.0, 1.0, 30.0, 0.001, "range by range x incidence", None, grid
+    )
+    text = format_diagnosis(replace(diagnosis(finding()), evidence=(cell,)), Vocabulary(), "drive", "my.yaml")
+    chart = text[text.index('data-chart="range:range+incidence"') :]
+    assert "predicted range (m)" in chart and "angle of incidence (°)" in chart
+    assert "predicted range 10 m, angle of incidence 5 °: measured − predicted range (cm) 10 [6, 14]" in chart
+    assert chart.count("<title>predicted range") == 3  # bins without beams stay empty
 
 
 def test_a_cell_is_significant_by_the_rule_that_selects_terms(diagnosed: Diagnosis, diagnosed_page: str) -> None:
