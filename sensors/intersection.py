@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from sensors.bvh import Bvh
 from sensors.hit_buffer import HitBuffer
@@ -57,7 +56,8 @@ def _instances_near(
     place = (instances.poses[:, :3, 3] - centre).astype(np.float32)
     velocity = instances.velocity_mps.astype(np.float32)
     travel = np.linalg.norm(velocity, axis=1) * float(np.abs(time_s).max())
-    apart = KDTree(start[:, :2]).query(place[:, :2])[0]
+    low, high = start[:, :2].min(0), start[:, :2].max(0)
+    apart = np.linalg.norm(np.maximum(np.maximum(low - place[:, :2], place[:, :2] - high), 0), axis=1)  # at least
     rows = np.flatnonzero(apart <= limit.max() + radius + travel)
     found: list[list[np.ndarray]] = [[] for _ in rows]
     for first in range(0, len(start), _AT_ONCE):

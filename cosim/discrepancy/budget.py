@@ -180,7 +180,7 @@ class Aligned:
     def _whole(self) -> list[_Whole]:
         """Every beam of each frame, with its random effects."""
         return [
-            _Whole.of(self._random, self._estimate, number, self._sample_of(frame), self._effects)
+            _Whole.of(self._random, self._estimate, number, self._sample_of(frame), self._prediction_of(number))
             for number, frame in enumerate(self._frames)
         ]
 
@@ -190,9 +190,14 @@ class Aligned:
             self._samples[frame] = whole_sample(frame)
         return self._samples[frame]
 
+    def _prediction_of(self, number: int) -> Prediction:
+        """Of all beams of a frame."""
+        frame = self._frames[number]
+        return self._sample_of(frame).predict_traced(self._effects, frame.shot, self._expectations[number])
+
     @cached_property
     def _expectations(self) -> list[Expectation]:
-        return [expect(self._effects, frame.shot) for frame in self._frames]
+        return [expect(self._effects, frame.shot, (frame.unsure_m, frame.unsure_intensity)) for frame in self._frames]
 
     def _expected(self, number: int, parts: tuple[str, ...]) -> Expectation:
         """What is expected of a frame's beams, random effects of some parts in it."""
@@ -209,13 +214,11 @@ class _Whole:
     expected: Prediction
 
     @classmethod
-    def of(
-        cls, random: RandomEffects, estimate: Estimate, scan: int, sample: Sample, effects: Sequence[Effect]
-    ) -> _Whole:
+    def of(cls, random: RandomEffects, estimate: Estimate, scan: int, sample: Sample, expected: Prediction) -> _Whole:
         """Random effects of a frame as they were estimated from a sample in which it is scan number `scan`."""
         has_poses = random.rows("poses").stop > random.rows("poses").start
         own = RandomEffects(sample, has_poses=has_poses)
-        return cls(own, own.transferred(random, estimate, scan), sample.predict(effects))
+        return cls(own, own.transferred(random, estimate, scan), expected)
 
     def shifts(self, parts: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """What those of some parts do: (n,) shift of ranges [m] and factor of intensities."""

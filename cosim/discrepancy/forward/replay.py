@@ -155,10 +155,14 @@ class Replayed:
 
     def expect(self, effects: tuple[Effect, ...]) -> Expected:
         """What effects, in the order in which they act, let expect."""
-        shot, looks = self.shot(effects), self._looked(effects)
+        shot = self.shot(effects)
+        return self.completed(effects, shot, expect(effects, shot, self.unsure))
+
+    def completed(self, effects: tuple[Effect, ...], shot: Shot, found: Expectation) -> Expected:
+        """An expectation of a shot, with where its optical centres stand and returns from elsewhere."""
+        looks = self._looked(effects)
         direction = shot.rays.direction
         upward, along, above = shot.kept("optical centres", lambda: _centres(shot.rays))
-        found = expect(effects, shot, self.unsure)
         stray, split = np.zeros(len(self.along_m)), np.zeros(len(self.along_m))
         if looks is not None:
             # Points stand where the unit's calibration has its lasers look, not along the pattern's beams; how far

@@ -27,6 +27,8 @@ from cosim.discrepancy.inference.search import is_searched, searched
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from sensors.effects.base import BeamEffect, Effect, NoiseEffect, RoundingEffect, ScanEffect
 
+_REMEMBERED = 4  # models whose columns are kept
+
 
 @dataclass(frozen=True)
 class Free:
@@ -76,6 +78,48 @@ class _State:
     residuals: Residuals
 
 
+class SlopeMemory:
+    """Columns of effects' parameters, and where they were computed."""
+
+    def __init__(self) -> None:
+        self._about: list[tuple[tuple[Effect, ...], dict[Free, Column]]] = []
+
+    def columns(self, effects: tuple[Effect, ...], free: Sequence[Free], *, simplified: bool) -> dict[Free, Column]:
+        """Columns known near these effects; those that are added to the result are known from then on.
+
+        Args:
+            effects: of the model.
+            free: its free parameters.
+            simplified: whether columns of a model that lacks the last effects will do.
+        """
+        for about, columns in self._about:
+            if _is_same_but_for(about, effects, free) and not _is_away(about, effects, free):
+                return columns
+        known: dict[Free, Column] = {}
+        for about, columns in self._about if simplified else ():
+            start, old = effects[: len(about)], [one for one in free if one.effect < len(about)]
+            if _is_same_but_for(about, start, old) and not _is_away(about, start, old):
+                known = dict(columns)
+                break
+        self._about = [(effects, known), *self._about[: _REMEMBERED - 1]]
+        return known
+
+
+def _is_same_but_for(about: tuple[Effect, ...], effects: tuple[Effect, ...], free: Sequence[Free]) -> bool:
+    """Whether two models differ in values of free parameters only."""
+    if len(about) != len(effects):
+        return False
+    names: dict[int, set[str]] = {}
+    for one in free:
+        names.setdefault(one.effect, set()).add(one.unknown.name)
+    for index, (old, new) in enumerate(zip(about, effects, strict=True)):
+        if type(old) is not type(new):
+            return False
+        if old != new and old.model_dump(exclude=names.get(index)) != new.model_dump(exclude=names.get(index)):
+            return False
+    return True
+
+
 class Fitter:
     """Fits effects to a sample.
 
@@ -92,6 +136,7 @@ class Fitter:
         self.sample, self.settings = sample, sample.settings
         self.random = RandomEffects(sample)
         self.rings = int(sample.ring.max(initial=0)) + 1
+        self._slopes = SlopeMemory()
 
     def fit(
         self,
@@ -102,6 +147,8 @@ class Fitter:
         steps: int | None = None,
         roughly: bool = False,
         dependences: Sequence[Dependence] = (),
+        widened: bool = True,
+        simplified: bool = False,
     ) -> Fitted:
         """Fit some parameters, starting from those the effects have.
 
@@ -113,6 +160,9 @@ class Fitter:
             steps: most Gauss–Newton steps.
             roughly: search no closer than it takes to tell candidates apart.
             dependences: whose coefficients are fitted along.
+            widened: whether ranges that are far off are first compared with a wider spread; superfluous where a fit
+                starts from one of the same ranges.
+            simplified: whether derivatives of a model that lacks the last effects are good enough for the steps.
         """
         free, dependences = tuple(free), tuple(dependences)
         state = self._state(tuple(effects), self.random.start() if start is None else start, dependences=dependences)
@@ -123,7 +173,11 @@ class Fitter:
             state = max(state, other, key=self._penalised)
         sought = [one.by_search or isinstance(one, ScanEffect) for one in state.effects]
         gradual = tuple(one for one in free if not sought[one.effect])
-        state = self._settled(state, gradual, self.settings.descent.steps if steps is None else steps)
+        steps = self.settings.descent.steps if steps is None else steps
+        if widened:
+            state = self._settled(state, gradual, steps, simplified)
+        else:
+            state = self._descended(state, gradual, 0.0, steps, simplified)
         found = self._searched(state, free, roughly)
         if found != state.effects:
             state = self._state(found, state.estimate, dependences=state.dependences)
@@ -152,25 +206,33 @@ class Fitter:
             for one in slopes
         )
 
-    def slopes(self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction) -> tuple[Column, ...]:
-        """How what effects predict changes with each free parameter."""
-        found = []
+    def slopes(
+        self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction, *, simplified: bool = False
+    ) -> tuple[Column, ...]:
+        """How what effects predict changes with each free parameter.
+
+        Columns that were computed where no parameter was further away than its step are used again; `simplified` also
+        those of a model that lacked the last effects.
+        """
+        known = self._slopes.columns(effects, free, simplified=simplified)
         for one in free:
-            effect, unknown = effects[one.effect], one.unknown
-            value = np.asarray(getattr(effect, unknown.name), float)
-            step = unknown.step if np.all(value + unknown.step <= unknown.high) else -unknown.step
-            after, before = self._moved(effects, one, value + step), at
-            if isinstance(effect, BeamEffect) and np.all(
-                np.clip(value - step, unknown.low, unknown.high) == value - step
-            ):
-                # Ground at a flat angle is far from linear: such slopes are taken from both sides.
-                before, step = self._moved(effects, one, value - step), 2 * step
-            delta: dict[Quantity, np.ndarray] = {
-                name: values / step for name, values in change(before, after, self.settings.law).items()
-            }
-            ring = self.sample.ring if unknown.rings > 1 else None
-            found.append(Column(delta, ring, unknown.rings))
-        return tuple(found)
+            if one not in known:
+                known[one] = self._slope(effects, one, at)
+        return tuple(known[one] for one in free)
+
+    def _slope(self, effects: tuple[Effect, ...], one: Free, at: Prediction) -> Column:
+        """How what effects predict changes with one free parameter, by a difference."""
+        effect, unknown = effects[one.effect], one.unknown
+        value = np.asarray(getattr(effect, unknown.name), float)
+        step = unknown.step if np.all(value + unknown.step <= unknown.high) else -unknown.step
+        after, before = self._moved(effects, one, value + step), at
+        if isinstance(effect, BeamEffect) and np.all(np.clip(value - step, unknown.low, unknown.high) == value - step):
+            # Ground at a flat angle is far from linear: such slopes are taken from both sides.
+            before, step = self._moved(effects, one, value - step), 2 * step
+        delta: dict[Quantity, np.ndarray] = {
+            name: values / step for name, values in change(before, after, self.settings.law).items()
+        }
+        return Column(delta, self.sample.ring if unknown.rings > 1 else None, unknown.rings)
 
     def _moved(self, effects: tuple[Effect, ...], one: Free, value: np.ndarray) -> Prediction:
         """What is expected with another value of a parameter."""
@@ -271,20 +333,22 @@ class Fitter:
             roughly=roughly,
         )
 
-    def _settled(self, start: _State, free: tuple[Free, ...], steps: int) -> _State:
+    def _settled(self, start: _State, free: tuple[Free, ...], steps: int, simplified: bool) -> _State:
         """Where Gauss–Newton steps lead; where that is still far off, or where they lead through widened ranges."""
-        state = self._descended(start, free, 0.0, steps)
+        state = self._descended(start, free, 0.0, steps, simplified)
         wide = self.roughness(self.random.adjusted(state.prediction, state.estimate))
         if not wide:
             return state
         other = start
         while wide > 0:
-            other = self._descended(other, free, wide, steps)
+            other = self._descended(other, free, wide, steps, simplified)
             wide = wide / 4 if wide / 4 > self.settings.descent.fine_m else 0.0
-        other = self._descended(other, free, 0.0, steps)
+        other = self._descended(other, free, 0.0, steps, simplified)
         return max(state, other, key=lambda one: self._marginal(one, Evidence.of(self.sample, one.residuals)))
 
-    def _descended(self, state: _State, free: tuple[Free, ...], blur: float, steps: int) -> _State:
+    def _descended(
+        self, state: _State, free: tuple[Free, ...], blur: float, steps: int, simplified: bool = False
+    ) -> _State:
         """Gauss–Newton steps at one blur, variances updated along."""
         state, about = replace(state, residuals=self.residuals(state.prediction, state.estimate, blur)), None
         slopes: tuple[Column, ...] = ()
@@ -302,7 +366,7 @@ class Fitter:
                 begun = self.random.begun(state.estimate, state.prediction, evidence)
                 state = replace(state, estimate=begun)
             if about is None or _is_away(about, state.effects, free):
-                about, slopes = state.effects, self.slopes(state.effects, free, state.bare)
+                about, slopes = state.effects, self.slopes(state.effects, free, state.bare, simplified=simplified)
             columns = self._columns(state, free, slopes)
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
             law = self._prior(model, state, precision, _away(state.effects, free))

@@ -9,9 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from cosim.discrepancy.forward.joined import Replay
-from cosim.discrepancy.forward.replay import FrameReplay
+from cosim.discrepancy.forward.replay import Expected, FrameReplay
 from cosim.discrepancy.settings import Settings
 from sensors.effects.base import Effect
+from sensors.effects.expectation import Expectation
+from sensors.shot import Shot
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +200,20 @@ class Sample:
     def predict(self, effects: Sequence[Effect]) -> Prediction:
         """What effects let expect of the sample's beams."""
         effects = tuple(sorted(effects, key=lambda effect: effect.phase))
-        found = self.replay.expect(effects)
+        return self._prediction(self.replay.expect(effects))
+
+    def predict_traced(self, effects: Sequence[Effect], shot: Shot, found: Expectation) -> Prediction:
+        """The same of a sample that holds all beams of one frame, from what is expected of the frame's own shot.
+
+        Args:
+            effects: of the model.
+            shot: of the frame, traced as the effects bend its beams.
+            found: expectation of that shot.
+        """
+        effects = tuple(sorted(effects, key=lambda effect: effect.phase))
+        return self._prediction(self.replay.frames[0].completed(effects, shot, found))
+
+    def _prediction(self, found: Expected) -> Prediction:
         return Prediction(
             range_m=found.of.range_m + found.along_m,
             range_sigma_m=found.of.range_sigma_m,

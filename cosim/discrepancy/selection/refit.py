@@ -97,7 +97,7 @@ def refit_with(
         free = model.free if index in model.free else (*model.free, index)
         after = fitter.fit(
             effects, all_free(effects, free, fitter.rings), fitted.estimate, steps=steps, roughly=True,
-            dependences=fitted.dependences,
+            dependences=fitted.dependences, widened=group.family == "range", simplified=not fine,
         )  # fmt: skip
         return replace(model, fitted=after, free=free), group
     if fine:
@@ -140,7 +140,7 @@ def fit_again(
     fitter = model.fitter
     return fitter.fit(
         effects, all_free(effects, free, fitter.rings), model.fitted.estimate, steps=steps, roughly=True,
-        dependences=dependences,
+        dependences=dependences, widened=False,
     )  # fmt: skip
 
 
