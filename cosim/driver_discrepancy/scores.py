@@ -15,7 +15,7 @@ import numpy as np
 from cosim.driver_discrepancy.channels import BASES, CHANNELS
 from cosim.driver_discrepancy.summary import Summary
 
-_FEWEST_VEHICLES = 10
+_FEWEST_VEHICLES, _FEWEST_SHARE = 10, 1 / 3
 _LARGEST = 10.0  # scales, to which a single difference is limited
 
 
@@ -42,7 +42,10 @@ class Scores:
         return Scores(names, self.channels, self.table[keep], self.by_seed[:, keep])
 
     def by_channel(self) -> dict[str, float]:
-        """Mean score of each channel over its scale; NaN where fewer than ten vehicles show it."""
+        """Mean score of each channel over its scale; NaN where too few vehicles show it.
+
+        Ten vehicles are enough, and so is a third of fewer than thirty.
+        """
         return dict(zip(self.channels, _means(self.table).tolist(), strict=True))
 
     def by_group(self) -> dict[str, float]:
@@ -154,10 +157,12 @@ def _score(near: np.ndarray, spread: np.ndarray, count: np.ndarray) -> np.ndarra
 
 
 def _means(table: np.ndarray) -> np.ndarray:
+    """Mean of each channel (c,) over vehicles (v, c)."""
     known = np.isfinite(table)
+    fewest = min(_FEWEST_VEHICLES, max(1, np.ceil(_FEWEST_SHARE * len(table))))
     count = known.sum(0)
     mean = np.where(known, table, 0.0).sum(0) / np.maximum(count, 1)
-    return np.where(count >= _FEWEST_VEHICLES, mean, np.nan)
+    return np.where(count >= fewest, mean, np.nan)
 
 
 def _grouped(parts: Mapping[str, float]) -> dict[str, float]:
