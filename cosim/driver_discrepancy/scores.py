@@ -16,6 +16,7 @@ from cosim.driver_discrepancy.channels import BASES, CHANNELS
 from cosim.driver_discrepancy.summary import Summary
 
 _FEWEST_VEHICLES, _FEWEST_SHARE = 10, 1 / 3
+_FEWEST_SEEDS = 3  # one is the measurement, and two have a spread
 _LARGEST = 10.0  # scales, to which a single difference is limited
 
 
@@ -90,12 +91,28 @@ def score_vehicles(measured: Summary, runs: Sequence[Summary]) -> Scores:
 
 
 def noise_floor(runs: Sequence[Summary], ids: frozenset[str] | None = None) -> float:
-    """The error of the model against itself: each seed serves as the measurement once."""
-    errors = []
-    for number, run in enumerate(runs):
-        scores = score_vehicles(run, [other for at, other in enumerate(runs) if at != number])
-        errors.append((scores if ids is None else scores.of(ids)).error)
-    return float(np.nanmean(errors)) if errors else float("nan")
+    """The error of the model against itself: each seed serves as the measurement once. NaN for fewer than three."""
+    return _mean([one.error for one in _own_scores(runs, ids)])
+
+
+def noise_floors(runs: Sequence[Summary]) -> dict[str, float]:
+    """The same of each group of channels."""
+    groups = [one.by_group() for one in _own_scores(runs, None)]
+    return {
+        name: _mean([one.get(name, np.nan) for one in groups]) for name in dict.fromkeys(n for g in groups for n in g)
+    }
+
+
+def _own_scores(runs: Sequence[Summary], ids: frozenset[str] | None) -> list[Scores]:
+    if len(runs) < _FEWEST_SEEDS:
+        return []
+    found = [score_vehicles(run, [other for other in runs if other is not run]) for run in runs]
+    return found if ids is None else [scores.of(ids) for scores in found]
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")
 
 
 def compare_scores(before: Scores, after: Scores, draws: int = 200, seed: int = 5) -> Fall:
