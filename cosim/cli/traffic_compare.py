@@ -62,7 +62,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from cosim.driver_discrepancy.page import format_comparison
     from cosim.report import write_page
 
-    at_least("seeds", options.seeds, 2)
+    at_least("seeds", options.seeds, 3)
     at_least("workers", options.workers, 1)
     folder = options.out or beside(options.measured.with_suffix(""), "compare")
     with ProgressReport(console, f"simulating with {options.seeds} seeds"):

@@ -13,7 +13,7 @@ from cosim.capture.config import RunConfig
 from cosim.driver_discrepancy.case import open_case
 from cosim.driver_discrepancy.channels import CHANNELS
 from cosim.driver_discrepancy.evidence import Evidence, Significance, find_significance, gather_evidence
-from cosim.driver_discrepancy.scores import Scores, noise_floor, score_vehicles
+from cosim.driver_discrepancy.scores import Scores, noise_floor, noise_floors, score_vehicles
 from cosim.driver_discrepancy.settings import DEFAULT
 from cosim.driver_discrepancy.summary import Column, Summary
 from cosim.driver_discrepancy.tracks import Tracks
@@ -55,6 +55,7 @@ class TrafficComparison:
         scores: error of every vehicle in every channel.
         error: mean over the groups of channels; lower is better.
         noise_floor: the error of the model against itself with other seeds.
+        floors: the same of each group of channels.
         statistics: whole channels.
         parts: channels under conditions that both show.
         evidence: table of differences.
@@ -66,6 +67,7 @@ class TrafficComparison:
     scores: Scores
     error: float
     noise_floor: float
+    floors: Mapping[str, float]
     statistics: tuple[Row, ...]
     parts: tuple[Row, ...]
     evidence: Evidence
@@ -156,6 +158,7 @@ def compare_summaries(measured: Summary, runs: Sequence[Summary], notes: tuple[s
         scores=scores,
         error=scores.error,
         noise_floor=noise_floor(runs),
+        floors=noise_floors(runs),
         statistics=tuple(row for row in rows if not row.condition),
         parts=tuple(row for row in rows if row.condition and np.isfinite(row.p_value)),
         evidence=evidence,

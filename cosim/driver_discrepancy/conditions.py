@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -100,11 +101,12 @@ def condition_codes(placed: Placed, frame: Frame, red: np.ndarray) -> dict[str, 
     lights = placed.of_lane(lambda name, _: float(name in signalled)) > 0
     density = densities(placed)
     dense = np.where(np.isfinite(density), (density > frame.dense).astype(int), -1)
-    thirds = tuple(f"third {number + 1} of the time" for number in range(_TIMES))
+    ends = np.linspace(0, frame.seconds, _TIMES + 1)
+    times = tuple(f"{begin:.0f} to {end:.0f} s" for begin, end in pairwise(ends))
     return {
         "street": (frame.streets, street),
         "lane": (("right lane", "second lane", "further lanes"), np.nan_to_num(lane, nan=-1).astype(int)),
-        "time": (thirds, np.clip((elapsed * _TIMES).astype(int), 0, _TIMES - 1)),
+        "time": (times, np.clip((elapsed * _TIMES).astype(int), 0, _TIMES - 1)),
         "class": (frame.classes, kind),
         "signal": (("red ahead", "green ahead"), np.where(lights, np.where(red, 0, 1), -1)),
         "density": (("light traffic", "dense traffic"), dense),

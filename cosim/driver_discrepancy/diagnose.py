@@ -15,7 +15,7 @@ from cosim.driver_discrepancy.case import Case, open_case
 from cosim.driver_discrepancy.comparison import Row, TrafficComparison, compare_summaries
 from cosim.driver_discrepancy.diagnosis import Candidate, TrafficDiagnosis, TrafficFinding
 from cosim.driver_discrepancy.estimate import Estimator, Fit, intervals
-from cosim.driver_discrepancy.evidence import Evidence, Significance, find_significance, gather_evidence
+from cosim.driver_discrepancy.evidence import Evidence, Significance, departures, find_significance, gather_evidence
 from cosim.driver_discrepancy.scores import Fall, Scores, compare_scores, noise_floor, score_vehicles
 from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
 from cosim.driver_discrepancy.summary import Summary
@@ -311,12 +311,19 @@ class _Diagnosis:
 def find_unexplained(found: TrafficComparison, level: float) -> tuple[Row, ...]:
     """Columns that differ significantly, one of each channel, the clearest first.
 
-    A condition is named where one of its levels differs more clearly than the channel as a whole.
+    A condition is named where the channel as a whole does not differ, or one of its levels differs otherwise than it.
     """
+    evidence = found.evidence
+    at = {(column.channel, column.condition, column.level): row for row, column in enumerate(evidence.columns)}
+    rows = [row for row in (*found.statistics, *found.parts) if row.p_value <= level]
     best: dict[str, tuple[float, Row]] = {}
-    for row in (*found.statistics, *found.parts):
-        if not row.p_value <= level:
-            continue
+    for row in rows:
+        whole = next((other for other in rows if other.name == row.name and not other.condition), None)
+        if row.condition and whole is not None:
+            parts = np.array([place for key, place in at.items() if key[0] == row.name and key[1]])
+            departs = departures(evidence, at[row.name, "", ""], parts)
+            if departs[parts == at[row.name, row.condition, row.level]][0] > level:
+                continue
         size = abs(row.measured - row.model) / row.sigma
         known = best.get(row.name)
         if known is None or size > known[0]:

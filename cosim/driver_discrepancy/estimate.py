@@ -160,16 +160,15 @@ class Estimator:
         start = {one.name: one.read(config, self._background) for one in behaviours}
         at = np.array([start[behaviour.name][knob.name] for behaviour, knob in knobs])
         plain = [knob for _, knob in knobs]
-        low, high = (np.array([getattr(knob, end) for knob in plain]) for end in ("low", "high"))
         rows = self._rows(evidence)
         jacobian = np.concatenate([slopes[one.name] for one in behaviours], 1)[rows] / evidence.sigma[:, None]
         own = np.array([any(one.shows(c.channel, c.condition) for one in behaviours) for c in evidence.columns])
         jacobian *= own[:, None]
-        at = np.clip(at, low, high)
+        at = self._feasible(config, behaviours, at)
         whole = np.ones(len(evidence.columns), bool) if scored is None else scored
         before = rest = self._rest(config, behaviours, at, evidence)
         for _ in range(self._by.fitting.rounds):
-            step = np.clip(at + self._solve(jacobian, rest, plain), low, high) - at
+            step = self._feasible(config, behaviours, at + self._solve(jacobian, rest, plain)) - at
             foreseen = rest - jacobian @ step
             if own @ rest**2 - own @ foreseen**2 < self._by.fitting.enough:
                 break
@@ -201,7 +200,7 @@ class Estimator:
         covariance = self._covariance(jacobian, knobs)
         step = np.clip(at + self._solve(jacobian, evidence.z, knobs), low, high) - at
         step = np.clip(step, -np.sqrt(np.diag(covariance)), np.sqrt(np.diag(covariance)))
-        values = _by_name(behaviours, at + step)
+        values = _by_name(behaviours, self._feasible(fit.config, behaviours, at + step))
         config = _written(fit.config, behaviours, values)
         return Fit(config, values, fit.chi2_before, fit.chi2, fit.slopes, covariance)
 
@@ -213,6 +212,12 @@ class Estimator:
     def _own_jacobian(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: Evidence) -> np.ndarray:
         own = np.array([any(one.shows(c.channel, c.condition) for one in behaviours) for c in evidence.columns])
         return fit.slopes[self._rows(evidence)] / evidence.sigma[:, None] * own[:, None]
+
+    def _feasible(self, config: BehaviourConfig, behaviours: Sequence[Behaviour], at: np.ndarray) -> np.ndarray:
+        """Parameters as the configuration holds them: within their bounds, alone and together."""
+        written = _written(config, behaviours, _by_name(behaviours, at))
+        read = [one.read(written, self._background) for one in behaviours]
+        return np.array([values[knob.name] for one, values in zip(behaviours, read, strict=True) for knob in one.knobs])
 
     def _rest(
         self, config: BehaviourConfig, behaviours: Sequence[Behaviour], at: np.ndarray, evidence: Evidence

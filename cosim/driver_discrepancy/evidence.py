@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from cosim.driver_discrepancy.channels import CHANNELS
 from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
@@ -130,6 +131,24 @@ def find_significance(evidence: Evidence, rng: np.random.Generator, by: TrafficS
         p_values[family] = np.minimum(len(families) * (1 + above) / (1 + draws), 1.0)
         critical[family] = np.quantile(largest, 1 - by.level / len(families))
     return Significance(p_values, critical)
+
+
+def departures(evidence: Evidence, whole: int, parts: np.ndarray) -> np.ndarray:
+    """Two-sided p-values (m,) that channels under conditions differ as the whole channel does, Bonferroni-corrected.
+
+    A difference that is the same everywhere is clearer in one part or another by chance.
+
+    Args:
+        evidence: the table.
+        whole: place of the whole channel.
+        parts: (m,) places of the same channel under conditions.
+    """
+    difference = evidence.measured - evidence.model
+    clusters = evidence.clusters * evidence.sigma
+    floor = CHANNELS[evidence.columns[whole].channel].resolution
+    spread = np.sqrt(((clusters[:, parts] - clusters[:, [whole]]) ** 2).sum(0) + floor**2)
+    ratio = np.abs(difference[parts] - difference[whole]) / np.maximum(spread, 1e-12)
+    return np.minimum(2 * stats.t.sf(ratio, evidence.freedom) * len(parts), 1.0)
 
 
 def cross_fitted_gain(

@@ -6,7 +6,9 @@ connectivity of the network the transition. It is solved by Viterbi's algorithm 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -40,9 +42,14 @@ def match_lanes(tracks: Tracks, network: Network) -> tuple[Tracks, list[str]]:
     matcher.check(tracks)
     first = np.searchsorted(tracks.vehicle, np.arange(len(tracks.ids) + 1))
     lane = tracks.lane.astype("U64")
-    for start, end in zip(first[:-1].tolist(), first[1:].tolist(), strict=True):
-        rows = np.arange(start, end)
-        lane[rows] = matcher.match(tracks.place[rows], tracks.heading_rad[rows], tracks.time_s[rows])
+    keys = [_keys(tracks.time_s[start:end]) + start for start, end in pairwise(first.tolist())]
+    options = matcher.options(tracks.place[np.concatenate(keys)], tracks.heading_rad[np.concatenate(keys)])
+    at = 0
+    for rows, (start, end) in zip(keys, pairwise(first.tolist()), strict=True):
+        part = slice(start, end)
+        own = options[at : at + len(rows)]
+        lane[part] = matcher.match(tracks.place[part], tracks.heading_rad[part], rows - start, own)
+        at += len(rows)
     lost = float((np.char.str_len(lane) == 0).mean())
     note = "lanes were found by map matching" + (f"; {lost:.0%} of the samples lie on none" if lost > 0.01 else "")
     return replace(tracks, lane=lane), [note]
@@ -120,10 +127,16 @@ class _Matcher:
             f"{town[1]:.0f}) m); give the configuration of the town that was measured, in the same axes"
         )
 
-    def match(self, place: np.ndarray, heading: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Lane of each sample of a vehicle (n,); empty where there is none."""
-        keys = _keys(time_s)
-        options = [self._options(place[row], float(heading[row])) for row in keys.tolist()]
+    def match(
+        self, place: np.ndarray, heading: np.ndarray, keys: np.ndarray, options: Sequence[Mapping[int, float]]
+    ) -> np.ndarray:
+        """Lane of each sample of a vehicle (n,); empty where there is none.
+
+        Args:
+            place, heading: (n, 2) and (n,) of its samples.
+            keys: (k,) samples at which lanes are decided; those between follow.
+            options: lanes near each of them with their costs.
+        """
         known = [at for at, option in enumerate(options) if option]
         found = np.full(len(place), "", dtype="U64")
         if not known:
@@ -133,11 +146,31 @@ class _Matcher:
         found[: rows[0] + 1] = self._names[path[0]]
         found[rows[-1] :] = self._names[path[-1]]
         for begin, end, a, b in zip(rows[:-1], rows[1:], path[:-1], path[1:], strict=True):
-            span = np.arange(begin, end + 1)
-            way = (a,) if a == b else self._steps.get((a, b), (a, b))
+            span = slice(begin, end + 1)
+            if a == b:
+                found[span] = self._names[a]
+                continue
+            way = self._steps.get((a, b), (a, b))
             cost = np.stack([self._cost(lane, place[span], heading[span]) for lane in way])
             choice = np.maximum.accumulate(np.argmin(cost, axis=0))
             found[span] = np.array([self._names[lane] for lane in way])[choice]
+        return found
+
+    def options(self, place: np.ndarray, heading: np.ndarray) -> list[dict[int, float]]:
+        """Lanes near places (n, 2) with headings (n,), and their costs."""
+        away, near = self._tree.query(place, k=_NEIGHBOURS, distance_upper_bound=_REACH_M)
+        known = np.isfinite(away)
+        rows, lanes = np.unique(np.column_stack([np.nonzero(known)[0], self._lane[np.asarray(near)[known]]]), axis=0).T
+        found: list[dict[int, float]] = [{} for _ in range(len(place))]
+        order = np.argsort(lanes, kind="stable")
+        for group in np.split(order, np.flatnonzero(np.diff(lanes[order])) + 1):
+            if not len(group):
+                continue
+            lane, own = int(lanes[group[0]]), rows[group]
+            costs = self._cost(lane, place[own], heading[own])
+            for row, cost in zip(own.tolist(), costs.tolist(), strict=True):
+                if np.isfinite(cost):
+                    found[row][lane] = cost
         return found
 
     def _share(self, place: np.ndarray, heading: np.ndarray) -> float:
@@ -147,13 +180,6 @@ class _Matcher:
             np.angle(np.exp(1j * (self._heading[np.minimum(near, len(self._lane) - 1)] - heading[:, None])))
         )
         return float((good & (turned < 0.6) & (away < 5.0)).any(1).mean())
-
-    def _options(self, place: np.ndarray, heading: float) -> dict[int, float]:
-        """Lanes near a place with their costs."""
-        away, near = self._tree.query(place, k=_NEIGHBOURS, distance_upper_bound=_REACH_M)
-        lanes = set(self._lane[np.asarray(near)[np.isfinite(away)]].tolist())
-        costs = {lane: float(self._cost(lane, place[None], np.array([heading]))[0]) for lane in lanes}
-        return {lane: cost for lane, cost in costs.items() if np.isfinite(cost)}
 
     def _cost(self, lane: int, place: np.ndarray, heading: np.ndarray) -> np.ndarray:
         shape = self._lanes[lane].shape
@@ -168,7 +194,7 @@ class _Matcher:
         cost = 0.5 * (apart[rows, best] / _DISTANCE_M) ** 2 + 0.5 * (turned / _HEADING_RAD) ** 2
         return np.where(np.abs(turned) > _AGAINST_RAD, np.inf, cost)
 
-    def _viterbi(self, options: list[dict[int, float]]) -> list[int]:
+    def _viterbi(self, options: Sequence[Mapping[int, float]]) -> list[int]:
         cost = dict(options[0])
         back: list[dict[int, int]] = []
         for option in options[1:]:

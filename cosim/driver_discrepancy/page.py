@@ -103,7 +103,8 @@ def _verdict(found: TrafficDiagnosis) -> str:
                 others = escape(" or ".join(one.also_possible))
                 parts.append(f'<span class="warn">{one.behaviour} cannot be distinguished from {others}.</span>')
             if one.worse:
-                parts.append(f'<span class="warn">{one.behaviour} makes worse: {escape(", ".join(one.worse))}.</span>')
+                worse = ", ".join(f"{name.replace('_', ' ')} (+{rise:.3f})" for name, rise in one.worse.items())
+                parts.append(f'<span class="warn">{one.behaviour} makes worse: {escape(worse)}.</span>')
     elif found.unexplained:
         words = escape(unexplained_words(found))
         parts = [f'<span class="warn">Unknown:</span> {words} differ; no behaviour of the catalogue explains it.']
@@ -140,22 +141,24 @@ def _facts(found: TrafficComparison) -> str:
 def _groups(before: TrafficComparison, after: TrafficComparison | None) -> str:
     """Errors of all channels, before and after."""
     first, last = before.channels, after.channels if after is not None else {}
+    shown = before if after is None else after
     rows = []
     for group, value in first.items():
         then = last.get(group, float("nan"))
         style = ' class="bad"' if np.isfinite(then) and then > 1.1 * value + 0.02 else ""
         cell = f"<td><span{style}>{then:.3f}</span></td>" if after is not None else ""
+        cell += f"<td>{shown.floors.get(group, float('nan')):.3f}</td>"
         rows.append(f"<tr><th>{escape(group.replace('_', ' '))}</th><td>{value:.3f}</td>{cell}</tr>")
     rows.append(
         f"<tr><th>all channels</th><td>{before.error:.3f}</td>"
         + (f"<td>{after.error:.3f}</td>" if after is not None else "")
-        + "</tr>"
+        + f"<td>{shown.noise_floor:.3f}</td></tr>"
     )
     heads = "<th>model</th>" if after is None else "<th>model as given</th><th>improved</th>"
     return (
-        f"<section><h2>Error by channel</h2><table><thead><tr><th></th>{heads}</tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table><p>All vehicles; the noise floor of all channels is "
-        f"{before.noise_floor:.3f}. Coloured: larger than before.</p></section>"
+        f"<section><h2>Error by channel</h2><table><thead><tr><th></th>{heads}<th>noise floor</th></tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table><p>All vehicles. The noise floor is the error of the model against "
+        "itself with another seed. Coloured: larger than before.</p></section>"
     )
 
 
@@ -195,9 +198,11 @@ def _findings(found: TrafficDiagnosis) -> str:
     rows = "".join(_finding(one) for one in found.effects)
     return (
         "<section><h2>What was missing</h2><table><thead><tr><th></th><th>parameter</th><th>was</th><th>is</th>"
-        "<th>95 % interval</th><th>p</th><th>error</th><th class=words>law</th><th class=words>SUMO’s word</th></tr>"
+        "<th>95 % interval</th><th>p</th><th>error</th><th>fall, 95 % interval</th><th class=words>equation</th>"
+        "<th class=words>SUMO parameter</th></tr>"
         f"</thead><tbody>{rows}</tbody></table><p>p is family-wise: the chance that any column of the dictionary would "
-        "differ so much if nothing were missing. Vehicles are the independent units: their signs are flipped.</p>"
+        "differ so much if nothing were missing. Vehicles are the independent units: their signs are flipped. The fall "
+        "of the error on held-out vehicles: over vehicles and seeds; coloured where it includes zero.</p>"
         "</section>"
     )
 
@@ -212,6 +217,7 @@ def _finding(one: TrafficFinding) -> str:
             tail = (
                 f"<td {span}>{escape(p_cell(one.p_value))}</td>"
                 f"<td {span}>{one.error_before:.3f} → {one.error_after:.3f}</td>"
+                f"<td {span}>{_fall(one)}</td>"
                 f'<td {span} class="words">{escape(behaviour.equation)}</td>'
                 f'<td {span} class="words">{escape(behaviour.vtype)}</td>'
             )
@@ -221,6 +227,13 @@ def _finding(one: TrafficFinding) -> str:
         shown, _ = fitted_words(one, name)
         cells.append(f"<tr>{head}<td>{escape(name)}</td><td>{was}</td><td>{shown}</td><td>{between}</td>{tail}</tr>")
     return "".join(cells)
+
+
+def _fall(one: TrafficFinding) -> str:
+    """Interval of the fall of the held-out error; coloured where it includes none."""
+    low, high = one.fall_ci95
+    text = f"{low:.3f} to {high:.3f}"
+    return text if low > 0 else f'<span class="warn">{text}</span>'
 
 
 def _charts(measured: Summary, models: Sequence[tuple[str, Sequence[Summary]]]) -> str:

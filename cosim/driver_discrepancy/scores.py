@@ -15,7 +15,8 @@ import numpy as np
 from cosim.driver_discrepancy.channels import BASES, CHANNELS
 from cosim.driver_discrepancy.summary import Summary
 
-_FEWEST_VEHICLES = 10
+_FEWEST_VEHICLES, _FEWEST_SHARE = 10, 1 / 3
+_FEWEST_SEEDS = 3  # one is the measurement, and two have a spread
 _LARGEST = 10.0  # scales, to which a single difference is limited
 
 
@@ -42,7 +43,10 @@ class Scores:
         return Scores(names, self.channels, self.table[keep], self.by_seed[:, keep])
 
     def by_channel(self) -> dict[str, float]:
-        """Mean score of each channel over its scale; NaN where fewer than ten vehicles show it."""
+        """Mean score of each channel over its scale; NaN where too few vehicles show it.
+
+        Ten vehicles are enough, and so is a third of fewer than thirty.
+        """
         return dict(zip(self.channels, _means(self.table).tolist(), strict=True))
 
     def by_group(self) -> dict[str, float]:
@@ -87,12 +91,28 @@ def score_vehicles(measured: Summary, runs: Sequence[Summary]) -> Scores:
 
 
 def noise_floor(runs: Sequence[Summary], ids: frozenset[str] | None = None) -> float:
-    """The error of the model against itself: each seed serves as the measurement once."""
-    errors = []
-    for number, run in enumerate(runs):
-        scores = score_vehicles(run, [other for at, other in enumerate(runs) if at != number])
-        errors.append((scores if ids is None else scores.of(ids)).error)
-    return float(np.nanmean(errors)) if errors else float("nan")
+    """The error of the model against itself: each seed serves as the measurement once. NaN for fewer than three."""
+    return _mean([one.error for one in _own_scores(runs, ids)])
+
+
+def noise_floors(runs: Sequence[Summary]) -> dict[str, float]:
+    """The same of each group of channels."""
+    groups = [one.by_group() for one in _own_scores(runs, None)]
+    return {
+        name: _mean([one.get(name, np.nan) for one in groups]) for name in dict.fromkeys(n for g in groups for n in g)
+    }
+
+
+def _own_scores(runs: Sequence[Summary], ids: frozenset[str] | None) -> list[Scores]:
+    if len(runs) < _FEWEST_SEEDS:
+        return []
+    found = [score_vehicles(run, [other for other in runs if other is not run]) for run in runs]
+    return found if ids is None else [scores.of(ids) for scores in found]
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")
 
 
 def compare_scores(before: Scores, after: Scores, draws: int = 200, seed: int = 5) -> Fall:
@@ -154,10 +174,12 @@ def _score(near: np.ndarray, spread: np.ndarray, count: np.ndarray) -> np.ndarra
 
 
 def _means(table: np.ndarray) -> np.ndarray:
+    """Mean of each channel (c,) over vehicles (v, c)."""
     known = np.isfinite(table)
+    fewest = min(_FEWEST_VEHICLES, max(1, np.ceil(_FEWEST_SHARE * len(table))))
     count = known.sum(0)
     mean = np.where(known, table, 0.0).sum(0) / np.maximum(count, 1)
-    return np.where(count >= _FEWEST_VEHICLES, mean, np.nan)
+    return np.where(count >= fewest, mean, np.nan)
 
 
 def _grouped(parts: Mapping[str, float]) -> dict[str, float]:

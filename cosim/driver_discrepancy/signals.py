@@ -81,7 +81,7 @@ def estimate_phases(placed: Placed) -> Phases:
     longest = max(programs[name].cycle_s for name in usable)
     shifts = np.arange(0.0, longest, 1.0)
     total = sum(len(found) for found in usable.values())
-    scores = np.array([sum(_score(programs[n], e, shift) * len(e) for n, e in usable.items()) for shift in shifts])
+    scores = sum((_scores(programs[name], found, shifts) * len(found) for name, found in usable.items()), np.zeros(1))
     best = int(np.argmax(scores))
     notes, common = [], 0.0
     if scores[best] - scores[0] > _BETTER * total:
@@ -90,10 +90,9 @@ def estimate_phases(placed: Placed) -> Phases:
     chosen = {name: _shifted(program, common) for name, program in programs.items()}
     own = 0
     for name, found in usable.items():
-        now = _score(chosen[name], found, 0.0)
         offsets = np.arange(0.0, programs[name].cycle_s, 1.0)
-        values = [_score(chosen[name], found, shift) for shift in offsets]
-        if max(values) - now > 3 * _BETTER:
+        values = _scores(chosen[name], found, offsets)
+        if values.max() - values[0] > 3 * _BETTER:
             chosen[name] = _shifted(chosen[name], float(offsets[int(np.argmax(values))]))
             own += 1
     if own:
@@ -105,24 +104,28 @@ def _shifted(program: Program, shift_s: float) -> Program:
     return replace(program, offset_s=program.offset_s + shift_s)
 
 
-def _score(program: Program, entries: np.ndarray, shift_s: float) -> float:
-    """Share of entries not at red, less a penalty for queues that start long after their green begins."""
-    score, at = 0.0, 0.0
+def _scores(program: Program, entries: np.ndarray, shifts_s: np.ndarray) -> np.ndarray:
+    """Share of entries not at red with the program shifted, less a penalty for queues that start long after green.
+
+    Args:
+        program: of the light.
+        entries: (m, 3) from `_entries`.
+        shifts_s: (k,) tried.
+    """
+    score = np.zeros(len(shifts_s))
     for index in np.unique(entries[:, 0]):
         mine = entries[entries[:, 0] == index]
-        times = mine[:, 1] - shift_s
-        red = is_red(program, int(index), times)
-        score += float((~red).sum())
-        waited = (mine[:, 2] < _SLOW_MPS) & ~red
-        if waited.any():
-            at += float(_since_green(program, int(index), times[waited]).sum())
-    return (score - _WAITED * at) / len(entries)
+        times = mine[:, 1] - shifts_s[:, None]
+        green = ~is_red(program, int(index), times)
+        waited = green & (mine[:, 2] < _SLOW_MPS)
+        score += green.sum(1) - _WAITED * (_since_green(program, int(index), times) * waited).sum(1)
+    return score / len(entries)
 
 
 def _since_green(program: Program, index: int, times: np.ndarray) -> np.ndarray:
-    """Time since a link's light became green [s], at most 20."""
-    since = np.zeros(len(times))
-    still = np.ones(len(times), bool)
+    """Whole seconds since a link's light became green, at most 20, in the shape of the times."""
+    since = np.zeros(times.shape)
+    still = np.ones(times.shape, bool)
     for back in range(1, 21):
         still &= ~is_red(program, index, times - back)
         since[still] = back

@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.driver_discrepancy.demand import Demand, write_demand
 from cosim.driver_discrepancy.driving import Driving, needs_steps
-from cosim.driver_discrepancy.fcd import read_fcd_table
+from cosim.driver_discrepancy.fcd import ATTRIBUTES, read_fcd
 from cosim.driver_discrepancy.recording import Recorder
 from cosim.driver_discrepancy.tracks import Tracks, take_rows
 from cosim.traffic.behaviour import BehaviourConfig
@@ -40,7 +40,7 @@ def simulate(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: floa
     with tempfile.TemporaryDirectory(prefix="cosim-traffic-") as name:
         folder = Path(name)
         options = write_demand(demand, behaviour, seed, step_s, folder)
-        output = folder / "fcd.csv"
+        output = folder / "fcd.parquet"
         command = [
             *options,
             *("--seed", str(seed % 2**31)),
@@ -48,9 +48,8 @@ def simulate(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: floa
             *("--begin", f"{demand.begin_s:.3f}"),
             *("--time-to-teleport", "-1"),
             *("--fcd-output", str(output)),
-            *("--fcd-output.attributes", "x,y,angle,speed,lane"),
+            *("--fcd-output.attributes", ",".join(ATTRIBUTES)),
             "--fcd-output.skip-empty",
-            *("--precision", "3"),
             *(word for key, value in demand.options.items() for word in (f"--{key}", value)),
         ]
         if demand.sample_s > 1.5 * step_s:
@@ -58,7 +57,7 @@ def simulate(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: floa
         if demand.lateral_m > 0:
             command += ["--lateral-resolution", str(demand.lateral_m)]
         _run(command, demand, behaviour, seed, step_s)
-        tracks = _as_far_as_measured(_without_parking(read_fcd_table(output), demand), demand)
+        tracks = _as_far_as_measured(_without_parking(read_fcd(output), demand), demand)
     if demand.lateral_m == 0:
         tracks = _beside_the_middle(tracks, behaviour, seed)
     types = {trip.name: trip.base[0] for trip in demand.trips}

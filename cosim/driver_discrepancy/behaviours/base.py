@@ -124,10 +124,10 @@ def moments(drawn: Drawn | None) -> tuple[float, float]:
 
 
 def even(mean: float, deviation: float, low: float, high: float) -> Uniform:
-    """The even distribution of a mean and a standard deviation, within bounds."""
-    half = _ROOT3 * abs(deviation)
+    """The even distribution of a mean and a standard deviation; narrower near a bound, so that the mean remains."""
     middle = float(np.clip(mean, low, high))
-    return Uniform(min=round(max(middle - half, low), 6), max=round(min(middle + half, high), 6))
+    half = min(_ROOT3 * abs(deviation), middle - low, high - middle)
+    return Uniform(min=round(middle - half, 6), max=round(middle + half, 6))
 
 
 def with_common_luck(config: BehaviourConfig) -> BehaviourConfig:
