@@ -116,10 +116,9 @@ def _demand_vertical(clouds: Sequence[np.ndarray], metres: float, source: str) -
             depth = float(np.median([ground.z for ground in clear])) * metres
             down = letter if depth > 0 else f"-{letter}"
             raise PointFileError(
-                f"{source}: no ground lies all around across z, but {clear[0].share:.0%} of the near points lie in a layer at "
-                f"{letter} = {depth:.1f} m, so {down} points down, as in a camera's axes; state which axes are "
-                f"forward, "
-                "left and up, as --axes z,-x,-y, or --axes x,y,z where this is right"
+                f"{source}: no ground lies all around across z, but {clear[0].share:.0%} of the near points lie in a "
+                f"layer at {letter} = {depth:.1f} m, so {down} points down, as in a camera's axes; state which axes "
+                "are forward, left and up, as --axes z,-x,-y, or --axes x,y,z where this is right"
             )
 
 

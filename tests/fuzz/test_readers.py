@@ -18,10 +18,10 @@ from cosim.drives.kitti.rays import decode_rays
 from cosim.drives.twin import read_glb
 from cosim.drives.twin.frame import TwinFrame
 from cosim.errors import CosimError, FormatError
+from cosim.user_errors import user_errors
 from sensors.errors import SensorError
 from sensors.npz import NpzError, npz_arrays
 from sensors.pattern import parse_pattern
-from cosim.user_errors import user_errors
 from tests.fuzz.material import make_material
 from tests.fuzz.point_variants import point_trial
 from tests.fuzz.readers import READERS, Reader

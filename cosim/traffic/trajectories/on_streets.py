@@ -33,11 +33,12 @@ def check_streets(path: Path, tracks: RoadTracks, streets: Streets) -> RoadTrack
     tracks = _in_local_axes(tracks, streets, tree)
     away, nearest = tree.query(tracks.front[:, :2])
     if (away < _BESIDE_M).mean() < _FEWEST_SHARE:
+        remedy = _fitting_unit(tracks, tree) or _fitting_axes(tracks, tree, ways)
         middle, town = np.median(tracks.front[:, :2], axis=0), np.median(points[:, :2], axis=0)
         raise TrajectoryError(
             f"{path}: most places lie off the streets of {streets.name} (median {np.median(away):.0f} m away; tracks "
             f"about ({middle[0]:.0f}, {middle[1]:.0f}) m, streets about ({town[0]:.0f}, {town[1]:.0f}) m); give the "
-            f"network they were recorded in, in the same axes{_fitting_unit(tracks, tree) or _fitting_axes(tracks, tree, ways)}"
+            f"network they were recorded in, in the same axes{remedy}"
         )
     if tracks.inferred:  # a table; the axes of other formats are defined
         _check_directions(path, tracks, streets, tree, ways)
