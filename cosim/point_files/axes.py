@@ -54,8 +54,10 @@ def find_metres(clouds: Sequence[np.ndarray], source: str, notes: list[str]) -> 
     )
 
 
-def check_axes(clouds: Sequence[np.ndarray], times: Sequence[np.ndarray | None], metres: float, source: str) -> None:
+def check_axes(clouds: Sequence[np.ndarray], times: Sequence[np.ndarray | None], metres: float, source: str) -> bool:
     """Raise where ground and sense of rotation contradict a right-handed frame with z up.
+
+    Returns whether both clues are there and confirm it.
 
     Args:
         clouds: (n, 3) points of some scans, in the order of the files.
@@ -66,10 +68,10 @@ def check_axes(clouds: Sequence[np.ndarray], times: Sequence[np.ndarray | None],
     Raises:
         PointFileError: z points down, another axis than z is vertical, or y points to the right.
     """
+    _demand_vertical(clouds, metres, source)
     grounds = [found for cloud in clouds if (found := find_ground(cloud, metres)) is not None]
     if not grounds:
-        _demand_vertical(clouds, metres, source)
-        return
+        return False
     z = float(np.median([ground.z for ground in grounds])) * metres
     share = float(np.median([ground.share for ground in grounds]))
     if z > 0:
@@ -91,10 +93,18 @@ def check_axes(clouds: Sequence[np.ndarray], times: Sequence[np.ndarray | None],
             "true` in drive.yaml or recording.yaml) or --axes "
             "x,y,z (it is right as it is)"
         )
+    return bool(known)
 
 
 def _demand_vertical(clouds: Sequence[np.ndarray], metres: float, source: str) -> None:
-    """Raise where the ground shows clearly across another axis than z."""
+    """Raise where the ground shows clearly across another axis than z: a layer all around, which across z is none."""
+    across_z = [find_ground(cloud, metres) for cloud in clouds]
+    around_z = [
+        ground is not None and _lies_around(cloud, ground.z, metres)
+        for cloud, ground in zip(clouds, across_z, strict=True)
+    ]
+    if 2 * sum(around_z) > len(clouds):
+        return
     for letter, order in (("y", [0, 2, 1]), ("x", [1, 2, 0])):
         turned = [find_ground(cloud[:, order], metres) for cloud in clouds]
         clear = [
@@ -106,10 +116,9 @@ def _demand_vertical(clouds: Sequence[np.ndarray], metres: float, source: str) -
             depth = float(np.median([ground.z for ground in clear])) * metres
             down = letter if depth > 0 else f"-{letter}"
             raise PointFileError(
-                f"{source}: no ground lies across z, but {clear[0].share:.0%} of the near points lie in a layer at "
-                f"{letter} = {depth:.1f} m, so {down} points down, as in a camera's axes; state which axes are "
-                f"forward, "
-                "left and up, as --axes z,-x,-y, or --axes x,y,z where this is right"
+                f"{source}: no ground lies all around across z, but {clear[0].share:.0%} of the near points lie in a "
+                f"layer at {letter} = {depth:.1f} m, so {down} points down, as in a camera's axes; state which axes "
+                "are forward, left and up, as --axes z,-x,-y, or --axes x,y,z where this is right"
             )
 
 

@@ -104,10 +104,10 @@ def _numpy(data: bytes, source: str) -> Columns:
         lengths = {values.shape for values in arrays.values() if values.ndim == 1}
         length = max((shape[0] for shape in lengths), default=0)
         return {name: values for name, values in arrays.items() if values.shape == (length,)}
-    tables = [name for name, values in arrays.items() if values.ndim == 2 and 3 <= values.shape[1] <= 8]
+    tables = [name for name, values in arrays.items() if values.ndim == 2 and 3 <= values.shape[1] <= 12]
     if len(tables) != 1:
         raise PointFileError(
-            f"{source}: arrays {', '.join(arrays) or 'none'}; give x, y, z …, or one table of 3 to 8 columns"
+            f"{source}: arrays {', '.join(arrays) or 'none'}; give x, y, z …, or one table of 3 to 12 columns"
         )
     rest = {name: values for name, values in arrays.items() if values.shape == (len(arrays[tables[0]]),)}
     return {**_table(arrays[tables[0]], source), **rest}
@@ -116,9 +116,9 @@ def _numpy(data: bytes, source: str) -> Columns:
 def _table(rows: np.ndarray, source: str) -> Columns:
     if rows.dtype.names:
         return {name: rows[name] for name in rows.dtype.names if rows[name].ndim == 1}
-    if rows.ndim != 2 or not 3 <= rows.shape[1] <= 8 or rows.dtype.kind not in "fiu":
+    if rows.ndim != 2 or not 3 <= rows.shape[1] <= 12 or rows.dtype.kind not in "fiu":
         raise PointFileError(
-            f"{source}: an array of {rows.dtype} of shape {rows.shape}; a scan is (n, 3 to 8) numbers or has named "
+            f"{source}: an array of {rows.dtype} of shape {rows.shape}; a scan is (n, 3 to 12) numbers or has named "
             f"fields"
         )
     return unnamed(rows)

@@ -15,11 +15,12 @@ import numpy as np
 
 from cosim.point_files.scan import PointFileError
 
-WIDTHS = (4, 5, 6, 3, 7, 8)  # columns, the likeliest first
+WIDTHS = (4, 5, 6, 3, 7, 8, 9, 10, 12)  # columns, the likeliest first
 _KINDS = ("<f4", ">f4", "<f8")
 _VALUES = 48_000  # of a file that are looked at
 _ORDINARY = (1e-6, 1e7)  # magnitudes of coordinates, intensities, times; zero is ordinary too
 _ORDINARY_SHARE = 0.9
+_MOST_SHARE, _LEAD = 0.6, 0.15  # a smaller share that leads that of other kinds of number by so much
 _FEWEST_ROWS = 50  # for a correlation that means something
 _CLEAR = 0.25  # least correlation of a true period
 _TIE = 0.03  # periods whose correlations differ by less are multiples of each other
@@ -79,14 +80,7 @@ def find_row_layout(samples: Sequence[bytes], source: str, columns: int | None =
     filled = [data for data in samples if data]
     if not filled:
         return RowLayout(columns or 4)
-    kinds = [kind for kind in _KINDS if _ordinary_share(filled, kind) >= _ORDINARY_SHARE]
-    if not kinds:
-        shares = ", ".join(f"{np.dtype(kind).name} {kind[0]}: {_ordinary_share(filled, kind):.0%}" for kind in _KINDS)
-        raise PointFileError(
-            f"{source}: values have no ordinary magnitudes (1e-6 to 1e7) as rows of numbers ({shares}), so this is no "
-            "scan of x y z …: write it as .npz with named arrays, or choose the scans with --scans"
-        )
-    kind = kinds[0]
+    kind = _find_kind(filled, source)
     widths = (columns,) if columns else WIDTHS
     least = 1 if columns else len(filled) // 2 + 1
     fitting = [width for width in widths if _dividing(filled, width, kind) >= least]
@@ -106,6 +100,23 @@ def find_row_layout(samples: Sequence[bytes], source: str, columns: int | None =
         return RowLayout(likeliest, kind, 0.0)
     width = min(width for width, value in found.items() if value > best - _TIE)
     return RowLayout(width, kind, round(best, 3))
+
+
+def _find_kind(samples: Sequence[bytes], source: str) -> str:
+    """The kind of number as which nearly all values are ordinary, or clearly more than as any other.
+
+    One column of other magnitudes, as of stamps since 1970 in ns, leaves the rest ordinary.
+    """
+    shares = {kind: _ordinary_share(samples, kind) for kind in _KINDS}
+    for kind, share in shares.items():
+        others = max(value for other, value in shares.items() if other != kind)
+        if share >= _ORDINARY_SHARE or (share >= _MOST_SHARE and share > others + _LEAD):
+            return kind
+    told = ", ".join(f"{np.dtype(kind).name} {kind[0]}: {share:.0%}" for kind, share in shares.items())
+    raise PointFileError(
+        f"{source}: values have no ordinary magnitudes (1e-6 to 1e7) as rows of numbers ({told}), so this is no "
+        "scan of x y z …: write it as .npz with named arrays, or choose the scans with --scans"
+    )
 
 
 def _ordinary_share(samples: Sequence[bytes], kind: str) -> float:

@@ -63,6 +63,7 @@ class PointSchema:
         axes: rows of a (3, 3) signed permutation from stored axes to x forward, y left, z up.
         no_return: places that stand for "no return" [stored units].
         no_return_range: range that stands for "no return" [stored units]; None where there is none.
+        is_frame_checked: whether ground and sense of rotation confirm the axes, or the user states them.
         notes: what was inferred, not used or left out, a sentence each.
     """
 
@@ -73,6 +74,7 @@ class PointSchema:
     axes: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     no_return: tuple[tuple[float, float, float], ...] = ()
     no_return_range: float | None = None
+    is_frame_checked: bool = True
     notes: tuple[str, ...] = ()
 
     @property
@@ -110,15 +112,15 @@ def find_schema(samples: Sequence[Columns], options: PointOptions | None = None,
     names = _roles(samples, options, source, notes)
     clouds = [_Cloud.of(columns, names) for columns in samples]
     _demand_points(clouds, source)
-    metres = options.metres or find_metres([cloud.xyz for cloud in clouds], source, notes)
-    _demand_sensor_frame(clouds, metres, source)
     no_return, no_return_range = _no_returns(clouds, notes)
     clouds = [cloud.without(no_return) for cloud in clouds]
+    metres = options.metres or find_metres([cloud.xyz for cloud in clouds], source, notes)
+    _demand_sensor_frame(clouds, metres, source)
     names, unit_s = _times(clouds, names, notes, stated=options.columns is not None)
     times = [cloud.time if unit_s else None for cloud in clouds]
-    axes = options.axes_matrix
+    axes, is_checked = options.axes_matrix, True
     if axes is None:
-        check_axes([cloud.xyz for cloud in clouds], times, metres, source)
+        is_checked = check_axes([cloud.xyz for cloud in clouds], times, metres, source)
         axes = np.eye(3)
     names, scale = _intensities(clouds, names, options, notes)
     return PointSchema(
@@ -129,6 +131,7 @@ def find_schema(samples: Sequence[Columns], options: PointOptions | None = None,
         axes=tuple(tuple(float(value) for value in row) for row in axes),  # type: ignore[misc]
         no_return=no_return,
         no_return_range=no_return_range,
+        is_frame_checked=is_checked,
         notes=tuple(notes),
     )
 
@@ -281,6 +284,8 @@ def _roles_of_unnamed(samples: Sequence[Columns], keys: list[str], source: str, 
     """x y z first, then what laser numbers, times and intensities the other columns prove to be."""
     found = dict(zip("xyz", keys, strict=False))
     clouds = [_Cloud.of(columns, {**found, **{key: key for key in keys[3:]}}, source) for columns in samples]
+    no_return, _ = _no_returns(clouds, [])
+    clouds = [cloud.without(no_return) for cloud in clouds]
     spare = []
     for key in keys[3:]:
         role = next((role for role in ("ring", "time") if role not in found and _proves(clouds, key, role)), None)
@@ -288,8 +293,10 @@ def _roles_of_unnamed(samples: Sequence[Columns], keys: list[str], source: str, 
             spare.append(key)
         else:
             found[role] = key
-    if spare and _may_be_intensity(clouds, spare[0], source, keys):
-        found["intensity"] = spare.pop(0)
+    likely = next((key for key in spare if _has_intensities(clouds, key)), None)
+    if likely is not None and _may_be_intensity(clouds, likely, source, keys):
+        found["intensity"] = likely
+        spare.remove(likely)
     told = ", ".join(f"{key.removeprefix(_UNNAMED)} {role}" for role, key in found.items())
     if len(keys) != 4 or list(found) != ["x", "y", "z", "intensity"]:
         notes.append(f"{len(keys)} columns without names: {told}")
@@ -318,6 +325,16 @@ def _proves(clouds: Sequence[_Cloud], key: str, role: str) -> bool:
             span = float(np.ptp(values[usual])) if usual.any() else 0.0
             verdicts.append(_sweep_unit(span) > 0 and not are_laser_numbers(values) and grows_along_firing(xyz, values))
     return bool(verdicts) and 2 * sum(verdicts) > len(verdicts)
+
+
+def _has_intensities(clouds: Sequence[_Cloud], key: str) -> bool:
+    """Whether values differ and are no larger than intensities of any unit."""
+    flat = np.concatenate([cloud.columns[key][cloud.good].astype(np.float64) for cloud in clouds])
+    flat = flat[np.isfinite(flat)]
+    if not len(flat):
+        return False
+    low, high = np.quantile(flat, [1 - _BRIGHT, _BRIGHT])
+    return bool(low < high <= _WORD * 1.001)
 
 
 def _may_be_intensity(clouds: Sequence[_Cloud], key: str, source: str, keys: list[str]) -> bool:
@@ -492,9 +509,9 @@ def _intensities(
         return names, _BYTE
     bright = float(np.quantile(flat, _BRIGHT)) if len(flat) else 0.0
     if kind.kind in "ui":
-        scale = _BYTE if bright <= _BYTE else _WORD
+        scale = next((limit for limit in (_BYTE, _WORD) if bright <= limit), bright)
     else:
-        scale = next((limit for limit in (1.0, _BYTE) if bright <= limit * 1.001), _WORD)
+        scale = next((limit for limit in (1.0, _BYTE, _WORD) if bright <= limit * 1.001), bright)
     if scale > 1.0:
         above = int((flat > scale).sum())
         more = f" ({above} above count as full)" if above else ""

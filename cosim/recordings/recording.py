@@ -176,6 +176,11 @@ def _absences(recording: Recording, samples: list[tuple[str, Columns]]) -> list[
         notes.append(f"scan {scan.name} holds no point")
     if scan.intensity is None:
         notes.append("no intensities: reflectances and what dims them cannot be told")
+    if not recording.schema.is_frame_checked:
+        notes.append(
+            "nothing in the scans tells left from right: their points show no sense of rotation, or no ground; that x "
+            "y z are forward, left and up is not checked, --flip-y or --axes states otherwise"
+        )
     if recording.stamp_s is None:
         notes.append("no stamps: scans are taken to follow each other at the rate of the sensor")
     for row in recording.gaps():

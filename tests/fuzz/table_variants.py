@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from assets.streets import StreetLane, Streets
-from cosim.traffic.trajectories import RoadTracks
+from cosim.traffic.trajectories import RoadTracks, read_trajectories
+from tests.fuzz.variants import Trial
 
 _STEP_S, _SAMPLES = 0.04, 150
 LIMIT_MPS = 13.9
@@ -90,12 +90,13 @@ _AXES = {
 }
 
 
-def write_variant(truth: Truth, rng: np.random.Generator, path: Path) -> str:
-    """Write the truth as a table in a way drawn at random; returns what was drawn."""
+def write_variant(truth: Truth, rng: np.random.Generator, path: Path, said: list[str]) -> None:
+    """Write the truth as a table in a way drawn at random, and append what was drawn."""
     stride = int(rng.choice([1, 1, 2, 5, 10]))
     time = truth.time_s[::stride]
     place, heading = truth.middle[:, ::stride], truth.heading_rad[:, ::stride]
-    speed, said = truth.speed_mps[:, ::stride], [f"every {stride * _STEP_S:g} s"]
+    speed = truth.speed_mps[:, ::stride]
+    said.append(f"every {stride * _STEP_S:g} s")
     name = str(rng.choice(list(_TIMES)))
     unit = float(rng.choice(_TIMES[name]))
     lies = rng.random() < 0.15  # the name states another unit than the numbers
@@ -150,6 +151,7 @@ def write_variant(truth: Truth, rng: np.random.Generator, path: Path) -> str:
         columns["length"] = [f"{value / metres:.2f}" for value in np.repeat(truth.length_m, count)]
     if rng.random() < 0.7:
         columns["agent_type"] = ["car"] * (users * count)
+    _add_columns(columns, users, count, rng, said)
     rows = [list(row) for row in zip(*columns.values(), strict=True)]
     names = list(columns)
     if rng.random() < 0.3:
@@ -157,18 +159,63 @@ def write_variant(truth: Truth, rng: np.random.Generator, path: Path) -> str:
         names, rows = [names[at] for at in order], [[row[at] for at in order] for row in rows]
     if rng.random() < 0.5:
         rows = [rows[at] for at in rng.permutation(len(rows))]
-    for _ in range(int(rng.choice([0, 0, 0, 1, 3]))):  # cells that are empty or extreme
-        at = str(
-            rng.choice(
-                [each for each in names if each in ("speed", "vx", "vy", "heading", "psi_rad", "length")] or ["x"]
-            )
-        )
-        if at != "x":
-            rows[int(rng.integers(len(rows)))][names.index(at)] = str(rng.choice(["", "nan", "1e6", "-999"]))
-            said.append(f"a wild {at}")
-    separator = str(rng.choice([",", ",", ";"]))
-    path.write_text("\n".join([separator.join(names), *(separator.join(row) for row in rows)]) + "\n")
-    return "; ".join(said)
+    _spoil_cells(names, rows, rng, said)
+    separator, end = str(rng.choice([",", ",", ";", "\t"])), str(rng.choice(["\n", "\n", "\r\n"]))
+    if rng.random() < 0.1:
+        rows = [[f'"{cell}"' for cell in row] for row in rows]
+    text = end.join([separator.join(names), *(separator.join(row) for row in rows)]) + end
+    path.write_bytes(text.encode("utf-8-sig" if rng.random() < 0.1 else "utf-8"))
+
+
+def _add_columns(
+    columns: dict[str, list[str]], users: int, count: int, rng: np.random.Generator, said: list[str]
+) -> None:
+    """Columns that exports add, some of which look like clocks or measurements and are none."""
+    rows = users * count
+    draw = str(
+        rng.choice(["", "received", "empty", "zero speed", "zero heading", "index", "width"], p=[0.58, *[0.07] * 6])
+    )
+    match draw:
+        case "received":  # a second clock: when a message arrived, in batches of a second
+            batch = [1.7e9 + np.floor(_STEP_S * frame) for _ in range(users) for frame in range(count)]
+            columns["global_time"] = [f"{stamp * 1e3:.0f}" for stamp in batch]
+        case "empty":
+            columns[str(rng.choice(["z", "lane", "height", "yaw"]))] = [""] * rows
+        case "zero speed" if "speed" not in columns and "vx" not in columns:
+            columns["speed"] = ["0.0"] * rows
+        case "zero heading" if not {"heading", "heading_deg", "psi_rad"} & set(columns):
+            columns["heading"] = ["0.0"] * rows
+        case "index":
+            columns["row"] = [str(row) for row in range(rows)]
+        case "width":
+            columns["width"] = ["1.8"] * rows
+        case _:
+            return
+    said.append(draw)
+
+
+def _spoil_cells(names: list[str], rows: list[list[str]], rng: np.random.Generator, said: list[str]) -> None:
+    """Cells that are empty or extreme, places that jump, and rows that are there twice."""
+    measured = [name for name in names if name in ("speed", "vx", "vy", "heading", "psi_rad", "length")]
+    for _ in range(int(rng.choice([0, 0, 0, 1, 3]))):
+        if measured:
+            name = str(rng.choice(measured))
+            rows[int(rng.integers(len(rows)))][names.index(name)] = str(rng.choice(["", "nan", "1e6", "-999"]))
+            said.append(f"a wild {name}")
+    draw = rng.random()
+    if draw < 0.06:
+        rows.extend([list(rows[at]) for at in rng.integers(0, len(rows), 5)])
+        said.append("rows twice")
+    elif draw < 0.12:
+        axis = names.index(str(rng.choice(["x", "y"])))
+        rows[int(rng.integers(len(rows)))][axis] = str(rng.choice(["1e7", "0", "-9999", "nan"]))
+        said.append("a place that jumps")
+    elif draw < 0.16:
+        clocks = [name for name in names if name in _TIMES]
+        if clocks:
+            row = rows[int(rng.integers(len(rows)))]
+            row[names.index(clocks[0])] = str(rng.choice(["0", "-1", "nan", "1e15"]))
+            said.append("a wild clock")
 
 
 def find_error(truth: Truth, tracks: RoadTracks, said: str) -> str | None:
@@ -199,42 +246,14 @@ def find_error(truth: Truth, tracks: RoadTracks, said: str) -> str | None:
     return None
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """Results of many variants.
+def table_trial(folder: Path) -> Trial:
+    """A trial that writes a variant into a folder and reads it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "tracks.csv"
 
-    Attributes:
-        read: variants read, and equal to the truth.
-        refused: variants refused, with their messages.
-        wrong: variants read with another meaning: seed, what was drawn, what differs.
-        foreign: exceptions that are not the project's own.
-    """
-
-    read: int
-    refused: tuple[str, ...]
-    wrong: tuple[str, ...]
-    foreign: tuple[str, ...]
-
-
-def try_tables(
-    read: Callable[[Path], RoadTracks], refusals: tuple[type[Exception], ...], folder: Path, trials: int, seed: int
-) -> Outcome:
-    """Read variants, each drawn with its own seed."""
-    path, right = folder / "tracks.csv", 0
-    refused, wrong, foreign = [], [], []
-    for number in range(seed, seed + trials):
-        rng = np.random.default_rng(number)
+    def trial(rng: np.random.Generator, drawn: list[str]) -> str | None:
         truth = drive_vehicles(rng)
-        said = write_variant(truth, rng, path)
-        try:
-            difference = find_error(truth, read(path), said)
-        except refusals as error:
-            refused.append(f"{number}: {said}: {error}")
-        except Exception as error:  # noqa: BLE001 - every foreign exception is counted
-            foreign.append(f"{number}: {said}: {type(error).__name__}: {error}")
-        else:
-            if difference is None:
-                right += 1
-            else:
-                wrong.append(f"{number}: {said}: {difference}")
-    return Outcome(right, tuple(refused), tuple(wrong), tuple(foreign))
+        write_variant(truth, rng, path, drawn)
+        return find_error(truth, read_trajectories(path, STREETS), "; ".join(drawn))
+
+    return trial

@@ -18,12 +18,16 @@ from cosim.drives.kitti.rays import decode_rays
 from cosim.drives.twin import read_glb
 from cosim.drives.twin.frame import TwinFrame
 from cosim.errors import CosimError, FormatError
+from cosim.user_errors import user_errors
 from sensors.errors import SensorError
 from sensors.npz import NpzError, npz_arrays
 from sensors.pattern import parse_pattern
 from tests.fuzz.material import make_material
+from tests.fuzz.point_variants import point_trial
 from tests.fuzz.readers import READERS, Reader
+from tests.fuzz.table_variants import table_trial
 from tests.fuzz.trying import try_reader
+from tests.fuzz.variants import try_variants
 
 _TRIALS = {"net": 4, "parking": 4, "town": 15}
 
@@ -40,6 +44,13 @@ def test_spoilt_files_are_read_or_refused_in_one_line(reader: Reader, material):
     tally = try_reader(reader, material, _TRIALS.get(reader.name, 40))
     assert not tally.crashes
     assert tally.refused > 0
+
+
+@pytest.mark.parametrize("make_trial", [table_trial, point_trial])
+def test_no_variant_is_read_wrongly_without_a_word(make_trial, tmp_path):
+    outcome = try_variants(make_trial(tmp_path / "variants"), user_errors(), trials=40, seed=0)
+    assert outcome.wrong == () and outcome.foreign == ()
+    assert outcome.read > 8 and outcome.refused
 
 
 @pytest.mark.parametrize("parse", [parse_labels, parse_calibration, parse_oxts, TwinFrame.from_json])

@@ -19,7 +19,7 @@ from cosim.point_files.schema import PointSchema, decode_scan, find_schema
 
 _SAMPLES = 3  # scans that are read to find the layout
 _LIMITS = {3: "x,y,z", 4: "x,y,z,intensity"}  # what a number of columns means without a word more
-_MOST_COLUMNS = 8
+_MOST_COLUMNS = 12
 OPTIONS = ("columns", "intensity_scale", "axes", "flip_y", "metres")  # keys of drive.yaml
 
 

@@ -1,4 +1,4 @@
-"""ROS 1 and ROS 2 bags, SQLite and MCAP: the messages of one PointCloud2 topic.
+"""ROS 1 and ROS 2 bags, SQLite and MCAP: the messages of one topic of clouds.
 
 sensor_msgs/PointCloud2 and PointField as ROS defines them (docs.ros.org).
 """
@@ -13,6 +13,7 @@ import numpy as np
 
 from cosim.point_files import Columns
 from cosim.recordings.libraries import needed
+from cosim.recordings.reading.foxglove import foxglove_sources
 from cosim.recordings.reading.source import Source
 from cosim.recordings.scan import RecordingError
 
@@ -38,6 +39,11 @@ def bag_sources(path: Path, topic: str | None = None) -> tuple[Source, ...]:
     Raises:
         RecordingError: no topic, several, or the bag cannot be read.
     """
+    if path.is_dir() and not (path / "metadata.yaml").is_file() and len(_stores(path)) == 1:
+        path = _stores(path)[0]
+    clouds = foxglove_sources(path, topic)
+    if clouds is not None:
+        return clouds
     try:
         with _reader(path) as reader:
             name = _chosen(reader, path, topic)

@@ -19,6 +19,7 @@ _FEWEST_USERS = 2  # a single way may lie along a lane by chance
 _ON_LANE_M, _ALONG = 2.5, 0.7
 _CONTRADICTS, _UNRELATED, _CONFIRMS = 0.5, 0.3, 0.6
 _TOO_FAST = 2.0
+_UNITS_M, _WIDE_M = (0.3048, 0.01, 0.001), 20.0  # other units of positions; extent of tracks that can tell one
 
 
 def check_streets(path: Path, tracks: RoadTracks, streets: Streets) -> RoadTracks:
@@ -32,11 +33,12 @@ def check_streets(path: Path, tracks: RoadTracks, streets: Streets) -> RoadTrack
     tracks = _in_local_axes(tracks, streets, tree)
     away, nearest = tree.query(tracks.front[:, :2])
     if (away < _BESIDE_M).mean() < _FEWEST_SHARE:
+        remedy = _fitting_unit(tracks, tree) or _fitting_axes(tracks, tree, ways)
         middle, town = np.median(tracks.front[:, :2], axis=0), np.median(points[:, :2], axis=0)
         raise TrajectoryError(
             f"{path}: most places lie off the streets of {streets.name} (median {np.median(away):.0f} m away; tracks "
             f"about ({middle[0]:.0f}, {middle[1]:.0f}) m, streets about ({town[0]:.0f}, {town[1]:.0f}) m); give the "
-            f"network they were recorded in, in the same axes{_fitting_axes(tracks, tree, ways)}"
+            f"network they were recorded in, in the same axes{remedy}"
         )
     if tracks.inferred:  # a table; the axes of other formats are defined
         _check_directions(path, tracks, streets, tree, ways)
@@ -106,6 +108,17 @@ def _check_directions(path: Path, tracks: RoadTracks, streets: Streets, tree: KD
         f"against: {found:.2f}){other}; give the network they were recorded in, or state "
         f"the axes in {path}.yaml, as `axes: x,-y`"
     )
+
+
+def _fitting_unit(tracks: RoadTracks, tree: KDTree) -> str:
+    """A phrase that names the unit of positions with which tracks of a table would lie on lanes; empty without one."""
+    if not tracks.inferred or tracks.inferred.get("metres") != 1.0:
+        return ""
+    for metres in _UNITS_M:
+        away = tree.query(tracks.front[:, :2] * metres)[0]
+        if (away < _ON_LANE_M).mean() > _FEWEST_SHARE and np.ptp(tracks.front[:, :2], axis=0).max() * metres > _WIDE_M:
+            return f"; with `metres: {metres:g}` they would lie on its lanes"
+    return ""
 
 
 def _fitting_axes(tracks: RoadTracks, tree: KDTree, ways: np.ndarray) -> str:

@@ -20,6 +20,7 @@ from cosim.traffic.trajectories.riders import is_rider
 from cosim.traffic.trajectories.table_heading import turned
 from cosim.traffic.trajectories.table_names import is_sumo_table, named_columns, needs_numbers
 from cosim.traffic.trajectories.table_options import TableOptions, read_table_options
+from cosim.traffic.trajectories.table_rows import repeated_rows, stray_times
 from cosim.traffic.trajectories.table_schema import TableSchema, infer_table_schema
 from cosim.traffic.trajectories.table_steps import TableColumns
 from cosim.traffic.trajectories.tracks import RoadTracks, Sample, TrajectoryError, User, gather
@@ -48,9 +49,10 @@ def read_table(path: Path, type_files: Iterable[Path], left_out: Counter[str]) -
     sumo = is_sumo_table(header)
     on_foot = [sample.user in users and users[sample.user].kind == "pedestrian" for sample in samples]
     riding = is_rider(samples, on_foot) if sumo else np.zeros(len(samples), bool)
-    kept = [sample for sample, rides in zip(samples, riding.tolist(), strict=True) if not rides]
+    left, said = _rows_left_out(schema, table)
+    kept = [sample for sample, gone in zip(samples, (riding | left).tolist(), strict=True) if not gone]
     tracks = gather(path, kept, users, centred=schema.position == "middle")
-    notes = tuple(f"{path}: {note}" for note in schema.notes)
+    notes = tuple(f"{path}: {note}" for note in (*schema.notes, *said))
     if riding.any():
         riders = {sample.user for sample, rides in zip(samples, riding.tolist(), strict=True) if rides}
         notes += (f"{path}: {int(riding.sum())} samples of {len(riders)} persons riding in vehicles are left out",)
@@ -109,6 +111,19 @@ def _samples(
         Sample(t, _identifier(row[id_at]), x, y, up, angle, v, lane="" if lane_at is None else row[lane_at].strip())
         for row, t, x, y, up, angle, v in values
     ]
+
+
+def _rows_left_out(schema: TableSchema, table: TableColumns) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Mask (n,) of the rows that are no samples of their own, and a sentence for each reason."""
+    time, x, y = (table.values[schema.columns[role]] for role in ("time", "x", "y"))
+    twice = repeated_rows(table.user, time, x, y)
+    stray = stray_times(table.user, time) & ~twice
+    said = []
+    if twice.any():
+        said.append(f"{int(twice.sum())} rows are there twice: one of each is used")
+    if stray.any():
+        said.append(f"{int(stray.sum())} rows have times far from all others of their road user: left out")
+    return twice | stray, tuple(said)
 
 
 def _usual(sizes: np.ndarray) -> float | None:

@@ -38,6 +38,9 @@ def infer_heading(
     finite = np.abs(values[np.isfinite(values)])
     if not len(finite):
         return 1.0, "east", False
+    if len(finite) >= _FEWEST and not np.any(finite) and _ways_differ(steps):
+        notes.append(f"{name} is 0 whatever the direction of travel: not used, headings come from the way")
+        return 1.0, "east", False
     declared = declared_unit("heading", name)
     widest = float(np.quantile(finite, 0.98))
     scores = _heading_scores(table.user, values, steps)
@@ -69,6 +72,15 @@ def infer_heading(
         )
     notes.append(f"{name} is in {_angle(best[0])} from {best[1]}: along the way (mean cosine {fitting[best]:.3f})")
     return best[0], best[1], True
+
+
+def _ways_differ(steps: Steps) -> bool:
+    """Whether road users move in directions that differ, so that one heading cannot be that of all."""
+    moved = steps.way > _COURSE_M if (steps.way > _COURSE_M).sum() >= _FEWEST else steps.way > _MOVES_M
+    if moved.sum() < _FEWEST:
+        return False
+    east = steps.dx[moved] / steps.way[moved]
+    return float(np.quantile(east, 0.05)) < _ALONG
 
 
 def _heading_scores(user: np.ndarray, values: np.ndarray, steps: Steps) -> dict[tuple[float, str], float]:

@@ -24,7 +24,13 @@ from cosim.traffic.trajectories.table_names import (
     possible_names,
 )
 from cosim.traffic.trajectories.table_options import TableOptions
-from cosim.traffic.trajectories.table_steps import Steps, TableColumns, check_velocity_direction, stated_speed
+from cosim.traffic.trajectories.table_steps import (
+    Steps,
+    TableColumns,
+    check_velocity_direction,
+    drop_constant_speeds,
+    stated_speed,
+)
 from cosim.traffic.trajectories.table_time import infer_time
 from cosim.traffic.trajectories.tracks import TrajectoryError
 
@@ -81,6 +87,7 @@ def infer_table_schema(table: TableColumns, source: str, options: TableOptions |
     columns = _plain_roles(table.header, source, options)
     metres = options.metres or declared_unit("x", columns["x"]) or 1.0
     x, y = (table.values[columns[axis]] * metres for axis in "xy")
+    columns = drop_constant_speeds(table, columns, x, y, notes)
     stated = stated_speed(table, columns)
     time, unit_s, speed_unit = infer_time(table, columns, options, source, x, y, stated, notes)
     columns = columns | {"time": time}

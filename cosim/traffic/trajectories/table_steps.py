@@ -9,6 +9,8 @@ import numpy as np
 
 _MOVES_M = 0.05  # a step that shows speed
 _FEWEST = 5  # comparisons that a verdict needs
+_NO_SPEED, _NEARLY_ALL = 1e-6, 0.98  # a speed of none, and the share of rows that have it where none was measured
+_MOVES_AWAY_M = 2.0  # spread of the places of a road user that moves
 _ALONG = 0.85  # mean cosine between heading and way of a reading that is right
 
 
@@ -83,6 +85,45 @@ def stated_speed(table: TableColumns, columns: Mapping[str, str]) -> np.ndarray 
     if "vx" in columns and "vy" in columns:
         return np.hypot(table.values[columns["vx"]], table.values[columns["vy"]])
     return None
+
+
+def drop_constant_speeds(
+    table: TableColumns, columns: dict[str, str], x: np.ndarray, y: np.ndarray, notes: list[str]
+) -> dict[str, str]:
+    """The columns without speeds that are zero although road users change their places: they were not measured.
+
+    Args:
+        table: its numeric columns.
+        columns: name of the column of each role.
+        x: (n,) places [m].
+        y: (n,) places [m].
+        notes: a sentence is added where speeds are not used.
+    """
+    roles = [role for role in ("speed", "vx", "vy") if role in columns]
+    speed = stated_speed(table, columns)
+    if speed is None or not len(speed):
+        return columns
+    known = np.isfinite(speed)
+    still = known & (speed <= _NO_SPEED)
+    if not known.any() or still.sum() < _NEARLY_ALL * known.sum():
+        return columns
+    moved = np.zeros(len(x), bool)
+    for user in np.unique(table.user):
+        rows = table.user == user
+        moved[rows] = np.hypot(_spread(x[rows]), _spread(y[rows])) > _MOVES_AWAY_M
+    if moved.mean() < 0.5:
+        return columns
+    notes.append(
+        f"{', '.join(columns[role] for role in roles)} is 0 although road users move: not used, speeds come from the "
+        "places"
+    )
+    return {role: name for role, name in columns.items() if role not in roles}
+
+
+def _spread(values: np.ndarray) -> float:
+    """Distance between the 10 % and the 90 % quantile."""
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(np.quantile(finite, [0.1, 0.9]))) if len(finite) else 0.0
 
 
 def check_velocity_direction(table: TableColumns, columns: dict[str, str], steps: Steps, notes: list[str]) -> None:

@@ -231,10 +231,14 @@ def _contradiction(
     plausible = [reading for reading in tried if reading.is_plausible] or tried
     told = "; ".join(reading.describe() for reading in plausible[:4])
     if stated is None or plausible[0].ratio is None:
+        others = [unit for unit in _UNITS_S if _readings(table, names[0], unit, x, y, None, {1.0: ""})[0].is_plausible]
+        remedy = f"it would be plausible in {_UNITS_S[others[0]]}: " if others else ""
+        unit = others[0] if others else 0.04
         return TrajectoryError(
             f"{source}: no reading of the time is plausible ({told}); samples lie {_STEP_S[0]:g} to {_STEP_S[1]:g} s "
             f"apart "
-            f"and traffic is slower than {_FASTEST_MPS:g} m/s; state the unit in {source}.yaml, as `time_unit_s: 0.001`"
+            f"and traffic is slower than {_FASTEST_MPS:g} m/s; {remedy}state the unit in {source}.yaml, as "
+            f"`time_unit_s: {unit:g}`"
         )
     ratio = plausible[0].ratio
     usual = float(np.nanmedian(stated[stated > 0])) if (stated > 0).any() else 0.0

@@ -1,0 +1,50 @@
+"""Rows of a table that are no samples: those that are there twice, and those whose time lies far from all others."""
+
+from __future__ import annotations
+
+import numpy as np
+
+_FEWEST = 6  # rows of a road user among which a stray time can be told
+_MOST = 2  # stray times at either end
+
+
+def repeated_rows(user: np.ndarray, *values: np.ndarray) -> np.ndarray:
+    """(n,) bool: rows equal to an earlier one in road user and all values; NaN equals NaN.
+
+    Args:
+        user: (n,) number of the road user of each row.
+        values: (n,) each: time, place and what else a row states.
+    """
+    order = np.lexsort((*values, user))
+    same = user[order][1:] == user[order][:-1]
+    for value in values:
+        before, after = value[order][:-1], value[order][1:]
+        same &= (before == after) | (np.isnan(before) & np.isnan(after))
+    found = np.zeros(len(user), bool)
+    found[order[1:][same]] = True  # lexsort is stable: the first of equal rows stays
+    return found
+
+
+def stray_times(user: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """(n,) bool: rows beyond a pause that is longer than all that the same road user does on its other side.
+
+    At most two rows at either end are stray; a road user that is gone for long and comes back has more.
+
+    Args:
+        user: (n,) number of the road user of each row.
+        time: (n,) of any unit; values that are not finite are no strays.
+    """
+    found = np.zeros(len(user), bool)
+    order = np.lexsort((time, user))
+    order = order[np.isfinite(time[order])]
+    for rows in np.split(order, np.flatnonzero(np.diff(user[order])) + 1):
+        if len(rows) < _FEWEST:
+            continue
+        stamps = time[rows]
+        for count in range(_MOST, 0, -1):
+            first, last = rows[:count], rows[-count:]
+            if stamps[count] - stamps[count - 1] > stamps[-1 - _MOST] - stamps[count]:
+                found[first] = True
+            if stamps[-count] - stamps[-count - 1] > stamps[-count - 1] - stamps[_MOST]:
+                found[last] = True
+    return found
