@@ -43,6 +43,9 @@ class Round:
         thickness_ground_m, thickness_walls_m: of the map.
         held_out_m: spread of untouched scans across the map.
         moved: whether a finding moves points, so that the map is to be made anew.
+        transfers: what each finding does to untouched scans, see `acceptance.Transfer`.
+        accepted: file with the findings that lower the error of untouched scans, or that move points.
+        limits: what the path of the sensor does not vary, as predicates of the drive.
         notes: a sentence each.
     """
 
@@ -65,6 +68,9 @@ class Round:
     thickness_walls_m: float
     held_out_m: float | None
     moved: bool
+    transfers: list[dict[str, Any]]
+    accepted: str
+    limits: list[str]
     notes: list[str]
 
     def write(self, folder: Path) -> None:
@@ -91,7 +97,15 @@ def read_round(folder: Path) -> Round | None:
 
 
 def round_of(
-    number: int, sensor: str, sensor_out: str, before: Sequence[Effect], found: Diagnosis, made: Mapping[str, Any]
+    number: int,
+    sensor: str,
+    sensor_out: str,
+    before: Sequence[Effect],
+    found: Diagnosis,
+    made: Mapping[str, Any],
+    transfers: Sequence[dict[str, Any]],
+    accepted: str,
+    limits: Sequence[str],
 ) -> Round:
     """A round in words and numbers.
 
@@ -101,6 +115,7 @@ def round_of(
         before: effects of the sensor that it began with.
         found: the diagnosis.
         made: `RecordingTwin.as_json` of its map.
+        transfers, accepted, limits: as of `Round`.
     """
     told = found.to_json()
     return Round(
@@ -124,6 +139,9 @@ def round_of(
         held_out_m=made["error_held_out_m"],
         moved=any(_moves(one, before) for one in told["effects"])
         or any(_moves({"effect": name, **one}, before) for name, one in found.refitted.items()),
+        transfers=list(transfers),
+        accepted=accepted,
+        limits=list(limits),
         notes=list(dict.fromkeys((*made["notes"], *found.notes))),
     )
 
