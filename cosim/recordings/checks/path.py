@@ -71,8 +71,8 @@ def check_sweep(
         )
     elif backwards:
         findings["travel"] = (
-            f"the sensor travels against its x axis (azimuth {travel_deg(path):+.0f}°), which must point forward: state "
-            "the axes with --axes -x,-y,z, or the vehicle reverses"
+            f"the sensor travels against its x axis (azimuth {travel_deg(path):+.0f}°), which must point forward: "
+            "state the axes with --axes -x,-y,z, or the vehicle reverses"
         )
     return raise_findings(recording, findings, accepted)
 
@@ -163,8 +163,8 @@ def _travel(path: Trajectory) -> str:
         return ""
     axis, axes = ("y", "y,-x,z") if azimuth > 0 else ("-y", "-y,x,z")
     return (
-        f"the sensor travels along its {axis} axis (azimuth {azimuth:+.0f}°), where x must point forward: state the axes "
-        f"with --axes {axes}, or the sensor is mounted so"
+        f"the sensor travels along its {axis} axis (azimuth {azimuth:+.0f}°), where x must point forward: state the "
+        f"axes with --axes {axes}, or the sensor is mounted so"
     )
 
 
