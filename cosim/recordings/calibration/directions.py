@@ -12,11 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim.recordings.pattern.find import FoundPattern
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams, in_order
 from sensors.effects.base import BeamEffect, Effect
-from sensors.effects.beams.sweep_motion import SweepMotion
 from sensors.pattern import Pattern
 from sensors.shot import Shot
 
@@ -64,17 +62,11 @@ def direction_error(
     return DirectionError(float(angle.mean()), float(angle.max()), len(rows), apart)
 
 
-def halves_error(halves: Sequence[FoundPattern]) -> DirectionError | None:
-    """The same between the patterns that the points of two halves show."""
-    return direction_error(halves[0].pattern, halves[1].pattern)
-
-
 def _directions(pattern: Pattern, effects: Sequence[Effect]) -> np.ndarray:
     """True directions (k, 64, 3) float64 of the lasers, the sideways fan aside, at azimuths evenly around."""
     even = pattern.model_copy(update={"firings": _STEPS, "azimuth_offset_deg": (0.0,) * pattern.rings})
     rays = even.rays()
-    turning = [one for one in in_order(effects) if isinstance(one, BeamEffect) and not isinstance(one, SweepMotion)]
+    turning = [one for one in in_order(effects) if isinstance(one, BeamEffect) and one.channel != "pose"]
     shot = Shot(even, rays)
     beams = act_on_beams(turning, Beams.nominal(rays), shot, Streams(np.random.default_rng(0)), "directions")
-    turned = beams.direction.astype(float) @ beams.mount[:3, :3].T
-    return turned.reshape(pattern.rings, _STEPS, 3)
+    return beams.direction.astype(float).reshape(pattern.rings, _STEPS, 3)

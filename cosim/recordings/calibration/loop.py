@@ -6,6 +6,7 @@ import hashlib
 import json
 import logging
 import shutil
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
@@ -29,17 +30,20 @@ from cosim.recordings.calibration.acceptance import (
     path_limits,
     step_transfers,
 )
+from cosim.recordings.calibration.advice import advise, undetermined
+from cosim.recordings.calibration.halves import direction_error_of_halves
 from cosim.recordings.calibration.history import Tried, noted
-from cosim.recordings.calibration.rounds import Round, read_round, round_of
+from cosim.recordings.calibration.rounds import Judgement, Round, is_moved, read_round, round_of
 from cosim.recordings.calibration.start import GUESSED, first_sensor
 from cosim.recordings.calibration.untouched import aligned_scores, write_scores
 from cosim.recordings.mapping.correction import moves_points
 from cosim.recordings.mapping.page import format_page as format_map
 from cosim.recordings.mapping.prepare import Prepared, prepare
-from cosim.recordings.mapping.twin import write_map_twin
+from cosim.recordings.mapping.twin import RecordingTwin, write_map_twin
 from cosim.recordings.recording import Recording
 from cosim.report import write_page
-from sensors.effects.base import Effect
+from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.registry import effect_classes
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
@@ -135,7 +139,8 @@ def calibrate(
             before = folder / rounds[-1].sensor_out if rounds else start
             known = [finding["effect"] for one in rounds for finding in one.findings]
             along = [*(GUESSED if given is None else ()), *(one for one in known if moves_points(one))]
-            done = _round(prepared(), folder, place, before, along, number, settings, engine, on_step)
+            last = number == most_rounds
+            done = _round(prepared(), folder, place, before, along, number, last, settings, engine, on_step)
         rounds.append(done)
         if not done.moved:
             break
@@ -153,11 +158,13 @@ def _round(
     before: Path,
     along: Sequence[str],
     number: int,
+    last: bool,
     settings: Settings,
     engine: Engine | None,
     on_step: Callable[[str], None],
 ) -> Round:
     """Map and diagnosis with one sensor file; effects that earlier rounds found, and guesses, are fitted along."""
+    begun_s = time.process_time()
     shutil.rmtree(place / "twin", ignore_errors=True)  # of a run that was stopped
     sensor = load_sensor(before)
     twin = write_map_twin(
@@ -169,23 +176,44 @@ def _round(
     words = Vocabulary([type(one) for one in found.sensor.effects])
     page = format_diagnosis(found, words, str(place / "twin"), str(before), explored_of(found))
     write_page(place / "diagnosis", page)
+    is_last = last or not is_moved(found, sensor.effects)
     transfers = step_transfers(found)
-    accepted = _write_accepted(found, sensor.effects, transfers, place)
+    judgement = Judgement(
+        transfers=[asdict(one) for one in transfers],
+        accepted=_said(_write_accepted(found, sensor.effects, transfers, place), folder),
+        limits=path_limits(prepared.path),
+        directions=_directions(prepared, twin.folder, found, settings, on_step) if is_last else None,
+        advice=_advice(prepared, twin, found) if is_last else [],
+        cpu_s=round(time.process_time() - begun_s, 1),
+    )
     told = round_of(
-        number,
-        _said(before, folder),
-        _said(after, folder),
-        sensor.effects,
-        found,
-        twin.as_json(),
-        [asdict(one) for one in transfers],
-        _said(accepted, folder),
-        path_limits(prepared.path),
+        number, _said(before, folder), _said(after, folder), sensor.effects, found, twin.as_json(), judgement
     )
     told.write(place)
     for copies in (twin.folder / "velodyne", twin.folder / "rays", place / _SEGMENTS):  # of what is elsewhere
         shutil.rmtree(copies, ignore_errors=True)
     return told
+
+
+def _directions(
+    prepared: Prepared, twin: Path, found: Diagnosis, settings: Settings, on_step: Callable[[str], None]
+) -> dict[str, Any] | None:
+    """Angles between the beams that two halves of the recording give."""
+    on_step("beam directions from two halves")
+    free = [one.effect for one in found.effects if issubclass(effect_classes()[one.effect], BeamEffect)]
+    free += [name for name in found.refitted if issubclass(effect_classes()[name], BeamEffect) and name not in free]
+    error = direction_error_of_halves(prepared.recording, twin, found.sensor, found.split.fit, free, settings)
+    return None if error is None else error.as_json()
+
+
+def _advice(prepared: Prepared, twin: RecordingTwin, found: Diagnosis) -> list[dict[str, Any]]:
+    """What to record next."""
+    told = found.to_json()
+    fitted = {one["effect"]: one for one in told["effects"]} | dict(found.refitted)
+    rows = undetermined(told["smallest_detectable"], fitted)
+    height_m = twin.as_json()["mount"]["height_m"]
+    advice = advise(rows, prepared.path.poses, height_m, prepared.pattern, found.sensor.effects)
+    return [one.as_json() for one in advice]
 
 
 def _write_accepted(found: Diagnosis, before: Sequence[Effect], transfers: Sequence[Transfer], place: Path) -> Path:
