@@ -21,6 +21,10 @@ def add_recording(parser: argparse.ArgumentParser, *, path: bool = True) -> None
     parser.add_argument(
         "--poses", metavar="FILE", help="poses in KITTI's or TUM's format (default: found, or odometry)"
     )
+    parser.add_argument("--accept", metavar="CHECKS", help="go on in spite of what these checks find, as travel,places")
+    parser.add_argument(
+        "--skip-damaged", action="store_true", help="leave out scans that cannot be read; they are counted and named"
+    )
 
 
 def opened(options: argparse.Namespace, path: Path) -> Recording:
@@ -32,7 +36,10 @@ def opened(options: argparse.Namespace, path: Path) -> Recording:
     from cosim.recordings import open_recording
 
     names = ("scans", "topic", "sweep_s", "poses")
-    return open_recording(path, **{name: getattr(options, name) for name in names}, **point_options(options))
+    given: dict[str, Any] = {name: getattr(options, name) for name in names}
+    accept = None if options.accept is None else tuple(word.strip() for word in options.accept.split(","))
+    given |= {"accept": accept, "skip_damaged": options.skip_damaged or None}
+    return open_recording(path, **given, **point_options(options))
 
 
 def point_options(options: argparse.Namespace) -> dict[str, Any]:

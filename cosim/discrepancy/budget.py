@@ -5,7 +5,7 @@ Frames are scored with what is merely not known of them taken out, kind by kind.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -76,10 +76,17 @@ class AlignedFrame:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Frames seen by two models or in two ways, for pages: `before` and `after`, in the same order."""
+    """Frames seen by two models or in two ways: `before` and `after`, in the same order.
+
+    Attributes:
+        before, after: the frames under both.
+        align: aligns the same frames under other effects.
+        before_parts: parts of the budget whose random effects are taken out of `before`.
+    """
 
     before: Aligned
     after: Aligned
+    align: Callable[[Sequence[Effect]], Aligned]
     before_parts: tuple[str, ...] = PARTS
 
     def __len__(self) -> int:
@@ -136,7 +143,7 @@ class Aligned:
 
     def floor(self) -> float | None:
         """The error of a model that is right up to noise."""
-        scores = self._scores(PARTS)
+        scores = self.scores(PARTS)
         expected = [self._expected(number, PARTS) for number in range(len(self._frames))]
         found = [
             estimate_floor(Neighbours.of(frame, one, told), one, told)
@@ -147,7 +154,7 @@ class Aligned:
 
     def each(self, parts: tuple[str, ...] = PARTS) -> Iterator[AlignedFrame]:
         """Frame by frame, with the random effects of some parts of the budget taken out."""
-        for number, (frame, scores) in enumerate(zip(self._frames, self._scores(parts), strict=True)):
+        for number, (frame, scores) in enumerate(zip(self._frames, self.scores(parts), strict=True)):
             whole = self._whole[number]
             expected = self._expected(number, parts)
             wide = self._wide[number]
@@ -157,12 +164,18 @@ class Aligned:
     def held_out(self, parts: tuple[str, ...] = ()) -> HeldOut:
         """Errors frame by frame, with the random effects of some parts of the budget taken out."""
         if parts not in self._held_out:
-            each = [Totals.of(frame, scores) for frame, scores in zip(self._frames, self._scores(parts), strict=True)]
+            each = [Totals.of(frame, scores) for frame, scores in zip(self._frames, self.scores(parts), strict=True)]
             by_frame, beams = np.array([one.error for one in each]), np.array([one.beams for one in each])
             self._held_out[parts] = HeldOut(sum(each, Totals()).error, by_frame, beams, None)
         return self._held_out[parts]
 
-    def _scores(self, parts: tuple[str, ...]) -> list[FrameScores]:
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the frames."""
+        return tuple(frame.name for frame in self._frames)
+
+    def scores(self, parts: tuple[str, ...] = PARTS) -> list[FrameScores]:
+        """Scores of each frame, with the random effects of some parts of the budget taken out."""
         return [
             scored(frame, members, shift, gain, wide if parts else None)
             for frame, members, (shift, gain), wide in zip(
@@ -276,7 +289,9 @@ def budget_of(context: Context, on: FittedFrames, models: Sequence[tuple[Effect,
     parts["missing"] = 0.5 * (first.error(()) - last.error(()) + first.error(PARTS) - last.error(PARTS))
     parts["unexplained"] = aligned - noise
     steps, of_aligned = (tuple(one.held_out(which) for one in seen) for which in ((), PARTS))
-    return Budget(first.error(()), aligned, first.error(PARTS), floor, parts, steps, of_aligned), Judged(first, last)
+    return Budget(first.error(()), aligned, first.error(PARTS), floor, parts, steps, of_aligned), Judged(
+        first, last, lambda effects: Aligned(context, on, tuple(effects), [first, last])
+    )
 
 
 def held_out(context: Context, on: FittedFrames, effects: Sequence[Effect]) -> HeldOut:

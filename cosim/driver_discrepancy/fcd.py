@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import polars
 
 from cosim.driver_discrepancy.tracks import Tracks, gathered
 
@@ -18,29 +19,24 @@ def read_fcd(path: Path) -> Tracks:
     Args:
         path: written with `ATTRIBUTES`.
     """
-    from pyarrow import parquet
-
-    words = {name: f"vehicle_{name}" for name in ("id", "lane")}
-    table = parquet.read_table(path, read_dictionary=list(words.values())).combine_chunks()
-    coded = {name: table[column].combine_chunks() for name, column in words.items()}
-    codes = {name: column.indices.to_numpy() for name, column in coded.items()}
-    names = {name: np.array(column.dictionary.to_pylist(), dtype=str) for name, column in coded.items()}
+    table = polars.read_parquet(path)
     x, y, angle, speed = (
         np.round(table[f"vehicle_{name}"].to_numpy().astype(float), _DECIMALS) for name in ATTRIBUTES[:-1]
     )
     time_s = np.round(table["timestep_time"].to_numpy().astype(float), _DECIMALS)
-    ids, rank = np.unique(names["id"], return_inverse=True)
-    vehicle = rank[codes["id"]]
+    ids = table["vehicle_id"].unique().sort().to_list()
+    vehicle = np.asarray(table["vehicle_id"].rank("dense").to_numpy(), int) - 1
+    lane = np.array(table["vehicle_lane"].to_list(), dtype=str)
     order = np.lexsort((time_s, vehicle))
     return Tracks(
-        ids=tuple(ids.tolist()),
+        ids=tuple(ids),
         types=("",) * len(ids),
         vehicle=vehicle[order],
         time_s=time_s[order],
         place=np.column_stack([x, y])[order],
         speed_mps=speed[order],
         heading_rad=np.angle(np.exp(1j * np.radians(90.0 - angle)))[order],
-        lane=names["lane"][codes["lane"]][order],
+        lane=lane[order],
     )
 
 

@@ -17,7 +17,7 @@ from cosim.driver_discrepancy.placed import place
 from cosim.driver_discrepancy.simulate import simulate
 from cosim.driver_discrepancy.summary import Summary, summarise
 from cosim.traffic.behaviour import BehaviourConfig
-from cosim.traffic.starting import TrafficError
+from cosim.traffic.starting import TrafficError, load_libsumo
 
 Job = tuple[BehaviourConfig, int]
 _MOST_WORKERS, _MOST_DEATHS = 8, 3
@@ -108,7 +108,7 @@ def _summary(job: Job) -> Summary:
     Raises:
         TrafficError: SUMO refuses.
     """
-    import libsumo
+    libsumo = load_libsumo()
 
     demand, network, frame, observation, step_s = _Worker.given
     behaviour, seed = job

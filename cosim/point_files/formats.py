@@ -143,8 +143,8 @@ def _ply(data: bytes, source: str) -> Columns:
 def _feather(data: bytes, source: str) -> Columns:
     from cosim.point_files.libraries import needed
 
-    table = needed("pyarrow.feather", "Feather").read_table(io.BytesIO(data))
-    return {name: table[name].to_numpy() for name in table.column_names}
+    table = needed("polars", "Feather").read_ipc(io.BytesIO(data))
+    return {name: table[name].to_numpy() for name in table.columns}
 
 
 def _las(data: bytes, source: str) -> Columns:

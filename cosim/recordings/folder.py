@@ -16,6 +16,7 @@ _USUAL = ("velodyne", "velodyne_points/data", "velodyne_points", "lidar", "point
 _BESIDE = ("times.txt", "timestamps.txt")
 _EPOCH_DIGITS = {13: 1e-3, 16: 1e-6, 17: 1e-6, 18: 1e-9, 19: 1e-9}  # digits of a stamp in a name → its unit [s]
 _LEAST_EPOCH_DIGITS = min(_EPOCH_DIGITS)
+_MOST_STEP = 5  # of the numbers of scans that follow each other
 
 
 def find_scans(root: Path, pattern: str | None = None) -> tuple[Path, ...]:
@@ -69,6 +70,19 @@ def find_stamps(root: Path, files: tuple[Path, ...]) -> np.ndarray | None:
     if len(digits) == 1 and digits <= _EPOCH_DIGITS.keys() and len(files) > 1:
         return np.array([int(number) for number in found], np.float64) * _EPOCH_DIGITS[digits.pop()]
     return None
+
+
+def name_numbers(names: tuple[str, ...]) -> np.ndarray | None:
+    """(n,) numbers of scans that their names count, also where some are missing; None where names count no scans.
+
+    Names count scans if their last numbers rise, mostly by five at most.
+    """
+    last = [re.findall(r"\d+", name) for name in names]
+    if len(names) < 2 or not all(last) or max(len(found[-1]) for found in last) >= _LEAST_EPOCH_DIGITS:
+        return None
+    numbers_ = np.array([int(found[-1]) for found in last])
+    steps = np.diff(numbers_)
+    return numbers_ if steps.min() >= 1 and np.median(steps) <= _MOST_STEP else None
 
 
 def numbered_rows(files: tuple[Path, ...] | tuple[str, ...], count: int) -> np.ndarray | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.point_files import Columns, PointSchema, find_schema, make_scan
-from cosim.recordings.folder import find_scans, find_stamps
+from cosim.recordings.folder import find_scans, find_stamps, name_numbers
 from cosim.recordings.poses import find_poses, read_poses
 from cosim.recordings.reading import (
     OUSTER_SUFFIXES,
@@ -79,6 +79,13 @@ class Recording:
             return None
         return float(np.median(np.diff(self.stamp_s)))
 
+    def turns(self, sweep_s: float) -> np.ndarray:
+        """(n,) sweeps since the first scan: from stamps, else from the numbers in names, else one a scan."""
+        if self.stamp_s is not None:
+            return (self.stamp_s - self.stamp_s[0]) / sweep_s
+        numbers = name_numbers(self.names)
+        return np.arange(len(self), dtype=float) if numbers is None else (numbers - numbers[0]).astype(float)
+
     def gaps(self) -> tuple[int, ...]:
         """Numbers of the scans before which time is missing."""
         usual = self.interval_s
@@ -95,6 +102,10 @@ class Recording:
             stamp_s=None if self.stamp_s is None else self.stamp_s[rows],
             poses=None if self.poses is None else self.poses[rows],
         )
+
+    def without_poses(self) -> Recording:
+        """The same scans as if there were no poses."""
+        return replace(self, poses=None)
 
 
 def open_recording(path: str | Path, **options: object) -> Recording:

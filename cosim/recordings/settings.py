@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -12,6 +13,18 @@ from cosim.recordings.scan import RecordingError, recording_errors
 from sensors.pattern import first_problem
 
 SETTINGS = "recording.yaml"
+#: Names of checks that `--accept` may switch off, and what each finds.
+Check = Literal["copies", "sensors", "lasers", "intensities", "travel", "order", "places", "poses"]
+CHECKS: dict[Check, str] = {
+    "copies": "scans that hold the same points as the one before",
+    "sensors": "scans of several sensors",
+    "lasers": "lasers that return nothing from a scan on, or at all though the pattern has them",
+    "intensities": "scans without intensities among others with them",
+    "travel": "a path along another axis than x",
+    "order": "points that move against the path, as in scans in reverse order",
+    "places": "neighbouring scans that do not show the same surroundings",
+    "poses": "poses under which the points of neighbouring scans do not meet",
+}
 
 
 class Mount(BaseModel):
@@ -38,6 +51,8 @@ class RecordingSettings(BaseModel):
     metres: float | None = Field(default=None, gt=0, description="length of one unit of x, y, z [m], as 0.001")
     sweep_s: float | None = Field(default=None, gt=0, le=10, description="duration of one revolution [s]")
     poses: str | None = Field(default=None, description="file of poses, relative to the folder: KITTI or TUM")
+    accept: tuple[Check, ...] = Field(default=(), description="checks whose findings are notes, as `travel`")
+    skip_damaged: bool = Field(default=False, description="leave scans out that cannot be read")
     segment_scans: int | None = Field(
         default=None, ge=20, le=1000, description="scans of a segment of a long recording; 150 by default"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -117,13 +118,25 @@ def start_sumo_with(options: list[str]) -> ModuleType:
     return _start(["sumo", *options])
 
 
-def _start(command: list[str]) -> ModuleType:
-    """Start libsumo; what it complains of becomes the error's line instead of noise on the terminal."""
+def load_libsumo() -> ModuleType:
+    """Import libsumo without the warning that it prints where another version of pyarrow is installed.
+
+    The libraries conflict only where one process loads both, and no module of this package imports pyarrow.
+
+    Raises:
+        TrafficError: it cannot be loaded.
+    """
     try:
-        import libsumo
+        with contextlib.redirect_stdout(io.StringIO()):
+            import libsumo
     except ImportError as error:
         raise TrafficError(f"SUMO's library cannot be loaded: {error}; run `sh tools/setup.sh`") from error
+    return libsumo
 
+
+def _start(command: list[str]) -> ModuleType:
+    """Start libsumo; what it complains of becomes the error's line instead of noise on the terminal."""
+    libsumo = load_libsumo()
     if libsumo.simulation.isLoaded():
         raise TrafficError("a SUMO simulation already runs in this process; close it first or use another process")
     with _captured_stderr() as complaints:

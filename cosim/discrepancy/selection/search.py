@@ -168,7 +168,7 @@ def drop_superfluous(
 
 def _same_effect(name: str, candidates: Sequence[GroupTest]) -> set[str]:
     """Names of all settings of the same effect, or the name alone."""
-    effect = next(result.group.effect_name for result in candidates if result.group.name == name)
+    effect = next((result.group.effect_name for result in candidates if result.group.name == name), "")
     return {name} | {result.group.name for result in candidates if effect and result.group.effect_name == effect}
 
 
@@ -251,6 +251,12 @@ def _choose(
     after, group = refit_with(
         model, evidence.linearisation, result.group, result.entry.coefficients, fine=True, steps=_STEPS
     )
+    if after.loglik - model.loglik < trial.gain and group is not result.group:  # finer bins led its steps astray
+        after, group = refit_with(
+            model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=_STEPS
+        )
+    if after.loglik - model.loglik - trial.penalty < _needed_gain(group, model, settings):
+        return result.group.name
     if group.frequency_hz:
         after, group = _best_alias(model, evidence, after, group)
     p_value = result.p_value

@@ -6,13 +6,15 @@ import hashlib
 import json
 import logging
 import shutil
+import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from cosim.discrepancy.diagnose import diagnose
+from cosim.discrepancy.diagnosis import Diagnosis
 from cosim.discrepancy.report import explored_of, format_diagnosis
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.words import Vocabulary
@@ -20,16 +22,29 @@ from cosim.drives.files import read_text
 from cosim.drives.sensor_files import write_sensor
 from cosim.drives.writer import OutputError, explained
 from cosim.engine import Engine
+from cosim.recordings.calibration.acceptance import (
+    SCORES,
+    Acceptance,
+    Transfer,
+    accept,
+    path_limits,
+    step_transfers,
+)
+from cosim.recordings.calibration.advice import advise, undetermined
+from cosim.recordings.calibration.halves import direction_error_of_halves
 from cosim.recordings.calibration.history import Tried, noted
-from cosim.recordings.calibration.rounds import Round, read_round, round_of
+from cosim.recordings.calibration.rounds import Judgement, Round, is_moved, read_round, round_of
 from cosim.recordings.calibration.start import GUESSED, first_sensor
+from cosim.recordings.calibration.untouched import aligned_scores, write_scores
 from cosim.recordings.mapping.correction import moves_points
 from cosim.recordings.mapping.page import format_page as format_map
 from cosim.recordings.mapping.prepare import Prepared, prepare
-from cosim.recordings.mapping.twin import write_map_twin
+from cosim.recordings.mapping.twin import RecordingTwin, write_map_twin
 from cosim.recordings.recording import Recording
 from cosim.report import write_page
-from sensors.sensor_model import load_sensor
+from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.registry import effect_classes
+from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
 MOST_ROUNDS = 5
@@ -48,6 +63,7 @@ class Calibration:
         rounds: in order.
         settled: whether the last round moved nothing any more.
         tried: every sensor file that was tried on this recording so far.
+        acceptance: whether the calibrated file is recommended.
     """
 
     folder: Path
@@ -56,17 +72,21 @@ class Calibration:
     rounds: tuple[Round, ...]
     settled: bool
     tried: tuple[Tried, ...]
+    acceptance: Acceptance
 
     @property
     def sensor_out(self) -> Path:
-        """The sensor file to use."""
-        return self.folder / self.rounds[-1].sensor_out
+        """The sensor file to use: the accepted one of a round, or the one that the calibration began with."""
+        chosen = self.acceptance.round
+        return self.folder / (self.rounds[chosen - 1].accepted if chosen else self.start)
 
     def as_json(self) -> dict[str, Any]:
         """For `--json`."""
         return {
             "out": str(self.folder),
             "sensor_out": str(self.sensor_out),
+            "recommended": self.acceptance.is_recommended,
+            "acceptance": self.acceptance.as_json(),
             "settled": self.settled,
             "rounds": [asdict(one) for one in self.rounds],
             "history": [asdict(one) for one in self.tried],
@@ -119,12 +139,16 @@ def calibrate(
             before = folder / rounds[-1].sensor_out if rounds else start
             known = [finding["effect"] for one in rounds for finding in one.findings]
             along = [*(GUESSED if given is None else ()), *(one for one in known if moves_points(one))]
-            done = _round(prepared(), folder, place, before, along, number, settings, engine, on_step)
+            last = number == most_rounds
+            done = _round(prepared(), folder, place, before, along, number, last, settings, engine, on_step)
         rounds.append(done)
         if not done.moved:
             break
     tried = noted(folder, rounds)
-    return Calibration(folder, recording.path, _said(start, folder), tuple(rounds), not rounds[-1].moved, tried)
+    acceptance = accept(folder, rounds)
+    return Calibration(
+        folder, recording.path, _said(start, folder), tuple(rounds), not rounds[-1].moved, tried, acceptance
+    )
 
 
 def _round(
@@ -134,11 +158,13 @@ def _round(
     before: Path,
     along: Sequence[str],
     number: int,
+    last: bool,
     settings: Settings,
     engine: Engine | None,
     on_step: Callable[[str], None],
 ) -> Round:
     """Map and diagnosis with one sensor file; effects that earlier rounds found, and guesses, are fitted along."""
+    begun_s = time.process_time()
     shutil.rmtree(place / "twin", ignore_errors=True)  # of a run that was stopped
     sensor = load_sensor(before)
     twin = write_map_twin(
@@ -150,11 +176,69 @@ def _round(
     words = Vocabulary([type(one) for one in found.sensor.effects])
     page = format_diagnosis(found, words, str(place / "twin"), str(before), explored_of(found))
     write_page(place / "diagnosis", page)
-    told = round_of(number, _said(before, folder), _said(after, folder), sensor.effects, found, twin.as_json())
+    is_last = last or not is_moved(found, sensor.effects)
+    transfers = step_transfers(found)
+    judgement = Judgement(
+        transfers=[asdict(one) for one in transfers],
+        accepted=_said(_write_accepted(found, sensor.effects, transfers, place), folder),
+        limits=path_limits(prepared.path),
+        directions=_directions(prepared, twin.folder, found, settings, on_step) if is_last else None,
+        advice=_advice(prepared, twin, found) if is_last else [],
+        cpu_s=round(time.process_time() - begun_s, 1),
+    )
+    told = round_of(
+        number, _said(before, folder), _said(after, folder), sensor.effects, found, twin.as_json(), judgement
+    )
     told.write(place)
     for copies in (twin.folder / "velodyne", twin.folder / "rays", place / _SEGMENTS):  # of what is elsewhere
         shutil.rmtree(copies, ignore_errors=True)
     return told
+
+
+def _directions(
+    prepared: Prepared, twin: Path, found: Diagnosis, settings: Settings, on_step: Callable[[str], None]
+) -> dict[str, Any] | None:
+    """Angles between the beams that two halves of the recording give."""
+    on_step("beam directions from two halves")
+    free = [one.effect for one in found.effects if issubclass(effect_classes()[one.effect], BeamEffect)]
+    free += [name for name in found.refitted if issubclass(effect_classes()[name], BeamEffect) and name not in free]
+    error = direction_error_of_halves(prepared.recording, twin, found.sensor, found.split.fit, free, settings)
+    return None if error is None else error.as_json()
+
+
+def _advice(prepared: Prepared, twin: RecordingTwin, found: Diagnosis) -> list[dict[str, Any]]:
+    """What to record next."""
+    told = found.to_json()
+    fitted = {one["effect"]: one for one in told["effects"]} | dict(found.refitted)
+    rows = undetermined(told["smallest_detectable"], fitted)
+    height_m = twin.as_json()["mount"]["height_m"]
+    advice = advise(rows, prepared.path.poses, height_m, prepared.pattern, found.sensor.effects)
+    return [one.as_json() for one in advice]
+
+
+def _write_accepted(found: Diagnosis, before: Sequence[Effect], transfers: Sequence[Transfer], place: Path) -> Path:
+    """Write the sensor without the findings that do not lower the error of untouched scans, and scores of both models.
+
+    Args:
+        found: the diagnosis.
+        before: effects of the sensor as given: a finding that changes one of these and is rejected leaves it as it was.
+        transfers: of the findings.
+        place: folder of the round.
+    """
+    rejected = {one.effect for one in transfers if not one.is_accepted}
+    judged, sensor = found.judged, found.sensor
+    assert judged is not None, "a diagnosis judges by frames"
+    accepted = judged.after
+    if rejected:
+        known = {effect.name: effect for effect in before}
+        own = [known.get(one.name) if one.name in rejected else one for one in sensor.effects]
+        effects = tuple(one for one in own if one is not None)
+        sensor = SensorModel(sensor.pattern, effects, sensor.origin)
+        accepted = judged.align(effects)
+    unknowns = tuple(one for one in found.unknowns if one.name not in rejected)
+    file = replace(found, sensor=sensor, unknowns=unknowns).write_sensor(place / "accepted.yaml")
+    write_scores(place / SCORES, {"given": aligned_scores(judged.before), "accepted": aligned_scores(accepted)})
+    return file
 
 
 def _said(file: Path, folder: Path) -> str:

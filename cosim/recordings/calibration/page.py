@@ -8,42 +8,36 @@ from typing import Any
 
 import numpy as np
 
+from cosim.discrepancy.words import UNDETERMINED, Vocabulary
+from cosim.recordings.calibration.estimates import latest_estimates
 from cosim.recordings.calibration.loop import Calibration
 from cosim.recordings.calibration.rounds import Round
 from cosim.report import document, facts, figure, notes_section, section, table
 from cosim.report.plot import Axis, Plot, nice_top
 
-_MOST_SHOWN = 4
-
 
 def headline(found: Calibration) -> str:
     """The outcome in a sentence or two, plain text."""
-    names = found_effects(found)
+    accepted = found.acceptance
+    if accepted.is_recommended:
+        names = ", ".join(dict.fromkeys(one.effect for one in accepted.transfers if one.is_accepted)) or "noise"
+        said = f"Recommended: the calibrated file ({names}), because {accepted.reason}."
+    else:
+        said = f"Keep your file, because {accepted.reason}."
+    rejected = [one.effect for one in accepted.transfers if not one.is_accepted]
+    if rejected:
+        said += f" Found, but not shown by untouched scans: {', '.join(dict.fromkeys(rejected))}."
     last, first = found.rounds[-1], found.rounds[0]
-    silent = (
-        "No effect of the catalogue was found."
-        if last.unknowns or last.unexplained
-        else "Nothing is missing that these scans would show."
-    )
-    said = f"Found: {', '.join(names)}." if names else silent
-    if last.unknowns:
-        said += f" {len(last.unknowns)} dependences that no known effect explains were added as shapes."
     if last.unexplained:
-        said += f" {len(last.unexplained)} things stay unexplained."
+        said += f" {len(last.unexplained)} dependences stay unexplained."
     said += (
-        f" Error of untouched scans, poses and surfaces aligned, {first.error_aligned:.2f} → {last.aligned_after:.2f}; "
-        f"ground of the map "
-        f"{1000 * first.thickness_ground_m:.1f} → {1000 * last.thickness_ground_m:.1f} mm thick."
+        f" Ground of the map {1000 * first.thickness_ground_m:.1f} → {1000 * last.thickness_ground_m:.1f} mm thick, "
+        f"walls {1000 * first.thickness_walls_m:.1f} → {1000 * last.thickness_walls_m:.1f} mm."
     )
     if not found.settled:
         rounds = "1 round" if len(found.rounds) == 1 else f"{len(found.rounds)} rounds"
         said += f" After {rounds} it still changed: run on with more --rounds."
     return said
-
-
-def found_effects(found: Calibration) -> list[str]:
-    """Names of what was found, in order."""
-    return list(dict.fromkeys(one["effect"] for each in found.rounds for one in each.findings))
 
 
 def format_page(found: Calibration) -> str:
@@ -55,6 +49,8 @@ def format_page(found: Calibration) -> str:
         [
             f"<header><h1>Calibration on {escape(name)}</h1><p class='verdict'>{escape(headline(found))}</p>"
             f"{_facts(found)}</header>",
+            _report(found),
+            _transfers(found),
             section("Round by round", f'<div class="charts">{_thickness(found)}{_errors(found)}</div>', _links(found)),
             section(
                 "What was found",
@@ -62,6 +58,7 @@ def format_page(found: Calibration) -> str:
                 text="Each effect with its latest parameters and their 95 % intervals.",
             ),
             _unexplained(last),
+            _advice(last),
             _history(found),
             _not_told(last),
             notes_section(last.notes, "What to know"),
@@ -76,13 +73,101 @@ def _facts(found: Calibration) -> str:
     held = "none" if last.held_out_m is None else f"{1000 * last.held_out_m:.1f} mm"
     return facts(
         [
-            ("Sensor file to use", escape(last.sensor_out)),
+            ("Recommended", "yes" if found.acceptance.is_recommended else "no: keep your file"),
+            ("Sensor file to use", escape(found.sensor_out.relative_to(found.folder).as_posix())),
             ("Rounds", f"{len(found.rounds)}" + ("" if found.settled else ", not settled")),
-            ("Error, aligned", f"{last.aligned_after:.2f}"),
+            ("Aligned error of untouched scans, last round", f"{last.aligned_after:.2f}"),
             ("Noise floor", floor),
             ("Untouched scans across the map", held),
         ]
     )
+
+
+_PUBLISHED_DEG = (("KISS-ICP", 0.205), ("PIN-SLAM", 0.195), ("CAE-LO", 0.22), ("M-detector", 0.15))
+_HDL64_LASERS = (60, 64)
+
+
+def _report(found: Calibration) -> str:
+    """Quality of the calibration in the terms of the field."""
+    last, first, change = found.rounds[-1], found.rounds[0], found.acceptance.change
+    rows = []
+    if change is not None:
+        rows.append(
+            [
+                "error of untouched scans, aligned, on the same beams",
+                f"{change.before:.3f}",
+                f"{change.after:.3f}",
+                f"change {change.mean:+.3f} ({change.low:+.3f} to {change.high:+.3f}), {change.scans} scans, "
+                f"{change.beams:,} beams",
+            ]
+        )
+    for words, name in (("ground", "thickness_ground_m"), ("other surfaces", "thickness_walls_m")):
+        rows.append(
+            [
+                f"thickness of planes, {words} [mm]",
+                f"{1000 * getattr(first, name):.1f}",
+                f"{1000 * getattr(last, name):.1f}",
+                "median standard deviation across a plane",
+            ]
+        )
+    if first.held_out_m is not None and last.held_out_m is not None:
+        rows.append(
+            [
+                "untouched scans across the map [mm]",
+                f"{1000 * first.held_out_m:.1f}",
+                f"{1000 * last.held_out_m:.1f}",
+                "robust standard deviation",
+            ]
+        )
+    if last.directions is not None:
+        told = last.directions
+        rows.append(
+            [
+                "ray direction, half against half [°]",
+                "",
+                f"{told['mean_deg']:.4f}",
+                f"mean over {told['lasers']} lasers; largest {told['max_deg']:.4f}°; elevations of the cones alone "
+                f"{told['by_elevation_deg']:.4f}°",
+            ]
+        )
+    parts = [table(["quantity", "before", "after", "evidence"], rows, words=(0, 3))]
+    offset = latest_estimates(found.rounds).get(("elevation_offset", "offset_deg"))
+    if offset is not None and last.directions and _HDL64_LASERS[0] <= last.directions["lasers"] <= _HDL64_LASERS[1]:
+        value, (low, high) = offset
+        published = ", ".join(f"{name} {degrees}°" for name, degrees in _PUBLISHED_DEG)
+        parts.append(
+            f"<p>Elevation offset {value:.3f}° ({low:.3f} to {high:.3f}). Corrections by hand in public code for "
+            f"KITTI's HDL-64E: {published}.</p>"
+        )
+    return section("Calibration report", *parts)
+
+
+def _transfers(found: Calibration) -> str:
+    """Which findings lower the error of untouched scans."""
+    rows = []
+    for one in found.acceptance.transfers:
+        change = "not measured" if one.change is None else f"{one.change:+.3f} ({one.low:+.3f} to {one.high:+.3f})"
+        by = {"step": "added on the same map", "map": "map made anew with it"}[one.by]
+        rows.append([escape(one.effect), change, by, "yes" if one.is_accepted else "no: not in the recommended file"])
+    if not rows:
+        return ""
+    heads = ["finding", "change of the error of untouched scans", "measured", "transfers"]
+    text = "A finding is in the recommended file only if the error of scans that took no part falls beyond doubt."
+    return section("What untouched scans confirm", table(heads, rows, words=(0, 1, 2, 3)), text=text)
+
+
+def _advice(last: Round) -> str:
+    rows = []
+    for one in last.advice:
+        now = "more than its allowed range" if one["now"] is None else f"{one['now']:.3g} {one['unit']}"
+        rows.append([escape(f"{one['effect']}, {one['parameter']}"), escape(now), escape(one["words"])])
+    if not rows:
+        return ""
+    text = (
+        "Parameters that this recording leaves undetermined: half width of the interval or smallest detectable value, "
+        "and the candidate drive with the largest expected information, traced with this sensor's beams."
+    )
+    return section("What to record next", table(["parameter", "now", "drive"], rows, words=(0, 1, 2)), text=text)
 
 
 def _thickness(found: Calibration) -> str:
@@ -153,7 +238,7 @@ def _findings(found: Calibration) -> str:
         [
             escape(name),
             f"{number}",
-            escape(said_params(one["params"], one["ci95"])),
+            escape(said_params(name, one["params"], one["ci95"])),
             f"{one['p_value']:.2g}",
             escape(", ".join(one["also_possible"]) or "–"),
         ]
@@ -164,18 +249,22 @@ def _findings(found: Calibration) -> str:
     return table(["effect", "round", "parameters", "p", "or"], rows, words=(0, 2, 4))
 
 
-def said_params(params: Mapping[str, Any], ci95: Mapping[str, Any]) -> str:
-    """Parameters with their intervals; of lists the first few."""
-    said = []
+def said_params(effect: str, params: Mapping[str, Any], ci95: Mapping[str, Any]) -> str:
+    """Parameters with units and intervals; of lists the extremes; what exceeds its allowed range is not determined."""
+    words, said = Vocabulary(), []
     for name, value in params.items():
-        interval = ci95.get(name)
-        if isinstance(value, list):
-            shown = ", ".join(f"{number:.3g}" for number in value[:_MOST_SHOWN])
-            said.append(f"{name} {shown}" + (" …" if len(value) > _MOST_SHOWN else ""))
+        interval, unit = ci95.get(name), words.parameter(effect, name).unit
+        unit = f" {unit}" if unit else ""
+        if isinstance(value, list | tuple):
+            numbers = [number for number in value if number is not None]
+            spread = f"{min(numbers):.3g} to {max(numbers):.3g}{unit}" if numbers else UNDETERMINED
+            said.append(f"{name} of {len(value)} lasers {spread}")
+        elif value is None or not words.is_determined(effect, name, interval):
+            said.append(f"{name} {UNDETERMINED}")
         elif isinstance(value, float) and interval:
-            said.append(f"{name} {value:.4g} ({interval[0]:.4g} to {interval[1]:.4g})")
+            said.append(f"{name} {value:.4g} ({interval[0]:.4g} to {interval[1]:.4g}){unit}")
         else:
-            said.append(f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}")
+            said.append(f"{name} {value:.4g}{unit}" if isinstance(value, float) else f"{name} {value}")
     return "; ".join(said)
 
 
@@ -198,7 +287,7 @@ def _unexplained(last: Round) -> str:
         parts.append(table(["channel", "depends on", "shape", "p"], shapes, words=(0, 1, 2)))
     if left:
         parts.append(table(["channel", "depends on", "size", "p"], left, words=(0, 1)))
-    return section("What nobody knows", *(parts or ["<p>Nothing significant is left.</p>"]))
+    return section("Not explained", *(parts or ["<p>Nothing significant is left.</p>"]))
 
 
 def _history(found: Calibration) -> str:

@@ -25,6 +25,18 @@ _TAKEN_UP = 0.2  # of what an effect still does to the points of a map, at most;
 
 
 @dataclass(frozen=True)
+class Judgement:
+    """What is said of the findings of a round beyond the diagnosis; fields as of `Round`."""
+
+    transfers: list[dict[str, Any]]
+    accepted: str
+    limits: list[str]
+    directions: dict[str, Any] | None
+    advice: list[dict[str, Any]]
+    cpu_s: float
+
+
+@dataclass(frozen=True)
 class Round:
     """What one round gave; paths are relative to the calibration's folder.
 
@@ -43,6 +55,12 @@ class Round:
         thickness_ground_m, thickness_walls_m: of the map.
         held_out_m: spread of untouched scans across the map.
         moved: whether a finding moves points, so that the map is to be made anew.
+        transfers: what each finding does to untouched scans, see `acceptance.Transfer`.
+        accepted: file with the findings that lower the error of untouched scans, or that move points.
+        limits: what the path of the sensor does not vary, as predicates of the drive.
+        directions: angles between the beams that two halves give, see `DirectionError`; of the last round only.
+        advice: what to record next, see `Advice`; of the last round only.
+        cpu_s: processor time of the round.
         notes: a sentence each.
     """
 
@@ -65,6 +83,12 @@ class Round:
     thickness_walls_m: float
     held_out_m: float | None
     moved: bool
+    transfers: list[dict[str, Any]]
+    accepted: str
+    limits: list[str]
+    directions: dict[str, Any] | None
+    advice: list[dict[str, Any]]
+    cpu_s: float
     notes: list[str]
 
     def write(self, folder: Path) -> None:
@@ -91,7 +115,13 @@ def read_round(folder: Path) -> Round | None:
 
 
 def round_of(
-    number: int, sensor: str, sensor_out: str, before: Sequence[Effect], found: Diagnosis, made: Mapping[str, Any]
+    number: int,
+    sensor: str,
+    sensor_out: str,
+    before: Sequence[Effect],
+    found: Diagnosis,
+    made: Mapping[str, Any],
+    judgement: Judgement,
 ) -> Round:
     """A round in words and numbers.
 
@@ -101,6 +131,7 @@ def round_of(
         before: effects of the sensor that it began with.
         found: the diagnosis.
         made: `RecordingTwin.as_json` of its map.
+        judgement: of its findings.
     """
     told = found.to_json()
     return Round(
@@ -122,10 +153,16 @@ def round_of(
         thickness_ground_m=made["thickness_ground_m"],
         thickness_walls_m=made["thickness_walls_m"],
         held_out_m=made["error_held_out_m"],
-        moved=any(_moves(one, before) for one in told["effects"])
-        or any(_moves({"effect": name, **one}, before) for name, one in found.refitted.items()),
+        moved=is_moved(found, before),
+        **vars(judgement),
         notes=list(dict.fromkeys((*made["notes"], *found.notes))),
     )
+
+
+def is_moved(found: Diagnosis, before: Sequence[Effect]) -> bool:
+    """Whether what was found, or fitted again, moves points of the map."""
+    rows = [*found.to_json()["effects"], *({"effect": name, **one} for name, one in found.refitted.items())]
+    return any(_moves(one, before) for one in rows)
 
 
 def widened(name: str, told: Mapping[str, Any], before: Sequence[Effect]) -> dict[str, Any]:

@@ -124,10 +124,14 @@ def adjusted_with_sweep(
     numbers: Sequence[int],
     surfels: Surfels,
     cell_m: float,
-) -> tuple[np.ndarray, float]:
-    """As `adjusted`, with what share `scale` of the motion (n, 6) points are to be freed of as one more unknown."""
-    poses, change = _stepped(scans, poses, scale * motion, motion, numbers, surfels, cell_m)
-    return poses, scale + change
+) -> tuple[np.ndarray, float, float]:
+    """As `adjusted`, with what share `scale` of the motion (n, 6) points are to be freed of as one more unknown.
+
+    Returns:
+        Poses, the share, and its standard error; points of one scan on one surfel count as one.
+    """
+    poses, change, error = _stepped(scans, poses, scale * motion, motion, numbers, surfels, cell_m)
+    return poses, scale + change, error
 
 
 def _stepped(
@@ -138,19 +142,21 @@ def _stepped(
     numbers: Sequence[int],
     surfels: Surfels,
     cell_m: float,
-) -> tuple[np.ndarray, float]:
-    """Poses after a step, and how many times a further motion (n, 6) points are to be freed of; 0 where it is none."""
+) -> tuple[np.ndarray, float, float]:
+    """Poses after a step, how many times a further motion (n, 6) points are to be freed of, and its standard error."""
     count, size = len(numbers), len(surfels)
     own, right = np.zeros((count, 6, 6)), np.zeros(6 * count + 1)
     beside, alone = np.zeros(6 * count), _LEAST_TOLD
     weight, pulled, by_sweep = np.full(size, 1e-6), np.zeros(size), np.zeros(size)
-    shared = []
+    shared, squared, points, cells = [], 0.0, 0, 0
     for turn, number in enumerate(numbers):
         xyz, mine = scans[number].at_pose_time(motion[number]), slice(6 * turn, 6 * turn + 6)
         met = _matched(xyz, poses[number], surfels, cell_m)
         weighted = met.slope * met.weight[:, None]
         own[turn] = weighted.T @ met.slope + np.diag(_PRIOR)
         right[mine] = -weighted.T @ met.off
+        squared += float(met.weight @ met.off**2)
+        points, cells = points + len(met.row), cells + len(np.unique(met.row))
         weight += np.bincount(met.row, met.weight, size)
         pulled += np.bincount(met.row, met.weight * met.off, size)
         shared.append(sparse.csr_matrix(np.stack([np.bincount(met.row, column, size) for column in weighted.T])))
@@ -174,4 +180,5 @@ def _stepped(
     found = poses.copy()
     for number, step in zip(numbers, change[:-1].reshape(-1, 6), strict=True):
         found[number] = nudged(poses[number], step)
-    return found, float(change[-1])
+    alone = linalg.solve(matrix, np.eye(len(matrix))[-1], assume_a="pos")[-1]
+    return found, float(change[-1]), float(np.sqrt(alone * squared / max(cells, 1)))

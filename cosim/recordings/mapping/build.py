@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from cosim.drives.twin.surfels import cell_keys
-from cosim.recordings.mapping.adjust import OUTLIER_M, adjusted, adjusted_with_sweep, place, placed_in_turn
+from cosim.recordings.mapping.adjust import OUTLIER_M, adjusted, place, placed_in_turn
 from cosim.recordings.mapping.holding import holding
 from cosim.recordings.mapping.level import ground, levelled, up
 from cosim.recordings.mapping.motion import applied, motions
 from cosim.recordings.mapping.moving import FreeSpace, looked_at
 from cosim.recordings.mapping.odometry import Trajectory
-from cosim.recordings.mapping.scans import LocalScan, cloud_of, local_scans
+from cosim.recordings.mapping.scans import cloud_of, local_scans
 from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, make_surfels, solid_shares
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import RecordingError
@@ -25,8 +25,6 @@ _HELD_PARTS, _HELD_LONG = 3, 30
 _HELD_SHARE, _HELD_FEWEST, _HELD_MOST = 0.1, 2, 20
 _FEWEST_SURFELS, _FEWEST_ON_MAP = 50, 50
 _SOLID, _WELL_SEEN = 0.9, 4  # share of the points about a surfel that lie on it, and scans, to be trusted
-_SWEEP_SCANS, _SWEEP_STEPS = 20, 6
-_SWEEP_THICKEST_M = 0.1  # so that cells are not left out where the motion is taken wrongly
 
 
 class NoMapError(RecordingError):
@@ -117,7 +115,7 @@ def build_map(
         poses = placed_in_turn(scans, poses, sweep_scale * motion, fitted)
         on_scan()
     for _ in range(_ROUNDS):
-        motion = motions(poses) * trajectory.rate
+        motion = motions(poses, trajectory.turns)
         surfels, _ = make_surfels(cloud_of(scans, poses, sweep_scale * motion, fitted), settings)
         _demand_surfels(recording, surfels)
         rounds.append(thickness(surfels))
@@ -145,7 +143,7 @@ def build_map(
         surfels=still,
         left_out=surfels[moving],
         poses=poses,
-        motion=motions(poses) * trajectory.rate,
+        motion=motions(poses, trajectory.turns),
         pose_ego=pose_ego,
         ground=ground(still, poses, pose_ego[2, 3]),
         trusted=solid[~moving],
@@ -190,66 +188,3 @@ def _errors(
         error[number] = 1.4826 * np.median(np.abs(off))
         share[number] = on.mean()
     return error, share
-
-
-@dataclass(frozen=True)
-class SweepMotion:
-    """How strong the sensor's motion in a sweep is in the points: 0 where they were freed of it before, else 1.
-
-    Attributes:
-        strength: of the likeliest map.
-        thickness_m: of upright surfaces [m], with the motion taken so many times as strong.
-    """
-
-    strength: float
-    thickness_m: dict[float, float]
-
-    @property
-    def scale(self) -> float:
-        """What points are to be freed of: 0 or 1."""
-        return float(self.strength > 0.5)
-
-
-def sweep_motion(
-    recording: Recording, trajectory: Trajectory, sweep_s: float, settings: SurfelSettings, scales: tuple[float, ...]
-) -> SweepMotion:
-    """How strong the motion in a sweep is, from a map of some scans in the middle.
-
-    The strength is one more unknown beside their poses and the places of surfaces: along a straight road nearly all of
-    them lie along the motion, and get no thicker by it, so that thickness alone, for the page, says little.
-    """
-    count = min(len(recording), _SWEEP_SCANS)
-    first = (len(recording) - count) // 2
-    rows = slice(first, first + count)
-    scans = local_scans(recording.between(first, first + count), sweep_s)
-    own = replace(trajectory, poses=trajectory.poses[rows], motion=trajectory.motion[rows])
-    numbers = [number for number in range(count) if len(scans[number])]
-    settings, strength = replace(settings, thickest_m=_SWEEP_THICKEST_M), 1.0
-    poses = _begun(scans, own, strength, numbers)
-    for _ in range(_SWEEP_STEPS):
-        surfels, _ = make_surfels(cloud_of(scans, poses, strength * own.motion, numbers), settings)
-        if len(surfels) < _FEWEST_SURFELS:
-            break
-        poses, strength = adjusted_with_sweep(scans, poses, own.motion, strength, numbers, surfels, settings.cell_m)
-    return SweepMotion(strength, {scale: _upright_m(scans, own, scale, numbers, settings) for scale in scales})
-
-
-def _begun(scans: Sequence[LocalScan], own: Trajectory, scale: float, numbers: Sequence[int]) -> np.ndarray:
-    """Poses to begin with, where points are freed of so much motion."""
-    return placed_in_turn(scans, own.poses, scale * own.motion, numbers) if own.from_odometry else own.poses
-
-
-def _upright_m(
-    scans: Sequence[LocalScan], own: Trajectory, scale: float, numbers: Sequence[int], settings: SurfelSettings
-) -> float:
-    """Thickness of upright surfaces, of all where there are few, in a map of points freed of so much motion."""
-    motion, poses = scale * own.motion, _begun(scans, own, scale, numbers)
-    for _ in range(2):
-        surfels, _ = make_surfels(cloud_of(scans, poses, motion, numbers), settings)
-        if len(surfels) < _FEWEST_SURFELS:
-            break
-        poses = adjusted(scans, poses, motion, numbers, surfels, settings.cell_m)
-    surfels, _ = make_surfels(cloud_of(scans, poses, motion, numbers), settings)
-    upright = ~surfels.level()
-    rows = upright if upright.sum() >= _FEWEST_SURFELS else ~np.zeros(len(surfels), bool)
-    return float(np.median(surfels.sd_m[rows])) if len(surfels) else float("nan")

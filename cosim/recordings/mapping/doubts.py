@@ -66,15 +66,15 @@ def _lost(made: WholeMap) -> list[int]:
 def notes_of(prepared: Prepared, made: WholeMap, looked: int) -> list[str]:
     """What is missing, doubtful or cannot be told, a sentence each."""
     path, recording = prepared.path, prepared.recording
-    notes = [f"poses: {path.source}", *_segment_notes(prepared, made, looked)]
+    notes = [f"poses: {path.source}", *prepared.notes, *_segment_notes(prepared, made, looked)]
     slipping, lost = _slipping(prepared, made), _lost(made)
     if path.standing and len(slipping) < len(recording) / 2:
         notes.append(
             f"the sensor moves {path.extent_m:.2f} m in all, so each surface is seen from one place: sweep "
             "motion, and whatever changes with range or angle alone, cannot be told from the surfaces themselves"
         )
-    elif not prepared.sweep_scale:
-        notes.append("the likeliest map is one without the sensor's motion in a sweep: scans look motion-compensated")
+    elif prepared.sweep is not None:
+        notes.append(f"motion-compensated: {prepared.sweep.is_compensated}; {prepared.sweep.evidence}")
     if len(recording) < _FEW_SCANS:
         notes.append(
             f"{len(recording)} scans only: few looks at every surface, so thickness and effects are poorly told"

@@ -137,7 +137,7 @@ def arrays_of_path(path: Trajectory) -> Arrays:
         "motion": path.motion,
         "doubtful": np.array(path.doubtful, np.int64),
         "source": _bytes(path.source),
-        "rate": np.array([path.rate]),
+        "turns": path.turns,
         "from_odometry": np.array([path.from_odometry], np.uint8),
     }
 
@@ -149,7 +149,7 @@ def path_of(arrays: Arrays) -> Trajectory:
         motion=arrays["motion"],
         doubtful=tuple(arrays["doubtful"].tolist()),
         source=_text(arrays["source"]),
-        rate=float(arrays["rate"][0]),
+        turns=arrays["turns"],
         from_odometry=bool(arrays["from_odometry"][0]),
     )
 

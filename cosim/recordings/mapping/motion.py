@@ -26,18 +26,25 @@ def between(pose: np.ndarray, later: np.ndarray) -> np.ndarray:
     return np.concatenate([Rotation.from_matrix(step[:3, :3]).as_rotvec(), step[:3, 3]])
 
 
-def motions(poses: np.ndarray) -> np.ndarray:
-    """The motion (n, 6) a scan of poses (n, 4, 4): of central differences, of one side at the ends."""
+def motions(poses: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
+    """The motion (n, 6) in a sweep at poses (n, 4, 4): of central differences, of one side at the ends.
+
+    Args:
+        poses: of the scans.
+        turns: (n,) sweeps since the first scan; by default scans follow each other.
+    """
     count = len(poses)
+    turns = np.arange(count, dtype=float) if turns is None else turns
     if count < 2:
         return np.zeros((count, 6))
     found = []
     for row in range(count):
         first, last = max(row - 1, 0), min(row + 1, count - 1)
         step = np.linalg.inv(poses[first]) @ poses[last]
-        turned = Rotation.from_matrix(step[:3, :3]).as_rotvec() / (last - first)
-        back = np.eye(3) if first == row else Rotation.from_rotvec(-turned).as_matrix()
-        found.append(np.concatenate([turned, back @ step[:3, 3] / (last - first)]))
+        sweeps, before = max(turns[last] - turns[first], 0.5), turns[row] - turns[first]
+        turned = Rotation.from_matrix(step[:3, :3]).as_rotvec() / sweeps
+        back = Rotation.from_rotvec(-before * turned).as_matrix()
+        found.append(np.concatenate([turned, back @ step[:3, 3] / sweeps]))
     return np.array(found)
 
 

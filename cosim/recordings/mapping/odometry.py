@@ -33,7 +33,7 @@ class Trajectory:
         motion: (n, 6) of the sensor in a sweep, in its own axes: rotation vector [rad], translation [m].
         doubtful: numbers of scans at which the path jumps.
         source: where the poses come from, in words.
-        rate: sweeps that the head makes from scan to scan.
+        turns: (n,) sweeps that the head has made since the first scan.
         from_odometry: whether the poses were found in the points.
     """
 
@@ -41,7 +41,7 @@ class Trajectory:
     motion: np.ndarray
     doubtful: tuple[int, ...]
     source: str
-    rate: float = 1.0
+    turns: np.ndarray
     from_odometry: bool = True
 
     @property
@@ -71,31 +71,32 @@ def find_trajectory(recording: Recording, sweep_s: float, on_scan: Callable[[], 
     Raises:
         RecordingError: `kiss-icp` is not installed, or a scan is damaged.
     """
-    rate = sweep_s / (recording.interval_s or sweep_s)  # sweeps an interval
+    turns = recording.turns(sweep_s)
     if recording.poses is not None:
         for _ in range(2 * len(recording)):
             on_scan()
-        return _described(recording.poses, rate, "given with the recording", from_odometry=False)
-    poses = _register(recording, sweep_s, rate, None, on_scan)
-    poses = _register(recording, sweep_s, rate, poses, on_scan)
-    return _described(poses, rate, "odometry (KISS-ICP)")
+        return _described(recording.poses, turns, "given with the recording", from_odometry=False)
+    poses = _register(recording, sweep_s, turns, None, on_scan)
+    poses = _register(recording, sweep_s, turns, poses, on_scan)
+    return _described(poses, turns, "odometry (KISS-ICP)")
 
 
 def _register(
-    recording: Recording, sweep_s: float, rate: float, known: np.ndarray | None, on_scan: Callable[[], object]
+    recording: Recording, sweep_s: float, turns: np.ndarray, known: np.ndarray | None, on_scan: Callable[[], object]
 ) -> np.ndarray:
     config = needed("kiss_icp.config", "odometry").load_config(None)
     config.data.deskew, config.data.min_range, config.data.max_range = False, _NEAREST_M, _FARTHEST_M
     config.registration.max_num_threads = 1  # sums in one order: the same poses every time
     odometry = needed("kiss_icp.kiss_icp", "odometry").KissICP(config)
-    steps = None if known is None else motions(known) * rate
+    steps = None if known is None else motions(known, turns)
     poses: list[np.ndarray] = []
     for number, unordered in enumerate(recording):
         scan = in_turn(unordered)
         if steps is not None:
             motion = steps[number]
         else:
-            motion = between(poses[-2], poses[-1]) * rate if len(poses) > 1 else np.zeros(6)
+            motion = between(poses[-2], poses[-1]) if len(poses) > 1 else np.zeros(6)
+            motion /= max(turns[number - 1] - turns[number - 2], 0.5) if len(poses) > 1 else 1.0
         share = scan_times(scan.azimuth_rad, scan.time_s, sweep_s) / sweep_s
         if len(scan):
             odometry.register_frame(_without_ground(deskewed(scan.xyz, share, motion)), np.zeros(0))
@@ -121,9 +122,9 @@ def _without_ground(xyz: np.ndarray) -> np.ndarray:
     return xyz[kept] if kept.mean() > _LEAST_LEFT else xyz
 
 
-def _described(poses: np.ndarray, rate: float, source: str, *, from_odometry: bool = True) -> Trajectory:
-    step = np.diff(poses[:, :3, 3], axis=0)
+def _described(poses: np.ndarray, turns: np.ndarray, source: str, *, from_odometry: bool = True) -> Trajectory:
+    step = np.diff(poses[:, :3, 3], axis=0) / np.maximum(np.diff(turns), 0.5)[:, None]
     change = np.linalg.norm(np.diff(step, axis=0), axis=1) if len(step) > 1 else np.zeros(0)
     limit = max(_LEAST_JUMP_M, _JUMP * float(np.median(change))) if len(change) else np.inf
     doubtful = tuple(int(row) + 2 for row in np.flatnonzero(change > limit))
-    return Trajectory(poses, motions(poses) * rate, doubtful, source, rate, from_odometry)
+    return Trajectory(poses, motions(poses, turns), doubtful, source, turns, from_odometry)

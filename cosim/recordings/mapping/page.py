@@ -163,19 +163,19 @@ def _by_scans(twin: RecordingTwin) -> str:
 def _sweep(twin: RecordingTwin) -> str:
     if twin.sweep is None:
         return ""
-    scale, value = np.array(sorted(twin.sweep.thickness_m.items())).T
-    low, high = 1000 * np.nanmin(value), 1000 * np.nanmax(value)
-    pad = 0.15 * (high - low) + 0.1
-    plot = Plot(
-        Axis(scale[0] - 0.1, scale[-1] + 0.1, "motion in a sweep, times as strong"),
-        Axis(low - pad, high + pad, "thickness [mm]"),
-        "sweep",
-    )
-    plot.line(scale, 1000 * value, "a", dots=True)
+    sweep = twin.sweep
+    windows = np.sort(sweep.windows)
+    low, high = min(-0.2, float(windows.min()) - 0.1), max(1.2, float(windows.max()) + 0.1)
+    names = ["", *(f"stretch {number + 1}" for number in range(len(windows)))]
+    plot = Plot(Axis(0.5, len(windows) + 0.5, "", names=names), Axis(low, high, "strength"), "motion within a sweep")
+    for value, style in ((sweep.strength, "b"), (sweep.low, "c"), (sweep.high, "c")):
+        if low <= value <= high:
+            plot.line(np.array([0.5, len(windows) + 0.5]), np.full(2, value), style)
+    plot.line(np.arange(1, len(windows) + 1), windows, "a", dots=True)
     return figure(
-        "Motion within a sweep",
-        "upright surfaces of a map of the middle scans, made anew each time; fitted along with poses and surfaces "
-        f"the motion is {twin.sweep.strength:.2f} times as strong",
+        f"Motion-compensated: {sweep.is_compensated}",
+        f"Strength of the sensor's motion in the points by stretch (yellow), mean (blue) and 95 % interval (green): "
+        f"{escape(sweep.evidence)}.",
         plot.svg(),
     )
 

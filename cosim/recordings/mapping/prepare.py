@@ -10,18 +10,18 @@ from pathlib import Path
 import numpy as np
 
 from cosim.engine import Engine
-from cosim.recordings.mapping.build import SweepMotion, sweep_motion
+from cosim.recordings.checks import check_path, check_survey, check_sweep, survey_scans
 from cosim.recordings.mapping.kept import Arrays, Kept, arrays_of_path, digest, path_of
 from cosim.recordings.mapping.odometry import Trajectory, find_trajectory
 from cosim.recordings.mapping.segments import Segment, segments_of, together
 from cosim.recordings.mapping.surfels import SurfelSettings
+from cosim.recordings.mapping.sweep import SweepMotion, sweep_motion
 from cosim.recordings.pattern.find import FoundPattern, find_pattern
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import RecordingError
 from sensors.pattern import Pattern, load_pattern
 
 _SAME_LASER_DEG = 0.4  # between a laser of the given pattern and one that the points show
-_SWEEP_SCALES = (-1.0, 0.0, 0.5, 1.0, 1.5)
 _FEWEST_SCANS = 5
 
 
@@ -37,6 +37,7 @@ class Prepared:
         segments: that are mapped each by itself.
         paths: of the sensor in each.
         sweep: how strong the sensor's motion in a sweep is; None where the sensor stands.
+        notes: of the checks, a sentence each.
     """
 
     recording: Recording
@@ -46,6 +47,7 @@ class Prepared:
     segments: tuple[Segment, ...]
     paths: tuple[Trajectory, ...]
     sweep: SweepMotion | None
+    notes: tuple[str, ...] = ()
 
     @property
     def sweep_scale(self) -> float:
@@ -61,7 +63,8 @@ class Prepared:
         pairs = list(zip(self.segments, self.paths, strict=True))
         motion = np.concatenate([path.motion[segment.own] for segment, path in pairs])
         doubtful = sorted({segment.first + row for segment, path in pairs for row in path.doubtful})
-        return replace(self.paths[0], poses=poses, motion=motion, doubtful=tuple(doubtful))
+        turns = self.recording.turns(self.pattern.sweep_s)
+        return replace(self.paths[0], poses=poses, motion=motion, doubtful=tuple(doubtful), turns=turns)
 
 
 def prepare(
@@ -94,18 +97,31 @@ def prepare(
     given = load_pattern(pattern) if isinstance(pattern, str) else pattern
     beams = given or found.pattern
     ring_of = _rings(found, beams, beams.name)
+    on_step("checks of the scans")
+    accepted = recording.settings.accept
+    notes = check_survey(recording, survey_scans(recording, found.lasers.lines), accepted)
     segments = segments_of(len(recording), recording.settings.segment_scans)
     kept = Kept(folder, "path", about(recording, beams.sweep_s), partial(_path, recording, beams.sweep_s))
     kept.all_made(segments, engine, lambda done: on_step(told_of("odometry", done, segments)))
     paths = tuple(path_of(kept.read(segment)) for segment in segments)
+    on_step("checks of the path")
+    for segment, path in zip(segments, paths, strict=True):
+        notes += check_path(recording.between(segment.first, segment.last), path, accepted)
     on_step("sweep motion")
-    sweep = _sweep(recording, segments, paths, beams.sweep_s)
-    return Prepared(recording, beams, found, ring_of, segments, paths, sweep)
+    sweep = _sweep(recording, segments, paths, found.lasers.lines, beams.sweep_s)
+    prepared = Prepared(recording, beams, found, ring_of, segments, paths, sweep)
+    notes += check_sweep(recording, prepared.path, sweep, accepted)
+    return replace(prepared, notes=tuple(dict.fromkeys(notes)))
 
 
 def about(recording: Recording, *things: object) -> str:
     """A short name of a recording's scans and of what else something depends on."""
-    return digest(str(recording.path.resolve()), recording.names, recording.settings.model_dump(), *things)
+    return digest(
+        str(recording.path.resolve()),
+        recording.names,
+        recording.settings.model_dump(exclude={"accept", "skip_damaged"}),
+        *things,
+    )
 
 
 def told_of(what: str, done: int, segments: tuple[Segment, ...]) -> str:
@@ -118,7 +134,11 @@ def _path(recording: Recording, sweep_s: float, segment: Segment, on_scan: Calla
 
 
 def _sweep(
-    recording: Recording, segments: tuple[Segment, ...], paths: tuple[Trajectory, ...], sweep_s: float
+    recording: Recording,
+    segments: tuple[Segment, ...],
+    paths: tuple[Trajectory, ...],
+    lines: np.ndarray,
+    sweep_s: float,
 ) -> SweepMotion | None:
     """Of that segment that moves farthest of the three in the middle; None where the sensor stands there."""
     middle = (len(segments) - 1) // 2
@@ -128,7 +148,7 @@ def _sweep(
     if path.standing:
         return None
     part = recording.between(segment.first, segment.last)
-    return sweep_motion(part, path, sweep_s, SurfelSettings(), _SWEEP_SCALES)
+    return sweep_motion(part, path, lines, sweep_s, SurfelSettings())
 
 
 def _rings(found: FoundPattern, beams: Pattern, given: str) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 from cosim.discrepancy.data.split import split_of_maps
 from cosim.drives.writer import OutputError
 from cosim.engine import Engine
-from cosim.recordings.mapping.build import SweepMotion, build_map
+from cosim.recordings.mapping.build import build_map
 from cosim.recordings.mapping.correction import Correction
 from cosim.recordings.mapping.doubts import frames_of, notes_of
 from cosim.recordings.mapping.drive_files import DriveFiles
@@ -22,6 +22,7 @@ from cosim.recordings.mapping.kept import Arrays, Kept, arrays_of_map
 from cosim.recordings.mapping.odometry import Trajectory
 from cosim.recordings.mapping.prepare import Prepared, about, prepare, told_of
 from cosim.recordings.mapping.segments import Segment
+from cosim.recordings.mapping.sweep import SweepMotion
 from cosim.recordings.mapping.whole import WholeMap, whole_map
 from cosim.recordings.pattern.find import FoundPattern
 from cosim.recordings.recording import Recording
@@ -74,6 +75,8 @@ class RecordingTwin:
             "thickness_ground_m": round(_middle(made.sd_m[made.ground]), 5),
             "thickness_walls_m": round(_middle(made.sd_m[~made.level]), 5),
             "sweep_strength": sweep and round(sweep.strength, 3),
+            "sweep_strength_ci95": sweep and [round(sweep.low, 3), round(sweep.high, 3)],
+            "motion_compensated": sweep and sweep.is_compensated,
             "thickness_by_sweep_scale_m": {
                 f"{scale:g}": round(value, 5) for scale, value in (sweep.thickness_m if sweep else {}).items()
             },

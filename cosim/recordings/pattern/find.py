@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.recordings.folder import name_numbers
 from cosim.recordings.pattern.lasers import NEAREST_M, Lasers, find_lasers, nearest_laser, ring_lasers
 from cosim.recordings.pattern.turning import Turning, find_turning
 from cosim.recordings.recording import Recording
@@ -22,6 +23,7 @@ _ODD_SHARE = 0.15  # a scan with this much less on the beams than the others is 
 _FOREIGN = 0.5  # of a scan's points that are on lasers where others have none
 _SECTORS, _LEAST_SECTORS = 72, 0.8
 _USUAL_SWEEP_S = 0.1
+_MISSING = 1.5  # times the span of points' times, from which the interval between scans holds further sweeps
 _RING_MISFIT_DEG = 0.05
 _BLOCKS_APART_M = 0.01
 _FEWEST_POINTS = 200
@@ -210,9 +212,20 @@ def _demand_one_sensor(
 def _sweep(recording: Recording, scans: list[Scan]) -> tuple[float, list[str]]:
     if recording.settings.sweep_s is not None:
         return recording.settings.sweep_s, []
-    if recording.interval_s is not None and 0.01 < recording.interval_s < 1:
-        return recording.interval_s, []
     spans = [float(scan.time_s.max()) for scan in scans if scan.time_s is not None and len(scan)]
+    span = float(np.median(spans)) if spans and _seen(scans) >= _LEAST_SECTORS else None
+    interval = recording.interval_s
+    if interval is not None and 0.01 < interval < 1:
+        numbers = name_numbers(recording.names)
+        steps = 1 if numbers is None else int(np.diff(numbers).min())
+        if span is not None and interval > _MISSING * span:
+            steps = round(interval / span)
+        if steps > 1:
+            return interval / steps, [
+                f"scans are {interval:.3g} s apart, and {steps} sweeps of {interval / steps:.3g} s pass from one to "
+                "the next, by the points' times or the numbers in names: others are missing"
+            ]
+        return interval, []
     if spans:
         return float(np.median(spans)), ["the sweep's duration is that of the points' times"]
     return _USUAL_SWEEP_S, [f"nothing tells how long a sweep lasts: taken to be {_USUAL_SWEEP_S} s; --sweep-s says"]

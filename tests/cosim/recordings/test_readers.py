@@ -158,8 +158,8 @@ def write(file: Path, rows: np.ndarray) -> None:
         kinds = [rows.dtype[name].type for name in names]
         pytest.importorskip("pypcd4").PointCloud.from_points([rows[n] for n in names], names, kinds).save(file)
     elif file.suffix == ".feather":
-        feather, pyarrow = pytest.importorskip("pyarrow.feather"), pytest.importorskip("pyarrow")
-        feather.write_feather(pyarrow.table({name: rows[name] for name in names}), str(file))
+        polars = pytest.importorskip("polars")
+        polars.DataFrame({name: rows[name] for name in names}).write_ipc(file, compression="lz4")
     else:
         table(rows).tofile(file)
 

@@ -158,6 +158,6 @@ def test_reading_a_recording_imports_no_library_of_another_format() -> None:
 
     code = (
         "import sys, cosim.recordings; "
-        "print(sorted({'torch', 'rosbags', 'kiss_icp', 'pyarrow', 'ouster', 'trimesh'} & set(sys.modules)))"
+        "print(sorted({'torch', 'rosbags', 'kiss_icp', 'polars', 'ouster', 'trimesh'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"

@@ -1,0 +1,155 @@
+"""Whether a calibration is recommended: only where the error of untouched scans falls beyond doubt."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.discrepancy.diagnosis import Diagnosis
+from cosim.recordings.calibration.rounds import Round
+from cosim.recordings.calibration.untouched import Change, Scores, change_between, read_scores
+from cosim.recordings.mapping.correction import moves_points
+from cosim.recordings.mapping.odometry import Trajectory
+
+SCORES = "untouched.npz"  # of each round: models `given` and `accepted`
+_SHORT_M = 10.0  # path that shows hardly any surface from near and far
+_ONE_SPEED = 0.05  # spread of speeds relative to their mean
+_STRAIGHT_DEG = 5.0  # range of headings
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Whether a finding lowers the error of untouched scans.
+
+    Attributes:
+        effect: its name.
+        change, low, high: of the aligned error, with its 95 % interval; null where there are too few scans.
+        by: `step` where it was added on the same map, `map` where its map was compared with the one before.
+        is_accepted: whether it is in the recommended file if that is recommended at all.
+    """
+
+    effect: str
+    change: float | None
+    low: float | None
+    high: float | None
+    by: str
+    is_accepted: bool
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """What is recommended.
+
+    Attributes:
+        is_recommended: whether the calibrated file is better than the one that the calibration began with.
+        round: whose accepted file it is; 0 where the first file is kept.
+        change: of the error of untouched scans from the first file to the recommended one, or to that of the last
+            round where none is; None where it cannot be measured.
+        reason: a sentence.
+        transfers: of every finding, in order.
+    """
+
+    is_recommended: bool
+    round: int
+    change: Change | None
+    reason: str
+    transfers: tuple[Transfer, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return asdict(self)
+
+
+def step_transfers(found: Diagnosis) -> list[Transfer]:
+    """What each finding of a round does to untouched scans on the round's own map.
+
+    A finding that moves points stays in any case: what it does shows in the next map, see `accept`.
+    """
+    transfers = []
+    for one in found.changes:
+        low, high = one.mean - one.half_interval, one.mean + one.half_interval
+        known = bool(np.isfinite(one.half_interval))
+        falls = known and high < 0
+        values = (one.mean, low, high) if known else (None, None, None)
+        transfers.append(Transfer(one.name, *values, "step", falls or moves_points(one.name)))
+    return transfers
+
+
+def accept(folder: Path, rounds: Sequence[Round]) -> Acceptance:
+    """Choose the round whose accepted file has the least error of untouched scans, if any error falls beyond doubt.
+
+    Args:
+        folder: of the calibration.
+        rounds: in order.
+    """
+    scores = [read_scores((folder / one.sensor_out).parent / SCORES) for one in rounds]
+    given = scores[0]["given"]
+    changes = [change_between(given, one["accepted"]) for one in scores]
+    transfers = tuple(_transfers(rounds, scores))
+    better = [number for number, one in enumerate(changes) if one is not None and one.is_fall]
+    if better:
+        best = min(better, key=lambda number: changes[number].mean)  # type: ignore[union-attr]
+        change = changes[best]
+        assert change is not None
+        reason = (
+            f"the error of {change.scans} untouched scans falls by {_interval(-change.mean, -change.high, -change.low)}"
+        )
+        return Acceptance(True, rounds[best].number, change, reason, transfers)
+    return Acceptance(False, 0, changes[-1], _why_not(changes[-1], rounds), transfers)
+
+
+def _transfers(rounds: Sequence[Round], scores: Sequence[dict[str, Scores]]) -> list[Transfer]:
+    """Of every finding; those that move points are judged by the next map, too."""
+    found = []
+    for number, one in enumerate(rounds):
+        later = (
+            change_between(scores[number]["given"], scores[number + 1]["given"]) if number + 1 < len(rounds) else None
+        )
+        for row in one.transfers:
+            transfer = Transfer(**row)
+            if later is not None and moves_points(transfer.effect) and not (transfer.high or 0.0) < 0:
+                transfer = Transfer(transfer.effect, later.mean, later.low, later.high, "map", later.is_fall)
+            elif moves_points(transfer.effect):
+                transfer = Transfer(**{**row, "is_accepted": bool(transfer.high is not None and transfer.high < 0)})
+            found.append(transfer)
+    return found
+
+
+def _why_not(change: Change | None, rounds: Sequence[Round]) -> str:
+    if not any(one.findings or one.unknowns or one.refitted for one in rounds):
+        return "nothing was found that your file lacks"
+    if change is None:
+        said = "too few untouched scans can be compared (three are needed): record thirty scans or more"
+    elif change.low > 0:
+        said = f"the error of {change.scans} untouched scans rises by {_interval(change.mean, change.low, change.high)}"
+    else:
+        said = (
+            f"the error of {change.scans} untouched scans changes by "
+            f"{_interval(change.mean, change.low, change.high)}, which includes no change"
+        )
+    limits = rounds[-1].limits
+    return f"{said}; the drive {', '.join(limits)}" if limits else said
+
+
+def path_limits(path: Trajectory) -> list[str]:
+    """What a path does not vary, as predicates of the drive."""
+    if path.standing:
+        return [f"stands ({path.extent_m:.2f} m)"]
+    limits = []
+    if path.path_m < _SHORT_M:
+        limits.append(f"is {path.path_m:.1f} m long, so that few surfaces are seen from near and far")
+    step = np.linalg.norm(path.motion[:, 3:], axis=1)
+    if len(step) > 2 and np.std(step) < _ONE_SPEED * np.mean(step):
+        limits.append("has one speed")
+    heading = np.unwrap(np.arctan2(path.poses[:, 1, 0], path.poses[:, 0, 0]))
+    if np.degrees(np.ptp(heading)) < _STRAIGHT_DEG:
+        limits.append("is straight")
+    return limits
+
+
+def _interval(value: float, low: float, high: float) -> str:
+    return f"{value:.3f} ({low:.3f} to {high:.3f})"
