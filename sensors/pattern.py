@@ -24,7 +24,7 @@ class Pattern(BaseModel):
     Rays come ring-major: ring 0 (top) first, its firings in order. Step k of a revolution is at column
     azimuth π − 2π(k + 0.5)/firings, so the head turns clockwise seen from above, and fires at
     time −column/2π · sweep_s from the pose time, when the head faces forward; lasers that fire one after the
-    other within a step do so later by their `firing_offset_us`.
+    other within a step do so later by their `firing_offset_us`. An encoder reports columns in whole ticks.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -42,6 +42,10 @@ class Pattern(BaseModel):
     )
     firing_offset_us: tuple[float, ...] = Field(
         default=(), description="how much later than its column each laser fires [µs]; empty: all at once"
+    )
+
+    encoder_deg: float = Field(
+        default=0.0, ge=0, le=10, description="tick of the encoder, to whose multiples columns are rounded [°]; 0: none"
     )
 
     @model_validator(mode="after")
@@ -76,6 +80,9 @@ class Pattern(BaseModel):
     def rays(self) -> Rays:
         """All beams of one revolution in LiDAR axes (x forward, y left, z up)."""
         column = np.pi - 2 * np.pi * (np.arange(self.firings) + 0.5) / self.firings
+        if self.encoder_deg:
+            tick = np.radians(self.encoder_deg)
+            column = np.rint(column / tick) * tick
         elevation = np.radians(np.array(self.elevation_deg))[:, None]
         azimuth = column[None, :] + np.radians(np.array(self.azimuth_offset_deg, float))[:, None]
         azimuth = np.pi - np.mod(np.pi - azimuth, 2 * np.pi)
@@ -101,8 +108,9 @@ class Pattern(BaseModel):
     def to_yaml(self) -> str:
         """The pattern in its file format."""
         values = self.model_dump(mode="json")
-        if not self.firing_offset_us:
-            del values["firing_offset_us"]
+        for optional in ("firing_offset_us", "encoder_deg"):
+            if not values[optional]:
+                del values[optional]
         return yaml.safe_dump(values, sort_keys=False, default_flow_style=None, width=110)
 
 

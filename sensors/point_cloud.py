@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -35,6 +35,15 @@ class PointCloud:
 
     def __len__(self) -> int:
         return len(self.xyz)
+
+    def in_file_order(self) -> PointCloud:
+        """The same points in the order of KITTI's files: by laser from the top, counter-clockwise from straight ahead.
+
+        Tools that recover lasers from the wrap of the azimuth, such as LeGO-LOAM or networks on range images, rely on it.
+        """
+        turn = np.mod(self.azimuth, np.float32(2 * np.pi))
+        order = np.lexsort((self.return_no, turn, self.ring))
+        return PointCloud(*(getattr(self, field.name).take(order, axis=0) for field in fields(self)))
 
     @property
     def kitti(self) -> np.ndarray:

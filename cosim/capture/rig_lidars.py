@@ -80,7 +80,7 @@ class RigLidars:
         """Files of a frame that hold points, beams and calibration, by path."""
         files = {}
         for name, scan in scans.items():
-            folder, cloud = folder_of(self._suffix(name)), scan.cloud
+            folder, cloud = folder_of(self._suffix(name)), scan.cloud.in_file_order()
             files[f"{folder}velodyne/{frame}.bin"] = encode_points(cloud.kitti)
             rays = PointRays(cloud.ring, cloud.azimuth, cloud.time_s, cloud.return_no)
             files[f"{folder}rays/{frame}.npz"] = encode_rays(rays)

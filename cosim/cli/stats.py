@@ -1,4 +1,4 @@
-"""`cosim stats`: what a data set holds, and how far it is from another."""
+"""`cosim stats`: what a data set holds, how far it is from another, and whether a classifier tells them apart."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from cosim.cli.progress import ProgressReport
 
 if TYPE_CHECKING:
     from cosim.stats import Collected, FrameSet
+    from cosim.stats.two_sample import TwoSample
 
 
 def add_command(commands: Any) -> None:
@@ -25,6 +26,20 @@ def add_command(commands: Any) -> None:
     )
     parser.add_argument("--against", type=Path, metavar="DIR2", help="a second set, the reference of the distances")
     parser.add_argument("--beside", type=Path, metavar="DIR3", help="a third set, shown and held against DIR2 as well")
+    parser.add_argument(
+        "--units",
+        default="frame",
+        metavar="U",
+        help="what is independent in the two-sample test: frame (default); N, so many frames in a row; or drive, the "
+        "part of a frame's name before its last _",
+    )
+    parser.add_argument(
+        "--sector-deg",
+        type=float,
+        default=90.0,
+        metavar="DEG",
+        help="sector about the forward direction that the two-sample test looks at (default: 90, a camera's)",
+    )
     parser.add_argument("--out", type=Path, metavar="OUT", help="folder of the page (default: DIR-stats beside DIR)")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
@@ -36,6 +51,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
     from cosim.errors import CosimError
     from cosim.stats import FrameSet, as_json, compare_sets, write_stats
+    from cosim.stats.two_sample import separate
 
     if options.beside is not None and options.against is None:
         raise CosimError("--beside is held against a reference that is missing; give it with --against DIR2")
@@ -44,8 +60,13 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     with ProgressReport(console, "comparing"):
         distances = compare_sets(sets[0], sets[1], np.random.default_rng(0)) if len(sets) > 1 else []
         beside = compare_sets(sets[2], sets[1], np.random.default_rng(0)) if len(sets) > 2 else []
+    separation = None
+    if len(sets) > 1:
+        with ProgressReport(console, "telling the sets apart") as report:
+            separation = separate(*sources[:2], options.units, options.sector_deg, on_frame=report.advance)
     given = options.set.resolve()
-    page = write_stats(options.out or given.with_name(f"{given.name}-stats"), sets, distances, beside)
+    page = write_stats(options.out or given.with_name(f"{given.name}-stats"), sets, distances, beside, separation)
+    _print_separation(separation, console)
     for distance in distances:
         unit = "" if distance.unit == "1" else f" {distance.unit}"
         others = [item.wasserstein for item in beside if item.key == distance.key]
@@ -53,7 +74,17 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         interval = f"({distance.low:.3g} to {distance.high:.3g})"
         console.print(f"{distance.title}: {distance.wasserstein:.3g}{unit} {interval}{other}", soft_wrap=True)
     console.print(f"{' and '.join(f'{len(found.frames):,}' for found in sets)} frames on {page}", soft_wrap=True)
-    write_json(options.json, as_json(sets, distances, beside))
+    write_json(options.json, as_json(sets, distances, beside, separation))
+
+
+def _print_separation(separation: TwoSample | str | None, console: Console) -> None:
+    if isinstance(separation, str):
+        console.print(f"no two-sample test: {separation}", soft_wrap=True)
+    elif separation is not None:
+        for item in separation.channels:
+            base = "" if item.baseline is None else f"; baseline {item.baseline.auc:.2f}"
+            interval = f"({item.sets.low:.2f} to {item.sets.high:.2f}, p {item.sets.p_value:.3f})"
+            console.print(f"told apart by {item.channel}: AUC {item.sets.auc:.2f} {interval}{base}", soft_wrap=True)
 
 
 def _read(source: FrameSet, console: Console) -> Collected:

@@ -9,19 +9,31 @@ from math import isfinite
 from cosim.report.html import document
 from cosim.stats.charts import STYLES, Chart, label_charts, point_charts, position_charts, scan_charts
 from cosim.stats.compare import DIRECTIONS, Distance
+from cosim.stats.separation_section import STYLE as _SEPARATION_STYLE
+from cosim.stats.separation_section import separation_section
 from cosim.stats.summary import describe, histogram_mean, zero_share
 from cosim.stats.tally import FOCUS, INTENSITIES, Collected
+from cosim.stats.two_sample import TwoSample
 
 _MOST_RELATIVE = 2.0  # standard deviations that fill the bar
 
 
-def format_page(sets: Sequence[Collected], distances: Sequence[Distance], beside: Sequence[Distance] = ()) -> str:
-    """The HTML text about one set, two with their distances, or three: the last is held against the second, too."""
+def format_page(
+    sets: Sequence[Collected],
+    distances: Sequence[Distance],
+    beside: Sequence[Distance] = (),
+    separation: TwoSample | str | None = None,
+) -> str:
+    """The HTML text about one set, two with their distances, or three: the last is held against the second, too.
+
+    `separation` is the two-sample test of the first two, or why there is none.
+    """
     title = " against ".join(found.title for found in sets[:2])
     title += "".join(f", beside {found.title}" for found in sets[2:])
     sections = [
         f"<header><h1>{escape(title)}</h1>{_facts(sets)}</header>",
         _absent(sets),
+        separation_section(separation),
         _distances(distances, sets),
         _distances(beside, (sets[2], sets[1])) if len(sets) > 2 else "",
         _section("Where the cars are", position_charts(sets), "maps" if len(sets) > 1 else ""),
@@ -30,7 +42,7 @@ def format_page(sets: Sequence[Collected], distances: Sequence[Distance], beside
         _section("Labels", label_charts(sets)),
         _dimensions(sets),
     ]
-    return document(title, sections, style=_STYLE, generator="cosim stats")
+    return document(title, sections, style=_STYLE + _SEPARATION_STYLE, generator="cosim stats")
 
 
 def _facts(sets: Sequence[Collected]) -> str:

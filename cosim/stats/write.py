@@ -13,10 +13,15 @@ from cosim.stats.compare import Distance, points_ratio
 from cosim.stats.page import format_page
 from cosim.stats.summary import DISTANCE_EDGES_M, summarise
 from cosim.stats.tally import Collected
+from cosim.stats.two_sample import TwoSample
 
 
 def write_stats(
-    folder: Path, sets: Sequence[Collected], distances: Sequence[Distance], beside: Sequence[Distance] = ()
+    folder: Path,
+    sets: Sequence[Collected],
+    distances: Sequence[Distance],
+    beside: Sequence[Distance] = (),
+    separation: TwoSample | str | None = None,
 ) -> Path:
     """Write `folder/index.html` about one set, or two with their distances, or three; returns its path.
 
@@ -25,7 +30,7 @@ def write_stats(
         sets: the set, the reference, and a third one that is held against the reference, too.
         distances: of the first from the second.
         beside: of the third from the second.
-
+        separation: the two-sample test of the first two, or why there is none.
 
     Raises:
         OutputError: the folder cannot be written.
@@ -33,16 +38,20 @@ def write_stats(
     index = folder / "index.html"
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        index.write_text(format_page(sets, distances, beside), encoding="utf-8", newline="\n")
+        index.write_text(format_page(sets, distances, beside, separation), encoding="utf-8", newline="\n")
     return index
 
 
 def as_json(
-    sets: Sequence[Collected], distances: Sequence[Distance], beside: Sequence[Distance] = ()
+    sets: Sequence[Collected],
+    distances: Sequence[Distance],
+    beside: Sequence[Distance] = (),
+    separation: TwoSample | str | None = None,
 ) -> dict[str, Any]:
     """`{"set": …, "against": … or null, "distances": {KEY: …} or null, "points_ratio": […] or null}`; NaN is null.
 
-    With a third set also `"beside": {"set": …, "distances": {KEY: …}}`.
+    With a third set also `"beside": {"set": …, "distances": {KEY: …}}`. `"two_sample"` is the test of the first two
+    sets, null where there is none.
     """
     result: dict[str, Any] = {"set": summarise(sets[0]), "against": None, "distances": None, "points_ratio": None}
     if len(sets) > 1:
@@ -57,6 +66,7 @@ def as_json(
     if len(sets) > 2:
         distances_beside = {distance.key: distance.as_json() for distance in beside}
         result["beside"] = {"set": summarise(sets[2]), "distances": distances_beside}
+    result["two_sample"] = separation.as_json() if isinstance(separation, TwoSample) else None
     return _without_nan(result)
 
 

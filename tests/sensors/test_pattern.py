@@ -3,6 +3,7 @@ import pytest
 
 from sensors.errors import SensorError
 from sensors.pattern import load_pattern, parse_pattern, pattern_names
+from sensors.point_cloud import PointCloud
 
 
 def test_hdl64e_has_two_blocks_of_evenly_spaced_lasers():
@@ -96,3 +97,29 @@ def test_firing_offsets_are_one_a_laser():
         parse_pattern(
             load_pattern("vlp16").model_copy(update={"firing_offset_us": (0.0, 1.0, 2.0)}).to_yaml(), origin="x"
         )
+
+
+def test_an_encoder_reports_whole_ticks() -> None:
+    """Steps of KITTI's unit: 0.18° in 85 % of firings and 0.09° in the rest."""
+    pattern = load_pattern("hdl64e_kitti")
+    column = np.degrees(pattern.rays().azimuth[: pattern.firings].astype(float)) - pattern.azimuth_offset_deg[0]
+    steps = np.abs((np.diff(column) + 180) % 360 - 180)
+    assert np.allclose(steps / 0.09, np.rint(steps / 0.09), atol=1e-3)
+    assert np.mean(np.isclose(steps, 0.18, atol=1e-3)) == pytest.approx(0.854, abs=0.005)
+    assert np.mean(np.isclose(steps, 0.09, atol=1e-3)) == pytest.approx(0.146, abs=0.005)
+
+
+def test_points_of_a_file_run_counter_clockwise_from_the_front_within_a_laser() -> None:
+    """Recovery of rings from the wrap of the azimuth finds every laser."""
+    rays = load_pattern("hdl64e_kitti").rays()
+    count = len(rays)
+    cloud = PointCloud(
+        rays.direction * np.float32(12.34),
+        *(np.zeros(count, np.float32), rays.ring, rays.azimuth, rays.time_s),
+        *(np.zeros(count, np.uint8), np.zeros(count, np.int16), np.zeros(count, np.uint8)),
+    ).in_file_order()
+    azimuth = np.arctan2(cloud.xyz[:, 1], cloud.xyz[:, 0]) % (2 * np.pi)
+    wraps = np.flatnonzero(np.diff(azimuth) < -np.pi)
+    assert len(wraps) == 63
+    assert np.array_equal(np.cumsum(np.isin(np.arange(count), wraps + 1)), cloud.ring)
+    assert np.all(np.diff(azimuth)[np.diff(cloud.ring.astype(int)) == 0] > -1e-6)
