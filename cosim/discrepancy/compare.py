@@ -334,7 +334,8 @@ def _budget(
         return None, None
     names = tuple(one.name for one in frames)
     settings = tracer.settings
-    few = replace(settings, selection=replace(settings.selection, steps=settings.compare_steps))
+    by = replace(settings.selection, steps=settings.compare_steps)
+    few = replace(settings, rows=settings.compare_rows, selection=by)
     context = Context(model, tracer, Split(names, names), (), few, seed, _LOG.debug)
     own = with_rings(effects, model.pattern.rings)
     on = trace_and_fit(context, names, own, traced=tuple(frames))

@@ -246,7 +246,8 @@ class Settings:
     near: float = 1.02  # times its floor, within which an error is at it,
     negligible: float = 0.001  # and of a scale beyond that
     at_floor: float = 0.05  # share by which an aligned error may be above: poses and objects are never fitted exactly
-    compare_steps: int = 2  # terms by which a comparison estimates what is missing
+    compare_rows: int = 12_000  # beams by which a comparison estimates what is missing,
+    compare_steps: int = 2  # and terms
     most_aligned: int = 12  # frames of a comparison of which it is asked where the error comes from
     beams: Beams = field(default_factory=Beams)
     sampling: Sampling = field(default_factory=Sampling)

@@ -13,7 +13,7 @@ from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.dictionary.periodic import line_group
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
-from cosim.discrepancy.inference.dependence import ANGLES, SPREADS
+from cosim.discrepancy.inference.dependence import ANGLES, SPREADS, SPURIOUS
 from cosim.discrepancy.inference.projection import TRACK
 from cosim.discrepancy.selection.confirm import p_about_fit
 from cosim.discrepancy.selection.first_pass import first_pass
@@ -128,9 +128,9 @@ def select_terms(
         if not candidates:
             break
         chosen = _choose(model, evidence, candidates, settings)
-        if isinstance(chosen, str):
-            on_progress(f"rejected {chosen}: its fit gains no more than chance")
-            rejected |= _same_effect(chosen, candidates)
+        if isinstance(chosen, frozenset):
+            on_progress(f"rejected {', '.join(sorted(chosen))}: fits gain no more than chance")
+            rejected |= _same_effects(chosen, candidates)
             continue
         before, (model, result) = model, chosen
         on_progress(f"added {result.group.name}: gain {result.gain:.1f}, p {result.p_value:.4f}")
@@ -166,10 +166,10 @@ def drop_superfluous(
     return model
 
 
-def _same_effect(name: str, candidates: Sequence[GroupTest]) -> set[str]:
-    """Names of all settings of the same effect, or the name alone."""
-    effect = next((result.group.effect_name for result in candidates if result.group.name == name), "")
-    return {name} | {result.group.name for result in candidates if effect and result.group.effect_name == effect}
+def _same_effects(names: frozenset[str], candidates: Sequence[GroupTest]) -> frozenset[str]:
+    """These names and those of all other settings of the same effects."""
+    effects = {result.group.effect_name for result in candidates if result.group.name in names} - {""}
+    return names | {result.group.name for result in candidates if result.group.effect_name in effects}
 
 
 def is_explained(group: Group, model: Model) -> bool:
@@ -228,8 +228,8 @@ class _Trial:
 
 def _choose(
     model: Model, evidence: Evidence, candidates: Sequence[GroupTest], settings: Settings
-) -> tuple[Model, GroupTest] | str:
-    """The model with the best candidate, and which it is; or the name of one whose exact gain is chance."""
+) -> tuple[Model, GroupTest] | frozenset[str]:
+    """The model with the best candidate, and which it is; or the names of candidates whose exact gain is chance."""
     best = _first(candidates)
     if best.group.is_shared:
         term = Term(best.group, best.p_value, best.gain, best.gain)
@@ -237,16 +237,21 @@ def _choose(
     same_order = [
         result for result in candidates if result.group.order == best.group.order and not result.group.is_shared
     ]
+    shortlist = _shortlist(best, same_order, evidence, settings)
+    if best.group.channel in SPURIOUS:  # a surface that is misplaced makes returns before or behind it
+        of_range = [result for result in same_order if result.group.family == "range"]
+        shortlist += _shortlist(of_range[0], of_range, evidence, settings) if of_range else []
     trials = []
-    for result in _shortlist(best, same_order, evidence, settings):
+    for result in shortlist:
         after, _ = refit_with(
             model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=_ROUGH_STEPS
         )
         trials.append(_Trial(result, after.loglik - model.loglik))
     _LOG.debug("tried %s", [(one.result.group.name, round(one.result.gain, 1), round(one.gain, 1)) for one in trials])
     trial = _simplest(trials, settings)
-    if trial.worth < _needed_gain(trial.result.group, model, settings):
-        return trial.result.group.name
+    needed = {one: _needed_gain(one.result.group, model, settings) for one in trials}
+    if trial.worth < needed[trial]:
+        return frozenset(one.result.group.name for one in trials if one.worth < needed[one])
     result = trial.result
     after, group = refit_with(
         model, evidence.linearisation, result.group, result.entry.coefficients, fine=True, steps=_STEPS
@@ -256,7 +261,7 @@ def _choose(
             model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=_STEPS
         )
     if after.loglik - model.loglik - trial.penalty < _needed_gain(group, model, settings):
-        return result.group.name
+        return frozenset({result.group.name})
     if group.frequency_hz:
         after, group = _best_alias(model, evidence, after, group)
     p_value = result.p_value
@@ -264,7 +269,7 @@ def _choose(
         rng = np.random.default_rng([len(model.terms), settings.selection.confirm_draws])
         p_value = p_about_fit(after, group, evidence.dictionary.tested, settings.selection, rng)
         if p_value > settings.selection.level:
-            return result.group.name
+            return frozenset({result.group.name})
     alternatives = _rivals(trial, trials)
     gain, penalty = after.loglik - model.loglik, group.size * max(result.entry.cell.dispersion, 1.0)
     term = Term(group, p_value, result.gain, gain, penalty, alternatives)
