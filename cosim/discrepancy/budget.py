@@ -251,9 +251,9 @@ class Budget:
         error_aligned: of the model as it ends, poses, objects and surfaces where the fit has them.
         given_aligned: the same of the model as it was given.
         floor: the error of a model that is right up to noise, on the beams of `error_aligned`; None if not known.
-        parts: noise, poses, objects, map, missing and unexplained; they add up to `error`. What is missing is by how
-            much the findings lower the error at the poses as given; poses, objects and map are what aligning them
-            lowers the error of the final model.
+        parts: noise, poses, objects, map, missing and unexplained; they add up to `error`. Each is the mean fall
+            of the error over orders in which the parts are taken out, so that what two of them could explain counts
+            half to each.
         steps: errors at the poses as given, of the model with none of what was found, one, two and so on.
         aligned_steps: the same, poses, objects and surfaces where the fit has them.
     """
@@ -286,8 +286,9 @@ def budget_of(context: Context, on: FittedFrames, models: Sequence[tuple[Effect,
     for place, name in enumerate(PARTS):
         before, after, rest = PARTS[:place], PARTS[: place + 1], PARTS[place + 1 :]
         orders = ((before, after), (rest, PARTS[place:]))
-        parts[name] = float(np.mean([last.error(more) - last.error(less) for more, less in orders]))
-    parts["missing"] = first.error(()) - last.error(())
+        falls = [one.error(more) - one.error(less) for one in (first, last) for more, less in orders]
+        parts[name] = float(np.mean(falls))
+    parts["missing"] = 0.5 * (first.error(()) - last.error(()) + first.error(PARTS) - last.error(PARTS))
     parts["unexplained"] = aligned - noise
     steps, of_aligned = (tuple(one.held_out(which) for one in seen) for which in ((), PARTS))
     return Budget(first.error(()), aligned, first.error(PARTS), floor, parts, steps, of_aligned), Judged(
