@@ -190,17 +190,21 @@ def is_explained(group: Group, model: Model) -> bool:
 
 
 def _needed_gain(group: Group, model: Model, settings: Settings) -> float:
-    """Log-likelihood that a term must gain: the first one little, a follower more than a small share of the largest.
+    """Log-likelihood that a term must gain: the first one little, a follower more than what fits are exact to.
 
-    A fit of a strong term is never exact to its last share.
+    Bins approximate an unknown function, so that a share of what a dependence gains is left to others of its family;
+    an effect of the catalogue has its exact equation. Gains of shared errors are those of a linear model.
     """
     by = settings.selection
     if not model.terms:
         return by.least_gain
-    family = [term.exact_gain for term in model.terms if term.group.family == group.family]
-    largest = max((term.exact_gain for term in model.terms), default=0.0)
-    share = by.shared_share if group.is_shared else by.follower_share
-    return max(by.least_follower, share * max(family, default=0.0), by.inexact * largest)
+    fitted = [term for term in model.terms if not term.group.is_shared]
+    largest = max((term.exact_gain for term in fitted), default=0.0)
+    approximate = [term.exact_gain for term in fitted if term.group.family == group.family and not term.group.is_effect]
+    if group.is_shared:
+        family = [term.exact_gain for term in fitted if term.group.family == group.family]
+        return max(by.least_follower, by.shared_share * max(family, default=0.0), by.inexact * largest)
+    return max(by.least_follower, by.follower_share * max(approximate, default=0.0), by.inexact * largest)
 
 
 @dataclass(frozen=True, eq=False)
