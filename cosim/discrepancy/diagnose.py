@@ -351,13 +351,11 @@ def _wiring(exchanged: Sequence[Exchange]) -> tuple[Unexplained, ...]:
 
 
 def _unexplained(context: Context, model: Model, phases: Sequence[Term], last: Evidence) -> tuple[Unexplained, ...]:
-    """Terms that no law predicts, and everything significant that is left beyond the accuracy of the fit."""
-    gains = [term.exact_gain for term in model.terms if not term.group.is_shared]
-    least = context.settings.selection.follower_share * max(gains, default=0.0)
+    """Terms that no formula describes, and everything significant that is left beyond the accuracy of the fit."""
     of_phases = tuple(
         Unexplained(term.group.channel, term.group.covariates, float("nan"), "", term.p_value) for term in phases
     )
-    return (*of_phases, *remaining(last, model, context.settings, least))
+    return (*of_phases, *remaining(last, model, context.settings))
 
 
 def _ranking(first: Evidence) -> tuple[Alternative, ...]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.selection.refit import Model
-from cosim.discrepancy.selection.search import Evidence, is_explained
+from cosim.discrepancy.selection.search import Evidence, is_explained, needed_gain
 from cosim.discrepancy.selection.table import GroupTest
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unknown.curve import CHANNEL_UNITS
@@ -40,18 +40,17 @@ class Unexplained:
         return asdict(self) | {"covariates": list(self.covariates)}
 
 
-def remaining(evidence: Evidence, model: Model, settings: Settings, least_gain: float) -> tuple[Unexplained, ...]:
-    """Everything that is still significant, the largest gain first.
+def remaining(evidence: Evidence, model: Model, settings: Settings) -> tuple[Unexplained, ...]:
+    """Everything that is still significant, and more than what the fit of the findings is exact to; by gain.
 
     Args:
         evidence: about the final model.
         model: with its terms.
         settings: numeric choices.
-        least_gain: log-likelihood that the fit of the findings cannot be exact to.
     """
     found = []
     for result in evidence.significant(settings):
-        if result.gain < least_gain or is_explained(result.group, model):
+        if result.gain < needed_gain(result.group, model, settings) or is_explained(result.group, model):
             continue
         group = result.group
         name = group.effect_name

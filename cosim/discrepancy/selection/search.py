@@ -123,7 +123,7 @@ def select_terms(
             for result in evidence.candidates(settings)
             if result.group.name not in rejected
             and not is_explained(result.group, model)
-            and result.gain >= _needed_gain(result.group, model, settings)
+            and result.gain >= needed_gain(result.group, model, settings)
         ]
         if not candidates:
             break
@@ -189,11 +189,16 @@ def is_explained(group: Group, model: Model) -> bool:
     return any(other.covariate is not None and set(other.covariates) == set(group.covariates) for other in selected)
 
 
-def _needed_gain(group: Group, model: Model, settings: Settings) -> float:
+def needed_gain(group: Group, model: Model, settings: Settings) -> float:
     """Log-likelihood that a term must gain: the first one little, a follower more than what fits are exact to.
 
     Bins approximate an unknown function, so that a share of what a dependence gains is left to others of its family;
     an effect of the catalogue has its exact equation. Gains of shared errors are those of a linear model.
+
+    Args:
+        group: the candidate.
+        model: with its terms.
+        settings: numeric choices.
     """
     by = settings.selection
     if not model.terms:
@@ -253,7 +258,7 @@ def _choose(
         trials.append(_Trial(result, after.loglik - model.loglik))
     _LOG.debug("tried %s", [(one.result.group.name, round(one.result.gain, 1), round(one.gain, 1)) for one in trials])
     trial = _simplest(trials, settings)
-    needed = {one: _needed_gain(one.result.group, model, settings) for one in trials}
+    needed = {one: needed_gain(one.result.group, model, settings) for one in trials}
     if trial.worth < needed[trial]:
         return frozenset(one.result.group.name for one in trials if one.worth < needed[one])
     result = trial.result
@@ -264,7 +269,7 @@ def _choose(
         after, group = refit_with(
             model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=_STEPS
         )
-    if after.loglik - model.loglik - trial.penalty < _needed_gain(group, model, settings):
+    if after.loglik - model.loglik - trial.penalty < needed_gain(group, model, settings):
         return frozenset({result.group.name})
     if group.frequency_hz:
         after, group = _best_alias(model, evidence, after, group)
