@@ -146,10 +146,12 @@ def traffic_compare(
         return compare_summaries(case.measured, runs, case.notes)
 
 
-def compare_summaries(measured: Summary, runs: Sequence[Summary], notes: tuple[str, ...]) -> TrafficComparison:
-    """A comparison from summaries."""
+def compare_summaries(
+    measured: Summary, runs: Sequence[Summary], notes: tuple[str, ...], families: int = 2
+) -> TrafficComparison:
+    """A comparison from summaries; `families` of tests share the level."""
     evidence = gather_evidence(measured, runs)
-    significance = find_significance(evidence, np.random.default_rng(0))
+    significance = find_significance(evidence, np.random.default_rng(0), families=families)
     scores = score_vehicles(measured, runs)
     rows = _rows(measured, runs, evidence, significance)
     return TrafficComparison(

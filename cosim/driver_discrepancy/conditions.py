@@ -45,7 +45,7 @@ class Frame:
         begin_s, seconds: of the recording, by its own clock.
         phases: of traffic lights, by the recording's clock.
         centres: channel → mean of the measured vehicles, about which differences between drivers are counted.
-        diagram: the street of the space–time diagram.
+        diagram: the street of the space–time diagram, that with most distance driven.
     """
 
     streets: tuple[str, ...]
@@ -63,6 +63,7 @@ def choose_frame(placed: Placed, phases: Phases, centres: tuple[tuple[str, float
     edges = edge_codes(placed)
     names = tuple(dict.fromkeys(edges[1]))
     weight = np.bincount(edges[0][edges[0] >= 0], minlength=len(names)) * placed.tracks.step_s
+    distance = np.bincount(edges[0][edges[0] >= 0], placed.tracks.speed_mps[edges[0] >= 0], minlength=len(names))
     order = [names[at] for at in np.argsort(-weight, kind="stable")[:_STREETS].tolist() if weight[at] > 0]
     kinds = kind_of(placed.tracks, placed.network)
     counts = {kind: int((kinds == kind).sum()) for kind in np.unique(kinds.astype(str)).tolist()}
@@ -77,7 +78,7 @@ def choose_frame(placed: Placed, phases: Phases, centres: tuple[tuple[str, float
         seconds=placed.tracks.seconds,
         phases=phases,
         centres=centres,
-        diagram=order[0] if order else "",
+        diagram=names[int(np.argmax(distance))] if len(distance) else "",
     )
 
 

@@ -178,7 +178,7 @@ def _gather(
 
 
 def _courses(tracks: Tracks) -> np.ndarray:
-    """Direction of the way about each sample; the previous one while a vehicle is at rest."""
+    """Direction of the way about each sample; the previous one at rest, NaN for a vehicle that never moves."""
     found = np.full(len(tracks), np.nan)
     first = np.searchsorted(tracks.vehicle, np.arange(len(tracks.ids) + 1))
     for start, end in zip(first[:-1].tolist(), first[1:].tolist(), strict=True):
@@ -191,5 +191,5 @@ def _courses(tracks: Tracks) -> np.ndarray:
         known = np.flatnonzero(np.isfinite(course))
         if len(known):
             course = course[known[np.clip(np.searchsorted(known, np.arange(len(course)), "right") - 1, 0, None)]]
-        found[start:end] = np.nan_to_num(course)
+        found[start:end] = course
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -15,27 +16,55 @@ from cosim.driver_discrepancy.case import Case, open_case
 from cosim.driver_discrepancy.comparison import Row, TrafficComparison, compare_summaries
 from cosim.driver_discrepancy.diagnosis import Candidate, TrafficDiagnosis, TrafficFinding
 from cosim.driver_discrepancy.estimate import Estimator, Fit, intervals
-from cosim.driver_discrepancy.evidence import Evidence, Significance, departures, find_significance, gather_evidence
+from cosim.driver_discrepancy.evidence import (
+    Evidence,
+    Significance,
+    departures,
+    find_directions,
+    find_significance,
+    gather_evidence,
+)
 from cosim.driver_discrepancy.scores import Fall, Scores, compare_scores, noise_floor, score_vehicles
 from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
-from cosim.driver_discrepancy.summary import Summary
+from cosim.driver_discrepancy.summary import Column, Summary
 from cosim.driver_discrepancy.tracks import Tracks
 from cosim.traffic.behaviour import BehaviourConfig
 
 _LOG = logging.getLogger(__name__)
 _MOST_UNEXPLAINED = 6
+_FAMILIES = 3  # whole channels, channels under conditions, and behaviours share the level
 
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """The current model, simulated with all seeds, and the evidence against it."""
+    """The current model, simulated with all seeds, and the evidence against it.
+
+    Attributes:
+        config, runs: the model and its simulations.
+        significance: of columns.
+        behaviours: family-wise p-value of each behaviour, by the direction in which it changes the columns.
+        all, fitted: evidence of all vehicles, and of those that are fitted.
+        scores: errors of vehicles.
+    """
 
     config: BehaviourConfig
     runs: list[Summary]
     significance: Significance
+    behaviours: Mapping[str, float]
     all: Evidence
     fitted: Evidence
     scores: Scores
+
+    @property
+    def smallest(self) -> float:
+        """The smallest p-value."""
+        return min(self.significance.smallest, min(self.behaviours.values(), default=1.0))
+
+    def p_value(self, behaviour: Behaviour) -> float:
+        """Family-wise, of a behaviour: of its direction, or of a column that shows it."""
+        shown = [behaviour.shows(column.channel, column.condition) for column in self.all.columns]
+        column = float(self.significance.p_values[shown].min(initial=1.0))
+        return min(column, self.behaviours.get(behaviour.name, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +131,7 @@ class _Diagnosis:
     def run(self) -> TrafficDiagnosis:
         """Add behaviours until none is accepted, then conclude."""
         first = look = self._look(self._case.behaviour)
-        while len(self._found) < self._by.most_findings and look.significance.smallest <= self._by.level:
+        while len(self._found) < self._by.most_findings and look.smallest <= self._by.level:
             better = self._improve(look)
             if better is None:
                 break
@@ -115,14 +144,28 @@ class _Diagnosis:
         runs = self._simulations.run([(config, seed) for seed in self._seeds])
         measured, ids = self._case.measured, self._case.fitted
         evidence = gather_evidence(measured, runs, self._by)
+        rows = np.array([self._place[column] for column in evidence.columns], int)
+        directions = {name: slopes[rows] for name, slopes in self._directions.items()}
         return _Look(
             config,
             runs,
-            find_significance(evidence, np.random.default_rng(1), self._by),
+            find_significance(evidence, np.random.default_rng(1), self._by, _FAMILIES),
+            find_directions(evidence, directions, np.random.default_rng(2), self._by, _FAMILIES),
             evidence,
             gather_evidence(measured.of(ids), [run.of(ids) for run in runs], self._by),
             score_vehicles(measured, runs),
         )
+
+    @cached_property
+    def _directions(self) -> dict[str, np.ndarray]:
+        """Change of all columns with the parameters of each behaviour, from the model as given."""
+        self._say("simulating what each behaviour changes")
+        estimator = self._estimator(self._by.fitting.slope_seeds)
+        return estimator.slopes_together(self._case.behaviour, self._case.measured.columns)
+
+    @cached_property
+    def _place(self) -> dict[Column, int]:
+        return {column: number for number, column in enumerate(self._case.measured.columns)}
 
     def _improve(self, look: _Look) -> _Look | None:
         """Add the behaviour that explains most and lets the held-out error fall; None where none does."""
@@ -148,7 +191,7 @@ class _Diagnosis:
         signals = _signals(look.all)
         options = []
         for behaviour in BEHAVIOURS.values():
-            if behaviour.name in taken or _p_value(behaviour, look) > self._by.level:
+            if behaviour.name in taken or look.p_value(behaviour) > self._by.level:
                 continue
             config = look.config if behaviour.propose is None else behaviour.propose(look.config, signals)
             if config is not None:
@@ -198,9 +241,7 @@ class _Diagnosis:
         alike = tuple(
             other.behaviour.name
             for other in tries
-            if other is not attempt
-            and other.gain > max(least, 0.0)
-            and _p_value(other.behaviour, after) > self._by.level
+            if other is not attempt and other.gain > max(least, 0.0) and after.p_value(other.behaviour) > self._by.level
         )
         config = attempt.fit.config
         self._found.append(
@@ -209,7 +250,7 @@ class _Diagnosis:
                 params=attempt.fit.values[name],
                 before=attempt.behaviour.read(look.config, self._case.background),
                 ci95={},
-                p_value=_p_value(attempt.behaviour, look),
+                p_value=look.p_value(attempt.behaviour),
                 error_before=fall.before,
                 error_after=fall.after,
                 also_possible=alike,
@@ -264,13 +305,9 @@ class _Diagnosis:
 
     def _smallest(self, last: _Look) -> dict[str, dict[str, float]]:
         """Change of each parameter that 80 % of recordings like this one would show."""
-        self._say("estimating how small a change would be significant")
-        columns = self._case.measured.columns
-        slopes = self._estimator(self._by.fitting.slope_seeds).slopes_together(last.config, columns)
-        at = {column: number for number, column in enumerate(columns)}
-        rows = np.array([at[column] for column in last.all.columns], int)
+        rows = np.array([self._place[column] for column in last.all.columns], int)
         found: dict[str, dict[str, float]] = {}
-        for name, slope in slopes.items():
+        for name, slope in self._directions.items():
             ratio = np.abs(slope[rows]) / (last.all.sigma * (last.significance.critical + self._by.power))[:, None]
             steepest = ratio.max(0, initial=0.0)
             found[name] = {
@@ -292,7 +329,7 @@ class _Diagnosis:
         for behaviour, _ in options:
             done = fitted.get(behaviour.name)
             gain = done.gain if done else promise[behaviour.name]
-            rows.append(Candidate(behaviour.name, gain, _p_value(behaviour, look), done is not None))
+            rows.append(Candidate(behaviour.name, gain, look.p_value(behaviour), done is not None))
         return tuple(sorted(rows, key=lambda row: (not row.fitted, -row.delta_bic)))
 
     def _estimator(self, seeds: int) -> Estimator:
@@ -305,7 +342,7 @@ class _Diagnosis:
         return len(behaviour.knobs) * float(np.log(max(len(self._case.fitted), 2)))
 
     def _compare(self, look: _Look) -> TrafficComparison:
-        return compare_summaries(self._case.measured, look.runs, self._case.notes)
+        return compare_summaries(self._case.measured, look.runs, self._case.notes, _FAMILIES)
 
 
 def find_unexplained(found: TrafficComparison, level: float) -> tuple[Row, ...]:
@@ -335,11 +372,6 @@ def find_unexplained(found: TrafficComparison, level: float) -> tuple[Row, ...]:
 def _is_accepted(behaviour: Behaviour, fall: Fall) -> bool:
     """Whether the held-out error falls; of a rare act, whether it does not rise significantly."""
     return fall.interval[1] > 0 if behaviour.is_incident else fall.size > 0
-
-
-def _p_value(behaviour: Behaviour, look: _Look) -> float:
-    shown = [behaviour.shows(column.channel, column.condition) for column in look.all.columns]
-    return float(look.significance.p_values[shown].min(initial=1.0))
 
 
 def _signals(evidence: Evidence) -> list[Signal]:

@@ -40,7 +40,7 @@ def draw_diagrams(measured: Summary, models: Sequence[tuple[str, Sequence[Summar
 
 def _street_words(measured: Summary) -> str:
     name = f"street {escape(measured.street)}, " if measured.street else ""
-    return f"{name}the one with most vehicle time"
+    return f"{name}the one on which most distance is driven"
 
 
 def _fundamental(drawn: Sequence[tuple[str, str, Summary]]) -> str:

@@ -6,7 +6,7 @@ conditions. The functions know neither channels nor behaviours: a table, groups 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +55,7 @@ class Significance:
 
     Attributes:
         p_values: (k,) of each column: the chance that any column of the dictionary would differ so much.
-        critical: (k,) |z| that chance exceeds in any column of its half of the dictionary at half the level.
+        critical: (k,) |z| that chance exceeds in any column of its family at the family's share of the level.
     """
 
     p_values: np.ndarray
@@ -106,31 +106,93 @@ def gather_evidence(measured: Summary, runs: Sequence[Summary], by: TrafficSetti
     )
 
 
-def find_significance(evidence: Evidence, rng: np.random.Generator, by: TrafficSettings = DEFAULT) -> Significance:
-    """Family-wise p-values by flipping the signs of clusters.
+def find_significance(
+    evidence: Evidence, rng: np.random.Generator, by: TrafficSettings = DEFAULT, families: int = 2
+) -> Significance:
+    """Family-wise p-values of all columns by flipping the signs of clusters.
 
-    The null distribution of the largest |z| is drawn with signs of whole vehicles flipped, which keeps the correlations
-    of columns; a share of independent draws and Student's tails are added. Whole channels and channels under
-    conditions are two families with half of the level each.
+    Whole channels and channels under conditions are two families, which share the level with others.
+
+    Args:
+        evidence: the table.
+        rng: of the flips.
+        by: numbers that decide.
+        families: among which the level is divided in equal parts.
     """
     kinds, draws = len(evidence.columns), by.gate.draws
     if not kinds:
         return Significance(np.zeros(0), np.zeros(0))
-    size = np.sqrt(np.maximum((evidence.clusters**2).sum(0), 1e-12))
-    signs = rng.choice(np.array([-1.0, 1.0]), (draws, len(evidence.clusters)))
-    shared = signs @ (evidence.clusters / size)
-    drawn = np.sqrt(by.gate.correlated) * shared
-    drawn += np.sqrt(1 - by.gate.correlated) * rng.standard_normal((draws, kinds))
-    drawn /= np.sqrt(rng.chisquare(evidence.freedom, (draws, 1)) / evidence.freedom)
+    drawn = _null(evidence, rng, by)
     p_values, critical = np.ones(kinds), np.full(kinds, np.inf)
     whole = np.array([column.is_whole for column in evidence.columns], bool)
-    families = [family for family in (whole, ~whole) if family.any()]
-    for family in families:
+    for family in (whole, ~whole):
+        if not family.any():
+            continue
         largest = np.sort(np.abs(drawn[:, family]).max(1))
         above = draws - np.searchsorted(largest, np.abs(evidence.z[family]), side="left")
-        p_values[family] = np.minimum(len(families) * (1 + above) / (1 + draws), 1.0)
-        critical[family] = np.quantile(largest, 1 - by.level / len(families))
+        p_values[family] = np.minimum(families * (1 + above) / (1 + draws), 1.0)
+        critical[family] = np.quantile(largest, 1 - by.level / families)
     return Significance(p_values, critical)
+
+
+def find_directions(
+    evidence: Evidence,
+    directions: Mapping[str, np.ndarray],
+    rng: np.random.Generator,
+    by: TrafficSettings = DEFAULT,
+    families: int = 3,
+) -> dict[str, float]:
+    """Family-wise p-values of directions: several small differences that one behaviour makes are clear together.
+
+    The score statistic sᵀH⁻¹s with s = JᵀC⁻¹z and H = JᵀC⁻¹J (Rao 1948), against the same with the signs of clusters
+    flipped; the smallest p-value of all directions is compared with its own distribution (Westfall and Young 1993).
+
+    Args:
+        evidence: the table.
+        directions: name → (k, parameters) change of columns; zero in columns that do not show it.
+        rng: of the flips.
+        by: numbers that decide.
+        families: among which the level is divided in equal parts.
+    """
+    found = dict.fromkeys(directions, 1.0)
+    drawn = _null(evidence, rng, by) if len(evidence.columns) else np.zeros((0, 0))
+    own, chance = {}, []
+    for name, slopes in directions.items():
+        jacobian = slopes / evidence.sigma[:, None]
+        at = np.flatnonzero(np.abs(jacobian).max(1, initial=0.0) > 0)
+        jacobian = jacobian[at][:, np.abs(jacobian[at]).max(0, initial=0.0) > 0]
+        if not jacobian.size:
+            continue
+        weighted = jacobian.T @ np.linalg.inv(evidence.correlation[np.ix_(at, at)])
+        information = weighted @ jacobian
+        inverse = np.linalg.inv(information + 1e-6 * np.diag(np.diag(information)))
+        scores = np.concatenate([drawn[:, at], evidence.z[None, at]]) @ weighted.T
+        values = np.einsum("ni,ij,nj->n", scores, inverse, scores)
+        order = np.sort(values[:-1])
+        shares = (1 + len(drawn) - np.searchsorted(order, values, side="left")) / (1 + len(drawn))
+        own[name] = float(shares[-1])
+        chance.append(shares[:-1])
+    if not own:
+        return found
+    smallest = np.sort(np.min(chance, axis=0))
+    for name, value in own.items():
+        below = np.searchsorted(smallest, value, side="right")
+        found[name] = float(min(families * (1 + below) / (1 + len(smallest)), 1.0))
+    return found
+
+
+def _null(evidence: Evidence, rng: np.random.Generator, by: TrafficSettings) -> np.ndarray:
+    """Standardised differences (draws, k) by chance.
+
+    Signs of whole vehicles are flipped, which keeps the correlations of columns; a share of independent draws and
+    Student's tails are added.
+    """
+    kinds, draws = len(evidence.columns), by.gate.draws
+    size = np.sqrt(np.maximum((evidence.clusters**2).sum(0), 1e-12))
+    signs = rng.choice(np.array([-1.0, 1.0]), (draws, len(evidence.clusters)))
+    drawn = np.sqrt(by.gate.correlated) * (signs @ (evidence.clusters / size))
+    drawn += np.sqrt(1 - by.gate.correlated) * rng.standard_normal((draws, kinds))
+    return drawn / np.sqrt(rng.chisquare(evidence.freedom, (draws, 1)) / evidence.freedom)
 
 
 def departures(evidence: Evidence, whole: int, parts: np.ndarray) -> np.ndarray:

@@ -29,6 +29,8 @@ _AXES_SHARE = 0.8  # of samples that lie on streets with other axes, to be an er
 def match_lanes(tracks: Tracks, network: Network) -> tuple[Tracks, list[str]]:
     """The same trajectories with lanes; those that have lanes of the network keep them.
 
+    Headings that are NaN (a vehicle that never moves, in data without headings) become those of the lanes.
+
     Returns:
         Trajectories, and a note if lanes were matched.
 
@@ -52,7 +54,8 @@ def match_lanes(tracks: Tracks, network: Network) -> tuple[Tracks, list[str]]:
         at += len(rows)
     lost = float((np.char.str_len(lane) == 0).mean())
     note = "lanes were found by map matching" + (f"; {lost:.0%} of the samples lie on none" if lost > 0.01 else "")
-    return replace(tracks, lane=lane), [note]
+    heading = matcher.with_headings(tracks.place, lane, tracks.heading_rad)
+    return replace(tracks, lane=lane, heading_rad=heading), [note]
 
 
 class _Matcher:
@@ -60,7 +63,7 @@ class _Matcher:
 
     def __init__(self, network: Network) -> None:
         self._names = sorted(network.lanes)
-        row = {name: at for at, name in enumerate(self._names)}
+        row = self._row = {name: at for at, name in enumerate(self._names)}
         self._lanes = [network.lanes[name] for name in self._names]
         points, lanes, headings = [], [], []
         for at, lane in enumerate(self._lanes):
@@ -173,13 +176,22 @@ class _Matcher:
                     found[row][lane] = cost
         return found
 
+    def with_headings(self, place: np.ndarray, lanes: np.ndarray, heading: np.ndarray) -> np.ndarray:
+        """Headings (n,) with those that are NaN replaced by those of the lanes (n,) at the places (n, 2)."""
+        found = heading.copy()
+        for row in np.flatnonzero(np.isnan(heading)).tolist():
+            own = np.flatnonzero(self._lane == self._row[lanes[row]]) if lanes[row] else np.arange(len(self._lane))
+            apart = np.hypot(*(self._points[own] - place[row]).T)
+            found[row] = self._heading[own[apart.argmin()]]
+        return found
+
     def _share(self, place: np.ndarray, heading: np.ndarray) -> float:
         away, near = self._tree.query(place, k=4, distance_upper_bound=_REACH_M)
         good = np.isfinite(away)
         turned = np.abs(
             np.angle(np.exp(1j * (self._heading[np.minimum(near, len(self._lane) - 1)] - heading[:, None])))
         )
-        return float((good & (turned < 0.6) & (away < 5.0)).any(1).mean())
+        return float((good & ~(turned > 0.6) & (away < 5.0)).any(1).mean())
 
     def _cost(self, lane: int, place: np.ndarray, heading: np.ndarray) -> np.ndarray:
         shape = self._lanes[lane].shape
@@ -190,7 +202,7 @@ class _Matcher:
         apart = np.hypot(*np.moveaxis(away - share[..., None] * piece, 2, 0))
         best = apart.argmin(1)
         rows = np.arange(len(place))
-        turned = np.angle(np.exp(1j * (np.arctan2(piece[best, 1], piece[best, 0]) - heading)))
+        turned = np.nan_to_num(np.angle(np.exp(1j * (np.arctan2(piece[best, 1], piece[best, 0]) - heading))))
         cost = 0.5 * (apart[rows, best] / _DISTANCE_M) ** 2 + 0.5 * (turned / _HEADING_RAD) ** 2
         return np.where(np.abs(turned) > _AGAINST_RAD, np.inf, cost)
 

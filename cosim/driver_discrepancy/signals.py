@@ -73,14 +73,15 @@ def estimate_phases(placed: Placed) -> Phases:
     """
     programs = placed.network.programs
     entries = _entries(placed)
-    usable = {name: entries[name] for name in programs if len(entries.get(name, ())) >= _FEWEST_ENTRIES}
+    usable = {name: entries[name] for name in programs if name in entries}
     if not programs:
         return Phases({}, ("the network has actuated lights only: their phases are left out",) * bool(entries))
-    if not usable:
-        return Phases(programs, ())
+    total = sum(len(found) for found in usable.values())
+    if total < _FEWEST_ENTRIES:
+        few = f"{total} vehicles enter junctions with lights: phases are those of the network, and cannot be checked"
+        return Phases(programs, (few,) * bool(usable))
     longest = max(programs[name].cycle_s for name in usable)
     shifts = np.arange(0.0, longest, 1.0)
-    total = sum(len(found) for found in usable.values())
     scores = sum((_scores(programs[name], found, shifts) * len(found) for name, found in usable.items()), np.zeros(1))
     best = int(np.argmax(scores))
     notes, common = [], 0.0
@@ -90,6 +91,8 @@ def estimate_phases(placed: Placed) -> Phases:
     chosen = {name: _shifted(program, common) for name, program in programs.items()}
     own = 0
     for name, found in usable.items():
+        if len(found) < _FEWEST_ENTRIES:
+            continue
         offsets = np.arange(0.0, programs[name].cycle_s, 1.0)
         values = _scores(chosen[name], found, offsets)
         if values.max() - values[0] > 3 * _BETTER:

@@ -13,8 +13,8 @@ from cosim.driver_discrepancy.placed import FOUR_WHEELS, Placed, kind_of
 
 SPEED_BINS = np.arange(0.5, 40.01, 0.5)
 HEADWAY_BINS = np.arange(0.0, 6.01, 0.1)
-LATERAL_BINS = np.arange(-1.0, 1.001, 0.02)
-ACCELERATION_BINS = np.arange(-6.0, 6.01, 0.25)
+LATERAL_BINS = np.arange(-1.01, 1.011, 0.02)  # zero lies inside a bin
+ACCELERATION_BINS = np.arange(-6.125, 6.13, 0.25)
 _DIAGRAM_S = 1.0
 _INTERVAL_S, _SHORTEST_INTERVAL_S = 30.0, 10.0  # of the fundamental diagram
 _SHORTEST_STREET_M = 50.0

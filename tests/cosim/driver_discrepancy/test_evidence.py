@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.driver_discrepancy.evidence import cross_fitted_gain, find_significance, gather_evidence
-from cosim.driver_discrepancy.scores import compare_scores, noise_floor, score_vehicles
+from cosim.driver_discrepancy.evidence import (
+    cross_fitted_gain,
+    departures,
+    find_directions,
+    find_significance,
+    gather_evidence,
+)
+from cosim.driver_discrepancy.scores import compare_scores, noise_floor, noise_floors, score_vehicles
 from cosim.driver_discrepancy.summary import Column, Summary
 
 CHANNELS = ("speed", "acceleration", "headway", "stops")
@@ -42,6 +48,31 @@ def test_a_difference_is_found_in_its_column_only() -> None:
     p_values = find_significance(evidence, np.random.default_rng(0)).p_values
     assert {evidence.columns[k] for k in np.flatnonzero(p_values <= 0.05)} == {COLUMNS[1], COLUMNS[6]}
     assert evidence.z[1] > 0 > evidence.z[6]
+
+
+def test_small_differences_in_the_same_direction_are_clear_together() -> None:
+    evidence = gather_evidence(*drawn(0, dict.fromkeys(range(4), 0.055)))
+    alike, nothing = np.zeros((len(COLUMNS), 1)), np.zeros((len(COLUMNS), 2))
+    alike[:4] = 1.0
+    found = find_directions(evidence, {"alike": alike, "nothing": nothing}, np.random.default_rng(0), families=2)
+    assert found["alike"] < 0.05 < find_significance(evidence, np.random.default_rng(0)).smallest
+    assert found["nothing"] == 1.0
+
+
+def test_directions_are_silent_without_a_difference() -> None:
+    directions = {str(k): np.eye(len(COLUMNS))[:, [k]] for k in range(6)}
+    alarms = 0
+    for seed in range(20):
+        evidence = gather_evidence(*drawn(seed, {}))
+        alarms += min(find_directions(evidence, directions, np.random.default_rng(seed)).values()) <= 0.05
+    assert alarms <= 3
+
+
+def test_a_part_departs_only_if_it_differs_otherwise_than_the_whole() -> None:
+    parts = np.arange(4, len(COLUMNS))
+    same = departures(gather_evidence(*drawn(6, dict.fromkeys((0, *parts.tolist()), 0.2))), 0, parts)
+    one = departures(gather_evidence(*drawn(6, {0: 0.2, 4: 0.5})), 0, parts)
+    assert same.min() > 0.05 > one[0]
 
 
 def test_clusters_sum_to_the_differences() -> None:
@@ -86,3 +117,16 @@ def test_vehicles_that_are_missing_in_a_simulation_are_left_out() -> None:
     scores = score_vehicles(measured, few)
     assert np.isfinite(scores.table[:30]).all() and not np.isfinite(scores.table[30:]).any()
     assert np.isfinite(scores.error)
+
+
+@pytest.mark.parametrize("count", [4, 12, 60])
+def test_few_vehicles_have_an_error_too(count: int) -> None:
+    rng = np.random.default_rng(8)
+    truth, runs = summary(rng, {0: 0.5}, count), [summary(rng, {}, count) for _ in range(4)]
+    floors = noise_floors(runs)
+    assert score_vehicles(truth, runs).by_group()["speed"] > 2 * floors["speed"] > 0
+    assert np.mean(list(floors.values())) == pytest.approx(noise_floor(runs))
+
+
+def test_two_simulations_have_no_noise_floor() -> None:
+    assert np.isnan(noise_floor([summary(np.random.default_rng(seed), {}) for seed in range(2)]))

@@ -89,6 +89,23 @@ def test_lanes_that_are_given_stay() -> None:
     assert match_lanes(known, network()) == (known, [])
 
 
+def test_a_vehicle_that_never_moves_gets_the_heading_of_its_lane() -> None:
+    known = tracks_of(chains(2), 0.0)
+    rests = known.vehicle == 0
+    row = int(np.flatnonzero(rests)[len(np.flatnonzero(rests)) // 2])
+    place_of_rest = np.where(rests[:, None], known.place[row], known.place)
+    unknown = replace(
+        known,
+        place=place_of_rest,
+        heading_rad=np.where(rests, np.nan, known.heading_rad),
+        lane=np.full(len(known), ""),
+    )
+    found, _ = match_lanes(unknown, network())
+    assert set(found.lane[rests].tolist()) == {known.lane[row]}
+    turned = np.angle(np.exp(1j * (found.heading_rad[rests] - known.heading_rad[row])))
+    assert np.abs(turned).max() < 0.3
+
+
 def test_the_offset_of_a_light_is_estimated() -> None:
     programs = network().programs
     ways = [

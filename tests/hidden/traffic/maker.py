@@ -83,7 +83,7 @@ def _wish(libsumo, name, habit, rng, wishes, seen) -> None:
 
 def _routes(net: Path, more: Path, habit: dict, rng, drivers: int, parked: int, seconds: float) -> str:
     root = ET.parse(net).getroot()
-    edges = {e.get("id"): (e.get("from"), e.get("to")) for e in root.iter("edge") if not e.get("function")}
+    edges = {e.attrib["id"]: (e.attrib["from"], e.attrib["to"]) for e in root.iter("edge") if not e.get("function")}
     onward = {e: sorted(o for o in edges if edges[o][0] == edges[e][1] and edges[o][1] != edges[e][0]) for e in edges}
     links = {(link.get("from"), link.get("to")) for link in root.iter("connection")}
     back = {e: next(o for o in edges if edges[o] == edges[e][::-1]) for e in edges}
@@ -94,7 +94,7 @@ def _routes(net: Path, more: Path, habit: dict, rng, drivers: int, parked: int, 
     for number in range(drivers):
         lines.append((1 + 14 * number / drivers, f"v{number}", None, names[int(rng.integers(len(names)))]))
     for number, at in enumerate(rng.permutation(len(lots))[:parked].tolist()):
-        lines.append((0.0, f"p{number}", lots[at], lots[at].get("lane").rsplit("_", 1)[0]))
+        lines.append((0.0, f"p{number}", lots[at], lots[at].attrib["lane"].rsplit("_", 1)[0]))
     leaves = np.sort(rng.uniform(20, 20 + seconds, rng.poisson(habit["leaves_per_min"] * seconds / 60)))
     who = rng.permutation(parked).tolist()
     stays = {f"p{who[i]}": float(at) for i, at in enumerate(leaves[:parked])}

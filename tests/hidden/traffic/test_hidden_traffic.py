@@ -34,7 +34,7 @@ def test_a_hidden_place_in_the_lane_is_found_and_written(tmp_path: Path, capsys)
     from cosim.cli import main
 
     csv, config = measured(tmp_path, {"offset": (0.2, 0.05)}, seed=5)
-    command = ["traffic-diagnose", str(csv), "--config", str(config), "--seeds", "4", "--workers", "2"]
+    command = ["traffic-diagnose", str(csv), "--config", str(config), "--seeds", "4", "--workers", "1"]
     assert main([*command, "--out", str(tmp_path / "page"), "--json", str(tmp_path / "found.json")]) == 0
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["verdict"] == "missing"
