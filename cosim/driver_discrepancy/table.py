@@ -49,7 +49,7 @@ def _read(path: Path, town: Town, vtypes: Sequence[Path]) -> RoadTracks:
 
 
 def _in_local_axes(tracks: Tracks, town: Town) -> Tracks:
-    """Tracks about the town's local origin, whether the file has the coordinates of the network's files or local ones."""
+    """Tracks about the town's local origin, whether the file has local coordinates or those of the network."""
     offset = np.array(town.streets.origin_m)[:2]
     if not offset.any() or not len(tracks):
         return tracks

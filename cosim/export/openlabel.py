@@ -37,7 +37,7 @@ def _document(drive: Drive, sequence: Sequence, on_frame: Callable[[], None]) ->
     frames: dict[str, Any] = {}
     seen: dict[str, list[int]] = {}
     names: dict[str, tuple[str, str]] = {}
-    tracks = Tracks()
+    tracks, world = Tracks(), WorldPoses(drive)
     for index, frame in enumerate(sequence):
         objects = {}
         for row, (box, points) in enumerate(_cuboids(frame)):
