@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
-from scipy.spatial import Delaunay
+from scipy.spatial import Delaunay, KDTree
 
 _WITHIN_M = 1e-6
 
@@ -20,8 +20,14 @@ class Sheet:
     def __init__(self, triangles: Delaunay, z: np.ndarray) -> None:
         self.z = z
         self._low, self._high = triangles.min_bound + _WITHIN_M, triangles.max_bound - _WITHIN_M
+        self._corners = triangles.points
         self._between = LinearNDInterpolator(triangles, z)
 
     def __call__(self, xy: np.ndarray) -> np.ndarray:
         """Heights (n,) float64 in metres at world points `xy` (n, 2); beyond the edge the edge's height."""
-        return self._between(np.clip(np.asarray(xy, np.float64).reshape(-1, 2), self._low, self._high))
+        places = np.clip(np.asarray(xy, np.float64).reshape(-1, 2), self._low, self._high)
+        heights = self._between(places)
+        lost = np.isnan(heights)
+        if lost.any():  # no triangle is found where a network has corners that nearly coincide
+            heights[lost] = self.z[KDTree(self._corners).query(places[lost])[1]]
+        return heights

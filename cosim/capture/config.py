@@ -22,6 +22,7 @@ from cosim.traffic.behaviour.config import BehaviourConfig
 from sensors.pattern import first_problem
 from sensors.rig import KITTI, Rig, load_rig, rig_names
 from sumo_nets import TOWNS, DemandConfig
+from sumo_nets.dispatch import Algorithm
 
 
 class ConfigError(CosimError):
@@ -88,6 +89,11 @@ class RunConfig(BaseModel):
         default=None,
         description="who drives where, from a file: FCD output, CommonRoad, OpenSCENARIO or a table; none: SUMO's",
     )
+    taxi_dispatch: Algorithm | None = Field(
+        default=None,
+        description="SUMO's own dispatcher of taxis and vehicles on demand, for a scenario whose dispatcher is another "
+        "program; none: as the scenario has it",
+    )
     ego: str | None = Field(default=None, description="id of the vehicle of the trajectories that carries the sensors")
     behaviour: BehaviourConfig = Field(default=BehaviourConfig(), description="how drivers behave; or a preset's name")
     store_hits: bool = Field(default=True, description="keep hits/, from which sensor variants can be made again")
@@ -137,6 +143,10 @@ class RunConfig(BaseModel):
             raise ValueError("world is that of one town; name it")
         if self.trajectories is not None and len(self.towns) > 1:
             raise ValueError("trajectories belong to one town; name it")
+        if self.taxi_dispatch is not None and set(self.towns) & set(TOWNS):
+            raise ValueError(
+                "taxi_dispatch is for a scenario of your own; give its .sumocfg as `town`, or leave it out"
+            )
         if self.ego is not None and self.rig_used.carrier == "mast":
             raise ValueError("a mast carries the sensors; leave ego out, or give a rig on a vehicle")
         return self

@@ -23,6 +23,7 @@ from cosim.traffic.signals import SignalStates
 from cosim.traffic.simulation import Traffic
 from cosim.traffic.starting import warmed_up
 from sumo_nets import RECIPES, Town, write_demand
+from sumo_nets.dispatch import with_dispatcher
 
 _SIGHT_M = 120.0  # as far as a LiDAR sees
 _LEAD_IN_S = 8.0  # until bodies follow, drivers have their habits, and some are in a manoeuvre
@@ -179,6 +180,8 @@ def populated(town: Town, config: RunConfig, rng: np.random.Generator, folder: P
     Returns:
         The scenario's file, and the share of its parked vehicles that people are about.
     """
+    if town.scenario is not None and config.taxi_dispatch is not None:
+        return with_dispatcher(town.scenario, config.taxi_dispatch).write(folder), 0.0
     if town.scenario is not None:
         return town.runnable(folder), 0.0
     demand = config.population.draw(RECIPES[town.name].demand, rng)

@@ -27,6 +27,9 @@ def add_command(commands: Any) -> None:
         metavar="FILE",
         help="who drives where: FCD output, CommonRoad, OpenSCENARIO, or a table (CSV)",
     )
+    parser.add_argument(
+        "--taxi-dispatch", metavar="ALGORITHM", help="let SUMO dispatch vehicles on demand, as greedy (.sumocfg only)"
+    )
     parser.add_argument("--frames", type=int, metavar="N", help="frames to record")
     parser.add_argument("--seed", type=int, metavar="S", help="seed of everything random")
     parser.add_argument("--sensor", metavar="FILE", help="sensor file, or a pattern's name")
@@ -53,6 +56,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         sensor=options.sensor,
         rig=options.rig,
         trajectories=options.trajectories,
+        taxi_dispatch=options.taxi_dispatch,
     )
     engine = engine_of(options)
     begun = time.monotonic()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -57,5 +58,5 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             warm_up_s=config.warm_up_s,
             seconds=options.seconds,
         )
-    write_tracks(options.out, tracks)
+    write_tracks(options.out, replace(tracks, place=tracks.place + np.array(town.streets.origin_m)[:2]))
     console.print(f"{options.out}: {len(tracks.ids)} vehicles, {tracks.seconds:.0f} s", soft_wrap=True, highlight=False)

@@ -36,9 +36,9 @@ def read_measured(path: Path, town: Town, vtypes: Sequence[Path] = ()) -> Tracks
         return _from_road_tracks(path, _read(path, town, vtypes))
     header = _header(path)
     if not header or set(header) >= _LOOP or len(_LOOP & set(header)) >= 4:
-        return read_tracks(path)
+        return _in_local_axes(read_tracks(path), town)
     tracks = read_dataset(path, header, town)
-    return _from_road_tracks(path, _read(path, town, vtypes)) if tracks is None else tracks
+    return _from_road_tracks(path, _read(path, town, vtypes)) if tracks is None else _in_local_axes(tracks, town)
 
 
 def _read(path: Path, town: Town, vtypes: Sequence[Path]) -> RoadTracks:
@@ -46,6 +46,17 @@ def _read(path: Path, town: Town, vtypes: Sequence[Path]) -> RoadTracks:
         return read_trajectories(path, town.streets, (*town.type_files, *vtypes))
     except TrajectoryError as error:
         raise TrackError(str(error)) from error
+
+
+def _in_local_axes(tracks: Tracks, town: Town) -> Tracks:
+    """Tracks about the town's local origin, whether the file has local coordinates or those of the network."""
+    offset = np.array(town.streets.origin_m)[:2]
+    if not offset.any() or not len(tracks):
+        return tracks
+    middle = np.median(np.concatenate([lane.centre[:, :2] for lane in town.streets.lanes]), axis=0)
+    here = np.median(tracks.place, axis=0)
+    is_far = np.linalg.norm(here - offset - middle) < np.linalg.norm(here - middle)
+    return replace(tracks, place=tracks.place - offset) if is_far else tracks
 
 
 def _from_road_tracks(path: Path, road: RoadTracks) -> Tracks:

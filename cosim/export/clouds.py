@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.drives.kitti import Drive
-from cosim.export.source import needed
+from cosim.export.source import WorldPoses, needed
 
 _LAS_STEP_M = 0.001
 
@@ -36,12 +36,12 @@ def export_las(drive: Drive, folder: Path, on_frame: Callable[[], None]) -> dict
     Intensity is 16 bit, return numbers count from 1, and `gps_time` is the firing time; ring and azimuth are extra
     dimensions. ASPRS, LAS Specification 1.4-R15, point format 6.
     """
-    laspy = needed("laspy")
+    laspy, world = needed("laspy"), WorldPoses(drive)
     for frame in drive:
         xyz = frame.points[:, :3].astype(np.float64)
         start_s = 0.0
         if frame.has("twin/frames"):
-            pose = frame.twin.ego.pose @ frame.twin.lidar.pose_ego
+            pose = world.of(frame, frame.twin.ego.pose @ frame.twin.lidar.pose_ego)
             xyz, start_s = xyz @ pose[:3, :3].T + pose[:3, 3], frame.twin.time_s
         header = laspy.LasHeader(point_format=6, version="1.4")
         header.scales = np.full(3, _LAS_STEP_M)

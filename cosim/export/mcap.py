@@ -1,8 +1,8 @@
 """ROS 2 messages in MCAP files: scans, images with their calibration, and poses; a file a sequence.
 
 sensor_msgs/PointCloud2, CompressedImage and CameraInfo, tf2_msgs/TFMessage as ROS 2 Humble defines them. Frames of
-reference are `map`, `base_link`, `lidar`, `lidar_NAME` of those beside the first and the cameras' names; stamps count
-from the beginning of the simulation.
+reference are `map`, `base_link`, `lidar`, `lidar_NAME` of those beside the first and the cameras' names, and `world` where
+the network's files have other coordinates than the twin; stamps count from the beginning of the simulation.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from cosim.drives.kitti import Drive, Frame
 from cosim.drives.twin.frame import Camera
-from cosim.export.source import Sequence, demand, lidar_frames, needed, sequences
+from cosim.export.source import Sequence, WorldPoses, demand, lidar_frames, needed, sequences
 
 _POINT = np.dtype(
     [
@@ -38,15 +38,15 @@ _MODELS = {"brown": "plumb_bob", "fisheye": "equidistant"}
 def export_mcap(drive: Drive, folder: Path, on_frame: Callable[[], None]) -> dict[str, int]:
     """Write `SEQUENCE/`, a ROS 2 bag whose storage is MCAP."""
     demand(drive, "twin/frames", "mcap")
-    found, messages = sequences(drive), 0
+    found, messages, world = sequences(drive), 0, WorldPoses(drive)
     for sequence in found:
         target = folder / sequence.name
         shutil.rmtree(target, ignore_errors=True)  # a bag is written whole or not at all
-        messages += _write(drive, sequence, target, on_frame)
+        messages += _write(drive, sequence, target, world, on_frame)
     return {"frames": len(drive), "sequences": len(found), "messages": messages}
 
 
-def _write(drive: Drive, sequence: Sequence, target: Path, on_frame: Callable[[], None]) -> int:
+def _write(drive: Drive, sequence: Sequence, target: Path, world: WorldPoses, on_frame: Callable[[], None]) -> int:
     rosbag2, typesys = needed("rosbags.rosbag2"), needed("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     count = 0
@@ -54,7 +54,7 @@ def _write(drive: Drive, sequence: Sequence, target: Path, on_frame: Callable[[]
         connections: dict[str, Any] = {}
         for frame in sequence:
             stamp = round(frame.twin.time_s * _NS)
-            for topic, message in _Messages(store, drive, frame, stamp).all():
+            for topic, message in _Messages(store, drive, frame, stamp, world.origin_m(frame)).all():
                 kind = message.__msgtype__
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=store)
@@ -67,8 +67,8 @@ def _write(drive: Drive, sequence: Sequence, target: Path, on_frame: Callable[[]
 class _Messages:
     """The messages of one frame."""
 
-    def __init__(self, store: Any, drive: Drive, frame: Frame, stamp: int) -> None:
-        self._types, self._frame, self._stamp = store.types, frame, stamp
+    def __init__(self, store: Any, drive: Drive, frame: Frame, stamp: int, origin_m: np.ndarray) -> None:
+        self._types, self._frame, self._stamp, self._origin_m = store.types, frame, stamp, origin_m
         others = list(lidar_frames(drive, frame).items())[1:]
         self._lidars = {"lidar": frame} | {f"lidar_{name}": seen for name, seen in others}
 
@@ -112,6 +112,10 @@ class _Messages:
     def _transforms(self) -> Any:
         twin = self._frame.twin
         found = [self._transform("map", "base_link", twin.ego.pose)]
+        if self._origin_m.any():
+            map_pose = np.eye(4)
+            map_pose[:3, 3] = self._origin_m
+            found.insert(0, self._transform("world", "map", map_pose))
         for name, seen in self._lidars.items():
             found.append(self._transform("base_link", name, seen.twin.lidar.pose_ego))
         for part, camera in twin.cameras.items():

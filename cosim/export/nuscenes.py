@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from cosim.drives.kitti import Drive, Frame, points_in_boxes
 from cosim.drives.kitti.level import levelled
 from cosim.drives.twin.frame import Camera, Instance
-from cosim.export.source import Sequence, demand, instance_boxes, lidar_frames, sequences
+from cosim.export.source import Sequence, WorldPoses, demand, instance_boxes, lidar_frames, sequences
 
 _CATEGORIES = {
     "car": "vehicle.car",
@@ -61,7 +61,7 @@ class _Tables:
     """The thirteen tables while they grow."""
 
     def __init__(self, drive: Drive, folder: Path) -> None:
-        self._drive, self._folder = drive, folder
+        self._drive, self._folder, self._world = drive, folder, WorldPoses(drive)
         names = ("category", "attribute", "visibility", "instance", "sensor", "calibrated_sensor", "ego_pose", "log")
         names += ("scene", "sample", "sample_data", "sample_annotation", "map")
         self.rows: dict[str, list[dict[str, Any]]] = {name: [] for name in names}
@@ -134,7 +134,7 @@ class _Tables:
         cv2.imwrite(str(self._folder / "maps" / "none.png"), np.zeros((8, 8), np.uint8))
 
     def _data(self, frame: Frame, sample: str, stamp: int, data: dict[str, list[dict[str, Any]]]) -> None:
-        ego = frame.twin.ego.pose
+        ego = self._world.of(frame, frame.twin.ego.pose)
         pose = self._row("ego_pose", f"pose-{frame.name}", timestamp=stamp, **_placed(ego))
         files = []
         for name, seen in lidar_frames(self._drive, frame).items():
@@ -202,7 +202,7 @@ class _Tables:
             thing = frame.twin.instances[row]
             if thing.kind not in _CATEGORIES:
                 continue
-            middle = thing.pose.copy()
+            middle = self._world.of(frame, thing.pose)
             middle[:3, 3] += thing.pose[:3, 2] * thing.height_m / 2
             self._row(
                 "sample_annotation",

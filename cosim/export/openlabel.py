@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from cosim.drives.kitti import Drive, Frame, points_in_boxes
 from cosim.drives.kitti.level import levelled
-from cosim.export.source import Sequence, Tracks, demand, instance_boxes, lidar_frames, sequences
+from cosim.export.source import Sequence, Tracks, WorldPoses, demand, instance_boxes, lidar_frames, sequences
 
 _WORLD, _EGO, _LIDAR = "world", "vehicle-iso8855", "lidar"
 
@@ -37,7 +37,7 @@ def _document(drive: Drive, sequence: Sequence, on_frame: Callable[[], None]) ->
     frames: dict[str, Any] = {}
     seen: dict[str, list[int]] = {}
     names: dict[str, tuple[str, str]] = {}
-    tracks = Tracks()
+    tracks, world = Tracks(), WorldPoses(drive)
     for index, frame in enumerate(sequence):
         objects = {}
         for row, (box, points) in enumerate(_cuboids(frame)):
@@ -51,7 +51,7 @@ def _document(drive: Drive, sequence: Sequence, on_frame: Callable[[], None]) ->
             ]
             cuboid = {"name": "box", "val": box, "coordinate_system": _LIDAR}
             objects[key] = {"object_data": {"cuboid": [cuboid], "num": numbers}}
-        frames[str(index)] = {"frame_properties": _properties(drive, frame), "objects": objects}
+        frames[str(index)] = {"frame_properties": _properties(drive, frame, world), "objects": objects}
         on_frame()
     return {
         "openlabel": {
@@ -89,9 +89,9 @@ def _cuboids(frame: Frame) -> list[tuple[list[float], int]]:
     return cuboids
 
 
-def _properties(drive: Drive, frame: Frame) -> dict[str, Any]:
+def _properties(drive: Drive, frame: Frame, world: WorldPoses) -> dict[str, Any]:
     """When a frame was taken, where its vehicle was, and which files belong to it."""
-    pose = frame.twin.ego.pose
+    pose = world.of(frame, frame.twin.ego.pose)
     streams = {
         name: {"uri": str(seen.path("velodyne").relative_to(drive.base))}
         for name, seen in _lidars(drive, frame).items()

@@ -15,6 +15,7 @@ from cosim.drives.kitti import Drive, Frame, points_in_boxes
 from cosim.drives.kitti.boxes import Boxes
 from cosim.drives.kitti.level import levelled
 from cosim.drives.twin import TwinFrame
+from cosim.drives.twin.origin import read_origins
 from cosim.drives.writer import DriveWriter
 from cosim.errors import CosimError
 
@@ -114,6 +115,29 @@ def sequences(drive: Drive) -> list[Sequence]:
         Sequence(number, tuple(drive[name] for name in names), np.array(time) - time[0])
         for number, (names, time) in enumerate(zip(cut, times, strict=True))
     ]
+
+
+class WorldPoses:
+    """Poses in the coordinates of the network's files, whatever local origin a twin has.
+
+    Args:
+        drive: whose `twin/origin.yaml` and manifest are read.
+    """
+
+    def __init__(self, drive: Drive) -> None:
+        self._origins = read_origins(drive.base)
+        entries = DriveWriter(drive.base).manifest() if "" not in self._origins and self._origins else {}
+        self._town = {name: str(entry.get("town", "")) for name, entry in entries.items()}
+
+    def origin_m(self, frame: Frame) -> np.ndarray:
+        """(3,) float64 offset of the local origin of a frame's twin [m]."""
+        return self._origins.get(self._town.get(frame.name, ""), np.zeros(3))
+
+    def of(self, frame: Frame, pose: np.ndarray) -> np.ndarray:
+        """A pose (4, 4) of a frame's twin in world coordinates."""
+        moved = pose.astype(np.float64)
+        moved[:3, 3] += self.origin_m(frame)
+        return moved
 
 
 def lidar_frames(drive: Drive, frame: Frame) -> dict[str, Frame]:

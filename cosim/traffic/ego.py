@@ -10,6 +10,7 @@ from cosim.traffic.starting import TrafficError
 
 _RIDDEN = ("car", "van", "truck", "bus", "motorcycle", "cyclist")  # the first of these kinds that drives
 _MOVES_MPS = 1.0
+_DISPATCH = "`taxi_dispatch: greedy` into the configuration (--taxi-dispatch greedy)"
 
 
 class ArrivedError(TrafficError):
@@ -39,11 +40,23 @@ def _reason(traffic: Traffic, actors: Actors) -> str:
     if taxis:
         return (
             f"{len(taxis)} taxis wait for a dispatcher, which is a program outside this scenario; write "
-            '<device.taxi.dispatch-algorithm value="greedy"/> into the .sumocfg for the one of SUMO'
+            f'{_DISPATCH} or <device.taxi.dispatch-algorithm value="greedy"/> into the .sumocfg for the one of SUMO'
+        )
+    waiting = sum(_waits_for_ride(traffic, person) for person in traffic.api.person.getIDList())
+    if waiting and standing:
+        return (
+            f"{waiting} persons wait for rides and {standing} vehicles stand until they are sent: transport on demand, "
+            f"whose dispatcher is a program outside this scenario; write {_DISPATCH} for the one of SUMO"
         )
     if not anybody_comes(traffic):
         return "all vehicles have arrived and none departs later; shorten warm_up_s, or add traffic"
     return f"{standing} stand, and others have not departed; lengthen warm_up_s, or add traffic that moves by itself"
+
+
+def _waits_for_ride(traffic: Traffic, person: str) -> bool:
+    """Whether a person stands on foot at the beginning of a ride."""
+    stage = traffic.api.person.getStage(person)
+    return stage.type == traffic.api.constants.STAGE_DRIVING and not traffic.api.person.getVehicle(person)
 
 
 def anybody_drives(traffic: Traffic, actors: Actors) -> bool:

@@ -18,6 +18,7 @@ from cosim.drives.kitti import Drive
 from sumo_nets.tools import sumo_home
 
 _FRAMES, _LIMIT_S = 3, 900
+_ON_DEMAND = frozenset({"DRT", "DRT2"})  # the player of the game sends the buses; here SUMO does
 _COSIM = (sys.executable, "-c", "import sys; from cosim.cli import main; sys.exit(main())")
 
 
@@ -33,9 +34,10 @@ def row(config: Path, folder: Path) -> str:
         config: the scenario.
         folder: where its drive is written.
     """
-    (folder / "run.yaml").write_text("images: []\nsensor: small.yaml\n")
     (folder / "small.yaml").write_text("pattern: vlp16\neffects: []\n")
     out = folder / "drive"
+    dispatch = "taxi_dispatch: greedy\n" if config.stem in _ON_DEMAND else ""
+    (folder / "run.yaml").write_text(f"images: []\nsensor: small.yaml\n{dispatch}")
     options = ("--town", str(config), "--frames", str(_FRAMES), "--seed", "1", "--out", str(out), "--quiet")
     try:
         run = subprocess.run(

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.driver_discrepancy.table import read_measured
 from cosim.traffic.trajectories import read_trajectories
 from sumo_nets import read_town
 from sumo_nets.local_origin import find_origin, move_file
@@ -73,3 +74,18 @@ def test_trajectories_may_have_either_coordinates(near, tmp_path):
 def test_only_far_networks_have_an_origin():
     assert find_origin(np.array([[9_000.0, -9_000.0]])) == (0, 0, 0)
     assert find_origin(np.array([[10_600.0, 0.0], [10_700.0, 3.0], [10_900.0, 1.0]])) == (11_000, 0, 0)
+
+
+@pytest.mark.parametrize("shift", [0.0, 1.0])
+def test_tables_of_the_traffic_loop_may_have_either_coordinates(near, shift, tmp_path):
+    offset = np.array([691000.0, 5335000.0])
+    town = moved_town(near, tmp_path, (691000.0, 5335000.0, 0.0))
+    rows = [
+        f"{k},{name},{x0 + 8 * k + shift * offset[0]},{y + shift * offset[1]},8,90,{lane},car"
+        for k in range(5)
+        for name, x0, y, lane in (("a", -80, -1.6, "ab_0"), ("b", -60, -1.6, "ab_0"))
+    ]
+    path = tmp_path / "measured.csv"
+    path.write_text("\n".join(["time_s,id,x_m,y_m,speed_mps,heading_deg,lane,type", *rows]) + "\n")
+    tracks = read_measured(path, town)
+    assert np.allclose(tracks.place[0], [-80, -1.6], atol=1e-6)

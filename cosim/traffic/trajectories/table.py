@@ -20,7 +20,7 @@ from cosim.traffic.trajectories.riders import is_rider
 from cosim.traffic.trajectories.table_heading import turned
 from cosim.traffic.trajectories.table_names import is_sumo_table, named_columns, needs_numbers
 from cosim.traffic.trajectories.table_options import TableOptions, read_table_options
-from cosim.traffic.trajectories.table_rows import repeated_rows, stray_times
+from cosim.traffic.trajectories.table_rows import repeated_rows, stray_places, stray_times
 from cosim.traffic.trajectories.table_schema import TableSchema, infer_table_schema
 from cosim.traffic.trajectories.table_steps import TableColumns
 from cosim.traffic.trajectories.tracks import RoadTracks, Sample, TrajectoryError, User, gather
@@ -118,12 +118,16 @@ def _rows_left_out(schema: TableSchema, table: TableColumns) -> tuple[np.ndarray
     time, x, y = (table.values[schema.columns[role]] for role in ("time", "x", "y"))
     twice = repeated_rows(table.user, time, x, y)
     stray = stray_times(table.user, time) & ~twice
+    unit_s, metres = schema.time_unit_s, schema.metres
+    away = stray_places(table.user, np.where(twice | stray, np.nan, time * unit_s), x * metres, y * metres)
     said = []
     if twice.any():
         said.append(f"{int(twice.sum())} rows are there twice: one of each is used")
     if stray.any():
         said.append(f"{int(stray.sum())} rows have times far from all others of their road user: left out")
-    return twice | stray, tuple(said)
+    if away.any():
+        said.append(f"{int(away.sum())} places are reached and left far faster than the road user moves: left out")
+    return twice | stray | away, tuple(said)
 
 
 def _usual(sizes: np.ndarray) -> float | None:

@@ -1,4 +1,4 @@
-"""Rows of a table that are no samples: those that are there twice, and those whose time lies far from all others."""
+"""Rows of a table that are no samples: those that are there twice, and those whose time or place is an outlier."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import numpy as np
 
 _FEWEST = 6  # rows of a road user among which a stray time can be told
 _MOST = 2  # stray times at either end
+_SPIKE, _SPIKE_M = 3.0, 2.0  # ways to and from a stray place, against the way past it
+_FASTER, _FASTER_MPS = 4.0, 5.0  # speeds there, against the usual speed of the road user
 
 
 def repeated_rows(user: np.ndarray, *values: np.ndarray) -> np.ndarray:
@@ -47,4 +49,30 @@ def stray_times(user: np.ndarray, time: np.ndarray) -> np.ndarray:
                 found[first] = True
             if stamps[-count] - stamps[-count - 1] > stamps[-count - 1] - stamps[_MOST]:
                 found[last] = True
+    return found
+
+
+def stray_places(user: np.ndarray, time_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    """(n,) bool: rows whose place a road user would reach and leave far faster than usual, against the way past it.
+
+    Args:
+        user: (n,) number of the road user of each row.
+        time_s: (n,) times; rows whose time or place is not finite are no strays.
+        x_m: (n,) places.
+        y_m: (n,) places.
+    """
+    found = np.zeros(len(user), bool)
+    order = np.lexsort((time_s, user))
+    order = order[np.isfinite(time_s[order]) & np.isfinite(x_m[order]) & np.isfinite(y_m[order])]
+    for rows in np.split(order, np.flatnonzero(np.diff(user[order])) + 1):
+        if len(rows) < _FEWEST:
+            continue
+        place, step_s = np.column_stack([x_m[rows], y_m[rows]]), np.maximum(np.diff(time_s[rows]), 1e-9)
+        way = np.linalg.norm(np.diff(place, axis=0), axis=1)
+        past = np.linalg.norm(place[2:] - place[:-2], axis=1)
+        detour = np.minimum(way[1:], way[:-1])
+        speed = np.minimum(way[1:] / step_s[1:], way[:-1] / step_s[:-1])
+        usual = float(np.median(way / step_s))
+        spike = (detour > _SPIKE * past + _SPIKE_M) & (speed > _FASTER * usual + _FASTER_MPS)
+        found[rows[1:-1][spike]] = True
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import warnings
 from pathlib import Path
@@ -12,6 +13,8 @@ import pytest
 from cosim.cli import main
 from cosim.drives.kitti import Drive, points_in_boxes
 from cosim.drives.kitti.boxes import Boxes
+from cosim.drives.twin.origin import read_origins
+from cosim.errors import FormatError
 from cosim.export import FORMATS, export
 from cosim.export.source import ExportError, instance_boxes, sequences
 
@@ -213,3 +216,64 @@ def test_points_of_nuscenes_fall_where_kitti_projects_them(drive, exported):
     pixels = local @ np.array(intrinsic).T
     expected, _ = frame.calibration.project(ahead, 2)
     assert np.allclose(pixels[:, :2] / pixels[:, 2:], expected, atol=0.5)
+
+
+ORIGIN_M = np.array([691_000.0, 5_335_000.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def far_drive(drive_folder, tmp_path_factory):
+    """The same drive, its twin about a local origin."""
+    folder = tmp_path_factory.mktemp("far") / "drive"
+    shutil.copytree(drive_folder, folder, ignore=shutil.ignore_patterns("hits", "depth_*"))
+    (folder / "twin/origin.yaml").write_text("x: 691000.0\ny: 5335000.0\nz: 0.0\n")
+    return Drive(folder)
+
+
+def test_world_coordinates_are_those_of_the_network(drive, far_drive, exported, tmp_path):
+    laspy = pytest.importorskip("laspy")
+    for name in ("las", "nuscenes", "openlabel"):
+        export(far_drive, name, tmp_path / name)
+    first = f"{drive.frames[0]}.las"
+    near, far = (laspy.read(folder / first) for folder in (exported("las"), tmp_path / "las"))
+    assert np.allclose(np.asarray(far.xyz) - np.asarray(near.xyz), ORIGIN_M, atol=2e-3)
+    poses = [
+        json.loads(next(folder.rglob("ego_pose.json")).read_text()) for folder in _pair("nuscenes", exported, tmp_path)
+    ]
+    boxes = [
+        json.loads(next(folder.rglob("sample_annotation.json")).read_text())
+        for folder in _pair("nuscenes", exported, tmp_path)
+    ]
+    for near_rows, far_rows in (poses, boxes):
+        moved = np.array([row["translation"] for row in far_rows]) - [row["translation"] for row in near_rows]
+        assert np.allclose(moved, ORIGIN_M, atol=1e-6)
+    labels = [json.loads((folder / "0000.json").read_text()) for folder in _pair("openlabel", exported, tmp_path)]
+    near_pose, far_pose = (
+        next(iter(next(iter(label["openlabel"]["frames"].values()))["frame_properties"]["transforms"].values()))
+        for label in labels
+    )
+    moved = np.array(far_pose["transform_src_to_dst"]["matrix4x4"]) - near_pose["transform_src_to_dst"]["matrix4x4"]
+    assert np.allclose(moved.reshape(4, 4)[:3, 3], ORIGIN_M, atol=1e-6)
+
+
+def _pair(name, exported, folder):
+    return exported(name), folder / name
+
+
+def test_mcap_keeps_its_map_local_and_says_where_it_lies(far_drive, tmp_path):
+    reader, decoder = pytest.importorskip("mcap.reader"), pytest.importorskip("mcap_ros2.decoder")
+    export(far_drive, "mcap", tmp_path / "mcap")
+    with next((tmp_path / "mcap").rglob("*.mcap")).open("rb") as stream:
+        made = reader.make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
+        message = next(made.iter_decoded_messages(topics=["/tf"]))[3]
+    world = message.transforms[0]
+    assert (world.header.frame_id, world.child_frame_id) == ("world", "map")
+    assert [world.transform.translation.x, world.transform.translation.y] == [691_000.0, 5_335_000.0]
+    assert abs(message.transforms[1].transform.translation.x) < 10_000
+
+
+def test_an_origin_that_is_none_is_refused(drive_folder, tmp_path):
+    (tmp_path / "twin").mkdir()
+    (tmp_path / "twin/origin.yaml").write_text("x: here\n")
+    with pytest.raises(FormatError, match=r"origin\.yaml.*x, y and z in metres"):
+        read_origins(tmp_path)

@@ -141,6 +141,16 @@ def test_a_stray_time_is_left_out_and_counted(row, time, tmp_path):
     assert any("1 rows have times far from all others" in each for each in tracks.notes)
 
 
+@pytest.mark.parametrize(("row", "x"), [(30, "0"), (31, "1e7"), (77, "120")])
+def test_a_stray_place_is_left_out_and_counted(row, x, tmp_path):
+    text = rows_of("time_s,id,x,y", "{s},{id},{x},{y}").split("\n")
+    cells = text[row].split(",")
+    text[row] = ",".join([*cells[:2], x, cells[3]])
+    tracks = read(tmp_path, "\n".join(text))
+    assert len(tracks.time_s) == 119 and np.allclose(tracks.speed_mps, _MPS, atol=0.05)
+    assert any("1 places are reached and left far faster" in each for each in tracks.notes)
+
+
 def test_rows_that_are_there_twice_are_used_once(tmp_path):
     text = rows_of("time_s,id,x,y", "{s},{id},{x},{y}")
     tracks = read(tmp_path, text + "".join(f"{line}\n" for line in text.split("\n")[10:13]))
