@@ -44,12 +44,14 @@ from cosim.recordings.recording import Recording
 from cosim.report import write_page
 from sensors.effects.base import BeamEffect, Effect
 from sensors.effects.registry import effect_classes
+from sensors.pattern import Pattern
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
 MOST_ROUNDS = 5
 _HEAD, _SEGMENTS = "calibration.json", "segments"
 _OWN = "found"
+LASERS = "lasers.json"  # what the points show of the pattern, see `FoundPattern.as_json`
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +101,7 @@ def calibrate(
     folder: Path,
     sensor: str | Path | None = None,
     *,
+    pattern: Pattern | None = None,
     settings: Settings = DEFAULT,
     most_rounds: int = MOST_ROUNDS,
     engine: Engine | None = None,
@@ -110,6 +113,7 @@ def calibrate(
         recording: scans in order.
         folder: to write.
         sensor: file of the model to begin with; by default the pattern that the points show, and their noise.
+        pattern: of the beams, where no sensor is given; by default that which the points show.
         settings: numbers that decide a diagnosis.
         most_rounds: of map and diagnosis.
         engine: whose processes share the segments of a long recording; by default this process does all.
@@ -123,13 +127,15 @@ def calibrate(
     _claimed(folder, recording)
     given = None if sensor is None else load_sensor(sensor)
     own = folder / f"from_{_OWN if sensor is None else Path(sensor).stem}"
-    pattern = None if given is None else given.pattern
+    pattern = pattern if given is None else given.pattern
     prepared = cache(lambda: prepare(recording, own / _SEGMENTS, pattern, engine=engine, on_step=on_step))
     start = own / "sensor.yaml"
     if given is not None and start.is_file() and load_sensor(start).effects != given.effects:
         raise OutputError(f"{own} began with another sensor file of that name; rename {sensor}, or remove the folder")
     if not start.is_file():
         write_sensor(first_sensor(prepared()) if given is None else given, start)
+        lasers = json.dumps(prepared().found.as_json(), indent=2)
+        (own / LASERS).write_text(lasers + "\n", encoding="utf-8")
     rounds: list[Round] = []
     for number in range(1, most_rounds + 1):
         place = own / f"round_{number}"
