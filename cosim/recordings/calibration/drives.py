@@ -116,7 +116,7 @@ def calibrate_drives(
                 most_rounds=most_rounds,
                 engine=engine,
                 on_step=step,
-            )  # fmt: skip
+            )
         )
     estimates = [{**latest_estimates(one.rounds), **_cones(one)} for one in found]
     models = [load_sensor(one.folder / one.rounds[-1].sensor_out) for one in found]

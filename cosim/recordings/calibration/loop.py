@@ -31,6 +31,7 @@ from cosim.recordings.calibration.acceptance import (
     step_transfers,
 )
 from cosim.recordings.calibration.advice import advise, undetermined
+from cosim.recordings.calibration.corrected import RESULT
 from cosim.recordings.calibration.halves import direction_error_of_halves
 from cosim.recordings.calibration.history import Tried, noted
 from cosim.recordings.calibration.rounds import Judgement, Round, is_moved, read_round, round_of
@@ -152,9 +153,11 @@ def calibrate(
             break
     tried = noted(folder, rounds)
     acceptance = accept(folder, rounds)
-    return Calibration(
+    calibration = Calibration(
         folder, recording.path, _said(start, folder), tuple(rounds), not rounds[-1].moved, tried, acceptance
     )
+    _write_result(calibration)
+    return calibration
 
 
 def _round(
@@ -188,6 +191,7 @@ def _round(
         transfers=[asdict(one) for one in transfers],
         accepted=_said(_write_accepted(found, sensor.effects, transfers, place), folder),
         limits=path_limits(prepared.path),
+        sweep_scale=prepared.sweep_scale,
         directions=_directions(prepared, twin.folder, found, settings, on_step) if is_last else None,
         advice=_advice(prepared, twin, found) if is_last else [],
         cpu_s=round(time.process_time() - begun_s, 1),
@@ -245,6 +249,21 @@ def _write_accepted(found: Diagnosis, before: Sequence[Effect], transfers: Seque
     file = replace(found, sensor=sensor, unknowns=unknowns).write_sensor(place / "accepted.yaml")
     write_scores(place / SCORES, {"given": aligned_scores(judged.before), "accepted": aligned_scores(accepted)})
     return file
+
+
+def _write_result(found: Calibration) -> None:
+    """Keep what exports need."""
+    chosen = found.rounds[(found.acceptance.round or len(found.rounds)) - 1]
+    poses = (found.folder / chosen.sensor_out).parent / "twin/twin/poses.npz"
+    told = {
+        "recording": str(found.recording.resolve()),
+        "sensor_file": _said(found.sensor_out, found.folder),
+        "recommended": found.acceptance.is_recommended,
+        "poses_file": _said(poses, found.folder),
+        "sweep_scale": chosen.sweep_scale,
+    }
+    with explained(found.folder):
+        (found.folder / RESULT).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
 
 
 def _said(file: Path, folder: Path) -> str:
