@@ -19,7 +19,17 @@ def add_command(commands: Any) -> None:
     parser: argparse.ArgumentParser = commands.add_parser(
         "calibrate", help="find a sensor model for a recording, without labels or a world", description=__doc__
     )
-    add_recording(parser)
+    parser.add_argument(
+        "recording",
+        type=Path,
+        nargs="+",
+        metavar="RECORDING",
+        help="folder of scans, bag or capture; several drives of one sensor are one estimation",
+    )
+    add_recording(parser, path=False)
+    parser.add_argument(
+        "--compare", action="store_true", help="several drives of different units or times: what differs between them"
+    )
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="folder of everything; resumed by itself"
     )
@@ -35,13 +45,19 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Calibrate, and write the page."""
     from cosim.errors import CosimError
+
+    if options.rounds < 1:
+        raise CosimError(f"--rounds {options.rounds}: one at least is needed")
+    if options.compare and len(options.recording) < 2:
+        raise CosimError("--compare: give two drives or more")
+    if len(options.recording) > 1:
+        _calibrate_drives(options, console)
+        return
     from cosim.recordings.calibration import calibrate
     from cosim.recordings.calibration.page import format_page, headline
     from cosim.report import write_page
 
-    if options.rounds < 1:
-        raise CosimError(f"--rounds {options.rounds}: one at least is needed")
-    recording = opened(options, options.recording)
+    recording = opened(options, options.recording[0])
     with ProgressReport(console, "reading the recording") as report:
         found = calibrate(
             recording,
@@ -53,6 +69,32 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         )
     page = write_page(options.out, format_page(found))
     say_notes(found.rounds[-1].notes, console)
+    console.print(headline(found), soft_wrap=True, highlight=False, markup=False)
+    console.print(f"{page}; the sensor file to use: {found.sensor_out}", soft_wrap=True, highlight=False, markup=False)
+    write_json(options.json, without_nan({**found.as_json(), "page": str(page)}))
+
+
+def _calibrate_drives(options: argparse.Namespace, console: Console) -> None:
+    """Calibrate several drives, combine and compare them, and write a page of each and of all."""
+    from cosim.recordings.calibration.compare_page import format_comparison, headline
+    from cosim.recordings.calibration.drives import calibrate_drives
+    from cosim.recordings.calibration.page import format_page
+    from cosim.report import write_page
+
+    recordings = [opened(options, path) for path in options.recording]
+    with ProgressReport(console, "reading the recordings") as report:
+        found = calibrate_drives(
+            recordings,
+            options.out,
+            options.sensor,
+            most_rounds=options.rounds,
+            is_one_sensor=not options.compare,
+            engine=engine_of(options),
+            on_step=report.say,
+        )
+    for one in found.calibrations:
+        write_page(one.folder, format_page(one))
+    page = write_page(options.out, format_comparison(found))
     console.print(headline(found), soft_wrap=True, highlight=False, markup=False)
     console.print(f"{page}; the sensor file to use: {found.sensor_out}", soft_wrap=True, highlight=False, markup=False)
     write_json(options.json, without_nan({**found.as_json(), "page": str(page)}))

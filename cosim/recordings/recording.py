@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from cosim.errors import CosimError
 from cosim.point_files import Columns, PointSchema, find_schema, make_scan
 from cosim.recordings.folder import find_scans, find_stamps, name_numbers
 from cosim.recordings.poses import find_poses, read_poses
@@ -25,6 +27,7 @@ from cosim.recordings.settings import RecordingSettings, read_settings
 
 _SAMPLES = 5  # scans that tell units and fields
 _GAP = 1.5  # times the usual interval between scans
+_SHOWN = 8  # names in a note
 _LABELS = ("label_2", "tracking_labels.txt", "labels")
 
 
@@ -64,8 +67,9 @@ class Recording:
         """
         source = self.sources[number]
         stamp = None if self.stamp_s is None else float(self.stamp_s[number])
+        columns = _columns(source)
         with recording_errors():
-            return make_scan(source.read(), source.name, self.schema, stamp)
+            return make_scan(columns, source.name, self.schema, stamp)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -103,6 +107,15 @@ class Recording:
             poses=None if self.poses is None else self.poses[rows],
         )
 
+    def chosen(self, rows: np.ndarray) -> Recording:
+        """Some of the scans."""
+        return replace(
+            self,
+            sources=tuple(self.sources[row] for row in rows),
+            stamp_s=None if self.stamp_s is None else self.stamp_s[rows],
+            poses=None if self.poses is None else self.poses[rows],
+        )
+
     def without_poses(self) -> Recording:
         """The same scans as if there were no poses."""
         return replace(self, poses=None)
@@ -124,13 +137,49 @@ def open_recording(path: str | Path, **options: object) -> Recording:
         raise RecordingError(f"{place}: no such file or folder; give a folder of scans, a bag or a capture")
     settings = read_settings(place).with_options(**options)
     sources, stamp_s = _sources(place, settings)
-    samples = _samples(sources)
+    readable, damaged = _readable(sources) if settings.skip_damaged else (np.arange(len(sources)), [])
+    if not len(readable):
+        raise RecordingError(f"{place}: none of {len(sources)} scans can be read; {damaged[0]}")
+    samples = _samples(tuple(sources[row] for row in readable))
     with recording_errors():
         schema = find_schema([columns for _, columns in samples], settings.points, str(place))
     recording = Recording(place, sources, schema, settings, stamp_s)
     poses, said = _poses(recording)
-    recording = replace(recording, poses=poses)
-    return replace(recording, notes=(*schema.notes, *said, *_absences(recording, samples)))
+    recording = replace(recording, poses=poses).chosen(readable)
+    return replace(recording, notes=(*schema.notes, *said, *damaged, *_absences(recording, samples)))
+
+
+def _columns(source: Source) -> Columns:
+    """The columns of a scan.
+
+    Raises:
+        RecordingError: it cannot be read.
+    """
+    try:
+        return source.read()
+    except CosimError as error:
+        raise RecordingError(f"{error}; or leave such scans out with --skip-damaged") from None
+
+
+def _readable(sources: tuple[Source, ...]) -> tuple[np.ndarray, list[str]]:
+    """Rows of the scans that can be read and have the usual fields, and a note on the others."""
+    fields, reasons = dict[int, frozenset[str]](), dict[int, str]()
+    for row, source in enumerate(sources):
+        try:
+            with recording_errors():
+                fields[row] = frozenset(source.read())
+        except CosimError as error:
+            reasons[row] = str(error)
+    usual = Counter(fields.values()).most_common(1)[0][0] if fields else frozenset()
+    reasons |= {row: f"{sources[row].name}: other fields" for row, own in fields.items() if own != usual}
+    if not reasons:
+        return np.arange(len(sources)), []
+    rows = np.array([row for row in range(len(sources)) if row not in reasons], int)
+    names = ", ".join(sources[row].name for row in sorted(reasons)[:_SHOWN])
+    more = " …" if len(reasons) > _SHOWN else ""
+    first = reasons[min(reasons)]
+    note = f"{len(reasons)} of {len(sources)} scans cannot be read and are left out: {names}{more} ({first})"
+    return rows, [note]
 
 
 def _sources(place: Path, settings: RecordingSettings) -> tuple[tuple[Source, ...], np.ndarray | None]:
@@ -160,7 +209,7 @@ def _rising(stamp_s: np.ndarray | None, place: Path) -> np.ndarray | None:
 
 def _samples(sources: tuple[Source, ...]) -> list[tuple[str, Columns]]:
     rows = np.unique(np.linspace(0, len(sources) - 1, min(_SAMPLES, len(sources))).round().astype(int))
-    found = [(sources[row].name, sources[row].read()) for row in rows]
+    found = [(sources[row].name, _columns(sources[row])) for row in rows]
     first = set(found[0][1])
     for name, columns in found[1:]:
         if set(columns) != first:

@@ -31,6 +31,7 @@ from cosim.recordings.calibration.acceptance import (
     step_transfers,
 )
 from cosim.recordings.calibration.advice import advise, undetermined
+from cosim.recordings.calibration.corrected import RESULT
 from cosim.recordings.calibration.halves import direction_error_of_halves
 from cosim.recordings.calibration.history import Tried, noted
 from cosim.recordings.calibration.rounds import Judgement, Round, is_moved, read_round, round_of
@@ -44,12 +45,14 @@ from cosim.recordings.recording import Recording
 from cosim.report import write_page
 from sensors.effects.base import BeamEffect, Effect
 from sensors.effects.registry import effect_classes
+from sensors.pattern import Pattern
 from sensors.sensor_model import SensorModel, load_sensor
 
 _LOG = logging.getLogger(__name__)
 MOST_ROUNDS = 5
 _HEAD, _SEGMENTS = "calibration.json", "segments"
 _OWN = "found"
+LASERS = "lasers.json"  # what the points show of the pattern, see `FoundPattern.as_json`
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +102,7 @@ def calibrate(
     folder: Path,
     sensor: str | Path | None = None,
     *,
+    pattern: Pattern | None = None,
     settings: Settings = DEFAULT,
     most_rounds: int = MOST_ROUNDS,
     engine: Engine | None = None,
@@ -110,6 +114,7 @@ def calibrate(
         recording: scans in order.
         folder: to write.
         sensor: file of the model to begin with; by default the pattern that the points show, and their noise.
+        pattern: of the beams, where no sensor is given; by default that which the points show.
         settings: numbers that decide a diagnosis.
         most_rounds: of map and diagnosis.
         engine: whose processes share the segments of a long recording; by default this process does all.
@@ -123,13 +128,15 @@ def calibrate(
     _claimed(folder, recording)
     given = None if sensor is None else load_sensor(sensor)
     own = folder / f"from_{_OWN if sensor is None else Path(sensor).stem}"
-    pattern = None if given is None else given.pattern
+    pattern = pattern if given is None else given.pattern
     prepared = cache(lambda: prepare(recording, own / _SEGMENTS, pattern, engine=engine, on_step=on_step))
     start = own / "sensor.yaml"
     if given is not None and start.is_file() and load_sensor(start).effects != given.effects:
         raise OutputError(f"{own} began with another sensor file of that name; rename {sensor}, or remove the folder")
     if not start.is_file():
         write_sensor(first_sensor(prepared()) if given is None else given, start)
+        lasers = json.dumps(prepared().found.as_json(), indent=2)
+        (own / LASERS).write_text(lasers + "\n", encoding="utf-8")
     rounds: list[Round] = []
     for number in range(1, most_rounds + 1):
         place = own / f"round_{number}"
@@ -146,9 +153,11 @@ def calibrate(
             break
     tried = noted(folder, rounds)
     acceptance = accept(folder, rounds)
-    return Calibration(
+    calibration = Calibration(
         folder, recording.path, _said(start, folder), tuple(rounds), not rounds[-1].moved, tried, acceptance
     )
+    _write_result(calibration)
+    return calibration
 
 
 def _round(
@@ -182,6 +191,7 @@ def _round(
         transfers=[asdict(one) for one in transfers],
         accepted=_said(_write_accepted(found, sensor.effects, transfers, place), folder),
         limits=path_limits(prepared.path),
+        sweep_scale=prepared.sweep_scale,
         directions=_directions(prepared, twin.folder, found, settings, on_step) if is_last else None,
         advice=_advice(prepared, twin, found) if is_last else [],
         cpu_s=round(time.process_time() - begun_s, 1),
@@ -239,6 +249,21 @@ def _write_accepted(found: Diagnosis, before: Sequence[Effect], transfers: Seque
     file = replace(found, sensor=sensor, unknowns=unknowns).write_sensor(place / "accepted.yaml")
     write_scores(place / SCORES, {"given": aligned_scores(judged.before), "accepted": aligned_scores(accepted)})
     return file
+
+
+def _write_result(found: Calibration) -> None:
+    """Keep what exports need."""
+    chosen = found.rounds[(found.acceptance.round or len(found.rounds)) - 1]
+    poses = (found.folder / chosen.sensor_out).parent / "twin/twin/poses.npz"
+    told = {
+        "recording": str(found.recording.resolve()),
+        "sensor_file": _said(found.sensor_out, found.folder),
+        "recommended": found.acceptance.is_recommended,
+        "poses_file": _said(poses, found.folder),
+        "sweep_scale": chosen.sweep_scale,
+    }
+    with explained(found.folder):
+        (found.folder / RESULT).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
 
 
 def _said(file: Path, folder: Path) -> str:

@@ -31,6 +31,7 @@ class Judgement:
     transfers: list[dict[str, Any]]
     accepted: str
     limits: list[str]
+    sweep_scale: float
     directions: dict[str, Any] | None
     advice: list[dict[str, Any]]
     cpu_s: float
@@ -58,6 +59,7 @@ class Round:
         transfers: what each finding does to untouched scans, see `acceptance.Transfer`.
         accepted: file with the findings that lower the error of untouched scans, or that move points.
         limits: what the path of the sensor does not vary, as predicates of the drive.
+        sweep_scale: share of the motion in a sweep that points are freed of where no effect says it.
         directions: angles between the beams that two halves give, see `DirectionError`; of the last round only.
         advice: what to record next, see `Advice`; of the last round only.
         cpu_s: processor time of the round.
@@ -86,6 +88,7 @@ class Round:
     transfers: list[dict[str, Any]]
     accepted: str
     limits: list[str]
+    sweep_scale: float
     directions: dict[str, Any] | None
     advice: list[dict[str, Any]]
     cpu_s: float

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from cosim.engine import Engine
-from cosim.recordings.checks import check_path, check_survey, check_sweep, survey_scans
+from cosim.recordings.checks import check_survey, survey_scans
 from cosim.recordings.mapping.kept import Arrays, Kept, arrays_of_path, digest, path_of
 from cosim.recordings.mapping.odometry import Trajectory, find_trajectory
+from cosim.recordings.mapping.path_checks import check_path, check_sweep
 from cosim.recordings.mapping.segments import Segment, segments_of, together
 from cosim.recordings.mapping.surfels import SurfelSettings
 from cosim.recordings.mapping.sweep import SweepMotion, sweep_motion

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from cosim.errors import CosimError
 from cosim.point_files import SUFFIXES, Columns, PointOptions, PointReader, point_reader, suffix_of
 from cosim.recordings.reading.source import Source
 from cosim.recordings.scan import recording_errors
 
+_SAMPLINGS = 7  # of the files, one of which may be without the damaged ones
 __all__ = ["SUFFIXES", "file_sources", "suffix_of"]
 
 
@@ -21,8 +23,25 @@ def file_sources(files: Sequence[Path], options: PointOptions | None = None) -> 
         FormatError: a file cannot be read.
     """
     with recording_errors():
-        reader = point_reader(files, options)
+        reader = _reader(files, options)
     return tuple(Source(_stem(file), partial(_read, reader, file)) for file in files)
+
+
+def _reader(files: Sequence[Path], options: PointOptions | None) -> PointReader:
+    """The reader of the files; a damaged one among those that tell the layout of raw numbers does not decide it.
+
+    Raises:
+        PointFileError: no sample of the files has a layout that fits.
+    """
+    try:
+        return point_reader(files, options)
+    except CosimError as error:
+        for first in range(1, min(_SAMPLINGS, len(files) // 2)):
+            try:
+                return point_reader(files[first::_SAMPLINGS], options)
+            except CosimError:
+                continue
+        raise error
 
 
 def _read(reader: PointReader, file: Path) -> Columns:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cosim.recordings.checks.before import raise_findings
+from cosim.recordings.checks import raise_findings
 from cosim.recordings.mapping.motion import applied, motions
 from cosim.recordings.mapping.odometry import Trajectory, find_trajectory
 from cosim.recordings.mapping.sweep import SweepMotion

@@ -1,0 +1,154 @@
+"""The page of several drives: what differs between them, what they give together, whether each is recommended."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from cosim.discrepancy.words import Vocabulary
+from cosim.recordings.calibration.drives import Drives
+from cosim.recordings.calibration.estimates import Combined
+from cosim.report import document, facts, figure, section, table
+from cosim.report.phrases import p_cell
+from cosim.report.plot import Axis, Plot
+
+_MOST_ROWS = 40
+_AGREE = 0.05
+
+
+def headline(found: Drives) -> str:
+    """The outcome in a sentence or two, plain text."""
+    differing = [one for one in found.differences if one.is_significant]
+    names = list(dict.fromkeys(f"{one.effect} {one.parameter}" for one in differing))
+    count = len(found.names)
+    if not found.differences:
+        said = f"{count} drives share no parameter that could be compared."
+    elif differing:
+        shown = ", ".join(names[:4]) + (" and others" if len(names) > 4 else "")
+        said = f"{len(differing)} of {len(found.differences)} numbers differ significantly between drives: {shown}."
+    else:
+        said = f"None of {len(found.differences)} numbers differs significantly between {count} drives."
+    if found.is_recommended:
+        return f"{said} All drives confirm the combined file on untouched scans: it is recommended."
+    kept = [
+        name for name, one in zip(found.names, found.calibrations, strict=True) if not one.acceptance.is_recommended
+    ]
+    return f"{said} Keep your file: untouched scans of {', '.join(kept)} do not confirm it."
+
+
+def format_comparison(found: Drives) -> str:
+    """The HTML text."""
+    title = "Comparison of " + ", ".join(found.names)
+    return document(
+        title,
+        [
+            f"<header><h1>{escape(title)}</h1><p class='verdict'>{escape(headline(found))}</p>{_facts(found)}</header>",
+            section("What differs", _differences(found), text=_TEXT),
+            section("Together", _charts(found), _combined(found), text=_TOGETHER),
+            section("Drive by drive", _drives(found)),
+        ],
+        generator="cosim calibrate",
+    )
+
+
+_TEXT = (
+    "Second drive less first, with its 95 % interval; p is family-wise over everything compared (Holm). "
+    "Elevations are those that the points of each drive show."
+)
+_TOGETHER = (
+    "Means over the drives with 95 % intervals that include the spread between drives; p is the probability that "
+    "drives with one true value would differ as much (Cochran's Q)."
+)
+
+
+def _facts(found: Drives) -> str:
+    items = [("Drives", f"{len(found.names)}"), ("Numbers compared", f"{len(found.differences)}")]
+    for name, one in zip(found.names[1:], found.directions, strict=True):
+        if one is not None:
+            items.append((f"Ray direction, {name}", f"{one.mean_deg:.4f}° mean, {one.max_deg:.4f}° largest"))
+    return facts([(escape(name), value) for name, value in items])
+
+
+def _differences(found: Drives) -> str:
+    rows = [
+        [
+            escape(_named(one.effect, one.parameter, one.row)),
+            escape(f"{one.drives[0]} → {one.drives[1]}"),
+            f"{one.difference:+.4g} ({one.low:+.4g} to {one.high:+.4g}){_unit(one.effect, one.parameter)}",
+            p_cell(one.p_value),
+            "differs" if one.is_significant else "",
+        ]
+        for one in found.differences[:_MOST_ROWS]
+    ]
+    if not rows:
+        return "<p>No parameter was estimated in two drives.</p>"
+    rest = len(found.differences) - len(rows)
+    more = f"<p>{rest} more differ less.</p>" if rest > 0 else ""
+    return table(["parameter", "drives", "difference", "p", ""], rows, words=(0, 1, 2, 4)) + more
+
+
+def _combined(found: Drives) -> str:
+    rows = []
+    for one in found.combined:
+        if one.effect == "pattern" or one.row is not None:
+            continue
+        by_drive = [
+            "–" if value is None else f"{value:.4g} ({low:.4g} to {high:.4g})"
+            for value, low, high in zip(one.values, one.low, one.high, strict=True)
+        ]
+        together = f"{one.mean:.4g} ({one.mean_low:.4g} to {one.mean_high:.4g}){_unit(one.effect, one.parameter)}"
+        agree = "one drive" if one.p_agree is None else p_cell(one.p_agree)
+        rows.append([escape(_named(one.effect, one.parameter, None)), *by_drive, together, agree])
+    if not rows:
+        return "<p>No plain number was estimated; lists with a number a laser are in the sensor file.</p>"
+    heads = ["parameter", *map(escape, found.names), "together", "p of agreement"]
+    return table(heads, rows, words=range(len(heads) - 1))
+
+
+def _charts(found: Drives) -> str:
+    plain = [one for one in found.combined if one.row is None and sum(value is not None for value in one.values) > 1]
+    return f'<div class="charts">{"".join(_chart(found, one) for one in plain[:6])}</div>'
+
+
+def _chart(found: Drives, one: Combined) -> str:
+    ends = np.array([value for value in (*one.low, *one.high, one.mean_low, one.mean_high) if value is not None])
+    pad = 0.1 * float(np.ptp(ends)) or 0.1 * abs(float(ends[0])) or 1.0
+    names = ["", *found.names]
+    unit = _unit(one.effect, one.parameter).strip()
+    plot = Plot(
+        Axis(0.5, len(found.names) + 0.5, "", names=names),
+        Axis(float(ends.min()) - pad, float(ends.max()) + pad, f"{one.parameter} [{unit}]" if unit else one.parameter),
+        one.effect,
+    )
+    for place, (value, low, high) in enumerate(zip(one.values, one.low, one.high, strict=True), 1):
+        if value is not None:
+            plot.line(np.array([place, place], float), np.array([low, high], float), "a")
+            plot.line(np.array([place], float), np.array([value], float), "a", dots=True)
+    both = np.array([0.5, len(found.names) + 0.5])
+    plot.line(both, np.full(2, one.mean), "b")
+    text = "each drive with its 95 % interval (yellow), mean of all (blue)"
+    return figure(escape(_named(one.effect, one.parameter, None)), text, plot.svg())
+
+
+def _drives(found: Drives) -> str:
+    rows = [
+        [
+            f'<a href="{escape(name)}/index.html">{escape(name)}</a>',
+            "yes" if one.acceptance.is_recommended else "no",
+            escape(one.acceptance.reason),
+            f"{1000 * one.rounds[0].thickness_ground_m:.1f} → {1000 * one.rounds[-1].thickness_ground_m:.1f}",
+        ]
+        for name, one in zip(found.names, found.calibrations, strict=True)
+    ]
+    return table(["drive", "recommended", "because", "ground [mm]"], rows, words=(0, 1, 2, 3))
+
+
+def _named(effect: str, parameter: str, row: int | None) -> str:
+    laser = "" if row is None else f", laser {row + 1}"
+    return f"{'beam pattern' if effect == 'pattern' else effect}, {parameter}{laser}"
+
+
+def _unit(effect: str, parameter: str) -> str:
+    unit = "°" if effect == "pattern" else Vocabulary().parameter(effect, parameter).unit
+    return f" {unit}" if unit else ""
