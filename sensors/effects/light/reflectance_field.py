@@ -1,0 +1,74 @@
+"""Reflectance varies over a surface, at the same places in every scan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from sensors.effects.base import EchoEffect, number
+from sensors.effects.material_groups import GROUPS, Group, points_on_surface, rows_of_group
+from sensors.effects.phases import Phase
+from sensors.effects.spatial_noise import field_at
+from sensors.returns import Returns
+from sensors.shot import Shot
+
+
+class _Field(EchoEffect):
+    """I·exp(σ·f(p/c) − σ²/2) on a group of materials, f a Gaussian random field of unit variance fixed to the surface.
+
+    Class attributes:
+        shift: cells by which the fields of a group's effects differ.
+    """
+
+    channel: ClassVar = "intensity"
+    equation: ClassVar = "I·exp(σ·f(p/c) − σ²/2)"
+    taxonomy: ClassVar = "sp47"
+    confusable_with: ClassVar = ("intensity_noise", "intensity_jitter")
+    needs_new_rays: ClassVar = True  # places on moving objects need their poses
+    repeatable: ClassVar = True
+    is_candidate: ClassVar = False
+    shift: ClassVar[int] = 0
+
+    on: Group = Field(description="group of materials")
+    sigma: float = number("σ, spread of the logarithm of the reflectance", ge=0, le=3)
+    cell_m: float = number("c, cell of the field; its features are 2 to 128 cells large", unit="m", ge=0.005, le=10)
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """Returns scaled by the reflectance at their places."""
+        rows = rows_of_group(self.on, returns, shot)
+        places = points_on_surface(returns.take(rows), shot)
+        offset = (self.shift * (1 + GROUPS.index(self.on)), self.shift, 0)
+        change = np.float32(self.sigma) * field_at(places, self.cell_m, offset) - np.float32(self.sigma**2 / 2)
+        intensity = returns.intensity.copy()
+        intensity[rows] *= np.exp(change)
+        return replace(returns, intensity=intensity)
+
+
+class ReflectanceField(_Field):
+    """I·exp(σ·f(p/c) − σ²/2) on a group of materials: patches, seams and wear of roads, soil in grass, stains.
+
+    f is fixed to the ground, to a building or to a moving object. What is noticed depends on it, too.
+    """
+
+    name: ClassVar = "reflectance_field"
+    phase: ClassVar = Phase.SURFACE
+    reference: ClassVar = "Perlin: An image synthesizer, SIGGRAPH 1985; correlation of neighbours in KITTI's scans"
+    example: ClassVar = {"on": "road", "sigma": 0.4, "cell_m": 0.5}
+    shift: ClassVar = 37
+
+
+class SurfaceGrain(_Field):
+    """I·exp(σ·g(p/c) − σ²/2) on a group of materials, after it is decided what is noticed: grain of a few centimetres.
+
+    Finer than the beam it changes what is reported and not whether it is: zeros of KITTI's scans have smooth outlines
+    on surfaces whose intensities scatter from beam to beam.
+    """
+
+    name: ClassVar = "surface_grain"
+    phase: ClassVar = Phase.GRAIN
+    reference: ClassVar = "Perlin: An image synthesizer, SIGGRAPH 1985; differences of neighbours in KITTI's scans"
+    example: ClassVar = {"on": "vegetation", "sigma": 0.5, "cell_m": 0.01}
+    shift: ClassVar = 59
