@@ -55,7 +55,7 @@ class Phase(IntEnum):
     EXTINCTION = auto()
     FOCAL_RESPONSE = auto()
     DETECTION = auto()
-    ZERO_REPORT = auto()
+    WEAK_SIGNAL = auto()
     GRAIN = auto()
     RING_GAIN = auto()
     RETRO = auto()

@@ -17,14 +17,17 @@ from sensors.shot import Shot
 
 
 class _Field(EchoEffect):
-    """I·exp(σ·f(p/c) − σ²/2) on a group of materials, f a Gaussian random field of unit variance fixed to the surface.
+    """I·exp(σ·h(f(p/c))) on a group of materials, f a Gaussian random field of unit variance fixed to the surface.
+
+    h(f) = f where it is bright and (1 + skew)·f where it is dark: worn and stained patches lie farther from the
+    usual reflectance than bright ones.
 
     Class attributes:
         shift: cells by which the fields of a group's effects differ.
     """
 
     channel: ClassVar = "intensity"
-    equation: ClassVar = "I·exp(σ·f(p/c) − σ²/2)"
+    equation: ClassVar = "I·exp(σ·h(f(p/c))), h(f) = f for f ≥ 0, (1 + skew)·f for f < 0"
     taxonomy: ClassVar = "sp47"
     confusable_with: ClassVar = ("intensity_noise", "intensity_jitter")
     needs_new_rays: ClassVar = True  # places on moving objects need their poses
@@ -34,6 +37,9 @@ class _Field(EchoEffect):
 
     on: Group = Field(description="group of materials")
     sigma: float = number("σ, spread of the logarithm of the reflectance", ge=0, le=3)
+    skew: float = Field(
+        default=0.0, ge=0, le=10, description="how much deeper dark patches are than bright ones bright"
+    )
     cell_m: float = number("c, cell of the field; its features are 2 to 128 cells large", unit="m", ge=0.005, le=10)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
@@ -41,14 +47,15 @@ class _Field(EchoEffect):
         rows = rows_of_group(self.on, returns, shot)
         places = points_on_surface(returns.take(rows), shot)
         offset = (self.shift * (1 + GROUPS.index(self.on)), self.shift, 0)
-        change = np.float32(self.sigma) * field_at(places, self.cell_m, offset) - np.float32(self.sigma**2 / 2)
+        value = field_at(places, self.cell_m, offset)
+        value += np.float32(self.skew) * np.minimum(value, 0)
         intensity = returns.intensity.copy()
-        intensity[rows] *= np.exp(change)
+        intensity[rows] *= np.exp(np.float32(self.sigma) * value)
         return replace(returns, intensity=intensity)
 
 
 class ReflectanceField(_Field):
-    """I·exp(σ·f(p/c) − σ²/2) on a group of materials: patches, seams and wear of roads, soil in grass, stains.
+    """I·exp(σ·h(f(p/c))) on a group of materials: patches, seams and wear of roads, soil in grass, stains.
 
     f is fixed to the ground, to a building or to a moving object. What is noticed depends on it, too.
     """
@@ -56,12 +63,12 @@ class ReflectanceField(_Field):
     name: ClassVar = "reflectance_field"
     phase: ClassVar = Phase.SURFACE
     reference: ClassVar = "Perlin: An image synthesizer, SIGGRAPH 1985; correlation of neighbours in KITTI's scans"
-    example: ClassVar = {"on": "road", "sigma": 0.4, "cell_m": 0.5}
+    example: ClassVar = {"on": "road", "sigma": 0.4, "skew": 1.0, "cell_m": 0.5}
     shift: ClassVar = 37
 
 
 class SurfaceGrain(_Field):
-    """I·exp(σ·g(p/c) − σ²/2) on a group of materials, after it is decided what is noticed: grain of a few centimetres.
+    """I·exp(σ·h(g(p/c))) on a group of materials, after it is decided what is noticed: grain of a few centimetres.
 
     Finer than the beam it changes what is reported and not whether it is: zeros of KITTI's scans have smooth outlines
     on surfaces whose intensities scatter from beam to beam.

@@ -32,7 +32,7 @@ class FiringNoise(NoiseEffect):
 
     sigma: float = number("σ, standard deviation of the reported intensity", ge=0, le=0.5)
     theta: float = number("θ, share of the last firing's noise that is taken back", ge=0, le=1)
-    least: float = number("least intensity that is reported", ge=0, le=0.5)
+    least: float = number("least intensity that is reported, zeros apart", ge=0, le=0.5)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Scattered intensities."""

@@ -15,11 +15,11 @@ from sensors.effects.spatial_noise import field_at
 from sensors.returns import Returns
 from sensors.shot import Shot
 
-_GRAZING = 0.02
+_GRAZING = 0.2  # beams seen more aslant meet the tops alone
 
 
 class SurfaceRelief(PointEffect):
-    """R − h/max(cosθ, 0.02), h = σ_c·f(p/c) + σ_f·g(p/f): displacement along the normal by a height fixed in space.
+    """R − h/max(cosθ, 0.2), h = σ_c·f(p/c) + σ_f·g(p/f): displacement along the normal by a height fixed in space.
 
     A height of the texture of asphalt, of grass or of plaster is small against the distance, so the beam meets the
     displaced plane h/cosθ earlier.
@@ -28,7 +28,7 @@ class SurfaceRelief(PointEffect):
     name: ClassVar = "surface_relief"
     phase: ClassVar = Phase.FOLIAGE
     channel: ClassVar = "range"
-    equation: ClassVar = "R − h/max(cosθ, 0.02), h = σ_c·f(p/c) + σ_f·g(p/f)"
+    equation: ClassVar = "R − h/max(cosθ, 0.2), h = σ_c·f(p/c) + σ_f·g(p/f)"
     reference: ClassVar = "Cook: Shade trees, SIGGRAPH 1984 (displacement maps); ISO 13473 (texture of pavements)"
     taxonomy: ClassVar = "sp47"
     confusable_with: ClassVar = ("range_noise", "foliage_depth")
