@@ -47,6 +47,9 @@ class Pattern(BaseModel):
     encoder_deg: float = Field(
         default=0.0, ge=0, le=10, description="tick of the encoder, to whose multiples columns are rounded [°]; 0: none"
     )
+    coordinate_step_m: float = Field(
+        default=0.0, ge=0, le=1, description="grid on which coordinates of points are reported [m]; 0: none"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Pattern:
@@ -108,7 +111,7 @@ class Pattern(BaseModel):
     def to_yaml(self) -> str:
         """The pattern in its file format."""
         values = self.model_dump(mode="json")
-        for optional in ("firing_offset_us", "encoder_deg"):
+        for optional in ("firing_offset_us", "encoder_deg", "coordinate_step_m"):
             if not values[optional]:
                 del values[optional]
         return yaml.safe_dump(values, sort_keys=False, default_flow_style=None, width=110)

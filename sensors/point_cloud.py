@@ -39,7 +39,7 @@ class PointCloud:
     def in_file_order(self) -> PointCloud:
         """The same points in the order of KITTI's files: by laser from the top, counter-clockwise from straight ahead.
 
-        Tools that recover lasers from the wrap of the azimuth, such as LeGO-LOAM, rely on it.
+        Tools that recover lasers from the wrap of the azimuth, as LeGO-LOAM does, rely on it.
         """
         turn = np.mod(self.azimuth, np.float32(2 * np.pi))
         order = np.lexsort((self.return_no, turn, self.ring))

@@ -77,7 +77,7 @@ class SensorModel:
         if not self.effects:
             return bare_returns(hits)
         returns, shot = self.measure_returns(hits, rng, camera, frame_time_s)
-        return points_of(returns, shot.rays)
+        return points_of(returns, shot)
 
     def measure_returns(
         self,
@@ -118,7 +118,7 @@ class SensorModel:
             SensorError: a user's effect breaks the rules.
         """
         returns, shot = self.trace_returns(scene, pose, instances, ego, rng, camera, frame_time_s)
-        return points_of(returns, shot.rays)
+        return points_of(returns, shot)
 
     def trace_returns(
         self,
@@ -220,11 +220,13 @@ def _given(rng: np.random.Generator | None) -> np.random.Generator:
     return np.random.default_rng(0) if rng is None else rng
 
 
-def points_of(returns: Returns, rays: Rays) -> PointCloud:
-    """Points at the reported optical centre + measured range × nominal direction."""
-    beam = returns.beam
+def points_of(returns: Returns, shot: Shot) -> PointCloud:
+    """Points at the reported optical centre + measured range × nominal direction, on the grid of coordinates."""
+    beam, rays = returns.beam, shot.rays
     xyz = scaled(rays.direction.take(beam, axis=0), returns.range_m)
     xyz += rays.origin.take(beam, axis=0)
+    if step_m := shot.pattern.coordinate_step_m:
+        xyz = (np.rint(xyz.astype(np.float64) / step_m) * step_m).astype(np.float32)
     return PointCloud(
         xyz=xyz,
         intensity=returns.intensity.astype(np.float32),

@@ -99,7 +99,7 @@ class _FrameWork:
             shot = self._shot(sensor)
             memo = self._memos.setdefault(id(shot), {})
             returns = sensor.answer(shot, self._source.rng(self._frame.name), memo)
-            self._clouds[key] = points_of(returns, shot.rays).in_file_order()
+            self._clouds[key] = points_of(returns, shot).in_file_order()
         return self._clouds[key]
 
     def _shot(self, sensor: SensorModel) -> Shot:

@@ -54,7 +54,7 @@ def rescans(
                 own, pose = measuring_rng(seed, name, drive.lidar), lidar_pose(twin)
                 camera = view_of_frame(frame, frame.calibration, pose)
                 shots[key] = sensor.trace(scenes.of(frame), pose, things, ego, own, camera, twin.time_s)
-            scans.append(points_of(sensor.answer(shots[key], rng), shots[key].rays).kitti)
+            scans.append(points_of(sensor.answer(shots[key], rng), shots[key]).kitti)
         yield frame, scans
 
 

@@ -97,7 +97,7 @@ def boxes(returns: Returns, shot) -> LabelBoxes:
         size=np.tile([4.0, 1.7, 1.5], (len(placed), 1)),
         yaw=np.arctan2(placed.poses[:, 1, 0], placed.poses[:, 0, 0]),
         kept=np.ones(len(placed), bool),
-        points=points_of(returns, shot.rays).xyz,
+        points=points_of(returns, shot).xyz,
     )
 
 

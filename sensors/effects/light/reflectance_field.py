@@ -1,0 +1,81 @@
+"""Reflectance varies over a surface, at the same places in every scan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from sensors.effects.base import EchoEffect, number
+from sensors.effects.material_groups import GROUPS, Group, points_on_surface, rows_of_group
+from sensors.effects.phases import Phase
+from sensors.effects.spatial_noise import field_at
+from sensors.returns import Returns
+from sensors.shot import Shot
+
+
+class _Field(EchoEffect):
+    """I·exp(σ·h(f(p/c))) on a group of materials, f a Gaussian random field of unit variance fixed to the surface.
+
+    h(f) = f where it is bright and (1 + skew)·f where it is dark: worn and stained patches lie farther from the
+    usual reflectance than bright ones.
+
+    Class attributes:
+        shift: cells by which the fields of a group's effects differ.
+    """
+
+    channel: ClassVar = "intensity"
+    equation: ClassVar = "I·exp(σ·h(f(p/c))), h(f) = f for f ≥ 0, (1 + skew)·f for f < 0"
+    taxonomy: ClassVar = "sp47"
+    confusable_with: ClassVar = ("intensity_noise", "intensity_jitter")
+    needs_new_rays: ClassVar = True  # places on moving objects need their poses
+    repeatable: ClassVar = True
+    is_candidate: ClassVar = False
+    shift: ClassVar[int] = 0
+
+    on: Group = Field(description="group of materials")
+    sigma: float = number("σ, spread of the logarithm of the reflectance", ge=0, le=3)
+    skew: float = Field(
+        default=0.0, ge=0, le=10, description="how much deeper dark patches are than bright ones bright"
+    )
+    cell_m: float = number("c, cell of the field; its features are 2 to 128 cells large", unit="m", ge=0.005, le=10)
+
+    def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
+        """Returns scaled by the reflectance at their places."""
+        rows = rows_of_group(self.on, returns, shot)
+        places = points_on_surface(returns.take(rows), shot)
+        offset = (self.shift * (1 + GROUPS.index(self.on)), self.shift, 0)
+        value = field_at(places, self.cell_m, offset)
+        value += np.float32(self.skew) * np.minimum(value, 0)
+        intensity = returns.intensity.copy()
+        intensity[rows] *= np.exp(np.float32(self.sigma) * value)
+        return replace(returns, intensity=intensity)
+
+
+class ReflectanceField(_Field):
+    """I·exp(σ·h(f(p/c))) on a group of materials: patches, seams and wear of roads, soil in grass, stains.
+
+    f is fixed to the ground, to a building or to a moving object. What is noticed depends on it, too.
+    """
+
+    name: ClassVar = "reflectance_field"
+    phase: ClassVar = Phase.SURFACE
+    reference: ClassVar = "Perlin: An image synthesizer, SIGGRAPH 1985; correlation of neighbours in KITTI's scans"
+    example: ClassVar = {"on": "road", "sigma": 0.4, "skew": 1.0, "cell_m": 0.5}
+    shift: ClassVar = 37
+
+
+class SurfaceGrain(_Field):
+    """I·exp(σ·h(g(p/c))) on a group of materials, after it is decided what is noticed: grain of a few centimetres.
+
+    Finer than the beam it changes what is reported and not whether it is: zeros of KITTI's scans have smooth outlines
+    on surfaces whose intensities scatter from beam to beam.
+    """
+
+    name: ClassVar = "surface_grain"
+    phase: ClassVar = Phase.GRAIN
+    reference: ClassVar = "Perlin: An image synthesizer, SIGGRAPH 1985; differences of neighbours in KITTI's scans"
+    example: ClassVar = {"on": "vegetation", "sigma": 0.5, "cell_m": 0.01}
+    shift: ClassVar = 59

@@ -1,0 +1,64 @@
+"""Groups of materials that effects on surfaces name, and where on its own surface each return lies."""
+
+from __future__ import annotations
+
+import zlib
+from typing import Literal
+
+import numpy as np
+
+from assets.materials import MaterialTable
+from sensors.returns import Returns
+from sensors.shot import Shot
+
+Group = Literal["road", "ground", "vegetation", "building", "vehicle", "other"]
+_NAMES = {
+    "ground": ("kerb", "paving", "cobble", "gravel", "grass", "soil"),
+    "vegetation": ("bark", "foliage", "foliage_dark", "hedge"),
+    "building": (
+        *("plaster_white", "plaster_yellow", "plaster_grey", "plaster_red", "brick", "concrete", "stone"),
+        *("cladding_metal", "roof_tile", "roof_slate", "roof_flat", "window_frame", "room_interior", "door", "wood"),
+    ),
+    "vehicle": (
+        *("car_paint", "car_trim", "car_interior", "car_seat", "underbody", "tyre", "wheel_rim", "chrome", "mirror"),
+        *("tarpaulin", "cargo_box"),
+    ),
+}
+GROUPS: tuple[Group, ...] = ("road", "ground", "vegetation", "building", "vehicle", "other")
+
+
+def rows_of_group(group: Group, returns: Returns, shot: Shot) -> np.ndarray:
+    """Rows (k,) of the returns of surfaces of a group; `other` is what no group names, without retro-reflectors."""
+    return np.flatnonzero(_membership(group, shot.hits.table)[returns.material] & (returns.instance >= -1))
+
+
+def points_on_surface(returns: Returns, shot: Shot) -> np.ndarray:
+    """Places (m, 3) float32 of returns: in the world, or in the axes of the object that they are on [m].
+
+    Objects differ by a shift that their ids decide, so that two of one model have different surfaces.
+    """
+    points = shot.points_in_world(returns)
+    rows = np.flatnonzero(returns.instance >= 0)
+    if shot.world is None or not len(rows):
+        return points.astype(np.float32)
+    instances, row = shot.world.instances, returns.instance[rows]
+    on = returns.take(rows)
+    time_s = np.broadcast_to(shot.time_s(on), len(rows)).astype(np.float64)
+    arm = points[rows] - instances.poses[row, :3, 3] - instances.velocity_mps[row] * time_s[:, None]
+    angle = -instances.yaw_rate_radps[row] * time_s
+    cos, sin = np.cos(angle), np.sin(angle)
+    arm[:, 0], arm[:, 1] = cos * arm[:, 0] - sin * arm[:, 1], sin * arm[:, 0] + cos * arm[:, 1]
+    shift = np.array([zlib.crc32(name.encode()) % 4096 for name in instances.ids], float)[row]
+    points[rows] = np.einsum("nji,nj->ni", instances.poses[row, :3, :3], arm) + shift[:, None]
+    return points.astype(np.float32)
+
+
+def _membership(group: Group, table: MaterialTable) -> np.ndarray:
+    """(k,) bool by row of the material table."""
+    road, retro = table.column("road"), table.column("retro")
+    if group == "road":
+        return road & ~retro
+    if group == "other":
+        named = road | np.isin(table.names, [name for names in _NAMES.values() for name in names])
+        return ~named & ~retro
+    return np.isin(table.names, _NAMES[group])
