@@ -218,7 +218,7 @@ class Selection:
     simpler: float = 0.04  # share of the best exact gain that a simpler group may lack
     named: float = 0.1  # share that an effect of the catalogue may lack
     shared_share: float = 0.1  # of the largest gain of its family that a shared error must reach
-    inexact: float = 1e-3  # share of the largest gain to which no fit is exact
+    inexact: float = 1e-3  # share of the largest gain to which no fit in bins is exact
     follower_share: float = 0.01  # of the largest gain so far that a follower must reach
 
 

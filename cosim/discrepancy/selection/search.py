@@ -204,12 +204,14 @@ def needed_gain(group: Group, model: Model, settings: Settings) -> float:
     if not model.terms:
         return by.least_gain
     fitted = [term for term in model.terms if not term.group.is_shared]
-    largest = max((term.exact_gain for term in fitted), default=0.0)
-    approximate = [term.exact_gain for term in fitted if term.group.family == group.family and not term.group.is_effect]
+    family = [term for term in fitted if term.group.family == group.family]
     if group.is_shared:
-        family = [term.exact_gain for term in fitted if term.group.family == group.family]
-        return max(by.least_follower, by.shared_share * max(family, default=0.0), by.inexact * largest)
-    return max(by.least_follower, by.follower_share * max(approximate, default=0.0), by.inexact * largest)
+        return max(by.least_follower, by.shared_share * max((term.exact_gain for term in family), default=0.0))
+    in_bins = [term.exact_gain for term in fitted if not term.group.is_effect]
+    of_family = [term.exact_gain for term in family if not term.group.is_effect]
+    return max(
+        by.least_follower, by.follower_share * max(of_family, default=0.0), by.inexact * max(in_bins, default=0.0)
+    )
 
 
 @dataclass(frozen=True, eq=False)
