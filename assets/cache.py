@@ -1,11 +1,10 @@
-"""Results that are slow to make and follow from their arguments alone, kept on disk from one process to the next."""
+"""Results of slow functions that depend only on their arguments, stored on disk for the next process."""
 
 from __future__ import annotations
 
 import hashlib
 import logging
 import os
-import pickle
 import shutil
 import time
 from collections.abc import Callable
@@ -14,11 +13,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
+from assets.serialization import dumps, loads
+
 FOLDER = "COSIM_CACHE"
-"""Name of the environment variable that says where results are kept; empty: nowhere."""
+"""Name of the environment variable with the folder of stored results; empty: nothing is stored."""
 
 _OTHERS_KEPT_DAYS = 30
-_DAMAGED = (OSError, pickle.UnpicklingError, EOFError, ValueError, LookupError, TypeError, AttributeError, ImportError)
 _LIBRARIES = ("numpy", "scipy", "shapely", "mapbox-earcut", "embreex")
 
 _Arguments = ParamSpec("_Arguments")
@@ -29,11 +29,11 @@ _log = logging.getLogger(__name__)
 def cached(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
     """Keep a function's results in the user's cache folder.
 
-    They are kept apart by the code of `assets` and of the function's own package and by the libraries' versions, so
-    that nothing made by other code is ever read. Where the folder cannot be written, everything is made anew.
+    They are stored by the code of `assets` and of the function's own package and by the libraries' versions, so that
+    results of other code are never read. Where the folder cannot be written, every result is computed.
 
     Args:
-        function: depends on its arguments alone; they and its results can be pickled.
+        function: depends only on its arguments; its results are of types that `assets.serialization` allows.
     """
 
     @wraps(function)
@@ -43,15 +43,15 @@ def cached(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Res
             return function(*arguments, **named)
         from joblib import hash as content_hash
 
-        path = folder / f"{function.__name__}-{content_hash((arguments, named), hash_name='sha1')}.pickle"
+        path = folder / f"{function.__name__}-{content_hash((arguments, named), hash_name='sha1')}.npz"
         try:
-            return pickle.loads(path.read_bytes())
+            return loads(path.read_bytes())
         except FileNotFoundError:
             pass
-        except _DAMAGED as error:
-            _log.info("%s: made anew, because it cannot be read (%s)", path, error)
+        except (OSError, ValueError) as error:
+            _log.info("%s: computed again, because it cannot be read (%s)", path, error)
         result = function(*arguments, **named)
-        _write(path, pickle.dumps(result, pickle.HIGHEST_PROTOCOL))
+        _write(path, dumps(result))
         return result
 
     return call
@@ -69,7 +69,7 @@ def _folder(package: str, where: str | None) -> Path | None:
     try:
         if not folder.is_dir():
             _forget_others(root)
-            folder.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         os.utime(folder)
     except OSError as error:
         _log.info("%s: cannot be written (%s); nothing is kept there", root, error.strerror)

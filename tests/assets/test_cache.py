@@ -42,7 +42,7 @@ def test_the_same_arguments_are_asked_for_once(folder):
 def test_a_damaged_result_is_made_anew(folder):
     mesh = build_model("saloon_01")
     first = cached(stretched)(mesh, 2.0)
-    for path in folder.rglob("*.pickle"):
+    for path in folder.rglob("*.npz"):
         path.write_bytes(path.read_bytes()[:100])
     assert np.array_equal(cached(stretched)(mesh, 2.0).vertices, first.vertices)
     assert MADE == [2.0, 2.0]

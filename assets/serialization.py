@@ -1,0 +1,156 @@
+"""Values as bytes that hold data only: reading them runs no code.
+
+One `npz` file: the bytes of all arrays one after the other, and a JSON tree with their types and everything around
+them. Allowed are numbers, text, tuples, lists, dictionaries, sets, numpy arrays, shapely geometries, Delaunay
+triangulations and dataclasses of this project.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import zipfile
+from dataclasses import fields, is_dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+import shapely
+from scipy.spatial import Delaunay
+
+_PACKAGES = ("assets", "sumo_nets", "sensors", "tests")
+_DAMAGED = (
+    OSError, EOFError, LookupError, TypeError, AttributeError, ImportError, zipfile.BadZipFile,
+    shapely.errors.ShapelyError,
+)  # fmt: skip
+_PLAIN = (type(None), bool, int, float, str)
+_SEQUENCES: dict[str, Any] = {"tuple": tuple, "list": list, "set": set, "frozenset": frozenset}
+
+
+def dumps(value: Any) -> bytes:
+    """Bytes of a value. A part that occurs twice is stored once.
+
+    Raises:
+        TypeError: a part is of a type that is not allowed.
+    """
+    writer = _Writer()
+    tree = writer.encode(value)
+    text = np.frombuffer(json.dumps({"nodes": writer.nodes, "root": tree}).encode(), np.uint8)
+    buffer = io.BytesIO()
+    np.savez(buffer, tree=text, data=np.frombuffer(b"".join(writer.chunks), np.uint8))
+    return buffer.getvalue()
+
+
+def loads(data: bytes) -> Any:
+    """The value that `dumps` wrote.
+
+    Raises:
+        ValueError: the bytes are damaged, or name a class that is not a dataclass of this project.
+    """
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
+            head, values = json.loads(stored["tree"].tobytes()), stored["data"]
+        return _Reader(head["nodes"], values).decode(head["root"])
+    except _DAMAGED as error:
+        raise ValueError(f"not what was written: {error}") from error
+
+
+class _Writer:
+    """Encodes values; nodes are compound values by number, so that shared parts stay shared."""
+
+    def __init__(self) -> None:
+        self.nodes: list[dict[str, Any]] = []
+        self.chunks: list[bytes] = []
+        self._length = 0
+        self._numbers: dict[int, tuple[int, Any]] = {}  # by id; values are kept, so that ids stay theirs
+
+    def encode(self, value: Any) -> Any:
+        if isinstance(value, _PLAIN) and not isinstance(value, np.generic):
+            return value
+        if id(value) not in self._numbers:
+            node = self._node(value)
+            self._numbers[id(value)] = len(self.nodes), value
+            self.nodes.append(node)
+        return {"node": self._numbers[id(value)][0]}
+
+    def _node(self, value: Any) -> dict[str, Any]:
+        kind = type(value)
+        if isinstance(value, np.ndarray | np.generic):
+            if value.dtype.hasobject:
+                raise TypeError("arrays of objects cannot be stored")
+            start = self._stored(np.ascontiguousarray(value).tobytes())
+            return {"array": start, "dtype": value.dtype.str, "shape": list(value.shape),
+                    "scalar": isinstance(value, np.generic)}  # fmt: skip
+        if isinstance(value, shapely.Geometry):
+            data = shapely.to_wkb(value, include_srid=True)
+            return {"wkb": self._stored(data), "size": len(data)}
+        if kind is Delaunay:
+            parts = {**vars(value), "_qhull": None}  # a handle of the library, closed after the triangulation
+            return {"delaunay": {name: self.encode(part) for name, part in parts.items()}}
+        if kind.__name__ in _SEQUENCES and kind is _SEQUENCES[kind.__name__]:
+            return {kind.__name__: [self.encode(part) for part in value]}
+        if kind is dict:
+            return {"dict": [[self.encode(key), self.encode(part)] for key, part in value.items()]}
+        if is_dataclass(value) and kind.__module__.partition(".")[0] in _PACKAGES:
+            parts = {field.name: self.encode(getattr(value, field.name)) for field in fields(value)}
+            return {"class": f"{kind.__module__}:{kind.__qualname__}", "fields": parts}
+        raise TypeError(f"{kind.__module__}.{kind.__qualname__} cannot be stored")
+
+    def _stored(self, data: bytes) -> int:
+        """Where the bytes begin; at a multiple of 8."""
+        start = self._length
+        self.chunks += [data, bytes(-len(data) % 8)]
+        self._length += len(data) + -len(data) % 8
+        return start
+
+
+class _Reader:
+    """Decodes nodes in the order in which they were written: parts come before what holds them."""
+
+    def __init__(self, nodes: list[dict[str, Any]], data: np.ndarray) -> None:
+        self._data = data
+        self._values: list[Any] = []
+        for node in nodes:
+            self._values.append(self._value(node))
+
+    def decode(self, tree: Any) -> Any:
+        return self._values[tree["node"]] if isinstance(tree, dict) else tree
+
+    def _value(self, node: dict[str, Any]) -> Any:
+        if "array" in node:
+            kind, shape, start = np.dtype(node["dtype"]), tuple(node["shape"]), node["array"]
+            size = kind.itemsize * math.prod(shape)
+            array = self._data[start : start + size].view(kind).reshape(shape)
+            return array[()] if node["scalar"] else array
+        if "wkb" in node:
+            return shapely.from_wkb(self._data[node["wkb"] : node["wkb"] + node["size"]].tobytes())
+        if "delaunay" in node:
+            return _filled(Delaunay, {name: self.decode(part) for name, part in node["delaunay"].items()})
+        if "dict" in node:
+            return {self.decode(key): self.decode(part) for key, part in node["dict"]}
+        if "class" in node:
+            return _instance(node["class"], {name: self.decode(part) for name, part in node["fields"].items()})
+        (name, parts), *_ = node.items()
+        return _SEQUENCES[name](self.decode(part) for part in parts)
+
+
+def _instance(name: str, parts: dict[str, Any]) -> Any:
+    """A dataclass of this project with given fields; its checks do not run again."""
+    module, _, qualified = name.partition(":")
+    if module.partition(".")[0] not in _PACKAGES:
+        raise ValueError(f"{name} is not a class of this project")
+    kind: Any = import_module(module)
+    for part in qualified.split("."):
+        kind = getattr(kind, part)
+    if not (isinstance(kind, type) and is_dataclass(kind)):
+        raise ValueError(f"{name} is not a dataclass")
+    return _filled(kind, parts)
+
+
+def _filled(kind: Any, parts: dict[str, Any]) -> Any:
+    """An object with given attributes, made without its constructor."""
+    value = object.__new__(kind)
+    for name, part in parts.items():
+        object.__setattr__(value, name, part)
+    return value
