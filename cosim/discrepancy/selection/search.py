@@ -374,7 +374,7 @@ def _simplest(trials: Sequence[_Trial], settings: Settings) -> _Trial:
         trial
         for trial in trials
         if trial.result.group.is_effect
-        and trial.result.group.size <= 2
+        and trial.result.group.size <= max(best.result.group.size, 2)
         and trial.gain > (1 - by.named) * best.gain
         and trial.worth > 0
     ]
