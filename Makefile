@@ -24,6 +24,8 @@ check: setup-dev
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m pyright
+	.venv/bin/lint-imports
+	.venv/bin/codespell README.md CHANGELOG.md CONTRIBUTING.md docs assets sumo_nets sensors cosim training tests tools
 	$(PYTHON) -m pytest -n 2 --dist worksteal
 
 docs:
