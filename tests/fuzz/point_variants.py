@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -231,7 +232,8 @@ def _array(path: Path, columns: dict[str, np.ndarray], kind: str) -> None:
 
 
 def _archive(path: Path, columns: dict[str, np.ndarray], kind: str) -> None:
-    np.savez(path, **columns)  # type: ignore[arg-type]
+    stored: dict[str, Any] = dict(columns)
+    np.savez(path, **stored)
 
 
 def _pcd(path: Path, columns: dict[str, np.ndarray], form: str) -> None:
