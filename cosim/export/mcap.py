@@ -1,8 +1,8 @@
 """ROS 2 messages in MCAP files: scans, images with their calibration, and poses; a file a sequence.
 
 sensor_msgs/PointCloud2, CompressedImage and CameraInfo, tf2_msgs/TFMessage as ROS 2 Humble defines them. Frames of
-reference are `map`, `base_link`, `lidar`, `lidar_NAME` of those beside the first and the cameras' names, and `world` where
-the network's files have other coordinates than the twin; stamps count from the beginning of the simulation.
+reference are `map`, `base_link`, `lidar`, `lidar_NAME` of those beside the first and the cameras' names, and `world`
+where the network's files have other coordinates than the twin; stamps count from the beginning of the simulation.
 """
 
 from __future__ import annotations

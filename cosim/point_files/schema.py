@@ -293,7 +293,10 @@ def _roles_of_unnamed(samples: Sequence[Columns], keys: list[str], source: str, 
             spare.append(key)
         else:
             found[role] = key
-    likely = next((key for key in spare if _has_intensities(clouds, key)), None)
+    spreads = {key: _spread(clouds, key) for key in spare}
+    possible = [key for key, (_, high) in spreads.items() if high <= _WORD * 1.001]  # stamps are larger
+    varied = [key for key in possible if spreads[key][0] < spreads[key][1]]
+    likely = next(iter([*varied, *possible]), None)
     if likely is not None and _may_be_intensity(clouds, likely, source, keys):
         found["intensity"] = likely
         spare.remove(likely)
@@ -301,7 +304,7 @@ def _roles_of_unnamed(samples: Sequence[Columns], keys: list[str], source: str, 
     if len(keys) != 4 or list(found) != ["x", "y", "z", "intensity"]:
         notes.append(f"{len(keys)} columns without names: {told}")
     for key in spare:
-        low, high = _spread(clouds, key)
+        low, high = spreads[key]
         notes.append(
             f"{key} ({low:.4g} to {high:.4g}) is not used: its values neither separate elevations as laser numbers do "
             f"nor "
@@ -325,16 +328,6 @@ def _proves(clouds: Sequence[_Cloud], key: str, role: str) -> bool:
             span = float(np.ptp(values[usual])) if usual.any() else 0.0
             verdicts.append(_sweep_unit(span) > 0 and not are_laser_numbers(values) and grows_along_firing(xyz, values))
     return bool(verdicts) and 2 * sum(verdicts) > len(verdicts)
-
-
-def _has_intensities(clouds: Sequence[_Cloud], key: str) -> bool:
-    """Whether values differ and are no larger than intensities of any unit."""
-    flat = np.concatenate([cloud.columns[key][cloud.good].astype(np.float64) for cloud in clouds])
-    flat = flat[np.isfinite(flat)]
-    if not len(flat):
-        return False
-    low, high = np.quantile(flat, [1 - _BRIGHT, _BRIGHT])
-    return bool(low < high <= _WORD * 1.001)
 
 
 def _may_be_intensity(clouds: Sequence[_Cloud], key: str, source: str, keys: list[str]) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -111,7 +112,7 @@ def store(scans: list[Points], rng: np.random.Generator, drawn: list[str]) -> tu
     drawn += [suffix, f"axes {axes}", f"{metres:g} m", f"{order} order", f"intensity {bright}" if has_intensity else ""]
     drawn += [f"{', '.join(extra)} {'first' if first else 'last'}", f"clock in {clock} from {epoch:g} s"]
     # A head that turns the other way and a mirrored axis cancel: no reader can tell such a scan from a usual one.
-    counter_clockwise = rng.random() < 0.05 and np.linalg.det(_AXES[axes]) > 0
+    counter_clockwise = bool(rng.random() < 0.05 and np.linalg.det(_AXES[axes]) > 0)
     world = rng.random() < 0.03
     for number, scan in enumerate(scans):
         rows = np.arange(len(scan.true))
@@ -231,7 +232,8 @@ def _array(path: Path, columns: dict[str, np.ndarray], kind: str) -> None:
 
 
 def _archive(path: Path, columns: dict[str, np.ndarray], kind: str) -> None:
-    np.savez(path, **columns)  # type: ignore[arg-type]
+    stored: dict[str, Any] = dict(columns)
+    np.savez(path, **stored)
 
 
 def _pcd(path: Path, columns: dict[str, np.ndarray], form: str) -> None:

@@ -14,7 +14,7 @@ _AXES = ("x", "y", "z")
 
 
 def read_origins(base: Path) -> dict[str, np.ndarray]:
-    """Offsets (3,) float64 [m] by town from `twin/origin.yaml`; under "" where a drive has one town. None without a file.
+    """Offsets (3,) float64 [m] by town from `twin/origin.yaml`; under "" where it has one town. None without a file.
 
     Raises:
         FormatError: the file is no YAML, or an offset is no number.

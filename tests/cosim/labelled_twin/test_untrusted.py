@@ -91,6 +91,6 @@ def test_a_mount_too_low_for_its_rings_is_told(tmp_path, capsys):
 
 def test_points_with_z_down_are_told(tmp_path, pattern, capsys):
     points = scan(flat)[0]
-    drive = write_drive(tmp_path / "drive", points * np.float32([-1, 1, -1, 1]))
+    drive = write_drive(tmp_path / "drive", points * np.array([-1, 1, -1, 1], np.float32))
     upside_down = write_pattern(pattern.with_name("down.yaml"), -np.degrees(ELEVATION_RAD))
     assert "the z axis points down to the ground" in refusal(drive, upside_down, capsys)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -103,7 +104,8 @@ def test_rows_that_are_no_returns_are_left_out_and_counted(tmp_path: Path) -> No
 
 def test_the_scale_of_intensities_follows_the_field_and_the_user(tmp_path: Path) -> None:
     rows = points()
-    wide = rows.astype([(name, "<u2" if name == "intensity" else kind) for name, kind in STRUCTURE.descr])
+    kinds = {name: "<u2" if name == "intensity" else STRUCTURE[name].str for name in STRUCTURE.names or ()}
+    wide = rows.astype(list(kinds.items()))
     wide["intensity"] = wide["intensity"] * 200
     write(tmp_path / "a.npy", wide)
     recording = open_recording(tmp_path)
@@ -117,7 +119,8 @@ def test_the_scale_of_intensities_follows_the_field_and_the_user(tmp_path: Path)
 @pytest.mark.parametrize(("name", "unit"), [("time", 1.0), ("timestamp", 1e-3), ("offset_time", 1e-9)])
 def test_the_unit_of_times_is_that_in_which_a_scan_lasts_a_sweep(tmp_path: Path, name: str, unit: float) -> None:
     rows = points()
-    np.savez(tmp_path / "a.npz", x=rows["x"], y=rows["y"], z=rows["z"], **{name: 77 + rows["t"] * 1e-9 / unit})
+    columns: dict[str, Any] = {axis: rows[axis] for axis in "xyz"} | {name: 77 + rows["t"] * 1e-9 / unit}
+    np.savez(tmp_path / "a.npz", **columns)
     time_s = open_recording(tmp_path)[0].time_s
     assert time_s is not None
     np.testing.assert_allclose(time_s, rows["t"] * 1e-9, atol=1e-6)
@@ -153,7 +156,8 @@ def write(file: Path, rows: np.ndarray) -> None:
     elif file.suffix == ".npy":
         np.save(file, rows)
     elif file.suffix == ".npz":
-        np.savez(file, **{name: rows[name] for name in names})
+        columns: dict[str, Any] = {name: rows[name] for name in names}
+        np.savez(file, **columns)
     elif file.suffix == ".pcd":
         kinds = [rows.dtype[name].type for name in names]
         pytest.importorskip("pypcd4").PointCloud.from_points([rows[n] for n in names], names, kinds).save(file)
@@ -166,7 +170,8 @@ def write(file: Path, rows: np.ndarray) -> None:
 
 def ply(rows: np.ndarray, form: str) -> bytes:
     kinds = {"f4": "float", "u1": "uchar", "u2": "ushort", "u4": "uint"}
-    properties = "".join(f"property {kinds[kind[1:]]} {name}\n" for name, kind in rows.dtype.descr)
+    stored = rows.dtype
+    properties = "".join(f"property {kinds[stored[name].str[1:]]} {name}\n" for name in stored.names or ())
     return f"ply\nformat {form} 1.0\nelement vertex {len(rows)}\n{properties}end_header\n".encode()
 
 
