@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 STEP_S = 0.1
+_PARKING = 2  # bit of SUMO's stop state
 _PLAIN = {
     "speed": (1.0, 0.05),  # middle and half width of uniform draws
     "gap": (2.0, 0.5),
@@ -50,7 +51,7 @@ def make(
         for name in libsumo.vehicle.getIDList():
             _wish(libsumo, name, habit, rng, wishes, seen)
             if step >= round(20 / step_s):
-                stands = libsumo.vehicle.isStoppedParking(name)
+                stands = libsumo.vehicle.getStopState(name) & _PARKING
                 if stands and step % 50:
                     continue
                 x, y = libsumo.vehicle.getPosition(name)
@@ -66,7 +67,7 @@ def make(
 
 def _wish(libsumo, name, habit, rng, wishes, seen) -> None:
     """Now and then somebody changes lanes for no reason, about once a road with a chance."""
-    if not habit["change_per_edge"] or libsumo.vehicle.isStoppedParking(name):
+    if not habit["change_per_edge"] or libsumo.vehicle.getStopState(name) & _PARKING:
         return
     edge = libsumo.vehicle.getRoadID(name)
     if edge[:1] == ":":
