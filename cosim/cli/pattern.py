@@ -49,10 +49,16 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     say_notes((*recording.notes, *found.notes), console)
     lasers = found.lasers
     console.print(
-        f"{options.out}: {len(lasers)} lasers, {lasers.elevation_deg[0]:+.2f}° to {lasers.elevation_deg[-1]:+.2f}°, "
+        f"{options.out}: {len(lasers)} lasers{_or(found.alternatives)}, "
+        f"{lasers.elevation_deg[0]:+.2f}° to {lasers.elevation_deg[-1]:+.2f}°, "
         f"{found.turning.firings} firings a turn, {lasers.share:.1%} of the points on a beam; page {page}",
         soft_wrap=True,
         highlight=False,
         markup=False,
     )
     write_json(options.json, {**found.as_json(), "out": str(options.out), "page": str(page)})
+
+
+def _or(counts: tuple[int, ...]) -> str:
+    """Other counts that the points allow, in words."""
+    return f" (or {' or '.join(map(str, counts))})" if counts else ""

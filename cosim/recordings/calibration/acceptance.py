@@ -120,7 +120,7 @@ def _transfers(rounds: Sequence[Round], scores: Sequence[dict[str, Scores]]) -> 
 
 
 def _why_not(change: Change | None, rounds: Sequence[Round]) -> str:
-    if not any(one.findings or one.unknowns or one.refitted for one in rounds):
+    if not any(one.findings or one.unknowns for one in rounds):
         return "nothing was found that your file lacks"
     if change is None:
         said = "too few untouched scans can be compared (three are needed): record thirty scans or more"

@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 
 from cosim.recordings.folder import name_numbers
-from cosim.recordings.pattern.lasers import NEAREST_M, Lasers, find_lasers, nearest_laser, ring_lasers
+from cosim.recordings.pattern.lasers import (
+    NEAREST_M,
+    Lasers,
+    find_lasers,
+    nearest_laser,
+    ring_lasers,
+    rounding_m,
+)
 from cosim.recordings.pattern.turning import Turning, find_turning
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import RecordingError, Scan
@@ -27,6 +34,7 @@ _MISSING = 1.5  # times the span of points' times, from which the interval betwe
 _RING_MISFIT_DEG = 0.05
 _BLOCKS_APART_M = 0.01
 _FEWEST_POINTS = 200
+_WEAK_LASER, _CLOSE_LASERS = 0.1, 0.2  # of the usual points of a laser, and of the usual distance of two
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +49,7 @@ class FoundPattern:
         points: in them.
         share_by_scan: (scans,) share of each scan's points on a beam.
         block_centre_m: heights of the optical centres of the blocks, the upper first; one or two.
+        alternatives: other counts of lasers that the points allow; empty where the count is certain.
         notes: what could not be told, a sentence each.
     """
 
@@ -52,11 +61,13 @@ class FoundPattern:
     share_by_scan: np.ndarray
     block_centre_m: tuple[float, ...]
     notes: tuple[str, ...]
+    alternatives: tuple[int, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """For `--json`."""
         return {
             "lasers": len(self.lasers),
+            "lasers_alternatives": list(self.alternatives),
             "elevation_deg": self.lasers.elevation_deg.round(4).tolist(),
             "elevation_sd_deg": self.lasers.elevation_sd_deg.round(5).tolist(),
             "misfit_deg": self.lasers.misfit_deg.round(5).tolist(),
@@ -116,13 +127,19 @@ def find_pattern(
         azimuth_offset_deg=tuple(turning.fan_deg.tolist()),
         block=tuple(blocks.tolist()),
     )
-    return FoundPattern(pattern, lasers, turning, len(scans), points, shares, centres, tuple(notes))
+    others = _other_counts(scans, lasers)
+    if others:
+        words = " or ".join(map(str, others))
+        notes.insert(0, f"{len(lasers)} lasers are not certain: the points allow {words}, too; give --pattern if known")
+    return FoundPattern(pattern, lasers, turning, len(scans), points, shares, centres, tuple(notes), others)
 
 
 def beams_of(scan: Scan, lines: np.ndarray) -> np.ndarray:
     """Row of the laser (lines (k, 2) as `Lasers.lines`) that each point of a scan comes from, (n,) int; −1 for none."""
-    which, off = nearest_laser(scan.flat_range_m, scan.xyz[:, 2], lines)
-    return np.where(np.abs(off) < np.radians(_ON_BEAM_DEG), which, -1)
+    rho = scan.flat_range_m
+    which, off = nearest_laser(rho, scan.xyz[:, 2], lines)
+    blurred = rounding_m(scan.xyz) / np.maximum(rho, NEAREST_M / 2)
+    return np.where(np.abs(off) < np.radians(_ON_BEAM_DEG) + blurred, which, -1)
 
 
 def _lasers(scans: list[Scan]) -> tuple[Lasers, list[str]]:
@@ -130,10 +147,12 @@ def _lasers(scans: list[Scan]) -> tuple[Lasers, list[str]]:
     rho = np.concatenate([scan.flat_range_m for scan in scans])
     height = np.concatenate([scan.xyz[:, 2] for scan in scans])
     number = np.repeat(np.arange(len(scans)), [len(scan) for scan in scans])
-    found = find_lasers(rho, height, number)
+    rounding = min(rounding_m(scan.xyz) for scan in scans)
+    found = find_lasers(rho, height, number, rounding)
+    how = [f"coordinates are multiples of {rounding:g} m: only far points tell elevations"] if rounding else []
     rings = [scan.ring for scan in scans if scan.ring is not None]
     if len(rings) < len(scans):
-        return found, []
+        return found, how
     ring = np.concatenate(rings)
     if ring.min() < 0 or ring.max() > 255:
         return found, [f"ring numbers run from {ring.min()} to {ring.max()}: not used"]
@@ -147,6 +166,24 @@ def _lasers(scans: list[Scan]) -> tuple[Lasers, list[str]]:
         return found, []
     said = f"the recording numbers {told} lasers; points alone show {len(found)}: its numbers are used"
     return numbered, [said]
+
+
+def _other_counts(scans: list[Scan], lasers: Lasers) -> tuple[int, ...]:
+    """Other counts of lasers that the evidence allows.
+
+    Without lasers that few points show, without lines much nearer to each other than is usual, and by the numbers in
+    the recording.
+    """
+    counts, points = set[int](), lasers.points
+    strong = points > _WEAK_LASER * np.median(points)
+    counts.add(int(strong.sum()))
+    gaps = -np.diff(lasers.elevation_deg[strong])
+    if len(gaps) > 2:
+        counts.add(int(1 + np.sum(gaps > _CLOSE_LASERS * np.median(gaps))))
+    numbers = [scan.ring for scan in scans if scan.ring is not None]
+    if len(numbers) == len(scans):
+        counts.add(len(np.unique(np.concatenate(numbers))))
+    return tuple(sorted(counts - {len(lasers), 0}))
 
 
 def _assigned(scans: list[Scan], lasers: Lasers) -> tuple[list[np.ndarray], np.ndarray]:

@@ -17,6 +17,7 @@ _CENTRES_M = np.arange(-0.30, 0.3001, 0.01)
 _LOWEST_DEG, _HIGHEST_DEG = -90.0, 90.0
 NEAREST_M = 1.0  # from the axis; nearer points tell elevations badly
 _MOST_POINTS = 600_000
+_ROUNDINGS_M, _ROUNDED_POINTS = (0.1, 0.05, 0.02, 0.01, 0.005), 300  # finer steps blur nothing beyond a metre or two
 _MOST_LASERS = 256
 _HALF_WIDTH_DEG = 0.06  # of the strip about a peak whose points are fitted
 _SAME_DEG = 0.05  # two lines nearer than this at ten metres are one laser and its outskirts
@@ -58,14 +59,37 @@ class Lasers:
         return np.column_stack([np.radians(self.elevation_deg), self.centre_m])
 
 
-def find_lasers(flat_range_m: np.ndarray, height_m: np.ndarray, scan: np.ndarray) -> Lasers:
+def rounding_m(xyz: np.ndarray) -> float:
+    """The step [m] that coordinates (n, 3) are multiples of, as in files with few decimals; 0 where there is none."""
+    values = np.abs(xyz[:: max(1, len(xyz) // _ROUNDED_POINTS)]).ravel()
+    values = values[values > 0]
+    if len(values) < _ROUNDED_POINTS:
+        return 0.0
+    for step in _ROUNDINGS_M:
+        off = np.abs(values / step - np.round(values / step))
+        if np.mean(off < np.maximum(1e-3, 1e-6 * values / step)) > 0.99:
+            return step
+    return 0.0
+
+
+def find_lasers(flat_range_m: np.ndarray, height_m: np.ndarray, scan: np.ndarray, rounding: float = 0.0) -> Lasers:
     """The lasers that points come from.
 
     Args:
         flat_range_m: (n,) distance from the sensor's axis.
         height_m: (n,) height above its origin.
         scan: (n,) int number of the scan of each point.
+        rounding: step of the coordinates [m]: points so near that it blurs their elevation take no part.
     """
+    nearest = max(NEAREST_M, rounding / 2 / np.tan(np.radians(_HALF_WIDTH_DEG)))
+    if nearest > NEAREST_M:
+        used, half = flat_range_m > nearest, 2 * _HALF_WIDTH_DEG
+        rho, z, scan = flat_range_m[used], height_m[used], scan[used]
+        step = max(1, -(-len(rho) // _MOST_POINTS))
+        lines = _peel(rho[::step], z[::step], _CENTRES_M, half_deg=half)
+        if not len(lines):
+            return _none()
+        return _own_points(fit_lasers(rho, z, scan, lines, half_deg=half), rho, z, scan, half)
     far = flat_range_m > NEAREST_M
     rho, z = flat_range_m[far], height_m[far]
     step = max(1, -(-len(rho) // _MOST_POINTS))
@@ -81,13 +105,15 @@ def find_lasers(flat_range_m: np.ndarray, height_m: np.ndarray, scan: np.ndarray
     return _own_points(fit_lasers(rho, z, scan, np.concatenate([found.lines, lines])), rho, z, scan)
 
 
-def _own_points(found: Lasers, rho: np.ndarray, z: np.ndarray, scan: np.ndarray) -> Lasers:
+def _own_points(
+    found: Lasers, rho: np.ndarray, z: np.ndarray, scan: np.ndarray, half_deg: float = _HALF_WIDTH_DEG
+) -> Lasers:
     """Lasers fitted anew without those that are a few strays beside a strong one."""
     for _ in range(3):
         kept = _kept(found)
         if kept.all():
             break
-        found = fit_lasers(rho, z, scan, found.lines[kept])
+        found = fit_lasers(rho, z, scan, found.lines[kept], half_deg=half_deg)
     return found
 
 
@@ -125,24 +151,32 @@ def ring_lasers(flat_range_m: np.ndarray, height_m: np.ndarray, scan: np.ndarray
     return _described(table, which[known], off[known], scan[known])
 
 
-def fit_lasers(rho: np.ndarray, z: np.ndarray, scan: np.ndarray, lines: np.ndarray, rounds: int = 3) -> Lasers:
+def fit_lasers(
+    rho: np.ndarray,
+    z: np.ndarray,
+    scan: np.ndarray,
+    lines: np.ndarray,
+    rounds: int = 3,
+    half_deg: float = _HALF_WIDTH_DEG,
+) -> Lasers:
     """Lasers refined on all points: each point to its nearest line, each line through its points.
 
     Args:
         rho, z, scan: (n,) as in `find_lasers`.
         lines: (k, 2) elevations [rad] and centres [m] to begin with.
         rounds: of assigning and fitting.
+        half_deg: half width of the strip about a line whose points are its own.
     """
     lines = lines[np.argsort(-lines[:, 0])]
     off, which = np.zeros(0), np.zeros(0, int)
     for _ in range(rounds):
         which, off = nearest_laser(rho, z, lines)
         for row in range(len(lines)):
-            mine = np.flatnonzero((which == row) & (np.abs(off) < np.radians(_HALF_WIDTH_DEG)))
+            mine = np.flatnonzero((which == row) & (np.abs(off) < np.radians(half_deg)))
             if len(mine) >= _LEAST_POINTS:
                 lines[row] = _robust_line(rho[mine], z[mine], lines[row])
     which, off = nearest_laser(rho, z, lines)
-    return _described(lines, which, off, scan)
+    return _described(lines, which, off, scan, half_deg)
 
 
 def nearest_laser(rho: np.ndarray, z: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -160,14 +194,22 @@ def nearest_laser(rho: np.ndarray, z: np.ndarray, lines: np.ndarray) -> tuple[np
     return best, off
 
 
-def _peel(rho: np.ndarray, z: np.ndarray, centres: np.ndarray, known: Lasers | None = None) -> np.ndarray:
+def _peel(
+    rho: np.ndarray,
+    z: np.ndarray,
+    centres: np.ndarray,
+    known: Lasers | None = None,
+    half_deg: float = _HALF_WIDTH_DEG,
+) -> np.ndarray:
     """Lines (k, 2) through points (n,), the strongest first.
 
     Args:
         rho, z: of the points.
         centres: heights of optical centres to try [m].
         known: lasers whose points are not among these.
+        half_deg: half width of the strip about a line whose points are its own.
     """
+    blurred = half_deg > _HALF_WIDTH_DEG  # a laser whose points are all about as far draws many lines through them
     votes = _votes(rho, z, centres)
     lines: list[np.ndarray] = [] if known is None else list(known.lines)
     counts: list[int] = [] if known is None else known.points.tolist()
@@ -182,11 +224,13 @@ def _peel(rho: np.ndarray, z: np.ndarray, centres: np.ndarray, known: Lasers | N
             break
         elevation = np.radians(_LOWEST_DEG + (cell + 1.5) * _CELL_DEG)
         guess = np.array([elevation, centres[row]])
-        strip = np.flatnonzero(np.abs(np.arctan2(z - guess[1], rho) - elevation) < np.radians(_HALF_WIDTH_DEG))
+        strip = np.flatnonzero(np.abs(np.arctan2(z - guess[1], rho) - elevation) < np.radians(half_deg))
         line = _robust_line(rho[strip], z[strip], guess) if len(strip) >= _LEAST_POINTS else guess
-        mine = np.abs(np.arctan2(z - line[1], rho) - line[0]) < np.radians(_HALF_WIDTH_DEG)
+        mine = np.abs(np.arctan2(z - line[1], rho) - line[0]) < np.radians(half_deg)
         mine[strip] |= np.abs(np.arctan2(z[strip] - guess[1], rho[strip]) - elevation) < np.radians(2 * _CELL_DEG)
-        if _is_new(line, lines) and _stands_out(votes[row], int(cell) + 1, peak):
+        if _is_new(line, lines, float(np.median(rho[mine])) if blurred and mine.any() else _AT_M) and _stands_out(
+            votes[row], int(cell) + 1, peak
+        ):
             lines.append(line)
             counts.append(int(mine.sum()))
         else:
@@ -214,13 +258,16 @@ def _votes(rho: np.ndarray, z: np.ndarray, centres: np.ndarray) -> np.ndarray:
     return votes
 
 
-def _is_new(line: np.ndarray, lines: list[np.ndarray]) -> bool:
+def _is_new(line: np.ndarray, lines: list[np.ndarray], at_m: float) -> bool:
+    """Whether a line is none of some others, ten metres away and at another distance."""
     if not lines:
         return True
     known = np.array(lines)
-    heights = known[:, 1] + _AT_M * np.tan(known[:, 0])
-    apart = np.abs(heights - line[1] - _AT_M * np.tan(line[0])) / _AT_M
-    return bool(np.degrees(apart.min()) > _SAME_DEG)
+    apart = [
+        np.degrees(np.abs(known[:, 1] - line[1] + away * (np.tan(known[:, 0]) - np.tan(line[0]))) / away).min()
+        for away in (_AT_M, at_m)
+    ]
+    return bool(apart[0] > _SAME_DEG and apart[1] > (2 * _HALF_WIDTH_DEG if at_m != _AT_M else _SAME_DEG))
 
 
 def _stands_out(row: np.ndarray, cell: int, peak: int) -> bool:
@@ -250,9 +297,11 @@ def _robust_line(rho: np.ndarray, z: np.ndarray, start: np.ndarray) -> np.ndarra
     return np.array([elevation, centre])
 
 
-def _described(lines: np.ndarray, which: np.ndarray, off: np.ndarray, scan: np.ndarray) -> Lasers:
+def _described(
+    lines: np.ndarray, which: np.ndarray, off: np.ndarray, scan: np.ndarray, half_deg: float = _HALF_WIDTH_DEG
+) -> Lasers:
     count = len(lines)
-    on = np.abs(off) < np.radians(_HALF_WIDTH_DEG)
+    on = np.abs(off) < np.radians(half_deg)
     misfit, error = np.zeros(count), np.zeros(count)
     for row in range(count):
         mine = np.flatnonzero(on & (which == row))
