@@ -77,5 +77,5 @@ class SurfaceGrain(_Field):
     name: ClassVar = "surface_grain"
     phase: ClassVar = Phase.GRAIN
     reference: ClassVar = "Perlin: An image synthesizer, SIGGRAPH 1985; differences of neighbours in KITTI's scans"
-    example: ClassVar = {"surfaces": "vegetation", "sigma": 0.5, "cell_m": 0.01}
+    example: ClassVar = {"surfaces": "road", "sigma": 0.3, "cell_m": 0.03}
     shift: ClassVar = 59
