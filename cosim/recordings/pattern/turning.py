@@ -23,6 +23,7 @@ Order = Literal["ring by ring", "firing by firing", "unordered"]
 _BINS = 1 << 17  # of azimuth, for the spectrum
 _FEWEST, _MOST = 180, 8192  # firings a turn
 _CLEAR = 0.5  # of the amplitude that a perfect grid would have
+_EQUAL = 0.95  # of the clearest line's amplitude
 _STEPS = (0.25, 1.4)  # distances between neighbours that are one step
 _RUN_SHARE = 0.9
 _FEWEST_OF_RING = 100  # points in a row that are a ring, or a part of it
@@ -108,7 +109,11 @@ def _spectrum(scans: Sequence[Scan], which: Sequence[np.ndarray], lasers: int, r
     low, high = max(_FEWEST, round(0.8 * rate)), min(_MOST, round(1.25 * rate) + 1)
     if high <= low or total[low:high].max() < _CLEAR:
         return 0, np.zeros(lasers)
-    best = low + int(total[low:high].argmax())
+    # An encoder of T ticks shows N firings and T − N alike: of equally clear lines the nearest to the usual distance.
+    clear = low + np.flatnonzero(total[low:high] > _EQUAL * total[low:high].max())
+    lines_apart = np.split(clear, np.flatnonzero(np.diff(clear) > 1) + 1)
+    tops = [int(line[total[line].argmax()]) for line in lines_apart]
+    best = min(tops, key=lambda top: abs(top - rate))
     # azimuth bins begin at −π; a phase of 0 is a firing at azimuth π
     return best, np.angle(lines[:, best] * np.exp(1j * np.pi * best / _BINS))
 

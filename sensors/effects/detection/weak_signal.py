@@ -21,7 +21,8 @@ class WeakSignal(EchoEffect):
     In KITTI's scans lasers differ little in what they report of bright surfaces (nine tenths lie below 0.29 to 0.46)
     and much in their weak reports: those of a weak laser spread from 0.03 to 0.31 on a road where a strong one reports
     0.27 to 0.42. Zeros come in patches: a zero follows a zero in 93 % of cases and another value in 1 %. So what
-    decides is smooth in space: f is a Gaussian random field of unit variance, fixed to the surface. Retro-reflectors are excepted.
+    decides is smooth in space: f is a Gaussian random field of unit variance, fixed to the surface; retro-reflectors
+    are excepted.
     """
 
     name: ClassVar = "weak_signal"

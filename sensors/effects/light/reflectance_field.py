@@ -35,7 +35,7 @@ class _Field(EchoEffect):
     is_candidate: ClassVar = False
     shift: ClassVar[int] = 0
 
-    on: Group = Field(description="group of materials")
+    surfaces: Group = Field(description="group of materials")
     sigma: float = number("σ, spread of the logarithm of the reflectance", ge=0, le=3)
     skew: float = Field(
         default=0.0, ge=0, le=10, description="how much deeper dark patches are than bright ones bright"
@@ -44,9 +44,9 @@ class _Field(EchoEffect):
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Returns scaled by the reflectance at their places."""
-        rows = rows_of_group(self.on, returns, shot)
+        rows = rows_of_group(self.surfaces, returns, shot)
         places = points_on_surface(returns.take(rows), shot)
-        offset = (self.shift * (1 + GROUPS.index(self.on)), self.shift, 0)
+        offset = (self.shift * (1 + GROUPS.index(self.surfaces)), self.shift, 0)
         value = field_at(places, self.cell_m, offset)
         value += np.float32(self.skew) * np.minimum(value, 0)
         intensity = returns.intensity.copy()
@@ -63,7 +63,7 @@ class ReflectanceField(_Field):
     name: ClassVar = "reflectance_field"
     phase: ClassVar = Phase.SURFACE
     reference: ClassVar = "Perlin: An image synthesizer, SIGGRAPH 1985; correlation of neighbours in KITTI's scans"
-    example: ClassVar = {"on": "road", "sigma": 0.4, "skew": 1.0, "cell_m": 0.5}
+    example: ClassVar = {"surfaces": "road", "sigma": 0.4, "skew": 1.0, "cell_m": 0.5}
     shift: ClassVar = 37
 
 
@@ -77,5 +77,5 @@ class SurfaceGrain(_Field):
     name: ClassVar = "surface_grain"
     phase: ClassVar = Phase.GRAIN
     reference: ClassVar = "Perlin: An image synthesizer, SIGGRAPH 1985; differences of neighbours in KITTI's scans"
-    example: ClassVar = {"on": "vegetation", "sigma": 0.5, "cell_m": 0.01}
+    example: ClassVar = {"surfaces": "road", "sigma": 0.3, "cell_m": 0.03}
     shift: ClassVar = 59

@@ -16,8 +16,8 @@ from sensors.shot import Shot
 class RangeTail(NoiseEffect):
     """R + σ·t·√((ν − 2)/ν), t of Student's distribution with ν degrees of freedom: standard deviation σ, heavy tails.
 
-    On smooth road of KITTI's scans the steps of range between neighbours have a 90 % quantile of 2.8 times their median;
-    normal noise has 2.4 times. Lasers and surfaces that differ in noise make such a mixture.
+    On smooth road of KITTI's scans the steps of range between neighbours have a 90 % quantile of 2.8 times their
+    median; normal noise has 2.4 times. Lasers and surfaces that differ in noise make such a mixture.
     """
 
     name: ClassVar = "range_tail"

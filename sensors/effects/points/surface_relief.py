@@ -34,10 +34,16 @@ class SurfaceRelief(PointEffect):
     confusable_with: ClassVar = ("range_noise", "foliage_depth")
     needs_new_rays: ClassVar = True  # places on moving objects need their poses
     repeatable: ClassVar = True
-    example: ClassVar = {"on": "road", "coarse_sigma_m": 0.004, "coarse_m": 0.2, "fine_sigma_m": 0.002, "fine_m": 0.03}
+    example: ClassVar = {
+        "surfaces": "road",
+        "coarse_sigma_m": 0.004,
+        "coarse_m": 0.2,
+        "fine_sigma_m": 0.002,
+        "fine_m": 0.03,
+    }
     is_candidate: ClassVar = False
 
-    on: Group = Field(description="group of materials")
+    surfaces: Group = Field(description="group of materials")
     coarse_sigma_m: float = number("σ_c, height of the coarse relief", unit="m", ge=0, le=1)
     coarse_m: float = number("c, cell of the coarse relief", unit="m", ge=0.01, le=10)
     fine_sigma_m: float = number("σ_f, height of the fine relief", unit="m", ge=0, le=1)
@@ -45,10 +51,10 @@ class SurfaceRelief(PointEffect):
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Returns of the displaced surfaces."""
-        rows = rows_of_group(self.on, returns, shot)
+        rows = rows_of_group(self.surfaces, returns, shot)
         rough = returns.take(rows)
         places = points_on_surface(rough, shot)
-        shift = 53 * (1 + GROUPS.index(self.on))
+        shift = 53 * (1 + GROUPS.index(self.surfaces))
         height = np.zeros(len(rows), np.float32)
         if self.coarse_sigma_m:
             height += np.float32(self.coarse_sigma_m) * field_at(places, self.coarse_m, (0, 0, shift))

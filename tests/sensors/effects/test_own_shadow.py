@@ -28,7 +28,7 @@ def test_the_kitti_sensor_hides_what_its_car_hides_in_every_scan():
     from sensors.sensor_model import SensorModel, load_sensor
 
     kitti = load_sensor("kitti")
-    parts = tuple(entry for entry in kitti.effects if entry.name == "own_shadow")
+    parts = tuple(entry for entry in kitti.effects if entry.name == "own_silhouette")
     found, shot = of_hits(SensorModel(kitti.pattern, parts), ROAD)
     seen = np.zeros(len(shot.rays), bool)
     seen[found.beam] = True

@@ -1,0 +1,76 @@
+"""Reflectance and relief stay where they are on their surfaces; weak signals and noise of firings as measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from assets.materials import material_index
+from sensors.effects.spatial_noise import CELLS, field_at
+from sensors.returns import Returns
+from sensors.scene import Scene
+from sensors.sensor_model import SensorModel, load_sensor, points_of
+from tests.sensors.effects.scenes import effect, no_model, of_hits, sensor, shoot
+from tests.sensors.worlds import plane
+
+ROAD = Scene(plane(), no_model)
+
+
+def test_the_field_has_unit_variance_and_neighbours_are_alike() -> None:
+    grid = np.stack(np.meshgrid(*[np.arange(0, CELLS, 2)] * 3, indexing="ij"), -1).reshape(-1, 3) + 0.5
+    values, beside, far = (field_at(grid + step, 1.0) for step in (0.0, [1, 0, 0], [40, 0, 0]))
+    assert values.std() == pytest.approx(1, abs=0.02)
+    assert np.corrcoef(values, beside)[0, 1] > 0.7
+    assert abs(np.corrcoef(values, far)[0, 1]) < 0.3
+    np.testing.assert_array_equal(field_at(grid, 1.0), field_at(grid + CELLS, 1.0))  # periodic
+    assert abs(np.corrcoef(values, field_at(grid, 1.0, (37, 0, 0)))[0, 1]) < 0.3
+
+
+def test_reflectance_belongs_to_the_place_and_not_to_the_beam() -> None:
+    """Beams of two lasers that meet the same cell see the same reflectance; the field changes nothing else."""
+    kind = effect("reflectance_field", surfaces="ground", sigma=0.5, cell_m=0.5)
+    bare, shot = shoot(sensor(), ROAD)
+    found, _ = shoot(sensor(kind), ROAD)
+    assert np.all(bare.material == material_index("asphalt"))
+    np.testing.assert_array_equal(found.intensity, bare.intensity)  # asphalt is road, not ground
+    found, shot = shoot(sensor(effect("reflectance_field", surfaces="road", sigma=0.5, cell_m=0.5)), ROAD)
+    factor = found.intensity / bare.intensity
+    cell = np.floor(shot.points_in_world(found)[:, :2] / 0.5).astype(int)
+    order = np.lexsort(cell.T)
+    same = (np.diff(cell[order], axis=0) == 0).all(1)
+    assert same.sum() > 1000
+    gap = np.abs(np.diff(np.log(factor[order])))[same]
+    assert np.quantile(gap, 0.95) < 1e-5  # but for places at the edge of a cell
+    assert np.log(factor).std() > 0.2
+    np.testing.assert_array_equal(found.range_m, bare.range_m)
+
+
+def test_a_zero_stays_zero_and_neighbours_are_anticorrelated() -> None:
+    bare, _ = shoot(sensor(), ROAD)
+    found, _ = shoot(sensor(effect("firing_noise", sigma=0.03, theta=1.0, least=0.01)), ROAD)
+    noise = found.intensity - bare.intensity
+    assert noise.std() == pytest.approx(0.03, rel=0.05)
+    following = np.diff(bare.beam) == 1
+    assert np.corrcoef(noise[:-1][following], noise[1:][following])[0, 1] == pytest.approx(-0.5, abs=0.03)
+    dark = effect("weak_signal", signals=(5.0,) * 64, steepness=8, least=(0.1,) * 64, sigma=0, cell_m=0.1)
+    zeros, _ = shoot(sensor(effect("firing_noise", sigma=0.03, theta=1.0, least=0.01), dark), ROAD)
+    assert len(zeros) == len(bare)
+    assert not zeros.intensity.any()
+
+
+def test_weak_signals_are_halved_at_the_lasers_signal() -> None:
+    bare, _ = shoot(sensor(), ROAD)
+    signal = float(bare.intensity[0])
+    kind = effect("weak_signal", signals=(signal,) * 64, steepness=8, least=(0.1,) * 64, sigma=0, cell_m=0.1)
+    found, _ = shoot(sensor(kind), ROAD)
+    np.testing.assert_allclose(found.intensity, bare.intensity / 2, rtol=1e-4)
+
+
+def test_the_kitti_sensor_stores_millimetres_in_the_order_of_kittis_files() -> None:
+    kitti = load_sensor("kitti")
+    returns, shot = of_hits(SensorModel(kitti.pattern), ROAD)
+    assert isinstance(returns, Returns)
+    cloud = points_of(returns, shot).in_file_order()
+    np.testing.assert_allclose(cloud.xyz * 1000, np.rint(cloud.xyz * 1000), atol=0.01)
+    turn = np.mod(cloud.azimuth, 2 * np.pi)
+    assert np.all(np.diff(turn)[np.diff(cloud.ring.astype(int)) == 0] >= 0)
