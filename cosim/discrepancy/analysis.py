@@ -143,7 +143,7 @@ def trace_and_fit(
                 start, random = clear.fit(effects, (), start).estimate, clear.random
                 tolerance = edge_tolerance(random, start)
             fitter = Fitter(with_silhouettes(frames, sample, *tolerance))
-            start, random = fitter.random.begun_from(random, start), fitter.random
+            start, random = fitter.random.warm_start(random, start), fitter.random
         parameters = [one for one in all_free(effects, free, fitter.rings) if one.unknown.name not in fixed_params]
         fitted = fitter.fit(effects, parameters, start)
         effects, start = fitted.effects, fitted.estimate
