@@ -24,7 +24,7 @@ from cosim.discrepancy.inference.likelihood import Residuals, range_spread_m, re
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score import Column, Evidence, Quantity, change, dispersion
-from cosim.discrepancy.inference.search import is_searched, searched
+from cosim.discrepancy.inference.search import is_searched, search_parameters
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from sensors.effects.base import BeamEffect, Effect, NoiseEffect, RoundingEffect, ScanEffect
 
@@ -341,7 +341,7 @@ class Fitter:
         ]
         if not searched_parameters:
             return state.effects
-        return searched(
+        return search_parameters(
             state.effects,
             searched_parameters,
             self.loss(state.estimate, state.dependences),

@@ -313,7 +313,7 @@ class RandomEffects:
         nonlinearly on pose errors; intensities are scaled by the albedo if its prior is flat.
         """
         factors: dict[Quantity, np.ndarray] = {
-            "range": self._pose_errors.onward(self.poses(estimate), expected.range_m)
+            "range": self._pose_errors.range_derivative(self.poses(estimate), expected.range_m)
         }
         if self.sample.of_own_map:
             factors["intensity"] = self.brightness(estimate)

@@ -87,14 +87,14 @@ class Sample:
             errors cancel in the difference.
         ring, firing, block, material, instance: (n,) int.
         elevation_deg: (n,) nominal elevation.
-        kind, model: (n,) int index of the object that is hit in `kinds` and `models`; 0 for the static world and misses.
+        kind, model: (n,) int index of the object that is hit in `kinds` and `models`; 0 for static surfaces and misses.
         kinds, models: names of object classes and models.
         place: (n, 3) point of the surface that is hit, world frame [m].
         reflectance: (n,) reflectance of the surface.
         beside: (n,) measurements of neighbouring beams by name: `previous` in the same ring, `above` and `below`; range
             [m] and intensity are 0 without a return, `lost` is 1 if a visible surface gave no return.
         own_axes: whether each twin was made in the frame of its scan, so that poses have no errors.
-        of_own_map: whether the twin is a map made from the scans; positions of surfaces and scans then have flat priors.
+        of_own_map: whether the twin is a map made from the scans; surfaces and scans then have flat priors.
         scan_values: (scans,) by name: pose time [s] and the ego vehicle's speed, acceleration and yaw rate.
         azimuth, time_s, range_m, cos_incidence: (n,) azimuth [rad], time [s], range [m], cosine of the incidence angle
             of the traced beams.
