@@ -96,7 +96,7 @@ def _of_map(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator,
     most, looks = frames[0].settings.sampling.looks, np.bincount(met, minlength=len(surfaces))
     if judging is not None:
         looks = np.where(surfaces.judge == judging, looks, 0)
-    taken = surfaces.drawn(np.minimum(looks, most), count, rng)
+    taken = surfaces.sample(np.minimum(looks, most), count, rng)
     chance = np.zeros(len(surfaces))
     chance[taken] = np.minimum(most / looks[taken] / 2, 1.0)
     found = []
