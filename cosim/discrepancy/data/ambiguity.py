@@ -20,7 +20,7 @@ class Neighbours:
         reach: number of firings to each side.
 
     Attributes:
-        rows: (2·reach + 2, n) int neighbours of each beam: previous 1, next 1, previous 2, … , above, below; −1 for none.
+        rows: (2·reach + 2, n) int neighbours of each beam: previous 1, next 1, previous 2, …, above, below; −1: none.
     """
 
     def __init__(self, rays: Rays, settings: Beams, reach: int = 2) -> None:

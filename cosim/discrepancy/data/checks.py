@@ -113,17 +113,17 @@ def fit_notes(fitted: int, is_held_out: bool, of_own_map: bool, settings: Beams 
     if of_own_map:
         notes.append(
             "the twin is a map made from the scans, with free surface positions, reflectances and scan poses, so "
-            f"{', '.join(_OF_OWN_MAP)} and a constant offset along all normals are not observable in this drive"
+            f"{', '.join(_NOT_IN_OWN_MAP)} and a constant offset along all normals are not observable in this drive"
         )
         notes.append(
             "returns from anything that is not in the map (traffic, leaves, fog) are skipped: "
-            f"{', '.join(_OF_WHAT_IS_IN_NO_MAP)} are not observable in this drive"
+            f"{', '.join(_NOT_MAPPED)} are not observable in this drive"
         )
     if fitted < settings.fewest_scans:
         count = "one frame is" if fitted == 1 else f"{fitted} frames are"
         notes.append(
             f"{count} too few to distinguish an offset of the sensor from pose errors: "
-            f"{', '.join(_OF_POSES[:-1])} and {_OF_POSES[-1]} are not observable"
+            f"{', '.join(_LIKE_POSES[:-1])} and {_LIKE_POSES[-1]} are not observable"
         )
     if not is_held_out:
         notes.append("no frame was left for validation: errors after a fit are too optimistic")

@@ -72,7 +72,7 @@ def intensity_unit(drive: Drive, settings: Beams = DEFAULT.beams) -> float:
         high = float(np.quantile(finite, settings.most_points)) if len(finite) else 0.0
         if high > _BYTE:
             raise DriveError(
-                f"{drive.root}: intensities in velodyne/ reach {finite.max():g}, but are 0–1 or bytes, 0–255; divide them"
+                f"{drive.root}: intensities in velodyne/ reach {finite.max():g}, but must be 0–1 or 0–255; divide them"
             )
         if high > settings.brightest:
             return _BYTE

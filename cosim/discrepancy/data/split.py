@@ -61,8 +61,8 @@ def split_of_maps(
     """Select frames if the twin consists of maps made from the scans.
 
     One map: scans are evenly spaced over the whole drive. Several maps: as many maps as fit into memory are used,
-    evenly spaced along the drive. From each, scans are taken from a stretch on which the sensor moves far, because scans of a
-    sensor at rest contain no repeated observations from different distances.
+    evenly spaced along the drive. From each, scans are taken from a stretch on which the sensor moves far, because
+    scans of a sensor at rest contain no repeated observations from different distances.
 
     Args:
         fit: for each map, names of the scans it was made from, in order.

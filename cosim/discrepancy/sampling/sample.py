@@ -215,7 +215,7 @@ class Sample:
             found: expectation of that shot.
         """
         effects = tuple(sorted(effects, key=lambda effect: effect.phase))
-        return self._prediction(self.replay.frames[0].completed(effects, shot, found))
+        return self._prediction(self.replay.frames[0].complete(effects, shot, found))
 
     def _prediction(self, found: Expected) -> Prediction:
         return Prediction(
