@@ -15,7 +15,7 @@ from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split, split_drive, split_frames
 from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
-from cosim.discrepancy.sampling.drawing import draw_sample, with_silhouettes
+from cosim.discrepancy.sampling.drawing import draw_sample, split_at_edges
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.drives.kitti import Drive
 from cosim.drives.twin.surfels import has_surfels
@@ -142,8 +142,8 @@ def trace_and_fit(
                 clear = Fitter(sample.clear_of([frame.edge for frame in frames]))
                 start, random = clear.fit(effects, (), start).estimate, clear.random
                 tolerance = edge_tolerance(random, start)
-            fitter = Fitter(with_silhouettes(frames, sample, *tolerance))
-            start, random = fitter.random.begun_from(random, start), fitter.random
+            fitter = Fitter(split_at_edges(frames, sample, *tolerance))
+            start, random = fitter.random.warm_start(random, start), fitter.random
         parameters = [one for one in all_free(effects, free, fitter.rings) if one.unknown.name not in fixed_params]
         fitted = fitter.fit(effects, parameters, start)
         effects, start = fitted.effects, fitted.estimate

@@ -1,4 +1,4 @@
-"""Beams at edges: a touch aside they meet something else, so small errors of pose and footprint decide what."""
+"""Ambiguous beams at edges: a beam in a slightly different direction would hit another surface."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from sensors.rays import Rays
 
 
 class Neighbours:
-    """Which beams stand beside each: the same ring before and after, and the rings above and below.
+    """Neighbours of each beam: the previous and next firings of its ring, and the rings above and below.
 
     Args:
-        rays: ring-major.
-        settings: numbers that decide.
-        reach: how many firings to each side count.
+        rays: rays of the n beams, ring-major.
+        settings: settings of the beams.
+        reach: number of firings to each side.
+
+    Attributes:
+        rows: (2·reach + 2, n) int neighbours of each beam: previous 1, next 1, previous 2, …, above, below; −1: none.
     """
 
     def __init__(self, rays: Rays, settings: Beams, reach: int = 2) -> None:
@@ -32,26 +35,26 @@ class Neighbours:
         for step in (-1, 1):
             row = np.full(len(rays), -1)
             for ring in np.unique(rays.ring).tolist():
-                mine = slice(bounds[ring], bounds[ring + 1])
+                own_beams = slice(bounds[ring], bounds[ring + 1])
                 other = ring + step
                 if not 0 <= other < 256 or bounds[other] == bounds[other + 1]:
                     continue
-                theirs = turn[bounds[other] : bounds[other + 1]]
-                at = np.searchsorted(theirs, turn[mine])
-                best = np.stack([(at - 1) % len(theirs), at % len(theirs)])
-                gap = np.abs(np.angle(np.exp(1j * (theirs[best] - turn[mine]))))
-                row[mine] = bounds[other] + np.where(gap[0] <= gap[1], best[0], best[1])
+                other_turn = turn[bounds[other] : bounds[other + 1]]
+                at = np.searchsorted(other_turn, turn[own_beams])
+                best = np.stack([(at - 1) % len(other_turn), at % len(other_turn)])
+                gap = np.abs(np.angle(np.exp(1j * (other_turn[best] - turn[own_beams]))))
+                row[own_beams] = bounds[other] + np.where(gap[0] <= gap[1], best[0], best[1])
             rows.append(row)
         self.rows = np.stack(rows)
 
     def at_edge(self, hits: Hits) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Beams beside which the world does not go on as the plane they meet, and how near what is there stands.
+        """Find beams whose neighbours do not hit the same plane, and the range of the nearest surface there.
 
-        Where beams grazing a surface are concerned the plane's range is no use, so they count as edges too.
+        Beams at grazing incidence count as edges too, because the plane's range is then too sensitive.
 
         Returns:
-            (n,) bool; which of them graze (n,) bool; and (n,) range of the nearest surface by whose shift such an edge
-            moves, also of a crease, whose two sides are apart by less than what makes an edge; infinite away from both.
+            mask (n,) of edges; mask (n,) of beams at grazing incidence; and range (n,) [m] of the nearest surface at an
+            edge or crease (an edge with a smaller step, which moves if one of its surfaces moves); infinite for others.
         """
         planes = _Planes(hits, self._settings)
         edge, reach = planes.grazed, planes.reach_m
@@ -68,47 +71,51 @@ class Neighbours:
     def other_sides(
         self, hits: Hits, beams: np.ndarray, shift_m: float, turn_rad: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """What some beams (k,) meet if poses and objects are so far off that they come to lie beyond an edge.
+        """Find what beams (k,) hit on the other side of an edge or crease if poses or objects have errors.
 
-        An edge stands anywhere between a beam that meets one side and the next one, which meets the other. Of all edges
-        beside a beam that counts which it is likeliest beyond, and so of creases.
+        The position of an edge is uniform between the last beam on one side and the first on the other. If there are
+        several edges (or creases) next to a beam, the most probable is used.
 
         Args:
-            hits: of all beams.
-            beams: rows of those that are asked for.
-            shift_m, turn_rad: standard deviations of shifts of what makes an edge, and of turns of the sensor.
+            hits: hits of all beams.
+            beams: rows of the beams to test.
+            shift_m, turn_rad: σ of shifts of the surfaces [m], and of rotations of the sensor [rad].
 
         Returns:
-            (k, 2) the beams next to each that meet the other side of an edge and of a crease, −1 for none; and how
-            likely it is that the beam itself meets that, (k, 2).
+            (k, 2) neighbours that hit the other side of an edge and of a crease, −1 for none; and (k, 2) probabilities
+            that the beam itself hits that side.
         """
         planes, settings = _Planes(hits, self._settings), self._settings
         side, chance = np.full((len(beams), 2), -1), np.zeros((len(beams), 2))
         before, after, above, below = self.rows[[0, 1, -2, -1]]
         for steps, most in ((before, settings.most_firings), (after, settings.most_firings),
                             (above, settings.most_rings), (below, settings.most_rings)):  # fmt: skip
-            left, at, near = np.arange(len(beams)), beams, np.zeros(len(beams))
+            pending, at, near = np.arange(len(beams)), beams, np.zeros(len(beams))
             for _ in range(most):
                 at = steps[at]
-                left, at, near = left[at >= 0], at[at >= 0], near[at >= 0]
-                mine = beams[left]
-                away = planes.direction[mine] - planes.direction[at]
-                far = np.linalg.norm(away, axis=1)
-                reach = np.maximum(np.minimum(planes.reach_m[mine], planes.reach_m[at]), 0.5)
+                pending, at, near = pending[at >= 0], at[at >= 0], near[at >= 0]
+                own_beams = beams[pending]
+                difference = planes.direction[own_beams] - planes.direction[at]
+                far = np.linalg.norm(difference, axis=1)
+                reach = np.maximum(np.minimum(planes.reach_m[own_beams], planes.reach_m[at]), 0.5)
                 spread = np.maximum(np.hypot(shift_m / reach, turn_rad), 1e-9)
-                jump, crease = planes.end(mine, at)
-                likely = _beyond(near / spread, far / spread)
+                jump, crease = planes.end(own_beams, at)
+                probability = _exceedance(near / spread, far / spread)
                 for kind, ends in enumerate((jump, crease & ~jump)):
-                    more = ends & (likely > chance[left, kind])
-                    side[left[more], kind], chance[left[more], kind] = at[more], likely[more]
-                left, at, near = left[~jump], at[~jump], far[~jump]
+                    is_better = ends & (probability > chance[pending, kind])
+                    side[pending[is_better], kind], chance[pending[is_better], kind] = (
+                        at[is_better],
+                        probability[is_better],
+                    )
+                pending, at, near = pending[~jump], at[~jump], far[~jump]
         return side, chance
 
     def at_border(self, hits: Hits) -> tuple[np.ndarray, np.ndarray]:
-        """Beams beside which the surface is of another material, so that brightness may be either's, (n,) bool twice.
+        """Find beams with a neighbour of another material, so that their intensity is ambiguous.
 
         Returns:
-            Where a neighbour is so alike that nobody could tell which was met; where every one is clearly another.
+            Mask (n,) of beams with a neighbour of similar reflectance; mask (n,) of beams whose neighbours of another
+            material all differ clearly in reflectance.
         """
         material, reflectance = hits.solid.material, hits.reflectance(hits.solid)
         alike, apart = np.zeros(len(material), bool), np.zeros(len(material), bool)
@@ -126,13 +133,13 @@ class Neighbours:
 def widened(
     edge: np.ndarray, nearest_m: np.ndarray, pattern: Pattern, shift_m: float, turn_rad: float, settings: Beams
 ) -> np.ndarray:
-    """(n,) bool: edges, and beams that would stand at one if what makes it were shifted and the sensor turned.
+    """Widen edges by possible errors: mask (n,) of beams that are at an edge, or would be after a shift and rotation.
 
     Args:
-        edge, nearest_m: (n,) of ring-major beams, see `Neighbours.at_edge`.
-        pattern: of the beams.
-        shift_m, turn_rad: how far.
-        settings: numbers that decide.
+        edge, nearest_m: (n,) values of ring-major beams, see `Neighbours.at_edge`.
+        pattern: pattern of the beams.
+        shift_m, turn_rad: shift of the surfaces [m] and rotation of the sensor [rad].
+        settings: settings of the beams.
     """
     rings, firings = pattern.rings, pattern.firings
     beside = np.isfinite(nearest_m)
@@ -154,12 +161,12 @@ def widened(
 
 
 class _Planes:
-    """The planes that beams of a scan meet, in world axes about its middle.
+    """Planes that the beams of a scan hit, in world axes relative to the LiDAR.
 
     Attributes:
-        direction: (n, 3) of the beams.
-        reach_m: (n,) range; infinite where nothing is met.
-        grazed: (n,) bool: whether a beam runs along its plane rather than to it.
+        direction: (n, 3) directions of the beams.
+        reach_m: (n,) range [m]; infinite for misses.
+        grazed: (n,) bool whether the beam is nearly parallel to its plane.
     """
 
     def __init__(self, hits: Hits, settings: Beams) -> None:
@@ -173,28 +180,28 @@ class _Planes:
         self.grazed = self._exists & (np.abs(np.einsum("ij,ij->i", self._normal, self.direction)) < settings.grazing)
 
     def end(self, beams: np.ndarray | slice, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(k,) bool twice: whether planes of some beams do not go on to others (k,), by far and by little."""
+        """Masks (k,) of pairs of beams (k,) with an edge between them, and with a crease or edge between them."""
         solid, by, normal, exists = self._solid, self._settings, self._normal[beams], self._exists[beams]
         slope = np.einsum("ij,ij->i", normal, self.direction[other])
         foot = self._offset[beams] - np.einsum("ij,ij->i", normal, self._origin[other])
-        found = solid.range_m[other]
+        range_m = solid.range_m[other]
         with np.errstate(divide="ignore", invalid="ignore"):
-            away = np.abs(found - foot / slope)
-        jump = ~(away < by.jump_m + by.jump_share * found) | (solid.instance[beams] != solid.instance[other])
-        crease = exists & ~(away < by.crease_m + by.crease_share * found)
+            distance = np.abs(range_m - foot / slope)
+        jump = ~(distance < by.jump_m + by.jump_share * range_m) | (solid.instance[beams] != solid.instance[other])
+        crease = exists & ~(distance < by.crease_m + by.crease_share * range_m)
         return (exists != self._exists[other]) | (exists & jump), crease
 
 
-def _beyond(near: np.ndarray, far: np.ndarray) -> np.ndarray:
-    """Chance (k,) that a normal deviate is beyond what stands anywhere between `near` and `far` (k,)."""
+def _exceedance(near: np.ndarray, far: np.ndarray) -> np.ndarray:
+    """Probability (k,) that a standard normal variable exceeds a limit that is uniform in [`near`, `far`] (k,)."""
 
-    def below(z: np.ndarray) -> np.ndarray:  # its slope is the chance of a deviate beyond z
+    def below(z: np.ndarray) -> np.ndarray:  # antiderivative of P(Z > z)
         return z * ndtr(-z) - np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi)
 
     return (below(far) - below(near)) / (far - near)
 
 
 def _phase(rays: Rays) -> np.ndarray:
-    """Azimuths rising within every ring (n,)."""
+    """(n,) azimuths [rad] that increase within each ring."""
     fall = np.median(np.diff(rays.azimuth[: max(2, np.searchsorted(rays.ring, rays.ring[0], "right"))])) < 0
     return np.mod(np.pi - rays.azimuth if fall else rays.azimuth, 2 * np.pi)

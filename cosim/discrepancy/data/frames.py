@@ -1,4 +1,4 @@
-"""The frames of a drive with what a sensor's true beams meet in their twin."""
+"""Ray casting of a drive's frames: the measured beams together with the surfaces that the model's beams hit."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ from sensors.world import TracerCache, World
 
 @dataclass(frozen=True, eq=False)
 class TracedFrame:
-    """One frame, measured and traced.
+    """One frame: measurements and traced beams.
 
     Attributes:
-        name: of the frame.
-        place: of its static world, where the drive has several.
-        time_s: pose time.
-        observed: what was measured, by beam.
-        shot: what the model's true beams met, by beam; with its world, so that effects can trace on.
-        unsure_m, unsure_intensity: (n,) how far the twin itself may be off where the beam meets it: along the beam and
-            in brightness, standard deviations; 0 where it is surveyed.
-        edge: (n,) bool: beams whose outcome is ambiguous, because a touch aside the world is another.
-        grazed: (n,) bool: those of them that run along what they meet rather than to it.
-        nearest_m: (n,) range of the nearest surface at that edge; infinite away from edges.
-        neighbours: of the beams.
-        border: (n,) bool: beams whose brightness is, because a touch aside the material is another.
-        seam: (n,) bool: the same where the other is so much brighter or darker that the brightness tells which it was.
-        own_axes: whether its twin was made from its own points, so that its pose cannot be wrong.
-        ego, instances: at the pose time.
-        map: of the drive's own scans, if the twin is one.
-        surface: (n,) int32 row of the map's surface that each beam meets; −1 for none, or no map.
-        settings: numbers that decide, of whatever is done with it.
+        name: name of the frame.
+        place: name of its static world if the drive has several.
+        time_s: pose time [s].
+        observed: measurements by beam.
+        shot: hits of the model's true beams; with its world, so that effects can trace further rays.
+        unsure_m, unsure_intensity: (n,) σ of the twin itself at the hit: along the beam [m] and in intensity; 0 for
+            surveyed twins.
+        edge: (n,) bool ambiguous beams: a slightly different beam would hit another surface.
+        grazed: (n,) bool those of them that are nearly parallel to the surface.
+        nearest_m: (n,) range [m] of the nearest surface at the edge; infinite away from edges.
+        neighbours: neighbour table of the beams.
+        border: (n,) bool beams with ambiguous intensity: a slightly different beam would hit another material.
+        seam: (n,) bool the same if the reflectances differ so much that the measured intensity shows which was hit.
+        own_axes: whether the twin was made from the frame's own points, so that its pose has no error.
+        ego, instances: motion of the vehicle, and objects, at the pose time.
+        map: map made from the drive's scans, if the twin is one; else None.
+        surface: (n,) int32 row of the map surface that each beam hits; −1 for none or without a map.
+        settings: settings of the loop.
     """
 
     name: str
@@ -72,29 +72,29 @@ class TracedFrame:
 
     @property
     def is_surveyed(self) -> bool:
-        """Whether silhouettes stand where the twin has them: neither its own points nor boxes and models tell that."""
+        """Whether the twin's silhouettes are accurate: not if it was made from its own points or from boxes."""
         return self.map is None and not self.own_axes
 
     def unsure(self, shift_m: float, turn_rad: float) -> np.ndarray:
-        """(n,) bool: beams that meet something else, or another material, if poses are off by so much."""
-        found = self.near_edges(shift_m, turn_rad)
-        return found | self.beside_edges(shift_m, turn_rad, ~found)
+        """(n,) bool beams that may hit another surface or material for pose errors of this size [m, rad]."""
+        at_edge = self.near_edges(shift_m, turn_rad)
+        return at_edge | self.beside_edges(shift_m, turn_rad, ~at_edge)
 
     def near_edges(self, shift_m: float, turn_rad: float) -> np.ndarray:
-        """(n,) bool: of these, beams that stand at an edge between two surfaces then."""
+        """(n,) bool those of them that may hit another surface beyond an edge."""
         return widened(self.edge, self.nearest_m, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
 
     def beside_edges(self, shift_m: float, turn_rad: float, asked: np.ndarray) -> np.ndarray:
-        """(n,) bool: of those asked for (n,), beams that then meet another material, or something thin."""
+        """(n,) bool beams among `asked` (n,) that may hit another material, or a thin object between beams."""
         seam = self.border | self.seam
-        apart = np.where(seam, self.shot.hits.solid.range_m, np.inf)
-        found = asked & widened(seam, apart, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
-        return found | self._beside(shift_m, turn_rad, asked & ~found)
+        range_m = np.where(seam, self.shot.hits.solid.range_m, np.inf)
+        is_near = asked & widened(seam, range_m, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
+        return is_near | self._hits_beside(shift_m, turn_rad, asked & ~is_near)
 
-    def _beside(self, shift_m: float, turn_rad: float, asked: np.ndarray) -> np.ndarray:
-        """(n,) bool: of those asked for, beams that return from nothing they meet, but from what is a touch aside.
+    def _hits_beside(self, shift_m: float, turn_rad: float, asked: np.ndarray) -> np.ndarray:
+        """(n,) bool beams among `asked` whose measured range fits not their own hit but that of a nearby direction.
 
-        Wires and thin poles may stand between beams, so that no beam of the twin tells that there is an edge.
+        Wires and thin poles may lie between beams, so that no traced beam shows the edge.
         """
         settings = self.settings.beams
         traced, world, measured = self.shot.traced, self.shot.world, self.observed.range_from(self.shot.rays.origin)
@@ -106,27 +106,29 @@ class TracedFrame:
         across = np.cross(direction, upwards_m)
         upward = np.cross(across, direction)
         angle = turn_rad + shift_m / np.maximum(measured[rows], 1.0)
-        turns = np.linspace(0, 2 * np.pi, settings.directions, endpoint=False)
-        around = [np.cos(turn) * across + np.sin(turn) * upward for turn in turns]
-        shots = np.concatenate([direction + (part * angle)[:, None] * one for part in (0.5, 1.0) for one in around])
+        angles = np.linspace(0, 2 * np.pi, settings.directions, endpoint=False)
+        offsets = [np.cos(turn) * across + np.sin(turn) * upward for turn in angles]
+        shots = np.concatenate(
+            [direction + (part * angle)[:, None] * offset for part in (0.5, 1.0) for offset in offsets]
+        )
         shots /= np.linalg.norm(shots, axis=1, keepdims=True)
         count = 2 * settings.directions
         time_s = np.broadcast_to(traced.time_s, len(measured))[rows]
         origin = np.tile(traced.origin[rows], (count, 1))
-        met = world.shoot(origin, shots, np.tile(time_s, count), self.shot.pattern.range_m[1])
-        same = np.abs(met.range_m - np.tile(measured[rows], count)) < settings.same_m
-        found = np.zeros(len(measured), bool)
-        found[rows] = same.reshape(count, len(rows)).any(0)
-        return found
+        hits = world.shoot(origin, shots, np.tile(time_s, count), self.shot.pattern.range_m[1])
+        same = np.abs(hits.range_m - np.tile(measured[rows], count)) < settings.same_m
+        is_beside = np.zeros(len(measured), bool)
+        is_beside[rows] = same.reshape(count, len(rows)).any(0)
+        return is_beside
 
 
 class FrameTracer:
     """Traces the frames of a drive with a sensor's beam effects.
 
     Args:
-        drive: with points and a twin.
-        sensor: its pattern is what points are sorted onto.
-        settings: numbers that decide.
+        drive: drive with points and a twin.
+        sensor: sensor model; points are assigned to the beams of its pattern.
+        settings: settings of the loop.
 
     Raises:
         DriveError: intensities are neither 0–1 nor bytes.
@@ -143,11 +145,11 @@ class FrameTracer:
         self._excluded: frozenset[int] = frozenset()
 
     def exclude_rings(self, rings: Sequence[int]) -> None:
-        """Beams of these rings are not compared in frames that are traced from now on."""
+        """Exclude the beams of these rings from comparison in frames traced afterwards."""
         self._excluded = self._excluded | frozenset(rings)
 
     def trace(self, name: str, effects: tuple[Effect, ...]) -> TracedFrame:
-        """One frame, as beams changed by `effects` meet it."""
+        """Trace one frame with beams deflected by `effects`."""
         frame = self.drive[name]
         twin = frame.twin
         instances, ego, pattern = scene_instances(twin.instances), ego_motion(twin), self.sensor.pattern
@@ -160,7 +162,7 @@ class FrameTracer:
         shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
         surface, own_map = np.full(len(observed.rays), -1, np.int32), self._maps.of(twin.static)
         if own_map is None:
-            trusted, unsure_m, unsure_intensity = _known(frame, shot, observed, self.settings.beams.grazing)
+            trusted, unsure_m, unsure_intensity = _read_trust(frame, shot, observed, self.settings.beams.grazing)
         else:
             surface, trusted, unsure_m = _on_map(own_map, shot, observed, ego, self.settings.beams.grazing)
             unsure_intensity = np.zeros(len(observed.rays), np.float32)
@@ -190,33 +192,35 @@ class FrameTracer:
         )
 
     def trace_all(self, names: Sequence[str], effects: tuple[Effect, ...]) -> list[TracedFrame]:
-        """Several frames."""
+        """Trace several frames."""
         return [self.trace(name, effects) for name in names]
 
 
-def _known(frame: Frame, shot: Shot, observed: Observed, grazing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which beams may be compared, all or those that a twin made from labels tells something of; how unsure it is."""
+def _read_trust(
+    frame: Frame, shot: Shot, observed: Observed, grazing: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mask (n,) of comparable beams and σ (n,) of ranges [m] and intensities, from `twin/trust` if present."""
     if not frame.has("twin/trust"):
-        sure = np.zeros(len(observed.rays), np.float32)
-        return observed.trusted, sure, sure
+        zeros = np.zeros(len(observed.rays), np.float32)
+        return observed.trusted, zeros, zeros
     trust = read_trust(frame.path("twin/trust"))
     solid, traced = shot.hits.solid, shot.traced
     assert traced is not None  # frames are traced
-    met, measured = _places(shot, observed)
-    found = trust.beams(frame.twin.instances, met, solid.instance, measured)
-    away, bright = trust.unsure(met, solid.instance)
+    met, measured = _world_points(shot, observed)
+    is_trusted = trust.beams(frame.twin.instances, met, solid.instance, measured)
+    sigma_m, sigma_intensity = trust.unsure(met, solid.instance)
     steep = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
-    trusted = found & (trust.ground_range | (solid.instance >= 0))
-    return trusted, away / np.maximum(steep, grazing), bright
+    trusted = is_trusted & (trust.ground_range | (solid.instance >= 0))
+    return trusted, sigma_m / np.maximum(steep, grazing), sigma_intensity
 
 
 def _on_map(
     surfaces: MapSurfaces, shot: Shot, observed: Observed, ego: EgoMotion, grazing: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Surfaces of a map that beams meet, which beams may be compared, and how unsure roughness makes ranges."""
+    """Map surfaces (n,) that beams hit, mask (n,) of comparable beams, and σ (n,) of ranges due to roughness [m]."""
     solid, traced = shot.hits.solid, shot.traced
     assert traced is not None  # frames are traced
-    place = _places(shot, observed)[0]
+    place = _world_points(shot, observed)[0]
     surface = surfaces.met(place, solid.instance).astype(np.int32)
     slope = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
     returned = traced.origin + traced.direction * observed.along_m[:, None]
@@ -226,8 +230,8 @@ def _on_map(
     return surface, trusted, surfaces.unsure_m(surface, slope, grazing)
 
 
-def _places(shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray]:
-    """World places (n, 3) of the traced hits and of the measured returns; NaN where there are none."""
+def _world_points(shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray]:
+    """World points (n, 3) [m] of the traced hits and of the measured returns; NaN for none."""
     solid, traced = shot.hits.solid, shot.traced
     assert traced is not None  # frames are traced
     met = traced.origin + traced.direction * np.where(solid.exists, solid.range_m, np.nan)[:, None]

@@ -1,9 +1,10 @@
 """Surfaces of a twin that is a map made of the drive's own scans: `twin/surfels.npz`, or `twin/surfels/` of several.
 
-Such a map says nothing of where its surfaces and scans stand: both were fitted to the very points that are to be
-judged. So the place of every surface along its normal, its reflectance and the poses of scans are free, and what is
-left to tell effects is what differs between looks at one surface. Beams are compared where they meet a surface of the
-map and return from about it; a return from elsewhere is something that the map does not hold.
+The positions of surfaces and scans in such a map are fitted to the same points that the model is compared with. They
+contain no independent information. So the position of each surface along its normal, its reflectance and the poses of
+the scans have flat priors, and effects are identified only from differences between repeated observations of a surface.
+A beam is compared if it hits a surface of the map and its return is close to it; other returns are from something that
+is not in the map.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from sensors.hits import STATIC
 
 
 class Maps:
-    """The maps of a drive's scans, read when they are asked for.
+    """Reads and caches the maps made from a drive's scans.
 
     Args:
-        drive: whose twin may be a map.
-        settings: numbers that decide.
+        drive: drive whose twin may be a map.
+        settings: settings of the sampling.
     """
 
     def __init__(self, drive: Drive, settings: Sampling = DEFAULT.sampling) -> None:
@@ -34,10 +35,10 @@ class Maps:
         self._read: dict[Path, MapSurfaces] = {}
 
     def of(self, static: str | None) -> MapSurfaces | None:
-        """The map that a frame lies in; None where the twin is no map of the drive's own scans.
+        """Return the map that a frame is in, or None if the twin is not a map made from the drive's scans.
 
         Args:
-            static: the frame's static world, relative to `twin/`, where the drive has several.
+            static: path of the frame's static world relative to `twin/` if the drive has several.
 
         Raises:
             FormatError: the file is damaged.
@@ -52,17 +53,17 @@ class Maps:
 
 @dataclass(frozen=True, eq=False)
 class MapSurfaces(SurfelMap):
-    """The m surfaces of a map, and what they tell of beams.
+    """The m surfaces (surfels) of a map, assigned to beams.
 
     Attributes:
-        settings: numbers that decide.
+        settings: settings of the sampling.
     """
 
     settings: Sampling
 
     @classmethod
     def read(cls, file: Path, settings: Sampling) -> MapSurfaces:
-        """Those of a file.
+        """Read the surfaces of a file.
 
         Raises:
             FormatError: the file is damaged.
@@ -71,83 +72,84 @@ class MapSurfaces(SurfelMap):
 
     @cached_property
     def judge(self) -> np.ndarray:
-        """(m,) bool: those in squares of the ground by whose surfaces findings are judged, the others being fitted."""
+        """(m,) bool whether each surface is in a ground square for validation; the others are for fitting."""
         square = np.floor(self.centre[:, :2] / self.settings.place_m).astype(int)
         return (square[:, 0] + square[:, 1]) % self.settings.judge_every == 0
 
     def met(self, place: np.ndarray, instance: np.ndarray) -> np.ndarray:
-        """Row (n,) of the surface that each beam meets; −1 where none.
+        """Row (n,) of the surface that each beam hits; −1 for none.
 
         Args:
-            place: (n, 3) world places of the hits; anything where there are none.
-            instance: (n,) what is hit, −1 the static world.
+            place: (n, 3) world points of the hits [m]; arbitrary for misses.
+            instance: (n,) instance that is hit, −1 for the static world.
         """
-        found = np.full(len(place), -1)
+        surface = np.full(len(place), -1)
         rows = np.flatnonzero(instance == STATIC)
-        found[rows] = self.rows_at(place[rows], self.settings.on_plane_m, self.settings.neighbours)
-        return found
+        surface[rows] = self.rows_at(place[rows], self.settings.on_plane_m, self.settings.neighbours)
+        return surface
 
     def compared(
         self, met: np.ndarray, place: np.ndarray, slope: np.ndarray, measured: np.ndarray, moved: np.ndarray
     ) -> np.ndarray:
-        """Which beams may be compared, (n,) bool: those that return from about the surface, or would if moved in part.
+        """Mask (n,) of beams that can be compared: no return, or a return close to the surface with or without `moved`.
 
-        They meet it among the points that it was made of: a beam beside them that is lost may never have met anything.
-        About it is what a wrong range explains, and a little more across it: what returns from a kerb or a wheel is
-        hardly off the ground, however far from where a beam that grazes the ground would meet that.
+        The hit must lie among the points that the surface was made from; a dropped beam outside of them may not have
+        hit anything. The tolerance along the normal is a range error plus a small margin: a return from a kerb or a
+        wheel is close to the ground even if, at grazing incidence, its range differs a lot.
 
         Args:
-            met: (n,) rows of the surfaces that beams meet.
-            place: (n, 3) world places at which they do.
+            met: (n,) rows of the surfaces that are hit.
+            place: (n, 3) world points of the hits [m].
             slope: (n,) cosines of incidence.
-            measured: (n, 3) world places of their returns; NaN where a beam has none.
-            moved: (n, 3) how the sensor moved until the beam was fired, as far as the model does not say so [m].
+            measured: (n, 3) world points of the returns [m]; NaN without a return.
+            moved: (n, 3) motion of the sensor until the beam was fired that the model does not include [m].
         """
         row, by = np.maximum(met, 0), self.settings
-        off = np.einsum("ij,ij->i", measured - self.centre[row], self.normal[row])
-        both = np.stack([off, off + np.einsum("ij,ij->i", moved, self.normal[row])])
-        away = np.where(np.sign(both[0]) == np.sign(both[1]), np.abs(both).min(0), 0.0)
-        about = by.margin_m * slope + by.across_m + by.across_sigmas * self.sd_m[row]
-        found = (met >= 0) & self.trusted[row] & ~(away > about)
-        rows = np.flatnonzero(found)
-        found[rows] = self.among_points(row[rows], place[rows])
-        return found
+        offset = np.einsum("ij,ij->i", measured - self.centre[row], self.normal[row])
+        offsets = np.stack([offset, offset + np.einsum("ij,ij->i", moved, self.normal[row])])
+        distance = np.where(np.sign(offsets[0]) == np.sign(offsets[1]), np.abs(offsets).min(0), 0.0)
+        tolerance = by.margin_m * slope + by.across_m + by.across_sigmas * self.sd_m[row]
+        mask = (met >= 0) & self.trusted[row] & ~(distance > tolerance)
+        rows = np.flatnonzero(mask)
+        mask[rows] = self.among_points(row[rows], place[rows])
+        return mask
 
     @cached_property
     def rough_m(self) -> np.ndarray:
-        """(m,) standard deviation of the surfaces themselves: what the noise of ranges does not explain of theirs."""
+        """(m,) roughness σ [m] of the surfaces: the part of their points' scatter that range noise does not explain."""
         return self.roughness(self.settings.least_rough)
 
     def unsure_m(self, met: np.ndarray, slope: np.ndarray, grazing: float) -> np.ndarray:
-        """(n,) float32 standard deviation of ranges to rough surfaces.
+        """(n,) float32 σ of ranges due to roughness [m].
 
         Args:
-            met: (n,) rows of the surfaces that beams meet.
-            slope: (n,) cosines of incidence; `grazing` at least.
+            met: (n,) rows of the surfaces that are hit.
+            slope: (n,) cosines of incidence.
+            grazing: lower limit of the cosines.
         """
         rough = np.where(met >= 0, self.rough_m[np.maximum(met, 0)], 0.0)
         return (rough / np.maximum(slope, grazing)).astype(np.float32)
 
-    def drawn(self, looks: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Rows of surfaces with `count` looks in all, half of them on what lies flat, half on the rest where it is.
+    def sample(self, looks: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Sample rows of surfaces with `count` observations in total, if possible half of them on horizontal surfaces.
 
-        Rather those that were looked at from near and far: with chances as the logarithms of their ranges' ratios.
+        Sampling probabilities are proportional to the log ratio of the largest to the smallest range of observation.
 
         Args:
-            looks: (m,) that each has; those with fewer than two tell nothing.
-            count: of looks.
-            rng: for the draw.
+            looks: (m,) observations of each surface; surfaces with fewer than two are not sampled.
+            count: total number of observations.
+            rng: random generator.
         """
-        worth = np.log(np.maximum(self.range_m[:, 1], 1.0) / np.maximum(self.range_m[:, 0], 0.5))
-        worth = np.where(looks > 1, np.maximum(worth, 1e-3), 0.0)
-        keys = np.where(worth > 0, rng.random(len(worth)) ** (1 / np.maximum(worth, 1e-3)), -1.0)
-        order = np.argsort(-keys, kind="stable")[: np.count_nonzero(worth)]
-        flat = np.abs(self.normal[order, 2]) > self.settings.level
-        share = np.where(flat, *(_share_before(looks[order], mine, count / 2) for mine in (flat, ~flat)))
-        order = order[np.argsort(share, kind="stable")]
+        log_ratio = np.log(np.maximum(self.range_m[:, 1], 1.0) / np.maximum(self.range_m[:, 0], 0.5))
+        log_ratio = np.where(looks > 1, np.maximum(log_ratio, 1e-3), 0.0)
+        keys = np.where(log_ratio > 0, rng.random(len(log_ratio)) ** (1 / np.maximum(log_ratio, 1e-3)), -1.0)
+        order = np.argsort(-keys, kind="stable")[: np.count_nonzero(log_ratio)]
+        is_flat = np.abs(self.normal[order, 2]) > self.settings.level
+        rank = np.where(is_flat, *(_cumulative_share(looks[order], mask, count / 2) for mask in (is_flat, ~is_flat)))
+        order = order[np.argsort(rank, kind="stable")]
         return order[np.cumsum(looks[order]) <= count]
 
 
-def _share_before(looks: np.ndarray, mine: np.ndarray, count: float) -> np.ndarray:
-    """(m,) looks of some surfaces up to each, as a share of a count."""
-    return np.cumsum(np.where(mine, looks, 0)) / count
+def _cumulative_share(looks: np.ndarray, mask: np.ndarray, count: float) -> np.ndarray:
+    """(m,) cumulative observations of the masked surfaces, relative to `count`."""
+    return np.cumsum(np.where(mask, looks, 0)) / count

@@ -1,4 +1,4 @@
-"""What was measured, beam by beam."""
+"""Assignment of the measured points of a scan to the beams of a sensor pattern."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ class Observed:
     """The first return of every beam of a scan.
 
     Attributes:
-        rays: the n beams.
+        rays: nominal rays of the n beams, LiDAR axes.
         along_m: (n,) float32 component of the point along its beam's nominal direction, from the sensor's origin;
-            NaN where nothing returned.
-        above_m: (n,) float32 its component across, upwards; 0 for sensors with one optical centre.
-        intensity: (n,) float32; NaN where nothing returned or the drive has none.
-        trusted: (n,) bool: beams that may be compared.
-        points: rows of the scan that are in it.
-        strays: points that fit no beam of the pattern, left out.
-        bad: points with NaN or infinity, left out.
-        row: (n,) int64 row of the scan's point; −1 where nothing returned.
-        recovered: whether beams were told from the order of the points: then these have their measured azimuths,
-            and points stand where the unit's own calibration puts them.
+            NaN without a return [m].
+        above_m: (n,) float32 component perpendicular to the beam, upwards [m]; 0 for sensors with one optical centre.
+        intensity: (n,) float32 from 0 to 1; NaN without a return or without intensities.
+        trusted: (n,) bool beams that can be compared.
+        points: number of points of the scan.
+        strays: number of points that fit no beam of the pattern; they are skipped.
+        bad: number of points with NaN or infinity; they are skipped.
+        row: (n,) int64 row of the beam's point in the scan; −1 without a return.
+        recovered: whether beams were identified from the order of the points. Then rays have measured azimuths, and
+            points follow the unit's own calibration instead of the pattern.
     """
 
     rays: Rays
@@ -47,63 +47,63 @@ class Observed:
 
     @property
     def returned(self) -> np.ndarray:
-        """(n,) bool: whether the beam has a return."""
+        """(n,) bool whether the beam has a return."""
         return ~np.isnan(self.along_m)
 
     def range_from(self, origin: np.ndarray) -> np.ndarray:
-        """Measured ranges (n,) from reported optical centres (n, 3) in LiDAR axes."""
+        """Measured ranges (n,) [m] from reported optical centres (n, 3) [m] in LiDAR axes."""
         along = self.along_m - np.einsum("ij,ij->i", origin, self.rays.direction)
         return np.hypot(along, self.rise_from(origin)) if self.recovered else along
 
     def rise_from(self, origin: np.ndarray) -> np.ndarray:
-        """How far points stand above their beams (n,) [m], if these leave from `origin` (n, 3)."""
+        """Offsets (n,) [m] of the points perpendicular to beams from `origin` (n, 3), upwards."""
         return self.above_m - np.einsum("ij,ij->i", origin, upwards(self.rays.direction))
 
 
 def intensity_unit(drive: Drive, settings: Beams = DEFAULT.beams) -> float:
-    """By what intensities of a drive are divided to be 0–1: 1, or 255 where they are bytes, as its first scans tell.
+    """Determine from the first scans the divisor that scales intensities to 0–1: 1, or 255 for bytes.
 
     Raises:
-        DriveError: they reach beyond a byte.
+        DriveError: intensities exceed 255.
     """
     for name in drive.frames[: settings.first_scans]:
         intensity = drive[name].points[:, 3]
-        told = intensity[np.isfinite(intensity)]
-        bright = float(np.quantile(told, settings.most_points)) if len(told) else 0.0
-        if bright > _BYTE:
+        finite = intensity[np.isfinite(intensity)]
+        high = float(np.quantile(finite, settings.most_points)) if len(finite) else 0.0
+        if high > _BYTE:
             raise DriveError(
-                f"{drive.root}: intensities in velodyne/ reach {told.max():g}, but are 0–1 or bytes, 0–255; divide them"
+                f"{drive.root}: intensities in velodyne/ reach {finite.max():g}, but must be 0–1 or 0–255; divide them"
             )
-        if bright > settings.brightest:
+        if high > settings.brightest:
             return _BYTE
     return 1.0
 
 
 def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0, settings: Beams = DEFAULT.beams) -> Observed:
-    """Sort the points of a frame onto the beams of a pattern by ring and azimuth.
+    """Assign the points of a frame to the beams of a pattern by ring and azimuth.
 
     Args:
-        frame: with points; rings and azimuths are recovered where it has no `rays/`.
-        pattern: of the sensor.
-        rays: of the pattern.
-        unit: by what intensities are divided, see `intensity_unit`.
-        settings: numbers that decide.
+        frame: frame with points; rings and azimuths are recovered from the points if it has no `rays/`.
+        pattern: pattern of the sensor.
+        rays: nominal rays of the pattern.
+        unit: divisor of intensities, see `intensity_unit`.
+        settings: settings of the assignment.
     """
     points, of = frame.points, frame.rays
-    row, fits = _beams(of, pattern, settings.half_slot)
+    row, fits = _assign_beams(of, pattern, settings.half_slot)
     first, taken = np.unique(row[fits], return_index=True)
     used = np.flatnonzero(fits)[taken]
 
     xyz = points[used, :3].astype(np.float64)
     unfired = np.zeros(0, np.int64)
     if of.recovered:
-        rays = _turned(rays, first, np.arctan2(xyz[:, 1], xyz[:, 0]))
+        rays = _with_azimuths(rays, first, np.arctan2(xyz[:, 1], xyz[:, 0]))
     else:
-        said = of.azimuth[used].astype(np.float64)
-        aside = np.abs(np.angle(np.exp(1j * (said - rays.azimuth[first])))) > settings.aside_rad
+        azimuth = of.azimuth[used].astype(np.float64)
+        aside = np.abs(np.angle(np.exp(1j * (azimuth - rays.azimuth[first])))) > settings.aside_rad
         if aside.any():
-            rays = _turned(rays, first[aside], said[aside])
-            unfired = _unfired(rays, first, settings.at_once * 2 * np.pi / pattern.firings)
+            rays = _with_azimuths(rays, first[aside], azimuth[aside])
+            unfired = _find_unfired(rays, first, settings.at_once * 2 * np.pi / pattern.firings)
     direction = rays.direction[first].astype(np.float64)
     along = np.full(len(rays), np.nan, np.float32)
     above, intensity = along.copy(), along.copy()
@@ -116,9 +116,9 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0, setti
     seconds = int(np.count_nonzero(of.return_no))
     trusted = np.ones(len(rays), bool)
     trusted[unfired] = False
-    if frame.bad_points and (lost := frame.bad_rays) is not None:
-        beam, told = _beams(lost, pattern, settings.half_slot)
-        trusted[beam[told]] = False  # it returned, nobody knows from where
+    if frame.bad_points and (bad_rays := frame.bad_rays) is not None:
+        beam, fits_beam = _assign_beams(bad_rays, pattern, settings.half_slot)
+        trusted[beam[fits_beam]] = False  # these beams had a return at an unknown range
     return Observed(
         rays=rays,
         along_m=along,
@@ -133,8 +133,8 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0, setti
     )
 
 
-def _beams(of: PointRays, pattern: Pattern, half_slot: float) -> tuple[np.ndarray, np.ndarray]:
-    """Row (m,) of each point's beam, and whether the point fits one (m,): first returns near a firing's azimuth."""
+def _assign_beams(of: PointRays, pattern: Pattern, half_slot: float) -> tuple[np.ndarray, np.ndarray]:
+    """Beam (m,) of each point, and mask (m,) of points that fit one: first returns close to a firing's azimuth."""
     step = 2 * np.pi / pattern.firings
     ring = of.ring.astype(np.int64)
     known = ring < pattern.rings
@@ -145,13 +145,13 @@ def _beams(of: PointRays, pattern: Pattern, half_slot: float) -> tuple[np.ndarra
     return ring * pattern.firings + slot.astype(np.int64) % pattern.firings, fits
 
 
-def _unfired(rays: Rays, rows: np.ndarray, at_once_rad: float) -> np.ndarray:
-    """Beams between two returns of a ring that follow each other at once: a head that turns unevenly skips slots.
+def _find_unfired(rays: Rays, rows: np.ndarray, at_once_rad: float) -> np.ndarray:
+    """Find beams of the pattern that were not fired: a head with uneven rotation speed skips azimuth slots.
 
     Args:
-        rays: of the pattern, those with returns turned to measured azimuths.
-        rows: (k,) which these are, rising.
-        at_once_rad: between returns that follow each other at once.
+        rays: rays of the pattern; those with returns have measured azimuths.
+        rows: (k,) ascending rows of the beams with returns.
+        at_once_rad: maximum azimuth difference of returns from consecutive firings [rad].
     """
     after = np.roll(rows, -1)
     apart = np.angle(np.exp(1j * (rays.azimuth[rows].astype(float) - rays.azimuth[after])))
@@ -162,8 +162,8 @@ def _unfired(rays: Rays, rows: np.ndarray, at_once_rad: float) -> np.ndarray:
     return np.repeat(start + 1, count) + np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
 
 
-def _turned(rays: Rays, rows: np.ndarray, azimuth: np.ndarray) -> Rays:
-    """Rays of which some (k,) look to measured azimuths (k,), their elevations unchanged."""
+def _with_azimuths(rays: Rays, rows: np.ndarray, azimuth: np.ndarray) -> Rays:
+    """Return rays with new azimuths (k,) [rad] for some rows (k,); elevations are unchanged."""
     direction, nominal = rays.direction.copy(), rays.azimuth.copy()
     flat = np.hypot(direction[rows, 0], direction[rows, 1])
     direction[rows, 0], direction[rows, 1] = flat * np.cos(azimuth), flat * np.sin(azimuth)
@@ -172,7 +172,7 @@ def _turned(rays: Rays, rows: np.ndarray, azimuth: np.ndarray) -> Rays:
 
 
 def upwards(direction: np.ndarray) -> np.ndarray:
-    """Unit vectors (n, 3) across `direction` (n, 3), in its vertical plane, upwards."""
+    """Unit vectors (n, 3) perpendicular to `direction` (n, 3), in its vertical plane, upwards."""
     flat = np.maximum(np.hypot(direction[:, 0], direction[:, 1]), 1e-9)
     rise = direction[:, 2]
     return np.stack([-rise * direction[:, 0] / flat, -rise * direction[:, 1] / flat, flat], 1)

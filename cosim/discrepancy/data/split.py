@@ -1,4 +1,4 @@
-"""Which frames are fitted, and which are held out."""
+"""Split of a drive into frames for fitting and held-out frames for validation."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _FIT, _HELD_OUT = "fit", "held_out"
 
 @dataclass(frozen=True)
 class Split:
-    """Names of frames.
+    """Names of the frames of a split.
 
     Attributes:
-        fit: those that are fitted.
-        test: held-out frames; the same where there are too few for both.
+        fit: frames for fitting.
+        test: held-out frames; the same frames if there are too few for both.
     """
 
     fit: tuple[str, ...]
@@ -29,25 +29,25 @@ class Split:
 
     @property
     def is_held_out(self) -> bool:
-        """Whether the test frames took no part in the fit."""
+        """Whether the test frames are not used for fitting."""
         return not set(self.fit) & set(self.test)
 
 
 def split_drive(drive: Drive, beams: int, settings: Sampling = DEFAULT.sampling) -> Split:
-    """The split of a drive's frames; of those whose ground tells nothing of ranges as many judge as of the others.
+    """Split a drive's frames; frames without ranges to the ground are split separately in the same proportion.
 
-    Of maps made of the scans, those judge that took no part in them.
+    If the twin is a map made from the scans, the held-out frames are scans that were not used for the map.
 
     Args:
-        drive: with its twin.
-        beams: of a turn.
-        settings: numbers that decide.
+        drive: drive with its twin.
+        beams: number of beams per revolution.
+        settings: settings of the split.
     """
     if has_surfels(drive.root) and {_FIT, _HELD_OUT} <= set(drive.splits):
-        fit, held_out = (_by_map(drive, drive.split(name)) for name in (_FIT, _HELD_OUT))
+        fit, held_out = (_group_by_map(drive, drive.split(name)) for name in (_FIT, _HELD_OUT))
         places = {frame.name: frame.twin.ego.pose[:3, 3] for frame in drive}
         return split_of_maps(fit, held_out, places, beams, settings)
-    poor = [name for name in drive.frames if not _tells_of_ranges(drive[name])]
+    poor = [name for name in drive.frames if not _has_ground_ranges(drive[name])]
     return split_frames(drive.frames, poor, settings)
 
 
@@ -58,33 +58,36 @@ def split_of_maps(
     beams: int,
     settings: Sampling = DEFAULT.sampling,
 ) -> Split:
-    """The split of scans that maps were made of, and of those that took no part.
+    """Select frames if the twin consists of maps made from the scans.
 
-    One map gives scans from end to end. Of several, as many as memory bears and evenly spread along the drive, each
-    gives some of a stretch on which the sensor moves far: scans of a sensor that waits show every surface alike.
+    One map: scans are evenly spaced over the whole drive. Several maps: as many maps as fit into memory are used,
+    evenly spaced along the drive. From each, scans are taken from a stretch on which the sensor moves far, because
+    scans of a sensor at rest contain no repeated observations from different distances.
 
     Args:
-        fit: names of the scans that made a map, in order, a sequence for each.
-        held_out: names of those that took no part in it.
-        places: (3,) of the sensor by name, in the axes of each map [m].
-        beams: of a turn.
-        settings: numbers that decide.
+        fit: for each map, names of the scans it was made from, in order.
+        held_out: for each map, names of the other scans in it.
+        places: (3,) position of the sensor by frame name, in the axes of its map [m].
+        beams: number of beams per revolution.
+        settings: settings of the split.
     """
-    told = [pair for pair in zip(fit, held_out, strict=True) if all(pair)]
-    if not told:
+    maps = [pair for pair in zip(fit, held_out, strict=True) if all(pair)]
+    if not maps:
         return split_frames([name for names in fit for name in names], (), settings)
-    if len(told) == 1:
-        return Split(_spread(told[0][0], settings.map_scans), _spread(told[0][1], settings.map_judges))
+    if len(maps) == 1:
+        return Split(_select_evenly(maps[0][0], settings.map_scans), _select_evenly(maps[0][1], settings.map_judges))
     most = max(settings.most_beams // (beams * (settings.scans_each + settings.judges_each)), 1)
-    told = [told[row] for row in _rows(len(told), most)]
-    each = max(settings.map_scans // len(told), settings.scans_each)
-    judges = max(settings.map_judges // len(told), settings.judges_each)
-    fitted, judging = list[str](), list[str]()
-    for mine, theirs in told:
-        stretch = _moving(mine, places, each * settings.apart, settings.as_far)
-        fitted += _spread(stretch, each)
-        judging += _spread(_nearest(theirs, stretch, places, 2 * judges), judges)
-    return Split(tuple(fitted), tuple(judging))
+    maps = [maps[row] for row in _even_rows(len(maps), most)]
+    each = max(settings.map_scans // len(maps), settings.scans_each)
+    validation_each = max(settings.map_judges // len(maps), settings.judges_each)
+    training, validation = list[str](), list[str]()
+    for fit_names, held_out_names in maps:
+        stretch = _select_stretch(fit_names, places, each * settings.apart, settings.as_far)
+        training += _select_evenly(stretch, each)
+        validation += _select_evenly(
+            _select_nearest(held_out_names, stretch, places, 2 * validation_each), validation_each
+        )
+    return Split(tuple(training), tuple(validation))
 
 
 def split_frames(names: Sequence[str], poor: Collection[str] = (), settings: Sampling = DEFAULT.sampling) -> Split:
@@ -94,22 +97,22 @@ def split_frames(names: Sequence[str], poor: Collection[str] = (), settings: Sam
     """
     size = max(1, min(settings.segment, len(names) // 8))
     ordered = [*(name for name in names if name not in poor), *(name for name in names if name in poor)]
-    held_out = {name for place, name in enumerate(ordered) if place // size % 4 == 3}
+    held_out = {name for index, name in enumerate(ordered) if index // size % 4 == 3}
     test = tuple(name for name in names if name in held_out)
     fit = tuple(name for name in names if name not in held_out)
     return Split(fit, test) if test and fit else Split(tuple(names), tuple(names))
 
 
-def _by_map(drive: Drive, names: Sequence[str]) -> list[list[str]]:
-    """Names by the map that their scans lie in; the maps in the order of the drive."""
-    found: dict[str | None, list[str]] = {name: [] for name in dict.fromkeys(f.twin.static for f in drive)}
+def _group_by_map(drive: Drive, names: Sequence[str]) -> list[list[str]]:
+    """Group names by the map that their scans are in; maps in the order of the drive."""
+    by_map: dict[str | None, list[str]] = {name: [] for name in dict.fromkeys(f.twin.static for f in drive)}
     for name in names:
-        found[drive[name].twin.static].append(name)
-    return list(found.values())
+        by_map[drive[name].twin.static].append(name)
+    return list(by_map.values())
 
 
-def _moving(names: Sequence[str], places: Mapping[str, np.ndarray], most: int, as_far: float) -> Sequence[str]:
-    """So many names that follow each other and along which the sensor moves far; of such, those next to the middle."""
+def _select_stretch(names: Sequence[str], places: Mapping[str, np.ndarray], most: int, as_far: float) -> Sequence[str]:
+    """Select `most` consecutive names with a long path of the sensor, as close to the middle as possible."""
     steps = np.linalg.norm(np.diff([places[name] for name in names], axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     count = min(most, len(names))
@@ -119,22 +122,24 @@ def _moving(names: Sequence[str], places: Mapping[str, np.ndarray], most: int, a
     return names[first : first + count]
 
 
-def _nearest(names: Sequence[str], others: Sequence[str], places: Mapping[str, np.ndarray], most: int) -> Sequence[str]:
-    """So many names, in order, of places next to where others are in the middle."""
+def _select_nearest(
+    names: Sequence[str], others: Sequence[str], places: Mapping[str, np.ndarray], most: int
+) -> Sequence[str]:
+    """Select the `most` names closest to the middle one of `others`, in order."""
     middle = places[others[len(others) // 2]]
     order = sorted(range(len(names)), key=lambda row: float(np.linalg.norm(places[names[row]] - middle)))
     return [names[row] for row in sorted(order[:most])]
 
 
-def _spread(names: Sequence[str], most: int) -> tuple[str, ...]:
-    """So many names, evenly spread."""
-    return tuple(names[row] for row in _rows(len(names), most))
+def _select_evenly(names: Sequence[str], most: int) -> tuple[str, ...]:
+    """Select at most `most` evenly spaced names."""
+    return tuple(names[row] for row in _even_rows(len(names), most))
 
 
-def _rows(count: int, most: int) -> list[int]:
-    """So many of some rows, evenly spread."""
+def _even_rows(count: int, most: int) -> list[int]:
+    """Select at most `most` evenly spaced rows."""
     return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int)).tolist()
 
 
-def _tells_of_ranges(frame: Frame) -> bool:
+def _has_ground_ranges(frame: Frame) -> bool:
     return not frame.has("twin/trust") or read_trust(frame.path("twin/trust")).ground_range

@@ -1,6 +1,6 @@
-"""Are lasers exchanged? A matrix of which ring's returns agree with which ring's trace.
+"""Detection of swapped lasers: agreement of each ring's returns with each ring's traced ranges.
 
-An exchange is beyond any derivative: the returns of one laser lie where another one looks. The check needs no fit.
+A swap cannot be found by Gauss–Newton, as it is no small change. This check needs no fit.
 """
 
 from __future__ import annotations
@@ -12,23 +12,23 @@ import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
 
-_AGREES_M, _AGREES_SHARE = 0.1, 0.005  # a return and a trace agree within so much, or so large a share of the range
-_FEWEST = 200  # comparable beams of a ring
+_AGREES_M, _AGREES_SHARE = 0.1, 0.005  # tolerance of agreement: [m], plus a share of the range
+_FEWEST = 200  # minimum number of comparable beams of a ring
 _MOST_FRAMES = 6
 _OWN, _OTHER = (
     0.6,
     0.85,
-)  # agreement with its own trace below which, and with another's above which, a ring is exchanged
+)  # a ring is swapped if it agrees less with its own trace and more with another one
 
 
 @dataclass(frozen=True)
 class Exchange:
-    """A ring whose returns agree with the trace of another one.
+    """A ring whose returns agree with the trace of another ring.
 
     Attributes:
-        ring: of the points.
-        agrees_with: ring whose trace they agree with.
-        own, other: share of returns that agree with the trace of their own ring, and of the other one.
+        ring: ring of the points.
+        agrees_with: ring whose traced ranges they agree with.
+        own, other: share of returns that agree with the trace of their own ring, and of the other one (0 to 1).
     """
 
     ring: int
@@ -38,7 +38,7 @@ class Exchange:
 
 
 def agreement(frames: Sequence[TracedFrame]) -> np.ndarray:
-    """Share (rings, rings) of the returns of each ring, in rows, that agree with the trace of each ring, in columns."""
+    """Compute the share (rings, rings) of returns of each ring (row) that agree with each ring's trace (column)."""
     pattern = frames[0].shot.pattern
     agree, count = (np.zeros((pattern.rings, pattern.rings)) for _ in range(2))
     shape = pattern.rings, pattern.firings
@@ -56,9 +56,9 @@ def agreement(frames: Sequence[TracedFrame]) -> np.ndarray:
 
 
 def exchanged_rings(frames: Sequence[TracedFrame]) -> tuple[Exchange, ...]:
-    """Pairs of rings whose returns agree with each other's trace much better than with their own.
+    """Find pairs of rings whose returns agree with each other's trace much better than with their own.
 
-    Where elevations are wrong throughout, rings agree with a neighbour's trace, but not in pairs.
+    If all elevations are wrong, rings may agree with a neighbour's trace, but not in pairs.
     """
     chosen = frames[:: -(-len(frames) // _MOST_FRAMES)]
     share = agreement(chosen)

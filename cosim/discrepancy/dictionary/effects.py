@@ -87,9 +87,9 @@ def _tangents(linearisation: Linearisation, effects: tuple[Effect, ...], tangent
     if type(weak).density is not Effect.density or not tangent.amplitude:
         yield from _direct(linearisation, after, tangent)
         return
-    passed_on = linearisation.fitter.random.passed_on(fitted.prediction, fitted.estimate)
+    jacobian = linearisation.fitter.random.prediction_jacobian(fitted.prediction, fitted.estimate)
     delta: dict[Quantity, np.ndarray] = {
-        name: values / tangent.step * passed_on.get(name, 1.0)
+        name: values / tangent.step * jacobian.get(name, 1.0)
         for name, values in change(fitted.bare, after, sample.settings.law).items()
         if name in linearisation.evidence.score
     }

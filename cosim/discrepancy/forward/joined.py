@@ -1,4 +1,4 @@
-"""Replays the beams of all frames of a sample at once: one array costs what each frame would cost alone."""
+"""Replay of effects on the beams of several frames in one array, which is faster than frame by frame."""
 
 from __future__ import annotations
 
@@ -21,36 +21,36 @@ from sensors.world import Traced
 
 
 class NeedsOneFrameError(Exception):
-    """An effect asked for something that each frame has of its own."""
+    """An effect needs data that differ between frames, such as a world or a time."""
 
 
 class Replay:
-    """Some beams of several frames, one frame after the other.
+    """Beams of several frames, concatenated.
 
     Args:
-        frames: their beams.
+        frames: beams of each frame.
     """
 
     def __init__(self, frames: Sequence[FrameReplay]) -> None:
         self.frames = tuple(frames)
-        self._alone: set[frozenset[type[Effect]]] = set()
+        self._frame_by_frame: set[frozenset[type[Effect]]] = set()
 
     def expect(self, effects: tuple[Effect, ...]) -> Expected:
-        """What effects, in the order in which they act, let expect.
+        """Predict the beams from effects, given in the order in which they act.
 
-        Effects that ask for a frame's world or its time are asked frame by frame.
+        Effects that need a frame's world or time are evaluated frame by frame.
         """
-        kinds = frozenset(type(effect) for effect in effects)
-        if len(self.frames) > 1 and kinds not in self._alone:
+        types = frozenset(type(effect) for effect in effects)
+        if len(self.frames) > 1 and types not in self._frame_by_frame:
             try:
                 return self._together.expect(effects)
             except (NeedsOneFrameError, SensorError):
-                self._alone.add(kinds)
-        found = [one.expect(effects) for one in self.frames]
+                self._frame_by_frame.add(types)
+        parts = [part.expect(effects) for part in self.frames]
         return Expected(
-            _joined([one.of for one in found]),
+            _joined([part.of for part in parts]),
             *(
-                np.concatenate([getattr(one, name) for one in found])
+                np.concatenate([getattr(part, name) for part in parts])
                 for name in ("along_m", "above_m", "stray", "split")
             ),
         )
@@ -61,57 +61,64 @@ class Replay:
 
 
 class _Together(Replayed):
-    """The beams of several frames in one array; a few ways are kept, as fits come back to what they moved away from.
+    """Beams of several frames in one array; several shots are cached because fits return to earlier values.
 
     Raises:
-        NeedsOneFrameError: the frames differ in more than what they met.
+        NeedsOneFrameError: the frames differ in materials or calibration.
     """
 
     ways = 3
 
     def __init__(self, frames: Sequence[FrameReplay]) -> None:
         super().__init__()
-        if len({(id(one.table), one.is_calibrated, one.measured is None) for one in frames}) > 1:
+        if len({(id(frame.table), frame.is_calibrated, frame.measured is None) for frame in frames}) > 1:
             raise NeedsOneFrameError("frames differ in their materials or points")
-        sizes = [len(one.along_m) for one in frames]
-        first, things = np.cumsum([0, *sizes[:-1]]), np.cumsum([0, *(len(one.paint) for one in frames[:-1])])
+        sizes = [len(frame.along_m) for frame in frames]
+        first, first_instance = (
+            np.cumsum([0, *sizes[:-1]]),
+            np.cumsum([0, *(len(frame.paint) for frame in frames[:-1])]),
+        )
         self._frames, self.frame = frames, np.repeat(np.arange(len(frames)), sizes)
-        self.nominal = _joined([one.nominal for one in frames])
-        self.met, self.paned = _joined([one.met for one in frames]), _joined([one.paned for one in frames])
-        self.solid = _surfaces([one.solid for one in frames], things)
-        self.pane = _surfaces([one.pane for one in frames], things)
-        self.pane_beam = np.concatenate([one.pane_beam + row for one, row in zip(frames, first, strict=True)])
-        self.paint, self.table = np.concatenate([one.paint for one in frames]), frames[0].table
+        self.nominal = _joined([frame.nominal for frame in frames])
+        self.met, self.paned = _joined([frame.met for frame in frames]), _joined([frame.paned for frame in frames])
+        self.solid = _surfaces([frame.solid for frame in frames], first_instance)
+        self.pane = _surfaces([frame.pane for frame in frames], first_instance)
+        self.pane_beam = np.concatenate([frame.pane_beam + row for frame, row in zip(frames, first, strict=True)])
+        self.paint, self.table = np.concatenate([frame.paint for frame in frames]), frames[0].table
         self.is_calibrated = frames[0].is_calibrated
-        self.along_m = np.concatenate([one.along_m for one in frames])
-        away, bright = (np.concatenate(each) for each in zip(*(one.unsure for one in frames), strict=True))
-        self.unsure = away, bright
-        told = [one.measured for one in frames if one.measured is not None]
-        self.measured = {name: np.concatenate([one[name] for one in told]) for name in told[0]} if told else None
-        self.egos = [one.egos[0] for one in frames]
-        self.poses = [one.poses[0] for one in frames]
+        self.along_m = np.concatenate([frame.along_m for frame in frames])
+        sigma_m, sigma_intensity = (
+            np.concatenate(each) for each in zip(*(frame.unsure for frame in frames), strict=True)
+        )
+        self.unsure = sigma_m, sigma_intensity
+        measured = [frame.measured for frame in frames if frame.measured is not None]
+        self.measured = (
+            {name: np.concatenate([frame[name] for frame in measured]) for name in measured[0]} if measured else None
+        )
+        self.egos = [frame.egos[0] for frame in frames]
+        self.poses = [frame.poses[0] for frame in frames]
 
-    def _unbent(self) -> Shot:
+    def _nominal_shot(self) -> Shot:
         return _JoinedShot(self._frames, self.nominal, self.measured)
 
-    def _answered(
+    def _build_shot(
         self, beams: Beams, solid: Surface, pane: Surface, moving: tuple[np.ndarray, np.ndarray, np.ndarray]
     ) -> Shot:
         hits = Hits(beams.rays, np.eye(4), solid, self.pane_beam, pane, self.paint, self.table, moving[1])
         return _JoinedShot(self._frames, beams.rays, self.measured, Traced(hits, moving))
 
 
-def _joined(found: Sequence[Any]) -> Any:
-    """Dataclasses of arrays, one after the other."""
-    return type(found[0])(
-        *(np.concatenate([getattr(one, field.name) for one in found]) for field in fields(type(found[0])))
+def _joined(parts: Sequence[Any]) -> Any:
+    """Concatenate dataclasses of arrays field by field."""
+    return type(parts[0])(
+        *(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(type(parts[0])))
     )
 
 
 class _JoinedShot(Shot):
     """Beams of several frames as one shot, in world axes.
 
-    It knows nothing that each frame has of its own: no world, no camera, no time, no revolution.
+    Attributes that belong to one frame (world, camera, time, revolution) raise `NeedsOneFrameError`.
     """
 
     def __init__(
@@ -125,8 +132,8 @@ class _JoinedShot(Shot):
         self._kept, self._found, self._frames = {}, {}, frames
 
     def named(self, what: str, returns: Returns) -> np.ndarray:
-        """As of one frame."""
-        names = np.array([*(name for one in self._frames for name in getattr(one.instances, what)), ""])
+        """Names of the instances that gave the returns, see `Shot.named`."""
+        names = np.array([*(name for frame in self._frames for name in getattr(frame.instances, what)), ""])
         return names[np.where(returns.instance >= 0, returns.instance, -1)]
 
     def __getattr__(self, name: str) -> Any:
@@ -135,14 +142,14 @@ class _JoinedShot(Shot):
         raise NeedsOneFrameError(name)
 
 
-def _surfaces(found: Sequence[Surface], first: np.ndarray) -> Surface:
+def _surfaces(surfaces: Sequence[Surface], first: np.ndarray) -> Surface:
     instance = [
-        np.where(one.instance >= 0, one.instance.astype(np.int32) + row, one.instance)
-        for one, row in zip(found, first, strict=True)
+        np.where(surface.instance >= 0, surface.instance.astype(np.int32) + row, surface.instance)
+        for surface, row in zip(surfaces, first, strict=True)
     ]
     return Surface(
-        np.concatenate([one.range_m for one in found]),
-        np.concatenate([one.normal_code for one in found]),
-        np.concatenate([one.material for one in found]),
+        np.concatenate([surface.range_m for surface in surfaces]),
+        np.concatenate([surface.normal_code for surface in surfaces]),
+        np.concatenate([surface.material for surface in surfaces]),
         np.concatenate(instance),
     )

@@ -1,7 +1,7 @@
-"""Replays a sensor's effects on a sample of beams without tracing again.
+"""Replay of a sensor's effects on a sample of beams without ray casting.
 
-A beam that is bent a little meets the same plane at another point: R = n·(p − o)/(n·d). Away from edges this is
-exact, so that any effect can be tried in milliseconds; what moves is carried along its path.
+A slightly deflected beam hits the same plane at another point: R = n·(p − o)/(n·d). Away from edges this is exact, so
+that an effect is evaluated in milliseconds. Moving objects are moved to the firing time.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from sensors.shot import Shot
 from sensors.world import Traced
 
 _GRAZING = 1e-3
-_NEARLY_ALL = 0.97  # a laser or two that see next to nothing may be bent anywhere
+_NEARLY_ALL = 0.97  # quantile: a few lasers without returns may be deflected arbitrarily
 
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """The planes that beams meet, at the pose time, and how they move.
+    """Planes that the beams hit, at the pose time, and their motion; world frame.
 
     Attributes:
-        point: (n, 3) float64 world.
-        normal: (n, 3) float64 world, unit.
-        velocity_mps: (n, 3) of what they belong to.
-        yaw_rate_radps: (n,).
-        centre: (n, 3) what it turns about.
+        point: (n, 3) float64 point of the plane [m].
+        normal: (n, 3) float64 unit normal.
+        velocity_mps: (n, 3) velocity of the object that it belongs to [m/s].
+        yaw_rate_radps: (n,) yaw rate of the object [rad/s].
+        centre: (n, 3) centre of rotation of the object [m].
     """
 
     point: np.ndarray
@@ -52,7 +52,7 @@ class Planes:
 
     @classmethod
     def of(cls, frame: TracedFrame, beam: np.ndarray, surface: Surface) -> Planes:
-        """Those of `surface` (n rows), met by `beam` (n,) of a traced frame."""
+        """Planes of the surfaces (n rows) that beams (n,) of a traced frame hit."""
         traced, instances = frame.shot.traced, frame.instances
         assert traced is not None  # frames are traced
         met = np.where(surface.instance == NOTHING, 0.0, surface.range_m)
@@ -68,16 +68,16 @@ class Planes:
             rate[moves] = instances.yaw_rate_radps[row[moves]]
             centre[moves] = instances.poses[row[moves], :3, 3]
         planes = cls(point, normal, velocity, rate, centre)
-        return planes if not time_s.any() else planes._carried(-time_s, point - time_s[:, None] * velocity)
+        return planes if not time_s.any() else planes._moved_by(-time_s, point - time_s[:, None] * velocity)
 
     def at(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points and normals (n, 3) at instants (n,)."""
+        """Points and normals (n, 3) at times (n,) [s] from the pose time."""
         if not time_s.any():
             return self.point, self.normal
-        moved = self._carried(time_s, self.point)
+        moved = self._moved_by(time_s, self.point)
         return moved.point + time_s[:, None] * self.velocity_mps, moved.normal
 
-    def _carried(self, time_s: np.ndarray, point: np.ndarray) -> Planes:
+    def _moved_by(self, time_s: np.ndarray, point: np.ndarray) -> Planes:
         turns = np.flatnonzero(self.yaw_rate_radps * time_s)
         if not len(turns):
             return Planes(point, self.normal, self.velocity_mps, self.yaw_rate_radps, self.centre)
@@ -89,7 +89,7 @@ class Planes:
         return Planes(point, normal, self.velocity_mps, self.yaw_rate_radps, self.centre)
 
     def ranges(self, origin: np.ndarray, direction: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Where rays (n) meet them, (n,) float64; NaN behind the ray or along the plane."""
+        """Ranges (n,) float64 [m] at which n rays hit the planes; NaN behind the ray or parallel to the plane."""
         point, normal = self.at(time_s)
         slope = np.einsum("ij,ij->i", normal, direction)
         height = np.einsum("ij,ij->i", normal, point - origin)
@@ -100,13 +100,13 @@ class Planes:
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """What effects let expect of n beams.
+    """Prediction of n beams by effects.
 
     Attributes:
-        of: means, spreads and probabilities.
-        along_m, above_m: (n,) how far the reported optical centre stands along and above each beam [m].
-        stray, split: (n,) density [1/m] of returns from elsewhere at the measured range, and what other parts of the
-            beam itself have of it; 0 where nothing was measured.
+        of: means, standard deviations and probabilities.
+        along_m, above_m: (n,) offset of the reported optical centre along and perpendicular to (above) each beam [m].
+        stray, split: (n,) density [1/m] of spurious returns at the measured range, and the part of it from other parts
+            of the beam's own footprint; 0 without a return.
     """
 
     of: Expectation
@@ -117,19 +117,20 @@ class Expected:
 
 
 class Replayed:
-    """Some beams, and what they meet as effects bend them; shots bent in the latest few ways are kept.
+    """Beams and the surfaces they hit if effects deflect them; the latest `ways` shots are cached.
 
     Attributes:
-        nominal: the beams as the pattern has them.
-        is_calibrated: whether points stand where the unit's own calibration has its lasers look.
-        along_m: (n,) what was measured along the beams [m]; NaN where nothing returned.
-        unsure: (n,) each, how far the twin's ranges [m] and reflectances may be off.
-        solid, met: the surface that each meets, and its plane.
-        pane_beam, pane, paned: (k,) rows of beams that pass a pane first, the panes, and their planes.
-        paint, table: of `Hits`.
-        measured: what beams beside them returned, see `Shot.beside`.
-        egos, poses: of each frame, the vehicle at the pose time and the nominal world pose of the LiDAR (4, 4).
-        frame: (n,) int row of each beam's frame.
+        ways: number of cached shots.
+        nominal: nominal rays of the pattern.
+        is_calibrated: whether points follow the unit's own laser calibration instead of the pattern.
+        along_m: (n,) measured component along the beams [m]; NaN without a return.
+        unsure: (n,) each, σ of the twin's ranges [m] and intensities.
+        solid, met: the surface that each beam hits, and its plane.
+        pane_beam, pane, paned: (k,) rows of beams that pass through glass first, the panes, and their planes.
+        paint, table: as in `Hits`.
+        measured: measurements of neighbouring beams, see `Shot.beside`.
+        egos, poses: for each frame, motion of the vehicle at the pose time and nominal world pose (4, 4) of the LiDAR.
+        frame: (n,) int index of each beam's frame.
     """
 
     ways = 1
@@ -151,91 +152,91 @@ class Replayed:
 
     def __init__(self) -> None:
         self._shots: list[tuple[tuple[Effect, ...], Shot]] = []
-        self._looks: tuple[tuple[Effect, ...], np.ndarray] | None = None
+        self._calibrated: tuple[tuple[Effect, ...], np.ndarray] | None = None
 
     def expect(self, effects: tuple[Effect, ...]) -> Expected:
-        """What effects, in the order in which they act, let expect."""
+        """Predict the beams from effects, given in the order in which they act."""
         shot = self.shot(effects)
-        return self.completed(effects, shot, expect(effects, shot, self.unsure))
+        return self.complete(effects, shot, expect(effects, shot, self.unsure))
 
-    def completed(self, effects: tuple[Effect, ...], shot: Shot, found: Expectation) -> Expected:
-        """An expectation of a shot, with where its optical centres stand and returns from elsewhere."""
-        looks = self._looked(effects)
+    def complete(self, effects: tuple[Effect, ...], shot: Shot, expectation: Expectation) -> Expected:
+        """Add optical centres and spurious returns to the expectation of a shot."""
+        lasers = self._calibrated_directions(effects)
         direction = shot.rays.direction
         upward, along, above = shot.kept("optical centres", lambda: _centres(shot.rays))
         stray, split = np.zeros(len(self.along_m)), np.zeros(len(self.along_m))
-        if looks is not None:
-            # Points stand where the unit's calibration has its lasers look, not along the pattern's beams; how far
-            # above these follows from the measured range, whatever surface it was.
-            ahead = np.einsum("ij,ij->i", looks, direction)
-            above = above + (self.along_m - along) / ahead * np.einsum("ij,ij->i", looks, upward)
-            reach = np.nan_to_num(found.range_m)  # a beam into the sky may return all the same: of a drop, at its range
-            along = along + reach * (ahead - 1)
+        if lasers is not None:
+            # Points lie along the lasers of the unit's calibration, not along the pattern's beams; their offset from
+            # these follows from the measured range for any surface.
+            cosine = np.einsum("ij,ij->i", lasers, direction)
+            above = above + (self.along_m - along) / cosine * np.einsum("ij,ij->i", lasers, upward)
+            reach = np.nan_to_num(expectation.range_m)  # 0 without a surface: the return is from rain or fog then
+            along = along + reach * (cosine - 1)
         rows = np.flatnonzero(~np.isnan(self.along_m))
         for effect in effects:
             if type(effect).density is not Effect.density:
                 density = spurious_density(effect, rows, self.along_m[rows] - along[rows], shot)
                 stray[rows] += density
                 split[rows] += 0.0 if isinstance(effect, ScanEffect) else density
-        return Expected(found, along, above, stray, split)
+        return Expected(expectation, along, above, stray, split)
 
     def shot(self, effects: Sequence[Effect]) -> Shot:
-        """The beams as those bent by the beam effects among `effects` meet what they do."""
-        bending = tuple(effect for effect in effects if isinstance(effect, BeamEffect))
-        kept = next((shot for known, shot in self._shots if known == bending), None)
-        if kept is None:
-            kept = self._bent(bending)
-            self._shots = [*self._shots, (bending, kept)][-self.ways :]
-        return kept
+        """Return the hits of the beams as deflected by the beam effects among `effects`."""
+        beam_effects = tuple(effect for effect in effects if isinstance(effect, BeamEffect))
+        cached = next((shot for key, shot in self._shots if key == beam_effects), None)
+        if cached is None:
+            cached = self._deflected_shot(beam_effects)
+            self._shots = [*self._shots, (beam_effects, cached)][-self.ways :]
+        return cached
 
-    def _looked(self, effects: Sequence[Effect]) -> np.ndarray | None:
-        """Where the unit's own calibration has its lasers look, (n, 3) float64, where points stand along these.
+    def _calibrated_directions(self, effects: Sequence[Effect]) -> np.ndarray | None:
+        """(n, 3) float64 directions of the lasers in the unit's own calibration.
 
-        None where they stand along the beams of the pattern.
+        None if points lie along the beams of the pattern.
         """
         if not self.is_calibrated:
             return None
         known = tuple(effect for effect in effects if isinstance(effect, RingElevation))
-        if self._looks is None or self._looks[0] != known:
-            self._looks = (known, self._left(known).direction.astype(np.float64))
-        return self._looks[1]
+        if self._calibrated is None or self._calibrated[0] != known:
+            self._calibrated = (known, self._apply_beam_effects(known).direction.astype(np.float64))
+        return self._calibrated[1]
 
-    def _left(self, effects: tuple[Effect, ...]) -> Beams:
-        """The beams as beam effects let them leave."""
+    def _apply_beam_effects(self, effects: tuple[Effect, ...]) -> Beams:
+        """Apply beam effects to the nominal beams."""
         streams = Streams(np.random.default_rng(0))
-        return act_on_beams(effects, Beams.nominal(self.nominal), self._unbent(), streams, "", self._met)
+        return act_on_beams(effects, Beams.nominal(self.nominal), self._nominal_shot(), streams, "", self._intersect)
 
-    def _bent(self, effects: tuple[Effect, ...]) -> Shot:
-        return self._met(self._left(effects))
+    def _deflected_shot(self, effects: tuple[Effect, ...]) -> Shot:
+        return self._intersect(self._apply_beam_effects(effects))
 
-    def _met(self, beams: Beams) -> Shot:
-        """Beams as they meet the planes of their surfaces."""
-        origin, direction, time_s = _ray_origins(beams, self.egos, self.poses, self.frame)
-        solid = reached(self.solid, self.met.ranges(origin, direction, time_s))
+    def _intersect(self, beams: Beams) -> Shot:
+        """Intersect beams with the planes of their surfaces."""
+        origin, direction, time_s = _world_rays(beams, self.egos, self.poses, self.frame)
+        solid = with_ranges(self.solid, self.met.ranges(origin, direction, time_s))
         rows = self.pane_beam
-        pane = reached(self.pane, self.paned.ranges(origin[rows], direction[rows], time_s[rows]))
+        pane = with_ranges(self.pane, self.paned.ranges(origin[rows], direction[rows], time_s[rows]))
         moving = origin, direction.astype(np.float32), time_s.astype(np.float32)
-        return self._answered(beams, solid, pane, moving)
+        return self._build_shot(beams, solid, pane, moving)
 
-    def _unbent(self) -> Shot:
-        """The beams before they are traced."""
+    def _nominal_shot(self) -> Shot:
+        """Return the shot of the nominal beams, without hits."""
         raise NotImplementedError
 
-    def _answered(
+    def _build_shot(
         self, beams: Beams, solid: Surface, pane: Surface, moving: tuple[np.ndarray, np.ndarray, np.ndarray]
     ) -> Shot:
-        """Beams that met some surfaces, leaving as they are `moving`: from, whither and when, (n, …) world axes."""
+        """Build the shot of beams with hits; `moving` has origins [m], directions and times [s] (n, …), world axes."""
         raise NotImplementedError
 
 
 class FrameReplay(Replayed):
-    """Some beams of one traced frame.
+    """Beams of one traced frame.
 
     Args:
-        frame: the frame.
-        beams: (n,) rows of its beams.
-        measured: what beams beside them returned, see `Shot.beside`.
-        met: (n,) rows of the beams whose surfaces they meet, where that are not their own.
+        frame: traced frame.
+        beams: (n,) rows of the beams.
+        measured: measurements of neighbouring beams, see `Shot.beside`.
+        met: (n,) rows of the beams whose surfaces they hit; default: their own.
     """
 
     def __init__(
@@ -259,10 +260,10 @@ class FrameReplay(Replayed):
         if met is not None:
             time_s = np.broadcast_to(traced.time_s, len(frame.shot.rays))[beams].astype(np.float64)
             ranges = self.met.ranges(traced.origin[beams], traced.direction[beams].astype(np.float64), time_s)
-            self.solid = reached(self.solid, np.where(met == beams, self.solid.range_m, ranges))
+            self.solid = with_ranges(self.solid, np.where(met == beams, self.solid.range_m, ranges))
         pane = np.full(len(frame.shot.rays), -1)
         pane[hits.pane_beam] = np.arange(len(hits.pane_beam))
-        own = (pane[beams] >= 0) & (whose == beams)  # a plane of glass goes no farther than its pane
+        own = (pane[beams] >= 0) & (whose == beams)  # a pane is not extended beyond its own beam
         self.pane_beam = np.flatnonzero(own).astype(np.int32)
         self.pane = hits.pane.take(pane[beams[own]])
         self.paned = Planes.of(frame, beams[own], self.pane)
@@ -273,21 +274,21 @@ class FrameReplay(Replayed):
 
     @property
     def instances(self) -> Instances:
-        """What moves in the frame."""
+        """Objects of the frame."""
         return self._world.instances
 
     @property
     def pattern(self) -> Pattern:
-        """Of the beams."""
+        """Pattern of the beams."""
         return self._shot.pattern
 
     def ranges(self, effects: Sequence[Effect], along_m: np.ndarray, above_m: np.ndarray) -> np.ndarray:
-        """Distances (n,) of points, said along and above their beams, from the reported optical centres."""
+        """Ranges (n,) [m] of points, given along and above their beams [m], from the reported optical centres."""
         _, along, above = _centres(self.shot(effects).rays)
         return np.hypot(along_m - along, above_m - above)
 
     def moved(self, effects: Sequence[Effect], used: np.ndarray) -> tuple[float, float]:
-        """How far effects turn [rad] and shift [m] nearly all of the beams used (n,) from where they were traced."""
+        """97 % quantiles of rotation [rad] and shift [m] by effects since tracing, over the beams `used` (n,)."""
         now, then, rows = self.shot(effects).traced, self._shot.traced, self._rows
         assert now is not None and then is not None  # frames are traced
         turn = np.linalg.norm(now.direction - then.direction[rows], axis=1)
@@ -298,11 +299,11 @@ class FrameReplay(Replayed):
             return 0.0, 0.0
         return float(np.quantile(turn[used], _NEARLY_ALL)), float(np.quantile(shift[used], _NEARLY_ALL))
 
-    def _unbent(self) -> Shot:
+    def _nominal_shot(self) -> Shot:
         whole = self._shot
         return Shot(whole.pattern, self.nominal, world=whole.world, frame_time_s=whole.frame_time_s, whole=whole)
 
-    def _answered(
+    def _build_shot(
         self, beams: Beams, solid: Surface, pane: Surface, moving: tuple[np.ndarray, np.ndarray, np.ndarray]
     ) -> Shot:
         pose, (origin, direction, time_s) = self._world.pose, moving
@@ -321,16 +322,16 @@ class FrameReplay(Replayed):
         )
 
 
-def _ray_origins(
+def _world_rays(
     beams: Beams, egos: Sequence[EgoMotion], lidar_poses: Sequence[np.ndarray], frame: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """True optical centres and directions, (n, 3) float64 world axes, and instants (n,) [s] from the pose time.
+    """True optical centres [m] and directions, (n, 3) float64 in world axes, and times (n,) [s] from the pose time.
 
     Args:
-        beams: of one frame or several, as effects left them.
-        egos: the vehicle at the pose time of each frame.
+        beams: beams of one or several frames after effects.
+        egos: motion of the vehicle at the pose time of each frame.
         lidar_poses: (4, 4) nominal world poses of the LiDAR at the pose times.
-        frame: (n,) int row of each beam's frame.
+        frame: (n,) int index of each beam's frame.
     """
     time_s = np.full(len(beams.rays), beams.delay_s)
     if beams.firing_s is not None:
@@ -355,13 +356,13 @@ def _ray_origins(
 
 
 def _centres(rays: Rays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which way is up (n, 3), and how far optical centres stand along and above the beams, (n,) each [m]."""
+    """Upward unit vectors (n, 3), and offsets (n,) [m] of optical centres along and above the beams."""
     origin, upward = rays.origin.astype(np.float64), upwards(rays.direction)
     return upward, np.einsum("ij,ij->i", origin, rays.direction), np.einsum("ij,ij->i", origin, upward)
 
 
-def reached(met: Surface, ranges: np.ndarray) -> Surface:
-    """Surfaces (n,) at other ranges (n,); nothing where these are not finite."""
+def with_ranges(met: Surface, ranges: np.ndarray) -> Surface:
+    """Return surfaces (n,) with other ranges (n,) [m]; misses where these are not finite."""
     there = np.isfinite(ranges) & (met.instance != NOTHING)
     return Surface(
         range_m=np.where(there, ranges, np.inf).astype(np.float32),

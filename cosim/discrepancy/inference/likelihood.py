@@ -1,13 +1,12 @@
-"""How likely measurements are, beam by beam, under a prediction.
+"""Likelihood of the measurements of each beam given a prediction.
 
-A beam returns from the surface it meets with probability `seen`; then its range scatters with heavy tails
-(Student-t of 5 degrees of freedom scaled to the stated standard deviation). It may also return from elsewhere,
-with a small uniform density on top of what scan effects say. Intensities count as far as the return is the surface's;
-those at the limits of what the sensor tells say that they would have been there or beyond. Where another material
-begins beside a beam, any brightness is as likely as its own.
-Beams near edges meet either side, or neither (`_mixed`).
-Where a return stands above its beam tells of the sensor whatever surface it was, so it counts for every return, and is
-all that counts of beams that cannot be compared with the twin.
+A beam returns from the surface it hits with probability `seen`; its range error then follows a Student-t distribution
+with 5 degrees of freedom, scaled to the stated standard deviation. Spurious returns have the density that scan effects
+predict plus a small uniform density. Intensities are weighted by the probability that the return is from the surface,
+and are censored at the sensor's limits (Tobit). Next to another material the intensity has a mixture distribution.
+Beams near edges hit one of the sides, or none (`_mixed`).
+The offset of a point perpendicular to its beam depends on the sensor, not on the surface. It is used for every return,
+also for beams that cannot be compared with the twin.
 """
 
 from __future__ import annotations
@@ -41,12 +40,12 @@ def student_score(z: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Censored:
-    """Of n values.
+    """Censored likelihood of n values; arrays (n,).
 
     Attributes:
-        loglik: log-density, or log-probability of those at a limit.
-        score: its slope against the expected value, in standard deviations.
-        information: expected square of the slope; `MEAN_INFORMATION` far from limits.
+        loglik: log-density, or log-probability of values at a limit.
+        score: derivative of `loglik` with respect to the mean, per standard deviation.
+        information: expected square of the score; `MEAN_INFORMATION` far from the limits.
     """
 
     loglik: np.ndarray
@@ -55,7 +54,7 @@ class Censored:
 
 
 def censored(value: np.ndarray, mean: np.ndarray, spread: np.ndarray, limits: tuple[float, float]) -> Censored:
-    """Hold values (n,) against what is expected of them before they are cut off at the limits."""
+    """Evaluate the censored likelihood of values (n,) with the given mean and σ before censoring."""
     low, high = ((limit - mean) / spread for limit in limits)
     z = (value - mean) / spread
     loglik, slope = student(z) - np.log(spread), student_score(z)
@@ -64,12 +63,12 @@ def censored(value: np.ndarray, mean: np.ndarray, spread: np.ndarray, limits: tu
         outside = stats.t.sf(room / SCALE, NU)
         loglik[at] = np.log(outside)
         slope[at] = side * np.exp(student(room)) / outside
-    information = _known_below(high) + _known_below(-low) - MEAN_INFORMATION
+    information = _information_below(high) + _information_below(-low) - MEAN_INFORMATION
     return Censored(loglik, slope, np.maximum(information, 0.0))
 
 
-def _known_below(room: np.ndarray) -> np.ndarray:
-    """Information of values cut off at `room` (n,) standard deviations above their mean."""
+def _information_below(room: np.ndarray) -> np.ndarray:
+    """Information of values censored at `room` (n,) standard deviations above their mean."""
     return np.interp(room, *_table())
 
 
@@ -85,20 +84,21 @@ def _table() -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """Of n beams.
+    """Residuals of n beams; arrays (n,).
 
     Attributes:
-        range_z, intensity_z, rise_z: residuals in standard deviations; 0 where there are none.
-        intensity_score, intensity_known: what intensities say of their mean, and how much they would on average, in
-            standard deviations.
-        met: probability that the beam met its row's surface; 1 away from edges.
-        matched: probability that the return is the surface's.
-        bright: probability that its brightness is, too; 0 where that is not to be told.
-        whole: (n,) bool: intensities that the limits hardly ever cut off.
-        seen: probability of a return of the surface, away from 0 and 1.
-        expected_seen: the same as it is expected: of a beam that is certain to return no return tells anything.
-        loglik: (n,) log-likelihood, of each beam in its first row.
-        outcome: (n,) log-likelihood of range and return alone; 0 where a beam is not compared.
+        range_z, intensity_z, rise_z: residuals in standard deviations; 0 without a measurement.
+        range_sigma_m, intensity_sigma: standard deviations that they are divided by.
+        intensity_score, intensity_known: score and information of the intensity with respect to its mean, in standard
+            deviations (see `Censored`).
+        met: probability that the beam hit the surface of its row; 1 away from edges.
+        matched: posterior probability that the return is from this surface.
+        bright: posterior probability that the intensity is also from this surface; 0 if ambiguous.
+        whole: bool, intensities that are practically never censored.
+        seen: probability of a return from the surface, clipped away from 0 and 1.
+        expected_seen: the same without clipping.
+        loglik: log-likelihood of each beam, in its first row.
+        outcome: part of `loglik` from range and return only; 0 for beams that are not compared.
     """
 
     range_z: np.ndarray
@@ -119,12 +119,12 @@ class Residuals:
 
 
 def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Residuals:
-    """Hold measurements against a prediction.
+    """Compute the residuals and log-likelihood of a sample.
 
     Args:
-        sample: the measurements.
-        expected: of the same beams.
-        blur: a standard deviation [m] added to every range: fits that are far off find their way with it.
+        sample: sample of measured beams.
+        expected: prediction for the same beams.
+        blur: standard deviation [m] added to all ranges, so that fits with large residuals converge.
     """
     law, mean, own = sample.settings.law, expected.range_m, sample.own
     sigma = np.hypot(range_spread_m(expected, law), blur)
@@ -134,56 +134,60 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     seen = np.where(np.isfinite(mean), np.clip(expected.seen, law.lost_share, 1 - law.lost_share), 0.0)
     kept = 1 - expected.spurious_share
     seen = np.where(sample.compared, seen, 0.0)
-    whole = np.where(seen > 0, kept * expected.seen, 0.0)
-    # That a beam returned shows a loss however rare; of beams that did not, none is certain to.
+    expected_seen = np.where(seen > 0, kept * expected.seen, 0.0)
+    # `seen` is not capped at 1 here: a beam with a return may be certain to have one.
     certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, law.lost_share), 0.0)
     surface = certain * np.exp(student(z)) / sigma
-    # What fog and its like add near edges cannot be told from what else stands there: these tell the rest, given that.
+    # Near edges returns from fog etc. are confounded with unknown surfaces: condition on the absence of such returns.
     untouched = np.where(sample.edge, np.maximum(expected.seen + expected.silent, law.lost_share), 1.0)
     elsewhere = law.stray_share / law.reach_m + np.where(sample.edge, expected.split, expected.stray)
     density = surface + elsewhere
     outcome = kept * np.where(returned, density, np.maximum(expected.silent, law.lost_share)) / untouched
     outcome = outcome + np.where(returned, expected.spurious, 0.0)
     likelihood, met = _mixed(sample, outcome)
-    of_outcome = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)
-    loglik = of_outcome.copy()
+    loglik_of_outcome = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)
+    loglik = loglik_of_outcome.copy()
     matched = np.where(returned, met * kept * surface / untouched / np.maximum(outcome, 1e-300), 0.0)
 
     rise = np.nan_to_num(sample.above_m - expected.rise_m)
     rise_z = np.where(sample.returned, rise / np.hypot(law.rise_sigma_m, blur), 0.0)
     loglik += np.where(sample.returned, student(rise_z), 0.0)
     spread = intensity_spread(expected, law)
-    none = np.zeros(len(z))
-    light = _light(sample, expected, spread) if sample.has_intensity else (none, none, none, none, none > 0, none)
-    light_z, score, known, whose, uncut, of_light = light
-    loglik += matched * of_light
+    zeros = np.zeros(len(z))
+    intensity = (
+        _intensity_residuals(sample, expected, spread)
+        if sample.has_intensity
+        else (zeros, zeros, zeros, zeros, zeros > 0, zeros)
+    )
+    intensity_z, score, information, own_share, is_uncensored, loglik_of_intensity = intensity
+    loglik += matched * loglik_of_intensity
     return Residuals(
         z,
-        light_z,
+        intensity_z,
         rise_z,
         sigma,
         spread,
         score,
-        known,
+        information,
         met,
         matched,
-        matched * whose,
-        uncut,
+        matched * own_share,
+        is_uncensored,
         seen,
-        whole,
+        expected_seen,
         loglik,
-        of_outcome,
+        loglik_of_outcome,
     )
 
 
 def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Likelihoods (n,) of beams in their first rows, and the probability (n,) that they met the surface of each row.
+    """Likelihoods (n,) of beams in their first rows, and posterior probabilities (n,) of hitting each row's surface.
 
-    Beams near edges met one of the sides, or neither: these return from anywhere, or not at all.
+    Beams near edges hit one of the sides, or an unknown surface: then they have a return at a uniform range, or none.
 
     Args:
-        sample: the measurements.
-        outcome: (n,) likelihood of what each beam did, if it met the surface of that row.
+        sample: sample of measured beams.
+        outcome: (n,) likelihood of each beam's measurement if it hit the surface of this row.
     """
     near, rows = np.flatnonzero(sample.edge & sample.first), np.flatnonzero(sample.edge)
     if not len(near):
@@ -199,15 +203,15 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def shares_of_neither(sides: np.ndarray, neither: np.ndarray, weight: np.ndarray, law: Law) -> np.ndarray:
-    """The likeliest shares (c,) of components of a mixture (Dempster, Laird and Rubin, J. R. Stat. Soc. B 1977).
+    """Maximum-likelihood weights (c,) of mixture components by EM (Dempster, Laird and Rubin, J. R. Stat. Soc. B 1977).
 
-    Being the likeliest, they leave slopes of the likelihood as if they were known.
+    At the maximum, derivatives of the likelihood with respect to other parameters are as for known weights.
 
     Args:
-        sides: (k,) likelihoods of the component that has what the others leave.
-        neither: (c, k) likelihoods of these.
-        weight: (k,) how much each counts.
-        law: settings.
+        sides: (k,) likelihoods of the component with the remaining weight.
+        neither: (c, k) likelihoods of the components.
+        weight: (k,) weights of the beams.
+        law: settings of the likelihood.
     """
     share, before = np.full(len(neither), law.neither_share), np.zeros(len(neither))
     while np.abs(share - before).max() > law.neither_known:
@@ -216,30 +220,31 @@ def shares_of_neither(sides: np.ndarray, neither: np.ndarray, weight: np.ndarray
     return share
 
 
-def _light(sample: Sample, expected: Prediction, spread: np.ndarray) -> tuple[np.ndarray, ...]:
-    """What intensities say if returns are the surfaces' they were traced to, as in `Residuals`.
+def _intensity_residuals(sample: Sample, expected: Prediction, spread: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Intensity residuals if each return is from the traced surface; arrays (n,), see `Residuals`.
 
-    Their z, score, known, own and whole; own is the probability that the brightness is that surface's; at the end
-    (n,) log-likelihoods.
+    Returns:
+        z, score, information, probability that the intensity is from that surface, whether it is practically never
+        censored, log-likelihood.
     """
     mean, limits, law = expected.intensity, sample.intensity_limits, sample.settings.law
     measured = np.where(sample.returned, sample.intensity, mean)
-    told = censored(measured, mean, spread, limits)
-    # Where noise would be cut off at a limit a residual is no normal deviate.
-    whole = np.minimum(mean - limits[0], limits[1] - mean) >= law.clear_of_limits * expected.intensity_sigma
-    cut = (measured <= limits[0]) | (measured >= limits[1])
-    other = (1 - law.own_at_seams) * np.where(cut, law.cut_at_seams, 1.0)
-    mine = law.own_at_seams * np.exp(told.loglik)
-    own = np.where(sample.seam, mine / (mine + other), 1.0) * ~sample.border
-    loglik = np.where(sample.seam, np.log(mine + other), told.loglik) * ~sample.border
-    return (measured - mean) / spread, told.score, told.information, own, whole, loglik
+    likelihood = censored(measured, mean, spread, limits)
+    # Residuals of values that noise moves across a limit are not normally distributed.
+    is_uncensored = np.minimum(mean - limits[0], limits[1] - mean) >= law.clear_of_limits * expected.intensity_sigma
+    is_censored = (measured <= limits[0]) | (measured >= limits[1])
+    other_likelihood = (1 - law.own_at_seams) * np.where(is_censored, law.cut_at_seams, 1.0)
+    own_likelihood = law.own_at_seams * np.exp(likelihood.loglik)
+    own_share = np.where(sample.seam, own_likelihood / (own_likelihood + other_likelihood), 1.0) * ~sample.border
+    loglik = np.where(sample.seam, np.log(own_likelihood + other_likelihood), likelihood.loglik) * ~sample.border
+    return (measured - mean) / spread, likelihood.score, likelihood.information, own_share, is_uncensored, loglik
 
 
 def range_spread_m(expected: Prediction, law: Law) -> np.ndarray:
-    """Standard deviation (n,) [m] of ranges: by the sensor's noise and by how far the twin may be off."""
+    """Standard deviation (n,) [m] of ranges: sensor noise and uncertainty of the twin."""
     return np.sqrt(expected.range_sigma_m**2 + expected.unsure_m**2 + law.range_floor_m**2)
 
 
 def intensity_spread(expected: Prediction, law: Law) -> np.ndarray:
-    """The same of intensities."""
+    """Standard deviation (n,) of intensities: sensor noise and uncertainty of the twin."""
     return np.sqrt(expected.intensity_sigma**2 + expected.unsure_intensity**2 + law.intensity_floor**2)

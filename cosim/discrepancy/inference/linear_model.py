@@ -1,4 +1,8 @@
-"""A mixed model, linear about a fit: what a step of parameters knows that random effects may take up."""
+"""Linearised mixed model about a fit: Gauss–Newton steps with the random effects eliminated.
+
+Notation of Henderson's mixed model equations: fixed parameters β with columns X, random effects u with columns Z,
+weights W (information of each beam) and precision Λ of u.
+"""
 
 from __future__ import annotations
 
@@ -25,23 +29,23 @@ from cosim.discrepancy.sampling.sample import Prediction
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
-    """A mixed model, linear about a fit: `score ≈ X β + Z u`, u of known precision.
+    """Mixed model, linearised about a fit: change of the prediction = X β + Z u, with known precision of u.
 
     Attributes:
         x: (n, p) columns of the fitted parameters by quantity.
         z: (n, a) columns of the active random effects by quantity.
-        used: (a,) which random effects these are.
-        precision: (a,) of their laws.
-        known: (a, a) information of z.
-        solver: of `known` and the precision.
-        evidence: scores and informations.
+        used: (a,) int indices of the active random effects.
+        precision: (a,) their inverse variances (diagonal of Λ).
+        information: (a, a) information ZᵀWZ.
+        solver: factorisation of ZᵀWZ + Λ; None without random effects.
+        evidence: scores and informations of the beams.
     """
 
     x: dict[Quantity, SparseMatrix]
     z: dict[Quantity, SparseMatrix]
     used: np.ndarray
     precision: np.ndarray
-    known: SparseMatrix
+    information: SparseMatrix
     solver: Factored | None
     evidence: Evidence
 
@@ -54,25 +58,27 @@ class LinearModel:
         prediction: Prediction,
         estimate: Estimate,
     ) -> LinearModel:
-        """About a prediction and random effects."""
+        """Linearise about a prediction and an estimate of the random effects."""
         used = np.flatnonzero(random.active(estimate))
         designs = random.designs(prediction, estimate)
         z: dict[Quantity, SparseMatrix] = {
-            name: one.tocsc()[:, used].tocsr() for name, one in designs.items() if name in evidence.score
+            name: matrix.tocsc()[:, used].tocsr() for name, matrix in designs.items() if name in evidence.score
         }
-        known = sparse.csr_matrix((len(used), len(used)))
-        for name, one in z.items():
-            if one.nnz:
-                known = known + one.T @ scaled(one, evidence.information[name])
+        information = sparse.csr_matrix((len(used), len(used)))
+        for name, matrix in z.items():
+            if matrix.nnz:
+                information = information + matrix.T @ scaled(matrix, evidence.information[name])
         precision = random.precision(estimate)[used]
-        solver = Factored(known + sparse.diags(precision), random.independent_blocks[used]) if len(used) else None
+        solver = Factored(information + sparse.diags(precision), random.independent_blocks[used]) if len(used) else None
         x = stacked(columns, evidence.score, len(random.sample))
-        return cls(x, z, used, precision, known, solver, evidence)
+        return cls(x, z, used, precision, information, solver, evidence)
 
     def projected(self, columns: dict[Quantity, SparseMatrix]) -> tuple[np.ndarray, np.ndarray]:
-        """How much of each random effect and parameter a unit of columns (n, k) is worth, (a + p, k).
+        """Regress columns (n, k) on the random effects and parameters.
 
-        Beside it the information that the columns share with them, (a + p, k).
+        Returns:
+            coefficients (a + p, k), and the cross-information (a + p, k) of the columns with random effects and
+            parameters.
         """
         shared = self._shared(columns, self.z, len(self.used))
         of_x = self._shared(columns, self.x, self.parameters)
@@ -84,12 +90,12 @@ class LinearModel:
 
     @cached_property
     def parameters(self) -> int:
-        """p."""
+        """Number p of parameters."""
         return next(iter(self.x.values())).shape[1] if self.x else 0
 
     @cached_property
     def fixed_information(self) -> np.ndarray:
-        """(p, p) information of the parameters, random effects eliminated."""
+        """(p, p) information of the parameters with the random effects eliminated (Schur complement)."""
         return ridged(self._own_information - self._across.T @ self._across_solved)
 
     @property
@@ -98,7 +104,7 @@ class LinearModel:
         return np.diag(self._own_information)
 
     def beside(self, columns: dict[Quantity, SparseMatrix]) -> LinearModel:
-        """The same with further parameters, (n, k) columns by quantity."""
+        """Return the model with further parameters, given by their columns (n, k) by quantity."""
         rows = len(next(iter(self.evidence.score.values())))
         width = next(iter(columns.values())).shape[1]
         x: dict[Quantity, SparseMatrix] = {}
@@ -109,52 +115,55 @@ class LinearModel:
         return replace(self, x=x)
 
     def step(
-        self, estimate: Estimate, least_told: float = 0.0, law: tuple[np.ndarray, np.ndarray] | None = None
+        self, estimate: Estimate, min_share: float = 0.0, prior: tuple[np.ndarray, np.ndarray] | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """A Gauss–Newton step of parameters (p,) and of all random effects (m,).
+        """Compute a Gauss–Newton step of the parameters (p,) and of all random effects (m,).
 
         Args:
-            estimate: random effects as they are.
-            least_told: share of what would be known of parameters one by one, which random effects and the other
-                parameters must leave of a direction; with less the step does not go that way, as nothing tells how far.
-            law: precisions (p,) of normal laws of the parameters, and how far these are from their means (p,).
+            estimate: current random effects.
+            min_share: minimum share of information in a direction of parameter space that must remain after
+                elimination of random effects and other parameters; the step has no component along other directions,
+                which are not identifiable.
+            prior: precisions (p,) of normal priors of the parameters, and current distances (p,) from their means.
         """
         right = self._scored(self.z, len(self.used)) - self.precision * estimate.u[self.used]
         step = np.zeros(self.parameters)
         if self.parameters:
-            slope = self._scored(self.x, self.parameters) - self._across.T @ self._solve(right)
-            if law is None:
-                step = self._told(slope, self.fixed_information, least_told)
+            gradient = self._scored(self.x, self.parameters) - self._across.T @ self._solve(right)
+            if prior is None:
+                step = self._restricted_step(gradient, self.fixed_information, min_share)
             else:
-                step = self._told(slope - law[0] * law[1], self.fixed_information + np.diag(law[0]), least_told)
+                step = self._restricted_step(
+                    gradient - prior[0] * prior[1], self.fixed_information + np.diag(prior[0]), min_share
+                )
         change = np.zeros(len(estimate.u))
         change[self.used] = self._solve(right - self._across @ step)
         return step, change
 
-    def _told(self, slope: np.ndarray, information: np.ndarray, least: float) -> np.ndarray:
-        """The step (p,) of a slope (p,), along directions of which a share is left of what is known one by one."""
-        if not least:
-            return np.linalg.solve(information, slope)
-        known = np.diag(self._own_information)
-        scale = np.sqrt(np.where(known > 0, known, 1.0))
-        share, way = np.linalg.eigh(information / np.outer(scale, scale))
-        way, share = way[:, share > least], share[share > least]
-        return way @ ((way.T @ (slope / scale)) / share) / scale
+    def _restricted_step(self, gradient: np.ndarray, information: np.ndarray, min_share: float) -> np.ndarray:
+        """Solve for the step (p,) from a gradient (p,), restricted to directions with enough information."""
+        if not min_share:
+            return np.linalg.solve(information, gradient)
+        diagonal = np.diag(self._own_information)
+        scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+        shares, directions = np.linalg.eigh(information / np.outer(scale, scale))
+        directions, shares = directions[:, shares > min_share], shares[shares > min_share]
+        return directions @ ((directions.T @ (gradient / scale)) / shares) / scale
 
     def shrinkage(self) -> float:
-        """log |I + D^½ ZᵀWZ D^½|: what the freedom of the random effects costs."""
+        """log |I + D^½ ZᵀWZ D^½| with D = Λ⁻¹: penalty for the random effects in the Laplace approximation."""
         if self.solver is None:
             return 0.0
         return self.solver.log_determinant() - float(np.log(self.precision).sum())
 
     @cached_property
     def _own_information(self) -> np.ndarray:
-        """(p, p) information of the parameters, random effects known."""
+        """(p, p) information of the parameters for known random effects."""
         return self._shared(self.x, self.x, self.parameters)
 
     @cached_property
     def _across(self) -> np.ndarray:
-        """(a, p) information shared by random effects and parameters."""
+        """(a, p) cross-information ZᵀWX of random effects and parameters."""
         return self._shared(self.x, self.z, len(self.used))
 
     @cached_property
@@ -168,14 +177,14 @@ class LinearModel:
         self, columns: dict[Quantity, SparseMatrix], own: dict[Quantity, SparseMatrix], size: int
     ) -> np.ndarray:
         width = next(iter(columns.values())).shape[1] if columns else 0
-        found = np.zeros((size, width))
-        for name, one in columns.items():
-            if name in own and own[name].nnz and one.nnz and name in self.evidence.information:
-                found += (own[name].T @ scaled(one, self.evidence.information[name])).toarray()
-        return found
+        total = np.zeros((size, width))
+        for name, matrix in columns.items():
+            if name in own and own[name].nnz and matrix.nnz and name in self.evidence.information:
+                total += (own[name].T @ scaled(matrix, self.evidence.information[name])).toarray()
+        return total
 
     def _scored(self, own: dict[Quantity, SparseMatrix], size: int) -> np.ndarray:
-        found = np.zeros(size)
-        for name, one in own.items():
-            found += one.T @ self.evidence.score[name]
-        return found
+        total = np.zeros(size)
+        for name, matrix in own.items():
+            total += matrix.T @ self.evidence.score[name]
+        return total

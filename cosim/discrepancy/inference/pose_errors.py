@@ -1,10 +1,11 @@
-"""How errors of a scan's pose move what its beams meet.
+"""Change of ranges by pose errors of the scans.
 
-Of a plane met at R = n·(p − o)/(n·d), a shift of the sensor changes the numerator and a turn the denominator, so
-R′ = (R + Δ)/(1 − Δ′/R) with Δ and Δ′ as the slopes at no error say. Far ground at a flat angle is far from linear: at
-50 m a tenth of a degree of roll may move it by two metres, and the square of that by a tenth. Effects that turn
-beams, too, change the same denominator: where they have moved the surface to R₁, R′ = (R + Δ)/(R/R₁ − Δ′/R). Added up
-instead, a turn by an effect and its undoing by the pose would leave a tenth of a metre on far ground.
+A beam from o in direction d hits a plane through p with normal n at the range R = n·(p − o)/(n·d). A shift of the
+sensor changes the numerator, a rotation the denominator: R′ = (R + Δ)/(1 − Δ′/R), where Δ and Δ′ are the linear changes
+of R [m] by shift and rotation. This is strongly nonlinear for distant ground at grazing incidence: at 50 m a roll error
+of 0.1° may change R by 2 m, with a second-order term of 0.1 m. Effects that rotate beams change the same denominator:
+if they have changed the range to R₁, R′ = (R + Δ)/(R/R₁ − Δ′/R). With a sum of both changes instead, a rotation by an
+effect and an opposite pose error would not cancel on distant ground.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from cosim.discrepancy.settings import DEFAULT, Unsure
 
 
 class PoseErrors:
-    """Pose errors (scans, 6): shifts [m] and turns [rad] in the LiDAR's axes.
+    """Effect of pose errors (scans, 6), shifts [m] and rotations [rad] in LiDAR axes, on the ranges of n beams.
 
     Args:
-        derivative: (n, 6) change of range per metre and radian.
+        derivative: (n, 6) derivative of the range with respect to the pose [m/m, m/rad].
         frame: (n,) int scan of each beam.
-        reach_m: (n,) range of the plane it meets; NaN where there is none.
-        scans: how many.
-        settings: numbers that decide.
+        reach_m: (n,) range [m] of the plane that is hit; NaN for misses.
+        scans: number of scans.
+        settings: settings of the random effects.
     """
 
     def __init__(
@@ -44,39 +45,39 @@ class PoseErrors:
         self._shape = (len(frame), 6 * scans)
 
     def shift(self, pose: np.ndarray, bent_m: np.ndarray | None = None) -> np.ndarray:
-        """Change of ranges (n,) [m], which effects have brought to `bent_m` (n,); as they were traced by default."""
-        bent = self._bent(bent_m)
-        moved, slope = self._parts(pose, bent)
+        """Change (n,) of the ranges [m]; `bent_m` (n,) are the ranges as changed by effects (default: as traced)."""
+        bent = self._range_ratio(bent_m)
+        moved, slope = self._numerator_and_denominator(pose, bent)
         known = np.isfinite(self._reach)
         reach = np.where(known, self._reach, 0.0)
         return np.where(known, (reach + moved) / slope - reach / bent, 0.0)
 
     def slopes(self, pose: np.ndarray, bent_m: np.ndarray | None = None) -> SparseMatrix:
-        """(n, 6·scans) derivatives of `shift`."""
-        moved, slope = self._parts(pose, self._bent(bent_m))
+        """Sparse (n, 6·scans) derivatives of `shift` with respect to the pose errors."""
+        moved, slope = self._numerator_and_denominator(pose, self._range_ratio(bent_m))
         farther = (1 + moved / self._reach) / slope
         scale = np.repeat(np.stack([1 / slope, farther / slope], 1), 3, axis=1)
         values = (self._derivative * scale).ravel()
         return sparse.csr_matrix((values, self._places), self._shape)
 
-    def onward(self, pose: np.ndarray, bent_m: np.ndarray) -> np.ndarray:
-        """(n,) dR′/dR₁: how much farther a surface comes out that effects have brought to `bent_m` (n,), per metre."""
-        moved, slope = self._parts(pose, self._bent(bent_m))
+    def range_derivative(self, pose: np.ndarray, bent_m: np.ndarray) -> np.ndarray:
+        """(n,) dR′/dR₁, with the ranges `bent_m` (n,) [m] as changed by effects."""
+        moved, slope = self._numerator_and_denominator(pose, self._range_ratio(bent_m))
         with np.errstate(invalid="ignore", divide="ignore"):
             ratio = self._reach / bent_m
             found = (1 + moved / self._reach) * (ratio / slope) ** 2
         return np.where(np.abs(ratio - 1) < self._settings.same_surface, found, 1.0)
 
-    def _bent(self, bent_m: np.ndarray | None) -> np.ndarray:
-        """R/R₁; 1 where that is another surface's."""
+    def _range_ratio(self, bent_m: np.ndarray | None) -> np.ndarray:
+        """R/R₁; 1 if R₁ belongs to another surface."""
         if bent_m is None:
             return np.ones_like(self._reach)
         with np.errstate(invalid="ignore"):
             ratio = self._reach / bent_m
             return np.where(np.abs(ratio - 1) < self._settings.same_surface, ratio, 1.0)
 
-    def _parts(self, pose: np.ndarray, bent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Δ, and R/R₁ − Δ′/R."""
+    def _numerator_and_denominator(self, pose: np.ndarray, bent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return Δ [m] and R/R₁ − Δ′/R, arrays (n,)."""
         of_beam = pose[self._frame]
         moved = np.einsum("ij,ij->i", self._derivative[:, :3], of_beam[:, :3])
         turned = np.einsum("ij,ij->i", self._derivative[:, 3:], of_beam[:, 3:])

@@ -1,4 +1,4 @@
-"""Efficient scores of columns, summed by cluster.
+"""Efficient scores of tested columns, summed by cluster.
 
 With X the columns of a hypothesis, Z those of the random effects u of precision Λ and of all fitted parameters, and
 A = (ZᵀWZ + Λ)⁻¹ZᵀWX, the efficient score is (X − ZA)ᵀs + AᵀΛû (Lindsey, Parametric Statistical Inference, § 3.6). The
@@ -24,11 +24,11 @@ class Projected:
     """Efficient scores of k columns.
 
     Attributes:
-        tables: (clusters, k) scores, by object track or static region, and by part of a scan.
-        information: (k, k) with everything fitted and the random effects eliminated.
-        whole: (k,) information if everything else were known.
-        floor: (k,) variance of the scores that the weights of the beams imply.
-        known: (clusters, k) information by cluster, in proportion to the beams' own.
+        tables: two arrays (clusters, k) of scores: by object track or map cell, and by part of a scan.
+        known: two arrays (clusters, k) of information by cluster, in proportion to the information of the beams.
+        information: (k, k) information with fitted parameters and random effects eliminated.
+        whole: (k,) information if fitted parameters and random effects were known.
+        floor: (k,) variance of the scores due to the sampling weights of the beams.
     """
 
     tables: tuple[np.ndarray, np.ndarray]
@@ -39,7 +39,7 @@ class Projected:
 
     @property
     def left(self) -> np.ndarray:
-        """(k,) share of the information that outlives what is fitted."""
+        """(k,) share of the information that remains after elimination of fitted parameters and random effects."""
         return np.clip(np.diag(self.information) / np.maximum(self.whole, 1e-300), 0, 1)
 
 
@@ -47,9 +47,9 @@ class Projector:
     """Computes efficient scores about one fitted model.
 
     Args:
-        model: linear about the fit, with the random effects and everything that was fitted.
+        model: linear model about the fit, with random effects and fitted parameters.
         estimate: random effects of the fit.
-        clusters: of beams and random effects.
+        clusters: clusters of the beams and random effects.
         share: (n,) weights of the beams, 1 on average.
     """
 
@@ -70,7 +70,7 @@ class Projector:
         ]
 
     def plain(self, basis: SparseMatrix, score: np.ndarray) -> list[np.ndarray]:
-        """Scores (clusters, k) of basis functions (n, k) weighted by beam scores (n,), nothing eliminated."""
+        """Scores (clusters, k) of basis functions (n, k) weighted by beam scores (n,), without elimination."""
         weighted = scaled(basis, score)
         tables = []
         for cluster, count in zip(self.clusters, self._counts, strict=True):

@@ -1,8 +1,9 @@
-"""What is merely not known of a drive: errors of poses, of objects, of the map and of reflectances.
+"""Random effects for the nuisance errors of a drive: poses, objects, map and reflectances.
 
-Each is a random effect of mean zero whose variance is estimated from the data. A mixed model with them asks of a
-missing effect what they cannot explain: the common part of all pose errors of a drive is as sure as their spread and
-the number of scans let it be, the offset that all cars share as sure as the number of cars does.
+Each error is a random effect with mean zero whose variance is estimated from the data (variance components). In the
+mixed model, a missing effect is only significant if it explains more than these errors can: the uncertainty of the mean
+of all pose errors follows from their standard deviation and the number of scans, that of an offset common to all cars
+from the number of cars.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ _AXES = 6
 
 @dataclass(frozen=True, eq=False)
 class Clusters:
-    """What n beams share errors with: the thing or spot they meet, and their scan.
+    """Clusters of n beams that share errors: by the object or place that they hit, and by scan.
 
     Attributes:
-        track: (n,) int: an instance, or a cell of the map.
-        scan: (n,) int.
-        part: (n,) int scan, or part of a scan where scans are few.
-        unit_track, unit_scan: (m,) int which track or scan each random effect is of; −1 where it is of none.
+        track: (n,) int number of the instance, or of the map cell.
+        scan: (n,) int number of the scan.
+        part: (n,) int number of the scan, or of the sector of a scan if there are few scans.
+        unit_track, unit_scan: (m,) int track and scan that each random effect belongs to; −1 for none.
     """
 
     track: np.ndarray
@@ -46,12 +47,12 @@ class Block:
 
     Attributes:
         name: poses, objects, objects_by_scan, map, albedo or albedo_of_map.
-        part: the part of the budget that it belongs to.
-        quantity: that it changes.
-        size: how many.
-        group: (size,) int which of its variances each has.
-        start: initial standard deviation by variance.
-        free: whether nothing is known of them, so that their variances stay as wide as they begin.
+        part: source of error in the budget that it belongs to.
+        quantity: quantity that it changes.
+        size: number of random effects.
+        group: (size,) int index of the variance component of each.
+        start: initial standard deviation of each variance component (in the unit of the random effect).
+        free: whether the prior is flat: the variances keep their large initial values.
     """
 
     name: str
@@ -65,11 +66,11 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Values of the random effects and the variances of their laws.
+    """Random effects and their variances.
 
     Attributes:
-        u: (m,) best linear unbiased predictions.
-        variance: (v,) of each law; 0 where there is none of it.
+        u: (m,) best linear unbiased predictions of the random effects.
+        variance: (v,) variance components; 0 for components that are switched off.
     """
 
     u: np.ndarray
@@ -79,8 +80,12 @@ class Estimate:
 class RandomEffects:
     """The random effects of a sample.
 
+    The m random effects are ordered by block: poses (6 per scan: shifts [m], then rotations [rad], LiDAR axes), objects
+    (4 per object: shifts [m] in world axes and rotation about the vertical [rad]), the same per object and scan, map
+    cells (shift along the normal [m]), albedo of objects and of map cells (relative change).
+
     Args:
-        sample: the measurements.
+        sample: sample of measured beams.
         has_poses: whether poses have errors.
     """
 
@@ -111,37 +116,40 @@ class RandomEffects:
             blocks.append(Block("albedo", "objects", "intensity", tracks, np.zeros(tracks, int), (0.0,)))
             start = (settings.free_albedo if free else 0.0,)
             blocks.append(Block("albedo_of_map", "map", "intensity", cells, np.zeros(cells, int), start, free))
-        self.blocks: tuple[Block, ...] = tuple(one for one in blocks if one.size)
-        sizes = [one.size for one in self.blocks]
+        self.blocks: tuple[Block, ...] = tuple(block for block in blocks if block.size)
+        sizes = [block.size for block in self.blocks]
         self._ends = np.cumsum([0, *sizes])
-        laws = np.cumsum([0, *(len(one.start) for one in self.blocks)])
-        self._law = np.concatenate(
-            [one.group + first for one, first in zip(self.blocks, laws, strict=False)] or [np.zeros(0, int)]
+        first_component = np.cumsum([0, *(len(block.start) for block in self.blocks)])
+        self._component_of = np.concatenate(
+            [block.group + first for block, first in zip(self.blocks, first_component, strict=False)]
+            or [np.zeros(0, int)]
         )
-        self.laws = tuple((one.name, row) for one in self.blocks for row in range(len(one.start)))
-        self._free = np.array([one.free for one in self.blocks for _ in one.start], bool)
+        self.components = tuple((block.name, row) for block in self.blocks for row in range(len(block.start)))
+        self._is_flat = np.array([block.free for block in self.blocks for _ in block.start], bool)
         least, of_map = dict.fromkeys(("objects", "objects_by_scan"), settings.least_objects), (settings.least_map_m,)
         least |= {"poses": settings.least_poses, "map": of_map}
-        self._least = np.array([least.get(name, (settings.least_albedo,))[row] ** 2 for name, row in self.laws])
-        self._fixed = {
-            one.name: self._matrix(one) for one in self.blocks if one.name != "poses" and one.quantity == "range"
+        self._least = np.array([least.get(name, (settings.least_albedo,))[row] ** 2 for name, row in self.components])
+        self._designs = {
+            block.name: self._range_design(block)
+            for block in self.blocks
+            if block.name != "poses" and block.quantity == "range"
         }
 
     @property
     def has_poses(self) -> bool:
-        """Whether poses have errors, and something is known of how large these are."""
-        return any(one.name == "poses" and not one.free for one in self.blocks)
+        """Whether poses have errors with a proper (not flat) prior."""
+        return any(block.name == "poses" and not block.free for block in self.blocks)
 
     @property
     def size(self) -> int:
-        """How many random effects there are."""
+        """Number m of random effects."""
         return int(self._ends[-1])
 
     @cached_property
     def independent_blocks(self) -> np.ndarray:
-        """(m,) int blocks of random effects such that a beam depends on those of one block at most; −1 for poses.
+        """(m,) int group of each random effect such that each beam depends on at most one group; −1 for poses.
 
-        Range: all errors of one object, in all scans; map cells one by one. Reflectances one by one.
+        All range errors of one object, in all scans, are one group. Each map cell and each albedo is its own group.
         """
         sample, found = self.sample, np.full(self.size, -1)
         things = sample.object_scan >= 0
@@ -163,7 +171,7 @@ class RandomEffects:
 
     @cached_property
     def clusters(self) -> Clusters:
-        """What beams and random effects share errors with."""
+        """Clusters of the beams and random effects, for robust (sandwich) variances."""
         sample = self.sample
         sectors = -(-self._settings.fewest_parts // max(len(sample.names), 1))
         sector = ((sample.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
@@ -182,52 +190,52 @@ class RandomEffects:
         return Clusters(sample.track, sample.frame, sample.frame * sectors + sector, track, scan)
 
     def clusters_by_sector(self, sectors: int) -> Clusters:
-        """The clusters with so many parts of each scan."""
+        """Return the clusters with each scan divided into this number of azimuth sectors."""
         sample = self.sample
         sector = np.minimum(((sample.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int), sectors - 1)
         return replace(self.clusters, part=sample.frame * sectors + sector)
 
     def start(self) -> Estimate:
-        """None of anything, but pose errors of the spread that fits start from."""
+        """Return the default initial estimate: all random effects 0, initial variances from the settings."""
         variance = np.array([value**2 for one in self.blocks for value in one.start])
         return Estimate(np.zeros(self.size), variance)
 
     def without(self, estimate: Estimate, names: Sequence[str]) -> Estimate:
-        """To start from, with no random effects of some kinds."""
-        gone = np.array([name in names for name, _ in self.laws])
-        return Estimate(np.zeros(self.size), np.where(gone, 0.0, estimate.variance))
+        """Return an initial estimate with the named kinds of random effects switched off."""
+        is_off = np.array([name in names for name, _ in self.components])
+        return Estimate(np.zeros(self.size), np.where(is_off, 0.0, estimate.variance))
 
-    def begun_from(self, other: RandomEffects | None, estimate: Estimate | None) -> Estimate:
-        """To start from what another sample of the same drive told; from nothing where that has none."""
-        if other is None or estimate is None or other.laws != self.laws:
+    def warm_start(self, other: RandomEffects | None, estimate: Estimate | None) -> Estimate:
+        """Return an initial estimate from a fit to another sample of the same drive, or the default one without it."""
+        if other is None or estimate is None or other.components != self.components:
             return self.start()
-        return Estimate(self._told(other, estimate, 0), estimate.variance)
+        return Estimate(self._transfer(other, estimate, 0), estimate.variance)
 
     def transferred(self, other: RandomEffects, estimate: Estimate, scan: int) -> Estimate:
-        """The random effects of a sample of one scan, as they were estimated from another sample with that scan.
+        """Transfer the random effects from another sample that includes this sample's only scan.
 
         Args:
-            other, estimate: of the other sample.
-            scan: its row there.
+            other, estimate: random effects of the other sample and their estimate.
+            scan: row of the scan in the other sample.
         """
-        known = np.where(estimate.variance[: len(self.laws)] > 0, 1.0, 0.0)
-        return Estimate(self._told(other, estimate, scan), known)
+        variance = np.where(estimate.variance[: len(self.components)] > 0, 1.0, 0.0)
+        return Estimate(self._transfer(other, estimate, scan), variance)
 
-    def _told(self, other: RandomEffects, estimate: Estimate, scan: int) -> np.ndarray:
-        """Random effects (m,) that another sample has, too, from row `scan` of its scans on; 0 elsewhere."""
+    def _transfer(self, other: RandomEffects, estimate: Estimate, scan: int) -> np.ndarray:
+        """(m,) random effects that the other sample also has, from row `scan` of its scans on; 0 for all others."""
         u = np.zeros(self.size)
         for block in self.blocks:
-            theirs = estimate.u[other.rows(block.name)]
-            if not len(theirs):
+            other_values = estimate.u[other.rows(block.name)]
+            if not len(other_values):
                 continue
-            known = {key: place for place, key in enumerate(other._keys(block.name, 0))}
-            row = np.array([known.get(key, -1) for key in self._keys(block.name, scan)], int)
-            mine = u[self.rows(block.name)].reshape(len(row), -1)
-            mine[row >= 0] = theirs.reshape(len(known), -1)[row[row >= 0]]
+            row_of_key = {key: row for row, key in enumerate(other._keys(block.name, 0))}
+            rows = np.array([row_of_key.get(key, -1) for key in self._keys(block.name, scan)], int)
+            own_values = u[self.rows(block.name)].reshape(len(rows), -1)
+            own_values[rows >= 0] = other_values.reshape(len(row_of_key), -1)[rows[rows >= 0]]
         return u
 
     def _keys(self, name: str, scan: int) -> list[tuple]:
-        """What each unit of one kind is: a scan from `scan` on, or a track's name with its scan, or with a facing."""
+        """Key of each unit of one kind: scan number from `scan` on, or track name with scan number or facing."""
         sample = self.sample
         if name == "poses":
             return [(scan + row,) for row in range(len(sample.names))]
@@ -244,46 +252,46 @@ class RandomEffects:
         return list(zip(sample.track_names[sample.track[rows]].tolist(), more[rows].tolist(), strict=True))
 
     def rows(self, name: str) -> slice:
-        """Where the random effects of one kind stand; empty where there are none."""
-        places = (slice(int(a), int(b)) for a, b in pairwise(self._ends))
-        return next((rows for one, rows in zip(self.blocks, places, strict=True) if one.name == name), slice(0, 0))
+        """Return the slice of the random effects of one kind; empty if there are none."""
+        slices = (slice(int(a), int(b)) for a, b in pairwise(self._ends))
+        return next((rows for block, rows in zip(self.blocks, slices, strict=True) if block.name == name), slice(0, 0))
 
-    def _each(self, values: np.ndarray) -> Iterator[tuple[Block, np.ndarray]]:
-        """Each block with its part of values (m,)."""
-        for one, (start, end) in zip(self.blocks, pairwise(self._ends), strict=True):
-            yield one, values[start:end]
+    def _split(self, values: np.ndarray) -> Iterator[tuple[Block, np.ndarray]]:
+        """Iterate over the blocks with their parts of values (m,)."""
+        for block, (start, end) in zip(self.blocks, pairwise(self._ends), strict=True):
+            yield block, values[start:end]
 
     def of_part(self, parts: Sequence[str]) -> np.ndarray:
-        """(m,) bool: which belong to some parts of the budget."""
-        found = np.zeros(self.size, bool)
-        for one, mine in self._each(found):
-            mine[:] = one.part in parts
-        return found
+        """(m,) bool whether each random effect belongs to one of the named sources of the budget."""
+        mask = np.zeros(self.size, bool)
+        for block, part in self._split(mask):
+            part[:] = block.part in parts
+        return mask
 
     def poses(self, estimate: Estimate) -> np.ndarray:
-        """(scans, 6) pose errors; 0 where poses have none."""
-        found = estimate.u[self.rows("poses")].reshape(-1, _AXES)
-        return found if len(found) else np.zeros((len(self.sample.names), _AXES))
+        """(scans, 6) pose errors [m, rad] in LiDAR axes; 0 if poses have no errors."""
+        errors = estimate.u[self.rows("poses")].reshape(-1, _AXES)
+        return errors if len(errors) else np.zeros((len(self.sample.names), _AXES))
 
     def spread(self, estimate: Estimate, name: str) -> np.ndarray:
-        """Standard deviations of one kind, by law, 0 where nothing is known of them; empty where there are none."""
-        variance = np.where(self._free, 0.0, estimate.variance)
-        return np.sqrt([v for (of, _), v in zip(self.laws, variance, strict=True) if of == name])
+        """Standard deviations of one kind by variance component; 0 for flat priors, empty if there are none."""
+        variance = np.where(self._is_flat, 0.0, estimate.variance)
+        return np.sqrt([v for (of, _), v in zip(self.components, variance, strict=True) if of == name])
 
     def precision(self, estimate: Estimate) -> np.ndarray:
-        """(m,) inverse variances; those of laws without variance are as good as infinite."""
-        return 1 / np.maximum(estimate.variance, 1e-30)[self._law]
+        """(m,) inverse variances; practically infinite for random effects that are switched off."""
+        return 1 / np.maximum(estimate.variance, 1e-30)[self._component_of]
 
     def active(self, estimate: Estimate) -> np.ndarray:
-        """(m,) bool: those that may be other than 0."""
-        return (estimate.variance > 0)[self._law]
+        """(m,) bool whether each random effect may differ from 0."""
+        return (estimate.variance > 0)[self._component_of]
 
     def adjusted(self, expected: Prediction, estimate: Estimate) -> Prediction:
-        """A prediction as the random effects change it."""
+        """Return the prediction with the random effects applied."""
         moved = self._pose_errors.shift(self.poses(estimate), expected.range_m)
-        for one, part in self._each(estimate.u):
-            if one.name != "poses" and one.quantity == "range" and part.any():
-                moved = moved + self._fixed[one.name] @ part
+        for block, part in self._split(estimate.u):
+            if block.name != "poses" and block.quantity == "range" and part.any():
+                moved = moved + self._designs[block.name] @ part
         share = self.brightness(estimate)
         spread = expected.intensity_sigma * (share if self.sample.of_own_map else 1.0)
         return replace(
@@ -291,115 +299,132 @@ class RandomEffects:
         )
 
     def brightness(self, estimate: Estimate) -> np.ndarray:
-        """Factor (n,) by which random effects change intensities."""
+        """(n,) factor by which the random effects change the intensities."""
         bright = np.zeros(len(self.sample))
-        for one, part in self._each(estimate.u):
-            if one.quantity == "intensity" and part.any():
-                bright = bright + self._hot(one) @ part
+        for block, part in self._split(estimate.u):
+            if block.quantity == "intensity" and part.any():
+                bright = bright + self._indicator_matrix(block) @ part
         return np.maximum(1 + bright, self._settings.darkest)
 
-    def passed_on(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, np.ndarray]:
-        """Factors (n,) by which changes of what effects predict come out beside the random effects as they are.
+    def prediction_jacobian(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, np.ndarray]:
+        """(n,) derivative of the adjusted prediction with respect to the effects' prediction, at the current estimate.
 
-        Far ground at a flat angle moves by another length where the pose is off; brightness is near one but where
-        reflectances are free.
+        Given for quantities where it may differ from 1: ranges of distant ground at grazing incidence depend
+        nonlinearly on pose errors; intensities are scaled by the albedo if its prior is flat.
         """
-        found: dict[Quantity, np.ndarray] = {"range": self._pose_errors.onward(self.poses(estimate), expected.range_m)}
+        factors: dict[Quantity, np.ndarray] = {
+            "range": self._pose_errors.range_derivative(self.poses(estimate), expected.range_m)
+        }
         if self.sample.of_own_map:
-            found["intensity"] = self.brightness(estimate)
-        return found
+            factors["intensity"] = self.brightness(estimate)
+        return factors
 
     def designs(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, SparseMatrix]:
-        """Derivatives (n, m) of each quantity that they change; of active ones alone, other columns are empty."""
+        """(n, m) derivatives of each quantity with respect to the random effects; inactive columns are empty."""
         rows, active = len(self.sample), self.active(estimate)
         parts: dict[Quantity, list[SparseMatrix]] = {"range": [], "intensity": [], "intensity_variance": []}
-        for (one, mine), (_, u) in zip(self._each(active), self._each(estimate.u), strict=True):
-            empty = sparse.csr_matrix((rows, one.size))
-            if not mine.any():
-                found = empty
-            elif one.name == "poses":
-                found = self._pose_errors.slopes(self.poses(estimate), expected.range_m)
-            elif one.quantity == "range":
-                found = self._fixed[one.name]
+        for (block, is_active), (_, u) in zip(self._split(active), self._split(estimate.u), strict=True):
+            empty = sparse.csr_matrix((rows, block.size))
+            if not is_active.any():
+                derivatives = empty
+            elif block.name == "poses":
+                derivatives = self._pose_errors.slopes(self.poses(estimate), expected.range_m)
+            elif block.quantity == "range":
+                derivatives = self._designs[block.name]
             else:
-                found = self._light(one, expected)
-            of_spread = self._of_spread(one, u) if one.free else empty
+                derivatives = self._intensity_design(block, expected)
+            of_spread = self._spread_design(block, u) if block.free else empty
             for quantity, columns in parts.items():
-                other = of_spread if quantity == "intensity_variance" and one.quantity == "intensity" else empty
-                columns.append(found if quantity == one.quantity else other)
+                derivatives_of_spread = (
+                    of_spread if quantity == "intensity_variance" and block.quantity == "intensity" else empty
+                )
+                columns.append(derivatives if quantity == block.quantity else derivatives_of_spread)
         return {name: sparse.hstack(columns, format="csr") for name, columns in parts.items() if columns}
 
-    def informed(self, expected: Prediction, evidence: Evidence) -> np.ndarray:
-        """(m,) information of beams on each random effect, as if others were known."""
+    def informations(self, expected: Prediction, evidence: Evidence) -> np.ndarray:
+        """(m,) information of the beams about each random effect, with all others known."""
         found = np.zeros(self.size)
-        everything = Estimate(np.zeros(self.size), np.ones(len(self.laws)))
+        everything = Estimate(np.zeros(self.size), np.ones(len(self.components)))
         for name, design in self.designs(expected, everything).items():
             if name in evidence.information:
                 found += design.multiply(design).T @ evidence.information[name]
         return found
 
-    def updated(self, estimate: Estimate, solver: Factored | None) -> Estimate:
-        """Variances after one update: MacKay's fixed point (Neural Comput. 1992), traces by random probes.
+    def update_variances(self, estimate: Estimate, solver: Factored | None) -> Estimate:
+        """Update the variances once by MacKay's fixed-point iteration (Neural Comput. 4, 1992): σ² = uᵀu/γ.
+
+        γ is the effective number of degrees of freedom; traces are estimated with random probes (Hutchinson).
 
         Args:
-            estimate: with predictions at the present variances.
-            solver: of the information of the active random effects, their laws included.
+            estimate: predictions u at the current variances.
+            solver: factorised posterior precision ZᵀWZ + Λ of the active random effects.
         """
         used, variance = np.flatnonzero(self.active(estimate)), estimate.variance.copy()
         if solver is None:
             return estimate
-        precision, law = self.precision(estimate)[used], self._law[used]
+        precision, component = self.precision(estimate)[used], self._component_of[used]
         signs = np.random.default_rng(0).choice((-1.0, 1.0), (len(used), self._settings.probes))
-        unsure = (signs * solver.solve(signs)).mean(1)
-        told = np.bincount(law, 1 - precision * unsure, len(variance))
-        size = np.bincount(law, estimate.u[used] ** 2, len(variance))
-        mine, most = np.unique(law), self._settings.most_step
-        new = size[mine] / np.maximum(told[mine], 0.5)
-        variance[mine] = np.clip(new, variance[mine] / most, variance[mine] * most)
-        poses = np.array([name == "poses" for name, _ in self.laws])
-        variance = np.where(poses, np.maximum(variance, self._least), variance)
-        variance = np.where(self._free, estimate.variance, variance)
-        gone = (variance < self._least) & ~poses
-        return Estimate(np.where(gone[self._law], 0.0, estimate.u), np.where(gone, 0.0, variance))
+        posterior_variance = (signs * solver.solve(signs)).mean(1)
+        effective_dof = np.bincount(component, 1 - precision * posterior_variance, len(variance))
+        sum_of_squares = np.bincount(component, estimate.u[used] ** 2, len(variance))
+        present, max_ratio = np.unique(component), self._settings.most_step
+        new = sum_of_squares[present] / np.maximum(effective_dof[present], 0.5)
+        variance[present] = np.clip(new, variance[present] / max_ratio, variance[present] * max_ratio)
+        is_pose = np.array([name == "poses" for name, _ in self.components])
+        variance = np.where(is_pose, np.maximum(variance, self._least), variance)
+        variance = np.where(self._is_flat, estimate.variance, variance)
+        is_negligible = (variance < self._least) & ~is_pose
+        return Estimate(
+            np.where(is_negligible[self._component_of], 0.0, estimate.u), np.where(is_negligible, 0.0, variance)
+        )
 
-    def begun(self, estimate: Estimate, expected: Prediction, evidence: Evidence) -> Estimate:
-        """With the variances of laws that are at 0 and should not be, by the method of moments.
+    def initialise_variances(self, estimate: Estimate, expected: Prediction, evidence: Evidence) -> Estimate:
+        """Initialise variances that are 0 although the data show variance, by the method of moments.
 
-        What beams of one unit share shows as the square of their summed scores beyond the sum of their squares.
+        An error that is common to the beams of a unit makes the square of the sum of their scores larger than the sum
+        of the squares.
 
         Args:
-            estimate, expected, evidence: of the fit.
+            estimate, expected, evidence: current estimate, prediction and scores of the fit.
         """
         variance = estimate.variance.copy()
-        begun = dict[str, bool]()
-        for place, one in enumerate(self.blocks):
-            idle = [k for k, (name, _) in enumerate(self.laws) if name == one.name and variance[k] <= 0]
-            if not idle or one.quantity not in evidence.score or begun.get(one.name.split("_by")[0]):
+        initialised = dict[str, bool]()
+        for index, block in enumerate(self.blocks):
+            idle = [k for k, (name, _) in enumerate(self.components) if name == block.name and variance[k] <= 0]
+            if not idle or block.quantity not in evidence.score or initialised.get(block.name.split("_by")[0]):
                 continue
-            matrix = self._fixed[one.name] if one.quantity == "range" else self._light(one, expected)
-            shared = matrix.T @ evidence.score[one.quantity]
+            matrix = self._designs[block.name] if block.quantity == "range" else self._intensity_design(block, expected)
+            shared = matrix.T @ evidence.score[block.quantity]
             square = matrix.multiply(matrix)
-            own = square.T @ evidence.score[one.quantity] ** 2
-            known = square.T @ evidence.information[one.quantity]
-            law = self._law[self._ends[place] : self._ends[place + 1]]
+            own = square.T @ evidence.score[block.quantity] ** 2
+            information = square.T @ evidence.information[block.quantity]
+            component = self._component_of[self._ends[index] : self._ends[index + 1]]
             for k in idle:
-                mine = law == k
-                excess, total = float((shared[mine] ** 2 - own[mine]).sum()), float((known[mine] ** 2).sum())
-                if excess > self._settings.variance_sigmas * np.sqrt(2 * float((own[mine] ** 2).sum())) and total > 0:
+                members = component == k
+                excess, total = (
+                    float((shared[members] ** 2 - own[members]).sum()),
+                    float((information[members] ** 2).sum()),
+                )
+                if (
+                    excess > self._settings.variance_sigmas * np.sqrt(2 * float((own[members] ** 2).sum()))
+                    and total > 0
+                ):
                     variance[k] = max(excess / total, 4 * self._least[k])
-                    begun[one.name] = True  # what changes from scan to scan is asked once what stays is known
+                    initialised[block.name] = True  # the per-scan component is tested after the constant one is fitted
         return replace(estimate, variance=variance)
 
-    def _light(self, block: Block, expected: Prediction) -> SparseMatrix:
-        return sparse.diags(expected.intensity) @ self._hot(block)
+    def _intensity_design(self, block: Block, expected: Prediction) -> SparseMatrix:
+        """(n, size) derivatives of intensities with respect to albedo."""
+        return sparse.diags(expected.intensity) @ self._indicator_matrix(block)
 
-    def _of_spread(self, block: Block, u: np.ndarray) -> SparseMatrix:
-        """Derivatives (n, size) of the log spread of intensities, which are noisier the brighter a surface is."""
+    def _spread_design(self, block: Block, u: np.ndarray) -> SparseMatrix:
+        """(n, size) derivatives of log σ of intensities, which is proportional to the albedo."""
         if block.quantity != "intensity":
             return sparse.csr_matrix((len(self.sample), block.size))
-        return self._hot(block) @ sparse.diags(1 / np.maximum(1 + u, self._settings.darkest))
+        return self._indicator_matrix(block) @ sparse.diags(1 / np.maximum(1 + u, self._settings.darkest))
 
-    def _matrix(self, block: Block) -> SparseMatrix:
+    def _range_design(self, block: Block) -> SparseMatrix:
+        """(n, size) derivatives of ranges with respect to object or map errors."""
         sample, rows = self.sample, np.arange(len(self.sample))
         if block.name == "map":
             used = np.flatnonzero(sample.surface >= 0)
@@ -411,10 +436,11 @@ class RandomEffects:
         places = np.repeat(used, 4), columns.ravel()
         return sparse.csr_matrix((sample.object_derivative[used].ravel(), places), (len(rows), block.size))
 
-    def _hot(self, block: Block) -> SparseMatrix:
-        if block.name not in self._fixed:
+    def _indicator_matrix(self, block: Block) -> SparseMatrix:
+        """(n, size) indicator matrix: 1 where a beam hits the surface of the random effect."""
+        if block.name not in self._designs:
             number = self._track if block.name == "albedo" else self.sample.surface
             used = np.flatnonzero(number >= 0)
             ones = np.ones(len(used))
-            self._fixed[block.name] = sparse.csr_matrix((ones, (used, number[used])), (len(number), block.size))
-        return self._fixed[block.name]
+            self._designs[block.name] = sparse.csr_matrix((ones, (used, number[used])), (len(number), block.size))
+        return self._designs[block.name]

@@ -1,4 +1,4 @@
-"""Which beams of a drive are taken for a sample."""
+"""Sampling of a drive's beams, with their sampling probabilities."""
 
 from __future__ import annotations
 
@@ -7,53 +7,57 @@ from collections.abc import Sequence
 import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
-from cosim.discrepancy.sampling.gathering import Taken, gathered
+from cosim.discrepancy.sampling.gathering import Taken, gather_sample
 from cosim.discrepancy.sampling.sample import Sample
 
 
 def draw_sample(
     frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, *, judging: bool | None = None
 ) -> Sample:
-    """A sample of about `count` beams in neighbouring pairs: of every frame alike, more of objects than of the rest.
+    """Draw a sample of about `count` beams in neighbouring pairs, equally many per frame.
 
-    Materials that few beams meet, as those of plates and signs, are taken nearly whole.
+    Objects are sampled more densely than the static world; beams on rare materials, for example number plates and
+    signs, are nearly all included.
 
     Args:
-        frames: in order of time.
-        count: how many beams to take, roughly.
-        rng: for the draw.
-        judging: of a map made of the scans, take surfaces of those places that judge, or of the others; all by default.
+        frames: traced frames, in order of time.
+        count: approximate number of beams.
+        rng: random generator.
+        judging: for a map made from the scans: whether to use surfaces for validation (True) or for fitting (False);
+            default: all surfaces.
     """
     if frames and frames[0].map is not None:
-        return gathered(frames, _of_maps(frames, count, rng, judging))
+        return gather_sample(frames, _sample_maps(frames, count, rng, judging))
     share = max(count // max(len(frames), 1), 1)
-    return gathered(frames, [_choose(frame, share, rng) for frame in frames])
+    return gather_sample(frames, [_sample_frame(frame, share, rng) for frame in frames])
 
 
 def whole_sample(frame: TracedFrame) -> Sample:
-    """All beams of one frame."""
+    """Return a sample with all beams of one frame."""
     count = len(frame.observed.rays)
-    return gathered([frame], [_taken(np.arange(count), np.ones(count), np.full(count, -1))])
+    return gather_sample([frame], [_rows(np.arange(count), np.ones(count), np.full(count, -1))])
 
 
-def _choose(frame: TracedFrame, share: int, rng: np.random.Generator) -> Taken:
-    """Beams of a frame."""
+def _sample_frame(frame: TracedFrame, share: int, rng: np.random.Generator) -> Taken:
+    """Sample beams of a frame."""
     solid, rings, settings = frame.shot.hits.solid, frame.shot.rays.ring, frame.settings.sampling
     clear = frame.observed.trusted & ~frame.edge
     usable = frame.observed.trusted & ~frame.grazed if frame.is_surveyed else clear
     residual = np.abs(frame.observed.range_from(frame.shot.rays.origin) - solid.range_m)
-    odd = frame.observed.returned & ~(residual < frame.settings.beams.same_m)
-    odd &= clear
+    is_outlier = frame.observed.returned & ~(residual < frame.settings.beams.same_m)
+    is_outlier &= clear
     chance = np.where(solid.instance >= 0, 3.0, np.where(solid.exists, 1.0, 0.15)) * usable
     chance = np.where(clear, chance, settings.edge_share * chance)
     chance = np.clip(chance * (share / 2 / max(chance.sum(), 1.0)), 0, 1)
-    chance = np.where(odd, np.maximum(chance, min(1.0, settings.odd_share * share / max(odd.sum(), 1))), chance)
-    chance = np.maximum(chance, _rare(solid.material, clear & solid.exists, settings.rare_share * share))
+    chance = np.where(
+        is_outlier, np.maximum(chance, min(1.0, settings.odd_share * share / max(is_outlier.sum(), 1))), chance
+    )
+    chance = np.maximum(chance, _rare_probabilities(solid.material, clear & solid.exists, settings.rare_share * share))
     first = rng.random(len(chance)) < chance
-    taken = (first | np.append(False, first[:-1])) & usable
+    is_taken = (first | np.append(False, first[:-1])) & usable
     before = np.append(0.0, chance[:-1])
-    beams = np.flatnonzero(taken)
-    lone = _lone(frame, share, rng)
+    beams = np.flatnonzero(is_taken)
+    unmatched = _sample_unmatched(frame, share, rng)
     weight = 1 / (1 - (1 - chance[beams]) * (1 - before[beams]))
     follows = np.append(np.diff(beams) == 1, False)
     after = np.minimum(beams + 1, len(rings) - 1)
@@ -62,55 +66,65 @@ def _choose(frame: TracedFrame, share: int, rng: np.random.Generator) -> Taken:
     partner = np.where(
         follows, np.arange(len(beams)) + 1, np.where(np.append(False, follows[:-1]), np.arange(len(beams)) - 1, -1)
     )
-    if not len(lone):
-        return _taken(beams, weight, partner)
-    weight = np.append(weight, np.full(len(lone), weight.mean() if len(beams) else 1.0))
-    order = np.argsort(np.append(beams, lone))
-    place = np.argsort(order)
-    partner = np.append(np.where(partner >= 0, place[partner], -1), np.full(len(lone), -1))
-    return _taken(np.append(beams, lone)[order], weight[order], partner[order])
+    if not len(unmatched):
+        return _rows(beams, weight, partner)
+    weight = np.append(weight, np.full(len(unmatched), weight.mean() if len(beams) else 1.0))
+    order = np.argsort(np.append(beams, unmatched))
+    position = np.argsort(order)
+    partner = np.append(np.where(partner >= 0, position[partner], -1), np.full(len(unmatched), -1))
+    return _rows(np.append(beams, unmatched)[order], weight[order], partner[order])
 
 
-def _taken(beam: np.ndarray, weight: np.ndarray, partner: np.ndarray) -> Taken:
+def _rows(beam: np.ndarray, weight: np.ndarray, partner: np.ndarray) -> Taken:
     return {"beam": beam, "weight": weight, "partner": partner}
 
 
-def _of_maps(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None) -> list[Taken]:
-    """As `_choose`, for each frame; of each map as many beams as frames lie in it."""
+def _sample_maps(
+    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None
+) -> list[Taken]:
+    """Sample beams of each frame on maps made from the scans; the number per map is proportional to its frames."""
     by_place: dict[str, list[int]] = {}
-    for number, one in enumerate(frames):
-        by_place.setdefault(one.place, []).append(number)
-    found = {}
+    for number, frame in enumerate(frames):
+        by_place.setdefault(frame.place, []).append(number)
+    chosen = {}
     for numbers in by_place.values():
-        mine = [frames[number] for number in numbers]
-        found |= dict(zip(numbers, _of_map(mine, count * len(mine) // len(frames), rng, judging), strict=True))
-    return [found[number] for number in range(len(frames))]
+        frames_of_map = [frames[number] for number in numbers]
+        chosen |= dict(
+            zip(
+                numbers,
+                _sample_map(frames_of_map, count * len(frames_of_map) // len(frames), rng, judging),
+                strict=True,
+            )
+        )
+    return [chosen[number] for number in range(len(frames))]
 
 
-def _of_map(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None) -> list[Taken]:
-    """As `_choose`, for each frame: several looks at each of some surfaces, rather at those seen from near and far."""
+def _sample_map(
+    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None
+) -> list[Taken]:
+    """Sample beams of each frame in one map: several per surface, preferring surfaces seen from near and far."""
     surfaces = frames[0].map
-    assert surfaces is not None  # asked before
-    usable = [np.flatnonzero(one.observed.trusted & ~one.edge) for one in frames]
-    met = np.concatenate([one.surface[rows] for one, rows in zip(frames, usable, strict=True)])
-    most, looks = frames[0].settings.sampling.looks, np.bincount(met, minlength=len(surfaces))
+    assert surfaces is not None  # the caller checked it
+    usable = [np.flatnonzero(frame.observed.trusted & ~frame.edge) for frame in frames]
+    surface = np.concatenate([frame.surface[rows] for frame, rows in zip(frames, usable, strict=True)])
+    most, looks = frames[0].settings.sampling.looks, np.bincount(surface, minlength=len(surfaces))
     if judging is not None:
         looks = np.where(surfaces.judge == judging, looks, 0)
-    taken = surfaces.drawn(np.minimum(looks, most), count, rng)
+    sampled = surfaces.sample(np.minimum(looks, most), count, rng)
     chance = np.zeros(len(surfaces))
-    chance[taken] = np.minimum(most / looks[taken] / 2, 1.0)
-    found = []
-    for one, rows in zip(frames, usable, strict=True):
-        first = rows[rng.random(len(rows)) < chance[one.surface[rows]]]
-        beside = np.minimum(first + 1, len(one.surface) - 1)
-        pairs = one.surface[beside] == one.surface[first]
-        beams = np.intersect1d(np.append(first, beside[pairs]), rows)
-        found.append(_taken(beams, np.ones(len(beams)), _partners(beams, one)))
-    return found
+    chance[sampled] = np.minimum(most / looks[sampled] / 2, 1.0)
+    chosen = []
+    for frame, rows in zip(frames, usable, strict=True):
+        first = rows[rng.random(len(rows)) < chance[frame.surface[rows]]]
+        neighbour = np.minimum(first + 1, len(frame.surface) - 1)
+        pairs = frame.surface[neighbour] == frame.surface[first]
+        beams = np.intersect1d(np.append(first, neighbour[pairs]), rows)
+        chosen.append(_rows(beams, np.ones(len(beams)), _partners(beams, frame)))
+    return chosen
 
 
 def _partners(beams: np.ndarray, frame: TracedFrame) -> np.ndarray:
-    """Row (n,) of the beam fired just before or after each at the same surface of a map; −1 where it is not taken."""
+    """Row (n,) of the sampled beam fired directly before or after that hits the same map surface; −1 for none."""
     follows = (np.diff(beams) == 1) & (np.diff(frame.surface[beams]) == 0)
     follows &= np.diff(frame.shot.rays.ring[beams].astype(int)) == 0
     rows = np.arange(len(beams))
@@ -118,15 +132,15 @@ def _partners(beams: np.ndarray, frame: TracedFrame) -> np.ndarray:
     return np.where(after, rows + 1, np.where(before, rows - 1, -1))
 
 
-def _rare(material: np.ndarray, usable: np.ndarray, wanted: float) -> np.ndarray:
-    """Chances (n,) by which as many usable beams of every material are taken, `wanted` in all."""
+def _rare_probabilities(material: np.ndarray, usable: np.ndarray, wanted: float) -> np.ndarray:
+    """Sampling probabilities (n,) for equally many usable beams per material, `wanted` in total."""
     count = np.bincount(material[usable], minlength=int(material.max(initial=0)) + 1)
     each = wanted / max(np.count_nonzero(count), 1)
     return np.where(usable, np.minimum(each / np.maximum(count, 1), 1.0)[material], 0.0)
 
 
-def _lone(frame: TracedFrame, share: int, rng: np.random.Generator) -> np.ndarray:
-    """Some returns that the twin knows nothing of, where points tell which way their beams look: as many a ring."""
+def _sample_unmatched(frame: TracedFrame, share: int, rng: np.random.Generator) -> np.ndarray:
+    """Sample returns that cannot be compared with the twin but show the lasers' directions; equally many per ring."""
     observed, rings = frame.observed, frame.shot.rays.ring
     if not observed.recovered:
         return np.zeros(0, int)
@@ -136,52 +150,54 @@ def _lone(frame: TracedFrame, share: int, rng: np.random.Generator) -> np.ndarra
     return beams[rng.random(len(beams)) < wanted / count[rings[beams]]]
 
 
-def with_silhouettes(frames: Sequence[TracedFrame], sample: Sample, shift_m: float, turn_rad: float) -> Sample:
-    """A sample in which beams near edges have a row for each side, see `Sample.own`.
+def split_at_edges(frames: Sequence[TracedFrame], sample: Sample, shift_m: float, turn_rad: float) -> Sample:
+    """Return a sample in which beams near edges have one row per side, see `Sample.own`.
 
-    Beams that errors so large may have moved onto another material, or onto something thin that no beam meets, take no
-    part; nor does any beam near an edge where the silhouettes of twins are not surveyed.
+    Beams are excluded if errors of this size may move them onto another material or a thin object between beams, and,
+    for twins without surveyed silhouettes, if they are near an edge.
 
     Args:
-        frames: traced.
-        sample: as it was drawn from them.
-        shift_m, turn_rad: how far edges may stand off, see `spreads`; 0 where they are as sharp as they were traced.
+        frames: traced frames.
+        sample: sample drawn from them.
+        shift_m, turn_rad: tolerance of edge positions [m, rad]; 0 for edges as traced.
     """
     wide = shift_m > 0 or turn_rad > 0
-    if not all(one.is_surveyed for one in frames):
-        return sample.clear_of([one.unsure(shift_m, turn_rad) for one in frames] if wide else [])
+    if not all(frame.is_surveyed for frame in frames):
+        return sample.clear_of([frame.unsure(shift_m, turn_rad) for frame in frames] if wide else [])
     rng = np.random.default_rng(0)
-    return gathered(frames, [_sides(one, sample, row, shift_m, turn_rad, rng) for row, one in enumerate(frames)])
+    return gather_sample(
+        frames, [_rows_with_sides(frame, sample, row, shift_m, turn_rad, rng) for row, frame in enumerate(frames)]
+    )
 
 
-def _sides(
+def _rows_with_sides(
     frame: TracedFrame, sample: Sample, number: int, shift_m: float, turn_rad: float, rng: np.random.Generator
 ) -> Taken:
-    """A frame's rows, those that are about other sides at the end."""
-    mine, share = np.flatnonzero(sample.frame == number), sample.settings.sampling.edge_share
-    beam, weight, compared = sample.beam[mine], sample.weight[mine], sample.compared[mine]
+    """Rows of a frame; the additional rows for other sides are at the end."""
+    rows_of_frame, edge_share = np.flatnonzero(sample.frame == number), sample.settings.sampling.edge_share
+    beam, weight, compared = sample.beam[rows_of_frame], sample.weight[rows_of_frame], sample.compared[rows_of_frame]
     edge = frame.edge[beam] & compared
-    side, chance = np.full((len(mine), 2), -1), np.zeros((len(mine), 2))
-    kept, thinned = np.ones(len(mine), bool), np.zeros(len(mine), bool)
+    side, chance = np.full((len(rows_of_frame), 2), -1), np.zeros((len(rows_of_frame), 2))
+    is_kept, is_thinned = np.ones(len(rows_of_frame), bool), np.zeros(len(rows_of_frame), bool)
     if shift_m > 0 or turn_rad > 0:
         near = frame.near_edges(shift_m, turn_rad)[beam] & compared
-        thinned, edge = near & ~edge, near  # the others were when they were drawn
-        asked = np.zeros(len(frame.edge), bool)
-        asked[beam] = ~near
-        off = frame.beside_edges(shift_m, turn_rad, asked)[beam]
-        kept = np.where(thinned, rng.random(len(mine)) < share, ~off)
-        rows, sigmas = np.flatnonzero(near & kept), sample.settings.unsure.edge_sigmas
+        is_thinned, edge = near & ~edge, near  # beams at traced edges were already thinned when drawn
+        to_test = np.zeros(len(frame.edge), bool)
+        to_test[beam] = ~near
+        is_ambiguous = frame.beside_edges(shift_m, turn_rad, to_test)[beam]
+        is_kept = np.where(is_thinned, rng.random(len(rows_of_frame)) < edge_share, ~is_ambiguous)
+        rows, sigmas = np.flatnonzero(near & is_kept), sample.settings.unsure.edge_sigmas
         spread, hits = (shift_m / sigmas, turn_rad / sigmas), frame.shot.hits
         side[rows], chance[rows] = frame.neighbours.other_sides(hits, beam[rows], *spread)
     chance = np.where(chance > sample.settings.unsure.least_chance, chance, 0.0)
-    paired = kept & ~edge & (sample.partner[mine] >= 0)
-    partner = np.where(paired, sample.partner[mine] - mine[:1].sum(), -1)
-    partner = np.where(paired[partner] & (partner >= 0), (np.cumsum(kept) - 1)[partner], -1)
+    paired = is_kept & ~edge & (sample.partner[rows_of_frame] >= 0)
+    partner = np.where(paired, sample.partner[rows_of_frame] - rows_of_frame[:1].sum(), -1)
+    partner = np.where(paired[partner] & (partner >= 0), (np.cumsum(is_kept) - 1)[partner], -1)
     own, kind = np.nonzero(chance)
-    rows = np.flatnonzero(kept)
+    rows = np.flatnonzero(is_kept)
     return {
         "beam": np.append(beam[rows], beam[own]),
-        "weight": np.where(thinned, weight / share, weight)[np.append(rows, own)],
+        "weight": np.where(is_thinned, weight / edge_share, weight)[np.append(rows, own)],
         "partner": np.append(partner[rows], np.full(len(own), -1)),
         "own": np.append(np.arange(len(rows)), np.searchsorted(rows, own)),
         "met": np.append(beam[rows], side[own, kind]),

@@ -1,4 +1,4 @@
-"""Gathers what is known of some beams of traced frames into a sample."""
+"""Collects measurements, derivatives and groups of chosen beams of traced frames into a `Sample`."""
 
 from __future__ import annotations
 
@@ -13,43 +13,44 @@ from cosim.discrepancy.sampling.sample import Sample
 from cosim.discrepancy.settings import Sampling
 from sensors.hits import NOTHING, STATIC, Surface
 
-_ASIDE = {"previous": (0, -1), "above": (-1, 0), "below": (1, 0)}  # rings down, and firings along
+_ASIDE = {"previous": (0, -1), "above": (-1, 0), "below": (1, 0)}  # offsets in rings (downwards) and firings
 BESIDE = tuple(f"{name}_{what}" for name in _ASIDE for what in ("range", "intensity", "lost"))
 
-Taken = dict[str, np.ndarray]  # rows of a frame, see `gathered`
+Taken = dict[str, np.ndarray]  # columns of the chosen rows of a frame, see `gather_sample`
 
 
-def gathered(frames: Sequence[TracedFrame], chosen: Sequence[Taken]) -> Sample:
-    """A sample of frames.
+def gather_sample(frames: Sequence[TracedFrame], chosen: Sequence[Taken]) -> Sample:
+    """Collect the chosen beams of several frames into a sample.
 
     Args:
-        frames: traced.
-        chosen: of each its rows: `beam`, `weight` and `partner` as in `Sample`, rows counted within the frame. Where
-            beams have several, `own`, `chance` and `edge`, too, and `met`: the beam whose surface a row is about.
+        frames: traced frames.
+        chosen: columns of each frame's rows: `beam`, `weight` and `partner` as in `Sample`, rows counted within the
+            frame. If beams have several rows, also `own`, `chance` and `edge` as in `Sample`, and `met`: the beam whose
+            surface the row is for.
     """
     replays, columns, rows = [], [], 0
-    for number, (frame, told) in enumerate(zip(frames, chosen, strict=True)):
-        beams, count = told["beam"], len(told["beam"])
-        told = {"own": np.arange(count), "chance": np.ones(count), "edge": np.zeros(count, bool)} | told
-        beside = _beside(frame, beams)
-        replays.append(FrameReplay(frame, beams, beside, told.pop("met", beams)))
-        told |= {"frame": np.full(count, number), "first": told["own"] == np.arange(count)}
-        columns.append(told | _columns(frame, replays[-1].solid, told) | beside)
+    for number, (frame, values) in enumerate(zip(frames, chosen, strict=True)):
+        beams, count = values["beam"], len(values["beam"])
+        values = {"own": np.arange(count), "chance": np.ones(count), "edge": np.zeros(count, bool)} | values
+        beside = _neighbour_measurements(frame, beams)
+        replays.append(FrameReplay(frame, beams, beside, values.pop("met", beams)))
+        values |= {"frame": np.full(count, number), "first": values["own"] == np.arange(count)}
+        columns.append(values | _columns(frame, replays[-1].solid, values) | beside)
         for name in ("own", "partner"):
-            columns[-1][name] = np.where(told[name] >= 0, told[name] + rows, -1)
+            columns[-1][name] = np.where(values[name] >= 0, values[name] + rows, -1)
         rows += count
-    joined = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
-    track, names, cells = _tracks(
+    joined = {name: np.concatenate([part[name] for part in columns]) for name in columns[0]}
+    track, names, cells = _number_tracks(
         frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"], frames[0].settings.sampling
     )
-    kinds, kind = _named(frames, joined["frame"], joined["instance"], "kinds")
-    models, model = _named(frames, joined["frame"], joined["instance"], "models")
-    thing = np.where(joined["instance"] >= 0, track * len(frames) + joined["frame"], -1)
+    kinds, kind = _name_indices(frames, joined["frame"], joined["instance"], "kinds")
+    models, model = _name_indices(frames, joined["frame"], joined["instance"], "models")
+    object_and_scan = np.where(joined["instance"] >= 0, track * len(frames) + joined["frame"], -1)
     beside = {name: joined.pop(name) for name in BESIDE}
     cell = joined["facing"] + max(6, int(joined["facing"].max(initial=0)) + 1) * track
     return Sample(
-        object_scan=_numbered(thing),
-        surface=_numbered(np.where(joined["instance"] == STATIC, cell, -1)),
+        object_scan=_renumber(object_and_scan),
+        surface=_renumber(np.where(joined["instance"] == STATIC, cell, -1)),
         kind=kind,
         kinds=kinds,
         model=model,
@@ -57,39 +58,40 @@ def gathered(frames: Sequence[TracedFrame], chosen: Sequence[Taken]) -> Sample:
         beside=beside,
         replay=Replay(replays),
         settings=frames[0].settings,
-        names=tuple(one.name for one in frames),
+        names=tuple(frame.name for frame in frames),
         track=track,
         track_names=names,
         cells=cells,
-        own_axes=all(one.own_axes for one in frames),
-        of_own_map=any(one.map is not None for one in frames),
+        own_axes=all(frame.own_axes for frame in frames),
+        of_own_map=any(frame.map is not None for frame in frames),
         scan_values={
-            "time_s": np.array([one.time_s for one in frames]),
-            "speed_mps": np.array([float(np.linalg.norm(one.ego.velocity_mps)) for one in frames]),
-            "acceleration_mps2": np.array([one.ego.forward_acceleration_mps2 for one in frames]),
-            "yaw_rate_radps": np.array([one.ego.yaw_rate_radps for one in frames]),
+            "time_s": np.array([frame.time_s for frame in frames]),
+            "speed_mps": np.array([float(np.linalg.norm(frame.ego.velocity_mps)) for frame in frames]),
+            "acceleration_mps2": np.array([frame.ego.forward_acceleration_mps2 for frame in frames]),
+            "yaw_rate_radps": np.array([frame.ego.yaw_rate_radps for frame in frames]),
         },
         **joined,
     )
 
 
-def _columns(frame: TracedFrame, solid: Surface, told: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    observed, shot, beams, first = frame.observed, frame.shot, told["beam"], told["first"]
+def _columns(frame: TracedFrame, solid: Surface, chosen: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    observed, shot, beams, first = frame.observed, frame.shot, chosen["beam"], chosen["first"]
     assert shot.traced is not None  # frames are traced
     direction = shot.traced.direction[beams].astype(np.float64)
     normal = solid.normal.astype(np.float64)
     slope = np.einsum("ij,ij->i", normal, direction)
-    steep = np.sign(slope) / np.maximum(np.abs(slope), frame.settings.beams.grazing)  # change of range by a shift
+    # derivative of the range by a shift of the surface along its normal
+    by_surface_shift = np.sign(slope) / np.maximum(np.abs(slope), frame.settings.beams.grazing)
     reach = np.where(solid.instance == NOTHING, np.nan, solid.range_m).astype(np.float64)
     rotation = shot.hits.pose[:3, :3]
     ray = shot.rays.direction[beams].astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
-        turned = normal @ rotation / slope[:, None]  # normal in LiDAR axes over n·d
-    moved = -turned
-    spun = -np.cross(ray, turned) * np.nan_to_num(reach)[:, None]  # n·(w × d)/(n·d) = w·(d × n)/(n·d)
-    pose = np.where(np.isfinite(reach)[:, None], np.hstack([moved, spun]), 0.0)
-    place = shot.traced.origin[beams] + direction * np.nan_to_num(reach)[:, None]
-    rays, toward = shot.rays, normal * steep[:, None]
+        scaled_normal = normal @ rotation / slope[:, None]  # normal in LiDAR axes over n·d
+    by_shift = -scaled_normal
+    by_rotation = -np.cross(ray, scaled_normal) * np.nan_to_num(reach)[:, None]  # n·(w × d)/(n·d) = w·(d × n)/(n·d)
+    pose = np.where(np.isfinite(reach)[:, None], np.hstack([by_shift, by_rotation]), 0.0)
+    point = shot.traced.origin[beams] + direction * np.nan_to_num(reach)[:, None]
+    rays, by_object_shift = shot.rays, normal * by_surface_shift[:, None]
     return {
         "along_m": np.where(first, observed.along_m[beams], np.nan).astype(np.float64),
         "above_m": observed.above_m[beams].astype(np.float64),
@@ -97,11 +99,11 @@ def _columns(frame: TracedFrame, solid: Surface, told: dict[str, np.ndarray]) ->
         "pose_derivative": np.nan_to_num(pose, posinf=0, neginf=0),
         "unsure_m": frame.unsure_m[beams].astype(np.float64),
         "unsure_intensity": frame.unsure_intensity[beams].astype(np.float64),
-        "border": frame.border[beams] | told["edge"],
+        "border": frame.border[beams] | chosen["edge"],
         "seam": frame.seam[beams],
         "compared": observed.trusted[beams],
-        "object_derivative": _of_object(frame, solid.instance, toward, place),
-        "surface_derivative": np.where(solid.instance == STATIC, steep, 0.0),
+        "object_derivative": _object_derivative(frame, solid.instance, by_object_shift, point),
+        "surface_derivative": np.where(solid.instance == STATIC, by_surface_shift, 0.0),
         "facing": _facing(normal) if frame.map is None else np.maximum(frame.surface[beams], 0).astype(int),
         "ring": rays.ring[beams].astype(int),
         "firing": beams % frame.shot.pattern.firings,
@@ -113,67 +115,67 @@ def _columns(frame: TracedFrame, solid: Surface, told: dict[str, np.ndarray]) ->
         "cos_incidence": np.minimum(np.abs(slope), 1),
         "material": solid.material.astype(int),
         "instance": solid.instance.astype(int),
-        "place": place,
+        "place": point,
         "reflectance": shot.hits.reflectance(solid).astype(np.float64),
     }
 
 
 def _facing(normal: np.ndarray) -> np.ndarray:
-    """Which of six directions a normal (n, 3) is nearest to, (n,) int."""
+    """(n,) int nearest of six axis directions to each normal (n, 3): 2·axis, plus 1 if negative."""
     axis = np.argmax(np.abs(normal), axis=1)
     return 2 * axis + (normal[np.arange(len(normal)), axis] < 0)
 
 
-def _of_object(frame: TracedFrame, instance: np.ndarray, toward: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Change of range (n, 4) by a shift of the object that is met and by its turn, see `Sample.object_derivative`."""
-    found = np.zeros((len(instance), 4))
+def _object_derivative(frame: TracedFrame, instance: np.ndarray, by_shift: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Derivatives (n, 4) of range by shift and rotation of the object that is hit, see `Sample.object_derivative`."""
+    derivative = np.zeros((len(instance), 4))
     rows = np.flatnonzero(instance >= 0)
     if len(rows):
-        arm = place[rows] - frame.instances.poses[instance[rows], :3, 3]
-        found[rows, :3] = toward[rows]
-        found[rows, 3] = toward[rows, 1] * arm[:, 0] - toward[rows, 0] * arm[:, 1]
-    return found
+        arm = point[rows] - frame.instances.poses[instance[rows], :3, 3]
+        derivative[rows, :3] = by_shift[rows]
+        derivative[rows, 3] = by_shift[rows, 1] * arm[:, 0] - by_shift[rows, 0] * arm[:, 1]
+    return derivative
 
 
-def _beside(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
-    """What beams beside each measured, by name: (n,) range [m] and intensity, 0 for none; and 1 where it was lost."""
+def _neighbour_measurements(frame: TracedFrame, beams: np.ndarray) -> dict[str, np.ndarray]:
+    """(n,) measurements of neighbouring beams by name: range [m] and intensity, 0 for none; 1 if dropped."""
     pattern, observed, solid = frame.shot.pattern, frame.observed, frame.shot.hits.solid
     grid = (pattern.rings, pattern.firings)
     reach = np.nan_to_num(observed.along_m).reshape(grid)
     light = np.nan_to_num(observed.intensity).reshape(grid)
     lost = (solid.exists & ~observed.returned & observed.trusted).reshape(grid).astype(float)
     ring, firing = beams // pattern.firings, beams % pattern.firings
-    found = {}
+    measurements = {}
     for name, (down, along) in _ASIDE.items():
         other = np.clip(ring + down, 0, pattern.rings - 1), (firing + along) % pattern.firings
-        there = (ring + down == other[0]) & (firing + along >= 0)
+        exists = (ring + down == other[0]) & (firing + along >= 0)
         for what, values in (("range", reach), ("intensity", light), ("lost", lost)):
-            found[f"{name}_{what}"] = np.where(there, values[other], 0.0).astype(float)
-    return found
+            measurements[f"{name}_{what}"] = np.where(exists, values[other], 0.0).astype(float)
+    return measurements
 
 
-def _named(
+def _name_indices(
     frames: Sequence[TracedFrame], frame: np.ndarray, instance: np.ndarray, what: str
 ) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names of what instances are, and the row (n,) of each beam's; row 0 is for what is no instance."""
-    names = sorted({name for one in frames for name in getattr(one.instances, what)})
-    row, found = {name: place + 1 for place, name in enumerate(names)}, np.zeros(len(frame), int)
-    for number, one in enumerate(frames):
-        mine = np.flatnonzero((frame == number) & (instance >= 0))
-        of_instance = np.array([row[name] for name in getattr(one.instances, what)], int)
-        if len(mine):
-            found[mine] = of_instance[instance[mine]]
-    return ("", *names), found
+    """Names of instances' classes or models, and index (n,) of each beam's name; index 0 for no instance."""
+    names = sorted({name for traced in frames for name in getattr(traced.instances, what)})
+    index_of, index = {name: position + 1 for position, name in enumerate(names)}, np.zeros(len(frame), int)
+    for number, traced in enumerate(frames):
+        rows = np.flatnonzero((frame == number) & (instance >= 0))
+        of_instance = np.array([index_of[name] for name in getattr(traced.instances, what)], int)
+        if len(rows):
+            index[rows] = of_instance[instance[rows]]
+    return ("", *names), index
 
 
-def _numbered(codes: np.ndarray) -> np.ndarray:
-    """Codes (n,) numbered from 0 on; those below 0 are −1."""
-    found, used = np.full(len(codes), -1), codes >= 0
-    found[used] = np.unique(codes[used], return_inverse=True)[1]
-    return found
+def _renumber(codes: np.ndarray) -> np.ndarray:
+    """Renumber codes (n,) consecutively from 0; negative codes become −1."""
+    numbers, used = np.full(len(codes), -1), codes >= 0
+    numbers[used] = np.unique(codes[used], return_inverse=True)[1]
+    return numbers
 
 
-def _tracks(
+def _number_tracks(
     frames: Sequence[TracedFrame],
     frame: np.ndarray,
     instance: np.ndarray,
@@ -181,28 +183,28 @@ def _tracks(
     azimuth: np.ndarray,
     settings: Sampling,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Numbers of instances by id, and of map cells for the static world; their names, and the cells' places."""
-    places, worlds = np.unique([one.place for one in frames], return_inverse=True)
-    keys = np.zeros((len(frame), 4), int)  # of what kind, and three numbers that tell which
-    rest, sky = instance == STATIC, instance == NOTHING
-    keys[rest, 1] = worlds[frame[rest]]
-    keys[rest, 2:] = np.floor(place[rest, :2] / settings.cell_m)
-    keys[sky, 0], keys[sky, 1] = 1, np.floor(azimuth[sky] / settings.sky_rad)
-    met = instance >= 0
-    keys[met, 0], keys[met, 1], keys[met, 2] = 2, frame[met], instance[met]
-    each, number = _numbered_rows(keys)
-    told = [_track_name(key, frames, places.tolist()) for key in each.tolist()]
-    names, same = np.unique(np.array(told, str), return_inverse=True)
-    track = same[number]
-    middles = np.full((len(names), 3), np.nan)
+    """Track number (n,) of each beam, by object id or map cell; names (tracks,); cells (tracks, 3) as in `Sample`."""
+    places, worlds = np.unique([traced.place for traced in frames], return_inverse=True)
+    keys = np.zeros((len(frame), 4), int)  # type of track (0 cell, 1 sky, 2 object), and three numbers that identify it
+    is_static, is_sky = instance == STATIC, instance == NOTHING
+    keys[is_static, 1] = worlds[frame[is_static]]
+    keys[is_static, 2:] = np.floor(place[is_static, :2] / settings.cell_m)
+    keys[is_sky, 0], keys[is_sky, 1] = 1, np.floor(azimuth[is_sky] / settings.sky_rad)
+    is_object = instance >= 0
+    keys[is_object, 0], keys[is_object, 1], keys[is_object, 2] = 2, frame[is_object], instance[is_object]
+    each, number = _unique_rows(keys)
+    names_of_keys = [_track_name(key, frames, places.tolist()) for key in each.tolist()]
+    names, number_of_name = np.unique(np.array(names_of_keys, str), return_inverse=True)
+    track = number_of_name[number]
+    centres = np.full((len(names), 3), np.nan)
     static = each[:, 0] == 0
-    middles[same[static], 0] = each[static, 1]
-    middles[same[static], 1:] = (each[static, 2:] + 0.5) * settings.cell_m
-    return track, names, middles
+    centres[number_of_name[static], 0] = each[static, 1]
+    centres[number_of_name[static], 1:] = (each[static, 2:] + 0.5) * settings.cell_m
+    return track, names, centres
 
 
-def _numbered_rows(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Different rows of a table (n, 4) of integers, and which of them each row is."""
+def _unique_rows(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unique rows of an integer table (n, 4), and the index (n,) of each row among them."""
     if not len(keys):
         return keys, np.zeros(0, int)
     low = keys.min(0)

@@ -1,4 +1,4 @@
-"""A sample of beams of a whole drive: what was measured of them, and what else they have in common."""
+"""Sample of beams of a drive: measurements, derivatives and groups (scan, object, map cell) of each beam."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ from sensors.shot import Shot
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What a model expects of the n beams of a sample, in the terms of what was measured.
+    """Prediction of a model for the n beams of a sample; arrays (n,).
 
     Attributes:
-        range_m, range_sigma_m: mean and spread of the component along the beam; NaN where no surface can answer.
-        rise_m: the component across it, upwards.
-        intensity, intensity_sigma: mean and spread.
-        seen: probability that the surface's return is reported.
-        silent: probability that nothing is.
-        stray: (n,) density [1/m] of returns from elsewhere at the measured range; 0 where nothing was measured.
-        split: (n,) what other parts of the beam itself have of it.
-        unsure_m, unsure_intensity: how far the twin itself may be off, standard deviations beside those of the sensor.
-        spurious_share: share of beams that fitted dependences let return from elsewhere.
-        spurious: (n,) their density [1/m] at the measured range, times the share.
+        range_m, range_sigma_m: mean and σ [m] of the measured point's component along the beam; NaN if no surface is
+            hit.
+        rise_m: mean [m] of its component perpendicular to the beam, upwards.
+        intensity, intensity_sigma: mean and σ of the intensity (0 to 1).
+        seen: probability that the return of the surface is reported.
+        silent: probability that no return is reported.
+        stray: probability density [1/m] of spurious returns at the measured range; 0 without a return.
+        split: part of `stray` that comes from other parts of the beam's own footprint.
+        unsure_m, unsure_intensity: σ of the twin itself, in addition to that of the sensor.
+        spurious_share: share of beams with spurious returns according to fitted dependences.
+        spurious: their density [1/m] at the measured range, times the share.
     """
 
     range_m: np.ndarray
@@ -53,48 +54,51 @@ class Sample:
     """n beams of some frames.
 
     Attributes:
-        replay: of the beams.
-        frame: (n,) int row of `names`.
-        beam: (n,) int row of the frame's beams.
-        names: of the frames, in order of time.
-        weight: (n,) how many beams each stands for.
-        along_m, above_m, intensity: (n,) measured, as in `Observed`; NaN where nothing returned.
-        track: (n,) int what beams share errors with over time: an instance, or a cell of the map.
-        track_names: (tracks,) str of each: an object's id, a cell of the plan, a sector of the sky.
-        cells: (tracks, 3) number of the world and middle [m] of each cell of a map; NaN of other tracks.
-        pose_derivative: (n, 6) change of range per metre and radian of the LiDAR's pose, in its own axes.
-        unsure_m, unsure_intensity: (n,) how far the twin itself may be off, see `TracedFrame`.
-        object_derivative: (n, 4) change of range by a shift of the object that is met, in world axes [m/m], and by its
-            turn about the vertical through its origin [m/rad]; 0 elsewhere.
-        object_scan: (n,) int number of the object in this scan; −1 elsewhere.
-        facing: (n,) int which of six directions the surface's normal is nearest to; the surface's row in a map that
-            was made of the scans.
-        surface: (n,) int number of the cell of the static world: a square of the ground plan and a direction of its
-            normal; −1 elsewhere.
-        surface_derivative: (n,) change of range by a shift of that cell along its normal [m/m]; 0 elsewhere.
-        own: (n,) int row of the same beam: its own but for rows that are about what a beam meets if it stands beyond an
-            edge, which measured nothing of themselves.
-        first: (n,) bool: one row of each beam, its own.
-        chance: (n,) that the beam meets what its row is about; of the rows of a beam they are 1 together.
-        edge: (n,) bool: near an edge, so that the beam may meet neither.
-        border: (n,) bool beams of ambiguous brightness.
-        seam: (n,) bool the same, where the brightness itself tells whose it is.
-        compared: (n,) bool: beams that can be compared with the twin; of others it only tells something where their
-            returns stand above them.
-        partner: (n,) int row of the beam fired just before or after at the same surface, −1 where there is none:
-            their difference knows nothing of errors that both share.
+        replay: replays effects on the sampled beams.
+        frame: (n,) int index into `names`.
+        beam: (n,) int row among all beams of the frame.
+        names: names of the frames, in order of time.
+        weight: (n,) number of beams that each represents (inverse of its sampling probability).
+        along_m, above_m, intensity: (n,) measurements as in `Observed`; NaN without a return.
+        track: (n,) int number of the object or map cell; beams of a track share errors over time.
+        track_names: (tracks,) str object id, map cell, or sector of the sky.
+        cells: (tracks, 3) world number and centre x, y [m] of each map cell; NaN for other tracks.
+        pose_derivative: (n, 6) derivative of the range with respect to the LiDAR's pose: shifts [m/m] and rotations
+            [m/rad] in LiDAR axes.
+        unsure_m, unsure_intensity: (n,) σ of the twin itself, see `TracedFrame`.
+        object_derivative: (n, 4) derivative of the range with respect to a shift of the object that is hit, in world
+            axes [m/m], and to its rotation about the vertical through its origin [m/rad]; 0 for other beams.
+        object_scan: (n,) int number of the pair of object and scan; −1 for other beams.
+        facing: (n,) int nearest of six axis directions to the surface normal; for a map made from the scans the row of
+            the surface.
+        surface: (n,) int number of the cell of the static world (square of the ground plan and direction of the
+            normal); −1 for other beams.
+        surface_derivative: (n,) derivative of the range with respect to a shift of this cell along its normal [m/m]; 0
+            for other beams.
+        own: (n,) int row with the beam's measurement. Near edges a beam has further rows for the surfaces beyond the
+            edge, which point to its first row; elsewhere each row points to itself.
+        first: (n,) bool whether this is the first row of the beam.
+        chance: (n,) probability that the beam hits the surface of this row; sums to 1 over the rows of a beam.
+        edge: (n,) bool near an edge, so that the beam may also hit none of the surfaces.
+        border: (n,) bool the beam may hit another material, so that its intensity is ambiguous.
+        seam: (n,) bool the same, but the measured intensity itself can decide.
+        compared: (n,) bool beams that can be compared with the twin; of other beams only `above_m` is used.
+        partner: (n,) int row of the beam fired directly before or after that hits the same surface, −1 for none; common
+            errors cancel in the difference.
         ring, firing, block, material, instance: (n,) int.
-        elevation_deg: (n,) nominal.
-        kind, model: (n,) int rows of `kinds` and `models`, what is met; 0 for the static world and nothing.
-        kinds, models: names.
-        reflectance: (n,) of the surface.
-        beside: by name, (n,) what beams beside each measured: `previous` of its ring, `above` and `below` it; ranges
-            [m] and intensities are 0 where nothing returned, `lost` is 1 where a surface should have been seen.
-        own_axes: whether scans stand where their twins were made, so that poses have no errors.
-        of_own_map: whether the twin is a map made of the scans: places of surfaces and scans are free.
-        scan_values: by name, (scans,) pose time, and the ego vehicle's speed, acceleration and yaw rate.
-        azimuth, time_s, range_m, cos_incidence: (n,) of the beams as traced.
-        settings: those that frames were traced with.
+        elevation_deg: (n,) nominal elevation.
+        kind, model: (n,) int index of the object that is hit in `kinds` and `models`; 0 for static surfaces and misses.
+        kinds, models: names of object classes and models.
+        place: (n, 3) point of the surface that is hit, world frame [m].
+        reflectance: (n,) reflectance of the surface.
+        beside: (n,) measurements of neighbouring beams by name: `previous` in the same ring, `above` and `below`; range
+            [m] and intensity are 0 without a return, `lost` is 1 if a visible surface gave no return.
+        own_axes: whether each twin was made in the frame of its scan, so that poses have no errors.
+        of_own_map: whether the twin is a map made from the scans; surfaces and scans then have flat priors.
+        scan_values: (scans,) by name: pose time [s] and the ego vehicle's speed, acceleration and yaw rate.
+        azimuth, time_s, range_m, cos_incidence: (n,) azimuth [rad], time [s], range [m], cosine of the incidence angle
+            of the traced beams.
+        settings: settings that the frames were traced with.
     """
 
     replay: Replay
@@ -151,67 +155,67 @@ class Sample:
 
     @cached_property
     def share(self) -> np.ndarray:
-        """(n,) weights that are 1 on average."""
+        """(n,) weights with mean 1."""
         return self.weight / self.mean_weight
 
     @cached_property
     def clear(self) -> np.ndarray:
-        """(n,) bool: beams that tell of returns from nowhere."""
+        """(n,) bool beams for which spurious returns can be recognised."""
         return self.compared & ~self.edge
 
     @cached_property
     def mean_weight(self) -> float:
-        """How many beams a beam stands for on average."""
+        """Mean number of beams that a sampled beam represents."""
         return float(self.weight[self.first].mean())
 
     @cached_property
     def returned(self) -> np.ndarray:
-        """(n,) bool."""
+        """(n,) bool whether the beam has a return."""
         return ~np.isnan(self.along_m)
 
     @cached_property
     def has_intensity(self) -> bool:
-        """Whether the drive has intensities at all."""
+        """Whether the drive has intensities."""
         return bool(np.nanmax(np.append(self.intensity, 0.0)) > 0)
 
     @cached_property
     def intensity_limits(self) -> tuple[float, float]:
-        """Values at or beyond which intensities have been cut off.
+        """Lower and upper censoring limit of intensities.
 
-        Stored in steps, whatever is more than half a step above the last value but one has become the last.
+        Stored intensities are rounded, so that the limits are half a step inside the extreme values.
         """
-        told = self.intensity[~np.isnan(self.intensity)]
-        inside = told[(told > 0) & (told < 1)]
-        low = float(inside.min()) / 2 if len(inside) and (told <= 0).any() else 0.0
-        high = (1 + float(inside.max())) / 2 if len(inside) and (told >= 1).any() else 1.0
+        measured = self.intensity[~np.isnan(self.intensity)]
+        inside = measured[(measured > 0) & (measured < 1)]
+        low = float(inside.min()) / 2 if len(inside) and (measured <= 0).any() else 0.0
+        high = (1 + float(inside.max())) / 2 if len(inside) and (measured >= 1).any() else 1.0
         return low, high
 
     def reported_range(self, effects: Sequence[Effect]) -> np.ndarray:
-        """(n,) measured ranges from where effects have the optical centre stand [m]; NaN where nothing returned."""
-        found = [replay.ranges(effects, self.along_m[rows], self.above_m[rows]) for replay, rows in self._frames()]
-        return np.concatenate(found)
+        """(n,) measured ranges [m] from the optical centre that the effects imply; NaN without a return."""
+        ranges = [replay.ranges(effects, self.along_m[rows], self.above_m[rows]) for replay, rows in self._frames()]
+        return np.concatenate(ranges)
 
     def moved(self, effects: Sequence[Effect]) -> tuple[float, float]:
-        """How far effects turn [rad] and shift [m] beams from where they were traced: nearly all that returned."""
+        """Rotation [rad] and shift [m] of beams by effects, relative to the traced beams (high quantile of returns)."""
         used = self.compared & self.returned
-        found = [replay.moved(effects, used[rows]) for replay, rows in self._frames()]
-        return max(turn for turn, _ in found), max(shift for _, shift in found)
+        moves = [replay.moved(effects, used[rows]) for replay, rows in self._frames()]
+        return max(turn for turn, _ in moves), max(shift for _, shift in moves)
 
     def predict(self, effects: Sequence[Effect]) -> Prediction:
-        """What effects let expect of the sample's beams."""
+        """Predict the sample's beams from effects."""
         effects = tuple(sorted(effects, key=lambda effect: effect.phase))
         return self._prediction(self.replay.expect(effects))
 
     def predict_traced(self, effects: Sequence[Effect], shot: Shot, found: Expectation) -> Prediction:
-        """The same of a sample that holds all beams of one frame, from what is expected of the frame's own shot.
+        """Predict all beams of one frame from the expectation of its newly traced shot.
 
         Args:
-            effects: of the model.
-            shot: of the frame, traced as the effects bend its beams.
+            effects: effects of the model.
+            shot: shot of the frame, traced with the beams as deflected by the effects.
             found: expectation of that shot.
         """
         effects = tuple(sorted(effects, key=lambda effect: effect.phase))
-        return self._prediction(self.replay.frames[0].completed(effects, shot, found))
+        return self._prediction(self.replay.frames[0].complete(effects, shot, found))
 
     def _prediction(self, found: Expected) -> Prediction:
         return Prediction(
@@ -229,13 +233,13 @@ class Sample:
         )
 
     def clear_of(self, ambiguous: Sequence[np.ndarray]) -> Sample:
-        """The same without beams that are ambiguous: (n,) bool of every frame's beams."""
-        off = np.zeros(len(self), bool)
+        """Return the sample without ambiguous beams; `ambiguous` has a bool mask of all beams per frame."""
+        is_excluded = np.zeros(len(self), bool)
         for number, mask in enumerate(ambiguous):
-            mine = self.frame == number
-            off[mine] = mask[self.beam[mine]]
-        partner = np.where(off | off[np.maximum(self.partner, 0)], -1, self.partner)
-        return replace(self, compared=self.compared & ~off, partner=partner)
+            rows = self.frame == number
+            is_excluded[rows] = mask[self.beam[rows]]
+        partner = np.where(is_excluded | is_excluded[np.maximum(self.partner, 0)], -1, self.partner)
+        return replace(self, compared=self.compared & ~is_excluded, partner=partner)
 
     def _frames(self) -> Iterator[tuple[FrameReplay, np.ndarray]]:
         for number, replay in enumerate(self.replay.frames):

@@ -94,7 +94,7 @@ def test_surfaces_are_drawn_up_to_a_number_of_looks_half_of_them_flat(tmp_path: 
     surfaces = Maps(drive_with(tmp_path / "drive", wall(400, normal=normal))).of(None)
     assert surfaces is not None
     looks = np.where(np.arange(400) % 10 == 0, 1, 10)
-    drawn = surfaces.drawn(looks, 1000, np.random.default_rng(0))
+    drawn = surfaces.sample(looks, 1000, np.random.default_rng(0))
     assert len(np.unique(drawn)) == len(drawn) == 100 and (looks[drawn] > 1).all()
     assert np.count_nonzero(drawn < 300) == pytest.approx(50, abs=1)
 

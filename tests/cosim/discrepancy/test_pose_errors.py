@@ -73,4 +73,4 @@ def test_what_effects_move_comes_out_beside_a_pose_error_as_differences_tell(ben
     errors, bent = _errors(derivative, reach), _HEIGHT_M / np.sin(down + np.radians(bent_deg))
     pose, step = np.array([[0.05, 0.02, -0.03, 0.001, 0.002, -0.001]]), 1e-5
     ahead, behind = (bent + side + errors.shift(pose, bent + side) for side in (step, -step))
-    np.testing.assert_allclose((ahead - behind) / (2 * step), errors.onward(pose, bent), rtol=1e-6)
+    np.testing.assert_allclose((ahead - behind) / (2 * step), errors.range_derivative(pose, bent), rtol=1e-6)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cosim.discrepancy.inference.intervals import redrawn_interval
+from cosim.discrepancy.inference.intervals import bootstrap_interval
 
 SCANS, EACH = 20, 50
 BEAMS = np.repeat(np.arange(SCANS), EACH)
@@ -13,7 +13,7 @@ ANY = (-np.inf, np.inf)
 
 def of_mean(noise):
     """Interval of a mean that is 0, of noise (n,) in scans."""
-    return redrawn_interval(lambda at: 0.5 * (noise - at) ** 2, float(noise.mean()), 1e-3, (BEAMS,), ANY)
+    return bootstrap_interval(lambda at: 0.5 * (noise - at) ** 2, float(noise.mean()), 1e-3, (BEAMS,), ANY)
 
 
 def test_errors_that_scans_share_are_known_of():
@@ -30,8 +30,8 @@ def test_errors_that_scans_share_are_known_of():
 
 def test_the_kind_of_cluster_that_is_less_sure_counts():
     noise = np.random.default_rng(4).standard_normal(SCANS)[BEAMS]
-    alone = redrawn_interval(lambda at: 0.5 * (noise - at) ** 2, float(noise.mean()), 1e-3, (ALONE,), ANY)
-    both = redrawn_interval(lambda at: 0.5 * (noise - at) ** 2, float(noise.mean()), 1e-3, (ALONE, BEAMS), ANY)
+    alone = bootstrap_interval(lambda at: 0.5 * (noise - at) ** 2, float(noise.mean()), 1e-3, (ALONE,), ANY)
+    both = bootstrap_interval(lambda at: 0.5 * (noise - at) ** 2, float(noise.mean()), 1e-3, (ALONE, BEAMS), ANY)
     assert both.high - both.low > 3 * (alone.high - alone.low)
 
 
@@ -49,14 +49,14 @@ def test_jumps_are_looked_beyond():
 
         sums = np.array([losses(at).sum() for at in grid])
         best = float(np.median(grid[sums == sums.min()]))
-        found = redrawn_interval(losses, best, 1e-6, (BEAMS,), (-1.0, 1.0))
+        found = bootstrap_interval(losses, best, 1e-6, (BEAMS,), (-1.0, 1.0))
         held += found.low <= 0 <= found.high
         assert 5e-3 < found.high - found.low < 0.1
     assert held >= 35, "19 in 20"
 
 
 def test_bounds_are_kept():
-    found = redrawn_interval(lambda at: np.full(len(BEAMS), at), 0.0, 1e-3, (BEAMS,), (0.0, 1.0))
+    found = bootstrap_interval(lambda at: np.full(len(BEAMS), at), 0.0, 1e-3, (BEAMS,), (0.0, 1.0))
     assert (found.low, found.high) == (0.0, 0.0)
-    level = redrawn_interval(lambda at: np.zeros(len(BEAMS)), 0.4, 1e-3, (BEAMS,), (0.0, 1.0))
+    level = bootstrap_interval(lambda at: np.zeros(len(BEAMS)), 0.4, 1e-3, (BEAMS,), (0.0, 1.0))
     assert level.low >= 0 and level.high <= 1 and not level.is_smooth

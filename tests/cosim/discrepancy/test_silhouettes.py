@@ -17,7 +17,7 @@ from cosim.discrepancy.inference import likelihood
 from cosim.discrepancy.inference.fit import Fitter
 from cosim.discrepancy.inference.likelihood import range_spread_m, residuals_of, shares_of_neither
 from cosim.discrepancy.inference.score import Evidence
-from cosim.discrepancy.sampling.drawing import draw_sample, with_silhouettes
+from cosim.discrepancy.sampling.drawing import draw_sample, split_at_edges
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.settings import DEFAULT
 from sensors.effects.points.range_bias import RangeBias
@@ -39,7 +39,7 @@ def frames(context: Context):
 
 def _sampled(frames, rows: int = 12_000, shift_m: float = SHIFT_M, turn_rad: float = TURN_RAD) -> Sample:
     drawn = draw_sample(frames, rows, np.random.default_rng(1))
-    return with_silhouettes(frames, drawn, shift_m, turn_rad)
+    return split_at_edges(frames, drawn, shift_m, turn_rad)
 
 
 def _expected(context: Context, sample: Sample) -> Prediction:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy import Diagnosis, diagnose
-from cosim.discrepancy.inference.search import crowded_sector, widening
+from cosim.discrepancy.inference.search import crowded_sector, interval_widening
 from sensors.effects.base import Effect
 from sensors.effects.points.range_noise import RangeNoise
 from sensors.effects.scans.backscatter import Backscatter
@@ -47,7 +47,7 @@ def test_parameters_that_make_up_for_one_another_are_less_sure(coupling):
         return 0.5 * (x**2 + y**2 + 2 * coupling * x * y)
 
     held = {name: (getattr(start, name) - step, getattr(start, name) + step) for name, step in unit.items()}
-    wider = widening((start,), 0, held, lost)
+    wider = interval_widening((start,), 0, held, lost)
     for by in wider.values():
         assert by == pytest.approx(1 / np.sqrt(1 - coupling**2), rel=1e-3)
 
