@@ -23,7 +23,7 @@ def add_scored(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="names of the frames to score, one per line; a frame without a detection file counts as having no "
-        "detections (default: all frames that have a detection file)",
+        "detections (default: all frames of the labels, each of which needs a detection file)",
     )
     parser.add_argument(
         "--classes",
