@@ -1,4 +1,4 @@
-"""What works on this machine: each part is tried as it will be used, in a process of its own."""
+"""Check the dependencies on this machine by using each of them in a separate process."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
-_LONGEST_S = 60.0
+_TIMEOUT_S = 60.0
 _CHROMIUMS = ("chromium", "chromium-browser", "google-chrome")
 _SUMO = (
     "import libsumo, subprocess, sumo, pathlib;"
@@ -40,15 +40,15 @@ _GPU = "import torch; assert torch.cuda.is_available(); print(torch.cuda.get_dev
 
 @dataclass(frozen=True)
 class Finding:
-    """One part of the machine.
+    """Result of checking one dependency.
 
     Attributes:
-        name: of the part.
-        works: whether it was there and did what it is for.
+        name: name of the dependency.
+        works: whether it is installed and works.
         found: its version or model; empty if it does not work.
         used_for: commands or options that need it.
-        remedy: what to install or set, for parts that do not work.
-        needed: whether `cosim run` cannot do without; of OSMesa and EGL either will do.
+        remedy: how to install or configure it.
+        needed: whether `cosim run` requires it; of OSMesa and EGL only one is required, so neither is marked.
     """
 
     name: str
@@ -59,61 +59,61 @@ class Finding:
     needed: bool = False
 
     def line(self) -> str:
-        """For people."""
+        """Human-readable line."""
         if self.works:
             return f"works    {self.name}: {self.found}"
         return f"missing  {self.name}: {self.remedy} ({self.used_for})"
 
 
 def examine() -> Iterator[Finding]:
-    """Try part after part; each takes up to some seconds."""
+    """Check the dependencies one after another; each check takes up to a few seconds."""
     yield Finding("Python", True, f"{platform.python_version()}, cosim {_version('cosim')}", "everything", "")
-    yield _tried("SUMO", _SUMO, "traffic", "pip install eclipse-sumo libsumo sumolib", needed=True)
-    yield _tried("Embree", _RAYS, "LiDAR", "pip install embreex", needed=True)
+    yield _run_check("SUMO", _SUMO, "traffic", "pip install eclipse-sumo libsumo sumolib", needed=True)
+    yield _run_check("Embree", _RAYS, "LiDAR", "pip install embreex", needed=True)
     for name, backend, package in (("OSMesa", "osmesa", "libosmesa6"), ("EGL", "egl", "libegl1")):
         code = _DRAWING.format(backend=backend)
-        yield _tried(name, code, f"images with backend: {backend}", f"apt-get install {package}")
-    yield _installed("torch", "torch", "cosim train, detect and experiment", "training")
-    yield _gpu()
-    yield _installed("rerun", "rerun-sdk", "cosim view --rerun", "rerun")
-    yield _installed("Dask", "distributed", "cosim run --engine dask", "cluster")
-    yield _chromium()
+        yield _run_check(name, code, f"images with backend: {backend}", f"apt-get install {package}")
+    yield _check_package("torch", "torch", "cosim train, detect and experiment", "training")
+    yield _check_gpu()
+    yield _check_package("rerun", "rerun-sdk", "cosim view --rerun", "rerun")
+    yield _check_package("Dask", "distributed", "cosim run --engine dask", "cluster")
+    yield _check_chromium()
 
 
 def can_record(findings: list[Finding]) -> bool:
-    """Whether `cosim run` will work: all that is needed, and one way to draw."""
-    draws = any(one.works for one in findings if one.name in ("OSMesa", "EGL"))
-    return draws and all(one.works for one in findings if one.needed)
+    """Whether `cosim run` works: all required dependencies and at least one OpenGL backend work."""
+    has_renderer = any(finding.works for finding in findings if finding.name in ("OSMesa", "EGL"))
+    return has_renderer and all(finding.works for finding in findings if finding.needed)
 
 
-def _tried(name: str, code: str, used_for: str, remedy: str, *, needed: bool = False) -> Finding:
-    found = _said([sys.executable, "-c", code])
-    return Finding(name, found is not None, found or "", used_for, remedy, needed)
+def _run_check(name: str, code: str, used_for: str, remedy: str, *, needed: bool = False) -> Finding:
+    output = _last_line([sys.executable, "-c", code])
+    return Finding(name, output is not None, output or "", used_for, remedy, needed)
 
 
-def _installed(name: str, package: str, used_for: str, extra: str) -> Finding:
-    found = _version(package)
-    return Finding(name, bool(found), found, used_for, f"pip install 'cosim[{extra}]'")
+def _check_package(name: str, package: str, used_for: str, extra: str) -> Finding:
+    installed = _version(package)
+    return Finding(name, bool(installed), installed, used_for, f"pip install 'cosim[{extra}]'")
 
 
-def _gpu() -> Finding:
-    used_for, remedy = "faster training; nothing else uses it", "a CUDA driver and a build of torch for it"
+def _check_gpu() -> Finding:
+    used_for, remedy = "only for faster training and detection", "a CUDA driver and a build of torch for it"
     if importlib.util.find_spec("torch") is None:
         return Finding("GPU", False, "", used_for, f"torch, and {remedy}")
-    return _tried("GPU", _GPU, used_for, remedy)
+    return _run_check("GPU", _GPU, used_for, remedy)
 
 
-def _chromium() -> Finding:
+def _check_chromium() -> Finding:
     program: Callable[[str], str | None] = shutil.which
     path = next(filter(None, map(program, _CHROMIUMS)), None)
-    found = _said([path, "--version"]) if path else None
-    return Finding("chromium", found is not None, found or "", "tests that open pages", "apt-get install chromium")
+    output = _last_line([path, "--version"]) if path else None
+    return Finding("chromium", output is not None, output or "", "tests that open pages", "apt-get install chromium")
 
 
-def _said(command: list[str]) -> str | None:
-    """The last line that a program prints; None if it fails or hangs."""
+def _last_line(command: list[str]) -> str | None:
+    """Run a program and return the last line of its output; None if it fails or does not end in time."""
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_LONGEST_S, check=True)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_TIMEOUT_S, check=True)
     except (OSError, subprocess.SubprocessError):
         return None
     lines = done.stdout.strip().splitlines()

@@ -1,4 +1,4 @@
-"""Errors that are the user's to mend: the command line prints their one line and exits with 2."""
+"""Errors that the user can correct: the command line prints their one-line message and exits with code 2."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ class CosimError(Exception):
 
 
 class FormatError(CosimError):
-    """A file does not hold what its format demands."""
+    """A file does not follow its format."""
 
 
 class DriveError(CosimError):
-    """A folder is not a drive, or lacks a part that was asked for."""
+    """A folder is not a drive, or a requested part of a drive does not exist."""

@@ -1,1 +1,1 @@
-"""What a simulated run does: its configuration, its plan, its episodes and the frames that are recorded."""
+"""Recording of simulated drives: configuration, episode plan, episodes and frame recorder."""

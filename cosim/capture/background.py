@@ -1,4 +1,4 @@
-"""Work that goes on while the next is prepared."""
+"""Write files in a background thread while the next frame is computed."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 
 class BackgroundWriter:
-    """Does one thing at a time in a thread of its own, in the order given."""
+    """Runs tasks in one background thread, in the order of submission."""
 
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(1)
         self._last: Future[None] | None = None
 
     def do(self, work: Callable[[], None]) -> None:
-        """Begin some work once what came before is done; raises what that raised."""
-        self.settle()
+        """Wait for the previous task, then start this one; re-raises an exception of the previous task."""
+        self.wait()
         self._last = self._thread.submit(work)
 
-    def settle(self) -> None:
-        """Wait until all is done; raises what the last work raised, once."""
+    def wait(self) -> None:
+        """Wait until the last task is done; re-raises its exception once."""
         last, self._last = self._last, None
         if last is not None:
             last.result()

@@ -1,4 +1,4 @@
-"""What effects may know of a frame's images."""
+"""Camera views that effects can use, from rendered or stored images."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from sensors.cameras import Images
 _GRAY = "0"
 
 
-def seeing_camera(names: Collection[str], reference: str) -> str:
-    """Name of the camera that effects see by: the left grayscale one of KITTI's row, else that of the labels."""
+def effect_camera(names: Collection[str], reference: str) -> str:
+    """Name of the camera whose images effects use: KITTI's left grayscale camera, else the labels' camera."""
     return _GRAY if _GRAY in names else reference
 
 
 def view_of_images(images: Images, P: np.ndarray, pose: np.ndarray) -> CameraView:
-    """The view of rendered images, depth as exact as files hold it, so that stored frames give the same."""
+    """View of rendered images, with depth rounded as in files so that stored frames give the same result."""
     depth = depth_to_png16(images.depth_m).astype(np.float32) / np.float32(DEPTH_SCALE_PER_M)
     return CameraView(images.gray, depth, P, pose)
 
 
 def view_of_frame(frame: Frame, calibration: Calibration, lidar_pose: np.ndarray) -> CameraView | None:
-    """The view of a stored frame; None where its grayscale or depth image is absent.
+    """View of a stored frame; None if its grayscale or depth image does not exist.
 
     Raises:
-        CosimError: an image is broken.
+        CosimError: an image is damaged.
     """
     camera = frame.reference or _GRAY
     if not frame.has(f"image_{camera}") or not frame.has(f"depth_{camera}") or calibration.P0 is None:
@@ -43,5 +43,5 @@ def view_of_frame(frame: Frame, calibration: Calibration, lidar_pose: np.ndarray
     if seen is None:
         return CameraView(gray, depth, calibration.P0, lidar_pose @ calibration.rect_to_velo_matrix)
     if seen.distortion is not None:
-        return None  # what it saw lies elsewhere than its matrix says
+        return None  # the projection matrix does not describe a distorted image
     return CameraView(gray, depth, seen.P, frame.twin.ego.pose @ seen.pose_ego)

@@ -1,4 +1,4 @@
-"""What a run is asked to do."""
+"""Configuration of a run."""
 
 from __future__ import annotations
 
@@ -33,17 +33,19 @@ _HEAD_BYTES = 4096
 
 
 class MastPlace(BaseModel):
-    """Where the mast of a roadside rig stands; axes of the town, as SUMO has them."""
+    """Position and heading of the mast of a roadside rig, in SUMO's axes (x east, y north)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     x_m: float = Field(description="east [m]")
     y_m: float = Field(description="north [m]")
-    heading_deg: float = Field(default=0.0, ge=-360, le=360, description="of its x axis, left of east [°]")
+    heading_deg: float = Field(
+        default=0.0, ge=-360, le=360, description="direction of its x axis, counter-clockwise from east [°]"
+    )
 
 
 class RunConfig(BaseModel):
-    """Everything that decides the content of a drive. The same configuration gives the same bytes."""
+    """All settings that determine the content of a drive. The same configuration gives the same bytes."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -52,57 +54,75 @@ class RunConfig(BaseModel):
     )
     frames: int = Field(default=100, ge=1, le=1_000_000, description="frames to record")
     seed: int = Field(default=0, ge=0, lt=2**31, description="seed of traffic, world, models and paints")
-    sensor: str = Field(default="hdl64e", description="a sensor file's path, or the name of a beam pattern used bare")
+    sensor: str = Field(
+        default="hdl64e", description="path of a sensor file, or the name of a beam pattern (a sensor without effects)"
+    )
     rig: str | Rig = Field(
-        default=KITTI, description="which LiDARs and cameras, and where: a built-in rig, a file's path, or the rig"
+        default=KITTI,
+        description="LiDARs, cameras and their mounts: name of a built-in rig, path of a rig file, or the rig itself",
     )
     frames_per_episode: int = Field(default=25, ge=1, le=10_000, description="frames recorded in one SUMO simulation")
     warm_up_s: float = Field(default=60.0, ge=0, le=3600, description="simulated time before the first frame [s]")
     step_s: float = Field(default=0.1, gt=0, le=1, description="SUMO's step length [s]")
-    collection: Collection = Field(default=Collection(), description="which instants become frames")
-    population: DemandConfig = Field(default=DemandConfig(), description="who is about in built-in towns")
+    collection: Collection = Field(default=Collection(), description="when a frame is recorded")
+    population: DemandConfig = Field(
+        default=DemandConfig(), description="numbers of vehicles and people in built-in towns"
+    )
     environment: EnvironmentConfig = Field(
-        default=EnvironmentConfig(), description="how built-in and own towns are furnished"
+        default=EnvironmentConfig(), description="buildings, plants and street furniture of built-in and own towns"
     )
     world: WorldFile | None = Field(
         default=None,
-        description="a glTF file with the static world of the town, in place of what is built; or `file` "
-        "and `materials`",
+        description="a glTF file with the static world of the town, used instead of a generated world; or `file` and "
+        "`materials`",
     )
-    episodes_per_world: int = Field(default=4, ge=1, le=10_000, description="episodes in one random world of a town")
-    rig_jitter: RigJitter = Field(default=RigJitter(), description="random rotation of the sensor rig, frame by frame")
-    mounts: Mounts = Field(default=Mounts(), description="where LiDAR and cameras of the rig kitti sit on the vehicle")
+    episodes_per_world: int = Field(default=4, ge=1, le=10_000, description="episodes per random world of a town")
+    rig_jitter: RigJitter = Field(default=RigJitter(), description="random rotation of the sensor rig in each frame")
+    mounts: Mounts = Field(default=Mounts(), description="mounts of LiDAR and cameras of the rig kitti on the vehicle")
     mast: MastPlace | None = Field(
-        default=None, description="where the mast of a roadside rig stands; none: where traffic passes, by chance"
+        default=None, description="position of the mast of a roadside rig; none: a random position near traffic"
     )
-    navigation: Navigation = Field(default=Navigation(), description="errors of GPS and inertial unit")
-    label_range_m: float = Field(default=80.0, gt=0, le=500, description="beyond this, objects become DontCare [m]")
-    min_label_pixels: int = Field(default=20, ge=1, description="fewer visible pixels than this give no label")
-    min_label_points: int = Field(
-        default=6, ge=0, description="objects that return fewer beams than this become DontCare"
+    navigation: Navigation = Field(
+        default=Navigation(), description="errors of the GPS and of the inertial measurement unit"
     )
-    annotators: Annotators = Field(default=Annotators(), description="whom annotators leave to DontCare regions")
+    label_range_m: float = Field(
+        default=80.0, gt=0, le=500, description="objects farther away than this become DontCare [m]"
+    )
+    min_label_pixels: int = Field(
+        default=20, ge=1, description="objects with fewer visible pixels than this get no label"
+    )
+    min_label_points: int = Field(default=6, ge=0, description="objects hit by fewer beams than this become DontCare")
+    annotators: Annotators = Field(
+        default=Annotators(), description="objects that annotators leave to DontCare regions"
+    )
     external_vehicles: Path | None = Field(
-        default=None, description="folder of vehicle meshes with a vehicles.yaml, drawn beside the built-in models"
+        default=None,
+        description="folder of vehicle meshes with a vehicles.yaml, used in addition to the built-in models",
     )
     trajectories: Path | None = Field(
         default=None,
-        description="who drives where, from a file: FCD output, CommonRoad, OpenSCENARIO or a table; none: SUMO's",
+        description="file of recorded trajectories to replay: FCD output, CommonRoad, OpenSCENARIO or a table; none: "
+        "SUMO simulates the traffic",
     )
     taxi_dispatch: Algorithm | None = Field(
         default=None,
-        description="SUMO's own dispatcher of taxis and vehicles on demand, for a scenario whose dispatcher is another "
-        "program; none: as the scenario has it",
+        description="SUMO's dispatcher of taxis and vehicles on demand, for a scenario whose dispatcher is another "
+        "program; none: as the scenario defines it",
     )
-    ego: str | None = Field(default=None, description="id of the vehicle of the trajectories that carries the sensors")
-    behaviour: BehaviourConfig = Field(default=BehaviourConfig(), description="how drivers behave; or a preset's name")
-    store_hits: bool = Field(default=True, description="keep hits/, from which sensor variants can be made again")
+    ego: str | None = Field(
+        default=None,
+        description="id of the vehicle in the trajectories that carries the sensors; none: chosen randomly",
+    )
+    behaviour: BehaviourConfig = Field(
+        default=BehaviourConfig(), description="driver behaviour: settings, or the name of a preset"
+    )
+    store_hits: bool = Field(default=True, description="keep hits/, which `cosim variants` needs")
     images: tuple[str, ...] = Field(
         default=("image_0", "image_2", "depth_0"),
-        description="folders of images to write: image_, depth_, semantic_ or instance_ with a camera's name; KITTI's "
-        "are called 0 to 3",
+        description="folders of images to write: image_, depth_, semantic_ or instance_ followed by the name of a "
+        "camera; KITTI's cameras are called 0 to 3",
     )
-    backend: Literal["osmesa", "egl"] = Field(default="osmesa", description="how images are rendered")
+    backend: Literal["osmesa", "egl"] = Field(default="osmesa", description="OpenGL backend that renders the images")
 
     @field_validator("rig", mode="before")
     @classmethod
@@ -112,7 +132,7 @@ class RunConfig(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _all_its_images(cls, values: Any) -> Any:
-        """Rigs of their own write what their own cameras see."""
+        """Replace the default images, which are those of KITTI, by the images of the given rig."""
         if not isinstance(values, dict) or "images" in values or values.get("rig", KITTI) == KITTI:
             return values
         rig = values["rig"]
@@ -125,24 +145,24 @@ class RunConfig(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _own_streets(cls, values: Any) -> Any:
-        """CommonRoad scenarios hold their streets."""
+        """Use a CommonRoad scenario also as the town, because it contains its road network."""
         if not isinstance(values, dict) or "town" in values or not values.get("trajectories"):
             return values
         path = Path(str(values["trajectories"]))
         try:
-            begins = path.open("rb").read(_HEAD_BYTES)
+            head = path.open("rb").read(_HEAD_BYTES)
         except OSError:
-            return values  # whoever reads it says so
-        return {**values, "town": str(path)} if b"<commonRoad" in begins else values
+            return values  # the reader of the trajectories reports the error
+        return {**values, "town": str(path)} if b"<commonRoad" in head else values
 
     @model_validator(mode="after")
     def _has_trajectories(self) -> RunConfig:
         if self.ego is not None and self.trajectories is None:
             raise ValueError("ego names a vehicle of trajectories; give `trajectories`, or leave ego out")
         if self.world is not None and len(self.towns) > 1:
-            raise ValueError("world is that of one town; name it")
+            raise ValueError("a world file belongs to one town; set `town` to that town")
         if self.trajectories is not None and len(self.towns) > 1:
-            raise ValueError("trajectories belong to one town; name it")
+            raise ValueError("trajectories belong to one town; set `town` to that town")
         if self.taxi_dispatch is not None and set(self.towns) & set(TOWNS):
             raise ValueError(
                 "taxi_dispatch is for a scenario of your own; give its .sumocfg as `town`, or leave it out"
@@ -156,21 +176,23 @@ class RunConfig(BaseModel):
         rig = self.rig_used
         check_products(self.images, [camera.name for camera in rig.cameras])
         if self.mounts != Mounts() and self.rig != KITTI:
-            raise ValueError("mounts moves the sensors of the rig kitti; write the mounts into the rig's file")
+            raise ValueError("mounts applies only to the rig kitti; write the mounts into the rig's file")
         if self.mast is not None and rig.carrier != "mast":
-            raise ValueError("mast is the place of a roadside rig; leave it out, or give a rig with carrier: mast")
-        if self.sensor != RunConfig.model_fields["sensor"].default and all(one.sensor for one in rig.lidars):
-            raise ValueError(f"sensor {self.sensor} is for nobody: every LiDAR of the rig has its own; name it there")
+            raise ValueError("mast applies only to roadside rigs; leave it out, or give a rig with carrier: mast")
+        if self.sensor != RunConfig.model_fields["sensor"].default and all(lidar.sensor for lidar in rig.lidars):
+            raise ValueError(
+                f"sensor {self.sensor} would not be used: every LiDAR of the rig names its own sensor; change it there"
+            )
         return self
 
     @property
     def rig_used(self) -> Rig:
-        """The rig that is meant."""
+        """The rig, loaded if it is given by name."""
         return self.rig if isinstance(self.rig, Rig) else _built_in(self.rig)
 
     @property
     def towns(self) -> tuple[str, ...]:
-        """The towns that take turns."""
+        """Names or paths of the towns; episodes alternate between them."""
         if self.town == "all":
             return TOWNS
         return (self.town,) if isinstance(self.town, str) else self.town
@@ -181,21 +203,21 @@ def _built_in(name: str) -> Rig:
     return load_rig(name)
 
 
-def _found_from(folder: Path, town: object) -> object:
-    """Towns whose `.sumocfg` is given relative to the configuration's folder, as absolute paths; others unchanged."""
+def _resolve_town(folder: Path, town: object) -> object:
+    """Make `.sumocfg` paths that are relative to the configuration's folder absolute; leave other towns unchanged."""
     if isinstance(town, list):
-        return [_found_from(folder, part) for part in town]
+        return [_resolve_town(folder, part) for part in town]
     if not isinstance(town, str) or not town.endswith(".sumocfg"):
         return town
-    beside = (folder / town).resolve()
-    return str(beside) if beside.is_file() and beside != Path(town).resolve() else town
+    relative = (folder / town).resolve()
+    return str(relative) if relative.is_file() and relative != Path(town).resolve() else town
 
 
 def load_config(path: Path | None, **overrides: object) -> RunConfig:
-    """A configuration from a YAML file, with values of the command line on top (None: not given).
+    """Read a configuration from a YAML file; `overrides` replace its values (None: keep the value of the file).
 
     Raises:
-        ConfigError: unreadable, not YAML, an unknown key or a value out of bounds.
+        ConfigError: the file is unreadable or not YAML, a key is unknown, or a value is out of bounds.
     """
     values: dict[str, object] = {}
     if path is not None:
@@ -206,16 +228,18 @@ def load_config(path: Path | None, **overrides: object) -> RunConfig:
         except (DocumentError, UnicodeDecodeError) as error:
             raise ConfigError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
         if loaded is not None and not isinstance(loaded, dict):
-            raise ConfigError(f"{path} holds {type(loaded).__name__}, not keys and values; write `town: town01`")
+            raise ConfigError(
+                f"{path} contains {type(loaded).__name__}, not keys and values; write, for example, `town: town01`"
+            )
         values.update(loaded or {})
         if "town" in values:
-            values["town"] = _found_from(path.parent, values["town"])
+            values["town"] = _resolve_town(path.parent, values["town"])
     values.update({key: value for key, value in overrides.items() if value is not None})
     try:
         return RunConfig.model_validate(values)
     except ValidationError as error:
-        known = ", ".join(RunConfig.model_fields)
+        keys = ", ".join(RunConfig.model_fields)
         where = f"{path}: " if path else ""
-        unknown = error.errors()[0]["type"] == "extra_forbidden"
-        hint = f"; known keys are {known}" if unknown else ""
+        is_unknown_key = error.errors()[0]["type"] == "extra_forbidden"
+        hint = f"; known keys are {keys}" if is_unknown_key else ""
         raise ConfigError(f"{where}{first_problem(error)}{hint}") from error

@@ -1,4 +1,4 @@
-"""How much disk a run will take, told before it begins."""
+"""Estimate the disk space of a run before it starts."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from cosim.capture.rig_sensors import beams_of
 from cosim.errors import CosimError
 from sensors.sensor_model import SensorModel
 
-# Measured on drives of all towns: bytes a beam, a pixel, a frame, a world.
-_POINT = 16 * 0.95  # of beams that return
+# Bytes per beam, pixel, frame or world, measured on drives in all towns.
+_POINT = 16 * 0.95  # 95 % of the beams return
 _RAY = 0.6
 _HIT = 1.0
 _PIXEL = {"gray": 0.15, "image": 0.36, "depth": 0.5, "semantic": 0.02, "instance": 0.03}
@@ -25,11 +25,11 @@ _MODELS = 3_500_000
 
 
 class DiskError(CosimError):
-    """A run needs more disk than there is."""
+    """A run needs more disk space than is free."""
 
 
 def estimate_bytes(config: RunConfig, sensors: Sequence[SensorModel]) -> int:
-    """Disk that a run with these LiDARs takes, to within a fifth [bytes]."""
+    """Estimate the disk space of a run with these LiDARs, accurate to 20 % [bytes]."""
     frame = beams_of(sensors) * (_POINT + _RAY + (_HIT if config.store_hits else 0)) + _TEXT
     cameras = {camera.name: camera for camera in config.rig_used.cameras}
     for product in config.images:
@@ -40,22 +40,22 @@ def estimate_bytes(config: RunConfig, sensors: Sequence[SensorModel]) -> int:
     return round(config.frames * frame + worlds * _WORLD + _MODELS)
 
 
-def demand_space(needed: int, folder: Path) -> None:
-    """Refuse to begin what the disk cannot hold.
+def check_disk_space(needed: int, folder: Path) -> None:
+    """Check that the disk has enough free space.
 
     Raises:
-        DiskError: less is free than `needed`.
+        DiskError: less than `needed` bytes are free.
     """
     disk = shutil.disk_usage(_existing(folder))
-    if disk.total and needed > disk.free:  # file systems without a size say 0
+    if disk.total and needed > disk.free:  # file systems without a size report 0
         raise DiskError(
-            f"the run needs about {in_words(needed)}, {folder} has {in_words(disk.free)} free; ask for fewer frames, "
+            f"the run needs about {in_words(needed)}, {folder} has {in_words(disk.free)} free; record fewer frames, "
             "leave out images or set store_hits: false, or choose another --out"
         )
 
 
 def in_words(count: float) -> str:
-    """A number of bytes as people say it."""
+    """Format a number of bytes with a decimal prefix."""
     for unit in ("bytes", "kB", "MB", "GB"):
         if count < 1000:
             return f"{count:.3g} {unit}"
@@ -64,7 +64,7 @@ def in_words(count: float) -> str:
 
 
 def _existing(folder: Path) -> Path:
-    """The nearest folder above that exists."""
+    """The folder itself, or its nearest ancestor that exists."""
     folder = folder.absolute()
     while not os.path.lexists(folder):
         folder = folder.parent

@@ -1,4 +1,4 @@
-"""One episode: simulations of a town's traffic from which its frames are recorded."""
+"""Record an episode: simulate the traffic of a town and record frames from it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from assets.ranges import draw
-from cosim.capture.collection import COMPANY_M, StillWatch, Watch
+from cosim.capture.collection import COMPANY_M, FrameSelector, StationaryFrameSelector
 from cosim.capture.config import RunConfig
-from cosim.capture.mast import Mast, stand_mast
+from cosim.capture.mast import Mast, choose_mast
 from cosim.capture.plan import EpisodePlan
 from cosim.traffic.actors import Actors
 from cosim.traffic.driven_traffic import DrivenTraffic
@@ -25,8 +25,8 @@ from cosim.traffic.starting import warmed_up
 from sumo_nets import RECIPES, Town, write_demand
 from sumo_nets.dispatch import with_dispatcher
 
-_SIGHT_M = 120.0  # as far as a LiDAR sees
-_LEAD_IN_S = 8.0  # until bodies follow, drivers have their habits, and some are in a manoeuvre
+_SIGHT_M = 120.0  # range of a LiDAR
+_LEAD_IN_S = 8.0  # until vehicle bodies and driver behaviour are initialised
 _LONGEST_WAIT_S = 900.0  # for the first vehicle of a scenario
 
 _log = logging.getLogger(__name__)
@@ -34,15 +34,15 @@ _SHORTEST_WARM_UP_S = 1.0
 
 
 class FrameRecorder(Protocol):
-    """What takes a frame."""
+    """Interface of an object that records frames."""
 
     def record(
         self, name: str, plan: EpisodePlan, actors: Actors, carrier: str | Mast, signals: Mapping[str, str]
     ) -> None:
-        """Measure the world at one step, from a vehicle or a mast, and write the frame; `signals` tells by lane."""
+        """Measure the world at one step from a vehicle or a mast and write the frame; `signals` maps lane to state."""
 
     def note(self, entry: dict[str, object]) -> None:
-        """Write a remark about the episode."""
+        """Write a manifest entry about the episode."""
 
 
 def run_episode(
@@ -55,25 +55,29 @@ def run_episode(
     on_frame: Callable[[str], None],
     on_step: Callable[[], None] = lambda: None,
 ) -> None:
-    """Simulate an episode and record those of its frames that are not done.
+    """Simulate an episode and record its missing frames.
 
-    All that happens follows from the run's seed and the episode's number alone, so an episode that is taken up
-    again after an interruption passes through the same states. A simulation that jams ends early, and another,
-    differently seeded, gives the frames that are left.
+    The simulation depends only on the run's seed and the episode's number. An episode that is resumed after an
+    interruption therefore passes through the same states. A simulation that jams ends early, and another one with a
+    different seed provides the remaining frames.
 
     Raises:
         TrafficError: SUMO refuses the scenario.
         TownError: the town cannot be populated.
     """
-    left = list(plan.frames)
+    remaining = list(plan.frames)
     for attempt in range(config.collection.attempts):
-        left = _simulate_early(plan, attempt, left, config, town, recorder, done, on_frame, on_step)
-        if not left:
+        remaining = _simulate_with_shorter_warm_up(
+            plan, attempt, remaining, config, town, recorder, done, on_frame, on_step
+        )
+        if not remaining:
             return
 
 
-def _simulate_early(plan: EpisodePlan, attempt: int, frames: list[str], config: RunConfig, *rest: Any) -> list[str]:
-    """One simulation; where all vehicles have arrived before the warm-up ends, one with a warm-up half as long."""
+def _simulate_with_shorter_warm_up(
+    plan: EpisodePlan, attempt: int, frames: list[str], config: RunConfig, *rest: Any
+) -> list[str]:
+    """Run one simulation; halve the warm-up as long as all vehicles arrive before it ends."""
     while True:
         try:
             return _simulate(plan, attempt, frames, config, *rest)
@@ -96,16 +100,17 @@ def _simulate(
     on_frame: Callable[[str], None],
     on_step: Callable[[], None],
 ) -> list[str]:
-    """One simulation; gives the names of the frames it did not come to."""
+    """Run one simulation; return the names of the frames that it did not reach."""
     rng = np.random.default_rng([config.seed, plan.number, attempt])
-    rules, left = config.collection, list(frames)
-    # A user's scenario is simulated step by step from its beginning: a saved state does not hold all that one may have.
-    seen_s = config.warm_up_s if town.scenario is not None else min(config.warm_up_s, _LEAD_IN_S)
+    rules, remaining = config.collection, list(frames)
+    is_scenario = town.scenario is not None
+    # A user's scenario is simulated step by step from its start, because a saved state of SUMO is not complete.
+    lead_in_s = config.warm_up_s if is_scenario else min(config.warm_up_s, _LEAD_IN_S)
     with tempfile.TemporaryDirectory(prefix="cosim-") as folder:
         sumocfg, beside_parked = populated(town, config, rng, Path(folder))
-        seed, state, own = int(rng.integers(2**31)), None, town.scenario is not None
-        if config.warm_up_s > seen_s:
-            state = warmed_up(sumocfg, seed, config.warm_up_s - seen_s, Path(folder))
+        seed, state = int(rng.integers(2**31)), None
+        if config.warm_up_s > lead_in_s:
+            state = warmed_up(sumocfg, seed, config.warm_up_s - lead_in_s, Path(folder))
         with Traffic(
             sumocfg,
             seed,
@@ -120,53 +125,55 @@ def _simulate(
                 config.behaviour,
                 int(rng.integers(2**31)),
                 sight_m=max(_SIGHT_M, config.label_range_m),
-                may_appear=own,
+                may_appear=is_scenario,
                 beside_parked=beside_parked,
                 on_step=on_step,
             )
-            actors = living.step() if state else living.advance(max(2, round(seen_s / config.step_s)))
-            actors = _until_somebody_drives(traffic, living, actors, config)
+            actors = living.step() if state else living.advance(max(2, round(lead_in_s / config.step_s)))
+            actors = _wait_for_vehicle(traffic, living, actors, config)
             carrier: str | Mast = draw_ego(traffic, actors, rng)
             if config.rig_used.carrier == "mast":
-                carrier = stand_mast(town.streets, config.mast, _driven_places(actors), rng)
+                carrier = choose_mast(town.streets, config.mast, _driven_positions(actors), rng)
                 living.attend(np.array([carrier.x_m, carrier.y_m]))
             else:
                 living.follow(carrier)
             if state:
-                actors = living.advance(round(seen_s / config.step_s))
+                actors = living.advance(round(lead_in_s / config.step_s))
             states = SignalStates(traffic.api)
-            watch, reason = _watch(config, actors, carrier, own=own), None
-            while left and reason is None:
+            selector, reason = _make_selector(config, actors, carrier, is_scenario=is_scenario), None
+            while remaining and reason is None:
                 if isinstance(carrier, str):
                     traffic.prolong_route(carrier, rng)
                 actors = living.advance(max(1, round(rules.every_s / config.step_s)))
-                reason = watch.end_reason(actors)
-                if reason is None and watch.wants(actors):
-                    name = left.pop(0)
+                reason = selector.end_reason(actors)
+                if reason is None and selector.selects(actors):
+                    name = remaining.pop(0)
                     if name not in done:
                         recorder.record(name, plan, living.everyone(actors), carrier, states.now())
                         on_frame(name)
             events = Counter(event.kind for event in living.events)
-            taken = len(frames) - len(left)
-            recorder.note(plan.note(attempt, town.name, taken, reason, actors.time_s, events))
-    return left
+            count = len(frames) - len(remaining)
+            recorder.note(plan.note(attempt, town.name, count, reason, actors.time_s, events))
+    return remaining
 
 
-def _watch(config: RunConfig, actors: Actors, carrier: str | Mast, *, own: bool) -> Watch | StillWatch:
+def _make_selector(
+    config: RunConfig, actors: Actors, carrier: str | Mast, *, is_scenario: bool
+) -> FrameSelector | StationaryFrameSelector:
     if isinstance(carrier, Mast):
-        place = np.array([carrier.x_m, carrier.y_m])
-        return StillWatch(config.collection, actors.time_s, place, carrier.heading_rad)
-    return Watch(config.collection, actors, carrier, 0.0 if own else COMPANY_M)
+        position = np.array([carrier.x_m, carrier.y_m])
+        return StationaryFrameSelector(config.collection, actors.time_s, position, carrier.heading_rad)
+    return FrameSelector(config.collection, actors, carrier, 0.0 if is_scenario else COMPANY_M)
 
 
-def _driven_places(actors: Actors) -> np.ndarray:
-    """Where somebody drives, (n, 2)."""
-    drives = [bool(lane) and not parked for lane, parked in zip(actors.lanes, actors.parked, strict=True)]
-    return actors.front[np.array(drives, bool), :2]
+def _driven_positions(actors: Actors) -> np.ndarray:
+    """Positions of the vehicles that are on a lane and not parked, (n, 2) [m]."""
+    is_driving = [bool(lane) and not parked for lane, parked in zip(actors.lanes, actors.parked, strict=True)]
+    return actors.front[np.array(is_driving, bool), :2]
 
 
-def _until_somebody_drives(traffic: Traffic, living: DrivenTraffic, actors: Actors, config: RunConfig) -> Actors:
-    """Go on until there is a vehicle to ride in, as long as one may come."""
+def _wait_for_vehicle(traffic: Traffic, living: DrivenTraffic, actors: Actors, config: RunConfig) -> Actors:
+    """Simulate until there is a vehicle that can carry the sensors, as long as one is expected to depart."""
     for _ in range(round(_LONGEST_WAIT_S / config.step_s)):
         if anybody_drives(traffic, actors) or not anybody_comes(traffic):
             break
@@ -175,10 +182,10 @@ def _until_somebody_drives(traffic: Traffic, living: DrivenTraffic, actors: Acto
 
 
 def populated(town: Town, config: RunConfig, rng: np.random.Generator, folder: Path) -> tuple[Path, float]:
-    """The scenario to simulate: a population of its own for a built-in town, a user's town as it is.
+    """Write the scenario to simulate: random demand for a built-in town, the user's own scenario otherwise.
 
     Returns:
-        The scenario's file, and the share of its parked vehicles that people are about.
+        Path of the `.sumocfg` file, and the share of parked vehicles that have people next to them.
     """
     if town.scenario is not None and config.taxi_dispatch is not None:
         return with_dispatcher(town.scenario, config.taxi_dispatch).write(folder), 0.0

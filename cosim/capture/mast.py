@@ -1,4 +1,4 @@
-"""A mast beside the road that carries the sensors, and where it stands."""
+"""Position of a roadside mast that carries the sensors."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from cosim.drives.twin import Ego
 from cosim.errors import CosimError
 from cosim.scene.ground import Ground
 
-_FROM_END_M, _SHORTEST_M = 3.0, 15.0
-_BESIDE_M = 1.0
-_NEAREST = 5  # pavements near somebody who drives, of which one is taken
+_FROM_END_M, _MIN_LENGTH_M = 3.0, 15.0
+_LATERAL_OFFSET_M = 1.0
+_NEAREST = 5  # number of candidates nearest to traffic from which the position is drawn
 
 
 class MastError(CosimError):
-    """There is no place for a mast."""
+    """There is no suitable position for a mast."""
 
 
 @dataclass(frozen=True)
 class Mast:
-    """Where a mast stands.
+    """Pose of a mast.
 
     Attributes:
-        x_m, y_m: its foot, axes of the town.
-        z_m: about the height of the ground there.
-        heading_rad: of its x axis, counter-clockwise from east.
+        x_m, y_m: position of its foot in the axes of the town [m].
+        z_m: approximate height of the ground there [m].
+        heading_rad: direction of its x axis, counter-clockwise from east [rad].
     """
 
     x_m: float
@@ -37,7 +37,7 @@ class Mast:
     heading_rad: float
 
     def ego(self, ground: Ground) -> Ego:
-        """What the twin says of it: it stands upright and still."""
+        """The mast as the twin's ego: upright and at rest."""
         pose = np.eye(4)
         cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
         pose[:2, :2] = [[cos, -sin], [sin, cos]]
@@ -46,55 +46,60 @@ class Mast:
         return Ego(pose, np.zeros(3), 0.0, np.zeros(3))
 
 
-def stand_mast(streets: Streets, wanted: MastPlace | None, traffic: np.ndarray, rng: np.random.Generator) -> Mast:
-    """A mast where it is wanted, or at the end of a pavement near some traffic, looking at what comes.
+def choose_mast(streets: Streets, wanted: MastPlace | None, traffic: np.ndarray, rng: np.random.Generator) -> Mast:
+    """Place a mast at the requested position, or at the end of a pavement near traffic, facing oncoming vehicles.
 
     Args:
-        streets: of the town.
-        wanted: its place; None: any.
-        traffic: (n, 2) where somebody drives, axes of the town [m].
-        rng: chooses.
+        streets: streets of the town.
+        wanted: requested position; None: draw one.
+        traffic: (n, 2) positions of moving vehicles in the axes of the town [m].
+        rng: generator that draws the position.
 
     Raises:
-        MastError: the place is not in the town, or the town has no street that is long enough.
+        MastError: the position is outside the town, or no street of the town is long enough.
     """
     lanes = [lane for lane in streets.lanes if not lane.internal]
     if wanted is not None:
-        return _wanted(lanes, wanted)
+        return _place_at(lanes, wanted)
     walks = [lane for lane in lanes if lane.use == "sidewalk"] or [lane for lane in lanes if lane.use == "drive"]
-    places = [place for lane in walks if (place := _at_end(lane)) is not None]
-    if not places:
-        raise MastError(f"{streets.name}: no street is {_SHORTEST_M:g} m long, so a mast has no place; give `mast`")
-    where = np.array([(place.x_m, place.y_m) for place in places])
-    away = np.linalg.norm(where[:, None] - traffic[None], axis=2).min(1) if len(traffic) else np.zeros(len(places))
-    nearest = np.argsort(away, kind="stable")[:_NEAREST]
-    return places[int(rng.choice(nearest))]
-
-
-def _wanted(lanes: list[StreetLane], wanted: MastPlace) -> Mast:
-    points = np.concatenate([lane.centre for lane in lanes])
-    here = np.array([wanted.x_m, wanted.y_m])
-    low, high = points[:, :2].min(0) - 50, points[:, :2].max(0) + 50
-    if not ((low <= here) & (here <= high)).all():
+    masts = [mast for lane in walks if (mast := _place_at_end(lane)) is not None]
+    if not masts:
         raise MastError(
-            f"mast: ({wanted.x_m:g}, {wanted.y_m:g}) m lies outside the town, which reaches from "
-            f"({low[0] + 50:.0f}, {low[1] + 50:.0f}) to ({high[0] - 50:.0f}, {high[1] - 50:.0f}) m; stand it there"
+            f"{streets.name}: no street is at least {_MIN_LENGTH_M:g} m long, so no position can be chosen; give `mast`"
         )
-    nearest = points[np.argmin(np.linalg.norm(points[:, :2] - here, axis=1))]
+    positions = np.array([(mast.x_m, mast.y_m) for mast in masts])
+    distance = (
+        np.linalg.norm(positions[:, None] - traffic[None], axis=2).min(1) if len(traffic) else np.zeros(len(masts))
+    )
+    nearest = np.argsort(distance, kind="stable")[:_NEAREST]
+    return masts[int(rng.choice(nearest))]
+
+
+def _place_at(lanes: list[StreetLane], wanted: MastPlace) -> Mast:
+    points = np.concatenate([lane.centre for lane in lanes])
+    position = np.array([wanted.x_m, wanted.y_m])
+    low, high = points[:, :2].min(0) - 50, points[:, :2].max(0) + 50
+    if not ((low <= position) & (position <= high)).all():
+        raise MastError(
+            f"mast: ({wanted.x_m:g}, {wanted.y_m:g}) m is outside the town, which extends from "
+            f"({low[0] + 50:.0f}, {low[1] + 50:.0f}) to ({high[0] - 50:.0f}, {high[1] - 50:.0f}) m; give a position "
+            "within it"
+        )
+    nearest = points[np.argmin(np.linalg.norm(points[:, :2] - position, axis=1))]
     return Mast(wanted.x_m, wanted.y_m, float(nearest[2]), float(np.radians(wanted.heading_deg)))
 
 
-def _at_end(lane: StreetLane) -> Mast | None:
-    """At the end of a pavement, or beside that of a lane, looking back along it."""
+def _place_at_end(lane: StreetLane) -> Mast | None:
+    """Place a mast at the end of a pavement, or next to the end of a lane, facing back along it."""
     steps = np.linalg.norm(np.diff(lane.centre[:, :2], axis=0), axis=1)
-    if steps.sum() < _SHORTEST_M:
+    if steps.sum() < _MIN_LENGTH_M:
         return None
     along = np.concatenate([[0.0], np.cumsum(steps)])
     at = steps.sum() - _FROM_END_M
     x, y, z = (float(np.interp(at, along, lane.centre[:, axis])) for axis in range(3))
-    before = [float(np.interp(at - _SHORTEST_M / 2, along, lane.centre[:, axis])) for axis in range(2)]
+    before = [float(np.interp(at - _MIN_LENGTH_M / 2, along, lane.centre[:, axis])) for axis in range(2)]
     back = np.arctan2(before[1] - y, before[0] - x)
-    if lane.use == "drive":  # to the right of who drives
-        aside = lane.width_m / 2 + _BESIDE_M
-        x, y = x - aside * float(np.sin(back)), y + aside * float(np.cos(back))
+    if lane.use == "drive":  # to the right of the lane
+        offset = lane.width_m / 2 + _LATERAL_OFFSET_M
+        x, y = x - offset * float(np.sin(back)), y + offset * float(np.cos(back))
     return Mast(x, y, z, float(back))

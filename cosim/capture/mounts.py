@@ -1,4 +1,4 @@
-"""Where LiDAR and cameras sit on their vehicle, and what follows for the calibration."""
+"""Mounts of LiDAR and cameras on the vehicle, and the calibration that results from them."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from sensors.mount import Mount
 
 
 class Mounts(BaseModel):
-    """Where the LiDAR and the row of cameras are mounted; by default as on KITTI's car.
+    """Mounts of the LiDAR and of the row of cameras; by default those of KITTI's car.
 
-    Cameras keep KITTI's lenses and their distances from each other; the mount is that of camera 0.
+    The cameras keep KITTI's intrinsic parameters and baselines; `cameras` is the mount of camera 0.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     lidar: Mount = Field(
         default=Mount(x_m=LIDAR_IN_EGO_M[0], y_m=LIDAR_IN_EGO_M[1], z_m=LIDAR_IN_EGO_M[2]),
-        description="of the LiDAR",
+        description="mount of the LiDAR",
     )
-    cameras: Mount | None = Field(default=None, description="of camera 0; none: where KITTI's is")
+    cameras: Mount | None = Field(default=None, description="mount of camera 0; none: KITTI's")
 
     @property
     def lidar_pose(self) -> np.ndarray:
-        """Ego axes from the LiDAR's, (4, 4)."""
+        """Pose of the LiDAR in the ego frame, (4, 4)."""
         return self.lidar.pose
 
     @property
     def calibration(self) -> Calibration:
-        """What `calib/` says of sensors so mounted; KITTI's to the last digit where nothing is moved."""
+        """Calibration in `calib/` for these mounts; exactly KITTI's if all mounts have their default values."""
         if self == Mounts():
             return Calibration(**vars(KITTI_CALIBRATION))
         camera = camera_pose_ego(KITTI_CALIBRATION)

@@ -1,4 +1,4 @@
-"""A run cut into episodes: which frames each gives, and where it takes place."""
+"""Division of a run into episodes, each with its town, world and frames."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from cosim.capture.config import RunConfig
 
 @dataclass(frozen=True)
 class EpisodePlan:
-    """One episode.
+    """Plan of one episode.
 
     Attributes:
-        number: from 0.
-        town: name or path of its town.
-        world: which of the town's random worlds.
-        frames: names of its frames, in order of time.
+        number: number of the episode, from 0.
+        town: name or path of the town.
+        world: number of the town's random world.
+        frames: names of the frames in temporal order.
     """
 
     number: int
@@ -27,7 +27,7 @@ class EpisodePlan:
     def note(
         self, attempt: int, town: str, frames: int, ended: str | None, time_s: float, events: Mapping[str, int]
     ) -> dict[str, object]:
-        """What the manifest says of one ride: its town's name, how many frames it gave, and why and when it ended."""
+        """Manifest entry of one simulation: name of the town, number of frames, reason and time of its end [s]."""
         return {
             "episode": self.number,
             "attempt": attempt,
@@ -41,14 +41,14 @@ class EpisodePlan:
 
 
 def plan_episodes(config: RunConfig) -> list[EpisodePlan]:
-    """Episodes of a run, towns taking turns; frame names count through them."""
+    """Divide a run into episodes that alternate between the towns; frames are numbered consecutively."""
     names = [f"{number:06d}" for number in range(config.frames)]
     towns = config.towns
     size = min(config.frames_per_episode, -(-config.frames // len(towns)))
     if config.ego is not None:
-        size = config.frames  # one ride in one vehicle
+        size = config.frames  # a given vehicle is followed in a single episode
     starts = range(0, config.frames, size)
-    shared = config.episodes_per_world if config.world is None else len(names)  # a given world is what it is
+    shared = config.episodes_per_world if config.world is None else len(names)  # all episodes use a given world
     return [
         EpisodePlan(
             number=number,
@@ -61,5 +61,5 @@ def plan_episodes(config: RunConfig) -> list[EpisodePlan]:
 
 
 def world_count(plans: list[EpisodePlan]) -> int:
-    """How many different static worlds the episodes take place in."""
+    """Number of different static worlds in the plan."""
     return len({(plan.town, plan.world) for plan in plans})

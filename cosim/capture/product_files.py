@@ -1,4 +1,4 @@
-"""The files of a frame's images."""
+"""Encode the images of a frame as files."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _ENCODERS: Mapping[str, Callable[[Images, tuple[str, ...]], bytes]] = {
 def encode_products(
     products: Sequence[str], images: Mapping[str, Images], gray: Collection[str], kinds: tuple[str, ...], name: str
 ) -> dict[str, bytes]:
-    """Files of a frame, by path.
+    """Encode the images of a frame; returns file contents by path.
 
     Args:
-        products: folders.
-        images: by camera.
-        gray: cameras that see no colour.
-        kinds: of the instances in them.
-        name: of the frame.
+        products: names of the image folders.
+        images: images by camera.
+        gray: names of the grayscale cameras.
+        kinds: kinds of the instances in the images.
+        name: name of the frame.
     """
     files = {}
     for product in products:

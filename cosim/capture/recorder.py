@@ -1,4 +1,4 @@
-"""Measures the world at one instant with every sensor of the rig and writes the frame."""
+"""Measure the world at one instant with every sensor of the rig and write the frame."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from sensors.sensor_model import SensorModel
 from sumo_nets import Town
 
 LABEL_DECIMALS = 4
-_RIG_STREAM = 2  # keeps the rig's random numbers apart from those of the measurement
+_RIG_STREAM = 2  # random stream of the rig jitter, independent of the measurement
 _LABELS = "label_2"
-_OF_WORLDS = tuple(name for name, material in MATERIALS.items() if not material.glow)
+_WORLD_MATERIALS = tuple(name for name, material in MATERIALS.items() if not material.glow)
 
 
 class Recorder:
-    """A sensor rig that goes from place to place and takes frame after frame.
+    """Records frames with a sensor rig at changing sites.
 
     Args:
-        config: of the run.
-        sensors: of its LiDARs, by name, the first one first.
-        writer: of the drive.
-        threads: threads it may use.
+        config: configuration of the run.
+        sensors: sensor models of the LiDARs by name, the first LiDAR first.
+        writer: writer of the drive.
+        threads: number of threads to use.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Recorder:
         self._config = config
         self._writer = writer
         self._threads = threads
-        self._behind = BackgroundWriter()  # waiting for the disk would cost as much again as a fast frame
+        self._background = BackgroundWriter()  # waiting for the disk takes as long as computing a small frame
         self._external = load_external(config.external_vehicles)
         self._meshes: dict[str, Mesh] = {**self._external.meshes, **signal_models()}
         self._models = Models(self._mesh)
@@ -65,62 +65,70 @@ class Recorder:
         self._rig = place_rig(config)
         self._sensor = sensors[self._rig.first]
         self._lidars = RigLidars(self._rig, sensors, config.seed)
-        lit = any(sensor.needs_camera for sensor in sensors.values())
-        self._cameras = RigCameras(self._rig, config.images, self._models, config.backend, lit=lit, seed=config.seed)
+        needs_view = any(sensor.needs_camera for sensor in sensors.values())
+        self._cameras = RigCameras(
+            self._rig, config.images, self._models, config.backend, needs_view=needs_view, seed=config.seed
+        )
         self._land: tuple[str, Land] | None = None
-        self._place: Site | None = None
-        writer.write_once("twin/materials.yaml", format_materials(_OF_WORLDS).encode())
+        self._site: Site | None = None
+        writer.write_once("twin/materials.yaml", format_materials(_WORLD_MATERIALS).encode())
 
     def move_to(self, plan: EpisodePlan) -> Town:
-        """Make an episode's place ready in its light; gives its town. A place is not built twice in a row."""
+        """Prepare the site and the light of an episode; the current site is reused. Returns the episode's town."""
         if self._land is None or self._land[0] != plan.town:
             self._land = plan.town, Land.of(plan.town)
         land = self._land[1]
-        if self._place is None or (self._place.land, self._place.world) != (land, plan.world):
-            self._place = None  # one world at a time fits into memory
-            self._place = Site.build(self._config, land, plan.world, models=self._models, threads=self._threads)
+        if self._site is None or (self._site.land, self._site.world) != (land, plan.world):
+            self._site = None  # free its memory before the next world is built
+            self._site = Site.build(self._config, land, plan.world, models=self._models, threads=self._threads)
             path = f"twin/{self._static_file() or 'static.glb'}"
             if not self._writer.has(path):
-                self._writer.write(path, encode_glb(self._place.mesh, land.town.name))
-        self._cameras.enter(self._place, light_of(self._config, plan.number))
-        self._labellers = {name: self._labeller(name, plan.number) for name in self._cameras.labelled}
-        self._ground = land.ground if self._config.world is None else Ground(self._place.mesh)
+                self._writer.write(path, encode_glb(self._site.mesh, land.town.name))
+        self._cameras.enter(self._site, light_of(self._config, plan.number))
+        self._labellers = {name: self._make_labeller(name, plan.number) for name in self._cameras.labelled}
+        self._ground = land.ground if self._config.world is None else Ground(self._site.mesh)
         self._bridge = Bridge(self._ground, self._config.seed + plan.number, self._external)
         return land.town
 
     def note(self, entry: dict[str, object]) -> None:
-        """Write a remark about an episode into the manifest, behind its frames."""
-        self._behind.settle()
+        """Write an entry about an episode into the manifest, after its frames."""
+        self._background.wait()
         self._writer.write_note(entry)
 
     def record(
         self, name: str, plan: EpisodePlan, actors: Actors, carrier: str | Mast, signals: Mapping[str, str]
     ) -> None:
-        """Measure one instant, from a vehicle by its id or from a mast, and begin to write the frame.
+        """Measure one instant from a vehicle (given by its id) or a mast, and start to write the frame.
 
-        `signals` holds SUMO's letter for every lane with a traffic signal.
-        It is on disk when the next frame is taken, a remark is written or the recorder is closed, all of which raise
-        what went wrong.
+        The frame is written in the background. The next call of `record`, `note` or `close` waits until it is on disk
+        and re-raises an error of the writer.
+
+        Args:
+            name: name of the frame.
+            plan: plan of the episode.
+            actors: road users at this instant.
+            carrier: carrier of the sensors.
+            signals: SUMO's state letter of every lane with a traffic signal.
         """
-        assert self._place is not None
-        placed = self._bridge.place(actors)
+        assert self._site is not None
+        instances = self._bridge.place(actors)
         if isinstance(carrier, Mast):
-            ego, others, bits = carrier.ego(self._ground), placed, actors.signals
+            ego, others, bits = carrier.ego(self._ground), instances, actors.signals
         else:
             row = actors.ids.index(carrier)
-            rest = np.delete(np.arange(len(placed)), row)
-            ego, others, bits = _ego(actors, row, placed.poses[row]), placed.take(rest), actors.signals[rest]
+            rest = np.delete(np.arange(len(instances)), row)
+            ego, others, bits = _ego(actors, row, instances.poses[row]), instances.take(rest), actors.signals[rest]
         jitter = np.random.default_rng([self._config.seed, int(name), _RIG_STREAM])
-        lidar_pose_ego = self._config.rig_jitter.turned(self._rig.lidar_pose, jitter)
+        lidar_pose_ego = self._config.rig_jitter.apply(self._rig.lidar_pose, jitter)
 
-        lit = with_lamps(others, bits, actors.time_s)
-        lit = with_signals(lit, self._place.signals, signals, ego.pose[:3, 3], actors.time_s)
-        seen = self._cameras.look(name, ego.pose, lidar_pose_ego, others, lit)
-        scans = self._lidars.scan(name, self._place.scene, lidar_pose_ego, others, ego, seen.view, actors.time_s)
+        with_lights = with_lamps(others, bits, actors.time_s)
+        with_lights = with_signals(with_lights, self._site.signals, signals, ego.pose[:3, 3], actors.time_s)
+        rendered = self._cameras.render(name, ego.pose, lidar_pose_ego, others, with_lights)
+        scans = self._lidars.scan(name, self._site.scene, lidar_pose_ego, others, ego, rendered.view, actors.time_s)
         returns = self._lidars.returns(scans, len(others))
         exact = {
             camera: labeller.label(
-                others, ego.pose @ lidar_pose_ego @ self._rig.level, seen.straight[camera].instance, returns
+                others, ego.pose @ lidar_pose_ego @ self._rig.level, rendered.undistorted[camera].instance, returns
             )
             for camera, labeller in self._labellers.items()
         }
@@ -128,7 +136,7 @@ class Recorder:
         labels = exact[self._rig.reference]
         cloud = scans[self._rig.first].cloud
         if self._sensor.relabels:
-            # From what is written, so that variants of the drive come to the same.
+            # Start from the text of the exact labels, so that variants of the drive get the same result.
             written, rng = parse_labels(exact_text), measuring_rng(self._config.seed, name)
             labels = relabelled(written, self._sensor, cloud.xyz, self._rig.calibrations[self._rig.first], rng)
 
@@ -138,11 +146,11 @@ class Recorder:
         files[f"{_LABELS}/{name}.txt"] = format_labels(labels, LABEL_DECIMALS).encode()
         files[f"oxts/{name}.txt"] = format_oxts(oxts).encode()
         files[f"twin/frames/{name}.json"] = twin.to_json(self._instance_texts).encode()
-        for camera, found in exact.items():
+        for camera, camera_labels in exact.items():
             if camera != self._rig.reference:
-                files[f"label_{camera}/{name}.txt"] = format_labels(found, LABEL_DECIMALS).encode()
-        gray = {camera for camera, one in self._cameras.used.items() if one.kind == "gray"}
-        files |= encode_products(self._config.images, seen.images, gray, others.kinds, name)
+                files[f"label_{camera}/{name}.txt"] = format_labels(camera_labels, LABEL_DECIMALS).encode()
+        gray = {name for name, camera in self._cameras.used.items() if camera.kind == "gray"}
+        files |= encode_products(self._config.images, rendered.images, gray, others.kinds, name)
         if self._sensor.relabels:
             files[f"{EXACT}/{name}.txt"] = exact_text.encode()
         if self._config.store_hits:
@@ -158,23 +166,23 @@ class Recorder:
                 "labels": sum(kind != DONT_CARE for kind in labels.type),
             },
             episode=plan.number,
-            town=self._place.land.town.name,
+            town=self._site.land.town.name,
             time_s=round(actors.time_s, 6),
             ego=carrier if isinstance(carrier, str) else "mast",
         )
-        self._behind.do(write)
+        self._background.do(write)
 
     def close(self) -> None:
-        """Leave the place and free the renderer, and see the last frame written."""
-        self._place = None
+        """Free the site and the renderers, and wait until the last frame is written."""
+        self._site = None
         self._cameras.close()
-        self._behind.settle()
+        self._background.wait()
 
-    def _labeller(self, camera: str, episode: int) -> Labeller:
+    def _make_labeller(self, camera: str, episode: int) -> Labeller:
         calibration = self._rig.cameras[camera].calibration
-        assert self._place is not None and calibration is not None  # of those that labels are drawn in
+        assert self._site is not None and calibration is not None  # true for every labelled camera
         return Labeller(
-            self._place.scene,
+            self._site.scene,
             calibration,
             range_m=self._config.label_range_m,
             min_pixels=self._config.min_label_pixels,
@@ -184,9 +192,9 @@ class Recorder:
         )
 
     def _static_file(self) -> str | None:
-        """Where the twin keeps this place's world, relative to `twin/`, in a drive of several; else None."""
-        assert self._place is not None
-        return f"worlds/{self._place.land.town.name}-{self._place.world:03d}.glb" if self._worlds > 1 else None
+        """File of the current world relative to `twin/` if the drive has several worlds, else None."""
+        assert self._site is not None
+        return f"worlds/{self._site.land.town.name}-{self._site.world:03d}.glb" if self._worlds > 1 else None
 
     def _twin(self, name: str, time_s: float, ego: Ego, others: Instances, lidar_pose_ego: np.ndarray) -> TwinFrame:
         lidars = self._lidars.twins(lidar_pose_ego, named=not self._config.rig_used.kitti_row)
@@ -217,14 +225,14 @@ class Recorder:
 
 
 def _ego(actors: Actors, row: int, pose: np.ndarray) -> Ego:
-    """The vehicle that carries the sensors, and its motion."""
-    speed, turning = float(actors.speed_mps[row]), float(actors.yaw_rate_radps[row])
+    """Pose and motion of the vehicle that carries the sensors."""
+    speed, yaw_rate = float(actors.speed_mps[row]), float(actors.yaw_rate_radps[row])
     forward, left = pose[:3, 0], pose[:3, 1]
     return Ego(
         pose=pose,
         velocity_mps=speed * forward,
-        yaw_rate_radps=turning,
-        acceleration_mps2=float(actors.acceleration_mps2[row]) * forward + speed * turning * left,
+        yaw_rate_radps=yaw_rate,
+        acceleration_mps2=float(actors.acceleration_mps2[row]) * forward + speed * yaw_rate * left,
     )
 
 

@@ -1,4 +1,4 @@
-"""The cameras of a rig: what they render, and as what."""
+"""Render the images of a rig's cameras."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from assets.mesh import Mesh
-from cosim.capture.camera_views import seeing_camera, view_of_images
+from cosim.capture.camera_views import effect_camera, view_of_images
 from cosim.capture.placed_rig import PlacedCamera, PlacedRig
 from cosim.capture.products import cameras_of, wanted_of
 from cosim.drives.twin import Camera
@@ -21,85 +21,86 @@ from sensors.cameras.cast_shadows import CastShadows
 from sensors.cameras.images import CONTENTS
 from sensors.scene import Instances
 
-_IMAGE_STREAM = 5  # keeps the noise of images apart from other random numbers of a frame
+_IMAGE_STREAM = 5  # random stream of the image noise, independent of the frame's other random numbers
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """What the cameras saw at one instant.
+class RenderedImages:
+    """Images of the cameras at one instant.
 
     Attributes:
-        images: as they are stored, by camera.
-        straight: the same without distortion, of those whose labels or light are wanted.
-        view: what effects may know, or None where none asks.
+        images: images with lens distortion, as stored, by camera.
+        undistorted: the same images without lens distortion, by camera.
+        view: camera view for effects; None if no effect uses one.
     """
 
     images: Mapping[str, Images]
-    straight: Mapping[str, Images]
+    undistorted: Mapping[str, Images]
     view: CameraView | None
 
 
 class RigCameras:
-    """Renders what a run needs of its cameras.
+    """Renders the camera images that a run needs.
 
     Args:
-        rig: where they are.
-        products: folders of images that are written.
-        models: as renderers need them.
-        backend: `osmesa` or `egl`.
-        lit: whether an effect takes its light from an image.
-        seed: of the run.
+        rig: poses and properties of the cameras.
+        products: names of the image folders to write.
+        models: meshes of the instances.
+        backend: OpenGL backend, `osmesa` or `egl`.
+        needs_view: whether an effect uses a camera view.
+        seed: seed of the run.
     """
 
     def __init__(
-        self, rig: PlacedRig, products: Sequence[str], models: Models, backend: str, *, lit: bool, seed: int
+        self, rig: PlacedRig, products: Sequence[str], models: Models, backend: str, *, needs_view: bool, seed: int
     ) -> None:
         self._rig, self._models, self._backend, self._seed = rig, models, backend, seed
-        self._seeing = seeing_camera(tuple(rig.cameras), rig.reference) if lit else None
+        self._view_camera = effect_camera(tuple(rig.cameras), rig.reference) if needs_view else None
         self.labelled = tuple(name for name, camera in rig.cameras.items() if camera.calibration is not None)
         needed = [*products, *(f"instance_{name}" for name in self.labelled)]
-        if self._seeing is not None:
-            needed += [f"image_{self._seeing}", f"depth_{self._seeing}"]
+        if self._view_camera is not None:
+            needed += [f"image_{self._view_camera}", f"depth_{self._view_camera}"]
         self.used = {name: rig.cameras[name] for name in cameras_of(needed)}
-        self._wanted = {name: _with_shadows(wanted_of(name, needed)) for name in self.used}
+        self._contents = {name: _with_shadows(wanted_of(name, needed)) for name in self.used}
         self._renderers: dict[tuple[int, int], CameraRenderer] = {}
 
     def enter(self, site: Site, light: Light) -> None:
-        """See another place, or the same in another light, from now on."""
+        """Switch to another site, or to another light."""
         for camera in self.used.values():
             self._renderer(camera)
         for renderer in self._renderers.values():
             site.show(renderer, light)
         self._shadows = CastShadows(self._models.load, light, site.scene.static)
 
-    def look(
-        self, frame: str, ego_pose: np.ndarray, lidar_pose_ego: np.ndarray, instances: Instances, lit: Instances
-    ) -> Seen:
-        """What they see from a vehicle at `ego_pose` with the first LiDAR at `lidar_pose_ego` on it, both (4, 4).
+    def render(
+        self, frame: str, ego_pose: np.ndarray, lidar_pose_ego: np.ndarray, instances: Instances, with_lights: Instances
+    ) -> RenderedImages:
+        """Render all cameras.
 
         Args:
-            frame: its name.
-            ego_pose, lidar_pose_ego: of the instant.
-            instances: what moves.
-            lit: the same with its lamps, and after them the lamps of signals.
+            frame: name of the frame.
+            ego_pose: (4, 4) pose of the carrier in the world.
+            lidar_pose_ego: (4, 4) pose of the first LiDAR on the carrier.
+            instances: movable objects.
+            with_lights: the same objects with lit lamps, followed by the lit lenses of traffic signals.
         """
-        images, straight = {}, {}
+        images, undistorted = {}, {}
         for name, camera in self.used.items():
             pose = ego_pose @ (lidar_pose_ego @ camera.in_lidar)
             P = camera.P if camera.lens is None else camera.lens.source_projection
-            found = self._renderer(camera).render(pose, P, lit, self._wanted[name])
-            if len(lit) > len(instances):
-                found = without_signals(found, len(instances))
-            if "colour" in self._wanted[name]:
-                found = self._shadows.onto(found, pose, P, instances)
-            bent = found if camera.lens is None else camera.lens.bent(found)
+            pinhole = self._renderer(camera).render(pose, P, with_lights, self._contents[name])
+            if len(with_lights) > len(instances):
+                pinhole = without_signals(pinhole, len(instances))
+            if "colour" in self._contents[name]:
+                pinhole = self._shadows.onto(pinhole, pose, P, instances)
+            distorted = pinhole if camera.lens is None else camera.lens.bent(pinhole)
             rng = np.random.default_rng([self._seed, int(frame), zlib.crc32(name.encode()), _IMAGE_STREAM])
-            images[name] = camera.imaging.seen(bent, rng)
-            straight[name] = images[name] if camera.lens is None else camera.lens.straight(found)
-        return Seen(images, straight, self._view(ego_pose, lidar_pose_ego, straight))
+            images[name] = camera.imaging.seen(distorted, rng)
+            undistorted[name] = images[name] if camera.lens is None else camera.lens.straight(pinhole)
+        return RenderedImages(images, undistorted, self._view(ego_pose, lidar_pose_ego, undistorted))
 
     def twins(self, lidar_pose_ego: np.ndarray) -> dict[str, Camera]:
-        """What the twin says of them, by folder of images."""
+        """The cameras as the twin stores them, by image folder."""
         return {
             f"image_{name}": Camera(
                 lidar_pose_ego @ camera.in_lidar,
@@ -118,15 +119,15 @@ class RigCameras:
         self._renderers.clear()
 
     def _view(
-        self, ego_pose: np.ndarray, lidar_pose_ego: np.ndarray, straight: Mapping[str, Images]
+        self, ego_pose: np.ndarray, lidar_pose_ego: np.ndarray, undistorted: Mapping[str, Images]
     ) -> CameraView | None:
-        if self._seeing is None or self.used[self._seeing].lens is not None:
+        if self._view_camera is None or self.used[self._view_camera].lens is not None:
             return None
-        camera = self.used[self._seeing]
-        return view_of_images(straight[camera.name], camera.P, ego_pose @ (lidar_pose_ego @ camera.in_lidar))
+        camera = self.used[self._view_camera]
+        return view_of_images(undistorted[camera.name], camera.P, ego_pose @ (lidar_pose_ego @ camera.in_lidar))
 
     def _renderer(self, camera: PlacedCamera) -> CameraRenderer:
-        """What draws images of a camera's size; opened when first needed."""
+        """Renderer for images of the camera's size; created on first use."""
         size = (camera.width, camera.height) if camera.lens is None else camera.lens.source_size
         if size not in self._renderers:
             self._renderers[size] = CameraRenderer(
@@ -141,6 +142,6 @@ class RigCameras:
         return self._renderers[size]
 
 
-def _with_shadows(wanted: frozenset[Content]) -> frozenset[Content]:
-    """What must be read back so that shadows can be put into colours."""
-    return frozenset(CONTENTS) if "colour" in wanted else wanted
+def _with_shadows(contents: frozenset[Content]) -> frozenset[Content]:
+    """Add the contents that are needed to draw shadows into colour images."""
+    return frozenset(CONTENTS) if "colour" in contents else contents

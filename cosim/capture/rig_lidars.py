@@ -1,4 +1,4 @@
-"""The LiDARs of a rig: what they measure, and the files of that."""
+"""Scan with the LiDARs of a rig and encode the scans as files."""
 
 from __future__ import annotations
 
@@ -25,24 +25,26 @@ from sensors.tracing import Tracer
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """What a LiDAR met and measured in one frame."""
+    """Traced hits and measured point cloud of one LiDAR in one frame."""
 
     hits: Hits
     cloud: PointCloud
 
 
 class RigLidars:
-    """Scans with all LiDARs of a rig.
+    """All LiDARs of a rig.
 
     Args:
-        rig: where they are.
-        sensors: what they are, by name.
-        seed: of the run.
+        rig: poses and calibrations of the LiDARs.
+        sensors: sensor models by LiDAR name.
+        seed: seed of the run.
     """
 
     def __init__(self, rig: PlacedRig, sensors: Mapping[str, SensorModel], seed: int) -> None:
         self._rig, self._sensors, self._seed = rig, sensors, seed
-        self._tracers = {name: Tracer(one.pattern.rays(), one.pattern.range_m) for name, one in sensors.items()}
+        self._tracers = {
+            name: Tracer(sensor.pattern.rays(), sensor.pattern.range_m) for name, sensor in sensors.items()
+        }
 
     def scan(
         self,
@@ -54,9 +56,22 @@ class RigLidars:
         view: CameraView | None,
         time_s: float,
     ) -> dict[str, Scan]:
-        """Scans of one instant, by LiDAR; `lidar_pose_ego` (4, 4) is that of the first, `time_s` as the twin has it."""
+        """Scan one instant with every LiDAR.
+
+        Args:
+            frame: name of the frame.
+            scene: scene to trace.
+            lidar_pose_ego: (4, 4) pose of the first LiDAR in the ego frame.
+            instances: movable objects.
+            ego: pose and motion of the ego vehicle.
+            view: camera view used by effects; None if no effect needs one.
+            time_s: pose time of the frame, as in the twin [s].
+
+        Returns:
+            Scans by LiDAR name.
+        """
         motion = EgoMotion(ego.pose, ego.velocity_mps, ego.yaw_rate_radps, ego.acceleration_mps2)
-        found = {}
+        scans = {}
         for name, sensor in self._sensors.items():
             pose = ego.pose @ self._pose(name, lidar_pose_ego)
             hits = self._tracers[name].trace(scene, pose, instances)
@@ -65,19 +80,19 @@ class RigLidars:
                 cloud = sensor.trace_and_measure(scene, pose, instances, motion, rng, view, time_s)
             else:
                 cloud = sensor.measure(hits, rng, view, time_s)
-            found[name] = Scan(hits, cloud)
-        return found
+            scans[name] = Scan(hits, cloud)
+        return scans
 
     def returns(self, scans: Mapping[str, Scan], instances: int) -> np.ndarray:
-        """How many beams of all LiDARs meet each instance, (n,)."""
+        """Count the beams of all LiDARs that hit each instance, (n,)."""
         counts = np.zeros(instances, np.int64)
         for scan in scans.values():
-            met = scan.hits.solid.instance
-            counts += np.bincount(met[met >= 0], minlength=instances)
+            instance = scan.hits.solid.instance
+            counts += np.bincount(instance[instance >= 0], minlength=instances)
         return counts
 
     def files(self, frame: str, scans: Mapping[str, Scan]) -> dict[str, bytes]:
-        """Files of a frame that hold points, beams and calibration, by path."""
+        """Encode points, rays and calibrations of a frame; returns file contents by path."""
         files = {}
         for name, scan in scans.items():
             folder, cloud = folder_of(self._suffix(name)), scan.cloud.in_file_order()
@@ -88,13 +103,13 @@ class RigLidars:
         return files
 
     def hit_files(self, frame: str, scans: Mapping[str, Scan]) -> dict[str, bytes]:
-        """Files of a frame that hold what every beam met, by path."""
+        """Encode the traced hits of a frame; returns file contents by path."""
         return {
             f"{folder_of(self._suffix(name))}hits/{frame}.npz": encode_hits(scan.hits) for name, scan in scans.items()
         }
 
     def twins(self, lidar_pose_ego: np.ndarray, *, named: bool) -> dict[str, Lidar]:
-        """What the twin says of them, by name; `named` rigs tell the first one's name, too."""
+        """The LiDARs as the twin stores them, by name; the first one's name is stored only if `named`."""
         first = self._sensors[self._rig.first].pattern
         return {
             name: Lidar(
@@ -110,5 +125,5 @@ class RigLidars:
         return lidar_pose_ego if name == self._rig.first else lidar_pose_ego @ self._rig.lidars[name]
 
     def _suffix(self, name: str) -> str:
-        """A LiDAR's name in a drive, where the first has none."""
+        """Name of a LiDAR within a drive; empty for the first LiDAR."""
         return "" if name == self._rig.first else name

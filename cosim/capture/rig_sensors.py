@@ -1,4 +1,4 @@
-"""The sensor of every LiDAR of a rig, and where its scans lie in a drive."""
+"""Sensor models of the LiDARs of a rig, and the folders of their scans in a drive."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from sensors.sensor_model import SensorModel, load_sensor
 
 
 def rig_sensors(config: RunConfig) -> dict[str, SensorModel]:
-    """By LiDAR, the first one first.
+    """Load the sensor model of every LiDAR of the rig, in the rig's order.
 
     Raises:
-        SensorError: a sensor does not exist or breaks the format.
+        SensorError: a sensor file does not exist or is invalid.
     """
-    return {one.name: load_sensor(one.sensor or config.sensor) for one in config.rig_used.lidars}
+    return {lidar.name: load_sensor(lidar.sensor or config.sensor) for lidar in config.rig_used.lidars}
 
 
 def beams_of(sensors: Sequence[SensorModel]) -> int:
-    """How many beams they fire in a frame."""
+    """Number of beams that the sensors fire in a frame."""
     return sum(len(sensor.pattern.rays()) for sensor in sensors)
 
 
 def folder_of(lidar: str) -> str:
-    """What paths of a LiDAR's files begin with; the empty name is that of a drive's first."""
+    """Path prefix of a LiDAR's files; the name of a drive's first LiDAR is empty."""
     return f"{LIDARS}/{lidar}/" if lidar else ""
 
 
 def measuring_rng(seed: int, frame: str, lidar: str = "") -> np.random.Generator:
-    """The generator with which a LiDAR measures a frame; the empty name is that of a drive's first."""
+    """Random generator for the measurement of a frame by a LiDAR; the name of a drive's first LiDAR is empty."""
     number = int(frame) if frame.isdigit() else zlib.crc32(frame.encode())
     return np.random.default_rng([seed, number, *([zlib.crc32(lidar.encode())] if lidar else [])])

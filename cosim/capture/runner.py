@@ -1,4 +1,4 @@
-"""The main job: plan episodes, share them among worker processes, finish the drive."""
+"""Record a simulated drive: plan the episodes, distribute them to worker processes, finish the drive."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import yaml
 
 from assets.external import load_external
 from cosim.capture.config import RunConfig
-from cosim.capture.disk_estimate import demand_space, estimate_bytes
+from cosim.capture.disk_estimate import check_disk_space, estimate_bytes
 from cosim.capture.plan import EpisodePlan, plan_episodes
 from cosim.capture.replayed import replay_of, signal_notes
 from cosim.capture.rig_sensors import folder_of, rig_sensors
@@ -30,18 +30,18 @@ _REPORTED_PACKAGES = ("cosim", "eclipse-sumo", "embreex", "numpy", "trimesh", "p
 
 
 class RunError(CosimError):
-    """A run could not go on."""
+    """A run could not be completed."""
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """What a run left.
+    """Result of a run.
 
     Attributes:
-        folder: the drive.
-        frames: frames in it.
-        points: points in them.
-        recorded: frames this call recorded; the rest were there.
+        folder: folder of the drive.
+        frames: number of frames in the drive.
+        points: number of points in all frames.
+        recorded: number of frames recorded by this call; the other frames existed already.
     """
 
     folder: Path
@@ -58,27 +58,27 @@ def run(
     on_start: Callable[[int, int], None] = lambda done, total: None,
     on_event: Callable[[Event], None] = lambda event: None,
 ) -> RunResult:
-    """Record a drive, or go on with an interrupted one; the bytes depend on `config` alone.
+    """Record a drive, or resume an interrupted one; its bytes depend only on `config`.
 
     Args:
-        config: what to record.
-        folder: where; made if need be.
-        engine: whose processes share the episodes; by default one process of this machine.
-        on_start: told how many frames are there already, and of how many.
-        on_event: told of every event of the workers.
+        config: configuration of the run.
+        folder: folder of the drive; created if it does not exist.
+        engine: engine that runs the episodes; by default one local process.
+        on_start: called with the number of existing frames and the total number of frames.
+        on_event: called with every event of the workers.
 
     Raises:
-        CosimError: the folder, the town, the sensor or the disk refuses, another run writes the folder, or every
-            episode fails; frames already written stay.
-        AssetError, TownError, SensorError, CameraError: likewise.
+        CosimError: the folder, the town, the sensor or the free disk space is unsuitable, another process writes to the
+            folder, or every episode fails. Frames already written are kept.
+        AssetError, TownError, SensorError, CameraError: a mesh, town, sensor or camera cannot be used.
     """
     sensors = rig_sensors(config)
     inferred: dict[str, Any] = {}
     origins: dict[str, tuple[float, float, float]] = {}
-    given = config.world is not None or config.trajectories is not None
+    has_inputs = config.world is not None or config.trajectories is not None
     for name in config.towns:
-        if name in RECIPES and not given:
-            continue  # a built-in town holds nothing to be told about, and workers read it anyway
+        if name in RECIPES and not has_inputs:
+            continue  # a built-in town has no notes, and the workers read it anyway
         town = read_town(name)
         if any(town.streets.origin_m):
             origins[town.name] = town.streets.origin_m
@@ -93,17 +93,19 @@ def run(
             for note in (*replay.tracks.notes, *signal_notes(replay, town)):
                 _log.warning("%s", note)
         elif town.streets_only:
-            raise RunError(f"{name}: holds streets, but nobody drives; give --trajectories, or a .sumocfg with routes")
+            raise RunError(
+                f"{name}: contains a road network but no traffic; give --trajectories, or a .sumocfg with routes"
+            )
     load_external(config.external_vehicles)
     writer = DriveWriter(folder)
-    left = 1 - len(writer.manifest()) / config.frames
-    demand_space(round(estimate_bytes(config, list(sensors.values())) * left), folder)
+    remaining = 1 - len(writer.manifest()) / config.frames
+    check_disk_space(round(estimate_bytes(config, list(sensors.values())) * remaining), folder)
     with writer.alone():
         if not writer.open(_settings(config)):
             done = frozenset(writer.manifest())
             on_start(len(done), config.frames)
             _record(writer, config, engine or LocalEngine(), on_event)
-            _demand_frames(writer)
+            _check_frames(writer)
             _finish(writer, config, sensors, inferred, origins)
             recorded = len(writer.manifest()) - len(done)
         else:
@@ -114,17 +116,17 @@ def run(
 
 
 def _record(writer: DriveWriter, config: RunConfig, engine: Engine, on_event: Callable[[Event], None]) -> None:
-    """Record the episodes that have not come to their end."""
+    """Record the episodes that are not complete."""
 
-    def task(plan: EpisodePlan) -> Recording:
+    def make_task(plan: EpisodePlan) -> Recording:
         return Recording(plan, frozenset(writer.manifest()).intersection(plan.frames))
 
-    plans = _pending(plan_episodes(config), writer.notes(), config.collection.attempts)
+    plans = _select_pending(plan_episodes(config), writer.notes(), config.collection.attempts)
     skipped = engine.share_out(
         RecordJob(config, writer.folder.absolute()),
-        [task(plan) for plan in plans],
+        [make_task(plan) for plan in plans],
         on_event,
-        renewed=lambda recording: task(recording.plan),
+        refresh_task=lambda recording: make_task(recording.plan),
     )
     if plans and len(skipped) == len(plans):
         raise RunError(f"every episode failed, the last because {skipped[-1].reason}; run again to try once more")
@@ -132,18 +134,18 @@ def _record(writer: DriveWriter, config: RunConfig, engine: Engine, on_event: Ca
         writer.write_note(_skip_note(skip, config))
 
 
-def _demand_frames(writer: DriveWriter) -> None:
-    """Refuse to finish a drive without a frame."""
+def _check_frames(writer: DriveWriter) -> None:
+    """Raise RunError if the drive has no frame."""
     if not writer.manifest():
         ended = sorted({str(note["ended"]) for note in writer.notes().values()})
         raise RunError(
-            f"no simulation gave a frame ({'; '.join(ended)}); the ego vehicle must move: "
-            "look at the traffic, or lower collection.min_travel_m or company_m"
+            f"no simulation produced a frame ({'; '.join(ended)}); the ego vehicle must move: "
+            "check the traffic, or lower collection.min_travel_m or company_m"
         )
 
 
 def _skip_note(skip: Skipped, config: RunConfig) -> dict[str, object]:
-    """An episode that is given up, as one whose last simulation ended."""
+    """Manifest entry that marks an episode as failed, so that it is not tried again."""
     plan: EpisodePlan = skip.task.plan
     return {
         "episode": plan.number,
@@ -157,17 +159,19 @@ def _skip_note(skip: Skipped, config: RunConfig) -> dict[str, object]:
     }
 
 
-def _pending(plans: list[EpisodePlan], notes: Mapping[tuple[int, int], dict], attempts: int) -> list[EpisodePlan]:
-    """Episodes that have not come to their end, those of one place together."""
-    ended = {
+def _select_pending(
+    plans: list[EpisodePlan], notes: Mapping[tuple[int, int], dict], attempts: int
+) -> list[EpisodePlan]:
+    """Episodes that are not complete, sorted by town and world."""
+    finished = {
         number for (number, attempt), note in notes.items() if note["ended"] == "complete" or attempt == attempts - 1
     }
-    left = [plan for plan in plans if plan.number not in ended]
-    return sorted(left, key=lambda plan: (plan.town, plan.world, plan.number))
+    pending = [plan for plan in plans if plan.number not in finished]
+    return sorted(pending, key=lambda plan: (plan.town, plan.world, plan.number))
 
 
 def _settings(config: RunConfig) -> str:
-    """What the bytes of a drive depend on: the effective configuration and the versions that made it."""
+    """YAML text of the effective configuration and the package versions, which determine the bytes of a drive."""
     document = {
         "kind": "simulated",
         "config": config.model_dump(mode="json"),
@@ -193,10 +197,10 @@ def _finish(
         "ImageSets/val.txt": _lines(names[middle:]),
         "ImageSets/trainval.txt": _lines(names),
     }
-    for name, one in sensors.items():
+    for name, model in sensors.items():
         folder = folder_of("" if name == first else name)
-        files[f"{folder}pattern.yaml"] = one.pattern.to_yaml().encode()
-        files[f"{folder}sensor.yaml"] = one.to_yaml().encode()
+        files[f"{folder}pattern.yaml"] = model.pattern.to_yaml().encode()
+        files[f"{folder}sensor.yaml"] = model.to_yaml().encode()
     summary = ({} if rig.kitti_row else {"label_camera": rig.reference.name}) | {
         "pattern": sensor.pattern.name,
         "sweep_s": sensor.pattern.sweep_s,
@@ -215,7 +219,7 @@ def _finish(
 
 
 def _origin_file(origins: Mapping[str, tuple[float, float, float]], config: RunConfig) -> str:
-    """`twin/origin.yaml`: what is added to the twin's coordinates to get those of the network's files [m]."""
+    """Text of `twin/origin.yaml`: offset from the twin's coordinates to those of the network's files [m]."""
     values = {name: dict(zip("xyz", origin, strict=True)) for name, origin in origins.items()}
     if len(config.towns) == 1:
         return yaml.safe_dump(next(iter(values.values())), sort_keys=False)

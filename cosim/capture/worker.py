@@ -1,4 +1,4 @@
-"""Recording as work for processes: the town is built once, then episodes come one after the other."""
+"""Job of the recording processes: build a town once, then record its episodes one after the other."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from cosim.drives.lock import shared
 from cosim.drives.writer import DriveWriter
 from cosim.engine import Do, Event, Tell
 
-_TELLS_S = 20.0
+_HEARTBEAT_S = 20.0
 
 
-class Told(TypedDict):
-    """What an episode is told of its frames."""
+class _FrameArguments(TypedDict):
+    """Arguments of an episode that concern its frames."""
 
     done: frozenset[str]
     on_frame: Callable[[str], None]
 
 
-def _signs_of_life(tell: Tell) -> Callable[[], None]:
-    """Tells now and then that the process is at work: large towns take minutes until their first frame."""
-    told_s = time.monotonic()
+def _make_heartbeat(tell: Tell) -> Callable[[], None]:
+    """Return a function that reports at intervals that the process works: a large town's first frame takes minutes."""
+    sent_s = time.monotonic()
 
     def step() -> None:
-        nonlocal told_s
-        if time.monotonic() - told_s > _TELLS_S:
-            told_s = time.monotonic()
+        nonlocal sent_s
+        if time.monotonic() - sent_s > _HEARTBEAT_S:
+            sent_s = time.monotonic()
             tell(Event("alive"))
 
     return step
@@ -42,27 +42,27 @@ def _signs_of_life(tell: Tell) -> Callable[[], None]:
 
 @dataclass(frozen=True)
 class Recording:
-    """A task: an episode, and those of its frames that are there already."""
+    """Task of recording an episode; `done` are the names of its frames that exist already."""
 
     plan: EpisodePlan
     done: frozenset[str]
 
     @property
-    def place(self) -> tuple[str, int]:
-        """A town's groundwork is the dearest to make, then a world in it."""
+    def affinity(self) -> tuple[str, int]:
+        """Town and world: a process that has them in memory starts the task faster."""
         return self.plan.town, self.plan.world
 
 
 @dataclass(frozen=True)
 class RecordJob:
-    """What processes record, and where."""
+    """Configuration and folder of the drive that the processes record."""
 
     config: RunConfig
     folder: Path
 
     @contextmanager
     def open(self, threads: int) -> Iterator[Do]:
-        """A rig that records `Recording`s."""
+        """Create a recorder; yields a function that records a `Recording`."""
         from cosim.capture.recorder import Recorder
         from cosim.capture.rig_sensors import rig_sensors
 
@@ -76,11 +76,11 @@ class RecordJob:
                 if replay is None and self.config.trajectories is not None:
                     replay = replay_of(self.config.trajectories, town)
                 tell(Event("ready"))
-                told: Told = {"done": task.done, "on_frame": lambda name: tell(Event("frame", name))}
+                frames: _FrameArguments = {"done": task.done, "on_frame": lambda name: tell(Event("frame", name))}
                 if replay is not None:
-                    replay_episode(task.plan, self.config, town, replay, recorder, **told)
+                    replay_episode(task.plan, self.config, town, replay, recorder, **frames)
                 else:
-                    run_episode(task.plan, self.config, town, recorder, **told, on_step=_signs_of_life(tell))
+                    run_episode(task.plan, self.config, town, recorder, **frames, on_step=_make_heartbeat(tell))
 
             try:
                 yield record

@@ -2,8 +2,8 @@
 
 import os
 
-# Matrices here are too small for BLAS to gain by threads, and on busy cores these only wait for each other. NumPy reads
-# this when it is first imported; whoever has set it before is obeyed.
+# The matrices are too small to benefit from BLAS threads. NumPy reads this variable when it is first imported; a value
+# set by the user is kept.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from cosim.cli.main import main

@@ -1,4 +1,4 @@
-"""`cosim check`: are a drive's files as they were written? Those that are not are made again."""
+"""`cosim check`: verify the checksums of a drive's files and record the frames of damaged files again."""
 
 from __future__ import annotations
 
@@ -14,19 +14,25 @@ _SHOWN = 10
 
 
 def add_command(commands: Any) -> None:
-    """Describe the command to the parser."""
+    """Add the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
         "check", help="verify a drive's files and record damaged frames again", description=__doc__
     )
-    parser.add_argument("drive", type=Path, metavar="DIR", help="a drive that cosim wrote")
-    parser.add_argument("--no-repair", action="store_true", help="tell what is damaged, and change nothing")
-    parser.add_argument("--workers", type=int, default=1, metavar="W", help="processes that record damaged frames")
+    parser.add_argument("drive", type=Path, metavar="DIR", help="folder of a drive written by cosim")
+    parser.add_argument("--no-repair", action="store_true", help="report damaged files without changing anything")
+    parser.add_argument(
+        "--workers",
+        type=int,
+        default=1,
+        metavar="W",
+        help="number of processes that record damaged frames (default: 1)",
+    )
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """Verify, tell, and repair unless that is not wanted."""
+    """Verify the files, report damaged ones, and repair them unless `--no-repair` is given."""
     from cosim.cli.progress import FrameReport, ProgressReport
     from cosim.drives.check import CheckError, check_drive, repair_drive
     from cosim.engine import LocalEngine
@@ -36,11 +42,11 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         result = check_drive(options.drive, lambda files: report.begin("comparing checksums", files), report.advance)
     for path, state in list(result.damaged.items())[:_SHOWN]:
         console.print(f"{path}: {state}", highlight=False)
-    found = f"{len(result.damaged)} of {result.files:,} files are damaged; {len(result.frames)} frames need them"
+    summary = f"{len(result.damaged)} of {result.files:,} files are damaged; {len(result.frames)} frames need them"
     if result.damaged and options.no_repair:
-        raise CheckError(f"{options.drive}: {found}; leave out --no-repair to record them again")
+        raise CheckError(f"{options.drive}: {summary}; leave out --no-repair to record them again")
     if result.damaged:
-        console.print(found)
+        console.print(summary)
         with FrameReport(console, starting="building the town", working="recording") as report:
             repair_drive(result, engine=engine, on_start=report.start, on_event=report.follow)
         console.print(f"{len(result.frames)} frames recorded again, with the same checksums as before")

@@ -1,4 +1,4 @@
-"""`cosim compare`: how far a sensor model is from measurements, and where."""
+"""`cosim compare`: measure the error of a sensor model against measurements, and show where it is large."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from cosim.cli.options import (
     add_detector,
     add_frames,
     add_lidar,
-    asked_detector,
     beside,
+    chosen_detector,
     chosen_lidar,
     say_notes,
     without_nan,
@@ -30,22 +30,26 @@ if TYPE_CHECKING:
 
 
 def add_command(commands: Any) -> None:
-    """Describe the command to the parser."""
+    """Add the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "compare", help="how far a sensor model is from measurements, and where", description=__doc__
+        "compare", help="measure the error of a sensor model against measurements", description=__doc__
     )
-    parser.add_argument("drive", type=Path, metavar="DRIVE", help="measured points with a twin")
-    parser.add_argument("--sensor", required=True, metavar="FILE", help="sensor file, or the name of a built-in one")
+    parser.add_argument("drive", type=Path, metavar="DRIVE", help="folder of a measured drive with a twin")
+    parser.add_argument(
+        "--sensor", required=True, metavar="FILE|NAME", help="sensor file, or the name of a built-in sensor or pattern"
+    )
     add_lidar(parser)
     add_frames(parser)
     add_detector(parser, "each of the model's effects")
-    parser.add_argument("--out", type=Path, metavar="PAGE_DIR", help="folder of the page (default: DRIVE-compare)")
+    parser.add_argument(
+        "--out", type=Path, metavar="PAGE_DIR", help="folder of the report page (default: DRIVE-compare)"
+    )
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """Compare frame by frame, then write the page."""
+    """Compare all frames, then write the page."""
     from cosim.cli.frame_choice import chosen_frames
     from cosim.discrepancy import compare
     from cosim.discrepancy.data.checks import opened
@@ -54,7 +58,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from sensors.sensor_model import load_sensor
 
     path = chosen_lidar(options.drive, options)
-    sensor, drive, detector = load_sensor(options.sensor), opened(path), asked_detector(options)
+    sensor, drive, detector = load_sensor(options.sensor), opened(path), chosen_detector(options)
     names = chosen_frames(drive, options.frames) if options.frames else drive.frames
     folder = options.out or beside(path, "compare")
     with explained(folder):
@@ -64,7 +68,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         def on_frame(frame: TracedFrame, scores: FrameScores) -> None:
             report.advance()
 
-        found = compare(drive, sensor, frames=names, on_frame=on_frame)
+        result = compare(drive, sensor, frames=names, on_frame=on_frame)
         if detector is not None:
             from cosim.variants.rescans import that_count
             from training.worth import value_effects
@@ -72,11 +76,11 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             report.begin("measuring without each effect", len(names))
             effects = that_count(sensor)
             worth = value_effects(drive, names, sensor, effects, detector, on_frame=report.advance)
-            found = replace(found, worth=worth)
+            result = replace(result, worth=worth)
     command = f"cosim diagnose {path} --sensor {options.sensor}"
-    page = write_page(folder, format_comparison(found, command))
+    page = write_page(folder, format_comparison(result, command))
     if not options.quiet:
-        print(found)
-    say_notes(found.notes, console)
-    console.print(f"{found.totals.frames} frames on {page}", soft_wrap=True, highlight=False)
-    write_json(options.json, without_nan(found.to_json()))
+        print(result)
+    say_notes(result.notes, console)
+    console.print(f"{result.totals.frames} frames on {page}", soft_wrap=True, highlight=False)
+    write_json(options.json, without_nan(result.to_json()))

@@ -1,4 +1,4 @@
-"""`cosim diagnose`: which physical effects a sensor model lacks, judged by measurements."""
+"""`cosim diagnose`: identify the physical effects that a sensor model is missing, from measurements."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from cosim.cli.options import (
     add_detector,
     add_frames,
     add_lidar,
-    asked_detector,
     beside,
+    chosen_detector,
     chosen_lidar,
     say_notes,
     without_nan,
@@ -35,32 +35,37 @@ if TYPE_CHECKING:
 
 
 def add_command(commands: Any) -> None:
-    """Describe the command to the parser."""
+    """Add the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "diagnose", help="which effects a sensor model lacks", description=__doc__
+        "diagnose", help="identify the effects that a sensor model is missing", description=__doc__
     )
-    parser.add_argument("drive", type=Path, metavar="DRIVE", help="measured points with a twin")
-    parser.add_argument("--sensor", required=True, metavar="FILE", help="sensor file, or the name of a built-in one")
+    parser.add_argument("drive", type=Path, metavar="DRIVE", help="folder of a measured drive with a twin")
+    parser.add_argument(
+        "--sensor", required=True, metavar="FILE|NAME", help="sensor file, or the name of a built-in sensor or pattern"
+    )
     parser.add_argument(
         "--effect",
         action="append",
         default=[],
         metavar="PATH.py:CLASS",
-        help="an effect of your own to ask for beside the catalogue; may be given more than once",
+        help="user-defined effect to test in addition to the catalogue; may be repeated",
     )
     add_lidar(parser)
     add_frames(parser)
     add_detector(parser, "each effect that was missing")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the page (default: DRIVE-diagnosis)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the report page (default: DRIVE-diagnosis)")
     parser.add_argument(
-        "--sensor-out", type=Path, metavar="FILE", help="the improved sensor (default: sensor.yaml beside the page)"
+        "--sensor-out",
+        type=Path,
+        metavar="FILE",
+        help="file of the improved sensor (default: sensor.yaml in the folder of the page)",
     )
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """Diagnose, then write the improved sensor and the page."""
+    """Diagnose the sensor model, then write the improved sensor and the page."""
     from cosim.cli.frame_choice import chosen_frames
     from cosim.discrepancy import diagnose
     from cosim.discrepancy.data.checks import opened
@@ -71,60 +76,61 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from sensors.sensor_model import load_sensor
 
     path = chosen_lidar(options.drive, options)
-    sensor, drive, detector = load_sensor(options.sensor), opened(path), asked_detector(options)
-    extra = [_asked_for(text) for text in options.effect]
+    sensor, drive, detector = load_sensor(options.sensor), opened(path), chosen_detector(options)
+    extra = [_find_testable_effect(text) for text in options.effect]
     names = tuple(sorted(chosen_frames(drive, options.frames))) if options.frames else None
     folder = options.out or beside(path, "diagnosis")
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
     with ProgressReport(console, "reading the drive") as report:
-        found = diagnose(drive, sensor, frames=names, extra=extra, on_progress=report.say)
+        result = diagnose(drive, sensor, frames=names, extra=extra, on_progress=report.say)
         if detector is not None:
-            found = replace(found, worth=_worth(found, drive, names or drive.frames, sensor, detector, report))
-    sensor_out = found.write_sensor(options.sensor_out or folder / "sensor.yaml")
-    found = replace(found, sensor_out=os.path.relpath(sensor_out))
+            worth = _measure_detector(result, drive, names or drive.frames, sensor, detector, report)
+            result = replace(result, worth=worth)
+    sensor_out = result.write_sensor(options.sensor_out or folder / "sensor.yaml")
+    result = replace(result, sensor_out=os.path.relpath(sensor_out))
     words = Vocabulary(extra)
-    page = write_page(folder, format_diagnosis(found, words, str(path), str(options.sensor)))
+    page = write_page(folder, format_diagnosis(result, words, str(path), str(options.sensor)))
     if not options.quiet:
-        print(headline(found, words))
-    say_notes(found.notes, console)
-    console.print(f"{page}; the improved sensor: {found.sensor_out}", soft_wrap=True, highlight=False)
-    write_json(options.json, without_nan(found.to_json()))
+        print(headline(result, words))
+    say_notes(result.notes, console)
+    console.print(f"{page}; the improved sensor: {result.sensor_out}", soft_wrap=True, highlight=False)
+    write_json(options.json, without_nan(result.to_json()))
 
 
-def _worth(
-    found: Diagnosis,
+def _measure_detector(
+    diagnosis: Diagnosis,
     drive: Drive,
     names: Sequence[str],
-    given: SensorModel,
+    baseline: SensorModel,
     detector: Path,
     report: ProgressReport,
 ) -> Worth:
-    """What the missing effects, unknown ones among them, are worth to a detector."""
+    """Measure how a detector's average precision changes without each missing effect, including unknown effects."""
     from training.worth import value_effects
 
     report.begin("measuring without each effect", len(names))
-    missing = [one.effect for one in found.effects] + [one.name for one in found.unknowns]
-    there = {effect.name for effect in found.sensor.effects}
+    missing = [finding.effect for finding in diagnosis.effects] + [unknown.name for unknown in diagnosis.unknowns]
+    present = {effect.name for effect in diagnosis.sensor.effects}
     return value_effects(
         drive,
         names,
-        found.sensor,
-        [name for name in missing if name in there],
+        diagnosis.sensor,
+        [name for name in missing if name in present],
         detector,
-        given=given,
+        given=baseline,
         on_frame=report.advance,
     )
 
 
-def _asked_for(text: str) -> type[Effect]:
+def _find_testable_effect(text: str) -> type[Effect]:
     from sensors.effects.registry import find_effect
     from sensors.errors import SensorError
 
-    kind = find_effect(text)
-    if kind.neutral is None or kind.stage == "label":
+    effect = find_effect(text)
+    if effect.neutral is None or effect.stage == "label":
         raise SensorError(
-            f"effect {text}: cannot be asked for; give the class `neutral`, parameters that do nothing, "
-            "and derive it from a stage before labels"
+            f"effect {text}: cannot be tested; define `neutral` (parameters without an effect) in the class, and "
+            "derive it from another stage than label"
         )
-    return kind
+    return effect

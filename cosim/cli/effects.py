@@ -1,4 +1,4 @@
-"""The catalogue of sensor effects: laws, parameters, units, bounds, and what each can be mistaken for."""
+"""`cosim effects`: list the catalogue of sensor effects with equations, parameters, units, bounds and references."""
 
 from __future__ import annotations
 
@@ -13,33 +13,37 @@ from cosim.drives.writer import explained
 
 
 def add_command(commands: Any) -> None:
-    """Describe the command to the parser."""
+    """Add the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "effects", help="the catalogue of sensor effects", description=__doc__
+        "effects", help="list the catalogue of sensor effects", description=__doc__
     )
-    parser.add_argument("name", nargs="?", metavar="NAME", help="one effect, or my_effect.py:ClassName")
-    parser.add_argument("--out", type=Path, metavar="FILE.png", help="also draw NAME before and after")
+    parser.add_argument(
+        "name", nargs="?", metavar="NAME", help="effect to describe, or my_effect.py:ClassName (default: list all)"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.png", help="also draw a scan without and with the effect NAME into this file"
+    )
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """List all, or show one."""
+    """List all effects, or describe one."""
     from sensors.effects.registry import effect_classes, find_effect
     from sensors.errors import SensorError
 
     if options.name is None:
         if options.out is not None:
-            raise SensorError(f"--out {options.out} draws one effect; name it: cosim effects NAME --out FILE.png")
+            raise SensorError(f"--out {options.out} needs the name of an effect: cosim effects NAME --out FILE.png")
         classes = effect_classes()
         for effect in classes.values():
-            _say(f"{effect.name:24s} {effect.stage:6s} {effect.channel:19s} {effect.equation}", options)
-        write_json(options.json, {name: _described(effect) for name, effect in classes.items()})
+            _print(f"{effect.name:24s} {effect.stage:6s} {effect.channel:19s} {effect.equation}", options)
+        write_json(options.json, {name: _as_json(effect) for name, effect in classes.items()})
         return
     effect = find_effect(options.name)
-    for line in _lines(effect):
-        _say(line, options)
-    write_json(options.json, _described(effect))
+    for line in _describe(effect):
+        _print(line, options)
+    write_json(options.json, _as_json(effect))
     if options.out is not None:
         _draw(effect, options.out)
         console.print(f"{options.out}: {effect.name} before and after")
@@ -53,41 +57,45 @@ def _draw(effect: Any, path: Path) -> None:
     from sensors.pattern import first_problem
 
     try:
-        shown = effect.model_validate(effect.example)
+        example = effect.model_validate(effect.example)
     except ValidationError as error:
         raise SensorError(
-            f"effect {effect.name}: its `example` does not fit ({first_problem(error)}); mend the class attribute"
+            f"effect {effect.name}: its `example` is invalid ({first_problem(error)}); correct the class attribute"
         ) from error
     with explained(path):
-        path.write_bytes(picture(shown))
+        path.write_bytes(picture(example))
 
 
-def _lines(effect: Any) -> list[str]:
+def _describe(effect: Any) -> list[str]:
     summary = " ".join((effect.__doc__ or "").split())
-    lines = [f"{effect.name}: {effect.stage} stage, about {effect.channel}", f"  {effect.equation}", f"  {summary}"]
+    lines = [
+        f"{effect.name}: {effect.stage} stage, channel {effect.channel}",
+        f"  {effect.equation}",
+        f"  {summary}",
+    ]
     for parameter in effect.parameters():
         bounds = " or ".join(parameter.choices) or _bounds(parameter)
         unit = f" {parameter.unit}" if parameter.unit else ""
-        many = ", one a laser" if parameter.per_ring else ", one for all or one an axis" if parameter.per_axis else ""
-        lines.append(f"  {parameter.name}: {parameter.description} [{bounds}{unit}{many}]")
+        count = ", one per laser" if parameter.per_ring else ", one value or one per axis" if parameter.per_axis else ""
+        lines.append(f"  {parameter.name}: {parameter.description} [{bounds}{unit}{count}]")
     if effect.also:
-        lines.append(f"  also touches: {', '.join(effect.also)}")
-    lines.append(f"  confused with: {', '.join(effect.confusable_with) or 'nothing in the catalogue'}")
+        lines.append(f"  also changes: {', '.join(effect.also)}")
+    lines.append(f"  can be confused with: {', '.join(effect.confusable_with) or 'no effect of the catalogue'}")
     lines.append(f"  needs new rays: {'yes' if effect.needs_new_rays else 'no'}")
-    lines.append(f"  reference: {effect.reference or 'none given'}")
+    lines.append(f"  reference: {effect.reference or 'none'}")
     if effect.taxonomy:
         lines.append(f"  taxonomy: {effect.taxonomy_link()}")
     return lines
 
 
 def _bounds(parameter: Any) -> str:
-    """Bounds of a number; either may be missing."""
+    """Format the bounds of a number; each may be absent."""
     if parameter.low is None:
         return "any" if parameter.high is None else f"at most {parameter.high:g}"
     return f"at least {parameter.low:g}" if parameter.high is None else f"{parameter.low:g} … {parameter.high:g}"
 
 
-def _described(effect: Any) -> dict[str, Any]:
+def _as_json(effect: Any) -> dict[str, Any]:
     return {
         "stage": effect.stage,
         "channel": effect.channel,
@@ -112,6 +120,6 @@ def _described(effect: Any) -> dict[str, Any]:
     }
 
 
-def _say(line: str, options: argparse.Namespace) -> None:
+def _print(line: str, options: argparse.Namespace) -> None:
     if not options.quiet:
         print(line)

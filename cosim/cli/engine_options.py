@@ -1,4 +1,4 @@
-"""Options of the commands whose work several processes share."""
+"""Options of commands that run several worker processes."""
 
 from __future__ import annotations
 
@@ -9,33 +9,38 @@ from cosim.engine.local import PATIENCE_S
 
 
 def add_engine(parser: argparse.ArgumentParser, what: str) -> None:
-    """Whose processes share some work, and how many they are."""
-    parser.add_argument("--workers", type=int, default=1, metavar="W", help=f"processes that share {what}")
+    """Add `--workers`, `--engine`, `--address` and `--patience`; `what` names the work that is distributed."""
     parser.add_argument(
-        "--engine", choices=("local", "dask"), default="local", help="processes of this machine, or a Dask cluster's"
+        "--workers", type=int, default=1, metavar="W", help=f"number of processes that work on {what} (default: 1)"
     )
-    parser.add_argument("--address", metavar="tcp://HOST:PORT", help="the Dask cluster's scheduler")
+    parser.add_argument(
+        "--engine",
+        choices=("local", "dask"),
+        default="local",
+        help="run the processes on this machine or on a Dask cluster (default: local)",
+    )
+    parser.add_argument("--address", metavar="tcp://HOST:PORT", help="address of the Dask scheduler")
     parser.add_argument(
         "--patience",
         type=float,
         default=PATIENCE_S,
         metavar="S",
-        help="end a process that tells nothing for so long [s]",
+        help=f"stop a process that reports no progress for this many seconds (default: {PATIENCE_S:g})",
     )
 
 
 def engine_of(options: argparse.Namespace) -> Engine:
-    """The engine that the options describe.
+    """Create the engine from the options.
 
     Raises:
-        WorkError: they contradict each other.
+        WorkError: the options contradict each other.
     """
     if options.engine == "local":
         if options.address:
-            raise WorkError("--address is for --engine dask; give both or neither")
+            raise WorkError("--address applies only to --engine dask; give both or neither")
         return LocalEngine(options.workers, options.patience)
     if not options.address:
-        raise WorkError("--engine dask needs --address tcp://HOST:PORT, that of its scheduler")
+        raise WorkError("--engine dask needs the address of its scheduler: --address tcp://HOST:PORT")
     from cosim.engine.cluster import DaskEngine
 
     return DaskEngine(options.address, options.patience)

@@ -1,4 +1,4 @@
-"""`cosim evaluate`: detections scored against labels as KITTI's object benchmark does."""
+"""`cosim evaluate`: score detections against labels with the metrics of KITTI's object benchmark."""
 
 from __future__ import annotations
 
@@ -23,19 +23,21 @@ _DRAWS = 1000
 
 
 def add_command(commands: Any) -> None:
-    """Describe the command to the parser."""
+    """Add the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "evaluate", help="score detections as KITTI does", description=__doc__
+        "evaluate", help="score detections with KITTI's metrics", description=__doc__
     )
     add_scored(parser)
     add_draws(parser, " of R40", _DRAWS)
-    parser.add_argument("--out", type=Path, metavar="PAGE_DIR", help="folder of the page (default: DIR-evaluation)")
+    parser.add_argument(
+        "--out", type=Path, metavar="PAGE_DIR", help="folder of the report page (default: DIR-evaluation)"
+    )
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """Score, say the averages, write the page."""
+    """Score the detections, print the average precisions, write the page."""
     from cosim.report.write import write_page
     from training.evaluation import evaluate, read_results
     from training.evaluation.as_json import as_json
@@ -60,25 +62,25 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         format_page(evaluation, title, intervals, parts, pictures),
     )
     if not options.quiet:
-        _say(evaluation)
-        _say_notes(evaluation, console)
+        _print_table(evaluation)
+        _print_notes(evaluation, console)
     console.print(f"{len(scored.names):,} frames on {page}", soft_wrap=True, highlight=False)
     write_json(options.json, as_json(evaluation, intervals, parts))
 
 
 def _label_points(scored: Scored, drive: Any) -> np.ndarray | None:
-    """Points in the boxes of all labels, where image boxes cannot decide and the scans are there."""
+    """Points per label box; None if the labels have 2D boxes or there are no scans."""
     from training.evaluation.comparable import has_image_boxes
     from training.evaluation.rules import CLASSES
     from training.evaluation.slices import points_in_rows
 
     if drive is None or all(has_image_boxes(scored, name) for name in CLASSES):
         return None
-    every = scored.labels.kind != "dontcare"
-    return points_in_rows(scored.labels, every, scored.names, drive)
+    is_object = scored.labels.kind != "dontcare"
+    return points_in_rows(scored.labels, is_object, scored.names, drive)
 
 
-def _say_notes(evaluation: Evaluation, console: Console) -> None:
+def _print_notes(evaluation: Evaluation, console: Console) -> None:
     from training.evaluation.comparable import unscored_classes
 
     for name, note in evaluation.notes.items():
@@ -86,7 +88,7 @@ def _say_notes(evaluation: Evaluation, console: Console) -> None:
     others = unscored_classes(evaluation.scored)
     if others:
         console.print(
-            f"not scored: {', '.join(others)} (no classes of KITTI; --classes NAME=CLASS maps them)",
+            f"not scored: {', '.join(others)} (not KITTI classes; map them with --classes NAME=CLASS)",
             soft_wrap=True,
             highlight=False,
         )
@@ -112,22 +114,22 @@ def _intervals(evaluation: Evaluation, options: argparse.Namespace) -> dict[tupl
 def _parts(evaluation: Evaluation, drive: Any) -> dict[str, dict[str, list[Slice]]]:
     from training.evaluation.slices import points_in_labels, slices
 
-    said = {}
+    parts = {}
     for name, metrics in evaluation.results.items():
         if "3d" in metrics:
             hard = metrics["3d"][2]
-            said[name] = slices(hard, None if drive is None else points_in_labels(hard, drive))
-    return said
+            parts[name] = slices(hard, None if drive is None else points_in_labels(hard, drive))
+    return parts
 
 
-def _say(evaluation: Evaluation) -> None:
+def _print_table(evaluation: Evaluation) -> None:
     table = Table("class", "metric", "R40 easy", "moderate", "hard", "R11 easy", "moderate", "hard", box=None)
     for name, metrics in evaluation.results.items():
         for metric, levels in metrics.items():
-            words = [f"{value:.2f}" for value in (*(r.r40 for r in levels), *(r.r11 for r in levels))]
-            table.add_row(name, metric, *words)
+            cells = [f"{value:.2f}" for value in (*(r.r40 for r in levels), *(r.r11 for r in levels))]
+            table.add_row(name, metric, *cells)
         if "2d" in metrics and evaluation.oriented:
             levels = metrics["2d"]
-            words = [f"{value:.2f}" for value in (*(r.aos40 for r in levels), *(r.aos11 for r in levels))]
-            table.add_row(name, "aos", *words)
+            cells = [f"{value:.2f}" for value in (*(r.aos40 for r in levels), *(r.aos11 for r in levels))]
+            table.add_row(name, "aos", *cells)
     Console(width=100).print(table if evaluation.results else "no detection of Car, Pedestrian or Cyclist")

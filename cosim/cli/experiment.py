@@ -1,4 +1,4 @@
-"""`cosim experiment`: a table of the paper, run as far as the frames at hand allow."""
+"""`cosim experiment`: train and test the rows of one of the paper's tables for which frames are available."""
 
 from __future__ import annotations
 
@@ -9,37 +9,53 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from cosim.cli.options import add_common, write_json
-from cosim.cli.progress import ProgressReport, steps_told
+from cosim.cli.progress import ProgressReport, training_progress
 
 if TYPE_CHECKING:
     from training.loop import Moment
 
 
 def add_command(commands: Any) -> None:
-    """Describe the command to the parser."""
+    """Add the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "experiment", help="train and test as one of the paper's tables", description=__doc__
+        "experiment", help="train and test the rows of one of the paper's tables", description=__doc__
     )
     parser.add_argument(
-        "table", metavar="TABLE", help="synthetic, synthetic_to_real, real_to_synthetic, few_shot, full; or a YAML file"
+        "table",
+        metavar="TABLE",
+        help="built-in table (synthetic, synthetic_to_real, real_to_synthetic, few_shot, full) or a YAML file",
     )
-    parser.add_argument("--variants", type=Path, metavar="DIR", help="simulated drives, as cosim variants writes them")
-    parser.add_argument("--real", type=Path, metavar="DIR", help="real frames in KITTI's layout")
-    parser.add_argument("--few", default="fit", metavar="LIST", help="list of few real frames (default: fit)")
-    parser.add_argument("--full", default="train", metavar="LIST", help="list of all real training frames (train)")
-    parser.add_argument("--test", default="test", metavar="LIST", help="list of real test frames (default: test)")
-    parser.add_argument("--config", type=Path, metavar="FILE", help="model, epochs … (default: pillars_small)")
+    parser.add_argument("--variants", type=Path, metavar="DIR", help="folder of simulated drives from cosim variants")
+    parser.add_argument("--real", type=Path, metavar="DIR", help="folder of real frames in KITTI's layout")
     parser.add_argument(
-        "--fine-tune", type=Path, metavar="FILE", help="what fine-tuning changes (default: 20 epochs, low rate)"
+        "--few", default="fit", metavar="LIST", help="list in ImageSets/ of the few real training frames (default: fit)"
     )
-    parser.add_argument("--only", metavar="NAMES", help="rows to run, with commas between (default: all)")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="keeps trainings and tables")
+    parser.add_argument(
+        "--full",
+        default="train",
+        metavar="LIST",
+        help="list in ImageSets/ of all real training frames (default: train)",
+    )
+    parser.add_argument(
+        "--test", default="test", metavar="LIST", help="list in ImageSets/ of the real test frames (default: test)"
+    )
+    parser.add_argument(
+        "--config", type=Path, metavar="FILE", help="training configuration: model, epochs, … (default: pillars_small)"
+    )
+    parser.add_argument(
+        "--fine-tune",
+        type=Path,
+        metavar="FILE",
+        help="changes of the configuration for fine-tuning (default: 20 epochs with a low learning rate)",
+    )
+    parser.add_argument("--only", metavar="NAMES", help="rows to run, separated by commas (default: all)")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the trainings and the tables")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """Run the rows, one after another, and write the table."""
+    """Run the rows one after another, and write the table."""
     from training.errors import TrainingError, demand_torch
     from training.experiments import load_table
 
@@ -61,14 +77,14 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     lists = (options.few, options.full, options.test)
     inputs = Inputs(options.variants, options.real, config, options.out, *lists, fine_tune=tuned)
     with ProgressReport(console, "reading frames") as report:
-        begun: list[str] = []
+        started: list[str] = []
 
         def on_row(name: str) -> None:
-            begun.append(name)
-            report.begin(f"row {len(begun)} of {len(chosen)}, {name}: reading and scoring")
+            started.append(name)
+            report.begin(f"row {len(started)} of {len(chosen)}, {name}: reading and scoring")
 
         def on_step(moment: Moment) -> None:
-            steps_told(report, f"row {len(begun)} of {len(chosen)}, {begun[-1]}: ")(moment)
+            training_progress(report, f"row {len(started)} of {len(chosen)}, {started[-1]}: ")(moment)
 
         rows = run_table(table, options.table, inputs, on_row, Watcher(on_step=on_step), only=chosen)
     folder = options.out / "tables" / Path(options.table).stem
@@ -80,7 +96,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
 
 def _config(path: Path | None) -> Any:
-    """A training configuration without frames of its own."""
+    """Read a training configuration without frames."""
     from training.config import parse_train_config
 
     return parse_train_config({"train": [], **_settings(path)}, str(path or "default"))

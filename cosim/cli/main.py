@@ -1,4 +1,4 @@
-"""`cosim COMMAND …`: finds the command, runs it, and turns a user's mistake into one line and exit code 2."""
+"""`cosim COMMAND …`: parse the command line, run the command, report user errors in one line with exit code 2."""
 
 from __future__ import annotations
 
@@ -63,14 +63,14 @@ _TRAFFIC = (traffic_compare, traffic_diagnose, traffic_record)
 
 
 class _Parser(argparse.ArgumentParser):
-    """Complains in one line."""
+    """Parser that reports errors in one line."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """The parser of all commands; the reference in the documentation is made from it, too."""
+    """Create the parser of all commands; the command reference in the documentation is generated from it."""
     parser = _Parser(prog="cosim", description="Traffic co-simulation on SUMO with LiDAR, cameras and KITTI output.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     for module in (*_COMMANDS, *_TRAFFIC):
@@ -89,6 +89,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.write(f"cosim {options.command}: {error}\n")
         return 2
     except KeyboardInterrupt:
-        sys.stderr.write(f"cosim {options.command}: stopped; run the same command again to go on\n")
+        sys.stderr.write(f"cosim {options.command}: stopped; run the same command again to continue\n")
         return 130
     return 0

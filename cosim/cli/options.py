@@ -14,25 +14,27 @@ from cosim.drives.writer import explained
 if TYPE_CHECKING:
     from rich.console import Console
 
-_SHIPPED = Path()
+_BUNDLED = Path()
 
 
 def add_common(parser: argparse.ArgumentParser, *, computes: bool = False) -> None:
-    """`--quiet`, and `--json` for commands that compute something."""
-    parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    """Add `--quiet`, and `--json` for commands that compute a result."""
+    parser.add_argument("--quiet", action="store_true", help="print errors only")
     if computes:
-        parser.add_argument("--json", type=Path, metavar="FILE", help="also write the result as JSON")
+        parser.add_argument("--json", type=Path, metavar="FILE", help="also write the result to this JSON file")
 
 
 def add_lidar(parser: argparse.ArgumentParser) -> None:
-    """`--lidar`: which LiDAR of a drive with several; `chosen_lidar` obeys."""
+    """Add `--lidar` for drives with several LiDARs; read it with `chosen_lidar`."""
     parser.add_argument(
-        "--lidar", metavar="NAME", help="of a drive with several LiDARs, one beside the first (lidars/NAME/)"
+        "--lidar",
+        metavar="NAME",
+        help="LiDAR to use if the drive has several: a folder in lidars/ (default: the main LiDAR)",
     )
 
 
 def chosen_lidar(drive: Path, options: argparse.Namespace) -> Path:
-    """The folder of the LiDAR that was asked for.
+    """Folder of the LiDAR that `--lidar` selects.
 
     Raises:
         DriveError: the drive has no such LiDAR.
@@ -43,27 +45,29 @@ def chosen_lidar(drive: Path, options: argparse.Namespace) -> Path:
 
 
 def add_frames(parser: argparse.ArgumentParser) -> None:
-    """`--frames`: which frames of a drive take part; see `cosim.cli.frame_choice`."""
+    """Add `--frames`, the frames to use; read it with `cosim.cli.frame_choice.chosen_frames`."""
     parser.add_argument(
-        "--frames", metavar="NAMES|COUNT", help="names with commas between; or how many, evenly spread (default: all)"
+        "--frames",
+        metavar="NAMES|COUNT",
+        help="frames to use: names separated by commas, or a number of evenly spaced frames (default: all)",
     )
 
 
 def add_detector(parser: argparse.ArgumentParser, of: str) -> None:
-    """`--detector`: also say what effects are worth to one; `asked_detector` obeys."""
+    """Add `--detector`, to measure the influence of effects on a detector; read it with `chosen_detector`."""
     parser.add_argument(
         "--detector",
         type=Path,
         nargs="?",
-        const=_SHIPPED,
+        const=_BUNDLED,
         metavar="CHECKPOINT",
-        help=f"also say how the average precision of a detector changes without {of}; the drive needs labels "
-        "(no name: the detector that comes along)",
+        help=f"also measure how the average precision of this detector changes without {of}; the drive needs labels "
+        "(without CHECKPOINT: the bundled detector)",
     )
 
 
-def asked_detector(options: argparse.Namespace) -> Path | None:
-    """The checkpoint that `--detector` means; None where it was not given.
+def chosen_detector(options: argparse.Namespace) -> Path | None:
+    """Checkpoint that `--detector` selects; None if the option is not given.
 
     Raises:
         TrainingError: torch is not installed.
@@ -74,24 +78,24 @@ def asked_detector(options: argparse.Namespace) -> Path | None:
     from training.weights import shipped
 
     demand_torch()
-    return shipped() if options.detector == _SHIPPED else options.detector
+    return shipped() if options.detector == _BUNDLED else options.detector
 
 
 def say_notes(notes: Iterable[str], console: Console) -> None:
-    """What could not be known, a line each."""
+    """Print notes, one line each."""
     for note in notes:
         console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
 
 
 def write_json(path: Path | None, result: dict[str, Any]) -> None:
-    """Write a command's result where `--json` asked for it."""
+    """Write a command's result to the file of `--json`, if it is given."""
     if path is not None:
         with explained(path):
             path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
 
 
 def without_nan(value: Any) -> Any:
-    """A result with null for numbers that are not finite, as JSON knows none."""
+    """Replace numbers that are not finite by None, because JSON has no representation for them."""
     if isinstance(value, dict):
         return {key: without_nan(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -100,11 +104,11 @@ def without_nan(value: Any) -> Any:
 
 
 def beside(drive: Path, word: str) -> Path:
-    """The folder of a drive's results: its name, that of its LiDAR where it is not the first, and a word, beside it."""
+    """Default output folder next to a drive: its name, its LiDAR's name if it is not the main one, and a word."""
     from cosim.drives.kitti.layout import LIDARS
 
-    given = drive.resolve()
-    if given.parent.name == LIDARS:
-        base = given.parent.parent
-        return base.with_name(f"{base.name}-{given.name}-{word}")
-    return given.with_name(f"{given.name}-{word}")
+    folder = drive.resolve()
+    if folder.parent.name == LIDARS:
+        base = folder.parent.parent
+        return base.with_name(f"{base.name}-{folder.name}-{word}")
+    return folder.with_name(f"{folder.name}-{word}")

@@ -1,4 +1,4 @@
-"""`cosim pattern`: the beam pattern of a recording, from its points."""
+"""`cosim pattern`: estimate the beam pattern of a recording from its points."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from cosim.cli.recording_options import add_recording, opened
 
 
 def add_command(commands: Any) -> None:
-    """Describe the command to the parser."""
+    """Add the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "pattern", help="find the beam pattern of a recording in its points", description=__doc__
+        "pattern", help="estimate the beam pattern of a recording from its points", description=__doc__
     )
     add_recording(parser)
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help="pattern file to write, as my_lidar.yaml"
+        "--out", type=Path, required=True, metavar="FILE", help="pattern file to write, for example my_lidar.yaml"
     )
     parser.add_argument(
-        "--page", type=Path, metavar="DIR", help="folder of the page (default: FILE-pattern beside FILE)"
+        "--page", type=Path, metavar="DIR", help="folder of the report page (default: FILE-pattern next to FILE)"
     )
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """Find the pattern, write it and its page."""
+    """Estimate the pattern, write it and its page."""
     from cosim.drives.writer import explained
     from cosim.recordings.pattern import find_pattern, format_page
     from cosim.recordings.pattern.find import SCANS
     from cosim.report import write_page
 
     recording = opened(options, options.recording)
-    with ProgressReport(console, "looking at scans", min(SCANS, len(recording))) as report:
+    with ProgressReport(console, "reading scans", min(SCANS, len(recording))) as report:
         found = find_pattern(recording, options.out.stem, on_scan=report.advance)
     with explained(options.out):
         options.out.parent.mkdir(parents=True, exist_ok=True)
@@ -51,7 +51,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     console.print(
         f"{options.out}: {len(lasers)} lasers{_or(found.alternatives)}, "
         f"{lasers.elevation_deg[0]:+.2f}° to {lasers.elevation_deg[-1]:+.2f}°, "
-        f"{found.turning.firings} firings a turn, {lasers.share:.1%} of the points on a beam; page {page}",
+        f"{found.turning.firings} firings per revolution, {lasers.share:.1%} of the points on a beam; page {page}",
         soft_wrap=True,
         highlight=False,
         markup=False,

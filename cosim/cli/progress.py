@@ -1,7 +1,7 @@
-"""What a long command is doing, how far it is and how long it will take.
+"""Progress reports of long commands: current step, progress and remaining time.
 
-On a terminal that is a bar; elsewhere, in a log or a pipe, a line a minute on stderr, so that ten minutes of work are
-never ten minutes of silence. With `--quiet` it is nothing.
+On a terminal a progress bar is shown. Otherwise (in a log or a pipe) one line per minute is written to stderr. With
+`--quiet` nothing is shown.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ LINE_EVERY_S = 60.0
 
 
 class ProgressReport:
-    """Tells of one command's work, piece after piece; use it as a context.
+    """Reports the progress of a command through its steps; a context manager.
 
-    A piece is counted (`total` is known) or not. Lines are written by a thread of their own, also while a piece is
-    silent for long, and none before the first interval is over: short commands stay without.
+    A step is counted if its `total` is known. Lines are written by a separate thread, also during a step that does not
+    report, and not before the first interval is over.
 
     Args:
-        console: of the command; a quiet one keeps all of it silent.
-        doing: the first piece, such as `reading frames`.
-        total: how many of `unit` there are, if known.
-        unit: what is counted, in the plural.
-        every_s: time between lines; a minute by default.
+        console: console of the command; nothing is shown on a quiet one.
+        doing: first step, for example `reading frames`.
+        total: number of items in the step, if known.
+        unit: plural name of the items.
+        every_s: time between lines; one minute by default [s].
     """
 
     def __init__(
@@ -48,11 +48,11 @@ class ProgressReport:
         self._console, self._unit = console, unit
         self._every_s = LINE_EVERY_S if every_s is None else every_s
         self._doing, self._total, self._done, self._note = doing, total, 0, ""
-        self._begun_s = time.monotonic()
+        self._start_s = time.monotonic()
         self._first_s: float | None = None
         self._first_done = 0
-        self._last_s = self._begun_s
-        self._over = threading.Event()
+        self._last_s = self._start_s
+        self._is_over = threading.Event()
         self._lock = threading.Lock()
         self._bar: Progress | None = None
         self._task = TaskID(0)
@@ -71,7 +71,7 @@ class ProgressReport:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._over.set()
+        self._is_over.set()
         if self._bar is not None:
             self._bar.stop()
         if self._thread is not None:
@@ -79,26 +79,26 @@ class ProgressReport:
 
     @property
     def per_s(self) -> float | None:
-        """How many of the piece's unit are done a second, counted from the first on; None before the second."""
+        """Items per second since the first item of the step; None before the second item."""
         if self._first_s is None or self._done <= self._first_done:
             return None
         return (self._done - self._first_done) / max(self._last_s - self._first_s, 1e-9)
 
     def begin(self, doing: str, total: int | None = None, done: int = 0) -> None:
-        """Go on to another piece of work, some of which may be done already."""
+        """Start another step, of which `done` items exist already."""
         with self._lock:
             self._doing, self._total, self._done, self._note = doing, total, done, ""
             self._first_s = None
         self._show()
 
     def say(self, doing: str) -> None:
-        """Name what is being done now, and let what is counted be."""
+        """Show another description; the count is unchanged."""
         with self._lock:
             self._doing = doing
         self._show()
 
     def advance(self, note: str = "") -> None:
-        """Count one more, and say something of it."""
+        """Count one more item; `note` is shown with it."""
         with self._lock:
             self._done, self._note, self._last_s = self._done + 1, note, time.monotonic()
             if self._first_s is None:
@@ -106,17 +106,17 @@ class ProgressReport:
         self._show()
 
     def reach(self, doing: str, done: int, total: int, note: str = "") -> None:
-        """Be `done` of `total` on the way; steps that were done before the first call cost no time."""
+        """Set the count to `done` of `total`; items before the first call are not used for the remaining time."""
         with self._lock:
-            fresh = self._total != total or done <= self._done
+            is_new_step = self._total != total or done <= self._done
             self._doing, self._done, self._total, self._note = doing, done, total, note
             self._last_s = time.monotonic()
-            if fresh or self._first_s is None:
+            if is_new_step or self._first_s is None:
                 self._first_s, self._first_done = self._last_s, done
         self._show()
 
     def line(self) -> str:
-        """The state in one line: what, how far, time left."""
+        """Progress in one line: step, count, remaining time."""
         with self._lock:
             parts = [self._doing]
             if self._total:
@@ -125,12 +125,14 @@ class ProgressReport:
                 parts.append(f"{self._done:,} {self._unit}")
             if self._note:
                 parts.append(self._note)
-            left_s = self._left_s()
-            spent_s = time.monotonic() - self._begun_s
-            parts.append(f"{duration(spent_s)} so far" if left_s is None else f"about {duration(left_s)} left")
+            remaining_s = self._remaining_s()
+            elapsed_s = time.monotonic() - self._start_s
+            parts.append(
+                f"{duration(elapsed_s)} so far" if remaining_s is None else f"about {duration(remaining_s)} left"
+            )
         return ", ".join(parts)
 
-    def _left_s(self) -> float | None:
+    def _remaining_s(self) -> float | None:
         per_s = self.per_s
         return None if not per_s or not self._total else (self._total - self._done) / per_s
 
@@ -144,18 +146,18 @@ class ProgressReport:
         )
 
     def _write_lines(self) -> None:
-        while not self._over.wait(self._every_s):
+        while not self._is_over.wait(self._every_s):
             self._console.print(self.line(), soft_wrap=True, highlight=False, markup=False)
 
 
 class FrameReport(ProgressReport):
-    """Frames that workers record.
+    """Progress of frames that worker processes record.
 
     Args:
-        console: of the command.
-        starting: what is done before the first worker is ready.
-        working: what is done then.
-        every_s: time between lines; a minute by default.
+        console: console of the command.
+        starting: description until the first worker is ready.
+        working: description after that.
+        every_s: time between lines; one minute by default [s].
     """
 
     def __init__(self, console: Console, *, starting: str, working: str, every_s: float | None = None) -> None:
@@ -163,19 +165,19 @@ class FrameReport(ProgressReport):
         self._working = working
 
     def start(self, done: int, total: int) -> None:
-        """Begin, with some of the frames there already."""
+        """Start with `done` existing frames of `total`."""
         self.begin(self._doing, total, done)
 
     def follow(self, event: Event) -> None:
-        """Count what a worker tells."""
+        """Update the progress with an event of a worker."""
         if event.kind == "ready":
             self.say(self._working)
         elif event.kind == "frame":
             self.advance()
 
 
-def steps_told(report: ProgressReport, of: str = "") -> Callable[[Moment], None]:
-    """Tells of a training's steps; what is not a step, such as scoring, shows as the last one."""
+def training_progress(report: ProgressReport, of: str = "") -> Callable[[Moment], None]:
+    """Return a callback that reports training steps; `of` is a prefix of the description."""
 
     def on_step(moment: Moment) -> None:
         report.reach(f"{of}epoch {moment.epoch}", moment.step, moment.steps, f"loss {moment.losses['total']:.3f}")
@@ -184,7 +186,7 @@ def steps_told(report: ProgressReport, of: str = "") -> Callable[[Moment], None]
 
 
 def duration(seconds: float) -> str:
-    """A time span in words, coarse: `40 s`, `3 min`, `2 h 10 min`."""
+    """Format a duration coarsely: `40 s`, `3 min`, `2 h 10 min`."""
     minutes = round(seconds / 60)
     if seconds < 59.5:
         return f"{seconds:.0f} s"

@@ -1,4 +1,4 @@
-"""`cosim towns`: lists the built-in towns, rebuilds their SUMO files, or draws them all on one page."""
+"""`cosim towns`: list the built-in towns, rebuild their SUMO files, or draw them on a page."""
 
 from __future__ import annotations
 
@@ -13,19 +13,30 @@ from cosim.cli.progress import ProgressReport
 
 
 def add_command(commands: Any) -> None:
-    """Describe the command to the parser."""
+    """Add the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
         "towns", help="list, rebuild or draw the built-in towns", description=__doc__
     )
-    parser.add_argument("action", nargs="?", choices=("list", "build", "show"), default="list", help="default: list")
-    parser.add_argument("--town", metavar="T", help="only this one")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="build or draw here (default: in place; out/towns)")
+    parser.add_argument(
+        "action",
+        nargs="?",
+        choices=("list", "build", "show"),
+        default="list",
+        help="list the towns, build their SUMO files, or show them on a page (default: list)",
+    )
+    parser.add_argument("--town", metavar="T", help="name of a town (default: all towns)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder to write to (default for build: the installed towns; for show: out/towns)",
+    )
     add_common(parser)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """List, build or show."""
+    """List, build or show towns."""
     from sumo_nets import RECIPES, TownError
 
     if options.town is not None and options.town not in RECIPES:

@@ -1,4 +1,4 @@
-"""`cosim traffic-diagnose`: which driver behaviour a model lacks, judged by measured trajectories."""
+"""`cosim traffic-diagnose`: identify the driver behaviour that a model is missing, from measured trajectories."""
 
 from __future__ import annotations
 
@@ -17,24 +17,33 @@ from cosim.drives.writer import explained
 
 
 def add_command(commands: Any) -> None:
-    """Describe the command to the parser."""
+    """Add the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "traffic-diagnose", help="which driver behaviour a model lacks", description=__doc__
+        "traffic-diagnose", help="identify the driver behaviour that a model is missing", description=__doc__
     )
     add_input(parser)
     parser.add_argument(
-        "--seeds", type=int, default=10, metavar="N", help="simulations that show the spread by chance (default: 10)"
+        "--seeds",
+        type=int,
+        default=10,
+        metavar="N",
+        help="number of simulations, from which the random variation is estimated (default: 10)",
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the page (default: MEASURED-diagnosis)")
     parser.add_argument(
-        "--config-out", type=Path, metavar="FILE", help="the improved configuration (default: config.yaml by the page)"
+        "--out", type=Path, metavar="DIR", help="folder of the report page (default: MEASURED-diagnosis)"
+    )
+    parser.add_argument(
+        "--config-out",
+        type=Path,
+        metavar="FILE",
+        help="file of the improved configuration (default: config.yaml in the folder of the page)",
     )
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """Diagnose, then write the improved configuration and the page."""
+    """Diagnose the driver model, then write the improved configuration and the page."""
     from cosim.driver_discrepancy import traffic_diagnose
     from cosim.driver_discrepancy.config_out import write_config
     from cosim.driver_discrepancy.page import format_diagnosis
@@ -45,7 +54,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     at_least("workers", options.workers, 1)
     folder = options.out or beside(options.measured.with_suffix(""), "diagnosis")
     with ProgressReport(console, "reading the trajectories") as report:
-        found = traffic_diagnose(
+        result = traffic_diagnose(
             options.measured,
             options.config,
             seeds=options.seeds,
@@ -55,10 +64,10 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         )
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    written = write_config(found.config, options.config_out or folder / "config.yaml")
-    found = replace(found, config_out=os.path.relpath(written))
-    page = write_page(folder, format_diagnosis(found, str(options.measured), str(options.config)))
+    written = write_config(result.config, options.config_out or folder / "config.yaml")
+    result = replace(result, config_out=os.path.relpath(written))
+    page = write_page(folder, format_diagnosis(result, str(options.measured), str(options.config)))
     if not options.quiet:
-        print(headline(found))
-    console.print(f"{page}; the improved configuration: {found.config_out}", soft_wrap=True, highlight=False)
-    write_json(options.json, without_nan(found.to_json()))
+        print(headline(result))
+    console.print(f"{page}; the improved configuration: {result.config_out}", soft_wrap=True, highlight=False)
+    write_json(options.json, without_nan(result.to_json()))

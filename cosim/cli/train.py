@@ -1,4 +1,4 @@
-"""`cosim train`: a detector trained on drives, simulated or real."""
+"""`cosim train`: train a detector on simulated or real drives."""
 
 from __future__ import annotations
 
@@ -9,25 +9,27 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from cosim.cli.options import add_common, write_json
-from cosim.cli.progress import ProgressReport, steps_told
+from cosim.cli.progress import ProgressReport, training_progress
 
 if TYPE_CHECKING:
     from training.evaluation import Evaluation
 
 
 def add_command(commands: Any) -> None:
-    """Describe the command to the parser."""
+    """Add the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
         "train", help="train a detector on drives", description=__doc__
     )
-    parser.add_argument("config", type=Path, metavar="CONFIG.yaml", help="what to train on, and how")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of checkpoints and logs (default: its `out`)")
+    parser.add_argument("config", type=Path, metavar="CONFIG.yaml", help="training configuration")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder of checkpoints and logs (default: `out` of the configuration)"
+    )
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """Train, or go on where it was stopped."""
+    """Train the detector, or resume an interrupted training."""
     from training.config import load_train_config
     from training.errors import TrainingError, demand_torch
 
@@ -39,14 +41,14 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from training.run import Watcher, run_training
 
     with ProgressReport(console, "reading frames") as report:
-        on_step = steps_told(report)
+        on_step = training_progress(report)
 
         def on_scores(name: str, evaluation: Evaluation) -> None:
             for kind, metrics in evaluation.results.items():
-                said = ", ".join(
+                values = ", ".join(
                     f"{metric} {metrics[metric][1].r40:.1f}" for metric in ("3d", "bev") if metric in metrics
                 )
-                console.print(f"{name}: {kind} moderate R40 {said}", highlight=False, soft_wrap=True)
+                console.print(f"{name}: {kind} moderate R40 {values}", highlight=False, soft_wrap=True)
 
         scores = run_training(config, folder, Watcher(report.advance, on_step, on_scores))
     console.print(f"{folder}: checkpoint.pt, log.jsonl, tensorboard/", soft_wrap=True, highlight=False)

@@ -1,4 +1,4 @@
-"""`cosim twin`: gives measurements a twin: from labels where there are any, else a map made of the scans themselves."""
+"""`cosim twin`: make a twin for measurements, from their labels if they have any, else from a map of the scans."""
 
 from __future__ import annotations
 
@@ -18,26 +18,33 @@ if TYPE_CHECKING:
 
 
 def add_command(commands: Any) -> None:
-    """Describe the command to the parser."""
+    """Add the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
         "twin",
-        help="give a measured drive a twin from its labels, or a recording one from its scans",
+        help="make a twin for measurements, from labels or from scans",
         description=__doc__,
     )
     parser.add_argument(
         "drive",
         type=Path,
         metavar="DIR",
-        help="velodyne/, calib/ and label_2/, or their parent; or a recording: folder of scans, bag, capture",
+        help="labelled drive (folder with velodyne/, calib/ and label_2/, or its parent), or a recording (folder of "
+        "scans, bag or packet capture)",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the drive to write")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the drive to write")
     parser.add_argument(
-        "--frames", metavar="FILE", help="frames to take: a file with a name a line, or one of ImageSets/"
+        "--frames",
+        metavar="FILE|LIST",
+        help="labelled frames to use: a file with one name per line, or a list in ImageSets/ (default: all)",
     )
     parser.add_argument(
-        "--pattern", metavar="NAME", help="beam pattern (default: the drive's, or hdl64e_kitti; found, for a recording)"
+        "--pattern",
+        metavar="FILE|NAME",
+        help="beam pattern (default for a labelled drive: its own, else hdl64e_kitti; for a recording: estimated)",
     )
-    parser.add_argument("--page", type=Path, metavar="PAGE", help="folder of a recording's page (default: DIR-twin)")
+    parser.add_argument(
+        "--page", type=Path, metavar="PAGE", help="folder of the report page of a recording (default: DIR-twin)"
+    )
     add_recording(parser, path=False)
     add_engine(parser, "the segments of a long recording")
     add_common(parser, computes=True)
@@ -45,15 +52,15 @@ def add_command(commands: Any) -> None:
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """Make the twin, from labels where there are any."""
-    if _labelled(options.drive) or not options.drive.exists():
+    """Make the twin, from labels if there are any."""
+    if _is_labelled(options.drive) or not options.drive.exists():
         _from_labels(options, console)
     else:
         _from_scans(options, console)
 
 
-def _labelled(path: Path) -> bool:
-    """Whether a folder is laid out as a data set with a label a scan, or begins to be."""
+def _is_labelled(path: Path) -> bool:
+    """Whether a folder has KITTI's layout: scans together with calibrations or labels."""
     roots = (path, path / "training", path / "testing")
     return any(
         (root / "velodyne").is_dir() and ((root / "calib").is_dir() or (root / "label_2").is_dir()) for root in roots
@@ -67,7 +74,9 @@ def _from_scans(options: argparse.Namespace, console: Console) -> None:
     from cosim.report import write_page
 
     if options.frames is not None:
-        raise CosimError("--frames chooses labelled frames; a map is made of all scans: leave it out, or use --scans")
+        raise CosimError(
+            "--frames selects labelled frames, but a map uses all scans; leave it out, or select scans with --scans"
+        )
     recording = opened(options, options.drive)
     with ProgressReport(console, "making the twin") as report:
         twin = write_recording_twin(
@@ -80,7 +89,7 @@ def _from_scans(options: argparse.Namespace, console: Console) -> None:
     console.print(
         f"{result['scans']} scans in {options.out}: {result['path_m']:.1f} m, {result['surfels']} surfaces, "
         f"{1000 * result['thickness_ground_m']:.1f} mm thick on the ground"
-        + (f", scans held out within {1000 * held:.1f} mm" if held else "")
+        + (f", held-out scans within {1000 * held:.1f} mm" if held else "")
         + f"; page {page}",
         soft_wrap=True,
         highlight=False,
@@ -94,7 +103,7 @@ def _from_labels(options: argparse.Namespace, console: Console) -> None:
     from cosim.labelled_twin import write_labelled_twin
 
     drive = Drive(options.drive)
-    names = _chosen(drive, options.frames)
+    names = _select_frames(drive, options.frames)
     with ProgressReport(console, "making twins", len(names)) as report:
         summary = write_labelled_twin(drive, names, options.out, options.pattern, lambda name: report.advance())
     result = summary.as_json()
@@ -112,7 +121,7 @@ def _from_labels(options: argparse.Namespace, console: Console) -> None:
     write_json(options.json, result)
 
 
-def _chosen(drive: Drive, frames: str | None) -> tuple[str, ...]:
+def _select_frames(drive: Drive, frames: str | None) -> tuple[str, ...]:
     from cosim.drives.kitti.layout import read_split
     from cosim.errors import DriveError
 
@@ -123,6 +132,6 @@ def _chosen(drive: Drive, frames: str | None) -> tuple[str, ...]:
     listed = tuple(dict.fromkeys(read_split(Path(frames))))
     absent = [name for name in listed if name not in drive]
     if absent or not listed:
-        what = f"frame {absent[0]} is not in {drive.root}" if absent else "it lists no frame"
-        raise DriveError(f"{frames}: {what}; list names of scans, one a line")
+        problem = f"frame {absent[0]} is not in {drive.root}" if absent else "it lists no frame"
+        raise DriveError(f"{frames}: {problem}; list names of scans, one per line")
     return listed

@@ -1,4 +1,4 @@
-"""`cosim variants`: a simulated drive measured again with other sensors, from its stored hits."""
+"""`cosim variants`: simulate the scans of a drive again with other sensors, from its stored hits."""
 
 from __future__ import annotations
 
@@ -13,35 +13,43 @@ from cosim.cli.options import add_common, add_lidar, chosen_lidar, write_json
 
 
 def add_command(commands: Any) -> None:
-    """Describe the command to the parser."""
+    """Add the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "variants", help="measure a simulated drive again with other sensors", description=__doc__
+        "variants", help="simulate the scans of a drive again with other sensors", description=__doc__
     )
-    parser.add_argument("drive", type=Path, metavar="DIR", help="a drive of cosim run, with its hits/")
+    parser.add_argument("drive", type=Path, metavar="DIR", help="folder of a simulated drive that contains hits/")
     parser.add_argument(
         "--variant",
         required=True,
         metavar="NAME|FILE[,…]",
-        help="built-in sensors, patterns or sensor files; `all`: the eight of the paper",
+        help="built-in sensors, beam patterns or sensor files, separated by commas; `all`: the eight of the paper",
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR2", help="gets a drive a variant")
-    parser.add_argument("--workers", type=int, default=1, metavar="W", help="processes that share the frames")
-    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="also draw one frame of all of them")
-    parser.add_argument("--frame", metavar="NAME", help="the frame to draw (default: one with large objects)")
-    parser.add_argument("--beside", type=Path, metavar="KITTI", help="a measured drive, whose frame is drawn too")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR2", help="output folder; every variant is a drive in it"
+    )
+    parser.add_argument(
+        "--workers", type=int, default=1, metavar="W", help="number of processes that work on the frames (default: 1)"
+    )
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE.png", help="also draw one frame of every variant into this file"
+    )
+    parser.add_argument("--frame", metavar="NAME", help="frame to draw (default: a frame with large objects)")
+    parser.add_argument(
+        "--beside", type=Path, metavar="KITTI", help="measured drive of which a frame is drawn for comparison"
+    )
     add_lidar(parser)
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """Make the variants, with a progress bar, and the picture."""
+    """Make the variants and draw the picture."""
     from cosim.cli.progress import FrameReport
     from cosim.engine import LocalEngine
     from cosim.variants import make_variants
 
     engine = LocalEngine(options.workers)
-    begun = time.monotonic()
+    start_s = time.monotonic()
     with FrameReport(console, starting="reading the drive", working="measuring") as report:
         result = make_variants(
             chosen_lidar(options.drive, options),
@@ -51,7 +59,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             on_start=report.start,
             on_event=report.follow,
         )
-    seconds = time.monotonic() - begun
+    seconds = time.monotonic() - start_s
     console.print(
         f"{len(result.points)} variants of {result.frames} frames in {result.folder} "
         f"({result.made} made in {seconds:.0f} s)"

@@ -1,4 +1,4 @@
-"""`cosim view`: look into one drive, or two side by side: points, boxes and images, on a page of its own."""
+"""`cosim view`: show points, boxes and images of one drive, or of two drives side by side, on a page."""
 
 from __future__ import annotations
 
@@ -19,47 +19,58 @@ if TYPE_CHECKING:
     from cosim.drives.kitti import Drive
     from cosim.view.interactive import ShownDrives
 
-_MOST_IN_A_FILE = 12
-_PICTURED = 3
+_MAX_IN_FILE = 12
+_PICTURE_COUNT = 3
 _PORT = 8350
 
 
 def add_command(commands: Any) -> None:
-    """Describe the command to the parser."""
+    """Add the command to the parser."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "view", help="look into a drive, or two side by side: points, boxes, images", description=__doc__
+        "view", help="show points, boxes and images of one or two drives", description=__doc__
     )
-    parser.add_argument("drive", type=Path, metavar="DIR", help="a drive, simulated or in KITTI's layout")
-    parser.add_argument("other", type=Path, nargs="?", metavar="DIR2", help="another one, to be shown beside it")
+    parser.add_argument("drive", type=Path, metavar="DIR", help="folder of a drive, simulated or in KITTI's layout")
+    parser.add_argument("other", type=Path, nargs="?", metavar="DIR2", help="second drive, shown next to the first")
     parser.add_argument(
         "--out",
         type=Path,
         metavar="FILE.html|FOLDER",
-        help="one file with everything in it; or a folder for it and a page of pictures (default: DIR-view beside DIR)",
+        help="one self-contained page; or a folder for the page and a page of pictures (default: DIR-view next to DIR)",
     )
     parser.add_argument(
         "--frames",
         metavar="NAMES|COUNT",
-        help=f"names with commas between, or how many, evenly spread (default: {_MOST_IN_A_FILE} in a file, else all)",
+        help=f"frames to show: names separated by commas, or a number of evenly spaced frames (default: {_MAX_IN_FILE} "
+        "in a file, all with --serve or --rerun)",
     )
     parser.add_argument(
         "--sensor",
-        metavar="FILE",
-        help="sensor whose residuals are shown, measured − expected range (default: the drive's own, else its bare "
-        "pattern)",
+        metavar="FILE|NAME",
+        help="sensor model of which range residuals (measured − expected) are shown (default: the drive's own sensor, "
+        "else its beam pattern without effects)",
     )
-    parser.add_argument("--serve", action="store_true", help="show all frames in a browser; writes nothing")
     parser.add_argument(
-        "--port", type=int, default=_PORT, metavar="N", help=f"where to serve, 0: any that is free (default: {_PORT})"
+        "--serve", action="store_true", help="show the frames in a browser from a local server; writes no files"
     )
-    parser.add_argument("--rerun", action="store_true", help="show the frames in Rerun's viewer; --out FILE.rrd saves")
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=_PORT,
+        metavar="N",
+        help=f"port of the server; 0: any free port (default: {_PORT})",
+    )
+    parser.add_argument(
+        "--rerun",
+        action="store_true",
+        help="show the frames in the Rerun viewer; with --out FILE.rrd save them for it instead",
+    )
     add_lidar(parser)
     add_common(parser)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """Choose the frames and show them as asked."""
+    """Select the frames and show or write them."""
     from cosim.drives.kitti import Drive
     from cosim.view.interactive import show_drives
 
@@ -67,8 +78,8 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         raise DriveError("--serve writes nothing and opens a browser; leave out --rerun and --out")
     drives = [Drive(chosen_lidar(path, options)) for path in (options.drive, options.other) if path is not None]
     for_file = not (options.serve or options.rerun)
-    most = _MOST_IN_A_FILE if for_file else None
-    shown = show_drives(drives, options.frames, most, options.sensor, for_file=for_file)
+    limit = _MAX_IN_FILE if for_file else None
+    shown = show_drives(drives, options.frames, limit, options.sensor, for_file=for_file)
     say_notes(shown.notes, console)
     if options.serve:
         _serve(shown, options.port, console)
@@ -83,11 +94,13 @@ def _write(drives: list[Drive], shown: ShownDrives, options: argparse.Namespace,
     from cosim.view.interactive import write_interactive
 
     out: Path = options.out or beside(chosen_lidar(options.drive, options), "view")
-    alone = out.suffix.lower() in (".html", ".htm")
+    is_file = out.suffix.lower() in (".html", ".htm")
     pictured = (
-        () if alone or len(drives) > 1 else richest_frames(drives[0], tuple(s[0] for s in shown.steps), _PICTURED)
+        ()
+        if is_file or len(drives) > 1
+        else richest_frames(drives[0], tuple(step[0] for step in shown.steps), _PICTURE_COUNT)
     )
-    page = out if alone else out / "index.html"
+    page = out if is_file else out / "index.html"
     with ProgressReport(console, "packing", len(shown.steps)) as report:
         size = write_interactive(
             shown,
@@ -104,7 +117,7 @@ def _write(drives: list[Drive], shown: ShownDrives, options: argparse.Namespace,
                 on_frame=report.advance,
                 file="pictures.html",
             )
-    more = "" if len(shown.steps) == len(drives[0]) else "; --frames takes others, --serve shows all"
+    more = "" if len(shown.steps) == len(drives[0]) else "; choose others with --frames, show all with --serve"
     console.print(
         f"{len(shown.steps)} of {len(drives[0])} frames on {page} ({size / 1e6:.1f} MB){more}", soft_wrap=True
     )
@@ -117,13 +130,13 @@ def _serve(shown: ShownDrives, port: int, console: Console) -> None:
 
     with ViewServer(shown, port) as server:
         print(server.address, flush=True)
-        console.print(f"{len(shown.steps)} frames; Ctrl-C ends", highlight=False)
+        console.print(f"{len(shown.steps)} frames; stop with Ctrl-C", highlight=False)
         if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
             webbrowser.open(server.address)
         try:
             server.serve_forever()
         except KeyboardInterrupt:
-            console.print("ended")
+            console.print("stopped")
 
 
 def _log(shown: ShownDrives, out: Path | None, console: Console) -> None:

@@ -1,4 +1,4 @@
-"""Work shared out among processes, of this machine or of a cluster, that may die or hang without harm."""
+"""Fault-tolerant execution of tasks in worker processes, on this machine or on a cluster."""
 
 from cosim.engine.jobs import Do, Engine, Event, Job, Skipped, Tell, WorkError
 from cosim.engine.local import LocalEngine

@@ -1,4 +1,4 @@
-"""A process that does tasks one after the other: `python -m cosim.engine.child FD`, its end of a socket."""
+"""Child process that executes tasks one after the other: `python -m cosim.engine.child FD`, FD being its socket."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from cosim.engine.jobs import Event, Job
 from cosim.engine.peak import peak_bytes
 from cosim.user_errors import user_errors
 
-_COLLECTS = (50_000, 20, 50)  # the garbage of a step is freed at once; cycles are rare
+_GC_THRESHOLDS = (50_000, 20, 50)  # collect rarely, because reference cycles are rare
 
 
 def main(descriptor: int) -> None:
-    """Do what comes through the socket until None comes, or until nobody is at its other end."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it too, and decides
+    """Execute the tasks received through the socket until None is received or the socket is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent receives it, too, and stops its children
     connection = Connection(descriptor)
     job, threads = connection.recv()
     tasks: queue.SimpleQueue = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(connection, tasks), daemon=True).start()
-    tell = _Teller(connection)
+    tell = _EventSender(connection)
     try:
-        _do_all(job, threads, tasks, tell)
+        _run_tasks(job, threads, tasks, tell)
     except user_errors() as error:
         tell(Event("refused", str(error)))
-    except Exception:  # noqa: BLE001 — whatever it is, the parent must hear of it
+    except Exception:  # noqa: BLE001 — every error is reported to the parent
         tell(Event("failed", traceback.format_exc()))
 
 
-def _do_all(job: Job, threads: int, tasks: queue.SimpleQueue, tell: _Teller) -> None:
+def _run_tasks(job: Job, threads: int, tasks: queue.SimpleQueue, tell: _EventSender) -> None:
     with job.open(threads) as do:
         tell(Event("opened"))
-        gc.freeze()  # what a job holds on to need not be looked through again and again
-        gc.set_threshold(*_COLLECTS)
+        gc.freeze()  # exclude the objects of the open job from later collections
+        gc.set_threshold(*_GC_THRESHOLDS)
         while (task := tasks.get()) is not None:
             do(task, tell)
             tell(Event("task", peak_bytes=peak_bytes()))
 
 
 def _listen(connection: Connection, tasks: queue.SimpleQueue) -> None:
-    """Hand tasks on; end the process with whoever gives them, so that nobody writes on behind a dead one's back."""
+    """Forward tasks to the queue; exit if the parent dies, so that no orphan continues to write files."""
     try:
         while True:
             task = connection.recv()
@@ -56,8 +56,8 @@ def _listen(connection: Connection, tasks: queue.SimpleQueue) -> None:
         os._exit(1)
 
 
-class _Teller:
-    """Sends events, from any thread."""
+class _EventSender:
+    """Sends events to the parent; thread-safe."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection

@@ -1,7 +1,7 @@
-"""Processes of a Dask cluster: each of its workers starts children of its own, as a single machine does.
+"""Engine that runs tasks on a Dask cluster, in child processes of the Dask workers.
 
-A child of a Dask worker may crash, hang or be killed without the worker; a worker that dies takes its children along,
-and the scheduler gives their tasks to another. Both leave what is on disk whole.
+A child may crash, hang or be killed without affecting its Dask worker. If a worker dies, its children exit and the
+scheduler assigns their tasks to another worker. Files on disk remain complete in both cases.
 """
 
 from __future__ import annotations
@@ -33,76 +33,76 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class DaskEngine:
-    """Shares tasks among the workers of a Dask scheduler; all must see the same files under the same paths.
+    """Distributes tasks to the workers of a Dask scheduler; all of them must have the same files at the same paths.
 
     Attributes:
-        address: of the scheduler, `tcp://HOST:PORT`.
-        patience_s: a process that tells nothing for so long is ended [s].
+        address: address of the scheduler, `tcp://HOST:PORT`.
+        patience_s: time without an event after which a process is stopped [s].
     """
 
     address: str
     patience_s: float = PATIENCE_S
 
     def share_out(
-        self, job: Job, tasks: Sequence[Any], on_event: Tell, *, renewed: Callable[[Any], Any] = lambda task: task
+        self, job: Job, tasks: Sequence[Any], on_event: Tell, *, refresh_task: Callable[[Any], Any] = lambda task: task
     ) -> list[Skipped]:
-        """Have all tasks done; see `Engine`. Workers may come and go meanwhile.
+        """Execute all tasks; see `Engine.share_out`. Workers may join and leave during the run.
 
         Raises:
-            WorkError: also where no scheduler answers, or Dask is not installed.
+            WorkError: a worker reported an error of the user, no scheduler answers, or Dask is not installed.
         """
         name = f"cosim-{uuid.uuid4().hex}"
-        told: queue.SimpleQueue[Event] = queue.SimpleQueue()
-        with _connected(self.address) as client:
-            client.subscribe_topic(name, lambda message: told.put(Event(*message[1])))
-            client.register_plugin(_plugin(job, self.patience_s), name=name)
+        events: queue.SimpleQueue[Event] = queue.SimpleQueue()
+        with _connect(self.address) as client:
+            client.subscribe_topic(name, lambda message: events.put(Event(*message[1])))
+            client.register_plugin(_make_plugin(job, self.patience_s), name=name)
             if not client.nthreads():
                 _log.warning("no worker has joined %s yet; waiting for one", self.address)
-            retries = Retries(on_event, renewed)
+            retries = Retries(on_event, refresh_task)
             try:
-                _Submissions(client, name, on_event).follow(tasks, told, retries)
+                _Submissions(client, name, on_event).run(tasks, events, retries)
             finally:
                 client.unregister_worker_plugin(name)
         return retries.skipped
 
 
 class _Submissions:
-    """What the cluster was given, and what comes back."""
+    """Tasks submitted to the cluster."""
 
     def __init__(self, client: Client, name: str, on_event: Tell) -> None:
         self._client, self._name, self._on_event = client, name, on_event
         self._pending: dict[Future, Attempt] = {}
         self._count = 0
 
-    def follow(self, tasks: Sequence[Any], told: queue.SimpleQueue[Event], retries: Retries) -> None:
+    def run(self, tasks: Sequence[Any], events: queue.SimpleQueue[Event], retries: Retries) -> None:
         for task in tasks:
             self._submit(Attempt(task))
         while self._pending:
-            self._pass_on(told)
+            self._forward(events)
             for future in [future for future in self._pending if future.done()]:
                 attempt = self._pending.pop(future)
-                reason = self._settled(future)
-                again = None if reason is None else retries.after(attempt, reason)
-                if again is not None:
-                    self._submit(again)
+                reason = self._failure(future)
+                retry = None if reason is None else retries.next_attempt(attempt, reason)
+                if retry is not None:
+                    self._submit(retry)
 
     def _submit(self, attempt: Attempt) -> None:
-        # Earlier tasks first: those of one place follow each other.
+        # Earlier tasks first: neighbouring tasks have the same affinity.
         key = f"{self._name}-{self._count}"
         self._count += 1
-        future = self._client.submit(_do, attempt.task, self._name, key=key, pure=False, priority=-self._count)
+        future = self._client.submit(_run_task, attempt.task, self._name, key=key, pure=False, priority=-self._count)
         self._pending[future] = attempt
 
-    def _pass_on(self, told: queue.SimpleQueue[Event]) -> None:
+    def _forward(self, events: queue.SimpleQueue[Event]) -> None:
         try:
-            self._on_event(told.get(timeout=_POLL_S))
+            self._on_event(events.get(timeout=_POLL_S))
             while True:
-                self._on_event(told.get_nowait())
+                self._on_event(events.get_nowait())
         except queue.Empty:
             pass
 
-    def _settled(self, future: Future) -> str | None:
-        """Why its task failed, if so."""
+    def _failure(self, future: Future) -> str | None:
+        """Reason why the task of a finished future failed, or None if it is complete."""
         if future.status != "finished":
             return " ".join(str(future.exception()).split()) if future.status == "error" else "it was cancelled"
         outcome: _Outcome = future.result()
@@ -122,19 +122,19 @@ class _Outcome:
 
 
 @dataclass
-class _Bench:
-    """Children of a Dask worker that wait for their next task."""
+class _ChildPool:
+    """Idle children of a Dask worker."""
 
     job: Job
     patience_s: float
     folder: str
     idle: list[Child] = field(default_factory=list)
 
-    def do(self, task: Any, tell: Tell) -> _Outcome:
+    def run_task(self, task: Any, tell: Tell) -> _Outcome:
         child = self.idle.pop() if self.idle else Child(self.job, 1, folder=self.folder)
-        child.give(task)
+        child.send_task(task)
         try:
-            outcome = self._follow(child, tell)
+            outcome = self._wait_for(child, tell)
         except BaseException:
             child.kill()
             raise
@@ -144,31 +144,31 @@ class _Bench:
             child.kill()
         return outcome
 
-    def dismiss(self) -> None:
+    def shut_down(self) -> None:
         while self.idle:
-            self.idle.pop().dismiss()
+            self.idle.pop().shut_down()
 
-    def _follow(self, child: Child, tell: Tell) -> _Outcome:
+    def _wait_for(self, child: Child, tell: Tell) -> _Outcome:
         while True:
             if not wait([child.connection], timeout=_POLL_S):
-                if child.hangs(self.patience_s):
-                    return _Outcome("failed", f"its process told nothing for {self.patience_s:g} s")
+                if child.is_hanging(self.patience_s):
+                    return _Outcome("failed", f"its process did not report for {self.patience_s:g} s")
                 continue
-            event = child.hear()
+            event = child.receive()
             if event is None:
-                return _Outcome("failed", child.obituary())
+                return _Outcome("failed", child.exit_reason())
             if event.kind == "task":
                 return _Outcome("done", peak_bytes=event.peak_bytes)
             if event.kind == "refused":
                 return _Outcome("refused", event.text)
             if event.kind == "failed":
                 return _Outcome("failed", event.text.strip().splitlines()[-1])
-            if event.kind != "alive":  # that is for this machine, not for the scheduler
+            if event.kind != "alive":  # only needed locally, to detect processes that hang
                 tell(event)
 
 
-def _plugin(job: Job, patience_s: float) -> Any:
-    """Keeps a bench on every worker, those that join later included."""
+def _make_plugin(job: Job, patience_s: float) -> Any:
+    """Dask plugin that keeps a pool of children on every worker, including workers that join later."""
     from distributed import WorkerPlugin
 
     class Plugin(WorkerPlugin):
@@ -176,16 +176,16 @@ def _plugin(job: Job, patience_s: float) -> Any:
             self.folder = folder
 
         def setup(self, worker: Any) -> None:
-            self.bench = _Bench(job, patience_s, self.folder)
+            self.pool = _ChildPool(job, patience_s, self.folder)
 
         def teardown(self, worker: Any) -> None:
-            self.bench.dismiss()
+            self.pool.shut_down()
 
-    return Plugin(os.getcwd())  # noqa: PTH109 — a plain string travels
+    return Plugin(os.getcwd())  # noqa: PTH109 — a plain string is pickled
 
 
-def _do(task: Any, name: str) -> _Outcome:
-    """One task, on a Dask worker."""
+def _run_task(task: Any, name: str) -> _Outcome:
+    """Execute one task on a Dask worker."""
     from distributed import get_worker
 
     worker = get_worker()
@@ -194,13 +194,13 @@ def _do(task: Any, name: str) -> _Outcome:
     def tell(event: Event) -> None:
         worker.log_event(name, (event.kind, event.text, event.peak_bytes))
 
-    return plugin.bench.do(task, tell)
+    return plugin.pool.run_task(task, tell)
 
 
 @contextmanager
-def _connected(address: str) -> Iterator[Client]:
+def _connect(address: str) -> Iterator[Client]:
     if not _ADDRESS.fullmatch(address):
-        raise WorkError(f"{address!r} is no address of a Dask scheduler; give tcp://HOST:PORT")
+        raise WorkError(f"{address!r} is not the address of a Dask scheduler; give tcp://HOST:PORT")
     try:
         from distributed import Client
     except ImportError:

@@ -1,4 +1,4 @@
-"""What there is to do, and what is told about it."""
+"""Jobs, events and the interface of engines."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from cosim.errors import CosimError
 
 
 class WorkError(CosimError):
-    """Work could not go on."""
+    """The work could not be completed."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """What a worker tells.
+    """Event of a worker.
 
     Attributes:
-        kind: `opened` (the job is), `ready` (to record), `alive` (at work, with nothing to show yet), `frame` (one is
-            taken), `task` (one is complete), `again`
-            (one failed and is tried once more), `skipped` (one failed again), `refused` (the user's mistake, in
-            `text`) or `failed` (ours: `text` is a traceback).
-        text: frame name or message.
-        peak_bytes: most memory that the worker has held so far, told with `task`.
+        kind: `opened` (the job is open), `ready` (ready to record), `alive` (working, no result yet), `frame` (a frame
+            is recorded), `task` (a task is complete), `again` (a task failed and is retried), `skipped` (a task failed
+            twice), `refused` (an error of the user; `text` is the message) or `failed` (an internal error; `text` is
+            the traceback).
+        text: frame name, message or traceback.
+        peak_bytes: peak memory of the worker so far, with `task` [bytes].
     """
 
     kind: Literal["opened", "ready", "alive", "frame", "task", "again", "skipped", "refused", "failed"]
@@ -32,29 +32,29 @@ class Event:
     peak_bytes: int = 0
 
 
-Place = tuple[Any, ...]
-"""What a process keeps from one task to the next, the dearest first: a task's `place`, if it has one."""
+Affinity = tuple[Any, ...]
+"""State that a process keeps between tasks, the most expensive part first: a task's `affinity`, if it has one."""
 
 Tell = Callable[[Event], None]
 Do = Callable[[Any, Tell], None]
-"""Does one task and tells of its frames."""
+"""Executes one task; reports its frames as events."""
 
 
 class Job(Protocol):
-    """Work of one kind; pickled, so that processes elsewhere can do it."""
+    """Picklable description of the work of a process."""
 
     def open(self, threads: int) -> AbstractContextManager[Do]:
-        """Build what all tasks need, once a process; what it gives is called a task at a time."""
+        """Build the resources that all tasks share, once per process; yields the function that executes one task."""
         ...
 
 
 @dataclass(frozen=True)
 class Skipped:
-    """A task that was tried twice in vain.
+    """A task that failed twice.
 
     Attributes:
-        task: what was to be done.
-        reason: what became of the second attempt.
+        task: the task.
+        reason: reason of the second failure.
     """
 
     task: Any
@@ -62,25 +62,25 @@ class Skipped:
 
 
 class Engine(Protocol):
-    """Has tasks done by processes."""
+    """Executes tasks in worker processes."""
 
     def share_out(
-        self, job: Job, tasks: Sequence[Any], on_event: Tell, *, renewed: Callable[[Any], Any] = lambda task: task
+        self, job: Job, tasks: Sequence[Any], on_event: Tell, *, refresh_task: Callable[[Any], Any] = lambda task: task
     ) -> list[Skipped]:
-        """Have all tasks done.
+        """Execute all tasks.
 
-        A process that dies, hangs or meets an error is replaced, and its task is given once more.
+        A process that dies, hangs or raises an error is replaced, and its task is retried once.
 
         Args:
-            job: what the processes open.
-            tasks: what there is to do; of those with a `place` a process gets such as it has been to, where it can.
-            on_event: told of every event.
-            renewed: makes a task anew before it is given a second time.
+            job: job that every process opens.
+            tasks: tasks to execute; a process preferably gets tasks whose `affinity` equals that of its last task.
+            on_event: called with every event.
+            refresh_task: updates a task before it is retried.
 
         Returns:
             The tasks that failed twice.
 
         Raises:
-            WorkError: a worker met a user's mistake.
+            WorkError: a worker reported an error of the user.
         """
         ...

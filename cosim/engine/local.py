@@ -1,4 +1,4 @@
-"""Processes of this machine."""
+"""Engine that runs tasks in processes of this machine."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from cosim.engine.jobs import Event, Job, Place, Skipped, Tell, WorkError
+from cosim.engine.jobs import Affinity, Event, Job, Skipped, Tell, WorkError
 from cosim.engine.parent import Child
 from cosim.engine.retries import Attempt, Retries
 
 PATIENCE_S = 300.0
-"""A process that tells nothing for so long hangs [s]: an episode's longest silence is its town's building."""
+"""Time without an event after which a process is considered to hang [s]; building a town takes longest."""
 _POLL_S = 0.5
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class LocalEngine:
-    """Shares tasks among processes of this machine.
+    """Distributes tasks to processes of this machine.
 
     Attributes:
-        workers: most processes.
-        patience_s: a process that tells nothing for so long is ended [s].
+        workers: maximum number of processes.
+        patience_s: time without an event after which a process is stopped [s].
     """
 
     workers: int = 1
@@ -37,83 +37,80 @@ class LocalEngine:
             raise WorkError(f"workers is {self.workers}; give 1 or more")
 
     def share_out(
-        self, job: Job, tasks: Sequence[Any], on_event: Tell, *, renewed: Callable[[Any], Any] = lambda task: task
+        self, job: Job, tasks: Sequence[Any], on_event: Tell, *, refresh_task: Callable[[Any], Any] = lambda task: task
     ) -> list[Skipped]:
-        """Have all tasks done; see `Engine`."""
+        """Execute all tasks; see `Engine.share_out`."""
         count = min(self.workers, len(tasks))
-        foremen = _Foremen(job, max(1, (os.cpu_count() or 1) // max(count, 1)), on_event, self.patience_s)
-        retries = Retries(on_event, renewed)
+        pool = _Pool(job, max(1, (os.cpu_count() or 1) // max(count, 1)), on_event, self.patience_s)
+        retries = Retries(on_event, refresh_task)
         try:
-            foremen.oversee(deque(Attempt(task) for task in tasks), count, retries)
+            pool.run(deque(Attempt(task) for task in tasks), count, retries)
         finally:
-            foremen.end_all()
+            pool.stop()
         return retries.skipped
 
 
-class _Foremen:
-    """Processes at work, and what each is doing."""
+class _Pool:
+    """Worker processes and their current tasks."""
 
     def __init__(self, job: Job, threads: int, on_event: Tell, patience_s: float) -> None:
         self._job, self._threads, self._on_event, self._patience_s = job, threads, on_event, patience_s
         self._idle: list[Child] = []
         self._busy: dict[Connection, tuple[Child, Attempt]] = {}
-        self._been: dict[int, Place] = {}  # where each process was last
+        self._affinities: dict[int, Affinity] = {}  # of the last task of each process
 
-    def oversee(self, pending: deque[Attempt], count: int, retries: Retries) -> None:
+    def run(self, pending: deque[Attempt], count: int, retries: Retries) -> None:
         while pending or self._busy:
             while pending and len(self._busy) < count:
-                self._give(pending)
-            for failed, reason in self._hear():
-                again = retries.after(failed, reason)
-                if again is not None:
-                    pending.appendleft(again)
+                self._start_task(pending)
+            for failed, reason in self._receive_events():
+                retry = retries.next_attempt(failed, reason)
+                if retry is not None:
+                    pending.appendleft(retry)
 
-    def end_all(self) -> None:
+    def stop(self) -> None:
         for child, _ in self._busy.values():
             child.kill()
         for child in self._idle:
-            child.dismiss()
+            child.shut_down()
 
-    def _give(self, pending: deque[Attempt]) -> None:
+    def _start_task(self, pending: deque[Attempt]) -> None:
         child = self._idle.pop() if self._idle else Child(self._job, self._threads)
-        places = [_place(attempt) for attempt in pending]
-        chosen = _most_at_home(places, self._been.get(id(child), ()), self._away())
-        attempt = pending[chosen]
-        del pending[chosen]
-        self._been[id(child)] = _place(attempt)
-        child.give(attempt.task)
+        affinities = [_affinity(attempt) for attempt in pending]
+        running = [_affinity(attempt) for _, attempt in self._busy.values()]
+        index = _choose_task(affinities, self._affinities.get(id(child), ()), running)
+        attempt = pending[index]
+        del pending[index]
+        self._affinities[id(child)] = _affinity(attempt)
+        child.send_task(attempt.task)
         self._busy[child.connection] = (child, attempt)
 
-    def _away(self) -> list[Place]:
-        """Where those are who are at work."""
-        return [_place(attempt) for _, attempt in self._busy.values()]
-
-    def _hear(self) -> list[tuple[Attempt, str]]:
-        """Pass on what is told meanwhile; gives the attempts that failed, with the reason."""
+    def _receive_events(self) -> list[tuple[Attempt, str]]:
+        """Wait briefly for events and forward them; returns the failed attempts with their reasons."""
         failures = []
         for connection in wait(list(self._busy), timeout=_POLL_S):
             assert isinstance(connection, Connection)
             child, attempt = self._busy[connection]
-            reason = self._follow(child, child.hear())
+            reason = self._handle(child, child.receive())
             if reason is not None:
                 failures.append((attempt, reason))
         for child, attempt in list(self._busy.values()):
-            if child.hangs(self._patience_s):
-                self._lose(child)
-                failures.append((attempt, f"its process told nothing for {self._patience_s:g} s"))
+            if child.is_hanging(self._patience_s):
+                self._remove(child)
+                failures.append((attempt, f"its process did not report for {self._patience_s:g} s"))
         return failures
 
-    def _follow(self, child: Child, event: Event | None) -> str | None:
-        """Act on an event; says why its task failed, if so."""
+    def _handle(self, child: Child, event: Event | None) -> str | None:
+        """Handle an event; returns the reason if the task failed."""
         if event is None:
-            reason = child.obituary()
-            self._lose(child)
+            reason = child.exit_reason()
+            self._remove(child)
             return reason
         if event.kind == "refused":
             raise WorkError(event.text)
         if event.kind == "failed":
             _log.warning("a worker failed:\n%s", event.text)
-            self._lose(child)
+            self._remove(child)
             return event.text.strip().splitlines()[-1]
         if event.kind == "task":
             del self._busy[child.connection]
@@ -121,23 +118,28 @@ class _Foremen:
         self._on_event(event)
         return None
 
-    def _lose(self, child: Child) -> None:
+    def _remove(self, child: Child) -> None:
         child.kill()
-        self._been.pop(id(child), None)
+        self._affinities.pop(id(child), None)
         del self._busy[child.connection]
         child.connection.close()
 
 
-def _place(attempt: Attempt) -> Place:
-    return getattr(attempt.task, "place", ())
+def _affinity(attempt: Attempt) -> Affinity:
+    return getattr(attempt.task, "affinity", ())
 
 
-def _most_at_home(places: Sequence[Place], been: Place, taken: Sequence[Place]) -> int:
-    """Row of the place that has most in common with where one has been, and of those least with where others are."""
-    scores = [(_common(place, been), -max((_common(place, other) for other in taken), default=0)) for place in places]
+def _choose_task(affinities: Sequence[Affinity], last: Affinity, running: Sequence[Affinity]) -> int:
+    """Index of the affinity with the longest common prefix with `last`; ties: the shortest with those of `running`."""
+    scores = [
+        (_prefix_length(affinity, last), -max((_prefix_length(affinity, other) for other in running), default=0))
+        for affinity in affinities
+    ]
     return scores.index(max(scores))
 
 
-def _common(one: Place, other: Place) -> int:
-    """How many of the first parts of two places are equal."""
-    return next((i for i, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), min(len(one), len(other)))
+def _prefix_length(first: Affinity, second: Affinity) -> int:
+    """Length of the longest common prefix."""
+    return next(
+        (i for i, (a, b) in enumerate(zip(first, second, strict=False)) if a != b), min(len(first), len(second))
+    )

@@ -1,4 +1,4 @@
-"""The other end of a child process: starts it, gives it tasks, hears its events, ends it."""
+"""Start a child process, send it tasks, receive its events and stop it."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from typing import Any
 
 from cosim.engine.jobs import Event, Job
 
-_PATIENCE_S = 10.0
+_EXIT_S = 10.0
 _START_S = 120.0
-# Matrix products here are too small for BLAS to gain by threads; on busy cores it loses much.
+# Matrix products are too small to benefit from BLAS threads, which slow down the other processes.
 _WITHOUT_BLAS_THREADS = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
 class Child:
-    """A process that opened a job.
+    """A child process that opens a job and executes tasks.
 
     Args:
-        job: what it opens.
-        threads: how many threads it may use.
-        folder: its working directory; by default this process's.
+        job: job to open.
+        threads: number of threads that the child may use.
+        folder: working directory of the child; by default that of this process.
     """
 
     def __init__(self, job: Job, threads: int, *, folder: str | None = None) -> None:
@@ -44,51 +44,51 @@ class Child:
                 cwd=folder,
             )
         self.connection = Connection(ours.detach())
-        self._heard_s = time.monotonic()
-        self._opened = False
+        self._last_event_s = time.monotonic()
+        self._is_open = False
         self._send((job, threads))
 
-    def give(self, task: Any) -> None:
-        """Have a task done next."""
-        self._heard_s = time.monotonic()
+    def send_task(self, task: Any) -> None:
+        """Send the next task."""
+        self._last_event_s = time.monotonic()
         self._send(task)
 
-    def hear(self) -> Event | None:
-        """The next event, or None where the process is dead."""
+    def receive(self) -> Event | None:
+        """Receive the next event; None if the process is dead."""
         try:
             event = self.connection.recv()
         except (EOFError, OSError):
             return None
-        self._heard_s = time.monotonic()
-        self._opened = True
+        self._last_event_s = time.monotonic()
+        self._is_open = True
         return event
 
-    def hangs(self, patience_s: float) -> bool:
-        """Whether it has told nothing for too long; one that is only starting may take a while."""
-        return time.monotonic() - self._heard_s > (patience_s if self._opened else max(patience_s, _START_S))
+    def is_hanging(self, patience_s: float) -> bool:
+        """Whether the last event is more than `patience_s` ago; a starting process has at least `_START_S`."""
+        return time.monotonic() - self._last_event_s > (patience_s if self._is_open else max(patience_s, _START_S))
 
-    def obituary(self) -> str:
-        """What a dead process died of."""
-        code = self._process.wait(_PATIENCE_S)
+    def exit_reason(self) -> str:
+        """Signal or exit code of a dead process, as text."""
+        code = self._process.wait(_EXIT_S)
         if code < 0:
             hint = " (often too little memory)" if code == -9 else ""
             return f"its process was killed by signal {-code}{hint}"
         return f"its process ended with exit code {code}"
 
-    def dismiss(self) -> None:
-        """Let it end, having nothing more to do."""
+    def shut_down(self) -> None:
+        """Ask the process to exit, and kill it if it does not."""
         self._send(None)
         try:
-            self._process.wait(_PATIENCE_S)
+            self._process.wait(_EXIT_S)
         except subprocess.TimeoutExpired:
             self.kill()
         self.connection.close()
 
     def kill(self) -> None:
-        """End it now, whatever it does."""
+        """Kill the process."""
         self._process.kill()
         self._process.wait()
 
     def _send(self, item: Any) -> None:
-        with contextlib.suppress(OSError):  # it is dead, which `hear` tells
+        with contextlib.suppress(OSError):  # the process is dead, which `receive` reports
             self.connection.send(item)

@@ -1,4 +1,4 @@
-"""The most memory that this process has held."""
+"""Peak memory of this process."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ _STATUS = Path("/proc/self/status")
 
 
 def peak_bytes() -> int:
-    """In bytes. What getrusage says includes what the parent held when it forked, so Linux's own figure comes first."""
+    """Peak resident memory of this process [bytes].
+
+    Read from /proc where it exists, because getrusage includes the parent's memory at the time of the fork.
+    """
     if _STATUS.is_file():
-        found = (line.split() for line in _STATUS.read_text().splitlines() if line.startswith("VmHWM:"))
-        return next((int(words[1]) * 1024 for words in found), 0)
-    kept = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return kept if sys.platform == "darwin" else kept * 1024
+        rows = (line.split() for line in _STATUS.read_text().splitlines() if line.startswith("VmHWM:"))
+        return next((int(words[1]) * 1024 for words in rows), 0)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024

@@ -1,4 +1,4 @@
-"""A task that fails is tried once more, then left out."""
+"""Retry a failed task once, then skip it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 from cosim.engine.jobs import Event, Skipped, Tell
 
-_MOST = 2
+_MAX_ATTEMPTS = 2
 _log = logging.getLogger(__name__)
 
 
 class Attempt(NamedTuple):
-    """A task, and how often it has been given."""
+    """A task and the number of this attempt, from 1."""
 
     task: Any
     number: int = 1
@@ -22,24 +22,24 @@ class Attempt(NamedTuple):
 
 @dataclass
 class Retries:
-    """Decides what becomes of tasks that fail.
+    """Decides whether a failed task is retried.
 
     Attributes:
-        on_event: told of every task that is tried again or left out.
-        renewed: makes a task anew before it is given a second time.
-        skipped: tasks that were left out.
+        on_event: called with an event for every task that is retried or skipped.
+        refresh_task: updates a task before it is retried.
+        skipped: skipped tasks.
     """
 
     on_event: Tell
-    renewed: Callable[[Any], Any]
+    refresh_task: Callable[[Any], Any]
     skipped: list[Skipped] = field(default_factory=list)
 
-    def after(self, failed: Attempt, reason: str) -> Attempt | None:
-        """What to give next in place of an attempt that failed, if anything."""
-        if failed.number < _MOST:
-            _log.warning("a task failed and is tried once more: %s", reason)
+    def next_attempt(self, failed: Attempt, reason: str) -> Attempt | None:
+        """Next attempt for a failed task, or None if the task is skipped."""
+        if failed.number < _MAX_ATTEMPTS:
+            _log.warning("a task failed and is retried: %s", reason)
             self.on_event(Event("again", reason))
-            return Attempt(self.renewed(failed.task), failed.number + 1)
+            return Attempt(self.refresh_task(failed.task), failed.number + 1)
         self.on_event(Event("skipped", reason))
         self.skipped.append(Skipped(failed.task, reason))
         return None

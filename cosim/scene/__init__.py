@@ -1,1 +1,1 @@
-"""Where a run takes place, and with which meshes."""
+"""Sites of a run: static worlds, ground surface, and posed models of road users."""

@@ -1,4 +1,4 @@
-"""The surface that wheels and feet stand on."""
+"""Ground surface under wheels and feet."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _BELOW_M = 6.0
 
 
 class Ground:
-    """Heights of a ground mesh under given points.
+    """Height queries on a ground mesh.
 
     Args:
         mesh: road, kerbs, pavements and terrain, in world axes.
@@ -30,14 +30,14 @@ class Ground:
         Returns:
             (n,) float64 world z; the point's own z where no surface is found.
         """
-        surface, found = self._below(points)
-        return np.where(found, surface, np.asarray(points)[:, 2])
+        surface, is_hit = self._trace_down(points)
+        return np.where(is_hit, surface, np.asarray(points)[:, 2])
 
     def lies_under(self, points: np.ndarray) -> np.ndarray:
-        """Whether there is a surface where `height` looks for one, (n,) bool."""
-        return self._below(points)[1]
+        """Whether `height` finds a surface, (n,) bool."""
+        return self._trace_down(points)[1]
 
-    def _below(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _trace_down(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         start = np.asarray(points, np.float32) + np.array([0, 0, _ABOVE_M], np.float32)
         down = np.tile(np.array([[0, 0, -1]], np.float32), (len(start), 1))
         distance, triangle = self._bvh.first_hit(start, down, np.full(len(start), _BELOW_M, np.float32))

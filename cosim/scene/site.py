@@ -1,4 +1,4 @@
-"""A town with one of its random worlds, ready to be driven through, scanned and drawn."""
+"""A town with one of its random worlds, prepared for driving, scanning and rendering."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from sensors.cameras import CameraRenderer, Light, PackedModel, SunShadows, Tile
 from sensors.scene import Scene, TracedModel
 from sumo_nets import Town, read_town
 
-_WORLD_STREAM, _LIGHT_STREAM = 0, 1  # keep the random numbers of world and light apart
+_WORLD_STREAM, _LIGHT_STREAM = 0, 1  # independent random streams
 
 
 @dataclass(frozen=True, eq=False)
 class Models:
-    """Models as places need them, each made ready once for all of them.
+    """Cache of models that all sites share.
 
     Attributes:
-        load: gives the mesh of a name.
-        traced: by name, for rays.
-        packed: by name and level of detail, for images.
+        load: returns the mesh of a model name.
+        traced: models for ray tracing, by name.
+        packed: models for rendering, by name and level of detail.
     """
 
     load: Callable[[str], Mesh]
@@ -36,12 +36,12 @@ class Models:
 
 @dataclass(frozen=True, eq=False)
 class Land:
-    """A town without buildings, plants and furniture: what all its worlds have in common.
+    """The part of a town that all its worlds share: no buildings, plants or street furniture.
 
     Attributes:
-        town: its streets and traffic.
-        groundwork: its roads and land.
-        ground: the same as wheels stand on it.
+        town: streets and traffic.
+        groundwork: meshes of roads and terrain.
+        ground: height queries on the ground.
     """
 
     town: Town
@@ -50,10 +50,10 @@ class Land:
 
     @classmethod
     def of(cls, name: str) -> Land:
-        """That of a town, by name or path.
+        """Build the land of a town, given by name or path.
 
         Raises:
-            TownError: there is no such town, or its files cannot be used.
+            TownError: the town does not exist, or its files cannot be used.
         """
         town = read_town(name)
         groundwork = lay_groundwork(town.streets)
@@ -62,16 +62,16 @@ class Land:
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """Where episodes happen.
+    """Location of an episode: a town with one of its static worlds.
 
     Attributes:
-        land: the town.
+        land: land of the town.
         world: number of the random world.
-        mesh: the static world.
-        scene: the world as rays meet it.
-        tiles: the world as cameras draw it.
-        shadows: of the world on itself.
-        signals: heads of its traffic signals.
+        mesh: mesh of the static world.
+        scene: scene for ray tracing.
+        tiles: tiles of the world for rendering.
+        shadows: shadows that the world casts on itself.
+        signals: heads of the traffic signals.
     """
 
     land: Land
@@ -84,7 +84,7 @@ class Site:
 
     @classmethod
     def build(cls, config: RunConfig, land: Land, world: int, *, models: Models, threads: int) -> Site:
-        """Build the world that the run's seed, the town and the world's number determine."""
+        """Build the world for the run's seed, the town and the world's number."""
         town, groundwork = land.town, land.groundwork
         if config.world is not None:
             return cls._of(land, world, config.world.read(town.streets), (), models, threads)
@@ -101,17 +101,17 @@ class Site:
         return cls(land, world, mesh, scene, Tiles.of(mesh), SunShadows(mesh, Light(), scene.static), signals)
 
     def show(self, renderer: CameraRenderer, light: Light) -> None:
-        """Let a renderer draw this place in a light."""
+        """Load this site and a light into a renderer."""
         renderer.enter(self.tiles, light, self.shadows.under(light))
 
 
 def light_of(config: RunConfig, episode: int) -> Light:
-    """The light of an episode, which the run's seed and the episode's number determine."""
+    """Light of an episode; depends on the run's seed and the episode's number."""
     return draw_light(np.random.default_rng([config.seed, episode, _LIGHT_STREAM]))
 
 
 def draw_light(rng: np.random.Generator) -> Light:
-    """Sun and sky of a random hour and weather."""
+    """Draw sun and sky of a random time of day and weather."""
     clear = float(rng.uniform(0.35, 1.0))
     return Light(
         sun_elevation_deg=float(rng.uniform(22, 60)),

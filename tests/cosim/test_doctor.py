@@ -67,4 +67,4 @@ def test_one_way_to_draw_is_enough_and_none_is_too_few(monkeypatch, capsys):
     assert main(["doctor"]) == 2
     said = capsys.readouterr()
     assert "missing  OSMesa: apt-get install it (images)" in said.out
-    assert "cosim run will not work here: OSMesa is missing" in said.err
+    assert "cosim run does not work here: OSMesa is missing" in said.err

@@ -20,7 +20,7 @@ def test_work_is_done_in_order_and_waited_for():
     begin.set()
     behind.do(lambda: (time.sleep(0.01), done.append("next"))[1])
     assert done == ["slow"]
-    behind.settle()
+    behind.wait()
     assert done == ["slow", "next"]
 
 
@@ -28,5 +28,5 @@ def test_an_error_comes_out_once():
     behind = BackgroundWriter()
     behind.do(lambda: (_ for _ in ()).throw(OSError("full")))
     with pytest.raises(OSError, match="full"):
-        behind.settle()
-    behind.settle()
+        behind.wait()
+    behind.wait()

@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 from cosim.capture.config import load_config
-from cosim.capture.disk_estimate import DiskError, demand_space, estimate_bytes, in_words
+from cosim.capture.disk_estimate import DiskError, check_disk_space, estimate_bytes, in_words
 from sensors.sensor_model import load_sensor
 
 
@@ -29,9 +29,9 @@ def test_more_frames_fewer_images_and_no_hits_show(run_config):
 
 def test_what_does_not_fit_is_refused_before_it_begins(tmp_path):
     free = shutil.disk_usage(tmp_path).free
-    demand_space(free // 2, tmp_path / "not" / "there")
-    with pytest.raises(DiskError, match=r"needs about .* has .* free; ask for fewer frames"):
-        demand_space(free * 3, tmp_path / "drive")
+    check_disk_space(free // 2, tmp_path / "not" / "there")
+    with pytest.raises(DiskError, match=r"needs about .* has .* free; record fewer frames"):
+        check_disk_space(free * 3, tmp_path / "drive")
 
 
 @pytest.mark.parametrize(

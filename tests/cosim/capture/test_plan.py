@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.capture.collection import Collection, Watch
+from cosim.capture.collection import Collection, FrameSelector
 from cosim.capture.config import ConfigError, RunConfig, load_config
 from cosim.capture.plan import plan_episodes, world_count
 from cosim.capture.rig_jitter import RigJitter
@@ -55,30 +55,30 @@ def test_every_episode_has_a_light_of_its_own_that_the_seed_repeats():
 
 
 def test_a_standing_ego_gives_no_second_frame_and_in_the_end_a_jam():
-    watch = Watch(Collection(min_travel_m=2, patience_s=30), actors(0, 0.0), "ego")
-    assert not watch.wants(actors(1, 1.0))
-    assert watch.wants(actors(2, 3.0))
-    assert not watch.wants(actors(3, 3.5))
+    watch = FrameSelector(Collection(min_travel_m=2, patience_s=30), actors(0, 0.0), "ego")
+    assert not watch.selects(actors(1, 1.0))
+    assert watch.selects(actors(2, 3.0))
+    assert not watch.selects(actors(3, 3.5))
     assert watch.end_reason(actors(30, 3.5)) is None
     assert watch.end_reason(actors(33, 3.5)).startswith("jam")
 
 
 def test_empty_roads_are_passed_over_and_in_the_end_left():
-    watch = Watch(Collection(company_m=60, patience_s=30), actors(0, 0.0), "ego")
-    assert not watch.wants(actors(1, 10.0, other_x=200.0))
-    assert not watch.wants(actors(1, 10.0, other_x=None))
+    watch = FrameSelector(Collection(company_m=60, patience_s=30), actors(0, 0.0), "ego")
+    assert not watch.selects(actors(1, 10.0, other_x=200.0))
+    assert not watch.selects(actors(1, 10.0, other_x=None))
     assert watch.end_reason(actors(40, 300.0, other_x=900.0)).startswith("empty roads")
-    assert watch.wants(actors(2, 10.0, other_x=40.0))
+    assert watch.selects(actors(2, 10.0, other_x=40.0))
 
 
 def test_company_is_who_is_ahead():
-    watch = Watch(Collection(company_m=60), actors(0, 0.0), "ego")
-    assert not watch.wants(actors(1, 10.0, other_x=-20.0))
-    assert watch.wants(actors(1, 10.0, other_x=30.0))
+    watch = FrameSelector(Collection(company_m=60), actors(0, 0.0), "ego")
+    assert not watch.selects(actors(1, 10.0, other_x=-20.0))
+    assert watch.selects(actors(1, 10.0, other_x=30.0))
 
 
 def test_an_ego_that_is_gone_ends_the_episode():
-    watch = Watch(Collection(), actors(0, 0.0), "ego")
+    watch = FrameSelector(Collection(), actors(0, 0.0), "ego")
     gone = replace(actors(1, 0.0), ids=("someone", "other"))
     assert watch.end_reason(gone) == "the ego vehicle left the road"
 

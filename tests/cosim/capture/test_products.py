@@ -102,7 +102,7 @@ def test_every_pixel_has_a_listed_class(stereo):
 
 @pytest.mark.parametrize(
     ("images", "complaint"),
-    [("[image_4]", "'image_4' is no image"), ("[depth_0, depth_0]", "is there twice"), ("7", "images")],
+    [("[image_4]", "'image_4' is not an image folder"), ("[depth_0, depth_0]", "is listed twice"), ("7", "images")],
 )
 def test_an_unknown_image_is_refused_in_one_line(tmp_path: Path, images, complaint):
     config = tmp_path / "run.yaml"

@@ -218,7 +218,7 @@ def test_settings_that_do_not_go_together_are_refused(tmp_path, three):
     assert "every LiDAR of the rig has its own" in said
     assert "choose one of kitti, mast" in refused("run", "--rig", "none", "--out", tmp_path / "d")
     assert (
-        "is no image" in refused("run", tmp_path / "i.yaml", "--out", tmp_path / "d")
+        "is not an image folder" in refused("run", tmp_path / "i.yaml", "--out", tmp_path / "d")
         if ((tmp_path / "i.yaml").write_text("rig: roof_three\nimages: [image_2]\n"))
         else False
     )

@@ -116,7 +116,7 @@ def test_a_users_mistake_reaches_the_user(tmp_path):
         (["--engine", "dask"], "--engine dask needs --address tcp://HOST:PORT"),
         (["--engine", "dask", "--address", "tcp://127.0.0.1:1"], "no Dask scheduler answers at tcp://127.0.0.1:1"),
         (["--engine", "dask", "--address", "nonsense://x"], "'nonsense://x' is no address of a Dask scheduler"),
-        (["--address", "tcp://127.0.0.1:1"], "--address is for --engine dask"),
+        (["--address", "tcp://127.0.0.1:1"], "--address applies only to --engine dask"),
     ],
 )
 def test_addresses_without_a_scheduler(tmp_path, monkeypatch, options, complaint):

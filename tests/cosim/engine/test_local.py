@@ -53,7 +53,7 @@ def test_a_task_whose_process_fails_once_is_done_by_another(tmp_path, mishap):
     ("mishap", "reason"),
     [
         ("killed", "killed by signal 9"),
-        ("stopped", "told nothing for 2 s"),
+        ("stopped", "did not report for 2 s"),
         ("exits", "exit code 3"),
         ("error", "ZeroDivisionError: the road is of no length"),
     ],
@@ -79,7 +79,10 @@ def test_a_users_mistake_ends_all_work_at_once(tmp_path):
 def test_a_task_is_made_anew_before_its_second_attempt(tmp_path):
     engine = LocalEngine(1)
     engine.share_out(
-        Mishaps(tmp_path), [Task("a", "killed")], lambda event: None, renewed=lambda task: Task(task.name + "-again")
+        Mishaps(tmp_path),
+        [Task("a", "killed")],
+        lambda event: None,
+        refresh_task=lambda task: Task(task.name + "-again"),
     )
     assert done(tmp_path) == {"a-again"}
 

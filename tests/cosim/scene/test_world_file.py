@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from cosim.drives.kitti import Drive
 from cosim.drives.twin.glb import read_glb
-from cosim.scene.world_file import WorldError, WorldFile, sorted_by_words
+from cosim.scene.world_file import WorldError, WorldFile, guess_material
 from sumo_nets import read_town
 from tests.cosim.conftest import refused
 from tests.sharing import record
@@ -56,17 +56,17 @@ def test_a_drive_in_it_stands_on_it(town, hamlet_config, tmp_path):
 
 
 def test_words_of_names_tell_materials():
-    assert sorted_by_words("MI_Road_Asphalt.001") == "asphalt" and sorted_by_words("house_roof") == "roof_tile"
-    assert sorted_by_words("TreeLeaves") == "foliage" and sorted_by_words("xyzzy") is None
-    assert sorted_by_words("brick") == "brick"
+    assert guess_material("MI_Road_Asphalt.001") == "asphalt" and guess_material("house_roof") == "roof_tile"
+    assert guess_material("TreeLeaves") == "foliage" and guess_material("xyzzy") is None
+    assert guess_material("brick") == "brick"
 
 
 def test_materials_may_be_said(town, tmp_path):
     world = write_world(tmp_path / "w.glb", town, ("Mat_1", "Mat_2"))
-    with pytest.raises(WorldError, match="'Mat_1', 'Mat_2' mean nothing here"):
+    with pytest.raises(WorldError, match="'Mat_1', 'Mat_2' are unknown"):
         WorldFile(file=world).read(town.streets)
     assert len(WorldFile(file=world, materials={"Mat_1": "asphalt", "Mat_2": "brick"}).read(town.streets).faces) > 10
-    with pytest.raises(ValidationError, match="'bricks' is no material"):
+    with pytest.raises(ValidationError, match="'bricks' is not a material"):
         WorldFile(file=world, materials={"Mat_1": "bricks"})
 
 

@@ -294,7 +294,7 @@ def test_bad_input_ends_in_one_line(recorded, hamlet_config, tmp_path):
     assert "no such file" in refused(*run, "--trajectories", tmp_path / "none.csv")
     (tmp_path / "a.csv").write_text("t,who\n1,2\n")
     assert "lacks columns" in refused(*run, "--trajectories", tmp_path / "a.csv")
-    assert "nobody drives" in refused("run", "--out", tmp_path / "d", "--town", next(town.glob("*.net.xml")))
+    assert "no traffic" in refused("run", "--out", tmp_path / "d", "--town", next(town.glob("*.net.xml")))
     (tmp_path / "c.yaml").write_text(f"town: {town}\ntrajectories: {recorded}\nego: nobody\n")
     assert "ego 'nobody' is not in the trajectories" in refused("run", tmp_path / "c.yaml", "--out", tmp_path / "d")
     still = "".join(step(0.2 * k, x=-20, y=0, speed=0) for k in range(9))
