@@ -136,8 +136,12 @@ def _cross_fit(
             random_state=int(rng.integers(2**31)),
         )
         train, test = fold != held, fold == held
-        trees.fit(figures[train], truth[train], weight[train])
-        score[test] = trees.predict_proba(figures[test])[:, 1]
+        exists = np.isfinite(figures[train]).any(0)  # figures that no patch has, such as runs of zeros without a zero
+        if not exists.any():
+            score[test] = 0.5
+            continue
+        trees.fit(figures[train][:, exists], truth[train], weight[train])
+        score[test] = trees.predict_proba(figures[test][:, exists])[:, 1]
     return score[: len(sets[0])], score[len(sets[0]) :]
 
 
