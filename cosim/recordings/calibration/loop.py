@@ -43,7 +43,7 @@ from cosim.recordings.mapping.prepare import Prepared, prepare
 from cosim.recordings.mapping.twin import RecordingTwin, write_map_twin
 from cosim.recordings.recording import Recording
 from cosim.report import write_page
-from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.base import BeamEffect, Effect, NoiseEffect
 from sensors.effects.registry import effect_classes
 from sensors.pattern import Pattern
 from sensors.sensor_model import SensorModel, load_sensor
@@ -220,7 +220,8 @@ def _advice(prepared: Prepared, twin: RecordingTwin, found: Diagnosis) -> list[d
     """What to record next."""
     told = found.to_json()
     fitted = {one["effect"]: one for one in told["effects"]} | dict(found.refitted)
-    rows = undetermined(told["smallest_detectable"], fitted)
+    systematic = {name: one for name, one in fitted.items() if not issubclass(effect_classes()[name], NoiseEffect)}
+    rows = undetermined(told["smallest_detectable"], systematic)
     height_m = twin.as_json()["mount"]["height_m"]
     advice = advise(rows, prepared.path.poses, height_m, prepared.pattern, found.sensor.effects)
     return [one.as_json() for one in advice]

@@ -311,13 +311,13 @@ def _few(names: Sequence[str]) -> str:
 
 
 def _not_told(last: Round) -> str:
-    rows = [
-        [
-            escape(effect),
-            escape(", ".join(f"{name} {value:.3g}" for name, value in values.items() if value is not None)),
+    words, rows = Vocabulary(), []
+    for effect, values in sorted(last.not_told.items()):
+        told = [
+            f"{name}: more than its allowed range" if value is None else f"{name} {words.quantity(effect, name, value)}"
+            for name, value in values.items()
         ]
-        for effect, values in sorted(last.not_told.items())
-    ]
+        rows.append([escape(effect), escape(", ".join(told))])
     if not rows:
         return ""
     text = "The smallest amplitude of each that this recording would have shown, in four of five such drives."
