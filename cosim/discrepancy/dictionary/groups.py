@@ -20,7 +20,7 @@ class Tangent:
 
     Attributes:
         effect: effect with its amplitude at `step`.
-        amplitude: name of the parameter that the columns are derivatives with respect to; empty for effects without amplitude.
+        amplitude: parameter that the columns are derivatives of; empty for effects without amplitude.
         step: difference of the amplitude from its neutral value.
         index: index of the effect in the sensor if the sensor already has it.
     """
