@@ -210,7 +210,10 @@ class Aligned:
 
     @cached_property
     def _expectations(self) -> list[Expectation]:
-        return [expect(self._effects, frame.shot, (frame.unsure_m, frame.unsure_intensity)) for frame in self._frames]
+        return [
+            expect(self._effects, frame.shot, (frame.twin_sigma_m, frame.twin_sigma_intensity))
+            for frame in self._frames
+        ]
 
     def _expected(self, number: int, parts: tuple[str, ...]) -> Expectation:
         """Expectation of a frame's beams, adjusted by the random effects of some sources."""

@@ -176,7 +176,7 @@ def sample_covariates(sample: Sample, expected: Prediction, frames: tuple[Traced
         categories("edge", sample.edge.astype(int), ("clear", "edge")),
     ]
     for name in beside:
-        covariate = categories(name, sample.beside[name].astype(int), ("seen", "lost"))
+        covariate = categories(name, sample.neighbour_values[name].astype(int), ("seen", "lost"))
         found.append(None if covariate is None else replace(covariate, is_of_neighbour=True))
     return [covariate for covariate in found if covariate is not None]
 
@@ -237,7 +237,7 @@ def _numbers(
         numbers["world_azimuth"] = ("rad", world, _TURN)
     for name in _of_neighbours(sample):
         if not name.endswith("_lost"):
-            numbers[name] = ("m" if name.endswith("_range") else "", sample.beside[name], 0.0)
+            numbers[name] = ("m" if name.endswith("_range") else "", sample.neighbour_values[name], 0.0)
     return numbers
 
 
@@ -246,8 +246,8 @@ def _of_neighbours(sample: Sample) -> tuple[str, ...]:
 
     Neighbours hit the same surfaces: if range or reflectance of the twin is uncertain, they share its error.
     """
-    unsure_m, unsure_intensity = np.any(sample.unsure_m > 0), np.any(sample.unsure_intensity > 0)
-    return tuple(name for name in BESIDE if not (unsure_intensity if name.endswith("_intensity") else unsure_m))
+    twin_sigma_m, twin_sigma_intensity = np.any(sample.twin_sigma_m > 0), np.any(sample.twin_sigma_intensity > 0)
+    return tuple(name for name in BESIDE if not (twin_sigma_intensity if name.endswith("_intensity") else twin_sigma_m))
 
 
 def _surroundings(sample: Sample, frames: tuple[TracedFrame, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -129,7 +129,7 @@ def _score_intensity_variance(
 ) -> None:
     """Score the intensity variance relative to the sensor's own σ, without the minimum σ of the likelihood."""
     floor = 1.5 * sample.settings.law.intensity_floor
-    own = np.hypot(adjusted.intensity_sigma, adjusted.unsure_intensity)
+    own = np.hypot(adjusted.intensity_sigma, adjusted.twin_sigma_intensity)
     z = residuals.intensity_z * residuals.intensity_sigma / np.maximum(own, 1e-9)
     pair = np.maximum(sample.partner, 0)
     gap = (z - z[pair]) / np.sqrt(2)

@@ -21,11 +21,11 @@ class Layout:
     names: int = 8  # most common categories in a chart
     fewest: int = 50  # minimum number of rows in a bin
     dots: int = 40  # maximum number of dots in a chart; more points are drawn as a line
-    alike: float = 0.02  # charts whose sizes differ by less than this share of the largest keep their default order
+    tie_share: float = 0.02  # charts whose sizes differ by less than this share of the largest keep their default order
     common: float = 0.02  # minimum share of rows of a bin that influences the scale of a chart
-    excess: float = 0.05  # share of the excess from which a channel is worth a word
-    told: float = 5e-4  # of an error: less is told as 0.000
-    values: int = 9  # of an unknown dependence on categories
+    excess: float = 0.05  # minimum share of the excess for a channel to be mentioned
+    smallest_error: float = 5e-4  # smaller parts of an error are shown as 0.000
+    values: int = 9  # maximum number of categories in the chart of an unknown dependence
     scans: int = 3  # number of scans shown as a whole
     beams: int = 60_000  # maximum number of beams of each, so that a page stays below 4 MB
     rows: int = 30_000  # maximum number of rows of each validation frame in charts

@@ -41,26 +41,26 @@ class Explored:
         return cls(beams, bins, all_charts(beams.rows, bins, beams.is_one))
 
 
-def explorer_section(found: Explored | None, sides: Sequence[str], *, text: str) -> str:
+def explorer_section(explored: Explored | None, sides: Sequence[str], *, text: str) -> str:
     """Build the HTML of the section; empty without frames.
 
     Args:
-        found: residuals to show.
+        explored: residuals to show.
         sides: names of before and after in legends.
         text: HTML text below the heading.
     """
-    if found is None or not found.charts:
+    if explored is None or not explored.charts:
         return ""
-    names = sides[-1:] if found.beams.is_one else sides
-    first = next(iter(found.charts))
-    tabs = "".join(button(charts[0].channel.title, name == first, tab=name) for name, charts in found.charts.items())
-    panels = "".join(_panel(charts, name == first) for name, charts in found.charts.items())
+    names = sides[-1:] if explored.beams.is_one else sides
+    first = next(iter(explored.charts))
+    tabs = "".join(button(charts[0].channel.title, name == first, tab=name) for name, charts in explored.charts.items())
+    panels = "".join(_panel(charts, name == first) for name, charts in explored.charts.items())
     colours = legend(
         [(f"var(--{style})", escape(word)) for style, word in zip("ba"[-len(names) :], names, strict=True)]
     )
     picks = f'<div class="picks" role="group" aria-label="channel">{tabs}</div>'
     left = f'<div class="residuals">{picks}{colours}{panels}</div>'
-    right = scan_view(found.beams.scans, found.bins, names)
+    right = scan_view(explored.beams.scans, explored.bins, names)
     body = f'<div class="explore">{left}{right}</div>'
     return section("Residuals beam by beam", body, text=text, anchor="residuals")
 

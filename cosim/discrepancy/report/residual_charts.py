@@ -96,7 +96,7 @@ def all_charts(rows: Rows, bins: Mapping[str, Bins], is_one: bool) -> dict[str, 
         candidates = (build_chart(rows, name, item, is_one) for item in wanted)
         charts = [item for item in candidates if item is not None]
         if charts:
-            near = LAYOUT.alike * max(max(item.first.size, item.after.size) for item in charts) or 1.0
+            near = LAYOUT.tie_share * max(max(item.first.size, item.after.size) for item in charts) or 1.0
             # At constant rotation speed azimuth and firing time are equivalent; charts of equal size keep their order.
             found[name] = sorted(charts, key=lambda item: -round(max(item.first.size, item.after.size) / near))
     return found
