@@ -89,8 +89,8 @@ class Residuals:
     Attributes:
         range_z, intensity_z, rise_z: residuals in standard deviations; 0 without a measurement.
         range_sigma_m, intensity_sigma: standard deviations that they are divided by.
-        intensity_score, intensity_information: score and information of the intensity with respect to its mean, in standard
-            deviations (see `Censored`).
+        intensity_score, intensity_information: score and information of the intensity with respect to its mean, in
+            standard deviations (see `Censored`).
         met: probability that the beam hit the surface of its row; 1 away from edges.
         matched: posterior probability that the return is from this surface.
         bright: posterior probability that the intensity is also from this surface; 0 if ambiguous.

@@ -138,8 +138,8 @@ def _useless(is_useless: bool) -> str:
 def _next(diagnosis: Diagnosis, drive: str, sensor: str) -> str:
     if (diagnosis.effects or diagnosis.unknowns) and diagnosis.sensor_out:
         return (
-            f'<p class="next">The improved sensor is <code>{escape(diagnosis.sensor_out)}</code>. To compare it with the '
-            f"drive: <code>cosim compare {escape(drive)} --sensor {escape(diagnosis.sensor_out)}</code></p>"
+            f'<p class="next">The improved sensor is <code>{escape(diagnosis.sensor_out)}</code>. To compare it with '
+            f"the drive: <code>cosim compare {escape(drive)} --sensor {escape(diagnosis.sensor_out)}</code></p>"
         )
     command = f"cosim compare {escape(drive)} --sensor {escape(sensor)}"
     return f'<p class="next">To see where the residuals are: <code>{command}</code></p>'
@@ -147,11 +147,12 @@ def _next(diagnosis: Diagnosis, drive: str, sensor: str) -> str:
 
 def _budget(diagnosis: Diagnosis) -> str:
     frames = f"{len(diagnosis.split.test)} frames"
-    held = f"Held-out error of the initial model, on {frames} that took no part in any fit, and its sources."
+    held = f"Held-out error of the initial model, on {frames} that were not used for fitting, and its sources."
     text = held if diagnosis.split.is_held_out else f"Error of the initial model on the {frames} that were fitted."
     where = floor_words(diagnosis)
     if where:
-        text += f" With all findings, and poses, objects and map aligned, it is {diagnosis.budget.error_aligned:.3f}: {where}."
+        aligned = f"{diagnosis.budget.error_aligned:.3f}"
+        text += f" With all findings, and poses, objects and map aligned, it is {aligned}: {where}."
     floor = diagnosis.noise_floor
     text += f" The noise floor is {floor:.3f}." if floor else " The noise floor cannot be determined."
     why = {"unexplained": "remains with poses, objects and map aligned, which are never known exactly"}
