@@ -1,4 +1,4 @@
-"""Compare with measurements, find the missing effect, add it, watch the error fall."""
+"""Discrepancy loop: compare a sensor model with measurements, diagnose missing effects, add them to the model."""
 
 from cosim.discrepancy.add import Added, add
 from cosim.discrepancy.compare import Comparison, compare

@@ -1,4 +1,4 @@
-"""Adds an effect to a sensor: its parameters, and those of what is there, fitted to a drive."""
+"""Adds an effect to a sensor model and fits its parameters to a drive."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ _START_STEPS = 6
 
 @dataclass(frozen=True, eq=False)
 class Added:
-    """A sensor with an effect more.
+    """A sensor model with an added effect.
 
     Attributes:
-        effect: its name.
-        params: all its parameters.
-        ci95: intervals of those that were fitted, by name.
-        sensor: the sensor with it.
-        error_before, error_after: on frames that took no part in the fit.
+        effect: name of the effect.
+        params: all parameters of the effect.
+        ci95: 95 % intervals of its fitted parameters, by name.
+        sensor: sensor model with the effect.
+        error_before, error_after: held-out errors without and with the effect.
     """
 
     effect: str
@@ -54,7 +54,7 @@ class Added:
     error_after: HeldOut
 
     def to_json(self) -> dict[str, Any]:
-        """What `cosim add --json` writes."""
+        """Values that `cosim add --json` writes."""
         return {
             "effect": self.effect,
             "params": dict(self.params),
@@ -87,14 +87,15 @@ def add(
     fixed: Mapping[str, Any] | None = None,
     seed: int = 0,
 ) -> Added:
-    """Fit an effect to a drive together with the noise and the like that the sensor has already.
+    """Fit an effect to a drive, jointly with the random effects of the drive.
 
     Args:
-        effect: its class, its name in the catalogue, or `path.py:ClassName`; one that the sensor has is fitted anew.
-        drive: measured, with a twin, or its folder.
-        sensor: the model, or its file.
-        fixed: parameters that are known and stay.
-        seed: of the sample.
+        effect: class of the effect, its name in the catalogue, or `path.py:ClassName`; an effect that the sensor
+            already has is fitted again.
+        drive: measured drive with a twin, or its folder.
+        sensor: sensor model or its file.
+        fixed: parameters with known values, which are not fitted.
+        seed: random seed of the sample.
 
     Raises:
         CosimError: the drive lacks points or a twin, or the twin does not fit it.
@@ -130,21 +131,23 @@ def add(
 
 
 def known_parameters(kind: type[Effect], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Parameters of an effect that are known, as the effect takes them.
+    """Validate user-supplied parameters of an effect.
 
     Raises:
-        SensorError: no such parameter, a value out of bounds, or an effect of which points tell nothing.
+        SensorError: unknown parameter, value out of bounds, or an effect that does not change points.
     """
-    strange = sorted(set(given) - set(kind.model_fields))
-    if strange:
+    unknown_names = sorted(set(given) - set(kind.model_fields))
+    if unknown_names:
         known = ", ".join(kind.model_fields) or "none"
-        raise SensorError(f"effect {kind.name} has no parameter {strange[0]!r}; parameters: {known}")
+        raise SensorError(f"effect {kind.name} has no parameter {unknown_names[0]!r}; parameters: {known}")
     try:
         checked = kind.model_validate({**kind.example, **given})
     except ValidationError as error:
         raise SensorError(f"effect {kind.name}: {first_problem(error)}; see `cosim effects {kind.name}`") from error
     if issubclass(kind, LabelEffect):
-        raise SensorError(f"effect {kind.name} changes labels, which points cannot tell; write it into the sensor file")
+        raise SensorError(
+            f"effect {kind.name} changes labels, not points, and cannot be fitted; write it into the sensor file"
+        )
     return {name: getattr(checked, name) for name in given}
 
 
@@ -155,16 +158,14 @@ def _start(
     effects: Sequence[Effect],
     fixed: Mapping[str, Any],
 ) -> tuple[tuple[Effect, ...], int, dict[str, Any]]:
-    """The effects with the new one at start values, its index, and intervals that are known already."""
+    """Return the effects with the new one at initial values, its index, and intervals that are already known."""
     others = tuple(effect for effect in effects if effect.name != kind.name)
     fitter, root = on.fitter, context.tracer.drive.root
     if issubclass(kind, RoundingEffect) and not fixed:
         at = fitter.at(others, on.fitted.estimate)
         found = find_lattices(fitter, at, [kind], np.random.default_rng([context.seed, 3]))
         if not found:
-            raise DriveError(
-                f"{root}: its values are no multiples of a step, as {kind.name} would make them; give its step"
-            )
+            raise DriveError(f"{root}: its values are not rounded as {kind.name} would do; pass the rounding step")
         return (*others, found[0].effect), len(others), found[0].interval
     if kind.neutral is None or all(name in fixed for name in kind.model_fields):
         return (*others, kind.model_validate({**kind.example, **fixed})), len(others), {}
@@ -178,7 +179,7 @@ def _start(
         for entry in entries
     ]
     if not fits:
-        raise DriveError(f"{root}: nothing in it depends on {kind.name}; give a drive that shows it")
+        raise DriveError(f"{root}: {kind.name} has no effect in this drive; pass a drive in which it is observable")
     best = max(fits, key=lambda fit: fit.loglik).fitted.effects
     effect = next(one for one in best if one.name == kind.name)
     return (*others, with_values(effect, fixed) if fixed else effect), len(others), {}

@@ -1,6 +1,6 @@
-"""Where the error comes from: noise, poses, objects, the map, what is missing, and what nobody knows.
+"""Attribution of the error to its sources: noise, poses, objects, map, missing effects and an unexplained rest.
 
-Frames are scored with what is merely not known of them taken out, kind by kind.
+Frames are scored with the random effects of poses, objects and map removed in turn.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ _Moved = tuple[np.ndarray | float, np.ndarray | float]
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Errors of a model on frames that took no part in its fit.
+    """Errors of a model on held-out frames.
 
     Attributes:
-        error: over all of them.
-        by_frame: (f,) of each.
-        beams: (f,) how many of each could be compared: what it counts for.
-        floor: the error that noise alone would make; None where nothing tells.
+        error: error over all frames (dimensionless, see `Totals.error`).
+        by_frame: (f,) error of each frame.
+        beams: (f,) number of comparable beams of each frame: its weight.
+        floor: error caused by noise only; None if it cannot be estimated.
     """
 
     error: float
@@ -44,7 +44,7 @@ class HeldOut:
 
     @property
     def standard_error(self) -> float:
-        """Of the error, from frame to frame; NaN of one frame."""
+        """Standard error of the error, from its variation over frames; NaN for one frame."""
         used = np.isfinite(self.by_frame) & (self.beams > 0)
         values, count = self.by_frame[used], int(used.sum())
         share = self.beams[used] / max(self.beams[used].sum(), 1)
@@ -55,15 +55,15 @@ class HeldOut:
 
 @dataclass(frozen=True, eq=False)
 class AlignedFrame:
-    """What a model expects of one frame, beam by beam, and how it fares.
+    """Prediction and scores of one frame, by beam.
 
     Attributes:
-        frame: measured and traced.
-        scores: with some random effects taken out.
-        expected: the same, the model's own chance left out.
-        sample: all beams, with what residuals may depend on.
-        prediction: of them, at the poses as given.
-        mixed: (n,) bool beams that may have met another material than the model says, so that brightness tells little.
+        frame: traced frame.
+        scores: scores with some random effects removed.
+        expected: expectation with the same random effects removed, without the model's random sampling.
+        sample: sample of all beams, with the covariates of residuals.
+        prediction: prediction for them, at uncorrected poses.
+        mixed: (n,) bool beams that may have hit another material, so that their intensity is ambiguous.
     """
 
     frame: TracedFrame
@@ -76,12 +76,12 @@ class AlignedFrame:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Frames seen by two models or in two ways: `before` and `after`, in the same order.
+    """The same frames under two models or alignments, in the same order.
 
     Attributes:
-        before, after: the frames under both.
+        before, after: frames under the first and the second model.
         align: aligns the same frames under other effects.
-        before_parts: parts of the budget whose random effects are taken out of `before`.
+        before_parts: sources of the budget whose random effects are removed from `before`.
     """
 
     before: Aligned
@@ -93,18 +93,18 @@ class Judged:
         return len(self.after)
 
     def pairs(self) -> Iterator[tuple[AlignedFrame, AlignedFrame]]:
-        """Each frame before and after; what is merely not known is out of both, unless `before_parts` is less."""
+        """Iterate over frames before and after, with random effects removed (those of `before_parts` in `before`)."""
         yield from zip(self.before.each(self.before_parts), self.after.each(), strict=True)
 
 
 class Aligned:
-    """Frames scored with random effects taken out of the residuals, kind by kind.
+    """Frames under one model, scored with the random effects of chosen sources removed.
 
     Args:
-        context: of the analysis.
-        on: frames and the random effects that were fitted to them.
-        effects: of the model.
-        beside: the same frames as other models see them; what only depends on beams is taken from there.
+        context: context of the analysis.
+        on: frames and the random effects fitted to them.
+        effects: effects of the model.
+        beside: the same frames under other models; traces of identically deflected beams are reused.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Aligned:
         self._effects = in_order(effects)
         bent = bending(self._effects)
         same = bent == bending(on.fitted.effects)
-        alike = next((one for one in beside if bending(one._effects) == bent), None)
+        alike = next((other for other in beside if bending(other._effects) == bent), None)
         if alike is not None:
             frames, self._samples = alike._frames, alike._samples
         else:
@@ -122,14 +122,14 @@ class Aligned:
         self._frames = frames
         self._random = on.fitter.random
         self._estimate = on.fitted.estimate if same else fit_random_effects(on, effects).estimate
-        if on.fitter.sample.of_own_map:  # aligned with the map as it is: a sample shows a part
-            alone = self._random.without(self._estimate, ("map", "albedo_of_map"))
-            self._estimate = fit_random_effects(on, effects, alone).estimate
+        if on.fitter.sample.of_own_map:  # a sample covers only part of the map: align with the unchanged map
+            without_map = self._random.without(self._estimate, ("map", "albedo_of_map"))
+            self._estimate = fit_random_effects(on, effects, without_map).estimate
         sizes = edge_tolerance(self._random, self._estimate)
-        self._wide = [one.unsure(*sizes) if any(sizes) else None for one in frames]
+        self._wide = [frame.unsure(*sizes) if any(sizes) else None for frame in frames]
         origin = context.sensor.origin
         self._members = [
-            Ensemble.of(one, self._effects, model_chance(0, number), origin) for number, one in enumerate(frames)
+            Ensemble.of(frame, self._effects, model_chance(0, number), origin) for number, frame in enumerate(frames)
         ]
         self._held_out: dict[tuple[str, ...], HeldOut] = {}
         self._moved: dict[tuple[str, ...], list[_Moved]] = {(): [(0.0, 1.0)] * len(frames)}
@@ -138,22 +138,22 @@ class Aligned:
         return len(self._frames)
 
     def error(self, parts: tuple[str, ...]) -> float:
-        """The one error with the random effects of some parts of the budget taken out."""
+        """Error with the random effects of some sources removed."""
         return self.held_out(parts).error
 
     def floor(self) -> float | None:
-        """The error of a model that is right up to noise."""
+        """Noise floor: error of a model that is correct up to noise; None if it cannot be estimated."""
         scores = self.scores(PARTS)
         expected = [self._expected(number, PARTS) for number in range(len(self._frames))]
-        found = [
-            estimate_floor(Neighbours.of(frame, one, told), one, told)
-            for frame, one, told in zip(self._frames, scores, expected, strict=True)
+        sums = [
+            estimate_floor(Neighbours.of(frame, frame_scores, expectation), frame_scores, expectation)
+            for frame, frame_scores, expectation in zip(self._frames, scores, expected, strict=True)
         ]
-        floor = NoiseFloor.of(found)
+        floor = NoiseFloor.of(sums)
         return None if floor is None else floor.error
 
     def each(self, parts: tuple[str, ...] = PARTS) -> Iterator[AlignedFrame]:
-        """Frame by frame, with the random effects of some parts of the budget taken out."""
+        """Iterate over the frames, with the random effects of some sources removed."""
         for number, (frame, scores) in enumerate(zip(self._frames, self.scores(parts), strict=True)):
             whole = self._whole[number]
             expected = self._expected(number, parts)
@@ -162,81 +162,84 @@ class Aligned:
             yield AlignedFrame(frame, scores, expected, whole.random.sample, whole.expected, mixed)
 
     def held_out(self, parts: tuple[str, ...] = ()) -> HeldOut:
-        """Errors frame by frame, with the random effects of some parts of the budget taken out."""
+        """Errors by frame, with the random effects of some sources removed."""
         if parts not in self._held_out:
-            each = [Totals.of(frame, scores) for frame, scores in zip(self._frames, self.scores(parts), strict=True)]
-            by_frame, beams = np.array([one.error for one in each]), np.array([one.beams for one in each])
-            self._held_out[parts] = HeldOut(sum(each, Totals()).error, by_frame, beams, None)
+            totals = [Totals.of(frame, scores) for frame, scores in zip(self._frames, self.scores(parts), strict=True)]
+            by_frame, beams = np.array([total.error for total in totals]), np.array([total.beams for total in totals])
+            self._held_out[parts] = HeldOut(sum(totals, Totals()).error, by_frame, beams, None)
         return self._held_out[parts]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the frames."""
+        """Names of the frames."""
         return tuple(frame.name for frame in self._frames)
 
     def scores(self, parts: tuple[str, ...] = PARTS) -> list[FrameScores]:
-        """Scores of each frame, with the random effects of some parts of the budget taken out."""
+        """Scores of each frame, with the random effects of some sources removed."""
         return [
             scored(frame, members, shift, gain, wide if parts else None)
             for frame, members, (shift, gain), wide in zip(
-                self._frames, self._members, self._of(parts), self._wide, strict=True
+                self._frames, self._members, self._shifts(parts), self._wide, strict=True
             )
         ]
 
-    def _of(self, parts: tuple[str, ...]) -> list[_Moved]:
-        """By frame, (n,) shift of predicted ranges [m] and factor of intensities."""
+    def _shifts(self, parts: tuple[str, ...]) -> list[_Moved]:
+        """For each frame, (n,) shift of predicted ranges [m] and factor on intensities."""
         if parts not in self._moved:
-            self._moved[parts] = [one.shifts(parts) for one in self._whole]
+            self._moved[parts] = [whole.shifts(parts) for whole in self._whole]
         return self._moved[parts]
 
     @cached_property
     def _whole(self) -> list[_Whole]:
-        """Every beam of each frame, with its random effects."""
+        """All beams of each frame with their random effects."""
         return [
             _Whole.of(self._random, self._estimate, number, self._sample_of(frame), self._prediction_of(number))
             for number, frame in enumerate(self._frames)
         ]
 
     def _sample_of(self, frame: TracedFrame) -> Sample:
-        """All beams of a frame."""
+        """Return the sample of all beams of a frame (cached)."""
         if frame not in self._samples:
             self._samples[frame] = whole_sample(frame)
         return self._samples[frame]
 
     def _prediction_of(self, number: int) -> Prediction:
-        """Of all beams of a frame."""
+        """Predict all beams of a frame."""
         frame = self._frames[number]
         return self._sample_of(frame).predict_traced(self._effects, frame.shot, self._expectations[number])
 
     @cached_property
     def _expectations(self) -> list[Expectation]:
-        return [expect(self._effects, frame.shot, (frame.unsure_m, frame.unsure_intensity)) for frame in self._frames]
+        return [
+            expect(self._effects, frame.shot, (frame.twin_sigma_m, frame.twin_sigma_intensity))
+            for frame in self._frames
+        ]
 
     def _expected(self, number: int, parts: tuple[str, ...]) -> Expectation:
-        """What is expected of a frame's beams, random effects of some parts in it."""
-        told, (shift, gain) = self._expectations[number], self._of(parts)[number]
-        return replace(told, range_m=told.range_m + shift, intensity=told.intensity * gain)
+        """Expectation of a frame's beams, adjusted by the random effects of some sources."""
+        expectation, (shift, gain) = self._expectations[number], self._shifts(parts)[number]
+        return replace(expectation, range_m=expectation.range_m + shift, intensity=expectation.intensity * gain)
 
 
 @dataclass(frozen=True, eq=False)
 class _Whole:
-    """All beams of one frame, what is expected of them, and their random effects."""
+    """All beams of one frame: prediction and random effects."""
 
     random: RandomEffects
-    told: Estimate
+    estimate: Estimate
     expected: Prediction
 
     @classmethod
     def of(cls, random: RandomEffects, estimate: Estimate, scan: int, sample: Sample, expected: Prediction) -> _Whole:
-        """Random effects of a frame as they were estimated from a sample in which it is scan number `scan`."""
+        """Transfer the random effects of a frame from a sample in which it is scan number `scan`."""
         has_poses = random.rows("poses").stop > random.rows("poses").start
         own = RandomEffects(sample, has_poses=has_poses)
         return cls(own, own.transferred(random, estimate, scan), expected)
 
     def shifts(self, parts: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """What those of some parts do: (n,) shift of ranges [m] and factor of intensities."""
-        u = np.where(self.random.of_part(parts), self.told.u, 0.0)
-        moved = self.random.adjusted(self.expected, Estimate(u, self.told.variance))
+        """Effect of the random effects of some sources: (n,) shift of ranges [m] and factor on intensities."""
+        u = np.where(self.random.of_part(parts), self.estimate.u, 0.0)
+        moved = self.random.adjusted(self.expected, Estimate(u, self.estimate.variance))
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = np.where(self.expected.intensity > 0, moved.intensity / self.expected.intensity, 1.0)
         return np.nan_to_num(moved.range_m - self.expected.range_m), gain
@@ -244,18 +247,18 @@ class _Whole:
 
 @dataclass(frozen=True, eq=False)
 class Budget:
-    """An error and what it is made of, on frames that took no part in fitting effects.
+    """An error and its sources, on held-out frames.
 
     Attributes:
-        error: of the model as it was given, at the poses as given.
-        error_aligned: of the model as it ends, poses, objects and surfaces where the fit has them.
-        given_aligned: the same of the model as it was given.
-        floor: the error of a model that is right up to noise, on the beams of `error_aligned`; None if not known.
-        parts: noise, poses, objects, map, missing and unexplained; they add up to `error`. Each is the mean fall
-            of the error over orders in which the parts are taken out, so that what two of them could explain counts
-            half to each.
-        steps: errors at the poses as given, of the model with none of what was found, one, two and so on.
-        aligned_steps: the same, poses, objects and surfaces where the fit has them.
+        error: error of the initial model at uncorrected poses.
+        error_aligned: error of the final model after alignment of poses, objects and surfaces.
+        given_aligned: the same for the initial model.
+        floor: error of a model that is correct up to noise, on the beams of `error_aligned`; None if unknown.
+        parts: noise, poses, objects, map, missing and unexplained; the sum is `error`. Each part is the mean decrease
+            of the error over orders of removing the parts, so that error that two parts could explain is divided
+            equally between them.
+        steps: errors at uncorrected poses of the model with 0, 1, 2, … findings.
+        aligned_steps: the same after alignment.
     """
 
     error: float
@@ -268,35 +271,42 @@ class Budget:
 
 
 def budget_of(context: Context, on: FittedFrames, models: Sequence[tuple[Effect, ...]]) -> tuple[Budget, Judged]:
-    """The budget of a model, or of one that effects were added to, and the frames that it was judged by.
+    """Compute the budget of a model, or of a model to which effects were added.
 
     Args:
-        context: of the analysis.
-        on: frames that judge, as they are told in the end.
-        models: the effects as given, and after every finding.
+        context: context of the analysis.
+        on: validation frames, fitted with the final model.
+        models: effects of the initial model and after each finding.
+
+    Returns:
+        the budget, and the validation frames under the initial and the final model.
     """
     last = Aligned(context, on, models[-1])
-    seen = [Aligned(context, on, models[0], [last])] if len(models) > 1 else []
+    aligned_models = [Aligned(context, on, models[0], [last])] if len(models) > 1 else []
     for effects in models[1:-1]:
-        seen.append(Aligned(context, on, effects, [seen[-1], last]))
-    seen.append(last)
-    first, floor, aligned = seen[0], last.floor(), last.error(PARTS)
-    noise = aligned if floor is None else min(floor, aligned)
+        aligned_models.append(Aligned(context, on, effects, [aligned_models[-1], last]))
+    aligned_models.append(last)
+    first, floor, error_aligned = aligned_models[0], last.floor(), last.error(PARTS)
+    noise = error_aligned if floor is None else min(floor, error_aligned)
     parts = {"noise": noise}
-    for place, name in enumerate(PARTS):
-        before, after, rest = PARTS[:place], PARTS[: place + 1], PARTS[place + 1 :]
-        orders = ((before, after), (rest, PARTS[place:]))
-        falls = [one.error(more) - one.error(less) for one in (first, last) for more, less in orders]
-        parts[name] = float(np.mean(falls))
+    for index, name in enumerate(PARTS):
+        before, after, others = PARTS[:index], PARTS[: index + 1], PARTS[index + 1 :]
+        orders = ((before, after), (others, PARTS[index:]))
+        decreases = [
+            model.error(fewer_removed) - model.error(more_removed)
+            for model in (first, last)
+            for fewer_removed, more_removed in orders
+        ]
+        parts[name] = float(np.mean(decreases))
     parts["missing"] = 0.5 * (first.error(()) - last.error(()) + first.error(PARTS) - last.error(PARTS))
-    parts["unexplained"] = aligned - noise
-    steps, of_aligned = (tuple(one.held_out(which) for one in seen) for which in ((), PARTS))
-    return Budget(first.error(()), aligned, first.error(PARTS), floor, parts, steps, of_aligned), Judged(
+    parts["unexplained"] = error_aligned - noise
+    steps, aligned_steps = (tuple(model.held_out(which) for model in aligned_models) for which in ((), PARTS))
+    return Budget(first.error(()), error_aligned, first.error(PARTS), floor, parts, steps, aligned_steps), Judged(
         first, last, lambda effects: Aligned(context, on, tuple(effects), [first, last])
     )
 
 
 def held_out(context: Context, on: FittedFrames, effects: Sequence[Effect]) -> HeldOut:
-    """Errors of effects on frames at the poses as given, and the floor with everything aligned."""
-    one = Aligned(context, on, tuple(effects))
-    return replace(one.held_out(), floor=one.floor())
+    """Errors of effects on frames at uncorrected poses, and the noise floor after alignment."""
+    aligned = Aligned(context, on, tuple(effects))
+    return replace(aligned.held_out(), floor=aligned.floor())

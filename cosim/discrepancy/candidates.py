@@ -1,4 +1,4 @@
-"""The effects that may be missing, with as many numbers as the sensor has lasers, and where to look for each."""
+"""Candidate effects: their fittable parameters, amplitudes, and weak forms for linearisation."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _SMALL = 0.02
 
 @dataclass(frozen=True)
 class Unknown:
-    """One number of an effect that can be fitted, or one a ring.
+    """A parameter of an effect that can be fitted.
 
     Attributes:
-        name: of the parameter.
-        step: for finite differences.
-        low, high: bounds.
-        rings: how many numbers, 1 for plain ones.
+        name: name of the parameter.
+        step: step of finite differences, in the parameter's unit.
+        low, high: bounds; infinite if there are none.
+        rings: number of values: one per ring, or 1.
     """
 
     name: str
@@ -34,40 +34,40 @@ class Unknown:
 
 
 def unknowns(kind: type[Effect]) -> tuple[Unknown, ...]:
-    """What can be fitted of an effect: its numbers, in order."""
-    found = []
+    """Fittable parameters of an effect, in order; parameters with choices are excluded."""
+    parameters = []
     for parameter in kind.parameters():
         if parameter.choices:
             continue
         rings = len(kind.example[parameter.name]) if parameter.per_ring else 1
         low = -np.inf if parameter.low is None else parameter.low
         high = np.inf if parameter.high is None else parameter.high
-        found.append(Unknown(parameter.name, _scale(kind, parameter.name) * _SMALL, low, high, rings))
-    return tuple(found)
+        parameters.append(Unknown(parameter.name, _scale(kind, parameter.name) * _SMALL, low, high, rings))
+    return tuple(parameters)
 
 
 def amplitudes(kind: type[Effect]) -> tuple[str, ...]:
-    """Parameters that switch an effect on: numbers that do nothing at 0, or that its example changes."""
+    """Names of the parameters that switch an effect on: neutral at 0, or different in its example."""
     neutral, shaped = kind.neutral or {}, {name for shape in kind.shapes for name in shape}
     names = []
     for unknown in unknowns(kind):
-        still = np.all(np.equal(neutral[unknown.name], 0)) or neutral[unknown.name] != kind.example[unknown.name]
-        if still and unknown.name not in shaped:
+        is_amplitude = np.all(np.equal(neutral[unknown.name], 0)) or neutral[unknown.name] != kind.example[unknown.name]
+        if is_amplitude and unknown.name not in shaped:
             names.append(unknown.name)
     return tuple(names)
 
 
 def weak_forms(kind: type[Effect]) -> Iterator[tuple[Effect, str, float]]:
-    """An effect weakly on, the amplitude that does it and by how much, for each amplitude and shape.
+    """Yield the effect with a small amplitude, the name of the amplitude and its change, for each amplitude and shape.
 
-    Shapes that leave no amplitude are whole settings of their own; their amplitude is empty.
+    For effects without amplitude each shape is yielded with an empty name and a change of 1.
     """
     neutral = dict(kind.neutral or kind.example)
     names = amplitudes(kind)
     for shape in kind.shapes or ({},):
         off = {**neutral, **shape}
         for name in names:
-            weak = _between(neutral[name], kind.example[name], _SMALL, _scale(kind, name))
+            weak = _weak_value(neutral[name], kind.example[name], _SMALL, _scale(kind, name))
             step = float(np.mean(np.subtract(weak, neutral[name])))
             yield kind.model_validate({**off, name: weak}), name, step
         if not names:
@@ -75,7 +75,7 @@ def weak_forms(kind: type[Effect]) -> Iterator[tuple[Effect, str, float]]:
 
 
 def with_values(effect: Effect, values: Mapping[str, Any]) -> Effect:
-    """An effect with some parameters changed, within their bounds."""
+    """Return the effect with some parameters changed, clipped to their bounds."""
     kind = type(effect)
     clipped: dict[str, Any] = {}
     for name, value in values.items():
@@ -88,35 +88,35 @@ def with_values(effect: Effect, values: Mapping[str, Any]) -> Effect:
 
 
 def candidate_effects(extra: Sequence[type[Effect]] = (), rings: int = 64) -> tuple[type[Effect], ...]:
-    """Effects that a diagnosis asks for: of the catalogue, installed ones, and the user's own.
+    """Effects that a diagnosis tests: of the catalogue, installed plug-ins, and user-supplied ones.
 
     Args:
-        extra: the user's own.
-        rings: lasers of the sensor.
+        extra: user-supplied effects.
+        rings: number of lasers of the sensor, the length of per-laser parameters.
     """
     kinds = {kind.name: kind for kind in effect_classes().values() if kind.is_candidate}
     kinds.update({kind.name: kind for kind in extra})
-    return tuple(for_rings(kind, rings) for kind in kinds.values() if _is_asked_for(kind))
+    return tuple(for_rings(kind, rings) for kind in kinds.values() if _is_observable(kind))
 
 
 def confusable(one: type[Effect], other: type[Effect]) -> bool:
-    """Whether either says that the other's traces look like its own."""
+    """Whether one of the effects declares the other as confusable."""
     return one.name in other.confusable_with or other.name in one.confusable_with
 
 
-def _is_asked_for(kind: type[Effect]) -> bool:
-    shows = kind.neutral is not None or issubclass(kind, RoundingEffect)
-    return shows and kind.stage not in ("label", "traffic")
+def _is_observable(kind: type[Effect]) -> bool:
+    has_neutral = kind.neutral is not None or issubclass(kind, RoundingEffect)
+    return has_neutral and kind.stage not in ("label", "traffic")
 
 
 def _scale(kind: type[Effect], name: str) -> float:
-    """A natural size of a parameter."""
+    """Natural scale of a parameter: the difference of example and neutral value."""
     example = np.mean(np.abs(kind.example[name]))
     apart = np.mean(np.abs(np.subtract(kind.example[name], (kind.neutral or kind.example)[name])))
     return float(apart or example or 1.0)
 
 
-def _between(neutral: Any, example: Any, share: float, scale: float) -> Any:
+def _weak_value(neutral: Any, example: Any, share: float, scale: float) -> Any:
     if isinstance(neutral, tuple | list):
         return tuple(float(value) + share * scale for value in neutral)
     return neutral + share * (example - neutral if example != neutral else scale)

@@ -107,7 +107,7 @@ class Diagnosis:
 
     Attributes:
         effects: missing effects of the catalogue, in the order in which they were added.
-        ranking: candidates of the first round, the likeliest first.
+        ranking: candidates of the first round, the most likely first.
         unknowns: dependences that no candidate explains.
         unexplained: dependences that are still significant in the end.
         either_or: names of terms that these data cannot separate, the selected one first.
@@ -119,7 +119,7 @@ class Diagnosis:
         spreads: standard deviations of the nuisance parameters, by name with unit.
         labels: result for labelled boxes if there are any; a missing label effect is in the improved model.
         notes: what these data cannot determine, a sentence each.
-        judged: the held-out frames under the initial and the final model, for pages.
+        judged: held-out frames under the initial and the final model, for pages.
         refitted: `params` and `ci95` of the effects of the sensor that were refitted, by name.
         worth: the change of a detector's average precision by each finding, if requested.
         settings: numeric choices.
@@ -239,7 +239,7 @@ class Diagnosis:
         }
 
     def write_sensor(self, path: str | Path) -> Path:
-        """Write the improved sensor to a file, and unknown effects as plug-ins beside it; returns the path.
+        """Write the improved sensor to a file, and unknown effects as plug-ins next to it; returns the path.
 
         Raises:
             OutputError: the folder cannot be written.
@@ -254,48 +254,48 @@ class Diagnosis:
         return headline(self, Vocabulary([type(effect) for effect in self.sensor.effects]))
 
 
-def headline(found: Diagnosis, words: Vocabulary) -> str:
+def headline(diagnosis: Diagnosis, words: Vocabulary) -> str:
     """The summary line of `cosim diagnose`."""
-    no_fall = {change.name for change in found.changes if not change.is_fall}
-    parts = [_finding_words(finding, words, finding.effect in no_fall) for finding in found.effects]
+    no_fall = {change.name for change in diagnosis.changes if not change.is_fall}
+    parts = [_finding_words(finding, words, finding.effect in no_fall) for finding in diagnosis.effects]
     if parts:
-        ambiguous = any(finding.also_possible for finding in found.effects)
+        ambiguous = any(finding.also_possible for finding in diagnosis.effects)
         parts[0] = f"{'ambiguous' if ambiguous else 'missing'}: {parts[0]}"
-    for unknown in found.unknowns:
+    for unknown in diagnosis.unknowns:
         p_value = p_words(unknown.curve.p_value)
         parts.append(f"unknown: {unknown_words(unknown)}, {p_value}{NO_FALL if unknown.name in no_fall else ''}")
-    if found.labels is not None and found.labels.verdict == "missing":
-        parts.append(str(found.labels))
-    if found.unexplained:
-        parts.append(f"unexplained: {listed([unexplained_words(row) for row in found.unexplained[:FEW]])}")
-    if not parts and found.is_above_floor:
+    if diagnosis.labels is not None and diagnosis.labels.verdict == "missing":
+        parts.append(str(diagnosis.labels))
+    if diagnosis.unexplained:
+        parts.append(f"unexplained: {listed([unexplained_words(row) for row in diagnosis.unexplained[:FEW]])}")
+    if not parts and diagnosis.is_above_floor:
         parts.append("unexplained: the error is above the noise floor, and no hypothesis is significant")
     if not parts:
-        smallest = smallest_words(found, words, most=3)
+        smallest = smallest_words(diagnosis, words, most=3)
         parts.append(f"nothing missing: no significant effect{f'; detectable: {smallest}' if smallest else ''}")
-    return f"{'; '.join(parts)}; {budget_words(found, is_complete=found.verdict == 'none')}"
+    return f"{'; '.join(parts)}; {budget_words(diagnosis, is_complete=diagnosis.verdict == 'none')}"
 
 
 NO_FALL = " (does not lower the error)"
 
 
-def budget_words(found: Diagnosis, *, is_complete: bool) -> str:
+def budget_words(diagnosis: Diagnosis, *, is_complete: bool) -> str:
     """The sources of the error: `held-out error 1.32, 4.3 × the noise floor, of which poses 3.1; aligned 0.31, …`.
 
     Args:
-        found: the diagnosis.
+        diagnosis: diagnosis to show.
         is_complete: whether nothing is missing.
     """
-    budget, line = found.budget, f"{error_words(found)} {found.error_before:.3f}"
+    budget, line = diagnosis.budget, f"{error_words(diagnosis)} {diagnosis.error_before:.3f}"
     if not budget.floor:
-        fall = _fall(found.error_before, found.error_after)
-        return f"{error_words(found)} {fall}; the noise floor cannot be determined"
+        fall = _fall(diagnosis.error_before, diagnosis.error_after)
+        return f"{error_words(diagnosis)} {fall}; the noise floor cannot be determined"
     sources = source_words(budget.parts, budget.floor, is_complete=is_complete)
     aligned = _fall(budget.given_aligned, budget.error_aligned)
     line += f", {times(budget.error / budget.floor)} the noise floor{sources and f', of which {sources}'}"
-    if found.effects or found.unknowns:
-        line += f"; {found.error_after:.3f} with all findings"
-    return f"{line}; aligned {aligned}, {floor_words(found)}"
+    if diagnosis.effects or diagnosis.unknowns:
+        line += f"; {diagnosis.error_after:.3f} with all findings"
+    return f"{line}; aligned {aligned}, {floor_words(diagnosis)}"
 
 
 def _fall(before: float, after: float) -> str:
@@ -304,31 +304,31 @@ def _fall(before: float, after: float) -> str:
     return f"{before:.3f}" if same else f"{before:.3f} → {after:.3f}"
 
 
-def floor_words(found: Diagnosis) -> str:
+def floor_words(diagnosis: Diagnosis) -> str:
     """The final aligned error relative to the noise floor; empty without a noise floor."""
-    above = found.above_floor
+    above = diagnosis.above_floor
     if above is None:
         return ""
-    return f"{times(1 + above)} the noise floor" if found.is_above_floor else "at the noise floor"
+    return f"{times(1 + above)} the noise floor" if diagnosis.is_above_floor else "at the noise floor"
 
 
-def error_words(found: Diagnosis) -> str:
+def error_words(diagnosis: Diagnosis) -> str:
     """Name of the error of a diagnosis."""
-    return "held-out error" if found.split.is_held_out else "error on the fitted frames"
+    return "held-out error" if diagnosis.split.is_held_out else "error on the fitted frames"
 
 
-def smallest_words(found: Diagnosis, words: Vocabulary, most: int) -> str:
+def smallest_words(diagnosis: Diagnosis, words: Vocabulary, most: int) -> str:
     """The smallest detectable amplitudes of a few effects, those of common effects first."""
-    rows = [row for row in smallest_rows(found) if words.is_possible(*row)]
+    rows = [row for row in smallest_rows(diagnosis) if words.is_possible(*row)]
     rows.sort(key=lambda row: _PLAIN.index(row[0]) if row[0] in _PLAIN else len(_PLAIN))
     return ", ".join(f"{effect} from {words.quantity(effect, name, value)}" for effect, name, value in rows[:most])
 
 
-def smallest_rows(found: Diagnosis) -> list[tuple[str, str, float]]:
+def smallest_rows(diagnosis: Diagnosis) -> list[tuple[str, str, float]]:
     """Effect, amplitude and smallest detectable value, where it is above 0."""
     return [
         (effect, name, value)
-        for effect, values in sorted(found.smallest_detectable.items())
+        for effect, values in sorted(diagnosis.smallest_detectable.items())
         for name, value in values.items()
         if np.isfinite(value) and value > 0
     ]

@@ -1,9 +1,9 @@
-"""What error noise alone makes, estimated from neighbouring beams.
+"""Noise floor: the error that noise alone causes, estimated from neighbouring beams.
 
-Two beams fired one after the other at one surface share whatever a model may lack; what they do not share is noise.
-The mean distance of two independent draws is twice the CRPS that the true distribution gets on average.
-Counts of spurious returns are off by chance, too: their law is Poisson's, whose mean distance from its mean λ, and from
-a mean over few members of an ensemble, is that of a normal law, √(2λ(1 + 1/members)/π).
+Two consecutive beams on one surface share the errors of the model; their difference is noise. The mean distance of two
+independent draws is twice the expected CRPS of the true distribution. The number of spurious returns is
+Poisson-distributed with mean λ; its mean absolute deviation from the mean over the members of an ensemble is
+√(2λ(1 + 1/members)/π) in the normal approximation.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from sensors.effects.expectation import Expectation
 
 @dataclass(frozen=True, eq=False)
 class NoiseFloor:
-    """The error of a model that is right up to noise.
+    """The error of a model that is correct up to noise.
 
     Attributes:
-        error: in the terms of `compare`.
-        parts: by channel, in its own unit.
-        how: how it is known.
+        error: error as in `compare` (dimensionless).
+        parts: mean score by channel, in the channel's unit (see `Totals.parts`).
+        how: description of the estimate.
     """
 
     error: float
@@ -34,16 +34,16 @@ class NoiseFloor:
 
     @classmethod
     def of(cls, sums: Sequence[dict[str, tuple[float, int]]]) -> NoiseFloor | None:
-        """From the sums of all frames; None where nothing matched."""
+        """Combine the sums of all frames; None without matched returns."""
         parts = {}
         for name in ("range", "intensity", "drop"):
-            total = sum(one[name][0] for one in sums if name in one)
-            count = sum(one[name][1] for one in sums if name in one)
+            total = sum(frame_sums[name][0] for frame_sums in sums if name in frame_sums)
+            count = sum(frame_sums[name][1] for frame_sums in sums if name in frame_sums)
             if count:
                 parts[name] = total / count
         if "range" not in parts:
             return None
-        strays, beams = (sum(one["spurious"][part] for one in sums) for part in (0, 1))
+        strays, beams = (sum(frame_sums["spurious"][part] for frame_sums in sums) for part in (0, 1))
         parts["spurious"] = 1000 * float(np.sqrt(2 / np.pi * (1 + 1 / MEMBERS) * strays)) / max(beams, 1)
         error = float(np.mean([parts[name] / SCALES[name] for name in parts]))
         return cls(error, parts, "estimated from how much neighbouring beams on one surface differ")
@@ -51,11 +51,11 @@ class NoiseFloor:
 
 @dataclass(frozen=True, eq=False)
 class Neighbours:
-    """How neighbouring beams of a frame differ.
+    """Differences of neighbouring beams of a frame.
 
     Attributes:
-        pair: (n − 1,) bool: beams and the next of the same ring at the same surface.
-        gaps: by channel, (k,) differences of their residuals, and the variances (k,) stated for these.
+        pair: (n − 1,) bool whether a beam and the next one are in the same ring and hit the same surface.
+        gaps: by channel, (k,) differences of their residuals, and (k,) stated variances of the differences.
     """
 
     pair: np.ndarray
@@ -63,11 +63,11 @@ class Neighbours:
 
     @classmethod
     def of(cls, frame: TracedFrame, scores: FrameScores, expected: Expectation) -> Neighbours:
-        """Those of a frame with its scores.
+        """Compute the differences of a frame.
 
         Args:
-            frame, scores: of the frame.
-            expected: by the model, its own chance left out, which would add to the noise.
+            frame, scores: traced frame and its scores.
+            expected: expectation of the model, without its random sampling, which would add noise.
         """
         solid, ring = frame.shot.hits.solid, frame.shot.rays.ring
         pair = (ring[1:] == ring[:-1]) & (solid.instance[1:] == solid.instance[:-1])
@@ -86,20 +86,20 @@ class Neighbours:
 
 
 def estimate_floor(beside: Neighbours, scores: FrameScores, expected: Expectation) -> dict[str, tuple[float, int]]:
-    """Sums and counts of a frame's scores by channel, as noise alone would make them.
+    """Sums and counts of a frame's scores by channel if there were only noise.
 
     Args:
-        beside: of the frame.
-        scores, expected: as they are of.
+        beside: differences of neighbouring beams of the frame.
+        scores, expected: scores and expectation that they were computed from.
     """
-    gap, bright = np.minimum(np.abs(beside.gaps["range"][0]), CLIP_M), beside.gaps["intensity"][0]
-    found = {"range": (float(gap.sum()) / 2, len(gap))}
-    if len(bright):
-        found["intensity"] = (float(np.abs(bright).sum()) / 2, len(bright))
+    gap, intensity_gap = np.minimum(np.abs(beside.gaps["range"][0]), CLIP_M), beside.gaps["intensity"][0]
+    sums = {"range": (float(gap.sum()) / 2, len(gap))}
+    if len(intensity_gap):
+        sums["intensity"] = (float(np.abs(intensity_gap).sum()) / 2, len(intensity_gap))
     outcome = (~np.isnan(scores.measured_m)).astype(float)
-    # Independent outcomes of one chance p differ with probability 2p(1 − p), twice the Brier score of saying p; those
-    # of chances p and q do so by (p − q)² more.
-    apart = np.abs(np.diff(outcome)) - np.diff(expected.seen) ** 2
-    found["drop"] = (max(float(apart[beside.pair].sum()), 0.0) / 2, int(beside.pair.sum()))
-    found["spurious"] = scores.foreseen, int((~scores.ambiguous).sum())
-    return found
+    # Independent outcomes with probability p differ with probability 2p(1 − p), twice the Brier score of the forecast
+    # p. With probabilities p and q, (p − q)² is added.
+    excess = np.abs(np.diff(outcome)) - np.diff(expected.seen) ** 2
+    sums["drop"] = (max(float(excess[beside.pair].sum()), 0.0) / 2, int(beside.pair.sum()))
+    sums["spurious"] = scores.foreseen, int((~scores.ambiguous).sum())
+    return sums

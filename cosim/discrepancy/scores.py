@@ -1,7 +1,7 @@
-"""The one error, and what it is made of.
+"""The error of a model and its channels: fair proper scores of ensemble predictions.
 
-Predictions are ensembles: the sensor model is run several times, and its scores are those of the empirical
-distribution made fair for the number of members (Ferro, Q. J. R. Meteorol. Soc. 2014), so that few suffice.
+The sensor model is sampled several times. The scores are those of the empirical distribution with a correction for the
+number of members (fair scores; Ferro, Q. J. R. Meteorol. Soc. 140, 2014), so that a few members suffice.
 """
 
 from __future__ import annotations
@@ -23,29 +23,29 @@ SCALES = {"range": 0.01, "intensity": 0.05, "drop": 0.02, "spurious": 1.0}
 
 
 def model_chance(seed: int, number: int) -> np.random.Generator:
-    """The model's chance in a frame: another than the one that `cosim run` measures frames of that number with.
+    """Random generator for sampling the model in a frame, independent of the one of `cosim run`.
 
-    A model that draws the very noise that a simulated drive was made with would be better than its noise lets be.
+    With the same generator the model could reproduce the noise of a simulated drive, and the error would be too low.
     """
     return np.random.default_rng([seed, number, _STREAM])
 
 
 @dataclass(frozen=True, eq=False)
 class FrameScores:
-    """What a model says of one frame and how it fares, by beam.
+    """Predictions and scores of one frame, by beam.
 
     Attributes:
-        range_m: (n,) mean predicted range; NaN where nothing is expected.
-        measured_m: (n,) measured range; NaN where nothing returned.
-        intensity, measured_intensity: (n,).
-        expected: (n,) share of members in which the surface returns.
-        matched: (n,) bool: returned from about where the model expects.
-        spurious: (n,) bool: returned from where nothing is.
-        ambiguous: (n,) bool: at edges, or not trusted.
-        range_score, intensity_score: (n,) CRPS; NaN where not matched.
-        brier: (n,) fair Brier score of returning; NaN where ambiguous.
-        foreseen: expected number of spurious returns.
-        stray: (n,) expected share of them by beam; 0 where ambiguous.
+        range_m: (n,) mean predicted range [m]; NaN if no return is predicted.
+        measured_m: (n,) measured range [m]; NaN without a return.
+        intensity, measured_intensity: (n,) mean predicted and measured intensity.
+        expected: (n,) share of members with a return of the surface.
+        matched: (n,) bool returns close to the predicted range.
+        spurious: (n,) bool returns away from all surfaces of the beam.
+        ambiguous: (n,) bool beams at edges, or not comparable.
+        range_score, intensity_score: (n,) CRPS ([m]; intensity); NaN if not matched.
+        brier: (n,) fair Brier score of the return; NaN if ambiguous.
+        foreseen: predicted number of spurious returns.
+        stray: (n,) predicted probability of a spurious return by beam; 0 if ambiguous.
     """
 
     range_m: np.ndarray
@@ -65,7 +65,22 @@ class FrameScores:
 
 @dataclass(frozen=True, eq=False)
 class Totals:
-    """Sums over frames from which all figures follow."""
+    """Sums over frames from which all statistics are computed; sums can be added.
+
+    Attributes:
+        frames, points, beams: numbers of frames, points and unambiguous beams.
+        matched: number of matched returns.
+        squared, absolute, signed: sums of their range residuals squared [m²], absolute [m] and signed [m].
+        range_score: sum of their CRPS [m].
+        lit: number of matched returns with intensity.
+        intensity_squared, intensity_signed, intensity_score: sums of their intensity residuals and CRPS.
+        brier: sum of Brier scores.
+        dropped: number of beams without the predicted return.
+        foreseen_drops: predicted number of dropped returns.
+        hit_drops: sum of the predicted drop probabilities of beams that were dropped.
+        spurious, foreseen: measured and predicted number of spurious returns.
+        strays, bad: numbers of points that fit no beam, and with NaN or infinity.
+    """
 
     frames: int = 0
     points: int = 0
@@ -93,14 +108,14 @@ class Totals:
 
     @classmethod
     def of(cls, frame: TracedFrame, scores: FrameScores) -> Totals:
-        """Those of one frame."""
+        """Compute the sums of one frame."""
         matched = scores.matched
         residual = (scores.measured_m - scores.range_m)[matched].astype(np.float64)
-        lit = matched & np.isfinite(scores.intensity_score)
-        bright = (scores.measured_intensity - scores.intensity)[lit].astype(np.float64)
+        has_intensity = matched & np.isfinite(scores.intensity_score)
+        intensity_residual = (scores.measured_intensity - scores.intensity)[has_intensity].astype(np.float64)
         clear = ~scores.ambiguous
-        could = clear & (scores.expected > 0)
-        missing = could & np.isnan(scores.measured_m)
+        is_predicted = clear & (scores.expected > 0)
+        is_dropped = is_predicted & np.isnan(scores.measured_m)
         return cls(
             frames=1,
             points=frame.observed.points,
@@ -110,14 +125,14 @@ class Totals:
             absolute=float(np.abs(residual).sum()),
             signed=float(residual.sum()),
             range_score=float(scores.range_score[matched].sum()),
-            lit=int(lit.sum()),
-            intensity_squared=float(bright @ bright),
-            intensity_signed=float(bright.sum()),
-            intensity_score=float(scores.intensity_score[lit].sum()),
+            lit=int(has_intensity.sum()),
+            intensity_squared=float(intensity_residual @ intensity_residual),
+            intensity_signed=float(intensity_residual.sum()),
+            intensity_score=float(scores.intensity_score[has_intensity].sum()),
             brier=float(np.nansum(scores.brier)),
-            dropped=int(missing.sum()),
-            foreseen_drops=float((1 - scores.expected[could]).sum()),
-            hit_drops=float((1 - scores.expected[missing]).sum()),
+            dropped=int(is_dropped.sum()),
+            foreseen_drops=float((1 - scores.expected[is_predicted]).sum()),
+            hit_drops=float((1 - scores.expected[is_dropped]).sum()),
             spurious=int(scores.spurious.sum()),
             foreseen=scores.foreseen,
             strays=frame.observed.strays,
@@ -125,7 +140,7 @@ class Totals:
         )
 
     def parts(self) -> dict[str, float]:
-        """Mean score of each channel that is present, in its own unit."""
+        """Mean score of each channel that is present: range [m], intensity, drop, spurious (per 1000 beams)."""
         parts = {}
         if self.matched:
             parts["range"] = self.range_score / self.matched
@@ -138,18 +153,18 @@ class Totals:
 
     @property
     def error(self) -> float:
-        """The one number."""
+        """Mean of the channels' scores, each divided by its scale in `SCALES`; NaN without any."""
         parts = self.parts()
         return float(np.mean([parts[name] / SCALES[name] for name in parts])) if parts else float("nan")
 
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """What several runs of a model say of one frame.
+    """Ensemble prediction of one frame.
 
     Attributes:
-        range_m, intensity: (m, n) of the members before they are rounded; NaN for no return.
-        rounding: effects that round them, one after the other.
+        range_m, intensity: (m, n) values of the members before rounding ([m]; 0 to 1); NaN for no return.
+        rounding: rounding effects, in the order in which they act.
     """
 
     range_m: np.ndarray
@@ -158,11 +173,11 @@ class Ensemble:
 
     @classmethod
     def of(cls, frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Generator, origin: str) -> Ensemble:
-        """Of effects in the order in which they act, one member where chance plays no part; see `score_frame`."""
+        """Sample the effects, given in the order in which they act; one member if the model is deterministic."""
         ranges = np.full((MEMBERS, len(frame.shot.rays)), np.nan, np.float32)
         intensities = ranges.copy()
-        rounding = tuple(one for one in effects if isinstance(one, RoundingEffect))
-        effects = [one for one in effects if not isinstance(one, RoundingEffect)]
+        rounding = tuple(effect for effect in effects if isinstance(effect, RoundingEffect))
+        effects = [effect for effect in effects if not isinstance(effect, RoundingEffect)]
         for member in range(MEMBERS):
             returns = act_on_returns(effects, returns_of(frame.shot.hits), frame.shot, Streams(rng), origin)
             first = np.flatnonzero(returns.return_no == 0)
@@ -174,7 +189,7 @@ class Ensemble:
         return cls(ranges, intensities, rounding)
 
     def moved(self, shift_m: np.ndarray | float, gain: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """Ranges and intensities (m, n) as they are stored where surfaces are (n,) nearer or darker than was traced."""
+        """Rounded ranges [m] and intensities (m, n) after a shift of ranges and a factor on intensities, (n,) each."""
         ranges, intensities = self.range_m + shift_m, np.clip(self.intensity * gain, 0, 1)
         for effect in self.rounding:
             ranges, intensities = effect.rounded(ranges, intensities)
@@ -182,7 +197,7 @@ class Ensemble:
 
 
 def score_frame(frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Generator, origin: str) -> FrameScores:
-    """Scores of a traced frame under effects in the order in which they act; `origin` names the sensor in errors."""
+    """Score a traced frame under effects in the order in which they act; `origin` names the sensor in messages."""
     return scored(frame, Ensemble.of(frame, effects, rng, origin))
 
 
@@ -193,37 +208,38 @@ def scored(
     gain: np.ndarray | float = 1.0,
     wide: np.ndarray | None = None,
 ) -> FrameScores:
-    """Scores of an ensemble.
+    """Score an ensemble.
 
     Args:
-        frame: traced.
-        ensemble: of a model.
-        shift_m, gain: (n,) what the ranges of surfaces are shifted by, and their intensities multiplied with, where
-            they are known to be off.
-        wide: (n,) bool beams that are ambiguous beside those at edges.
+        frame: traced frame.
+        ensemble: ensemble prediction of a model.
+        shift_m, gain: (n,) shift of ranges [m] and factor on intensities by known random effects.
+        wide: (n,) bool ambiguous beams, replaces `frame.edge`.
     """
     ranges, intensities = ensemble.moved(shift_m, gain)
     members = len(ranges)
     measured = frame.observed.range_from(frame.shot.rays.origin)
     returned = frame.observed.returned
-    # What is spurious is told alike of model and measurement: far from every surface the beam can meet.
+    # Spurious returns are defined in the same way for model and measurement: far from all surfaces of the beam.
     surfaces = _surfaces(frame) + shift_m
-    strays = ~np.isnan(ranges) & ~_near(ranges, surfaces)
+    is_stray = ~np.isnan(ranges) & ~_near(ranges, surfaces)
     spurious = returned & ~_near(measured[None], surfaces)[0]
     ambiguous = (frame.edge if wide is None else wide) | ~frame.observed.trusted
-    real = np.where(strays, np.nan, ranges)
-    there = ~np.isnan(real)
-    share = there.mean(0)
-    matched = returned & ~spurious & ~ambiguous & there.any(0)
-    answered = (~np.isnan(ranges)).mean(0)
+    surface_ranges = np.where(is_stray, np.nan, ranges)
+    has_return = ~np.isnan(surface_ranges)
+    return_share = has_return.mean(0)
+    matched = returned & ~spurious & ~ambiguous & has_return.any(0)
+    reported_share = (~np.isnan(ranges)).mean(0)
     outcome = returned.astype(float)
-    brier = (answered - outcome) ** 2
+    brier = (reported_share - outcome) ** 2
     if members > 1:
-        brier -= answered * (1 - answered) / (members - 1)
+        brier -= reported_share * (1 - reported_share) / (members - 1)
     with np.errstate(invalid="ignore"):
-        mean_range = np.where(share > 0, np.nansum(real, 0) / np.maximum(there.sum(0), 1), np.nan)
+        mean_range = np.where(return_share > 0, np.nansum(surface_ranges, 0) / np.maximum(has_return.sum(0), 1), np.nan)
         mean_intensity = np.where(
-            share > 0, np.nansum(np.where(there, intensities, 0), 0) / np.maximum(there.sum(0), 1), np.nan
+            return_share > 0,
+            np.nansum(np.where(has_return, intensities, 0), 0) / np.maximum(has_return.sum(0), 1),
+            np.nan,
         )
     gap = np.abs(measured - mean_range)
     matched &= gap < 2 * CLIP_M
@@ -232,44 +248,45 @@ def scored(
         measured_m=measured,
         intensity=mean_intensity,
         measured_intensity=frame.observed.intensity,
-        expected=share,
+        expected=return_share,
         matched=matched,
         spurious=spurious & ~ambiguous,
         ambiguous=ambiguous,
-        range_score=np.where(matched, _crps(real, measured, CLIP_M), np.nan),
+        range_score=np.where(matched, _crps(surface_ranges, measured, CLIP_M), np.nan),
         intensity_score=np.where(
-            matched, _crps(np.where(there, intensities, np.nan), frame.observed.intensity, np.inf), np.nan
+            matched, _crps(np.where(has_return, intensities, np.nan), frame.observed.intensity, np.inf), np.nan
         ),
         brier=np.where(ambiguous, np.nan, brier),
-        foreseen=float((strays & ~ambiguous).sum() / members),
-        stray=np.where(ambiguous, 0.0, strays.mean(0)),
+        foreseen=float((is_stray & ~ambiguous).sum() / members),
+        stray=np.where(ambiguous, 0.0, is_stray.mean(0)),
     )
 
 
 def _crps(members: np.ndarray, measured: np.ndarray, clip: float) -> np.ndarray:
-    """Fair CRPS (n,) of ensembles (m, n) with gaps; distances clipped, which keeps the score proper."""
-    there = ~np.isnan(members)
-    count = there.sum(0)
-    away = np.where(there, np.minimum(np.abs(members - measured), clip), 0).sum(0) / np.maximum(count, 1)
+    """Fair CRPS (n,) of ensembles (m, n) with missing values; clipped distances, which keep the score proper."""
+    is_present = ~np.isnan(members)
+    count = is_present.sum(0)
+    distance = np.where(is_present, np.minimum(np.abs(members - measured), clip), 0).sum(0) / np.maximum(count, 1)
     spread = np.zeros(members.shape[1])
     for i in range(len(members)):
         for j in range(i):
-            both = there[i] & there[j]
+            both = is_present[i] & is_present[j]
             spread += np.where(both, np.minimum(np.abs(members[i] - members[j]), clip), 0)
     pairs = count * (count - 1)
-    return away - np.where(pairs > 0, spread / np.maximum(pairs, 1), 0)
+    return distance - np.where(pairs > 0, spread / np.maximum(pairs, 1), 0)
 
 
 def _surfaces(frame: TracedFrame) -> np.ndarray:
-    """Ranges of the surfaces that beams can meet, (2, n): solid and pane; NaN where there is none."""
+    """Ranges (2, n) [m] of the surfaces that beams can hit: solid and pane; NaN for none."""
     hits = frame.shot.hits
-    found = np.full((2, len(frame.shot.rays)), np.nan)
-    found[0] = np.where(hits.solid.exists, hits.solid.range_m, np.nan)
-    found[1, hits.pane_beam] = hits.pane.range_m
-    return found
+    ranges = np.full((2, len(frame.shot.rays)), np.nan)
+    ranges[0] = np.where(hits.solid.exists, hits.solid.range_m, np.nan)
+    ranges[1, hits.pane_beam] = hits.pane.range_m
+    return ranges
 
 
 def _near(ranges: np.ndarray, surfaces: np.ndarray) -> np.ndarray:
+    """Mask (m, n) of ranges (m, n) within `CLIP_M` of any of the surfaces (s, n)."""
     near = np.zeros(ranges.shape, bool)
     for surface in surfaces:
         near |= np.abs(ranges - surface) < CLIP_M

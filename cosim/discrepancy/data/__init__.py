@@ -1,1 +1,1 @@
-"""What was measured, what the twin says of it, and which beams may be compared."""
+"""Measured beams, their twin, and the selection of beams and frames that can be compared."""

@@ -35,8 +35,8 @@ class TracedFrame:
         time_s: pose time [s].
         observed: measurements by beam.
         shot: hits of the model's true beams; with its world, so that effects can trace further rays.
-        unsure_m, unsure_intensity: (n,) σ of the twin itself at the hit: along the beam [m] and in intensity; 0 for
-            surveyed twins.
+        twin_sigma_m, twin_sigma_intensity: (n,) σ of the twin itself at the hit: along the beam [m] and in intensity; 0
+            for surveyed twins.
         edge: (n,) bool ambiguous beams: a slightly different beam would hit another surface.
         grazed: (n,) bool those of them that are nearly parallel to the surface.
         nearest_m: (n,) range [m] of the nearest surface at the edge; infinite away from edges.
@@ -55,8 +55,8 @@ class TracedFrame:
     time_s: float
     observed: Observed
     shot: Shot
-    unsure_m: np.ndarray
-    unsure_intensity: np.ndarray
+    twin_sigma_m: np.ndarray
+    twin_sigma_intensity: np.ndarray
     edge: np.ndarray
     grazed: np.ndarray
     nearest_m: np.ndarray
@@ -162,10 +162,12 @@ class FrameTracer:
         shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
         surface, own_map = np.full(len(observed.rays), -1, np.int32), self._maps.of(twin.static)
         if own_map is None:
-            trusted, unsure_m, unsure_intensity = _read_trust(frame, shot, observed, self.settings.beams.grazing)
+            trusted, twin_sigma_m, twin_sigma_intensity = _read_trust(
+                frame, shot, observed, self.settings.beams.grazing
+            )
         else:
-            surface, trusted, unsure_m = _on_map(own_map, shot, observed, ego, self.settings.beams.grazing)
-            unsure_intensity = np.zeros(len(observed.rays), np.float32)
+            surface, trusted, twin_sigma_m = _on_map(own_map, shot, observed, ego, self.settings.beams.grazing)
+            twin_sigma_intensity = np.zeros(len(observed.rays), np.float32)
         trusted = trusted & ~np.isin(observed.rays.ring, list(self._excluded))
         border, seam = self._neighbours.at_border(traced.hits)
         edge, grazed, nearest_m = self._neighbours.at_edge(traced.hits)
@@ -175,8 +177,8 @@ class FrameTracer:
             time_s=twin.time_s,
             observed=replace(observed, trusted=trusted),
             shot=shot,
-            unsure_m=unsure_m,
-            unsure_intensity=unsure_intensity,
+            twin_sigma_m=twin_sigma_m,
+            twin_sigma_intensity=twin_sigma_intensity,
             edge=edge,
             grazed=grazed,
             nearest_m=nearest_m,
@@ -227,7 +229,7 @@ def _on_map(
     turning = np.cross([0.0, 0.0, ego.yaw_rate_radps], returned - ego.pose[:3, 3])
     moved = (observed.rays.time_s - traced.time_s)[:, None] * (ego.velocity_mps + turning)
     trusted = observed.trusted & surfaces.compared(surface, place, slope, returned, moved)
-    return surface, trusted, surfaces.unsure_m(surface, slope, grazing)
+    return surface, trusted, surfaces.twin_sigma_m(surface, slope, grazing)
 
 
 def _world_points(shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray]:

@@ -119,7 +119,7 @@ class MapSurfaces(SurfelMap):
         """(m,) roughness σ [m] of the surfaces: the part of their points' scatter that range noise does not explain."""
         return self.roughness(self.settings.least_rough)
 
-    def unsure_m(self, met: np.ndarray, slope: np.ndarray, grazing: float) -> np.ndarray:
+    def twin_sigma_m(self, met: np.ndarray, slope: np.ndarray, grazing: float) -> np.ndarray:
         """(n,) float32 σ of ranges due to roughness [m].
 
         Args:

@@ -1,1 +1,1 @@
-"""Hypotheses about what a model lacks: channels × covariates, tangents of catalogue effects, shared errors."""
+"""Hypotheses about missing effects: channels × covariates, tangents of catalogue effects, shared errors."""

@@ -28,9 +28,9 @@ class Dictionary:
     """Everything that is tested.
 
     Attributes:
-        covariates: by name, pairs included.
-        explicit: groups that are no bins of a covariate: effects, waves, lines, class means.
-        tested: number of groups.
+        covariates: covariates by name, including pairs.
+        explicit: groups that are not bins of a covariate: effects, waves, lines, class means.
+        tested: number of tested groups.
     """
 
     covariates: dict[str, Covariate]
@@ -44,10 +44,10 @@ def build_dictionary(
     """Generate all hypotheses of a linearisation.
 
     Args:
-        linearisation: of the fitted model.
+        linearisation: linearised fit.
         effects: tangents of the catalogue.
         settings: numeric choices.
-        rng: for reference distributions of lines.
+        rng: random generator for the reference distributions of lines.
     """
     sample = linearisation.sample
     found = [constant(sample), *sample_covariates(sample, linearisation.fitted.prediction, linearisation.frames)]

@@ -21,21 +21,21 @@ _SAME_AZIMUTH = 0.98  # correlation of azimuth and firing time beyond which they
 
 @dataclass(frozen=True, eq=False)
 class Covariate:
-    """One quantity of every beam of a sample and its bins.
+    """A covariate of all beams of a sample, and its bins.
 
     Attributes:
-        name: as in `diagnose --json`; `A x B` of a pair.
-        unit: of its values; empty for pure numbers and categories.
+        name: name as in `diagnose --json`; `A x B` for a pair.
+        unit: unit of the values; empty for pure numbers and categories.
         values: (n,) numbers, or codes of categories.
-        index: (n,) int bin of each beam; −1 where it is not known.
+        index: (n,) int bin of each beam; −1 if unknown.
         centres: (b,) mean value of each bin.
         labels: (b,) names of categories; empty for numbers.
-        period: of cyclic quantities; 0 for others.
-        is_of_scan: whether all beams of a scan share its value.
-        is_of_neighbour: whether other beams measured it, so that it has their noise.
-        toward_next: (n,) share of each beam that belongs to the next bin, for piecewise linear functions.
+        period: period of cyclic quantities; 0 for others.
+        is_of_scan: whether all beams of a scan have the same value.
+        is_of_neighbour: whether it was measured by neighbouring beams, so that it contains their noise.
+        toward_next: (n,) weight of the next bin's centre, for piecewise linear functions.
         parts: the two covariates of a pair.
-        original: of a coarse covariate, the one with all bins.
+        original: for a coarse covariate the one with all bins.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Covariate:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the covariates of which this is the product, or its own."""
+        """Names of both covariates of a pair, or the own name."""
         return tuple(self.name.split(" x "))
 
     @cached_property
@@ -72,7 +72,7 @@ class Covariate:
         return sparse.csr_matrix((values, (np.append(rows, rows), places)), shape)
 
     def coarse(self, bins: int) -> Covariate:
-        """The same with at most so many bins; categories stay as they are."""
+        """Merge bins to at most `bins`; categories are not merged."""
         if self.labels or len(self) <= bins:
             return self
         index = np.where(self.index >= 0, self.index * bins // len(self), -1)
@@ -81,7 +81,7 @@ class Covariate:
         return replace(self, index=index, centres=total / count, toward_next=None, original=self)
 
     def crossed(self, other: Covariate) -> Covariate:
-        """The partition by both, bins of the other one running faster."""
+        """Cross with another covariate; the bins of the other one vary fastest."""
         known = (self.index >= 0) & (other.index >= 0)
         index = np.where(known, self.index * len(other) + other.index, -1)
         return Covariate(
@@ -97,7 +97,7 @@ class Covariate:
 
 
 def constant(sample: Sample) -> Covariate:
-    """One bin for all beams."""
+    """Covariate with one bin for all beams."""
     zeros = np.zeros(len(sample))
     return Covariate("constant", "", zeros, zeros.astype(int), np.zeros(1))
 
@@ -108,11 +108,11 @@ def numeric(
     """A covariate in bins of equal numbers of beams, or of equal width where it is cyclic; None with too few values.
 
     Args:
-        name, unit, values: of it, (n,); NaN where it is not known.
+        name, unit, values: name, unit and values (n,) of the covariate; NaN if unknown.
         bins: number of bins.
-        period: of a cyclic quantity that begins at −period/2.
+        period: period of a cyclic quantity that starts at −period/2.
         linear: hat functions between the bins' centres instead of indicator functions.
-        fewest: distinct values that it must have.
+        fewest: minimum number of distinct values.
     """
     known = np.isfinite(values)
     distinct = np.unique(values[known])
@@ -153,7 +153,7 @@ def categories(name: str, codes: np.ndarray, names: tuple[str, ...], fewest: int
 
 
 def sample_covariates(sample: Sample, expected: Prediction, frames: tuple[TracedFrame, ...]) -> list[Covariate]:
-    """All covariates of a sample, in bins for a first look."""
+    """All covariates of a sample, in the coarse bins of the screening."""
     by = sample.settings.dictionary
     found: list[Covariate | None] = []
     for name, (unit, values, period) in _numbers(sample, expected, frames).items():
@@ -176,13 +176,13 @@ def sample_covariates(sample: Sample, expected: Prediction, frames: tuple[Traced
         categories("edge", sample.edge.astype(int), ("clear", "edge")),
     ]
     for name in beside:
-        covariate = categories(name, sample.beside[name].astype(int), ("seen", "lost"))
+        covariate = categories(name, sample.neighbour_values[name].astype(int), ("seen", "lost"))
         found.append(None if covariate is None else replace(covariate, is_of_neighbour=True))
     return [covariate for covariate in found if covariate is not None]
 
 
 def refined(covariate: Covariate, sample: Sample) -> Covariate:
-    """The covariate in as many bins as a fit may have: piecewise linear in quantities that vary smoothly."""
+    """The covariate in the fine bins of a refit; piecewise linear for smooth quantities."""
     if covariate.parts:
         first, second = (part.original or part for part in covariate.parts)
         return first.crossed(second)
@@ -200,7 +200,7 @@ def refined(covariate: Covariate, sample: Sample) -> Covariate:
         "world_y",
     )
     fine = numeric(covariate.name, covariate.unit, covariate.values, bins, covariate.period, linear=linear)
-    assert fine is not None  # it has been binned before
+    assert fine is not None  # it had bins before
     return replace(fine, is_of_neighbour=covariate.is_of_neighbour)
 
 
@@ -232,22 +232,22 @@ def _numbers(
     firing = np.where(np.isfinite(sample.range_m), sample.time_s, nothing)
     if abs(np.corrcoef(sample.azimuth, sample.time_s)[0, 1]) < _SAME_AZIMUTH:
         numbers["firing_time"] = ("s", firing, 0.0)
-    if not sample.own_axes:  # scans share a world
+    if not sample.own_axes:  # the scans are in a common world frame
         numbers |= {"world_x": ("m", sample.place[:, 0], 0.0), "world_y": ("m", sample.place[:, 1], 0.0)}
         numbers["world_azimuth"] = ("rad", world, _TURN)
     for name in _of_neighbours(sample):
         if not name.endswith("_lost"):
-            numbers[name] = ("m" if name.endswith("_range") else "", sample.beside[name], 0.0)
+            numbers[name] = ("m" if name.endswith("_range") else "", sample.neighbour_values[name], 0.0)
     return numbers
 
 
 def _of_neighbours(sample: Sample) -> tuple[str, ...]:
-    """Names of what neighbouring beams measured, as far as the twin is certain there.
+    """Names of the measurements of neighbouring beams that can be used as covariates.
 
-    Neighbours meet the same surfaces: where range or reflectance of the twin is uncertain they share its error.
+    Neighbours hit the same surfaces: if range or reflectance of the twin is uncertain, they share its error.
     """
-    unsure_m, unsure_intensity = np.any(sample.unsure_m > 0), np.any(sample.unsure_intensity > 0)
-    return tuple(name for name in BESIDE if not (unsure_intensity if name.endswith("_intensity") else unsure_m))
+    twin_sigma_m, twin_sigma_intensity = np.any(sample.twin_sigma_m > 0), np.any(sample.twin_sigma_intensity > 0)
+    return tuple(name for name in BESIDE if not (twin_sigma_intensity if name.endswith("_intensity") else twin_sigma_m))
 
 
 def _surroundings(sample: Sample, frames: tuple[TracedFrame, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Tangents of the catalogue's effects: how a fitted model changes where one of them is weakly on."""
+"""Tangents of the catalogue's effects: derivatives of a fitted model with respect to each effect's amplitude."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from sensors.effects.base import Effect
 def effect_groups(
     linearisation: Linearisation, kinds: Sequence[type[Effect]], fixed: Sequence[int], fitted: Sequence[int]
 ) -> list[Group]:
-    """Tangents of all candidates that the sensor lacks, and of those of its own effects that were not fitted.
+    """Build the groups of all candidates that the sensor does not have, and of its own effects that were not fitted.
 
     Args:
-        linearisation: of the model.
-        kinds: candidates.
-        fixed: indices of effects whose parameters stay.
+        linearisation: linearised model.
+        kinds: candidate effects.
+        fixed: indices of effects with fixed parameters.
         fitted: indices of effects whose parameters were fitted.
     """
     effects, groups = linearisation.fitted.effects, list[Group]()
     for index, effect in enumerate(effects):
         if index not in fixed and index not in fitted and effect.neutral is not None:
             groups += _other_values(linearisation, index)
-    there = {effect.name for effect in effects}
+    present = {effect.name for effect in effects}
     for kind in kinds:
-        if kind.name not in there and kind.neutral is not None:
+        if kind.name not in present and kind.neutral is not None:
             for weak, amplitude, step in weak_forms(kind):
                 groups += _tangents(linearisation, (*effects, weak), Tangent(weak, amplitude, step))
     return groups
@@ -41,14 +41,15 @@ def effect_groups(
 def mixture_score(
     linearisation: Linearisation, changed: tuple[np.ndarray, np.ndarray, np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Score and information (n,) of an effect that adds returns from elsewhere, at its reference amplitude.
+    """Score and information (n,) of an effect that adds spurious returns, at its reference amplitude.
 
     With L₀ and L₁ the likelihoods without and with it, the score is w(L₁ − L₀)/L₁; under the null its information is
     the expected number of returns that it adds.
 
     Args:
-        linearisation: of the model.
-        changed: (n,) changes of the probability of the surface's return and of none, and of the density elsewhere.
+        linearisation: linearised model.
+        changed: (n,) changes of the probability of the surface's return, of the probability of no return, and of the
+            density of spurious returns [1/m].
     """
     sample, before = linearisation.sample, linearisation.adjusted
     seen, silent, stray = changed
@@ -67,7 +68,7 @@ def mixture_score(
 
 
 def _other_values(linearisation: Linearisation, index: int) -> Iterator[Group]:
-    """Other values of an effect that the sensor has."""
+    """Yield groups for changed parameters of an effect that the sensor already has."""
     effects = linearisation.fitted.effects
     effect = effects[index]
     for unknown in unknowns(type(effect)):
@@ -81,7 +82,7 @@ def _other_values(linearisation: Linearisation, index: int) -> Iterator[Group]:
 
 
 def _tangents(linearisation: Linearisation, effects: tuple[Effect, ...], tangent: Tangent) -> Iterator[Group]:
-    """The group of a weak form, if it changes anything that was measured."""
+    """Yield the group of a weak form if it changes any measured quantity."""
     sample, fitted, weak = linearisation.sample, linearisation.fitted, tangent.effect
     after = sample.predict(effects)
     if type(weak).density is not Effect.density or not tangent.amplitude:
@@ -104,13 +105,13 @@ def _tangents(linearisation: Linearisation, effects: tuple[Effect, ...], tangent
 
 
 def _direct(linearisation: Linearisation, after: Prediction, tangent: Tangent) -> Iterator[Group]:
-    """The group of an effect that adds returns from elsewhere, or of a whole setting."""
+    """Yield the group of an effect that adds spurious returns, or of an effect without amplitude."""
     sample, fitted = linearisation.sample, linearisation.fitted
     before, weak = fitted.bare, tangent.effect
     changed = after.seen - before.seen, after.silent - before.silent, after.stray - before.stray
     share = float(sample.share @ (np.maximum(-changed[0], 0) * sample.clear)) / max(float(sample.share.sum()), 1e-9)
     is_new = bool(tangent.amplitude) and tangent.index is None
-    if is_new and share > 0:  # weak enough that it says nothing about many returns
+    if is_new and share > 0:  # scale the amplitude to the reference share of returns
         scale = sample.settings.law.reference_share / share
         changed = changed[0] * scale, changed[1] * scale, changed[2] * scale
         weaker = {tangent.amplitude: np.multiply(getattr(weak, tangent.amplitude), scale)}
@@ -128,7 +129,7 @@ def _direct(linearisation: Linearisation, after: Prediction, tangent: Tangent) -
 
 
 def _name(tangent: Tangent) -> str:
-    """Name of the effect with the values of its other parameters."""
+    """Name of the group: the effect with the values of its other parameters."""
     settings = ", ".join(
         f"{name} {value:g}"
         for name, value in tangent.effect.model_dump().items()

@@ -1,4 +1,4 @@
-"""Groups of columns: one hypothesis each about what a model lacks."""
+"""Groups of columns: each is one hypothesis about a missing effect or dependence."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from sensors.effects.base import Effect
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """A catalogue effect at one setting of its shape, weakly on.
+    """A catalogue effect with a small amplitude and one setting of its shape parameters.
 
     Attributes:
-        effect: with its amplitude at `step`.
-        amplitude: name of the parameter that the columns are derivatives with respect to; empty for whole settings.
-        step: of the amplitude from its neutral value.
-        index: place of the effect in the sensor, if it has the effect already.
+        effect: effect with its amplitude at `step`.
+        amplitude: parameter that the columns are derivatives of; empty for effects without amplitude.
+        step: difference of the amplitude from its neutral value.
+        index: index of the effect in the sensor if the sensor already has it.
     """
 
     effect: Effect
@@ -36,20 +36,20 @@ class Group:
     """One hypothesis: a channel that depends on covariates, or an effect of the catalogue.
 
     Attributes:
-        name: of the effect with its setting, or `CHANNEL by COVARIATE`.
-        channel: that changes.
-        covariates: names; empty for effects.
+        name: effect with its parameters, or `CHANNEL by COVARIATE`.
+        channel: channel that changes.
+        covariates: names of covariates; empty for effects.
         size: number of columns k.
         columns: (n, k) derivatives by quantity; empty where `direct` holds scores.
-        basis: (n, k) basis functions of a dependence, of which the columns are multiples.
-        covariate: of a dependence on bins, so that it can be refined.
-        kept: (k,) which bins of the covariate the columns are.
+        basis: (n, k) basis functions of a dependence; the columns are multiples of them.
+        covariate: covariate of a dependence on bins, used for refinement.
+        kept: (k,) int bin of the covariate for each column.
         one_sided: whether only positive coefficients make sense.
-        is_clustered_by_scan: whether parts of scans are clusters, too; not for what differs from scan to scan.
+        is_clustered_by_scan: whether parts of scans are clusters too; not for dependences that differ between scans.
         is_count: whether score and information count events.
-        direct: score and information (n,) of one column that no derivative gives.
-        tangent: of an effect.
-        frequency_hz: of a periodic dependence in absolute time; 0 for others.
+        direct: score and information (n,) of a single column, if they are not computed from a derivative.
+        tangent: tangent of an effect; None for dependences.
+        frequency_hz: frequency of a periodic dependence in absolute time [Hz]; 0 for others.
     """
 
     name: str
@@ -69,20 +69,20 @@ class Group:
 
     @property
     def is_effect(self) -> bool:
-        """Whether it is an effect with a name."""
+        """Whether it is an effect of the catalogue."""
         return self.tangent is not None
 
     @property
     def is_shared(self) -> bool:
-        """Whether it is the variance of an error that the beams of a unit share."""
+        """Whether it is the variance of an error that is common to the beams of a unit."""
         return self.channel.startswith("shared_")
 
     @property
     def order(self) -> int:
-        """Order in which groups are added: laws, phases of their own in each scan, shared errors, neighbours.
+        """Order of adding groups: 0 effects and dependences, 1 phases per scan, 2 shared errors, 3 neighbours.
 
-        Errors that a unit shares, and dependences on what neighbouring beams measured, contain the effect of every law
-        that neighbours have in common; neighbours also show every error that a unit shares.
+        Shared errors and dependences on measurements of neighbouring beams also fit any effect that neighbours have in
+        common; dependences on neighbours also fit any shared error.
         """
         if self.is_of_neighbour:
             return 3
@@ -92,7 +92,7 @@ class Group:
 
     @property
     def is_of_neighbour(self) -> bool:
-        """Whether it depends on what neighbouring beams measured."""
+        """Whether it is a dependence on measurements of neighbouring beams."""
         return self.covariate is not None and self.covariate.is_of_neighbour
 
     @property
@@ -102,12 +102,12 @@ class Group:
 
     @property
     def hypothesis(self) -> str:
-        """Name of the effect, whatever its setting, or of the dependence."""
+        """Name of the effect without its parameters, or of the dependence."""
         return self.effect_name or self.name
 
     @property
     def family(self) -> str:
-        """What it changes: range, intensity or returns."""
+        """Family of the channel: range, intensity or returns."""
         name = self.channel.removeprefix("shared_")
         if name.startswith("intensity"):
             return "intensity"
@@ -126,7 +126,7 @@ def basis_group(
     is_clustered_by_scan: bool = True,
     frequency_hz: float = 0.0,
 ) -> Group:
-    """A dependence of a channel on basis functions (n, k)."""
+    """Build the group of a channel that depends on basis functions (n, k)."""
     of = linearisation.channels[channel]
     weight = np.where(linearisation.evidence.information[of.quantity] > 0, of.slope, 0.0)
     return Group(
@@ -146,9 +146,9 @@ def basis_group(
 
 
 def binned_group(linearisation: Linearisation, channel: str, covariate: Covariate, fewest: int) -> Group | None:
-    """A channel by the bins of a covariate that at least `fewest` informative beams are in; None without enough bins.
+    """Build the group of a channel by the bins of a covariate with at least `fewest` informative beams.
 
-    A constant, and the mean of each class of objects, need one bin; others two.
+    Returns None without enough bins: one for a constant or the mean of a class of objects, two for others.
     """
     _, information = linearisation.weights(channel)
     count = covariate.basis.T @ (information > 0).astype(float)
@@ -164,8 +164,8 @@ def binned_group(linearisation: Linearisation, channel: str, covariate: Covariat
 def is_asked(channel: str, covariate: Covariate) -> bool:
     """Whether a channel is tested against a covariate.
 
-    Not where the covariate holds the beam's own noise or the same cloud of points, nor where a pose or a deflected beam
-    cannot depend on what it meets.
+    Excluded: covariates that contain the beam's own noise or the same spurious returns, and angle errors by properties
+    of the surface that is hit.
     """
     if covariate.is_of_neighbour:
         if channel in SPREADS or channel in SPURIOUS or channel in ANGLES:
@@ -175,7 +175,7 @@ def is_asked(channel: str, covariate: Covariate) -> bool:
 
 
 def joined(groups: list[Group], rows: int) -> dict[Quantity, SparseMatrix]:
-    """Columns (n, sum of sizes) of several groups, by quantity."""
+    """Concatenate the columns of several groups by quantity: (n, sum of sizes)."""
     found: dict[Quantity, SparseMatrix] = {}
     for name in QUANTITIES:
         if any(name in group.columns for group in groups):

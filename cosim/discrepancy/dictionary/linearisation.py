@@ -1,4 +1,4 @@
-"""Scores and information of every beam about a fitted model, for every way in which its likelihood can change.
+"""Scores and information of every beam about a fitted model, for each channel of its likelihood.
 
 For a change Δ of a predicted quantity a beam adds `score`·Δ to the log-likelihood and takes ½ `information`·Δ² from it.
 Spurious returns are mixture directions: mixing in a share π of returns with density p₁ changes the likelihood p₀ to
@@ -31,11 +31,11 @@ Scores = dict[Quantity, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """A way in which the likelihood of a beam can change.
+    """A channel: a way in which the prediction of a beam can change.
 
     Attributes:
-        name: as in `diagnose --json`.
-        quantity: whose score and information apply.
+        name: name as in `diagnose --json`.
+        quantity: quantity whose score and information apply.
         slope: (n,) change of the quantity per unit of the channel.
         one_sided: whether only a positive change makes sense.
     """
@@ -55,8 +55,8 @@ class Linearisation:
         frames: traced frames of the sample.
         adjusted: prediction with random effects.
         evidence: score and information (n,) by quantity.
-        channels: by name.
-        mixed: linear mixed model with the random effects and everything that was fitted.
+        channels: channels by name.
+        mixed: linear mixed model with the random effects and all fitted parameters.
     """
 
     fitter: Fitter
@@ -69,16 +69,16 @@ class Linearisation:
 
     @property
     def sample(self) -> Sample:
-        """The beams."""
+        """Sample of beams."""
         return self.fitter.sample
 
     def projector(self, sectors: int) -> Projector:
-        """Efficient scores about the model, with so many parts of each scan as clusters."""
+        """Projector for efficient scores, with this number of sectors of each scan as clusters."""
         clusters = self.fitter.random.clusters_by_sector(sectors)
         return Projector(self.mixed, self.fitted.estimate, clusters, self.sample.share)
 
     def weights(self, channel: str) -> tuple[np.ndarray, np.ndarray]:
-        """Score and information (n,) of one channel per unit of it."""
+        """Score and information (n,) per unit of one channel."""
         of = self.channels[channel]
         score, information = self.evidence.score[of.quantity], self.evidence.information[of.quantity]
         return score * of.slope, information * of.slope**2
@@ -89,18 +89,18 @@ def linearise(fitter: Fitter, fitted: Fitted, frames: tuple[TracedFrame, ...]) -
 
     Args:
         fitter, fitted: sample and fit.
-        frames: traced frames of the sample, for what lies beside a beam.
+        frames: traced frames of the sample, for the surfaces next to a beam.
     """
     sample, random = fitter.sample, fitter.random
     adjusted = random.adjusted(fitted.prediction, fitted.estimate)
     residuals = residuals_of(sample, adjusted)
     wider = dispersion(sample, residuals)
-    found = Evidence.of(sample, residuals, wider=wider)
-    score, information = dict(found.score), dict(found.information)
+    evidence_of_sample = Evidence.of(sample, residuals, wider=wider)
+    score, information = dict(evidence_of_sample.score), dict(evidence_of_sample.information)
     if sample.has_intensity:
-        _own_spread(sample, residuals, adjusted, score, information)
-    bent = any(one.channel in ANGLES for one in fitted.dependences)
-    _mixtures(sample, adjusted, residuals.outcome, frames, bent, score, information)
+        _score_intensity_variance(sample, residuals, adjusted, score, information)
+    bent = any(dependence.channel in ANGLES for dependence in fitted.dependences)
+    _score_spurious(sample, adjusted, residuals.outcome, frames, bent, score, information)
     evidence = Evidence(score, information)
     mixed = LinearModel.of(random, fitted.columns, evidence, fitted.prediction, fitted.estimate)
     return Linearisation(fitter, fitted, frames, adjusted, evidence, _channels(sample, fitted, adjusted), mixed)
@@ -124,10 +124,12 @@ def _channels(sample: Sample, fitted: Fitted, adjusted: Prediction) -> dict[str,
     return {channel.name: channel for channel in channels}
 
 
-def _own_spread(sample: Sample, residuals: Residuals, adjusted: Prediction, score: Scores, information: Scores) -> None:
-    """Spreads of intensity against the sensor's own σ: the floor of the likelihood is no noise of the sensor."""
+def _score_intensity_variance(
+    sample: Sample, residuals: Residuals, adjusted: Prediction, score: Scores, information: Scores
+) -> None:
+    """Score the intensity variance relative to the sensor's own σ, without the minimum σ of the likelihood."""
     floor = 1.5 * sample.settings.law.intensity_floor
-    own = np.hypot(adjusted.intensity_sigma, adjusted.unsure_intensity)
+    own = np.hypot(adjusted.intensity_sigma, adjusted.twin_sigma_intensity)
     z = residuals.intensity_z * residuals.intensity_sigma / np.maximum(own, 1e-9)
     pair = np.maximum(sample.partner, 0)
     gap = (z - z[pair]) / np.sqrt(2)
@@ -136,7 +138,7 @@ def _own_spread(sample: Sample, residuals: Residuals, adjusted: Prediction, scor
     score["intensity_variance"] = known / 2 * (np.minimum(gap**2, sample.settings.law.most_squared) - 1)
 
 
-def _mixtures(
+def _score_spurious(
     sample: Sample,
     adjusted: Prediction,
     outcome: np.ndarray,
@@ -145,14 +147,14 @@ def _mixtures(
     score: Scores,
     information: Scores,
 ) -> None:
-    """Mixture directions of spurious returns; at edges only where no beam nearby has such a range.
+    """Add scores of spurious returns (mixture directions); at edges only if no beam nearby has such a range.
 
     The background of returns far from both surfaces at edges is taken from the opposite side of the surface: early
     returns are expected as often as late ones.
     """
     law, reference = sample.settings.law, sample.settings.law.reference_share
-    surface = np.where(sample.edge, _nearest_side(sample, adjusted, "nearest"), np.nan_to_num(adjusted.range_m))
-    behind = np.where(sample.edge, _nearest_side(sample, adjusted, "farthest"), np.nan_to_num(adjusted.range_m))
+    surface = np.where(sample.edge, _side_range(sample, adjusted, "nearest"), np.nan_to_num(adjusted.range_m))
+    behind = np.where(sample.edge, _side_range(sample, adjusted, "farthest"), np.nan_to_num(adjusted.range_m))
     density = spurious_densities(sample, replace(adjusted, range_m=np.where(sample.edge, surface, adjusted.range_m)))
     late_at_edges = np.where(
         sample.returned & (np.nan_to_num(sample.along_m) > behind + 1),
@@ -163,7 +165,7 @@ def _mixtures(
     explained = explained_nearby(sample, frames) if bent or sample.edge.any() else np.zeros(len(sample), bool)
     first = sample.compared & sample.first
     clear, edge = first & ~sample.edge, first & sample.edge & np.isfinite(surface)
-    hidden = explained if bent else np.zeros(len(sample), bool)  # turned beams meet what lies beside
+    hidden = explained if bent else np.zeros(len(sample), bool)  # deflected beams hit neighbouring surfaces
     likelihood = np.exp(outcome)
     measured = np.nan_to_num(sample.along_m)
     gap = measured - surface
@@ -177,20 +179,20 @@ def _mixtures(
         present = law.stray_share + adjusted.stray * law.reach_m + adjusted.spurious_share
         share = sample.share
         used = share * (clear & solid)
-        usual = _usual(share, clear, far, gap, name) if bent else 0.0
-        ratio = np.where(hidden, 0.0, density[name]) / np.maximum(likelihood + usual / law.reach_m, 1e-12) - 1
+        background = _background_share(share, clear, far, gap, name) if bent else 0.0
+        ratio = np.where(hidden, 0.0, density[name]) / np.maximum(likelihood + background / law.reach_m, 1e-12) - 1
         score[name] = reference * used * ratio / (1 + reference * ratio)
-        information[name] = used * (reference**2 / (reference + present) if not usual else reference + usual)
+        information[name] = used * (reference**2 / (reference + present) if not background else reference + background)
         if not edge.any():
             continue
-        usual = max(_usual(share, edge, far, edge_gap, name), reference)
-        ratio = at_edges[name] / np.maximum(likelihood + usual / law.reach_m, 1e-12) - 1
+        background = max(_background_share(share, edge, far, edge_gap, name), reference)
+        ratio = at_edges[name] / np.maximum(likelihood + background / law.reach_m, 1e-12) - 1
         used = share * edge
         score[name] = score[name] + reference * used * ratio / (1 + reference * ratio)
-        information[name] = information[name] + used * (reference + usual)
+        information[name] = information[name] + used * (reference + background)
 
 
-def _usual(share: np.ndarray, used: np.ndarray, far: np.ndarray, gap: np.ndarray, name: str) -> float:
+def _background_share(share: np.ndarray, used: np.ndarray, far: np.ndarray, gap: np.ndarray, name: str) -> float:
     """Share of beams with a return on the opposite side of the surface, more than 1 m from it."""
     whole = max(float(share[used].sum()), 1.0)
     before = float(share[used & far & (gap < -1)].sum()) / whole
@@ -198,7 +200,7 @@ def _usual(share: np.ndarray, used: np.ndarray, far: np.ndarray, gap: np.ndarray
     return {"early": behind, "late": before}.get(name, min(before, behind))
 
 
-def _nearest_side(sample: Sample, adjusted: Prediction, which: str) -> np.ndarray:
+def _side_range(sample: Sample, adjusted: Prediction, which: str) -> np.ndarray:
     """Range (n,) of the nearest or the farthest surface of a beam's sides; infinite without any."""
     found = np.full(len(sample), np.inf if which == "nearest" else -np.inf)
     if which == "nearest":
@@ -209,7 +211,7 @@ def _nearest_side(sample: Sample, adjusted: Prediction, which: str) -> np.ndarra
 
 
 def explained_nearby(sample: Sample, frames: tuple[TracedFrame, ...], rings: int = 2, firings: int = 8) -> np.ndarray:
-    """(n,) bool: returns at whose range the twin has a surface within a few rings and firings."""
+    """(n,) bool returns for which the twin has a surface at the same range within a few rings and firings."""
     found = np.zeros(len(sample), bool)
     for number, frame in enumerate(frames):
         pattern = frame.shot.pattern

@@ -1,8 +1,8 @@
-"""Mean errors of size and place that all objects of a class share.
+"""Mean errors of size and position of all objects of a class.
 
-A random effect of an object is noise; its mean over a class is not. The direction towards the sensor in the axes of the
-object, times the position on the object relative to its size, gives the change of range by a change of length, width
-and height; the direction alone that by a change of place.
+The error of a single object is a random effect; the mean over a class is systematic. The derivative of the range with
+respect to the position is the scaled surface normal in the object's axes; the derivative with respect to length, width
+and height is this times the position of the hit on the object, relative to its size.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ PLACES = ("ahead", "left", "up")
 
 
 def object_groups(linearisation: Linearisation) -> Iterator[Group]:
-    """Size and place of each class of objects, three columns each."""
+    """Yield the groups of size and position of each class of objects, three columns each."""
     sample = linearisation.sample
     along, size = object_directions(linearisation)
     _, information = linearisation.weights("range")
@@ -36,7 +36,7 @@ def object_groups(linearisation: Linearisation) -> Iterator[Group]:
 
 
 def object_directions(linearisation: Linearisation) -> tuple[np.ndarray, np.ndarray]:
-    """Change of range (n, 3) by a shift along the axes of the object that is met, and by a change of its size [m/m]."""
+    """Derivatives (n, 3) of range by a shift along the axes of the object that is hit, and by its size [m/m]."""
     sample = linearisation.sample
     along, size = np.zeros((len(sample), 3)), np.zeros((len(sample), 3))
     for number, frame in enumerate(linearisation.frames):

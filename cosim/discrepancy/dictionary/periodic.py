@@ -13,11 +13,11 @@ from cosim.discrepancy.dictionary.linearisation import Linearisation
 _STEP_S = 5e-4  # resolution of the periodogram
 _LOWEST_HZ, _HIGHEST_HZ = 0.5, 950.0
 _MOST_VALUES = 2**20
-_FINE = 81  # frequencies about a line that are looked at
+_FINE_GRID = 81  # frequencies about a line that are looked at
 
 
 def wave_groups(linearisation: Linearisation, channel: str, waves: tuple[int, ...] = (1, 2, 3, 4)) -> Iterator[Group]:
-    """Waves per turn whose amplitude and phase differ from scan to scan."""
+    """Yield groups of sine waves per turn with an amplitude and phase for each scan."""
     sample, rows = linearisation.sample, np.arange(len(linearisation.sample))
     for count in waves:
         parts = [
@@ -41,18 +41,18 @@ def absolute_time(linearisation: Linearisation) -> np.ndarray:
 def line_groups(
     linearisation: Linearisation, channel: str, draws: int, level: float, rng: np.random.Generator
 ) -> list[Group]:
-    """The strongest lines of the periodogram of a channel in absolute time.
+    """Find the strongest lines in the periodogram of a channel in absolute time.
 
-    The mean over scans at each time in the turn is removed: what repeats in each turn is no line. Reference: the
-    strongest line of scans with random signs. Of lines of nearly equal significance, as of scans that alias, those of
-    the largest amplitude are returned, three at most; a fit decides among them.
+    The mean over scans at each time in the turn is removed, as a pattern that repeats in each turn is not a line in
+    absolute time. Reference distribution: strongest line of scans with random signs. Of lines of nearly equal
+    significance (aliases), at most three with the largest amplitude are returned; a fit decides among them.
 
     Args:
-        linearisation: of the model.
-        channel: whose scores are looked at.
-        draws: sign patterns.
-        level: p-value up to which lines are returned.
-        rng: for the signs.
+        linearisation: linearised model.
+        channel: channel whose scores are analysed.
+        draws: number of sign patterns.
+        level: maximum p-value.
+        rng: random generator for the signs.
     """
     sample = linearisation.sample
     score, _ = linearisation.weights(channel)
@@ -70,14 +70,16 @@ def line_groups(
     lines = np.fft.rfft(table, size, axis=1) * np.exp(-2j * np.pi * hz * start[:, None])
     within = (hz > _LOWEST_HZ) & (hz < _HIGHEST_HZ)
     lines, hz = lines[:, within], hz[within]
-    found = _strongest(lines, hz, length, draws, level, rng)
+    found = _find_strongest(lines, hz, length, draws, level, rng)
     return [
-        line_group(linearisation, channel, _refined(linearisation, channel, float(hz[row]), float(hz[1] - hz[0])))
+        line_group(
+            linearisation, channel, _refine_frequency(linearisation, channel, float(hz[row]), float(hz[1] - hz[0]))
+        )
         for row in found
     ]
 
 
-def _strongest(
+def _find_strongest(
     lines: np.ndarray, hz: np.ndarray, length_s: float, draws: int, level: float, rng: np.random.Generator
 ) -> list[int]:
     own = (np.abs(lines) ** 2).sum(0)
@@ -90,7 +92,7 @@ def _strongest(
     for used in (own > 0, own > 2 * middle):
         power = np.where(used, np.abs(lines.sum(0)) ** 2 / np.maximum(own, middle), 0.0)
         if not used.any() or power.max() < np.log(independent) - 0.5:
-            continue  # chance would have as strong a line
+            continue  # noise would have an equally strong line
         scaled = (lines[:, used] / np.sqrt(np.maximum(own[used], middle))).astype(np.complex64)
         largest = np.concatenate(
             [(np.abs(signs[first : first + 50] @ scaled) ** 2).max(1) for first in range(0, draws, 50)]
@@ -109,17 +111,17 @@ def _strongest(
 
 
 def line_group(linearisation: Linearisation, channel: str, frequency_hz: float) -> Group:
-    """Cosine and sine of a frequency in absolute time."""
+    """Build the group of cosine and sine of a frequency in absolute time."""
     turn = 2 * np.pi * frequency_hz * absolute_time(linearisation)
     basis = sparse.csr_matrix(np.stack([np.cos(turn), np.sin(turn)], 1))
     name = f"{channel} at {frequency_hz:.2f} Hz"
     return basis_group(linearisation, channel, name, ("time",), basis, frequency_hz=frequency_hz)
 
 
-def _refined(linearisation: Linearisation, channel: str, hz: float, step_hz: float) -> float:
-    """The frequency about a line at which the periodogram is highest."""
+def _refine_frequency(linearisation: Linearisation, channel: str, hz: float, step_hz: float) -> float:
+    """Refine the frequency of a line to the maximum of the periodogram nearby."""
     score, _ = linearisation.weights(channel)
     time = absolute_time(linearisation)
-    fine = hz + np.linspace(-2, 2, _FINE) * step_hz
+    fine = hz + np.linspace(-2, 2, _FINE_GRID) * step_hz
     power = [np.abs(score @ np.exp(-2j * np.pi * frequency * time)) for frequency in fine]
     return float(fine[int(np.argmax(power))])

@@ -1,8 +1,8 @@
 """Errors common to the beams of a unit: a firing, a packet, a sector, a scan, a block or ring in a scan.
 
 The variance of a common error has the score ½ Σ aᵢaⱼ over pairs of beams of one unit, a the scores of the quantity, and
-the information ½ Σ IᵢIⱼ. Pairs that meet the same object or static region are left out: a misplaced surface makes them
-alike, too.
+the information ½ Σ IᵢIⱼ. Pairs that hit the same object or map cell are excluded, because a misplaced surface
+correlates them too.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ _WIDEST = 0.999  # quantile of scores to which larger ones are clipped
 
 @dataclass(frozen=True, eq=False)
 class SharedError:
-    """Variance of an error that beams share.
+    """Variance of an error that is common to the beams of each unit.
 
     Attributes:
-        group: with score and information of each beam's part.
-        unit: (n,) int which unit each beam is of.
-        weighted: information times the mean weight of the beams, the scores' variance.
+        group: group with the score and information of each beam's part.
+        unit: (n,) int unit of each beam.
+        weighted: information times the mean weight of the beams, the variance of the score.
     """
 
     group: Group
@@ -36,13 +36,13 @@ class SharedError:
 
 
 def shared_errors(linearisation: Linearisation, track: np.ndarray) -> list[SharedError]:
-    """All variances of shared errors.
+    """Build the groups of all shared errors.
 
     Not tested: angles shared by a scan, a block or a ring in it, which are errors of poses.
 
     Args:
-        linearisation: of the model.
-        track: (n,) int object track or static region of each beam.
+        linearisation: linearised model.
+        track: (n,) int object track or map cell of each beam.
     """
     sample, found = linearisation.sample, []
     usable = sample.clear & sample.first
@@ -80,15 +80,15 @@ def unit_codes(linearisation: Linearisation) -> dict[str, np.ndarray]:
 
 
 def common_information(first: SharedError, second: SharedError, information: np.ndarray, track: np.ndarray) -> float:
-    """Information that the variances of two units share: of the pairs of beams that are in both.
+    """Information common to the variances of two units: from the pairs of beams that are in both.
 
     Args:
-        first, second: of the same channel.
-        information: (n,) of that channel.
-        track: as in `shared_errors`.
+        first, second: shared errors of the same channel.
+        information: (n,) information of that channel.
+        track: track of each beam, as in `shared_errors`.
     """
-    both = np.unique(_coded(first.unit, second.unit), return_inverse=True)[1]
-    own = np.unique(_coded(both, track), return_inverse=True)[1]
+    both = np.unique(_combine_codes(first.unit, second.unit), return_inverse=True)[1]
+    own = np.unique(_combine_codes(both, track), return_inverse=True)[1]
     squares = (np.bincount(both, information) ** 2).sum() - (np.bincount(own, information) ** 2).sum()
     return 0.5 * float(squares)
 
@@ -103,7 +103,7 @@ def _shared_error(
     share: np.ndarray,
 ) -> SharedError:
     unit = np.unique(unit, return_inverse=True)[1]
-    own = np.unique(_coded(unit, track), return_inverse=True)[1]
+    own = np.unique(_combine_codes(unit, track), return_inverse=True)[1]
 
     def others(values: np.ndarray) -> np.ndarray:
         return np.bincount(unit, values)[unit] - np.bincount(own, values)[own]
@@ -120,6 +120,6 @@ def _shared_error(
     return SharedError(group, unit, 0.5 * float(variance @ others(variance)))
 
 
-def _coded(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """One code (n,) for pairs of codes."""
+def _combine_codes(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Combine pairs of codes (n,) to one code (n,)."""
     return first.astype(np.int64) * (int(second.max(initial=0)) + 1) + second

@@ -1,1 +1,1 @@
-"""What a sensor model lets expect of every beam."""
+"""Prediction of each beam by a sensor model."""

@@ -252,7 +252,10 @@ class FrameReplay(Replayed):
         self.nominal = _rows(frame.observed.rays, beams)
         self.is_calibrated = frame.observed.recovered
         self.along_m = frame.observed.along_m[beams].astype(np.float64)
-        self.unsure = (frame.unsure_m[beams].astype(np.float64), frame.unsure_intensity[beams].astype(np.float64))
+        self.unsure = (
+            frame.twin_sigma_m[beams].astype(np.float64),
+            frame.twin_sigma_intensity[beams].astype(np.float64),
+        )
         hits, traced, whose = frame.shot.hits, frame.shot.traced, beams if met is None else met
         assert traced is not None  # frames are traced
         self._rows, self.solid = whose, hits.solid.take(whose)

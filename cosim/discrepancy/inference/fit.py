@@ -432,19 +432,19 @@ class Fitter:
         return state
 
     def _prior(
-        self, model: LinearModel, state: _State, precision: np.ndarray, away: np.ndarray
+        self, model: LinearModel, state: _State, precision: np.ndarray, deviations: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Precisions of the normal priors of all parameters and the distances from their means, see `LinearModel.step`.
 
         Coefficients of dependences get a weak prior, so that coefficients that are not identifiable stay at 0.
         """
         if not state.dependences:
-            return (precision, away) if precision.any() else None
+            return (precision, deviations) if precision.any() else None
         coefficients = np.concatenate([dependence.coefficients for dependence in state.dependences])
         information = np.maximum(model.own_information_diagonal[len(precision) :], 0.0)
         weak = self.settings.descent.ridge * information + 1e-9
         weak[information <= 0] = 1.0
-        return np.append(precision, weak), np.append(away, coefficients)
+        return np.append(precision, weak), np.append(deviations, coefficients)
 
     def _update_spurious_shares(self, state: _State, blur: float) -> _State:
         """Update the shares of spurious returns by one step of expectation maximisation."""

@@ -167,7 +167,7 @@ def _bootstrap_intervals(
 ) -> dict[str, list[float]]:
     """Intervals of the searched parameters of one effect, by cluster bootstrap over scans and over tracks.
 
-    At a discontinuity of the likelihood bootstrap draws hardly vary; there the interval is at least the likelihood
+    At a discontinuity of the likelihood bootstrap draws barely vary; there the interval is at least the likelihood
     interval.
     """
     effects, limits = fitted.effects, {}

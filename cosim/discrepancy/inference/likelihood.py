@@ -89,8 +89,8 @@ class Residuals:
     Attributes:
         range_z, intensity_z, rise_z: residuals in standard deviations; 0 without a measurement.
         range_sigma_m, intensity_sigma: standard deviations that they are divided by.
-        intensity_score, intensity_known: score and information of the intensity with respect to its mean, in standard
-            deviations (see `Censored`).
+        intensity_score, intensity_information: score and information of the intensity with respect to its mean, in
+            standard deviations (see `Censored`).
         met: probability that the beam hit the surface of its row; 1 away from edges.
         matched: posterior probability that the return is from this surface.
         bright: posterior probability that the intensity is also from this surface; 0 if ambiguous.
@@ -107,7 +107,7 @@ class Residuals:
     range_sigma_m: np.ndarray
     intensity_sigma: np.ndarray
     intensity_score: np.ndarray
-    intensity_known: np.ndarray
+    intensity_information: np.ndarray
     met: np.ndarray
     matched: np.ndarray
     bright: np.ndarray
@@ -242,9 +242,9 @@ def _intensity_residuals(sample: Sample, expected: Prediction, spread: np.ndarra
 
 def range_spread_m(expected: Prediction, law: Law) -> np.ndarray:
     """Standard deviation (n,) [m] of ranges: sensor noise and uncertainty of the twin."""
-    return np.sqrt(expected.range_sigma_m**2 + expected.unsure_m**2 + law.range_floor_m**2)
+    return np.sqrt(expected.range_sigma_m**2 + expected.twin_sigma_m**2 + law.range_floor_m**2)
 
 
 def intensity_spread(expected: Prediction, law: Law) -> np.ndarray:
     """Standard deviation (n,) of intensities: sensor noise and uncertainty of the twin."""
-    return np.sqrt(expected.intensity_sigma**2 + expected.unsure_intensity**2 + law.intensity_floor**2)
+    return np.sqrt(expected.intensity_sigma**2 + expected.twin_sigma_intensity**2 + law.intensity_floor**2)

@@ -113,9 +113,9 @@ class Projector:
         """(clusters, a + p) scores of the columns of the random effects and of the fitted parameters."""
         parts = []
         for own, size in ((self._model.z, len(self._model.used)), (self._model.x, self._model.parameters)):
-            found = np.zeros((count, size))
+            scores = np.zeros((count, size))
             for name, matrix in own.items():
                 if matrix.nnz:
-                    found += summed_by(cluster, matrix, self._evidence.score[name], count)
-            parts.append(found)
+                    scores += summed_by(cluster, matrix, self._evidence.score[name], count)
+            parts.append(scores)
         return np.hstack(parts)

@@ -151,7 +151,7 @@ class RandomEffects:
 
         All range errors of one object, in all scans, are one group. Each map cell and each albedo is its own group.
         """
-        sample, found = self.sample, np.full(self.size, -1)
+        sample, group = self.sample, np.full(self.size, -1)
         things = sample.object_scan >= 0
         track_of_scan = np.zeros(int(sample.object_scan.max(initial=-1)) + 1, int)
         track_of_scan[sample.object_scan[things]] = self._track[things]
@@ -160,14 +160,14 @@ class RandomEffects:
             ("objects", np.repeat(np.arange(tracks), 4)), ("objects_by_scan", np.repeat(track_of_scan, 4)),
         ):  # fmt: skip
             rows = self.rows(name)
-            found[rows] = unit[: rows.stop - rows.start]
+            group[rows] = unit[: rows.stop - rows.start]
         first = tracks
         for name in ("map", "albedo", "albedo_of_map"):
             rows = self.rows(name)
             count = rows.stop - rows.start
-            found[rows] = first + np.arange(count)
+            group[rows] = first + np.arange(count)
             first += count
-        return found
+        return group
 
     @cached_property
     def clusters(self) -> Clusters:
@@ -343,12 +343,12 @@ class RandomEffects:
 
     def informations(self, expected: Prediction, evidence: Evidence) -> np.ndarray:
         """(m,) information of the beams about each random effect, with all others known."""
-        found = np.zeros(self.size)
+        information = np.zeros(self.size)
         everything = Estimate(np.zeros(self.size), np.ones(len(self.components)))
         for name, design in self.designs(expected, everything).items():
             if name in evidence.information:
-                found += design.multiply(design).T @ evidence.information[name]
-        return found
+                information += design.multiply(design).T @ evidence.information[name]
+        return information
 
     def update_variances(self, estimate: Estimate, solver: Factored | None) -> Estimate:
         """Update the variances once by MacKay's fixed-point iteration (Neural Comput. 4, 1992): σ² = uᵀu/γ.

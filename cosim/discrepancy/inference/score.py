@@ -79,7 +79,7 @@ class Evidence:
             uncensored = residuals.bright * residuals.whole * ~sample.seam
             paired_intensity = weight * uncensored * uncensored[pair] * (sample.partner >= 0)
             score["intensity"] = bright * residuals.intensity_score / residuals.intensity_sigma
-            information["intensity"] = bright * residuals.intensity_known / residuals.intensity_sigma**2
+            information["intensity"] = bright * residuals.intensity_information / residuals.intensity_sigma**2
             score["intensity_variance"] = paired_intensity * _spread_excess(intensity_gap, law)
             information["intensity_variance"] = paired_intensity * _SPREAD_INFORMATION
         return cls(score, information)

@@ -1,4 +1,4 @@
-"""What pages show of judged frames: residuals of beams before and after, and what they may depend on."""
+"""Residuals and covariates of the beams of validation frames for display, before and after the findings."""
 
 from __future__ import annotations
 
@@ -15,28 +15,23 @@ from cosim.discrepancy.settings import Settings
 
 @dataclass(frozen=True)
 class Layout:
-    """Numbers of pictures and tables; none of them decides what is found."""
+    """Numbers of charts and tables; they have no influence on findings."""
 
-    bins: int = 20  # of a covariate; each of a pair has `pair_bins`
-    pair_bins: int = 8
-    names: int = 8  # of categories in a chart, the most common ones
-    fewest: int = 50  # rows in a bin, and in one of a pair `fewest_in_cell`
-    fewest_in_cell: int = 30
-    sweeps: int = 4  # that take off what each of a pair does alone
-    dots: int = 40  # in a chart, more are a line alone
-    alike: float = 0.02  # share of the largest size within which charts stand in their usual order
-    common: float = 0.02  # share of rows from which a bin takes part in the scale of a chart
-    excess: float = 0.05  # share of the excess from which a channel is worth a word
-    told: float = 5e-4  # of an error: less is told as 0.000
-    unexplained: int = 6  # charts of what is left
-    sigmas: float = 4.0  # to which noise is drawn
-    values: int = 9  # of an unknown dependence on categories
-    scans: int = 3  # shown whole
-    beams: int = 60_000  # of each, so that a page stays below 4 MB
-    rows: int = 30_000  # of each judging frame in charts
-    sectors: int = 12  # of azimuth: what beams of a frame share once its pose is fitted ends there, as objects do
-    largest_square: float = 25.0  # of a residual over its spread
-    cut_off: float = 3.0  # standard deviations from a limit of intensity
+    bins: int = 20  # bins of a covariate
+    names: int = 8  # most common categories in a chart
+    fewest: int = 50  # minimum number of rows in a bin
+    dots: int = 40  # maximum number of dots in a chart; more points are drawn as a line
+    tie_share: float = 0.02  # charts whose sizes differ by less than this share of the largest keep their default order
+    common: float = 0.02  # minimum share of rows of a bin that influences the scale of a chart
+    excess: float = 0.05  # minimum share of the excess for a channel to be mentioned
+    smallest_error: float = 5e-4  # smaller parts of an error are shown as 0.000
+    values: int = 9  # maximum number of categories in the chart of an unknown dependence
+    scans: int = 3  # number of scans shown as a whole
+    beams: int = 60_000  # maximum number of beams of each, so that a page stays below 4 MB
+    rows: int = 30_000  # maximum number of rows of each validation frame in charts
+    sectors: int = 12  # azimuth sectors: clusters of beams that share errors after the pose is fitted
+    largest_square: float = 25.0  # cap on squared standardised residuals
+    cut_off: float = 3.0  # σ from a limit of intensity within which values may be censored
 
 
 LAYOUT = Layout()
@@ -56,9 +51,9 @@ class Column:
     """A covariate of n beams.
 
     Attributes:
-        unit: of its values; empty for pure numbers and names.
-        values: (n,) float32, NaN where it is not known; numbers of categories for names.
-        names: of the categories by number; empty for numbers.
+        unit: unit of the values; empty for pure numbers and categories.
+        values: (n,) float32 values, or numbers of categories; NaN if unknown.
+        names: names of the categories by number; empty for numbers.
     """
 
     unit: str
@@ -68,18 +63,18 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Beams of all judged frames.
+    """Beams of all validation frames.
 
     Attributes:
-        covariates: by name, (n,) each.
-        cluster: (n,) number of the frame's sector: what shares errors once poses are taken out.
-        before_cluster: (n,) the same before; that of the frame where poses are in the residuals.
+        covariates: (n,) covariates by name.
+        cluster: (n,) number of the frame's sector; beams of a sector share errors after the poses are fitted.
+        before_cluster: (n,) cluster of the residuals before; the frame if these contain pose errors.
         frame: (n,) number of the frame.
-        before, after: by channel, (n,) measured − expected; NaN where it is not compared. Ranges [m] are clipped at
-            1 m; intensities are left out where another material may have been met or the sensor cuts them off; `drop`
-            is returned (1 or 0) − its probability; `spurious` is 1 for a return from nowhere − the chance of one;
-            `range_variance` and `intensity_variance` are squares over stated variances − 1.
-        settings: those that frames were traced with.
+        before, after: (n,) measured − predicted by channel; NaN if not compared. Ranges [m] are clipped at 1 m;
+            intensities are omitted if another material may have been hit or if they may be censored; `drop` is the
+            return (1 or 0) − its probability; `spurious` is 1 for a spurious return − its probability;
+            `range_variance` and `intensity_variance` are squared residuals over stated variances − 1.
+        settings: settings that the frames were traced with.
     """
 
     covariates: dict[str, Column]
@@ -93,12 +88,12 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One frame as one model sees it.
+    """One frame under one model.
 
     Attributes:
-        error: of the frame; NaN where nothing can be compared.
+        error: error of the frame; NaN if nothing can be compared.
         state: (n,) uint8, one of MATCHED … SILENT.
-        residuals: by channel, as in `Rows`, of range, intensity and drop.
+        residuals: residuals of range, intensity and drop, as in `Rows`.
     """
 
     error: float
@@ -108,15 +103,15 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """One frame, whole.
+    """All beams of one frame.
 
     Attributes:
-        name: of the frame.
-        rings, firings: its layout; beams are ring-major.
-        elevation_rad, azimuth_rad: (rings,) of each ring, the latter of its first firing.
-        measured_m: (n,) range; NaN where nothing returned.
-        covariates: (n,) each, as in `Rows`.
-        before, after: what two models say.
+        name: name of the frame.
+        rings, firings: layout of the scan; beams are ring-major.
+        elevation_rad, azimuth_rad: (rings,) elevation of each ring and azimuth of its first firing.
+        measured_m: (n,) measured range; NaN without a return.
+        covariates: (n,) covariates as in `Rows`.
+        before, after: the frame under both models.
     """
 
     name: str
@@ -132,11 +127,11 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """All that a page shows of judged frames.
+    """Data of validation frames for a page.
 
     Attributes:
-        rows: for charts.
-        scans: frames shown whole, the worst first.
+        rows: sampled beams for charts.
+        scans: frames shown as a whole, the worst first.
         is_one: whether before and after are the same.
     """
 
@@ -146,49 +141,47 @@ class Beams:
 
     @classmethod
     def of(cls, judged: Judged, shown: int, seed: int = 0) -> Beams:
-        """Those of judged frames, of which `shown` are kept whole; `seed` is that of the choice of rows."""
+        """Collect the data of validation frames, `shown` of them as a whole; `seed` is for the sampling of rows."""
         has_poses = "poses" not in judged.before_parts
         parts: list[Rows] = []
         errors: list[float] = []
         for number, (before, after) in enumerate(judged.pairs()):
             parts.append(_rows(before, after, number, np.random.default_rng([seed, number]), has_poses))
             errors.append(Totals.of(before.frame, before.scores).error)
-        kept = _shown(errors, shown)
+        kept = _choose_scans(errors, shown)
         scans = [_scan(before, after) for number, (before, after) in enumerate(judged.pairs()) if number in kept]
         scans.sort(key=lambda scan: -np.nan_to_num(scan.before.error))
         same = judged.before is judged.after and judged.before_parts == PARTS
-        return cls(_joined(parts), tuple(scans), same)
+        return cls(_concatenate(parts), tuple(scans), same)
 
 
-def _shown(errors: Sequence[float], count: int) -> Collection[int]:
-    """Numbers of the worst frame and of others evenly spread; a frame with nothing to compare has no error."""
+def _choose_scans(errors: Sequence[float], count: int) -> Collection[int]:
+    """Numbers of the worst frame and of other, evenly spaced frames; NaN errors count as 0."""
     worst = int(np.argmax(np.nan_to_num(np.array(errors))))
     spread = np.unique(np.linspace(0, len(errors) - 1, max(count, 1)).round().astype(int)).tolist()
     others = [number for number in spread if number != worst]
     return {worst, *others[: count - 1]}
 
 
-def residuals_of(one: AlignedFrame) -> dict[str, np.ndarray]:
-    """(n,) of every channel, see `Rows`."""
-    scores, expected, hits = one.scores, one.expected, one.frame.shot.hits
+def residuals_of(aligned: AlignedFrame) -> dict[str, np.ndarray]:
+    """Residuals (n,) of every channel, see `Rows`."""
+    scores, expected, hits = aligned.scores, aligned.expected, aligned.frame.shot.hits
     clear = ~scores.ambiguous
-    reach = (
-        LAYOUT.cut_off * expected.intensity_sigma
-    )  # what is cut off at 0 or 1 is darker or brighter than it would be
+    reach = LAYOUT.cut_off * expected.intensity_sigma  # residuals of censored values are biased
     inside = (expected.intensity - reach >= 0) & (expected.intensity + reach <= 1)
-    lit = scores.matched & np.isfinite(scores.intensity_score) & ~one.mixed & (inside | (reach <= 0))
+    has_intensity = scores.matched & np.isfinite(scores.intensity_score) & ~aligned.mixed & (inside | (reach <= 0))
     range_m = np.clip(scores.measured_m - expected.range_m, -CLIP_M, CLIP_M)
-    bright = scores.measured_intensity - expected.intensity
+    intensity = scores.measured_intensity - expected.intensity
     returned = (~np.isnan(scores.measured_m)).astype(np.float32)
-    found = {
+    residuals = {
         "range": np.where(scores.matched, range_m, np.nan),
-        "intensity": np.where(lit, bright, np.nan),
+        "intensity": np.where(has_intensity, intensity, np.nan),
         "drop": np.where(clear & hits.solid.exists, returned - expected.seen, np.nan),
         "spurious": np.where(clear, scores.spurious - scores.stray, np.nan),
         "range_variance": _excess(range_m, expected.range_sigma_m, scores.matched),
-        "intensity_variance": _excess(bright, expected.intensity_sigma, lit),
+        "intensity_variance": _excess(intensity, expected.intensity_sigma, has_intensity),
     }
-    return {name: values.astype(np.float32) for name, values in found.items()}
+    return {name: values.astype(np.float32) for name, values in residuals.items()}
 
 
 def _excess(residual: np.ndarray, sigma: np.ndarray, used: np.ndarray) -> np.ndarray:
@@ -197,32 +190,32 @@ def _excess(residual: np.ndarray, sigma: np.ndarray, used: np.ndarray) -> np.nda
     return np.where(used & (sigma > 0), square, np.nan)
 
 
-def columns_of(one: AlignedFrame, number: int = 0) -> dict[str, Column]:
-    """(n,) of everything that residuals of a frame's beams may depend on; `number` is the frame's."""
-    count = len(one.sample)
-    found: dict[str, Column] = {}
-    for covariate in sample_covariates(one.sample, one.prediction, (one.frame,)):
+def columns_of(aligned: AlignedFrame, number: int = 0) -> dict[str, Column]:
+    """Covariates (n,) of a frame's beams; `number` is the number of the frame."""
+    count = len(aligned.sample)
+    columns: dict[str, Column] = {}
+    for covariate in sample_covariates(aligned.sample, aligned.prediction, (aligned.frame,)):
         values = covariate.values.astype(np.float32)
         if covariate.labels and covariate.name != "ring":
             values = np.where(covariate.index >= 0, values, np.nan).astype(np.float32)
             names = dict(zip(covariate.centres.astype(int).tolist(), covariate.labels, strict=True))
             words = tuple(names.get(code, "") for code in range(max(names) + 1))
-            found[covariate.name] = Column(covariate.unit, values, words)
+            columns[covariate.name] = Column(covariate.unit, values, words)
         else:
-            found[covariate.name] = Column(covariate.unit, values)
+            columns[covariate.name] = Column(covariate.unit, values)
     for name, (value, unit) in _OF_SCANS.items():
-        found[name] = Column(unit, np.full(count, one.sample.scan_values[value][0], np.float32))
-    found["scan"] = Column("", np.full(count, number, np.float32))
-    return found
+        columns[name] = Column(unit, np.full(count, aligned.sample.scan_values[value][0], np.float32))
+    columns["scan"] = Column("", np.full(count, number, np.float32))
+    return columns
 
 
 def _rows(before: AlignedFrame, after: AlignedFrame, number: int, rng: np.random.Generator, has_poses: bool) -> Rows:
     count = len(after.sample)
     used = np.sort(rng.choice(count, min(count, LAYOUT.rows), replace=False))
     sector = np.floor((after.sample.azimuth[used] + np.pi) / (2 * np.pi) * LAYOUT.sectors).astype(int) % LAYOUT.sectors
-    told = columns_of(after, number)
+    columns = columns_of(after, number)
     return Rows(
-        covariates={name: Column(one.unit, one.values[used], one.names) for name, one in told.items()},
+        covariates={name: Column(column.unit, column.values[used], column.names) for name, column in columns.items()},
         cluster=number * LAYOUT.sectors + sector,
         before_cluster=np.full(len(used), number) if has_poses else number * LAYOUT.sectors + sector,
         frame=np.full(len(used), number),
@@ -232,10 +225,10 @@ def _rows(before: AlignedFrame, after: AlignedFrame, number: int, rng: np.random
     )
 
 
-def _joined(parts: Sequence[Rows]) -> Rows:
+def _concatenate(parts: Sequence[Rows]) -> Rows:
     names = dict.fromkeys(name for rows in parts for name in rows.covariates)
     return Rows(
-        covariates={name: _one_column([rows.covariates.get(name) for rows in parts], parts) for name in names},
+        covariates={name: _concatenate_column([rows.covariates.get(name) for rows in parts], parts) for name in names},
         cluster=np.concatenate([rows.cluster for rows in parts]),
         before_cluster=np.concatenate([rows.before_cluster for rows in parts]),
         frame=np.concatenate([rows.frame for rows in parts]),
@@ -245,34 +238,34 @@ def _joined(parts: Sequence[Rows]) -> Rows:
     )
 
 
-def _one_column(columns: Sequence[Column | None], parts: Sequence[Rows]) -> Column:
-    """Of all frames; categories have the numbers that they have in `joined_names`."""
-    told = [one for one in columns if one is not None]
-    words = joined_names(told)
+def _concatenate_column(columns: Sequence[Column | None], parts: Sequence[Rows]) -> Column:
+    """Concatenate a column over all frames; categories are numbered as in `joined_names`."""
+    present = [column for column in columns if column is not None]
+    words = joined_names(present)
     values = [
-        np.full(len(rows.frame), np.nan, np.float32) if one is None else renumbered(one, words)
-        for one, rows in zip(columns, parts, strict=True)
+        np.full(len(rows.frame), np.nan, np.float32) if column is None else renumbered(column, words)
+        for column, rows in zip(columns, parts, strict=True)
     ]
-    return Column(told[0].unit, np.concatenate(values), words)
+    return Column(present[0].unit, np.concatenate(values), words)
 
 
 def joined_names(columns: Sequence[Column]) -> tuple[str, ...]:
-    """Names of the categories of several columns, each once; by number where they are the same in all."""
-    longest = max(columns, key=lambda one: len(one.names)).names
-    if all(not a or not b or a == b for one in columns for a, b in zip(one.names, longest, strict=False)):
+    """Unique names of the categories of several columns; in the original order if it is the same in all."""
+    longest = max(columns, key=lambda column: len(column.names)).names
+    if all(not a or not b or a == b for column in columns for a, b in zip(column.names, longest, strict=False)):
         words = list(longest)
-        for one in columns:
-            for place, word in enumerate(one.names):
-                words[place] = words[place] or word
+        for column in columns:
+            for position, word in enumerate(column.names):
+                words[position] = words[position] or word
         return tuple(words)
-    return tuple(sorted({word for one in columns for word in one.names if word}))
+    return tuple(sorted({word for column in columns for word in column.names if word}))
 
 
 def renumbered(column: Column, words: tuple[str, ...]) -> np.ndarray:
-    """(n,) values of a column with the numbers that categories have among `words`."""
+    """(n,) values of a column, with categories numbered by their position in `words`."""
     if not words:
         return column.values
-    number = {word: place for place, word in enumerate(words)}
+    number = {word: position for position, word in enumerate(words)}
     places = np.array([number.get(word, np.nan) if word else np.nan for word in column.names] + [np.nan], np.float32)
     code = np.where(np.isfinite(column.values), column.values, len(column.names)).astype(int)
     return places[np.minimum(code, len(column.names))]
@@ -296,14 +289,14 @@ def _scan(before: AlignedFrame, after: AlignedFrame) -> Scan:
     )
 
 
-def _side(one: AlignedFrame) -> Side:
-    found = residuals_of(one)
-    kept = {name: found[name] for name in ("range", "intensity", "drop")}
-    return Side(Totals.of(one.frame, one.scores).error, state_of(one.scores), kept)
+def _side(aligned: AlignedFrame) -> Side:
+    residuals = residuals_of(aligned)
+    shown = {name: residuals[name] for name in ("range", "intensity", "drop")}
+    return Side(Totals.of(aligned.frame, aligned.scores).error, state_of(aligned.scores), shown)
 
 
 def state_of(scores: FrameScores) -> np.ndarray:
-    """(n,) uint8 of MATCHED … SILENT."""
+    """State (n,) uint8 of each beam, one of MATCHED … SILENT."""
     returned = ~np.isnan(scores.measured_m)
     state = np.full(len(returned), SILENT, np.uint8)
     state[returned] = UNFORESEEN

@@ -1,4 +1,4 @@
-"""Covariates in bins that charts and beams share, so that a bin of a chart can be shown on a scan."""
+"""Bins of covariates that charts and scans share, so that a bin of a chart can be shown in a scan."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cosim.discrepancy.report.beams import LAYOUT, Column, Rows, Scan, renumbere
 from cosim.report.binned import quantile_edges
 
 NO_BIN = 255
-_NUMBERED = ("ring", "scan")  # whole numbers, each a bin of its own
+_NUMBERED = ("ring", "scan")  # integers, one bin each
 
 
 USUAL = (
@@ -27,13 +27,13 @@ class Bins:
     """A covariate of the rows, in bins.
 
     Attributes:
-        name: of the covariate.
-        shown: how values are shown.
-        edges: (b − 1,) inner edges, in the covariate's own unit; empty for categories.
-        codes: (b,) numbers of categories or whole numbers; empty otherwise.
-        names: of all categories by number; empty for numbers.
-        ends: least and largest value.
-        of_rows: (n,) bin of each row; `NO_BIN` where there is none.
+        name: name of the covariate.
+        shown: words and unit for display.
+        edges: (b − 1,) inner edges, in the covariate's unit; empty for categories.
+        codes: (b,) numbers of categories, or integers; empty otherwise.
+        names: names of all categories by number; empty for numbers.
+        ends: smallest and largest value.
+        of_rows: (n,) bin of each row; `NO_BIN` for none.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Bins:
 
     @classmethod
     def of(cls, rows: Rows, name: str, bins: int = LAYOUT.bins) -> Bins | None:
-        """Of rows; None where the covariate is not there, or has one value alone."""
+        """Bin a covariate of rows; None if it is absent or constant."""
         column = rows.covariates.get(name)
         known = column.values[np.isfinite(column.values)] if column is not None else np.zeros(0)
         if column is None or not len(known) or known.min() == known.max():
@@ -86,7 +86,7 @@ class Bins:
         return self.place(renumbered(Column(column.unit, column.values, column.names), self.names))
 
     def words(self) -> tuple[str, ...]:
-        """What each bin holds."""
+        """Description of each bin."""
         if self.names:
             return tuple(self.names[code].replace("_", " ") for code in self.codes)
         if len(self.codes):
@@ -97,14 +97,14 @@ class Bins:
 
     @property
     def label(self) -> str:
-        """For an axis."""
+        """Label of an axis."""
         return f"{self.shown.words} ({self.shown.unit})" if self.shown.unit else self.shown.words
 
 
 def bins_of(rows: Rows, names: Sequence[str]) -> dict[str, Bins]:
-    """Those of some covariates, without what is not there."""
-    found = {name: Bins.of(rows, name) for name in dict.fromkeys(names)}
-    return {name: one for name, one in found.items() if one is not None}
+    """Bins of the named covariates that are present."""
+    all_bins = {name: Bins.of(rows, name) for name in dict.fromkeys(names)}
+    return {name: bins for name, bins in all_bins.items() if bins is not None}
 
 
 def _short(value: float) -> str:

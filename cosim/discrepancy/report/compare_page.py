@@ -34,7 +34,7 @@ def budget_section(parts: Mapping[str, float], *, text: str, why: Mapping[str, s
 
     Args:
         parts: noise, poses, objects, map, missing and unexplained; they add up to the error.
-        text: beneath the heading (HTML).
+        text: HTML text below the heading.
         why: other remedies of some parts.
     """
     if not parts:
@@ -43,7 +43,7 @@ def budget_section(parts: Mapping[str, float], *, text: str, why: Mapping[str, s
     pieces = [
         Piece(_NAMES.get(name, name), value, _COLOURS[name], remedies[name])
         for name, value in parts.items()
-        if abs(value) >= LAYOUT.told or name in ("noise", "unexplained")
+        if abs(value) >= LAYOUT.smallest_error or name in ("noise", "unexplained")
     ]
     bar = stacked_bar(pieces, "sources of the error")
     return section("Sources of the error", bar, text=text, anchor="budget")
@@ -52,21 +52,21 @@ def budget_section(parts: Mapping[str, float], *, text: str, why: Mapping[str, s
 _SIDES = ("initial poses", "poses, objects and map aligned")
 _CHANNEL_WORDS = {"range": "ranges", "intensity": "intensities", "drop": "returns", "spurious": "spurious points"}
 _WHY = {
-    "missing": "effects that the sensor model lacks; the command above identifies them",
+    "missing": "effects that the sensor model does not have; the command above identifies them",
     "unexplained": "remains with poses, objects and map aligned, which are never known exactly",
 }
 
 
-def format_comparison(found: Comparison, command: str, explored: Explored | None = None) -> str:
+def format_comparison(comparison: Comparison, command: str, explored: Explored | None = None) -> str:
     """The HTML text.
 
     Args:
-        found: the comparison.
+        comparison: comparison to show.
         command: what to run next, to be copied.
         explored: beams of the compared frames; gathered from the comparison by default.
     """
-    explored = explored or Explored.of(found.judged, LAYOUT.scans)
-    title = f"{found.sensor} against {found.drive}"
+    explored = explored or Explored.of(comparison.judged, LAYOUT.scans)
+    title = f"{comparison.sensor} against {comparison.drive}"
     text = (
         "An illustration: residuals at the initial poses, and with fitted errors of poses, objects and map removed. "
         "It shows where residuals are, not what is significant; that is what <code>cosim diagnose</code> tests. Lines "
@@ -74,57 +74,57 @@ def format_comparison(found: Comparison, command: str, explored: Explored | None
         "<b>Click a bin to see its beams.</b>"
     )
     sections = [
-        f"<header><h1>{escape(title)}</h1>{_verdict(found, command)}{_figures(found)}</header>",
-        _budget(found),
-        _slices(found.slices),
-        worth_section(found.worth),
+        f"<header><h1>{escape(title)}</h1>{_verdict(comparison, command)}{_figures(comparison)}</header>",
+        _budget(comparison),
+        _slices(comparison.slices),
+        worth_section(comparison.worth),
         explorer_section(explored, _SIDES, text=text),
-        _notes(found),
+        _notes(comparison),
     ]
     return document(title, sections, style=explorer_style(), generator="cosim compare")
 
 
-def _verdict(found: Comparison, command: str) -> str:
+def _verdict(comparison: Comparison, command: str) -> str:
     run = f'<p class="next">To identify what is missing: <code>{escape(command)}</code></p>'
-    if found.floor is None:
-        return f'<p class="verdict">Error {found.error:.3g}; the noise floor cannot be determined.</p>{run}'
-    is_aligned = found.error_aligned is not None and found.error > 2 * found.error_aligned
-    floor = found.budget.floor if found.budget and found.budget.floor else found.floor.error
-    sources = source_words(found.parts, floor, is_complete=False) if found.parts else ""
+    if comparison.floor is None:
+        return f'<p class="verdict">Error {comparison.error:.3g}; the noise floor cannot be determined.</p>{run}'
+    is_aligned = comparison.error_aligned is not None and comparison.error > 2 * comparison.error_aligned
+    floor = comparison.budget.floor if comparison.budget and comparison.budget.floor else comparison.floor.error
+    sources = source_words(comparison.parts, floor, is_complete=False) if comparison.parts else ""
     of_which = f", of which {sources}" if sources else ""
-    if found.at_floor:
-        error = found.error_aligned if is_aligned and found.error_aligned is not None else found.error
+    if comparison.at_floor:
+        error = comparison.error_aligned if is_aligned and comparison.error_aligned is not None else comparison.error
         subject = "With poses, objects and map aligned the error is" if is_aligned else "The error is"
         verdict = (
             f'<span class="good">At the noise floor.</span> {subject} {error:.3g}, of a correct model {floor:.3g}: '
             "these measurements cannot distinguish the model from a correct one by this number."
         )
-        verdict += f" At the initial poses the error is {found.error:.3g}{of_which}." if is_aligned else ""
+        verdict += f" At the initial poses the error is {comparison.error:.3g}{of_which}." if is_aligned else ""
         small = f'<p class="next">To test for small effects: <code>{escape(command)}</code></p>'
         return f'<p class="verdict">{verdict}</p>{small}'
-    above = found.error / floor if floor > 0 else float("inf")
+    above = comparison.error / floor if floor > 0 else float("inf")
     verdict = '<span class="bad">Above the noise floor.</span> '
-    verdict += f"The error {found.error:.3g} is {times(above)} the noise floor ({floor:.3g}){of_which}."
-    if found.error_aligned is not None and found.budget and found.budget.floor:
-        ratio = times(found.error_aligned / found.budget.floor)
-        verdict += f" With poses, objects and map aligned it is {found.error_aligned:.3g}, {ratio} its floor."
-    more = f'<p class="sources">{_excess(found)}</p>'
-    if found.slices:
-        run = f'<p class="next">Largest residuals at the initial poses: {escape(str(found.slices[0]))}.</p>{run}'
+    verdict += f"The error {comparison.error:.3g} is {times(above)} the noise floor ({floor:.3g}){of_which}."
+    if comparison.error_aligned is not None and comparison.budget and comparison.budget.floor:
+        ratio = times(comparison.error_aligned / comparison.budget.floor)
+        verdict += f" With poses, objects and map aligned it is {comparison.error_aligned:.3g}, {ratio} its floor."
+    more = f'<p class="sources">{_excess(comparison)}</p>'
+    if comparison.slices:
+        run = f'<p class="next">Largest residuals at the initial poses: {escape(str(comparison.slices[0]))}.</p>{run}'
     return f'<p class="verdict">{verdict}</p>{more}{run}'
 
 
-def _excess(found: Comparison) -> str:
+def _excess(comparison: Comparison) -> str:
     """The channels in which the error is above the floor, with the mean residual of each."""
-    excess = found.excess
+    excess = comparison.excess
     total = sum(excess.values())
     order = [name for name in excess if excess[name] > LAYOUT.excess * total]
-    parts = [f"<b>{_CHANNEL_WORDS[name]}</b> ({excess[name] / total:.0%}): {_off(name, found)}" for name in order]
+    parts = [f"<b>{_CHANNEL_WORDS[name]}</b> ({excess[name] / total:.0%}): {_off(name, comparison)}" for name in order]
     return f"At the initial poses the excess is in {'; '.join(parts)}." if parts else ""
 
 
-def _off(name: str, found: Comparison) -> str:
-    t = found.totals
+def _off(name: str, comparison: Comparison) -> str:
+    t = comparison.totals
     return {
         "range": f"on average {100 * t.signed / max(t.matched, 1):+.2f} cm",
         "intensity": f"on average {t.intensity_signed / max(t.lit, 1) + 0.0:+.3f}",
@@ -133,27 +133,27 @@ def _off(name: str, found: Comparison) -> str:
     }[name]
 
 
-def _budget(found: Comparison) -> str:
-    if found.budget is None or found.judged is None:
+def _budget(comparison: Comparison) -> str:
+    if comparison.budget is None or comparison.judged is None:
         return ""
     frames = (
-        f"{len(found.judged)} of {found.totals.frames} frames"
-        if len(found.judged) < found.totals.frames
+        f"{len(comparison.judged)} of {comparison.totals.frames} frames"
+        if len(comparison.judged) < comparison.totals.frames
         else "all frames"
     )
     text = f"The error and its sources, in the shares of {frames}."
-    return budget_section(found.parts, text=text, why=_WHY)
+    return budget_section(comparison.parts, text=text, why=_WHY)
 
 
-def _figures(found: Comparison) -> str:
-    json, parts = found.to_json()["channels"], found.totals.parts()
-    floor = found.floor.parts if found.floor else {}
+def _figures(comparison: Comparison) -> str:
+    json, parts = comparison.to_json()["channels"], comparison.totals.parts()
+    floor = comparison.floor.parts if comparison.floor else {}
 
     def score(name: str) -> str:
         own = f"{parts[name] / SCALES[name]:.2f}"
         return f"{own} <small>floor {floor[name] / SCALES[name]:.2f}</small>" if name in floor else own
 
-    items = [("Frames", f"{found.totals.frames:,}"), ("Points", f"{found.totals.points:,}")]
+    items = [("Frames", f"{comparison.totals.frames:,}"), ("Points", f"{comparison.totals.points:,}")]
     items += [(f"{name} score", score(name)) for name in parts]
     ranges = json["range"]
     items += [
@@ -167,7 +167,7 @@ def _figures(found: Comparison) -> str:
             ("Intensity RMSE", f"{json['intensity']['rmse']:.4f}"),
         ]
     items += [
-        ("Lost returns", f"{found.totals.dropped / found.totals.frames:,.0f} <small>per frame</small>"),
+        ("Lost returns", f"{comparison.totals.dropped / comparison.totals.frames:,.0f} <small>per frame</small>"),
         ("Spurious", f"{json['spurious']['per_frame']:,.1f} <small>per frame</small>"),
     ]
     how = "The error is the mean of the scores; each score is a mean over beams, divided by its scale."
@@ -199,8 +199,8 @@ def _spread(one: Slice) -> str:
     return {"range": f"{100 * one.spread:.2f} cm", "drop": "", "intensity": f"{one.spread:.4f}"}[one.channel]
 
 
-def _notes(found: Comparison) -> str:
-    notes = [*found.notes]
-    if found.floor is not None:
-        notes.append(f"the noise floor is {found.floor.how}")
+def _notes(comparison: Comparison) -> str:
+    notes = [*comparison.notes]
+    if comparison.floor is not None:
+        notes.append(f"the noise floor is {comparison.floor.how}")
     return notes_section(notes)

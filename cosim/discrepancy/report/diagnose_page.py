@@ -26,19 +26,19 @@ _SIDES = ("initial model", "with all findings")
 
 
 def format_diagnosis(
-    found: Diagnosis, words: Vocabulary, drive: str, sensor: str, explored: Explored | None = None
+    diagnosis: Diagnosis, words: Vocabulary, drive: str, sensor: str, explored: Explored | None = None
 ) -> str:
     """The HTML text.
 
     Args:
-        found: the diagnosis.
+        diagnosis: diagnosis to show.
         words: units and bounds of parameters.
         drive, sensor: names of what was diagnosed.
         explored: beams of the held-out frames; gathered from the diagnosis by default.
     """
     title = f"What {sensor} lacks compared with {drive}"
-    explored = explored or explored_of(found)
-    frames = "held-out frames" if found.split.is_held_out else "fitted frames"
+    explored = explored or explored_of(diagnosis)
+    frames = "held-out frames" if diagnosis.split.is_held_out else "fitted frames"
     text = (
         f"An illustration on {frames}, with fitted errors of poses, objects and map removed. It shows where residuals "
         "are, not what is significant: that is decided by the evidence above, which takes into account how uncertain "
@@ -46,65 +46,67 @@ def format_diagnosis(
         "frame to another. <b>Click a bin to see its beams.</b>"
     )
     sections = [
-        f"<header><h1>{escape(title)}</h1>{_verdict(found, words)}{_next(found, drive, sensor)}</header>",
-        _budget(found),
-        effects_section(found, words),
-        worth_section(found.worth),
-        unknown_section(found),
-        alternatives_section(found, words),
-        unexplained_section(found),
-        evidence_section(found.evidence, found.unexplained, found.settings, has_findings=bool(found.changes)),
-        waterfall_section(found),
-        explorer_section(explored, _SIDES if found.effects or found.unknowns else _SIDES[:1], text=text),
-        ranking_rows(found),
-        smallest_section(found, words),
-        _how(found),
+        f"<header><h1>{escape(title)}</h1>{_verdict(diagnosis, words)}{_next(diagnosis, drive, sensor)}</header>",
+        _budget(diagnosis),
+        effects_section(diagnosis, words),
+        worth_section(diagnosis.worth),
+        unknown_section(diagnosis),
+        alternatives_section(diagnosis, words),
+        unexplained_section(diagnosis),
+        evidence_section(
+            diagnosis.evidence, diagnosis.unexplained, diagnosis.settings, has_findings=bool(diagnosis.changes)
+        ),
+        waterfall_section(diagnosis),
+        explorer_section(explored, _SIDES if diagnosis.effects or diagnosis.unknowns else _SIDES[:1], text=text),
+        ranking_rows(diagnosis),
+        smallest_section(diagnosis, words),
+        _how(diagnosis),
     ]
     return document(title, sections, style=explorer_style() + evidence_style(), generator="cosim diagnose")
 
 
-def explored_of(found: Diagnosis) -> Explored | None:
+def explored_of(diagnosis: Diagnosis) -> Explored | None:
     """The beams of the held-out frames, and charts of them, also by the covariates of findings; or None."""
-    names = [name for row in found.unexplained for name in row.covariates]
-    names += [name for unknown in found.unknowns for name in unknown.curve.covariates]
-    return Explored.of(found.judged, LAYOUT.scans, names)
+    names = [name for row in diagnosis.unexplained for name in row.covariates]
+    names += [name for unknown in diagnosis.unknowns for name in unknown.curve.covariates]
+    return Explored.of(diagnosis.judged, LAYOUT.scans, names)
 
 
-def _verdict(found: Diagnosis, words: Vocabulary) -> str:
-    sentences = [*_missing(found, words), *_unknown(found)]
-    if found.labels is not None and found.labels.verdict == "missing":
-        law = escape(str(found.labels).removeprefix("labels: "))
+def _verdict(diagnosis: Diagnosis, words: Vocabulary) -> str:
+    sentences = [*_missing(diagnosis, words), *_unknown(diagnosis)]
+    if diagnosis.labels is not None and diagnosis.labels.verdict == "missing":
+        law = escape(str(diagnosis.labels).removeprefix("labels: "))
         sentences.append(f'<span class="bad">Labels are biased</span>: {law}.')
-    if found.unexplained:
-        names = [escape(unexplained_words(row)) for row in found.unexplained[:FEW]]
-        more = len(found.unexplained) - len(names)
+    if diagnosis.unexplained:
+        names = [escape(unexplained_words(row)) for row in diagnosis.unexplained[:FEW]]
+        more = len(diagnosis.unexplained) - len(names)
         names += [f"{more} more"] if more else []
         sentences.append(f'<span class="warn">Unexplained</span>: <a href="#unexplained">{listed(names)}</a>.')
-    if not sentences and found.is_above_floor:
+    if not sentences and diagnosis.is_above_floor:
         sentences.append(
             '<span class="warn">The error is above the noise floor</span>, and no hypothesis is significant: something '
             "is missing that these data, or the hypotheses, cannot identify."
         )
     if not sentences:
         sentences.append('<span class="good">No effect is missing</span> that these data can detect.')
-        smallest = smallest_words(found, words, most=FEW)
+        smallest = smallest_words(diagnosis, words, most=FEW)
         sentences.append(f"Smallest detectable amplitudes: {escape(smallest)}; more below." if smallest else "")
-    if found.effects and not found.unexplained and found.is_above_floor:
+    if diagnosis.effects and not diagnosis.unexplained and diagnosis.is_above_floor:
         sentences.append('<span class="warn">The error remains above the noise floor.</span>')
-    budget = budget_words(found, is_complete=found.verdict == "none")
+    budget = budget_words(diagnosis, is_complete=diagnosis.verdict == "none")
     where = f'<p class="sources">{escape(budget[0].upper() + budget[1:])}.</p>'
     return f'<p class="verdict">{" ".join(sentences)}</p>{where}'
 
 
-def _missing(found: Diagnosis, words: Vocabulary) -> list[str]:
+def _missing(diagnosis: Diagnosis, words: Vocabulary) -> list[str]:
     """The missing effects, each with the effects that explain the data equally well."""
-    if not found.effects:
+    if not diagnosis.effects:
         return []
-    no_fall = _no_fall(found)
+    no_fall = _no_fall(diagnosis)
     names = [
         f"{_either(finding)} ({escape(words.parameters(finding.effect, finding.params, finding.ci95))}"
         f"{_useless(finding.effect in no_fall)})"
-        for finding in found.effects
+        for finding in diagnosis.effects
     ]
     return [f'<span class="bad">Missing</span>: {listed(names)}.']
 
@@ -115,61 +117,60 @@ def _either(finding: Finding) -> str:
     return f'<span class="warn">either</span> {listed(names, "or")}' if finding.also_possible else names[0]
 
 
-def _unknown(found: Diagnosis) -> list[str]:
-    if not found.unknowns:
+def _unknown(diagnosis: Diagnosis) -> list[str]:
+    if not diagnosis.unknowns:
         return []
-    no_fall = _no_fall(found)
+    no_fall = _no_fall(diagnosis)
     each = "; ".join(
-        f"{escape(unknown_words(unknown))}{_useless(unknown.name in no_fall)}" for unknown in found.unknowns
+        f"{escape(unknown_words(unknown))}{_useless(unknown.name in no_fall)}" for unknown in diagnosis.unknowns
     )
     return [f'<span class="warn">Unknown</span>: {each}. No effect of the catalogue explains this.']
 
 
-def _no_fall(found: Diagnosis) -> set[str]:
-    return {change.name for change in found.changes if not change.is_fall}
+def _no_fall(diagnosis: Diagnosis) -> set[str]:
+    return {change.name for change in diagnosis.changes if not change.is_fall}
 
 
 def _useless(is_useless: bool) -> str:
     return '; <span class="warn">does not lower the error</span>' if is_useless else ""
 
 
-def _next(found: Diagnosis, drive: str, sensor: str) -> str:
-    if (found.effects or found.unknowns) and found.sensor_out:
+def _next(diagnosis: Diagnosis, drive: str, sensor: str) -> str:
+    if (diagnosis.effects or diagnosis.unknowns) and diagnosis.sensor_out:
         return (
-            f'<p class="next">The improved sensor is <code>{escape(found.sensor_out)}</code>. To compare it with the '
-            f"drive: <code>cosim compare {escape(drive)} --sensor {escape(found.sensor_out)}</code></p>"
+            f'<p class="next">The improved sensor is <code>{escape(diagnosis.sensor_out)}</code>. To compare it with '
+            f"the drive: <code>cosim compare {escape(drive)} --sensor {escape(diagnosis.sensor_out)}</code></p>"
         )
     command = f"cosim compare {escape(drive)} --sensor {escape(sensor)}"
     return f'<p class="next">To see where the residuals are: <code>{command}</code></p>'
 
 
-def _budget(found: Diagnosis) -> str:
-    frames = f"{len(found.split.test)} frames"
-    held = f"Held-out error of the initial model, on {frames} that took no part in any fit, and its sources."
-    text = held if found.split.is_held_out else f"Error of the initial model on the {frames} that were fitted."
-    where = floor_words(found)
+def _budget(diagnosis: Diagnosis) -> str:
+    frames = f"{len(diagnosis.split.test)} frames"
+    held = f"Held-out error of the initial model, on {frames} that were not used for fitting, and its sources."
+    text = held if diagnosis.split.is_held_out else f"Error of the initial model on the {frames} that were fitted."
+    where = floor_words(diagnosis)
     if where:
-        text += (
-            f" With all findings, and poses, objects and map aligned, it is {found.budget.error_aligned:.3f}: {where}."
-        )
-    floor = found.noise_floor
+        aligned = f"{diagnosis.budget.error_aligned:.3f}"
+        text += f" With all findings, and poses, objects and map aligned, it is {aligned}: {where}."
+    floor = diagnosis.noise_floor
     text += f" The noise floor is {floor:.3f}." if floor else " The noise floor cannot be determined."
     why = {"unexplained": "remains with poses, objects and map aligned, which are never known exactly"}
-    if found.unexplained:
+    if diagnosis.unexplained:
         why = {"unexplained": "remains with poses, objects and map aligned; dependences are listed below"}
-    text = f"{text} {escape(spread_words(found.spreads))}".strip()
-    for sentence in implausible_spreads(found.spreads):
+    text = f"{text} {escape(spread_words(diagnosis.spreads))}".strip()
+    for sentence in implausible_spreads(diagnosis.spreads):
         text += f'<br><span class="warn">Implausible</span>: {escape(sentence)}'
-    return budget_section(found.budget.parts, text=text, why=why)
+    return budget_section(diagnosis.budget.parts, text=text, why=why)
 
 
-def _how(found: Diagnosis) -> str:
-    fitted, held_out = len(found.split.fit), len(found.split.test)
-    labels = f"<p>L{escape(str(found.labels)[1:])}.</p>" if found.labels is not None else ""
+def _how(diagnosis: Diagnosis) -> str:
+    fitted, held_out = len(diagnosis.split.fit), len(diagnosis.split.test)
+    labels = f"<p>L{escape(str(diagnosis.labels)[1:])}.</p>" if diagnosis.labels is not None else ""
     text = f"{fitted} {'frame' if fitted == 1 else 'frames'} fitted, {held_out} held out"
-    if not found.split.is_held_out:
+    if not diagnosis.split.is_held_out:
         text = (
             f"{fitted} {'frame' if fitted == 1 else 'frames'} fitted; errors are of the same frames, which are too few"
         )
     method = "The method is described in docs/discrepancy.md."
-    return section("Data", f"<p>{text}. {method}</p>{labels}") + notes_section(found.notes)
+    return section("Data", f"<p>{text}. {method}</p>{labels}") + notes_section(diagnosis.notes)

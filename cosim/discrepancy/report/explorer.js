@@ -40,7 +40,7 @@ class Explorer {
     this.cache = {};
     this.image = byId('image');
     this.scene = new Scene(byId('cloud'), new Orbit(START));
-    if (!this.scene.gl) byId('cloud').replaceWith('Points need WebGL, which this browser has turned off or lacks.');
+    if (!this.scene.gl) byId('cloud').replaceWith('Points need WebGL, which is disabled or not available in this browser.');
     this.bind();
     this.readAddress();
   }
@@ -66,7 +66,7 @@ class Explorer {
     this.mark();
   }
 
-  // The channel that scans are coloured by: strays are seen in every one.
+  // The channel that scans are coloured by: spurious returns are shown in every one.
   get coloured() { return data.channels[this.state.channel] ? this.state.channel : 'range'; }
 
   paint() {
@@ -129,7 +129,7 @@ class Explorer {
     let strays = 0, beams = 0;
     for (let beam = 0; beam < states.length; beam++)
       if (chosen(beam)) { beams++; strays += states[beam] === data.stray; }
-    this.say(head, `${strays.toLocaleString('en')} strays of ${beams.toLocaleString('en')} beams`);
+    this.say(head, `${strays.toLocaleString('en')} spurious returns of ${beams.toLocaleString('en')} beams`);
   }
 
   // What is picked, what there is to say of it, and the way back.

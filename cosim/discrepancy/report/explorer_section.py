@@ -10,19 +10,19 @@ from importlib.resources import files
 from cosim.discrepancy.budget import Judged
 from cosim.discrepancy.report.beams import Beams
 from cosim.discrepancy.report.bins import USUAL, Bins, bins_of
-from cosim.discrepancy.report.residual_charts import Chart, all_charts, drawn, scale_of
+from cosim.discrepancy.report.residual_charts import Chart, all_charts, draw_chart, scale_of
 from cosim.discrepancy.report.scan_view import scan_view
 from cosim.report import button, legend, section
 
 
 @dataclass(frozen=True, eq=False)
 class Explored:
-    """Residuals of judged frames for display.
+    """Residuals of validation frames for display.
 
     Attributes:
-        beams: of the frames.
-        bins: of covariates, by name.
-        charts: by channel.
+        beams: beams of the frames.
+        bins: bins of covariates by name.
+        charts: charts by channel.
     """
 
     beams: Beams
@@ -31,7 +31,7 @@ class Explored:
 
     @classmethod
     def of(cls, judged: Judged | None, shown: int, more: Collection[str] = ()) -> Explored | None:
-        """Residuals of judged frames, `shown` of them as whole scans; `more`: further covariates."""
+        """Residuals of validation frames, `shown` of them as whole scans; `more`: further covariates."""
         return None if judged is None else cls.of_beams(Beams.of(judged, shown), more)
 
     @classmethod
@@ -41,36 +41,36 @@ class Explored:
         return cls(beams, bins, all_charts(beams.rows, bins, beams.is_one))
 
 
-def explorer_section(found: Explored | None, sides: Sequence[str], *, text: str) -> str:
-    """HTML; empty without frames.
+def explorer_section(explored: Explored | None, sides: Sequence[str], *, text: str) -> str:
+    """Build the HTML of the section; empty without frames.
 
     Args:
-        found: residuals.
+        explored: residuals to show.
         sides: names of before and after in legends.
-        text: beneath the heading (HTML).
+        text: HTML text below the heading.
     """
-    if found is None or not found.charts:
+    if explored is None or not explored.charts:
         return ""
-    names = sides[-1:] if found.beams.is_one else sides
-    first = next(iter(found.charts))
-    tabs = "".join(button(charts[0].channel.title, name == first, tab=name) for name, charts in found.charts.items())
-    panels = "".join(_panel(charts, name == first) for name, charts in found.charts.items())
+    names = sides[-1:] if explored.beams.is_one else sides
+    first = next(iter(explored.charts))
+    tabs = "".join(button(charts[0].channel.title, name == first, tab=name) for name, charts in explored.charts.items())
+    panels = "".join(_panel(charts, name == first) for name, charts in explored.charts.items())
     colours = legend(
         [(f"var(--{style})", escape(word)) for style, word in zip("ba"[-len(names) :], names, strict=True)]
     )
     picks = f'<div class="picks" role="group" aria-label="channel">{tabs}</div>'
     left = f'<div class="residuals">{picks}{colours}{panels}</div>'
-    right = scan_view(found.beams.scans, found.bins, names)
+    right = scan_view(explored.beams.scans, explored.bins, names)
     body = f'<div class="explore">{left}{right}</div>'
     return section("Residuals beam by beam", body, text=text, anchor="residuals")
 
 
 def _panel(charts: Sequence[Chart], is_shown: bool) -> str:
     top, channel = scale_of(charts), charts[0].channel
-    figures = "".join(drawn(one, top) for one in charts)
+    figures = "".join(draw_chart(chart, top) for chart in charts)
     hidden = "" if is_shown else " hidden"
     return (
-        f'<div data-panel="{channel.name}"{hidden}><p>{channel.signs} The largest first, all on one scale.</p>'
+        f'<div data-panel="{channel.name}"{hidden}><p>{channel.signs} Largest first, all on one scale.</p>'
         f'<div class="charts">{figures}</div></div>'
     )
 

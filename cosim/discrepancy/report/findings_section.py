@@ -17,16 +17,16 @@ from cosim.report.waterfall import waterfall
 from sensors.effects.confusions import separations
 
 
-def effects_section(found: Diagnosis, words: Vocabulary) -> str:
+def effects_section(diagnosis: Diagnosis, words: Vocabulary) -> str:
     """HTML: missing effects with parameters, intervals, p and the change of the error; empty without effects."""
-    if not found.effects:
+    if not diagnosis.effects:
         return ""
-    changes = {change.name: change for change in found.changes}
-    rows = "".join(_rows(finding, words, changes.get(finding.effect)) for finding in found.effects)
-    charts = "".join(_laser_charts(finding, words) for finding in found.effects)
+    changes = {change.name: change for change in diagnosis.changes}
+    rows = "".join(_rows(finding, words, changes.get(finding.effect)) for finding in diagnosis.effects)
+    charts = "".join(_laser_charts(finding, words) for finding in diagnosis.effects)
     heads = (
         "<thead><tr><th></th><th>parameter</th><th>value</th>"
-        f"<th>{found.settings.covered} interval</th><th>p</th><th>aligned error</th>"
+        f"<th>{diagnosis.settings.covered} interval</th><th>p</th><th>aligned error</th>"
         "<th class=words>equation</th></tr></thead>"
     )
     text = (
@@ -106,30 +106,33 @@ def _laser_charts(finding: Finding, words: Vocabulary) -> str:
     return f'<div class="full" style="max-width:1100px">{"".join(figures)}</div>' if figures else ""
 
 
-def waterfall_section(found: Diagnosis) -> str:
+def waterfall_section(diagnosis: Diagnosis) -> str:
     """HTML: the aligned error, finding by finding; empty without findings."""
-    steps = found.budget.aligned_steps
+    steps = diagnosis.budget.aligned_steps
     if len(steps) < 2:
         return ""
     frames = (
-        "held-out frames" if found.split.is_held_out else "the fitted frames, because there are too few to hold out"
+        "held-out frames" if diagnosis.split.is_held_out else "the fitted frames, because there are too few to hold out"
     )
     text = (
-        f"On {frames}, with poses, objects and map fitted. Whiskers are {found.settings.covered} intervals of the "
+        f"On {frames}, with poses, objects and map fitted. Whiskers are {diagnosis.settings.covered} intervals of the "
         "level, from frame to frame; changes are more accurate than these, because frames differ in difficulty."
     )
-    names = ["initial", *(f"+ {change.name.removeprefix('unknown_').replace('_', ' ')}" for change in found.changes)]
+    names = [
+        "initial",
+        *(f"+ {change.name.removeprefix('unknown_').replace('_', ' ')}" for change in diagnosis.changes),
+    ]
     rows = [(name, step.error, step.standard_error) for name, step in zip(names, steps, strict=False)]
-    svg = waterfall(rows, found.noise_floor, "aligned error", found.settings.coverage)
+    svg = waterfall(rows, diagnosis.noise_floor, "aligned error", diagnosis.settings.coverage)
     return section("Fall of the error", figure("", "", svg, "full", min(1100, 400 + 220 * (len(steps) - 1))), text=text)
 
 
-def alternatives_section(found: Diagnosis, words: Vocabulary) -> str:
+def alternatives_section(diagnosis: Diagnosis, words: Vocabulary) -> str:
     """HTML: either-or sets and declared confusions, each with the drive that would separate them."""
-    rows = [_set_row(names, words) for names in _sets(found)]
-    listed = {name for names in _sets(found) for name in map(_effect_of, names)}
-    candidates, added = {row.effect for row in found.ranking}, {finding.effect for finding in found.effects}
-    for finding in found.effects:
+    rows = [_set_row(names, words) for names in _sets(diagnosis)]
+    listed = {name for names in _sets(diagnosis) for name in map(_effect_of, names)}
+    candidates, added = {row.effect for row in diagnosis.ranking}, {finding.effect for finding in diagnosis.effects}
+    for finding in diagnosis.effects:
         kind = words.kind(finding.effect)
         for other in kind.confusable_with if kind else ():
             if finding.effect in listed and other in listed:
@@ -145,7 +148,7 @@ def alternatives_section(found: Diagnosis, words: Vocabulary) -> str:
     text = (
         "An alternative is not separable if the likelihood with it instead of the selected term is within two standard "
         "errors of the best."
-        if any(found.either_or)
+        if any(diagnosis.either_or)
         else ""
     )
     return section(
@@ -154,10 +157,10 @@ def alternatives_section(found: Diagnosis, words: Vocabulary) -> str:
     )  # fmt: skip
 
 
-def _sets(found: Diagnosis) -> list[tuple[str, ...]]:
+def _sets(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Either-or sets, those of findings that name other effects included."""
-    sets: dict[str, tuple[str, ...]] = {_effect_of(names[0]): names for names in found.either_or if len(names) > 1}
-    for finding in found.effects:
+    sets: dict[str, tuple[str, ...]] = {_effect_of(names[0]): names for names in diagnosis.either_or if len(names) > 1}
+    for finding in diagnosis.effects:
         if finding.also_possible:
             others = sets.get(finding.effect, (finding.effect,))
             present = {_effect_of(name) for name in others}
@@ -214,23 +217,23 @@ def _covariates(member: str) -> str:
     return on if by and channel in CHANNELS.values() else ""
 
 
-def ranking_rows(found: Diagnosis) -> str:
+def ranking_rows(diagnosis: Diagnosis) -> str:
     """HTML: the candidates of the first round; empty where none improves the model."""
-    if not any(row.delta_bic > 0 for row in found.ranking):
+    if not any(row.delta_bic > 0 for row in diagnosis.ranking):
         return ""
     note = "Linear predictions about the initial model; the selection refits the best candidates exactly."
-    return ranking_section([(row.effect, row.delta_bic, row.p_value) for row in found.ranking], note=note)
+    return ranking_section([(row.effect, row.delta_bic, row.p_value) for row in diagnosis.ranking], note=note)
 
 
-def smallest_section(found: Diagnosis, words: Vocabulary) -> str:
+def smallest_section(diagnosis: Diagnosis, words: Vocabulary) -> str:
     """HTML: amplitudes that would have been detected."""
     rows = [
         [escape(effect), escape(name), escape(_amplitude(effect, name, value, words))]
-        for effect, name, value in smallest_rows(found)
+        for effect, name, value in smallest_rows(diagnosis)
     ]
     text = "Smallest amplitudes that are detected with 80 % power in these data, in addition to the final model."
     shown = table(["effect", "amplitude", "detected from"], rows)
-    if shown and found.effects:
+    if shown and diagnosis.effects:
         shown = f"<details><summary>Show the table</summary>{shown}</details>"
     return section("Smallest detectable amplitudes", shown, text=text)
 

@@ -1,4 +1,4 @@
-"""Charts of residuals against what they may depend on, before and after, whose bins can be shown on the scans."""
+"""Charts of residuals against covariates, before and after, whose bins can be selected in the scans."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from cosim.report.plot import Axis, Plot
 
 @dataclass(frozen=True)
 class Channel:
-    """How a channel's residuals are drawn.
+    """Display of a channel's residuals.
 
     Attributes:
-        name: as in `diagnose --json`.
-        title: for people.
-        factor, unit: into which residuals are multiplied.
-        label: of the axis.
-        signs: what values above 0 mean.
-        clear: size in that unit below which a dependence is not worth a word.
+        name: name as in `diagnose --json`.
+        title: title of the charts.
+        factor, unit: factor from residuals to the displayed unit, and this unit.
+        label: label of the axis.
+        signs: meaning of the sign.
+        clear: smallest relevant size in this unit.
     """
 
     name: str
@@ -35,31 +35,36 @@ class Channel:
     signs: str
     clear: float
 
-    def said(self, size: float) -> str:
+    def text(self, size: float) -> str:
         """A size with its unit."""
         digits = 2 if self.unit == "cm" else 1 if self.unit else 4
         return f"{size:.{digits}f}{f' {self.unit}' if self.unit else ''}"
 
 
 CHANNELS = {
-    one.name: one
-    for one in (
+    channel.name: channel
+    for channel in (
         Channel("range", "Ranges", 100.0, "cm", "measured − model (cm)",
                 "Above zero: measured farther than the model.", 0.1),
         Channel("intensity", "Intensities", 1.0, "", "measured − model",
                 "Above zero: measured brighter than the model.", 0.003),
         Channel("drop", "Returns", 100.0, "%", "returned − expected (%)",
-                "Below zero: returns are lost that the model has.", 0.3),
-        Channel("spurious", "Strays", 1000.0, "‰", "strays − expected (‰ of beams)",
-                "Above zero: returns from where nothing is that the model lacks.", 0.3),
+                "Below zero: the model predicts returns that are missing.", 0.3),
+        Channel("spurious", "Spurious returns", 1000.0, "‰", "spurious − expected (‰ of beams)",
+                "Above zero: more spurious returns than the model predicts.", 0.3),
         Channel("range_variance", "Spread of ranges", 100.0, "%", "variance beyond the model’s (%)",
-                "Above zero: ranges scatter more than the model says.", 5.0),
+                "Above zero: ranges scatter more than the model predicts.", 5.0),
         Channel("intensity_variance", "Spread of intensities", 100.0, "%", "variance beyond the model’s (%)",
-                "Above zero: intensities scatter more than the model says.", 5.0),
+                "Above zero: intensities scatter more than the model predicts.", 5.0),
     )
 }  # fmt: skip
 USUAL_CHANNELS = ("range", "intensity", "drop", "spurious")
-_OF_STRAYS = ("ring", "azimuth", "firing_time", "frame_time")  # strays hit nothing that has a range or a material
+_OF_SPURIOUS = (
+    "ring",
+    "azimuth",
+    "firing_time",
+    "frame_time",
+)  # spurious returns have no surface with range or material
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +72,9 @@ class Chart:
     """One channel by one covariate.
 
     Attributes:
-        channel: what is off.
-        bins: of the covariate.
-        before, after: means by bin, in the channel's unit; `before` is None where both are the same.
+        channel: channel of the residuals.
+        bins: bins of the covariate.
+        before, after: means by bin, in the channel's unit; `before` is None if both are the same.
     """
 
     channel: Channel
@@ -79,32 +84,33 @@ class Chart:
 
     @property
     def first(self) -> Binned:
-        """What is there before anything was done."""
+        """Means before, or the only ones."""
         return self.before or self.after
 
 
 def all_charts(rows: Rows, bins: Mapping[str, Bins], is_one: bool) -> dict[str, list[Chart]]:
-    """By channel, a chart for every covariate, those with most to tell first; without channels that are absent."""
+    """Charts of every covariate by channel, the largest first; without channels that are absent."""
     found: dict[str, list[Chart]] = {}
     for name in USUAL_CHANNELS:
-        wanted = [one for one in bins.values() if name != "spurious" or one.name in _OF_STRAYS]
-        charts = [one for one in (chart(rows, name, each, is_one) for each in wanted) if one is not None]
+        wanted = [item for item in bins.values() if name != "spurious" or item.name in _OF_SPURIOUS]
+        candidates = (build_chart(rows, name, item, is_one) for item in wanted)
+        charts = [item for item in candidates if item is not None]
         if charts:
-            near = LAYOUT.alike * max(max(one.first.size, one.after.size) for one in charts) or 1.0
-            # A head that turns evenly makes azimuth and time of firing one thing; of equals the first stands ahead.
-            found[name] = sorted(charts, key=lambda one: -round(max(one.first.size, one.after.size) / near))
+            near = LAYOUT.tie_share * max(max(item.first.size, item.after.size) for item in charts) or 1.0
+            # At constant rotation speed azimuth and firing time are equivalent; charts of equal size keep their order.
+            found[name] = sorted(charts, key=lambda item: -round(max(item.first.size, item.after.size) / near))
     return found
 
 
-def chart(rows: Rows, channel: str, bins: Bins, is_one: bool) -> Chart | None:
-    """A channel by a covariate; None where nothing can be told, or one bin alone."""
+def build_chart(rows: Rows, channel: str, bins: Bins, is_one: bool) -> Chart | None:
+    """Build the chart of a channel by a covariate; None with fewer than two bins."""
     kind = CHANNELS[channel]
     values = rows.covariates[bins.name].values
-    place = np.where(bins.of_rows == NO_BIN, 0, bins.of_rows).astype(int)
+    bin_of_row = np.where(bins.of_rows == NO_BIN, 0, bins.of_rows).astype(int)
 
     def means(residual: np.ndarray, cluster: np.ndarray) -> Binned:
-        told = np.where(bins.of_rows == NO_BIN, np.nan, kind.factor * residual.astype(float))
-        return binned(np.nan_to_num(values), place, told, cluster, rows.settings.coverage, LAYOUT.fewest)
+        values_of_rows = np.where(bins.of_rows == NO_BIN, np.nan, kind.factor * residual.astype(float))
+        return binned(np.nan_to_num(values), bin_of_row, values_of_rows, cluster, rows.settings.coverage, LAYOUT.fewest)
 
     after = means(rows.after[channel], rows.cluster)
     if len(after.bin) < 2:
@@ -115,10 +121,10 @@ def chart(rows: Rows, channel: str, bins: Bins, is_one: bool) -> Chart | None:
 
 
 def scale_of(charts: Sequence[Chart]) -> float:
-    """One scale for all charts of a channel, so that they can be compared; never finer than what is worth a word."""
+    """Common scale of all charts of a channel; at least three times the smallest relevant size."""
     reach = []
-    for one in charts:
-        for side in (one.first, one.after):
+    for item in charts:
+        for side in (item.first, item.after):
             common = side.count >= LAYOUT.common * side.count.sum()
             mean = np.abs(side.mean[common]).max(initial=0.0)
             half = float(np.quantile(np.nan_to_num(side.half), 0.9))
@@ -126,22 +132,22 @@ def scale_of(charts: Sequence[Chart]) -> float:
     return 1.1 * max([*reach, 3 * charts[0].channel.clear])
 
 
-def drawn(chart: Chart, top: float) -> str:
+def draw_chart(chart: Chart, top: float) -> str:
     """HTML of a chart with its caption."""
     return figure(f"by {chart.bins.shown.words.split(',')[0]}", _caption(chart), _svg(chart, top))
 
 
 def _caption(chart: Chart) -> str:
     """Root mean squares of the means of the bins, without their noise."""
-    after = chart.channel.said(chart.after.size)
-    return f"±{after}" if chart.before is None else f"±{chart.channel.said(chart.before.size)} → ±{after}"
+    after = chart.channel.text(chart.after.size)
+    return f"±{after}" if chart.before is None else f"±{chart.channel.text(chart.before.size)} → ±{after}"
 
 
-def _svg(one: Chart, top: float) -> str:
-    bins, channel = one.bins, one.channel
-    sides = [(style, side) for style, side in (("b", one.before), ("a", one.after)) if side is not None]
+def _svg(chart: Chart, top: float) -> str:
+    bins, channel = chart.bins, chart.channel
+    sides = [(style, side) for style, side in (("b", chart.before), ("a", chart.after)) if side is not None]
     if bins.names:
-        return _of_names(one, sides, top)
+        return _of_names(chart, sides, top)
     factor = bins.shown.factor
     places = factor * np.concatenate([side.place for _, side in sides])
     pad = 0.02 * max(float(np.ptp(places)), 1e-6)
@@ -152,12 +158,12 @@ def _svg(one: Chart, top: float) -> str:
         half = np.nan_to_num(side.half)
         plot.band(factor * side.place, side.mean - half, side.mean + half, style)
         plot.line(factor * side.place, side.mean, style, dots=len(side.mean) <= LAYOUT.dots)
-    _targets(plot, one, _ends(bins, x))
+    _targets(plot, chart, _ends(bins, x))
     return plot.svg()
 
 
-def _of_names(one: Chart, sides: Sequence[tuple[str, Binned]], top: float) -> str:
-    bins, channel = one.bins, one.channel
+def _of_names(chart: Chart, sides: Sequence[tuple[str, Binned]], top: float) -> str:
+    bins, channel = chart.bins, chart.channel
     kept = sides[-1][1].bin.tolist()
     words = [bins.words()[number] for number in kept]
     slots = {number: place for place, number in enumerate(kept)}
@@ -173,36 +179,37 @@ def _of_names(one: Chart, sides: Sequence[tuple[str, Binned]], top: float) -> st
             plot.line(np.full(2, place), ends, style)
             plot.line(np.array([place]), side.mean[row : row + 1], style, dots=True)
     ends = {number: (place - 0.5, place + 0.5) for number, place in slots.items()}
-    _targets(plot, one, ends)
+    _targets(plot, chart, ends)
     return plot.svg()
 
 
 def _ends(bins: Bins, x: Axis) -> dict[int, tuple[float, float]]:
-    """Where each bin lies on the axis, in the shown unit."""
+    """Interval of each bin on the axis, in the displayed unit."""
     if len(bins.codes):
         return {row: (float(code) - 0.5, float(code) + 0.5) for row, code in enumerate(bins.codes)}
     edges = np.clip(np.concatenate([[-np.inf], bins.shown.factor * bins.edges, [np.inf]]), x.low, x.high)
     return {row: (float(edges[row]), float(edges[row + 1])) for row in range(len(bins))}
 
 
-def _targets(plot: Plot, one: Chart, ends: Mapping[int, tuple[float, float]]) -> None:
-    """A strip over each bin that shows its beams when it is clicked."""
-    words = one.bins.words()
-    for row, number in enumerate(one.after.bin.tolist()):
-        said = f"{words[number]}: {_signed(one, one.after, row)}"
-        if one.before is not None and number in one.before.bin:
-            was = int(np.flatnonzero(one.before.bin == number)[0])
-            said = f"{words[number]}: before {_signed(one, one.before, was)}, after {_signed(one, one.after, row)}"
-        said += f", {int(one.after.count[row]):,} beams"
+def _targets(plot: Plot, chart: Chart, ends: Mapping[int, tuple[float, float]]) -> None:
+    """Add a clickable strip over each bin that shows its beams."""
+    words = chart.bins.words()
+    for row, number in enumerate(chart.after.bin.tolist()):
+        text = f"{words[number]}: {_signed(chart, chart.after, row)}"
+        if chart.before is not None and number in chart.before.bin:
+            old_row = int(np.flatnonzero(chart.before.bin == number)[0])
+            before, after = _signed(chart, chart.before, old_row), _signed(chart, chart.after, row)
+            text = f"{words[number]}: before {before}, after {after}"
+        text += f", {int(chart.after.count[row]):,} beams"
         plot.target(
-            ends[number], said, channel=one.channel.name, covariate=one.bins.name, bin=str(number),
-            after=f"{one.after.mean[row]:.6g}",
+            ends[number], text, channel=chart.channel.name, covariate=chart.bins.name, bin=str(number),
+            after=f"{chart.after.mean[row]:.6g}",
         )  # fmt: skip
 
 
-def _signed(one: Chart, side: Binned, row: int) -> str:
+def _signed(chart: Chart, side: Binned, row: int) -> str:
     sign = "+" if side.mean[row] >= 0 else "−"
-    return f"{sign}{one.channel.said(abs(side.mean[row]))}"
+    return f"{sign}{chart.channel.text(abs(side.mean[row]))}"
 
 
 def _brief(word: str, many: int) -> str:

@@ -1,4 +1,4 @@
-"""Whole scans on a page, in three dimensions and as their sensor took them: packed, and the script that draws them."""
+"""Scans on a page, as a point cloud and as a range image: packed data and the script that draws them."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ _STOPS = ((23, 92, 211), (116, 176, 240), (238, 238, 234), (246, 160, 92), (202,
 _STATES = {
     MATCHED: ("", (238, 238, 234)),
     AMBIGUOUS: ("ambiguous: at an edge, or not trusted", (82, 88, 98)),
-    DROPPED: ("lost: the model has a return, the sensor none", (226, 60, 214)),
-    SPURIOUS: ("stray: a return from where nothing is", (92, 232, 70)),
-    UNFORESEEN: ("unforeseen: a return that the model does not have", (250, 226, 60)),
-    SILENT: ("neither returns", (8, 10, 14)),
+    DROPPED: ("dropped: the model predicts a return, the sensor has none", (226, 60, 214)),
+    SPURIOUS: ("spurious: a return away from all surfaces", (92, 232, 70)),
+    UNFORESEEN: ("unpredicted: a return that the model does not predict", (250, 226, 60)),
+    SILENT: ("no return in both", (8, 10, 14)),
 }
 
 
 def scan_view(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: Sequence[str]) -> str:
-    """HTML: buttons, both pictures, and the data that they are drawn from.
+    """Build the HTML of the buttons, both pictures, and their data.
 
     Args:
-        scans: the first is shown first.
-        bins: the covariates whose bins can be picked.
-        sides: words on before and after; one word where there is one side alone.
+        scans: scans to show; the first is selected initially.
+        bins: bins of covariates that can be selected.
+        sides: names of before and after; one name if there is only one side.
     """
     if not scans:
         return ""
@@ -54,7 +54,7 @@ def scan_view(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: Sequence[s
         f'<div class="scan" id="scan"><div class="picks">{frames}</div>'
         + (f'<div class="picks" role="group" aria-label="model">{toggle}</div>' if len(sides) > 1 else "")
         + '<p class="slice" id="slice" aria-live="polite"></p>'
-        '<canvas id="image" aria-label="the scan as its sensor took it: a row a ring, a column an azimuth"></canvas>'
+        '<canvas id="image" aria-label="the scan as a range image: one row per ring, one column per azimuth"></canvas>'
         '<div class="ends"><span>left, +180°</span><span>+90°</span><span>ahead</span><span>−90°</span>'
         "<span>−180°, right</span></div>"
         '<canvas id="cloud" tabindex="0" aria-label="points in three dimensions"></canvas>'
@@ -67,7 +67,7 @@ def scan_view(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: Sequence[s
 
 
 def packed_scans(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: int = 2) -> dict[str, Any]:
-    """What the script draws, as plain values; arrays of a scan are gzipped one after another, in base64."""
+    """Data for the script as plain values; the arrays of a scan are concatenated, gzipped and base64-encoded."""
     return {
         "channels": {
             name: {
@@ -123,7 +123,7 @@ def _of_side(side: Side) -> list[tuple[str, np.ndarray]]:
 
 
 def _steps(values: np.ndarray, step: float, absent: int, kind: str) -> np.ndarray:
-    """Whole numbers of steps; `absent` for NaN."""
+    """Round to integer numbers of steps; `absent` for NaN."""
     info = np.iinfo(kind)
     least = absent + 1 if absent < 0 else info.min
     whole = np.clip(np.rint(np.nan_to_num(values) / step), least, info.max)
@@ -135,7 +135,7 @@ def _thinned(values: np.ndarray, scan: Scan, every: int) -> np.ndarray:
 
 
 def _limit(scans: Sequence[Scan], name: str) -> float:
-    """A round residual that nineteen of twenty beams stay below, before and after."""
+    """Round limit above the 95 % quantile of absolute residuals, before and after."""
     sizes = np.concatenate([np.abs(side.residuals[name]) for scan in scans for side in (scan.before, scan.after)])
     sizes = sizes[np.isfinite(sizes)]
     reach = float(np.quantile(sizes, 0.95)) if len(sizes) else 0.0

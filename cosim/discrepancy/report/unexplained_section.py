@@ -22,15 +22,15 @@ from cosim.report.plot import Axis, Plot
 _WIDEST = 4.0  # times the median standard error: bins beyond do not set the scale of a chart
 
 
-def unexplained_section(found: Diagnosis) -> str:
+def unexplained_section(diagnosis: Diagnosis) -> str:
     """HTML: significant dependences that remain; empty without any."""
-    keys = {(cell.channel, cell.covariates) for cell in found.evidence}
+    keys = {(cell.channel, cell.covariates) for cell in diagnosis.evidence}
     rows = [
         [
             escape(channel_words(row.channel)), escape(_on(row)), escape(size_words(row)), escape(p_cell(row.p_value)),
             _opener(row, keys),
         ]
-        for row in found.unexplained
+        for row in diagnosis.unexplained
     ]  # fmt: skip
     text = (
         "Still significant with the final model and explained by no finding. p is family-wise: the probability that "
@@ -64,12 +64,12 @@ def _on(row: Unexplained) -> str:
     return " and ".join(covariate_words(name) for name in row.covariates)
 
 
-def unknown_section(found: Diagnosis) -> str:
+def unknown_section(diagnosis: Diagnosis) -> str:
     """HTML: formulas, fitted parameters, plug-ins and curves of unknown effects; empty without any."""
-    if not found.unknowns:
+    if not diagnosis.unknowns:
         return ""
-    changes = {change.name: change for change in found.changes}
-    parts = (_unknown(unknown, change_words(changes.get(unknown.name))) for unknown in found.unknowns)
+    changes = {change.name: change for change in diagnosis.changes}
+    parts = (_unknown(unknown, change_words(changes.get(unknown.name))) for unknown in diagnosis.unknowns)
     return section("Effects that are in no catalogue", *parts)
 
 

@@ -1,1 +1,1 @@
-"""Some beams of a whole drive: which are taken, and what is known of them."""
+"""Samples of a drive's beams: sampling, measurements, derivatives and groups."""

@@ -29,7 +29,7 @@ class Prediction:
         silent: probability that no return is reported.
         stray: probability density [1/m] of spurious returns at the measured range; 0 without a return.
         split: part of `stray` that comes from other parts of the beam's own footprint.
-        unsure_m, unsure_intensity: σ of the twin itself, in addition to that of the sensor.
+        twin_sigma_m, twin_sigma_intensity: σ of the twin itself, in addition to that of the sensor.
         spurious_share: share of beams with spurious returns according to fitted dependences.
         spurious: their density [1/m] at the measured range, times the share.
     """
@@ -43,8 +43,8 @@ class Prediction:
     silent: np.ndarray
     stray: np.ndarray
     split: np.ndarray
-    unsure_m: np.ndarray
-    unsure_intensity: np.ndarray
+    twin_sigma_m: np.ndarray
+    twin_sigma_intensity: np.ndarray
     spurious_share: np.ndarray | float = 0.0
     spurious: np.ndarray | float = 0.0
 
@@ -65,7 +65,7 @@ class Sample:
         cells: (tracks, 3) world number and centre x, y [m] of each map cell; NaN for other tracks.
         pose_derivative: (n, 6) derivative of the range with respect to the LiDAR's pose: shifts [m/m] and rotations
             [m/rad] in LiDAR axes.
-        unsure_m, unsure_intensity: (n,) σ of the twin itself, see `TracedFrame`.
+        twin_sigma_m, twin_sigma_intensity: (n,) σ of the twin itself, see `TracedFrame`.
         object_derivative: (n, 4) derivative of the range with respect to a shift of the object that is hit, in world
             axes [m/m], and to its rotation about the vertical through its origin [m/rad]; 0 for other beams.
         object_scan: (n,) int number of the pair of object and scan; −1 for other beams.
@@ -91,8 +91,8 @@ class Sample:
         kinds, models: names of object classes and models.
         place: (n, 3) point of the surface that is hit, world frame [m].
         reflectance: (n,) reflectance of the surface.
-        beside: (n,) measurements of neighbouring beams by name: `previous` in the same ring, `above` and `below`; range
-            [m] and intensity are 0 without a return, `lost` is 1 if a visible surface gave no return.
+        neighbour_values: (n,) measurements of neighbouring beams by name: `previous` in the same ring, `above` and
+            `below`; range [m] and intensity are 0 without a return, `lost` is 1 if a visible surface gave no return.
         own_axes: whether each twin was made in the frame of its scan, so that poses have no errors.
         of_own_map: whether the twin is a map made from the scans; surfaces and scans then have flat priors.
         scan_values: (scans,) by name: pose time [s] and the ego vehicle's speed, acceleration and yaw rate.
@@ -114,8 +114,8 @@ class Sample:
     facing: np.ndarray
     cells: np.ndarray
     pose_derivative: np.ndarray
-    unsure_m: np.ndarray
-    unsure_intensity: np.ndarray
+    twin_sigma_m: np.ndarray
+    twin_sigma_intensity: np.ndarray
     object_derivative: np.ndarray
     object_scan: np.ndarray
     surface: np.ndarray
@@ -144,7 +144,7 @@ class Sample:
     instance: np.ndarray
     place: np.ndarray
     reflectance: np.ndarray
-    beside: dict[str, np.ndarray]
+    neighbour_values: dict[str, np.ndarray]
     own_axes: bool
     of_own_map: bool
     scan_values: dict[str, np.ndarray]
@@ -206,30 +206,30 @@ class Sample:
         effects = tuple(sorted(effects, key=lambda effect: effect.phase))
         return self._prediction(self.replay.expect(effects))
 
-    def predict_traced(self, effects: Sequence[Effect], shot: Shot, found: Expectation) -> Prediction:
+    def predict_traced(self, effects: Sequence[Effect], shot: Shot, expectation: Expectation) -> Prediction:
         """Predict all beams of one frame from the expectation of its newly traced shot.
 
         Args:
             effects: effects of the model.
             shot: shot of the frame, traced with the beams as deflected by the effects.
-            found: expectation of that shot.
+            expectation: expectation of that shot.
         """
         effects = tuple(sorted(effects, key=lambda effect: effect.phase))
-        return self._prediction(self.replay.frames[0].complete(effects, shot, found))
+        return self._prediction(self.replay.frames[0].complete(effects, shot, expectation))
 
-    def _prediction(self, found: Expected) -> Prediction:
+    def _prediction(self, expected: Expected) -> Prediction:
         return Prediction(
-            range_m=found.of.range_m + found.along_m,
-            range_sigma_m=found.of.range_sigma_m,
-            rise_m=found.above_m,
-            intensity=found.of.intensity,
-            intensity_sigma=found.of.intensity_sigma,
-            seen=found.of.seen,
-            silent=found.of.silent,
-            stray=found.stray,
-            split=found.split,
-            unsure_m=self.unsure_m,
-            unsure_intensity=self.unsure_intensity,
+            range_m=expected.of.range_m + expected.along_m,
+            range_sigma_m=expected.of.range_sigma_m,
+            rise_m=expected.above_m,
+            intensity=expected.of.intensity,
+            intensity_sigma=expected.of.intensity_sigma,
+            seen=expected.of.seen,
+            silent=expected.of.silent,
+            stray=expected.stray,
+            split=expected.split,
+            twin_sigma_m=self.twin_sigma_m,
+            twin_sigma_intensity=self.twin_sigma_intensity,
         )
 
     def clear_of(self, ambiguous: Sequence[np.ndarray]) -> Sample:

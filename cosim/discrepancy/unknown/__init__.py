@@ -1,1 +1,1 @@
-"""Unknown effects: measured curves, their formulas, and the effects that they make, in memory and as files."""
+"""Unknown effects: measured curves, their formulas, and effects built from them, in memory and as files."""
