@@ -70,11 +70,11 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
         result = compare(drive, sensor, frames=names, on_frame=on_frame)
         if detector is not None:
-            from cosim.variants.rescans import that_count
+            from cosim.variants.rescans import scan_effects
             from training.worth import value_effects
 
             report.begin("measuring without each effect", len(names))
-            effects = that_count(sensor)
+            effects = scan_effects(sensor)
             worth = value_effects(drive, names, sensor, effects, detector, on_frame=report.advance)
             result = replace(result, worth=worth)
     command = f"cosim diagnose {path} --sensor {options.sensor}"

@@ -1,4 +1,4 @@
-"""A twin for measurements without a surveyed world: ground fitted to the points, a model in every labelled box."""
+"""Twins from labels, without a surveyed world: a ground surface fitted to the points, a model in every labelled box."""
 
 from cosim.labelled_twin.frame_twin import FrameTwin, make_frame_twin
 from cosim.labelled_twin.write import TwinSummary, write_labelled_twin

@@ -1,7 +1,7 @@
-"""How bright what the labels name is: reflectances are not in labels, so the twin's are those that were measured.
+"""Reflectances of ground and objects, estimated from measured intensities because labels do not contain them.
 
-A mean over many lasers, ranges and slants: what is left to the sensor's model is how intensities differ from laser to
-laser, with range and with slant, not their level.
+Each reflectance is a mean over many lasers, ranges and incidence angles. The sensor model therefore still has to
+explain how intensity depends on laser, range and incidence angle, but not its level.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import numpy as np
 from cosim.drives.twin import Instance
 from cosim.drives.twin.trust import Trust, in_box
 
-_FEWEST = 30  # points that tell a paint
-_UNSEEN = 0.2  # spread of intensities of bodies with fewer
+_MIN_POINTS = 30  # for an estimate of an object's paint
+_DEFAULT_SPREAD = 0.2  # standard deviation of the intensity for objects with fewer points
 
 
 @dataclass(frozen=True)
 class Brightness:
-    """Mean measured intensity of some points, 0–1, how many they are, and how far they scatter."""
+    """Mean intensity (0–1), number and standard deviation of measured points."""
 
     mean: float
     points: int
@@ -28,26 +28,30 @@ class Brightness:
 
     @classmethod
     def of(cls, intensity: np.ndarray) -> Brightness:
-        """That of intensities (n,)."""
+        """Compute it from intensities (n,)."""
         if not len(intensity):
             return cls(0.0, 0)
-        bright = intensity.clip(0, 1).astype(np.float64)
-        return cls(float(bright.mean()), len(bright), float(bright.std()))
+        values = intensity.clip(0, 1).astype(np.float64)
+        return cls(float(values.mean()), len(values), float(values.std()))
 
 
 def ground_brightness(trust: Trust, xyz: np.ndarray, intensity: np.ndarray) -> Brightness:
-    """That of returns (n, 3), world axes, which are of trusted ground."""
+    """Brightness of the points (n, 3), world axes, that are on trusted ground."""
     return Brightness.of(intensity[trust.measured(xyz, ())])
 
 
-def painted(
+def estimate_paint(
     instances: Sequence[Instance], xyz: np.ndarray, intensity: np.ndarray
 ) -> tuple[tuple[Instance, ...], np.ndarray]:
-    """Instances as bright as the returns (n, 3) in their boxes, where these tell enough; spreads (i,) of these."""
-    found, spread = [], np.full(len(instances), _UNSEEN)
+    """Set the paint of each instance to the mean intensity of the points (n, 3) in its box, if there are enough.
+
+    Returns:
+        The instances and the standard deviations (i,) of the intensities in their boxes.
+    """
+    painted, spread = [], np.full(len(instances), _DEFAULT_SPREAD)
     for row, instance in enumerate(instances):
-        seen = Brightness.of(intensity[in_box(xyz, instance, 0.0)])
-        told = seen.points >= _FEWEST
-        found.append(replace(instance, paint=seen.mean) if told else instance)
-        spread[row] = seen.spread if told else _UNSEEN
-    return tuple(found), spread
+        brightness = Brightness.of(intensity[in_box(xyz, instance, 0.0)])
+        has_points = brightness.points >= _MIN_POINTS
+        painted.append(replace(instance, paint=brightness.mean) if has_points else instance)
+        spread[row] = brightness.spread if has_points else _DEFAULT_SPREAD
+    return tuple(painted), spread

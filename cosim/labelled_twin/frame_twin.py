@@ -11,7 +11,7 @@ from cosim.drives.kitti import Calibration, Frame, Labels, points_in_boxes
 from cosim.drives.twin import Camera, Ego, Lidar, TwinFrame
 from cosim.drives.twin.trust import MARGIN_M, Trust
 from cosim.errors import FormatError
-from cosim.labelled_twin.brightness import Brightness, ground_brightness, painted
+from cosim.labelled_twin.brightness import Brightness, estimate_paint, ground_brightness
 from cosim.labelled_twin.ground_surface import REACH_M, fit_ground
 from cosim.labelled_twin.objects import label_instances
 from cosim.labelled_twin.road_cells import find_road_cells
@@ -20,22 +20,22 @@ from cosim.labelled_twin.trusted_ground import ground_mesh, trust_ground
 from sensors.cameras.kitti_rig import HEIGHT_PX, WIDTH_PX, lidar_pose_ego
 from sensors.pattern import Pattern
 
-_REACH_OF_CELLS_M = REACH_M + 5.0
+_CELL_REACH_M = REACH_M + 5.0
 
 
 @dataclass(frozen=True, eq=False)
 class FrameTwin:
-    """What can be known of the world of one frame.
+    """Twin of one frame.
 
     Attributes:
-        frame: poses; the world's axes are those of the ego vehicle.
-        ground: mesh of the fitted ground, in world axes; empty where none was found.
-        trust: where it may be relied on.
-        points: in the scan.
-        points_trusted: of them, returns of what the twin holds.
+        frame: poses; the world axes are those of the ego vehicle.
+        ground: mesh of the fitted ground in world axes; empty if no ground was found.
+        trust: region in which the twin is reliable.
+        points: number of points in the scan.
+        points_trusted: number of points that are on trusted surfaces of the twin.
         ground_sd_m: robust standard deviation of the ground's points about the fitted surface; NaN without ground.
-        objects_without_model: labelled objects of classes that no model stands for.
-        ground_brightness: mean intensity of trusted ground; of no points where there are no intensities.
+        objects_without_model: number of labelled objects of classes that have no model.
+        ground_brightness: mean intensity of trusted ground; with zero points if there are no intensities.
     """
 
     frame: TwinFrame
@@ -49,35 +49,35 @@ class FrameTwin:
 
 
 def make_frame_twin(frame: Frame, pattern: Pattern) -> FrameTwin:
-    """Fit the ground, pose the models and say what to trust.
+    """Fit the ground, pose the models and determine the trusted regions.
 
     Raises:
-        CosimError: points, labels or calibration are missing or broken.
+        CosimError: points, labels or calibration are missing or damaged.
     """
     points, calibration, labels = frame.points, frame.calibration, frame.labels.cared_for
     world_from_lidar = lidar_pose_ego()
     sensor_m = world_from_lidar[:3, 3]
-    taken = _labelled(points, labels, calibration)
-    found = fit_ground(find_road_cells(points, frame.rays.ring, taken, _REACH_OF_CELLS_M))
+    on_objects = _in_labelled_boxes(points, labels, calibration)
+    fit = fit_ground(find_road_cells(points, frame.rays.ring, on_objects, _CELL_REACH_M))
     trust, ground, spread = Trust.nothing(), Mesh.empty(), float("nan")
-    if found is not None:
-        surface, cells = found
-        trust = trust_ground(cells, surface, points[~taken], sensor_m)
+    if fit is not None:
+        surface, cells = fit
+        trust = trust_ground(cells, surface, points[~on_objects], sensor_m)
         if trust.ground.any():
             ground = ground_mesh(trust, surface, sensor_m)
-            away = cells.xyz[:, 2] - surface.fitted(cells.xyz[:, :2])
-            spread = 1.4826 * float(np.median(np.abs(away)))
+            residual = cells.xyz[:, 2] - surface.fitted(cells.xyz[:, :2])
+            spread = 1.4826 * float(np.median(np.abs(residual)))
     instances, without = label_instances(labels, calibration, world_from_lidar)
     xyz, brightness = points[:, :3].astype(np.float64) + sensor_m, Brightness(0.0, 0)
-    spread_of_bodies, spread_of_paint = body_scatter(instances, xyz), np.zeros(len(instances))
+    body_sd, paint_sd = body_scatter(instances, xyz), np.zeros(len(instances))
     if frame.has_intensity:
         brightness = ground_brightness(trust, xyz, points[:, 3])
-        instances, spread_of_paint = painted(instances, xyz, points[:, 3])
+        instances, paint_sd = estimate_paint(instances, xyz, points[:, 3])
     trust = replace(
         trust,
         ground_intensity_sd=brightness.spread,
-        body_sd_m=spread_of_bodies.astype(np.float32),
-        body_intensity_sd=spread_of_paint.astype(np.float32),
+        body_sd_m=body_sd.astype(np.float32),
+        body_intensity_sd=paint_sd.astype(np.float32),
     )
     twin = TwinFrame(
         frame=frame.name,
@@ -93,14 +93,14 @@ def make_frame_twin(frame: Frame, pattern: Pattern) -> FrameTwin:
     return FrameTwin(twin, ground, trust, len(points), int(trusted.sum()), spread, without, brightness)
 
 
-def _labelled(points: np.ndarray, labels: Labels, calibration: Calibration) -> np.ndarray:
+def _in_labelled_boxes(points: np.ndarray, labels: Labels, calibration: Calibration) -> np.ndarray:
     boxes = labels.boxes_velo(calibration)
-    solid = boxes[np.flatnonzero(np.all(boxes.size > 0, axis=1))]
-    return np.asarray(points_in_boxes(points, solid, MARGIN_M).any(0))
+    non_empty = boxes[np.flatnonzero(np.all(boxes.size > 0, axis=1))]
+    return np.asarray(points_in_boxes(points, non_empty, MARGIN_M).any(0))
 
 
 def _cameras(frame: Frame, calibration: Calibration, world_from_lidar: np.ndarray) -> dict[str, Camera]:
-    """The cameras that the calibration projects into; of KITTI's size where there is no image to tell."""
+    """Cameras of the calibration; their image size is KITTI's if there is no image."""
     pose = world_from_lidar @ calibration.rect_to_velo_matrix
     left, _, right = np.linalg.svd(pose[:3, :3])
     pose[:3, :3] = left @ right
@@ -113,13 +113,13 @@ def _cameras(frame: Frame, calibration: Calibration, world_from_lidar: np.ndarra
 
 
 def check_labelled(frame: Frame) -> None:
-    """Demand what a twin is made from.
+    """Check that a frame has labels.
 
     Raises:
         FormatError: there are no labels.
     """
     if not frame.has("label_2"):
         raise FormatError(
-            f"{frame.root}: no label_2/{frame.name}.txt; a twin is made from labels: "
-            "add an empty file where nothing is to be labelled, or leave the frame out with --frames"
+            f"{frame.root}: no label_2/{frame.name}.txt; the twin is made from labels: "
+            "add an empty file if the frame has no objects, or leave the frame out with --frames"
         )

@@ -1,4 +1,4 @@
-"""From labelled boxes to posed models."""
+"""Convert labelled boxes to posed models."""
 
 from __future__ import annotations
 
@@ -16,31 +16,34 @@ _PAINT = MATERIALS["car_paint"].reflectance
 def label_instances(
     labels: Labels, calibration: Calibration, world_from_lidar: np.ndarray
 ) -> tuple[tuple[Instance, ...], int]:
-    """One instance a labelled object of a class that has models, and how many objects have none.
+    """Create one instance per labelled object of a class that has models.
 
-    Boxes stand upright in the camera's axes, as KITTI's do: their tilt against the LiDAR is kept. Motion and paint
-    are not in labels: instances stand still, and their paint is the material table's until points tell it.
+    Boxes are upright in the camera's axes, as in KITTI; their tilt relative to the LiDAR is kept. Labels contain
+    neither motion nor paint: instances are at rest, and their paint is the default of the material table.
 
     Args:
-        labels: of the frame, without DontCare regions.
-        calibration: of the frame.
-        world_from_lidar: (4, 4).
+        labels: labels of the frame without DontCare regions.
+        calibration: calibration of the frame.
+        world_from_lidar: (4, 4) pose of the LiDAR in the world.
+
+    Returns:
+        The instances, and the number of objects without a model.
     """
     world_from_camera = world_from_lidar @ calibration.rect_to_velo_matrix
-    # KITTI's linear calibration is a rotation to six digits; poses are rotations
+    # KITTI's calibration is a rotation only to six digits; project it onto the rotations.
     left, _, right = np.linalg.svd(world_from_camera[:3, :3])
-    turn = left @ right
-    instances, without = [], 0
+    rotation = left @ right
+    instances, without_model = [], 0
     for row, name in enumerate(labels.type):
         height, width, length = labels.dimensions[row]
         kind = KINDS.get(name.lower())
         if kind is None or min(height, width, length) <= 0:
-            without += 1
+            without_model += 1
             continue
         size = np.array([length, width, height])
         spec = models_of_size(kind, size)[0]
         pose = np.eye(4)
-        pose[:3, :3] = turn @ _camera_from_box(float(labels.rotation_y[row]))
+        pose[:3, :3] = rotation @ _camera_from_box(float(labels.rotation_y[row]))
         pose[:3, 3] = world_from_camera[:3, :3] @ labels.location[row] + world_from_camera[:3, 3]
         instances.append(
             Instance(
@@ -57,11 +60,11 @@ def label_instances(
                 paint=_PAINT,
             )
         )
-    return tuple(instances), without
+    return tuple(instances), without_model
 
 
 def _camera_from_box(rotation_y: float) -> np.ndarray:
-    """Axes of an upright box (x forward, y left, z up) in those of the camera (x right, y down, z forward)."""
+    """Rotation (3, 3) from an upright box (x forward, y left, z up) to the camera (x right, y down, z forward)."""
     forward = np.array([np.cos(rotation_y), 0, -np.sin(rotation_y)])
     up = np.array([0.0, -1.0, 0.0])
     return np.column_stack([forward, np.cross(up, forward), up])

@@ -1,4 +1,4 @@
-"""`cosim twin`: a measured drive with a twin made from its labels and points."""
+"""`cosim twin` for labelled drives: write a measured drive with a twin made from its labels and points."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ _LINKED = ("velodyne", "rays", "image_0", "image_1", "image_2", "image_3", "cali
 
 @dataclass
 class TwinSummary:
-    """What was made of a drive.
+    """Summary of a new drive.
 
     Attributes:
-        folder: the new drive.
-        frames: names, in order.
-        rows: what each frame's twin counts and measures.
-        notes: what was missing or could not be known, a sentence each.
+        folder: folder of the new drive.
+        frames: names of the frames in order.
+        rows: counts and quality figures of each frame's twin.
+        notes: missing inputs and assumptions, one sentence each.
     """
 
     folder: Path
@@ -45,7 +45,7 @@ class TwinSummary:
     notes: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, object]:
-        """For `--json`."""
+        """Values for `--json`."""
         points = sum(int(row["points"] or 0) for row in self.rows)
         trusted = sum(int(row["points_trusted"] or 0) for row in self.rows)
         spreads = [float(row["ground_sd_m"]) for row in self.rows if row["ground_sd_m"] is not None]
@@ -71,25 +71,25 @@ def write_labelled_twin(
     pattern: str | None = None,
     on_frame: Callable[[str], None] = lambda name: None,
 ) -> TwinSummary:
-    """Make a drive with twins of some frames; one that was interrupted is taken up again.
+    """Write a drive with twins of the given frames, or resume an interrupted one.
 
     Args:
-        drive: measured, with labels.
-        names: of the frames.
-        folder: of the new drive; its scans and images are links to the old ones where the disk allows.
-        pattern: name or path of the beam pattern, which also tells rings apart where there are no `rays/`; by default
-            the drive's own, or that of KITTI's sensor.
+        drive: measured drive with labels.
+        names: names of the frames.
+        folder: folder of the new drive; its scans and images are hard links to the originals if possible.
+        pattern: name or path of the beam pattern, which is also used to recover rings if there are no `rays/`; by
+            default the drive's own, or that of KITTI's sensor.
         on_frame: called after each frame.
 
     Raises:
-        CosimError: a frame lacks labels or is broken, no point of any frame can be trusted, or the folder cannot be
+        CosimError: a frame has no labels or is damaged, no point of any frame can be trusted, or the folder cannot be
             used.
-        SensorError: no such pattern.
+        SensorError: the pattern does not exist.
     """
     if folder.resolve() == drive.root.resolve():
         raise OutputError(f"{folder} is the measured drive itself; choose another --out")
     beams = load_pattern(pattern or drive.pattern or KITTI_PATTERN)
-    frames = [_frame(drive, name, beams if pattern else None) for name in names]
+    frames = [_read_frame(drive, name, beams if pattern else None) for name in names]
     for frame in frames:
         check_labelled(frame)
     notes = _notes(drive, names, pattern)
@@ -104,25 +104,25 @@ def write_labelled_twin(
         if frame.name not in done:
             _write_frame(writer, frame, make_frame_twin(frame, beams))
         on_frame(frame.name)
-    _demand_trust(writer, drive, frames, beams)
+    _check_trust(writer, drive, frames, beams)
     return _finish(writer, list(names), beams, settings, notes)
 
 
-def _frame(drive: Drive, name: str, beams: Pattern | None) -> Frame:
-    """A frame whose rings are told apart by a pattern other than the drive's, if one is given."""
+def _read_frame(drive: Drive, name: str, beams: Pattern | None) -> Frame:
+    """Read a frame; if `beams` is given, its rings are recovered with that pattern instead of the drive's."""
     frame = drive[name]
     return frame if beams is None else replace(frame, elevations_rad=np.radians(np.array(beams.elevation_deg)))
 
 
-def _demand_trust(writer: DriveWriter, drive: Drive, frames: Sequence[Frame], beams: Pattern) -> None:
-    """Raise FormatError where no point of these frames is of anything that the twin holds."""
+def _check_trust(writer: DriveWriter, drive: Drive, frames: Sequence[Frame], beams: Pattern) -> None:
+    """Raise FormatError if no point of these frames is on a trusted surface of the twin."""
     entries = writer.manifest()
     if any(entries[frame.name]["counts"]["points_trusted"] for frame in frames):
         return
     fullest = max(frames, key=lambda frame: entries[frame.name]["counts"]["points"])
     raise FormatError(
-        f"{drive.root}: the twin holds nothing that {len(frames)} scans show, so nothing could be compared with it; "
-        f"{why_untrusted(fullest, beams)}. {writer.folder} is left unfinished: remove it"
+        f"{drive.root}: the twin contains no surface that {len(frames)} scans show, so nothing could be compared with "
+        f"it; {why_untrusted(fullest, beams)}. {writer.folder} is incomplete: remove it"
     )
 
 
@@ -159,7 +159,7 @@ def _write_frame(writer: DriveWriter, frame: Frame, made: FrameTwin) -> None:
 
 
 def _link(source: Path, target: Path) -> None:
-    """A second name for a file, or a copy where the disk knows no such thing; never half a file."""
+    """Hard-link a file, or copy it if the file system does not support links; atomic."""
     with explained(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
@@ -174,12 +174,12 @@ def _link(source: Path, target: Path) -> None:
 
 
 def _notes(drive: Drive, names: Sequence[str], pattern: str | None) -> tuple[str, ...]:
-    made_good = ("twin/", "the beam pattern is not given", "sweep_s is not given")
-    notes = [note for note in drive.notes(names) if not note.startswith(made_good)]
-    notes.append("labels hold no motion: ego vehicle and objects stand still in the twin")
-    notes.append("labels hold no reflectances: road and objects are as bright as their points are on average")
+    resolved = ("twin/", "the beam pattern is not given", "sweep_s is not given")
+    notes = [note for note in drive.notes(names) if not note.startswith(resolved)]
+    notes.append("labels contain no motion: the ego vehicle and the objects are at rest in the twin")
+    notes.append("labels contain no reflectances: road and objects have the mean intensity of their points")
     if drive.pattern is None and pattern is None:
-        notes.append(f"the beam pattern is not given: taken to be {KITTI_PATTERN}, KITTI's own sensor, and its sweep")
+        notes.append(f"the beam pattern is not given: {KITTI_PATTERN} (KITTI's sensor) and its sweep are assumed")
     return tuple(notes)
 
 
@@ -202,14 +202,14 @@ def _finish(
 
 
 def _reflectances(entries: Iterable[dict]) -> dict[str, float]:
-    """Of the ground's material, over all frames; none where there are no intensities."""
-    seen = [
+    """Reflectance of the ground's material over all frames; empty if there are no intensities."""
+    measured = [
         (entry["ground_intensity"], entry["counts"]["points_ground"])
         for entry in entries
         if "ground_intensity" in entry
     ]
-    points = sum(count for _, count in seen)
-    return {GROUND_MATERIAL: round(sum(mean * count for mean, count in seen) / points, 4)} if points else {}
+    points = sum(count for _, count in measured)
+    return {GROUND_MATERIAL: round(sum(mean * count for mean, count in measured) / points, 4)} if points else {}
 
 
 def _row(entry: dict) -> dict[str, float | int | bool | None]:

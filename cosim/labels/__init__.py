@@ -1,1 +1,1 @@
-"""KITTI labels of what stands in a frame."""
+"""KITTI labels of the objects in a frame."""

@@ -1,4 +1,4 @@
-"""Labels as a sensor's label effects leave them."""
+"""Apply the label effects of a sensor model to labels."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from sensors.label_boxes import LabelBoxes
 from sensors.sensor_model import SensorModel
 
 EXACT = "label_2_exact"
-"""Folder of the labels before label effects, kept beside `label_2` where a sensor has such effects."""
+"""Folder of the labels before label effects, written in addition to `label_2` if a sensor has such effects."""
 
 
 def relabelled(
     labels: Labels, sensor: SensorModel, points: np.ndarray, calibration: Calibration, rng: np.random.Generator
 ) -> Labels:
-    """The labels of a frame after the label effects of a sensor; 2D boxes, occlusion and truncation stay.
+    """Apply the label effects of a sensor to the labels of a frame; 2D boxes, occlusion and truncation are unchanged.
 
     Args:
-        labels: exact ones, `DontCare` regions included; those stay last and as they are.
-        sensor: its label effects act in the order of their phases.
-        points: (n, ≥ 3) of the frame's scan, LiDAR axes.
-        calibration: of the frame.
-        rng: for effects that draw.
+        labels: exact labels; `DontCare` regions are unchanged and come last.
+        sensor: sensor model; its label effects are applied in the order of their phases.
+        points: (n, ≥ 3) points of the frame in LiDAR axes [m].
+        calibration: calibration of the frame.
+        rng: generator for random effects.
 
     Raises:
-        SensorError: a user's effect breaks the rules.
+        SensorError: a user-defined effect returns invalid labels.
     """
-    cared = np.array([name != DONT_CARE for name in labels.type], bool)
-    objects = labels[cared]
+    is_object = np.array([name != DONT_CARE for name in labels.type], bool)
+    objects = labels[is_object]
     boxes = objects.boxes_velo(calibration)
     kept = np.ones(len(boxes), bool)
     before = LabelBoxes(objects.type, boxes.centre, boxes.size, boxes.yaw, kept, np.asarray(points)[:, :3])
@@ -43,23 +43,24 @@ def relabelled(
         truncated=objects.truncated,
         occluded=objects.occluded,
     )
-    return dont_care_where(changed, ~after.kept).followed_by(labels[~cared])
+    return dont_care_where(changed, ~after.kept).followed_by(labels[~is_object])
 
 
 def difficulties(labels: Labels) -> dict[str, int]:
-    """How many labels of cars, people and cyclists are easy, moderate and hard at most, by KITTI's rules.
+    """Count the easy, moderate and hard labels of cars, pedestrians and cyclists by KITTI's rules.
 
-    Least height 40, 25, 25 px; greatest occlusion 0, 1, 2; greatest truncation 0.15, 0.30, 0.50 (KITTI object
-    development kit, readme.txt). Each label counts once, at the easiest level it satisfies.
+    Minimum height 40, 25, 25 px; maximum occlusion 0, 1, 2; maximum truncation 0.15, 0.30, 0.50 (KITTI object
+    development kit, readme.txt). Each label is counted once, at its easiest level.
     """
     height = labels.bbox[:, 3] - labels.bbox[:, 1]
-    graded = np.isin(labels.type, ("Car", "Pedestrian", "Cyclist")) if len(labels) else np.zeros(0, bool)
-    found = {}
-    for name, least, occlusion, truncation in _LEVELS:
-        here = graded & (height >= least) & (labels.occluded <= occlusion) & (labels.truncated <= truncation)
-        found[name] = int(here.sum())
-        graded = graded & ~here
-    return found
+    remaining = np.isin(labels.type, ("Car", "Pedestrian", "Cyclist")) if len(labels) else np.zeros(0, bool)
+    counts = {}
+    for name, min_height, occlusion, truncation in _LEVELS:
+        at_level = remaining & (height >= min_height)
+        at_level &= (labels.occluded <= occlusion) & (labels.truncated <= truncation)
+        counts[name] = int(at_level.sum())
+        remaining = remaining & ~at_level
+    return counts
 
 
 _LEVELS = (("easy", 40, 0, 0.15), ("moderate", 25, 1, 0.30), ("hard", 25, 2, 0.50))

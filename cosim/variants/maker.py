@@ -1,4 +1,4 @@
-"""Makes the frames of several variants of one source frame, tracing each fan of beams once."""
+"""Make the frames of several variants from one source frame, tracing each set of beams only once."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class VariantFrame:
     """One frame of one variant.
 
     Attributes:
-        files: content by path.
-        counts: points, labels and how hard those are.
+        files: file contents by path.
+        counts: numbers of points, of labels, and of labels by difficulty.
     """
 
     files: dict[str, bytes]
@@ -38,11 +38,11 @@ class VariantFrame:
 
 
 class Maker:
-    """Makes variants of one drive, frame by frame.
+    """Makes the frames of variants of one drive.
 
     Args:
-        source: the drive.
-        variants: what to make of it.
+        source: source drive.
+        variants: variants to make.
     """
 
     def __init__(self, source: Source, variants: Sequence[Variant]) -> None:
@@ -50,11 +50,11 @@ class Maker:
         self._variants = {variant.stem: variant for variant in variants}
 
     def make(self, name: str, stems: Sequence[str]) -> dict[str, VariantFrame]:
-        """The files of a frame for some of the variants, by stem; the bytes depend on the drive and sensor alone.
+        """Make a frame for the given variants, by stem; the bytes depend only on the drive and the sensor.
 
         Raises:
-            CosimError: a part of the drive is absent or broken.
-            SensorError: a user's effect breaks the rules.
+            CosimError: a part of the drive does not exist or is damaged.
+            SensorError: a user-defined effect returns invalid results.
         """
         frame = SourceFrame(self._source, name)
         work = _FrameWork(self._source, frame)
@@ -62,7 +62,7 @@ class Maker:
 
 
 class _FrameWork:
-    """What variants of one frame share: shots by beams, scans by sensor, ray files by beams and returns."""
+    """Cache for the variants of one frame: traced shots by beam effects, scans by sensor, ray files by returns."""
 
     def __init__(self, source: Source, frame: SourceFrame) -> None:
         self._source = source
@@ -73,7 +73,7 @@ class _FrameWork:
         self._ray_files: list[tuple[PointCloud, bytes]] = []
 
     def variant(self, sensor: SensorModel) -> VariantFrame:
-        """The frame as a sensor measures and labels it."""
+        """Simulate the frame with a sensor, including its labels."""
         name = self._frame.name
         cloud = self._cloud(sensor)
         exact = self._frame.frame.exact_labels
@@ -86,15 +86,15 @@ class _FrameWork:
         files[f"label_2/{name}.txt"] = format_labels(labels, LABEL_DECIMALS).encode()
         if self._source.drive.lidar:
             files[f"twin/frames/{name}.json"] = self._frame.frame.twin.to_json().encode()
-        cared = sum(kind != DONT_CARE for kind in labels.type)
-        return VariantFrame(files, {"points": len(cloud), "labels": cared, **difficulties(labels)})
+        count = sum(kind != DONT_CARE for kind in labels.type)
+        return VariantFrame(files, {"points": len(cloud), "labels": count, **difficulties(labels)})
 
     @cached_property
     def _exact_file(self) -> bytes:
         return format_labels(self._frame.frame.exact_labels, LABEL_DECIMALS).encode()
 
     def _cloud(self, sensor: SensorModel) -> PointCloud:
-        key = sensor.pattern, _told(effect for effect in sensor.effects if not isinstance(effect, LabelEffect))
+        key = sensor.pattern, _effect_keys(effect for effect in sensor.effects if not isinstance(effect, LabelEffect))
         if key not in self._clouds:
             shot = self._shot(sensor)
             memo = self._memos.setdefault(id(shot), {})
@@ -103,13 +103,13 @@ class _FrameWork:
         return self._clouds[key]
 
     def _shot(self, sensor: SensorModel) -> Shot:
-        """A revolution of the sensor's beams: from stored hits where they are its own, else traced in the twin."""
+        """Hits of the sensor's beams: stored hits if the beams are the same, else traced in the twin."""
         frame = self._frame
-        stored = sensor.pattern == self._source.pattern and not sensor.needs_new_rays
-        key = "stored" if stored else (sensor.pattern, _told(sensor.beam_effects))
+        use_stored = sensor.pattern == self._source.pattern and not sensor.needs_new_rays
+        key = "stored" if use_stored else (sensor.pattern, _effect_keys(sensor.beam_effects))
         if key not in self._shots:
             camera = frame.camera
-            if stored:
+            if use_stored:
                 traced = Traced(frame.hits)
                 shot = Shot(sensor.pattern, frame.hits.rays, traced=traced, camera=camera, frame_time_s=frame.time_s)
             else:
@@ -121,7 +121,7 @@ class _FrameWork:
         return self._shots[key]
 
     def _rays(self, cloud: PointCloud) -> bytes:
-        """The file of the points' beams; sensors that lose the same returns share it."""
+        """File of the points' rays; sensors with the same returns share it."""
         for other, data in self._ray_files:
             if all(np.array_equal(getattr(cloud, part), getattr(other, part)) for part in _RAY_PARTS):
                 return data
@@ -130,7 +130,7 @@ class _FrameWork:
         return data
 
 
-def _told(effects: Iterable[Effect]) -> tuple[str, ...]:
+def _effect_keys(effects: Iterable[Effect]) -> tuple[str, ...]:
     return tuple(f"{effect.source or effect.name} {effect.model_dump_json()}" for effect in effects)
 
 

@@ -1,4 +1,4 @@
-"""Which variants are asked for."""
+"""Parse the list of requested variants."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sensors.sensor_file import model_names
 from sensors.sensor_model import SensorModel, load_sensor
 
 PAPER = ("first_hit", "strongest", "strongest_star", "depth", "dual", "noise", "intensity", "raydrop")
-"""The eight of "Synth It Like KITTI", which `all` stands for."""
+"""The eight variants of "Synth It Like KITTI", selected by `all`."""
 
 
 class VariantError(CosimError):
@@ -20,11 +20,11 @@ class VariantError(CosimError):
 
 @dataclass(frozen=True)
 class Variant:
-    """A sensor to measure a drive with.
+    """A sensor model for a variant.
 
     Attributes:
-        stem: folder of its frames.
-        sensor: the sensor.
+        stem: name of the variant's folder.
+        sensor: sensor model.
     """
 
     stem: str
@@ -32,17 +32,17 @@ class Variant:
 
 
 def read_variants(text: str) -> tuple[Variant, ...]:
-    """The variants of a list with commas: built-in sensors, patterns, sensor files, or `all` for the paper's eight.
+    """Parse a comma-separated list of built-in sensors, patterns and sensor files; `all` are the paper's eight.
 
     Raises:
-        VariantError: the list is empty, or two would take one folder.
-        SensorError: a sensor does not exist or breaks the format.
+        VariantError: the list is empty, or two variants have the same folder.
+        SensorError: a sensor does not exist or is invalid.
     """
     names = [name.strip() for part in text.split(",") for name in (PAPER if part.strip() == "all" else (part,))]
     names = [name for name in names if name]
     if not names:
         raise VariantError(
-            f"--variant {text!r} names none; give sensors with commas between: {', '.join(model_names())}"
+            f"--variant {text!r} names no sensor; give sensors separated by commas: {', '.join(model_names())}"
         )
     variants = tuple(Variant(Path(name).stem, load_sensor(name)) for name in names)
     stems = [variant.stem for variant in variants]

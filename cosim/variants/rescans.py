@@ -1,4 +1,4 @@
-"""Frames of a drive measured again by some sensors, and by these without one of their effects."""
+"""Simulate the frames of a drive again with several sensor models, for example without one effect each."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from sensors.shot import Shot
 
 
 def without(sensor: SensorModel, effect: str, given: SensorModel | None = None) -> SensorModel:
-    """The model without an effect; with the one of that name that `given` has, where it had one before."""
-    before = [one for one in given.effects if one.name == effect] if given is not None else []
-    kept = tuple(one for one in sensor.effects if one.name != effect)
-    return replace(sensor, effects=(*kept, *before))
+    """Remove an effect from a model; if the baseline `given` has an effect of that name, use it instead."""
+    baseline = [item for item in given.effects if item.name == effect] if given is not None else []
+    kept = tuple(item for item in sensor.effects if item.name != effect)
+    return replace(sensor, effects=(*kept, *baseline))
 
 
 def rescans(
     drive: Drive, names: Sequence[str], sensors: Sequence[SensorModel]
 ) -> Iterator[tuple[Frame, list[np.ndarray]]]:
-    """Frames of a drive with what some sensors measure of their twins.
+    """Simulate frames of a drive with several sensor models.
 
     Args:
-        drive: with a twin.
-        names: of the frames.
-        sensors: of one pattern; those that bend beams alike answer from one revolution.
+        drive: drive with a twin.
+        names: names of the frames.
+        sensors: sensor models with the same pattern; models with equal beam effects share the traced rays.
 
     Yields:
-        A frame, and its points (n, 4) float32 as each sensor measures them.
+        A frame, and the points (n, 4) float32 of each sensor model.
 
     Raises:
-        CosimError: a part of the twin is absent or broken.
-        SensorError: an effect of a user's own breaks the rules.
+        CosimError: a part of the twin does not exist or is damaged.
+        SensorError: a user-defined effect returns invalid results.
     """
     scenes, seed = TwinScenes(drive), int(drive.info.get("seed", 0))
     for name in names:
@@ -47,21 +47,21 @@ def rescans(
         scans = []
         for sensor in sensors:
             rng = measuring_rng(seed, name, drive.lidar)
-            key = tuple(_told(effect) for effect in sensor.beam_effects)
+            key = tuple(_effect_key(effect) for effect in sensor.beam_effects)
             if key not in shots:
                 twin = frame.twin
-                things, ego = scene_instances(twin.instances), ego_motion(twin)
-                own, pose = measuring_rng(seed, name, drive.lidar), lidar_pose(twin)
+                instances, ego = scene_instances(twin.instances), ego_motion(twin)
+                trace_rng, pose = measuring_rng(seed, name, drive.lidar), lidar_pose(twin)
                 camera = view_of_frame(frame, frame.calibration, pose)
-                shots[key] = sensor.trace(scenes.of(frame), pose, things, ego, own, camera, twin.time_s)
+                shots[key] = sensor.trace(scenes.of(frame), pose, instances, ego, trace_rng, camera, twin.time_s)
             scans.append(points_of(sensor.answer(shots[key], rng), shots[key]).kitti)
         yield frame, scans
 
 
-def that_count(sensor: SensorModel) -> tuple[str, ...]:
-    """Names of the effects that change scans: not those of labels."""
-    return tuple(dict.fromkeys(one.name for one in sensor.effects if not isinstance(one, LabelEffect)))
+def scan_effects(sensor: SensorModel) -> tuple[str, ...]:
+    """Names of the effects that change scans, which are all except label effects."""
+    return tuple(dict.fromkeys(effect.name for effect in sensor.effects if not isinstance(effect, LabelEffect)))
 
 
-def _told(effect: Effect) -> str:
+def _effect_key(effect: Effect) -> str:
     return f"{effect.source or effect.name} {effect.model_dump_json()}"

@@ -1,4 +1,4 @@
-"""`cosim variants`: share the frames out, write them, finish the drives."""
+"""`cosim variants`: distribute the frames to processes, write them, finish the drives."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from cosim.variants.request import Variant, VariantError, read_variants
 from cosim.variants.source import Source
 from cosim.variants.writer import VariantWriter
 
-_STRETCH = 10  # frames a task; those of one world follow each other, so that it is seldom built
-_WRITERS = 3  # threads that wait for the disk while the next frame is made
+_TASK_FRAMES = 10  # frames per task; the frames of a world are consecutive, so that it is rarely rebuilt
+_WRITERS = 3  # threads that write while the next frame is computed
 _VERSIONS = ("cosim", "embreex", "numpy")
 
 Task = list[tuple[str, tuple[str, ...]]]
-"""Frames, each with the variants that lack it."""
+"""Frames, each with the variants in which it is missing."""
 
 
 @dataclass(frozen=True)
 class VariantsResult:
-    """What is there now.
+    """Result of making variants.
 
     Attributes:
-        folder: holds a drive a variant.
-        frames: frames of the source.
-        made: frames of variants this call made; the rest were there.
-        points: mean number of points a frame by variant.
+        folder: folder that contains one drive per variant.
+        frames: number of frames of the source.
+        made: number of variant frames made by this call; the others existed already.
+        points: mean number of points per frame, by variant.
     """
 
     folder: Path
@@ -53,50 +53,51 @@ def make_variants(
     on_start: Callable[[int, int], None] = lambda done, total: None,
     on_event: Callable[[Event], None] = lambda event: None,
 ) -> VariantsResult:
-    """Measure a simulated drive again with other sensors, or go on with what was begun.
+    """Simulate the scans of a drive again with other sensors, or resume an interrupted call.
 
     Args:
-        path: the drive.
-        text: its variants, as `read_variants` takes them.
-        folder: gets a drive a variant.
-        engine: whose processes share the frames; by default one process of this machine.
-        on_start: told how many frames are complete already, and of how many.
-        on_event: told of every event of the workers.
+        path: folder of the source drive.
+        text: list of variants in the format of `read_variants`.
+        folder: output folder, one drive per variant.
+        engine: engine that runs the tasks; by default one local process.
+        on_start: called with the number of complete frames and the total number of frames.
+        on_event: called with every event of the workers.
 
     Raises:
-        CosimError: the drive, the folder or the disk refuses; frames already written stay.
-        SensorError: a sensor does not exist, breaks the format, or its effect breaks the rules.
+        CosimError: the drive or the folder is unsuitable, or the disk cannot be written; frames already written are
+            kept.
+        SensorError: a sensor does not exist or is invalid, or one of its effects returns invalid results.
     """
     variants = read_variants(text)
     source = Source(path)
-    _refuse_inside(source.drive.root, folder)
+    _check_outside(source.drive.root, folder)
     writers = {variant.stem: VariantWriter(folder / variant.stem) for variant in variants}
     with ExitStack() as locks:
         for writer in writers.values():
             locks.enter_context(writer.alone())
         open_writers = {v.stem: writers[v.stem] for v in variants if not writers[v.stem].open(_settings(source, v))}
         done = {stem: frozenset(writer.manifest()) for stem, writer in open_writers.items()}
-        left = {name: tuple(stem for stem in done if name not in done[stem]) for name in source.drive.frames}
-        left = {name: stems for name, stems in left.items() if stems}
-        on_start(len(source.drive) - len(left), len(source.drive))
+        missing = {name: tuple(stem for stem in done if name not in done[stem]) for name in source.drive.frames}
+        missing = {name: stems for name, stems in missing.items() if stems}
+        on_start(len(source.drive) - len(missing), len(source.drive))
         job = VariantsJob(path.absolute(), text, folder.absolute())
-        skipped = (engine or LocalEngine()).share_out(job, _tasks(source, left), on_event)
+        skipped = (engine or LocalEngine()).share_out(job, _make_tasks(source, missing), on_event)
         if skipped:
-            raise VariantError(f"some frames failed twice, because {skipped[0].reason}; run again to go on with them")
+            raise VariantError(f"some frames failed twice, because {skipped[0].reason}; run again to retry them")
         for variant in variants:
             if variant.stem in open_writers:
                 _finish(open_writers[variant.stem], source, variant)
     return VariantsResult(
         folder,
         len(source.drive),
-        sum(map(len, left.values())),
+        sum(map(len, missing.values())),
         {v.stem: _mean_points(folder / v.stem) for v in variants},
     )
 
 
 @dataclass(frozen=True)
 class VariantsJob:
-    """What processes measure again, and where they write."""
+    """Source drive, variants and output folder of the processes."""
 
     path: Path
     text: str
@@ -104,7 +105,7 @@ class VariantsJob:
 
     @contextmanager
     def open(self, threads: int) -> Iterator[Do]:
-        """Makes stretches of frames, each a `Task`."""
+        """Open the source; yields a function that makes the frames of a `Task`."""
         with ThreadPoolExecutor(_WRITERS) as disk, ExitStack() as locks:
             source, variants = Source(self.path, threads=threads), read_variants(self.text)
             maker = Maker(source, variants)
@@ -114,45 +115,47 @@ class VariantsJob:
 
             def make(task: Task, tell: Tell) -> None:
                 tell(Event("ready"))
-                underway: list[Future[None]] = []
+                writing: list[Future[None]] = []
                 for name, stems in task:
                     frames, linked = maker.make(name, stems), source.linked_files(name)
-                    _settle(underway, tell)
-                    underway = [
+                    _wait(writing, tell)
+                    writing = [
                         disk.submit(writers[stem].write_variant, name, frame, linked, source.sha256)
                         for stem, frame in frames.items()
                     ]
-                _settle(underway, tell)
+                _wait(writing, tell)
 
             yield make
 
 
-def _settle(underway: list[Future[None]], tell: Tell) -> None:
-    """Wait until the variants of a frame are on disk, and tell so."""
-    for future in underway:
+def _wait(writing: list[Future[None]], tell: Tell) -> None:
+    """Wait until the variants of a frame are on disk, and report the frame."""
+    for future in writing:
         future.result()
-    if underway:
+    if writing:
         tell(Event("frame"))
 
 
-def _tasks(source: Source, left: Mapping[str, tuple[str, ...]]) -> list[Task]:
-    """Stretches of frames, each within one world."""
+def _make_tasks(source: Source, missing: Mapping[str, tuple[str, ...]]) -> list[Task]:
+    """Group the frames into tasks, each within one world."""
     by_world: dict[str, Task] = {}
-    for name, stems in left.items():
+    for name, stems in missing.items():
         by_world.setdefault(source.world(name), []).append((name, stems))
     return [
-        frames[start : start + _STRETCH] for frames in by_world.values() for start in range(0, len(frames), _STRETCH)
+        frames[start : start + _TASK_FRAMES]
+        for frames in by_world.values()
+        for start in range(0, len(frames), _TASK_FRAMES)
     ]
 
 
-def _refuse_inside(root: Path, folder: Path) -> None:
-    inside = folder.resolve()
-    if inside == root.resolve() or root.resolve() in inside.parents:
-        raise OutputError(f"{folder} lies within the drive {root}; choose another --out")
+def _check_outside(root: Path, folder: Path) -> None:
+    output = folder.resolve()
+    if output == root.resolve() or root.resolve() in output.parents:
+        raise OutputError(f"{folder} is inside the drive {root}; choose another --out")
 
 
 def _settings(source: Source, variant: Variant) -> str:
-    """What the bytes of a variant depend on."""
+    """YAML text of all settings that determine the bytes of a variant."""
     document = {
         "kind": "simulated",
         "variant": variant.stem,

@@ -1,4 +1,4 @@
-"""The drive that variants are made of: stored hits, images and the twin to trace again."""
+"""Source drive of variants: stored hits, images, and the twin for tracing again."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ from sensors.pattern import Pattern, load_pattern
 from sensors.scene import Instances, Scene
 
 _LINKED = ("image_0", "image_1", "image_2", "image_3", "depth_0", "calib", "oxts", "twin/frames")
-_IMAGES = ("image", "depth", "label")  # what folders of rigs with cameras of their own begin with
-_OF_LIDAR = ("velodyne", "rays", "hits", "calib")
+_IMAGES = ("image", "depth", "label")  # prefixes of the image and label folders of other rigs
+_LIDAR_FOLDERS = ("velodyne", "rays", "hits", "calib")
 
 
 class Source:
     """A simulated drive.
 
     Args:
-        path: the drive.
-        threads: threads that may share a query.
+        path: folder of the drive.
+        threads: number of threads per ray query.
 
     Raises:
-        DriveError: it is none.
-        VariantError: it has no stored hits, or does not say its pattern.
+        DriveError: the folder is not a drive.
+        VariantError: the drive has no stored hits, or no pattern.
     """
 
     def __init__(self, path: Path, *, threads: int = 1) -> None:
         self.drive = Drive(path)
-        lacking = [name for name in self.drive.frames if not self.drive[name].has("hits")]
-        if lacking:
+        missing = [name for name in self.drive.frames if not self.drive[name].has("hits")]
+        if missing:
             raise VariantError(
-                f"{self.drive.root}: no hits/{lacking[0]}.npz, {len(lacking)} of {len(self.drive)} frames lack theirs; "
+                f"{self.drive.root}: no hits/{missing[0]}.npz, {len(missing)} of {len(self.drive)} frames have no hits; "
                 "variants are made from stored hits: simulate the drive with store_hits: true"
             )
         if self.drive.pattern is None:
@@ -58,16 +58,16 @@ class Source:
 
     @property
     def seed(self) -> int:
-        """Seed of everything random, as the run had it."""
+        """Seed of the run."""
         return int(self.drive.info.get("seed", 0))
 
     def rng(self, name: str) -> np.random.Generator:
-        """The generator with which `cosim run` measures a frame."""
+        """Random generator with which `cosim run` measures a frame."""
         return measuring_rng(self.seed, name, self.drive.lidar)
 
     @cached_property
     def identity(self) -> dict[str, str | int]:
-        """What tells this drive from others."""
+        """Name, number of frames and manifest checksum, which identify the drive."""
         manifest = self.drive.base / "manifest.jsonl"
         content = manifest.read_bytes() if manifest.is_file() else "\n".join(self.drive.frames).encode()
         digest = hashlib.sha256(content).hexdigest()
@@ -76,53 +76,53 @@ class Source:
     @cached_property
     def sha256(self) -> Mapping[str, str]:
         """Checksums of the drive's files, as its manifest lists them."""
-        prefix, found = folder_of(self.drive.lidar), {}
+        prefix, checksums = folder_of(self.drive.lidar), {}
         for entry in DriveWriter(self.drive.base).manifest().values():
             for file, digest in zip(entry.get("files", ()), entry.get("sha256", ()), strict=False):
                 if prefix and file.startswith(prefix):
-                    found[file.removeprefix(prefix)] = digest
-                elif not prefix or file.partition("/")[0] not in _OF_LIDAR:
-                    found[file] = digest
-        return found
+                    checksums[file.removeprefix(prefix)] = digest
+                elif not prefix or file.partition("/")[0] not in _LIDAR_FOLDERS:
+                    checksums[file] = digest
+        return checksums
 
     def world(self, name: str) -> str:
-        """Which static world a frame stands in; the empty name where there is only one."""
+        """Name of a frame's static world; empty if the drive has only one."""
         path = self.drive[name].find("twin/frames")
         if path is None or not (self.drive.base / "twin/worlds").is_dir():
             return ""
         try:
             return str(parse_json(read_text(path)).get("static", ""))
         except (ValueError, AttributeError):
-            return ""  # who reads the frame says what is wrong with it
+            return ""  # the reader of the frame reports the error
 
     def linked_files(self, name: str) -> dict[str, Path]:
-        """Files of a frame that variants share with it, by path in the drive."""
-        found = {part: self.drive[name].find(part) for part in self._linked}
-        return {f"{part}/{path.name}": path for part, path in found.items() if path is not None}
+        """Files of a frame that all variants share, by path in the drive."""
+        files = {part: self.drive[name].find(part) for part in self._linked}
+        return {f"{part}/{path.name}": path for part, path in files.items() if path is not None}
 
     @cached_property
     def _linked(self) -> tuple[str, ...]:
-        """Folders that variants share: not the twin of LiDARs beside the first, which names that in its place."""
+        """Folders that all variants share; for a LiDAR other than the first, the twin's frames are rewritten."""
         if not self.drive[self.drive.frames[0]].reference:
-            named = _LINKED
+            folders = _LINKED
         else:
-            folders = (path.name for path in self.drive.base.iterdir() if path.is_dir())
+            names = (path.name for path in self.drive.base.iterdir() if path.is_dir())
             images = sorted(
-                name for name in folders if name.partition("_")[0] in _IMAGES and not name.startswith("label_2")
+                name for name in names if name.partition("_")[0] in _IMAGES and not name.startswith("label_2")
             )
-            named = (*images, "calib", "oxts", "twin/frames")
-        return tuple(part for part in named if not (self.drive.lidar and part == "twin/frames"))
+            folders = (*images, "calib", "oxts", "twin/frames")
+        return tuple(part for part in folders if not (self.drive.lidar and part == "twin/frames"))
 
     def common_files(self) -> dict[str, Path]:
-        """Files of the whole drive that variants share, by path in the drive."""
+        """Files of the drive, not of a frame, that all variants share, by path in the drive."""
         root = self.drive.base
-        places = (*(root / "ImageSets").glob("*.txt"), root / "twin/materials.yaml", root / "twin/static.glb")
-        below = (path for folder in ("static", "worlds", "models") for path in (root / "twin" / folder).glob("*.glb"))
-        return {path.relative_to(root).as_posix(): path for path in (*places, *below) if path.is_file()}
+        files = (*(root / "ImageSets").glob("*.txt"), root / "twin/materials.yaml", root / "twin/static.glb")
+        meshes = (path for folder in ("static", "worlds", "models") for path in (root / "twin" / folder).glob("*.glb"))
+        return {path.relative_to(root).as_posix(): path for path in (*files, *meshes) if path.is_file()}
 
 
 class SourceFrame:
-    """One frame of a source; its parts are read when used, once."""
+    """One frame of a source; its parts are read on first use and cached."""
 
     def __init__(self, source: Source, name: str) -> None:
         self._source = source
@@ -131,37 +131,37 @@ class SourceFrame:
 
     @cached_property
     def hits(self) -> Hits:
-        """Its stored hits."""
+        """Stored hits."""
         return load_hits(self.frame.hits_path, self._source.rays)
 
     @cached_property
     def instances(self) -> Instances:
-        """What moves."""
+        """Movable objects."""
         return scene_instances(self.frame.twin.instances)
 
     @property
     def ego(self) -> EgoMotion:
-        """The vehicle that carries the sensors."""
+        """Motion of the vehicle that carries the sensors."""
         return ego_motion(self.frame.twin)
 
     @cached_property
     def lidar_pose(self) -> np.ndarray:
-        """(4, 4) nominal world pose of the LiDAR."""
+        """Nominal world pose of the LiDAR, (4, 4)."""
         if self.frame.has("twin/frames"):
             return lidar_pose(self.frame.twin)
         return self.hits.pose
 
     @property
     def time_s(self) -> float:
-        """Pose time; 0 where no twin tells it."""
+        """Pose time [s]; 0 without a twin."""
         return self.frame.twin.time_s if self.frame.has("twin/frames") else 0.0
 
     @property
     def scene(self) -> Scene:
-        """The world to trace again."""
+        """Scene of the frame."""
         return self._source.scenes.of(self.frame)
 
     @cached_property
     def camera(self) -> CameraView | None:
-        """What the grayscale camera saw; None without its images."""
+        """View of the grayscale camera; None without its images."""
         return view_of_frame(self.frame, self.frame.calibration, self.lidar_pose)

@@ -1,8 +1,8 @@
-"""What effects are worth to a detector: its average precision on scans of a twin measured with and without each.
+"""Ablation of effects: average precision of a detector on simulated scans with and without each effect.
 
-The twin of every frame is traced and measured by the whole model, then by the model without one of its effects, with
-the same streams of chance. A detector looks at each scan and is scored against the same labels. What an effect is
-worth is the average precision that changes where it is left out. This module holds the figures.
+The twin of every frame is traced and measured with the complete model, then with the model without one of its effects,
+using the same random seeds. The detector is run on each scan and scored against the same labels. The result for an
+effect is the change of the average precision without it. This module contains the data types of the results.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class EffectWorth:
-    """An effect left out.
+    """Result for one effect.
 
     Attributes:
-        effect: its name.
+        effect: name of the effect.
         ap: average precision without it [%].
-        change: that less the one with the whole model [points].
-        ci95: of the change, over draws of the frames.
+        change: `ap` minus the average precision with the complete model [percentage points].
+        ci95: 95 % confidence interval of the change, from a bootstrap over frames.
     """
 
     effect: str
@@ -32,16 +32,16 @@ class EffectWorth:
 
 @dataclass(frozen=True)
 class Worth:
-    """What the effects of a model are worth to a detector.
+    """Results for all effects of a model.
 
     Attributes:
-        detector: which, for people.
-        scored: what is scored, for people: class, metric, difficulty.
-        frames, objects: how many.
+        detector: human-readable name of the detector.
+        scored: human-readable class, metric and difficulty.
+        frames, objects: numbers of frames and of scored objects.
         measured: average precision on the drive's own scans [%].
-        model: on those of the whole model.
-        gap, gap_ci95: the model's less the measured one [points].
-        effects: each left out.
+        model: average precision on the scans of the complete model [%].
+        gap, gap_ci95: `model` minus `measured` and its 95 % confidence interval [percentage points].
+        effects: results for each removed effect.
     """
 
     detector: str
@@ -55,7 +55,7 @@ class Worth:
     effects: tuple[EffectWorth, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values."""
+        """Values for JSON."""
         return {
             "detector": self.detector,
             "scored": self.scored,
@@ -66,7 +66,7 @@ class Worth:
             "gap": self.gap,
             "gap_ci95": list(self.gap_ci95),
             "effects": [
-                {"effect": one.effect, "ap": one.ap, "change": one.change, "ci95": list(one.ci95)}
-                for one in self.effects
+                {"effect": result.effect, "ap": result.ap, "change": result.change, "ci95": list(result.ci95)}
+                for result in self.effects
             ],
         }

@@ -1,4 +1,4 @@
-"""What effects are worth to a detector, as a part of pages."""
+"""Page section with the ablation of effects for a detector."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from cosim.variants.worth import Interval, Worth
 
 
 def worth_section(worth: Worth | None) -> str:
-    """HTML; empty where no detector was asked.
+    """HTML of the section; empty without a result.
 
     Args:
-        worth: what a detector finds without each effect.
+        worth: results of the ablation.
     """
     if worth is None:
         return ""
-    order = sorted(worth.effects, key=lambda one: -abs(one.change))
+    order = sorted(worth.effects, key=lambda result: -abs(result.change))
     rows = [["the drive’s own scans", f"{worth.measured:.1f}", "", ""]]
     rows.append(
         ["the model’s scans", f"{worth.model:.1f}", *_change(worth.gap, worth.gap_ci95, "against the drive’s own")]
     )
-    for one in order:
-        told = _change(one.change, one.ci95, _verdict(one.change, one.ci95))
-        rows.append([f"without {escape(one.effect)}", f"{one.ap:.1f}", *told])
+    for result in order:
+        cells = _change(result.change, result.ci95, _verdict(result.change, result.ci95))
+        rows.append([f"without {escape(result.effect)}", f"{result.ap:.1f}", *cells])
     text = (
         f"{escape(worth.scored)}, of the detector <code>{escape(worth.detector)}</code> on {worth.frames:,} frames "
-        f"with {worth.objects:,} objects that count. Their twins are measured by the whole model, then without one "
-        "effect at a time; the labels stay. Changes are against the whole model, frame by frame, with 95 % of draws of "
-        "the frames: what changes most matters most to this detector."
+        f"with {worth.objects:,} scored objects. The scans are simulated with the complete model, then without one "
+        "effect at a time; the labels are the same. Changes are relative to the complete model, with 95 % confidence "
+        "intervals from a bootstrap over frames. The effect with the largest change matters most to this detector."
     )
     return section(
-        "What each effect is worth to a detector", table(["", "AP", "change", ""], rows, words=(3,)), text=text
+        "Average precision without each effect", table(["", "AP", "change", ""], rows, words=(3,)), text=text
     )
 
 
@@ -42,5 +42,5 @@ def _change(value: float, bounds: Interval, words: str) -> list[str]:
 
 def _verdict(change: float, bounds: Interval) -> str:
     if not any(round(value, 1) for value in (change, *bounds)):
-        return "makes no difference"
-    return "more than chance" if bounds[0] > 0 or bounds[1] < 0 else "may be chance"
+        return "no difference"
+    return "significant" if bounds[0] > 0 or bounds[1] < 0 else "not significant"

@@ -1,4 +1,4 @@
-"""Writes the drives of variants, sharing with their source what is the same."""
+"""Write the drives of variants; files that are equal in the source are hard links to it."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _NOT_LINKABLE = (errno.EXDEV, errno.EPERM, errno.EMLINK, errno.ENOTSUP)
 
 
 class VariantWriter(DriveWriter):
-    """One variant's folder, a drive of its own. Any number of processes may write frames of it at the same time."""
+    """Writer of one variant's drive; several processes may write frames of it at the same time."""
 
     def share(self, name: str, source: Path) -> None:
-        """Put a source's file in place: a hard link where the file system allows one, else a copy.
+        """Create a hard link to a file of the source, or a copy if the file system does not support links.
 
         Raises:
-            OutputError: it can be neither.
+            OutputError: neither is possible.
         """
         path = self.folder / name
         partial = partial_of(path)
@@ -49,13 +49,13 @@ class VariantWriter(DriveWriter):
     def write_variant(
         self, name: str, frame: VariantFrame, linked: Mapping[str, Path], known_sha256: Mapping[str, str]
     ) -> None:
-        """Put all files of a frame in place, then list it in the manifest.
+        """Write all files of a frame, then add it to the manifest.
 
         Args:
-            name: of the frame.
-            frame: what was made.
+            name: name of the frame.
+            frame: new files of the frame.
             linked: files shared with the source, by path.
-            known_sha256: checksums of some of those.
+            known_sha256: known checksums of shared files, by path.
         """
         checksums = {path: hashlib.sha256(data).hexdigest() for path, data in frame.files.items()}
         for path, data in frame.files.items():

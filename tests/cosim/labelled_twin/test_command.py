@@ -87,7 +87,7 @@ def test_mistakes_end_in_one_line(kitti_root: Path, tmp_path: Path, capsys: pyte
     wrong.write_text("123456\n")
     out = str(tmp_path / "out")
     for arguments, said in (
-        ([str(bare)], "a twin is made from labels"),
+        ([str(bare)], "the twin is made from labels"),
         ([str(tmp_path / "none")], "no such folder"),
         ([str(kitti_root), "--frames", str(wrong)], "frame 123456 is not in"),
         ([str(kitti_root), "--frames", "nope"], "no ImageSets/nope.txt"),

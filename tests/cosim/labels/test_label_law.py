@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.labels.bias import Certainty, LabelFinding, _judged
+from cosim.labels.bias import Certainty, LabelFinding, _test_bias
 from cosim.labels.bodies import LabelRows
 
 
@@ -20,7 +20,7 @@ def rows(rng: np.random.Generator, a: float, b: float, mood_m: float, tracks: in
 
 def judged(seed: int, a: float, b: float, mood_m: float, by: Certainty | None = None) -> LabelFinding:
     drawn = rows(np.random.default_rng(seed), a, b, mood_m)
-    return _judged(drawn, None, by or Certainty(), np.random.default_rng(seed))
+    return _test_bias(drawn, None, by or Certainty(), np.random.default_rng(seed))
 
 
 def test_the_law_is_found() -> None:
