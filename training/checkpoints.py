@@ -23,7 +23,7 @@ from training.models.settings import ModelSettings
 
 FORMAT = 1
 #: Keys that checkpoints of earlier versions lack, where presets say otherwise.
-_BEFORE = {"level_ground": False, "intensity": True, "refine": False}
+_OLD_DEFAULTS = {"level_ground": False, "intensity": True, "refine": False}
 
 
 def save_checkpoint(
@@ -74,10 +74,10 @@ def load_weights(detector: Detector, path: Path, classes: tuple[str, ...]) -> No
         TrainingError: of another architecture; says which keys differ.
     """
     content = read_checkpoint(path)
-    weights = _ours(content, path)[2] if content.get("format") == FORMAT else translate(content, classes).weights
+    weights = _parse_own(content, path)[2] if content.get("format") == FORMAT else translate(content, classes).weights
     if not any(key.startswith(SECOND_STAGE) for key in weights):
-        kept = {key: value for key, value in detector.state_dict().items() if key.startswith(SECOND_STAGE)}
-        weights = {**weights, **kept}
+        second_stage = {key: value for key, value in detector.state_dict().items() if key.startswith(SECOND_STAGE)}
+        weights = {**weights, **second_stage}
     demand_same_keys(detector.state_dict(), weights, path)
     detector.load_state_dict(weights)
 
@@ -94,19 +94,19 @@ def load_detector(
     """
     content = read_checkpoint(path)
     if content.get("format") == FORMAT:
-        settings, found, weights = _ours(content, path)
+        settings, class_names, weights = _parse_own(content, path)
     else:
-        found = classes or ("Car", "Pedestrian", "Cyclist")
-        translated = translate(content, found)
+        class_names = classes or ("Car", "Pedestrian", "Cyclist")
+        translated = translate(content, class_names)
         settings, weights = model or ModelSettings(name="pointpillars"), translated.weights
         settings = settings.model_copy(update={"direction_offset_rad": translated.direction_offset_rad})
-    detector = build_detector(settings, found)
+    detector = build_detector(settings, class_names)
     demand_same_keys(detector.state_dict(), weights, path)
     detector.load_state_dict(weights)
-    return detector, found
+    return detector, class_names
 
 
-def _ours(content: dict[str, Any], path: Path) -> tuple[ModelSettings, tuple[str, ...], dict[str, Tensor]]:
+def _parse_own(content: dict[str, Any], path: Path) -> tuple[ModelSettings, tuple[str, ...], dict[str, Tensor]]:
     """Model, classes and weights of a checkpoint of cosim train.
 
     Raises:
@@ -116,7 +116,7 @@ def _ours(content: dict[str, Any], path: Path) -> tuple[ModelSettings, tuple[str
     if absent:
         raise TrainingError(f"{path}: no {absent[0]} in it; take a checkpoint.pt as cosim train left it")
     try:
-        settings = ModelSettings.model_validate({**_BEFORE, **content["model"]})
+        settings = ModelSettings.model_validate({**_OLD_DEFAULTS, **content["model"]})
     except ValidationError as error:
         raise TrainingError(
             f"{path}: {first_problem(error)}; another version of cosim wrote it, use it with that one"
@@ -124,23 +124,23 @@ def _ours(content: dict[str, Any], path: Path) -> tuple[ModelSettings, tuple[str
     return settings, tuple(content["classes"]), content["weights"]
 
 
-def demand_same_keys(wanted: dict[str, Tensor], given: dict[str, Tensor], path: Path) -> None:
+def demand_same_keys(expected: dict[str, Tensor], actual: dict[str, Tensor], path: Path) -> None:
     """Demand the same names and shapes.
 
     Raises:
         TrainingError: naming what differs.
     """
-    missing = [key for key in wanted if key not in given]
-    extra = [key for key in given if key not in wanted]
+    missing = [key for key in expected if key not in actual]
+    extra = [key for key in actual if key not in expected]
     shapes = [
-        f"{key} is {tuple(given[key].shape)}, not {tuple(wanted[key].shape)}"
-        for key in wanted
-        if key in given and given[key].shape != wanted[key].shape
+        f"{key} is {tuple(actual[key].shape)}, not {tuple(expected[key].shape)}"
+        for key in expected
+        if key in actual and actual[key].shape != expected[key].shape
     ]
     parts = [
-        f"{len(some)} {word} ({', '.join(some[:4])}{' …' if len(some) > 4 else ''})"
-        for word, some in (("missing", missing), ("unknown", extra), ("of another shape", shapes))
-        if some
+        f"{len(keys)} {word} ({', '.join(keys[:4])}{' …' if len(keys) > 4 else ''})"
+        for word, keys in (("missing", missing), ("unknown", extra), ("of another shape", shapes))
+        if keys
     ]
     if parts:
         raise TrainingError(f"{path}: weights of another architecture: {'; '.join(parts)}; change `model` or the file")

@@ -18,7 +18,7 @@ _PATIENCE = timedelta(hours=2)  # the others wait while the first process scores
 
 
 @dataclass(frozen=True)
-class Place:
+class ProcessContext:
     """A process of a training.
 
     Attributes:
@@ -43,7 +43,7 @@ class Place:
 
 
 @contextlib.contextmanager
-def find_place(config: TrainConfig) -> Iterator[Place]:
+def join_processes(config: TrainConfig) -> Iterator[ProcessContext]:
     """The device and precision of a configuration; joins the processes that torchrun started.
 
     They part together: threads of gloo outlive the group, and a process that ended while one still held gradients of
@@ -60,7 +60,7 @@ def find_place(config: TrainConfig) -> Iterator[Place]:
     if world > 1:
         distributed.init_process_group("nccl" if device.type == "cuda" else "gloo", timeout=_PATIENCE)
     try:
-        yield Place(device, _dtype(config.precision, device), rank, world)
+        yield ProcessContext(device, _dtype(config.precision, device), rank, world)
         if world > 1:
             distributed.barrier()
     finally:
@@ -98,7 +98,7 @@ def _computes_in_bfloat16() -> bool:
 
 
 @contextlib.contextmanager
-def memory_explained(config: TrainConfig) -> Iterator[None]:
+def explain_out_of_memory(config: TrainConfig) -> Iterator[None]:
     """Turn running out of memory into one line that says which setting to lower."""
     try:
         yield

@@ -74,11 +74,11 @@ def frame_info(frame: Frame) -> dict[str, Any]:
         "point_cloud": {"num_features": 4, "lidar_idx": frame.name},
         "image": {"image_idx": frame.name, "image_shape": np.array([height, width], np.int32)},
         "calib": {name: matrix.astype(np.float32) for name, matrix in square.items()},
-        "annos": annotated(frame),
+        "annos": annotations_of(frame),
     }
 
 
-def annotated(frame: Frame) -> dict[str, np.ndarray]:
+def annotations_of(frame: Frame) -> dict[str, np.ndarray]:
     """The labels of a frame: objects first, then DontCare regions; arrays of boxes and points of the objects alone."""
     cared = frame.labels.cared_for
     labels = cared.followed_by(frame.labels.of_type("DontCare"))

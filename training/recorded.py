@@ -18,7 +18,7 @@ from training.data.views import Bare
 
 #: Height of the LiDAR above the ground in KITTI's rig, and in drives of the rig `kitti` [m].
 LEARNT_HEIGHT_M = LIDAR_IN_EGO_M[2]
-_ROUND_M = (4.0, 15.0)  # about the sensor: nearer is its own vehicle
+_RING_M = (4.0, 15.0)  # about the sensor: nearer is its own vehicle
 _BELOW_M = (0.3, 6.0)
 _BIN_M = 0.1
 _SCANS = 10
@@ -48,17 +48,17 @@ class RecordedFrames:
             intensity = np.zeros(len(scan)) if scan.intensity is None else scan.intensity
             yield Bare.named(name, np.column_stack([scan.xyz - [0, 0, lift], intensity]).astype(np.float32))
 
-    def lowered(self, found: Labels) -> Labels:
+    def lowered(self, heights: Labels) -> Labels:
         """Detections with the heights that they have in the axes of the recording's sensor."""
-        return replace(found, location=found.location - [0, LEARNT_HEIGHT_M - self.height_m, 0])
+        return replace(heights, location=heights.location - [0, LEARNT_HEIGHT_M - self.height_m, 0])
 
 
 def height_above_ground(recording: Recording) -> float | None:
     """How high the sensor is: what its mount says, else the usual depth of what lies round about [m]; None: nothing."""
     if recording.settings.mount is not None:
         return recording.settings.mount.height_m
-    found = [height for scan in islice(recording, _SCANS) if (height := _height(scan)) is not None]
-    return float(np.median(found)) if found else None
+    heights = [height for scan in islice(recording, _SCANS) if (height := _estimate_height(scan)) is not None]
+    return float(np.median(heights)) if heights else None
 
 
 def write_calibrations(folder: Path, names: Sequence[str]) -> None:
@@ -73,11 +73,11 @@ def write_calibrations(folder: Path, names: Sequence[str]) -> None:
             write_calibration(folder / f"{name}.txt", Calibration(**vars(KITTI_CALIBRATION)))
 
 
-def _height(scan: Scan) -> float | None:
-    below = -scan.xyz[(scan.flat_range_m > _ROUND_M[0]) & (scan.flat_range_m < _ROUND_M[1]), 2]
-    below = below[(below > _BELOW_M[0]) & (below < _BELOW_M[1])]
-    if not len(below):
+def _estimate_height(scan: Scan) -> float | None:
+    depth = -scan.xyz[(scan.flat_range_m > _RING_M[0]) & (scan.flat_range_m < _RING_M[1]), 2]
+    depth = depth[(depth > _BELOW_M[0]) & (depth < _BELOW_M[1])]
+    if not len(depth):
         return None
-    counts, edges = np.histogram(below, np.arange(_BELOW_M[0], _BELOW_M[1] + _BIN_M, _BIN_M))
-    usual = edges[counts.argmax()] + _BIN_M / 2
-    return float(np.median(below[np.abs(below - usual) < _BIN_M]))
+    counts, edges = np.histogram(depth, np.arange(_BELOW_M[0], _BELOW_M[1] + _BIN_M, _BIN_M))
+    mode_m = edges[counts.argmax()] + _BIN_M / 2
+    return float(np.median(depth[np.abs(depth - mode_m) < _BIN_M]))

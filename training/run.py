@@ -13,7 +13,7 @@ import yaml
 from cosim.drives.writer import explained
 from training.config import TrainConfig
 from training.data.source import Source, read_samples
-from training.devices import find_place
+from training.devices import join_processes
 from training.errors import TrainingError
 from training.evaluation import Evaluation, evaluate, pair_frames
 from training.evaluation.as_json import as_json
@@ -44,23 +44,23 @@ def run_training(config: TrainConfig, folder: Path, watcher: Watcher | None = No
     scores: dict[str, Any] = {}
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    with find_place(config) as place:
+    with join_processes(config) as process:
         samples = read_samples(config.train, config.classes, watcher.on_read)
 
         def validate(detector: Detector) -> dict[str, Any]:
             scores.clear()
             for number, source in enumerate(config.validate_on):
                 name = f"{number}-{source.drive.name}"
-                evaluation = score(detector, source, config.classes, place.device, folder / "detections" / name)
+                evaluation = score(detector, source, config.classes, process.device, folder / "detections" / name)
                 scores[name] = as_json(evaluation)
                 watcher.on_scores(name, evaluation)
-            return {name: _brief(said) for name, said in scores.items()}
+            return {name: _summarise(class_scores) for name, class_scores in scores.items()}
 
-        training = Training(config, samples, folder, place, validate, watcher.on_step)
-        if place.first:
+        training = Training(config, samples, folder, process, validate, watcher.on_step)
+        if process.first:
             _write_config(config, folder)
         training.run()
-        if place.first and config.validate_on and not scores:
+        if process.first and config.validate_on and not scores:
             validate(training.detector)
     return scores
 
@@ -77,17 +77,17 @@ def score(
     unlabelled = [name for name in names if not drive[name].has("label_2")]
     if unlabelled:
         raise TrainingError(f"{source.drive}: frame {unlabelled[0]} has no label_2/; score on labelled frames only")
-    found = predict(detector, (drive[name] for name in names), classes, device)
+    detections = predict(detector, (drive[name] for name in names), classes, device)
     if folder is not None:
-        write_detections(folder, names, found)
-    return evaluate(pair_frames([drive[name].labels for name in names], found, names))
+        write_detections(folder, names, detections)
+    return evaluate(pair_frames([drive[name].labels for name in names], detections, names))
 
 
-def _brief(said: dict[str, Any]) -> dict[str, Any]:
+def _summarise(class_scores: dict[str, Any]) -> dict[str, Any]:
     """R40 at moderate by class and metric."""
     return {
         name: {metric: metrics[metric]["R40"][1] for metric in ("3d", "bev") if metrics.get(metric)}
-        for name, metrics in said.items()
+        for name, metrics in class_scores.items()
         if metrics
     }
 

@@ -35,8 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the scores as JSON")
     parser.add_argument("--quiet", action="store_true", help="log nothing but errors")
     options = parser.parse_args(arguments)
-    silent = options.quiet or os.environ.get("RANK", "0") != "0"  # of several processes the first one tells
-    logging.basicConfig(level=logging.ERROR if silent else logging.INFO, format="%(message)s")
+    is_silent = options.quiet or os.environ.get("RANK", "0") != "0"  # of several processes the first one tells
+    logging.basicConfig(level=logging.ERROR if is_silent else logging.INFO, format="%(message)s")
     try:
         train(options.config, options.out, options.json)
     except user_errors() as error:
@@ -63,23 +63,23 @@ def train(config_path: Path, out: Path | None = None, json_path: Path | None = N
     demand_torch()
     from training.run import Watcher, run_training
 
-    scores = run_training(config, folder, Watcher(on_step=_Minutes().tell))
+    scores = run_training(config, folder, Watcher(on_step=_MinuteLog().log))
     if json_path is not None:
         with explained(json_path):
             json_path.write_text(json.dumps({"out": str(folder), "scores": scores}, indent=2) + "\n", encoding="utf-8")
 
 
-class _Minutes:
+class _MinuteLog:
     """Logs how far a training is, a line a minute."""
 
     def __init__(self) -> None:
-        self._told_s = float("-inf")
+        self._last_s = float("-inf")
 
-    def tell(self, moment: Moment) -> None:
+    def log(self, moment: Moment) -> None:
         now_s = time.monotonic()
-        if moment.step < moment.steps and now_s - self._told_s < _EVERY_S:
+        if moment.step < moment.steps and now_s - self._last_s < _EVERY_S:
             return
-        self._told_s = now_s
+        self._last_s = now_s
         total = moment.losses["total"]
         _LOG.info("step %d of %d, epoch %d, loss %.3f", moment.step, moment.steps, moment.epoch, total)
 

@@ -64,52 +64,54 @@ def value_effects(
     detector, classes = load_detector(checkpoint)
     detector.to(device)
     sensors = [sensor, *(without(sensor, effect, given) for effect in effects)]
-    found: list[list[Labels]] = [[] for _ in range(1 + len(sensors))]
+    detections: list[list[Labels]] = [[] for _ in range(1 + len(sensors))]
     for frame, scans in rescans(drive, names, sensors):
-        looked_at = [frame, *(Rescanned.of(frame, scan) for scan in scans)]
-        for these, labels in zip(found, predict(detector, looked_at, classes, device), strict=True):
-            these.append(labels)
+        rescanned = [frame, *(Rescanned.of(frame, scan) for scan in scans)]
+        for collected, labels in zip(detections, predict(detector, rescanned, classes, device), strict=True):
+            collected.append(labels)
         on_frame()
     labels = [drive[name].labels for name in names]
-    results = [_scored(labels, some, names, classes[0]) for some in found]
-    objects = _objects(labels, names, classes[0])
+    results = [_evaluate_class(labels, detected, names, classes[0]) for detected in detections]
+    objects = _count_objects(labels, names, classes[0])
     if not objects:
         raise TrainingError(
             f"{drive.root}: no {classes[0]} of its {len(names)} frames counts at moderate; choose other --frames"
         )
-    few = objects < SAMPLES  # R40 cannot reach 100 then
-    draws = [_draws(result, seed)[:, int(few)] for result in results]
-    averages = [0.0 if result is None else result.continuous if few else result.r40 for result in results]
-    (measured, model, *others), (own, whole, *rest) = averages, draws
+    is_small = objects < SAMPLES  # R40 cannot reach 100 then
+    draws = [_bootstrap(result, seed)[:, int(is_small)] for result in results]
+    averages = [0.0 if result is None else result.continuous if is_small else result.r40 for result in results]
+    (measured, model, *others), (measured_draws, model_draws, *other_draws) = averages, draws
     return Worth(
         detector="pillars_small, which comes along" if checkpoint == shipped() else str(checkpoint),
-        scored=f"3D AP{' (whole curve)' if few else ' R40'} of {classes[0]} at moderate",
+        scored=f"3D AP{' (whole curve)' if is_small else ' R40'} of {classes[0]} at moderate",
         frames=len(names),
         objects=objects,
         measured=measured,
         model=model,
         gap=model - measured,
-        gap_ci95=interval(whole - own),
+        gap_ci95=interval(model_draws - measured_draws),
         effects=tuple(
-            EffectWorth(effect, ap, ap - model, interval(drawn - whole))
-            for effect, ap, drawn in zip(effects, others, rest, strict=True)
+            EffectWorth(effect, ap, ap - model, interval(effect_draws - model_draws))
+            for effect, ap, effect_draws in zip(effects, others, other_draws, strict=True)
         ),
     )
 
 
-def _scored(labels: Sequence[Labels], found: Sequence[Labels], names: Sequence[str], name: str) -> Result | None:
+def _evaluate_class(
+    labels: Sequence[Labels], detections: Sequence[Labels], names: Sequence[str], name: str
+) -> Result | None:
     """The class at moderate; None where nothing of it was detected."""
-    results = evaluate(pair_frames(labels, found, names), classes=(name,)).results.get(name)
+    results = evaluate(pair_frames(labels, detections, names), classes=(name,)).results.get(name)
     return results[_METRIC][_LEVEL] if results and _METRIC in results else None
 
 
-def _objects(labels: Sequence[Labels], names: Sequence[str], name: str) -> int:
+def _count_objects(labels: Sequence[Labels], names: Sequence[str], name: str) -> int:
     """How many objects count."""
     empty = [Labels.empty() for _ in labels]
     (_, task, _) = tasks(pair_frames(labels, empty, names), name, _METRIC, MIN_OVERLAP[name])
     return int(task.object_counts.sum())
 
 
-def _draws(result: Result | None, seed: int) -> np.ndarray:
+def _bootstrap(result: Result | None, seed: int) -> np.ndarray:
     """R40 and AP of the whole curve of draws of the frames; equal seeds draw equal frames, so they are paired."""
     return np.zeros((_DRAWS, 2)) if result is None else resample(result, np.random.default_rng(seed), _DRAWS)

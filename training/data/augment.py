@@ -56,7 +56,7 @@ def augment(sample: Sample, settings: Augment, bank: ObjectBank | None, rng: np.
         boxes[:, 1] *= -1
         boxes[:, 6] *= -1
     limit = np.radians(settings.rotation_deg)
-    points, boxes = _turned(points, boxes, rng.uniform(-limit, limit))
+    points, boxes = _rotate(points, boxes, rng.uniform(-limit, limit))
     _tilt(points, boxes, np.tan(np.radians(rng.normal(0, settings.tilt_deg, 2))), rng.normal(0, settings.lift_m))
     factor = rng.uniform(1 - settings.scale, 1 + settings.scale)
     points[:, :3] *= factor
@@ -66,7 +66,7 @@ def augment(sample: Sample, settings: Augment, bank: ObjectBank | None, rng: np.
     gain = rng.uniform(1 - settings.intensity_gain, 1 + settings.intensity_gain)
     points[:, 3] = np.clip(points[:, 3] * gain, 0, 1)
     boxes[:, 6] = wrap_angle(boxes[:, 6])
-    return Sample(sample.name, points, boxes, sample.kinds)
+    return Sample(sample.name, points, boxes, sample.class_ids)
 
 
 def _tilt(points: np.ndarray, boxes: np.ndarray, slope: np.ndarray, lift_m: float) -> None:
@@ -91,7 +91,7 @@ def _resize(points: np.ndarray, boxes: np.ndarray, factors: np.ndarray) -> None:
         box[2] = bottom[2] + box[5] / 2
 
 
-def _turned(points: np.ndarray, boxes: np.ndarray, angle_rad: float) -> tuple[np.ndarray, np.ndarray]:
+def _rotate(points: np.ndarray, boxes: np.ndarray, angle_rad: float) -> tuple[np.ndarray, np.ndarray]:
     cos, sin = np.float32(np.cos(angle_rad)), np.float32(np.sin(angle_rad))
     for table in (points, boxes):
         x, y = table[:, 0].copy(), table[:, 1].copy()

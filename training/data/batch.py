@@ -26,14 +26,17 @@ class Batch:
     names: tuple[str, ...]
     points: Tensor
     boxes: tuple[Tensor, ...]
-    kinds: tuple[Tensor, ...]
+    class_ids: tuple[Tensor, ...]
 
     def __len__(self) -> int:
         return len(self.names)
 
     def to(self, device: torch.device) -> Batch:
         """The same on a device."""
-        move = [tuple(tensor.to(device, non_blocking=True) for tensor in some) for some in (self.boxes, self.kinds)]
+        move = [
+            tuple(tensor.to(device, non_blocking=True) for tensor in tensors)
+            for tensors in (self.boxes, self.class_ids)
+        ]
         return Batch(self.names, self.points.to(device, non_blocking=True), *move)
 
     def without_intensity(self) -> Batch:
@@ -48,5 +51,5 @@ def collate(samples: Sequence[Sample]) -> Batch:
         tuple(sample.name for sample in samples),
         torch.from_numpy(np.concatenate(numbered).astype(np.float32)),
         tuple(torch.from_numpy(np.ascontiguousarray(sample.boxes, np.float32)) for sample in samples),
-        tuple(torch.from_numpy(np.asarray(sample.kinds, np.int64)) for sample in samples),
+        tuple(torch.from_numpy(np.asarray(sample.class_ids, np.int64)) for sample in samples),
     )

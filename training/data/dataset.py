@@ -29,9 +29,9 @@ class AugmentedFrames(Dataset):
     def __len__(self) -> int:
         return len(self._samples)
 
-    def __getitem__(self, place: tuple[int, int]) -> Sample:
+    def __getitem__(self, key: tuple[int, int]) -> Sample:
         """The frame of an index as it is altered in an epoch."""
-        epoch, index = place
+        epoch, index = key
         rng = np.random.default_rng([self._seed, 1, epoch, index])
         return augment(self._samples[index], self._settings, self._bank, rng)
 
@@ -55,33 +55,33 @@ class Steps:
         """Steps in an epoch."""
         return -(-self._frames // (self._batch * self._world))
 
-    def places(self, step: int) -> list[tuple[int, int]]:
+    def frame_keys(self, step: int) -> list[tuple[int, int]]:
         """(epoch, index) of the frames of a step, counted from the first epoch on."""
         epoch, within = divmod(step, self.per_epoch)
         order = np.random.default_rng([self._seed, 0, epoch]).permutation(self._frames)
-        begin = (within * self._world + self._rank) * self._batch
-        return [(epoch, int(order[(begin + i) % self._frames])) for i in range(self._batch)]
+        start = (within * self._world + self._rank) * self._batch
+        return [(epoch, int(order[(start + i) % self._frames])) for i in range(self._batch)]
 
 
-class _Slice:
+class _StepRange:
     """Batches of places for a loader."""
 
-    def __init__(self, steps: Steps, begin: int, end: int) -> None:
-        self._steps, self._begin, self._end = steps, begin, end
+    def __init__(self, steps: Steps, start: int, end: int) -> None:
+        self._steps, self._start, self._end = steps, start, end
 
     def __iter__(self) -> Iterator[list[tuple[int, int]]]:
-        return (self._steps.places(step) for step in range(self._begin, self._end))
+        return (self._steps.frame_keys(step) for step in range(self._start, self._end))
 
     def __len__(self) -> int:
-        return self._end - self._begin
+        return self._end - self._start
 
 
-def load(frames: AugmentedFrames, steps: Steps, begin: int, end: int, workers: int) -> Iterator[Batch]:
-    """Batches of the steps from `begin` to before `end`."""
+def load(frames: AugmentedFrames, steps: Steps, start: int, end: int, workers: int) -> Iterator[Batch]:
+    """Batches of the steps from `start` to before `end`."""
     return iter(
         DataLoader(
             frames,
-            batch_sampler=_Slice(steps, begin, end),  # type: ignore[arg-type]
+            batch_sampler=_StepRange(steps, start, end),  # type: ignore[arg-type]
             num_workers=workers,
             collate_fn=collate,
             pin_memory=False,

@@ -29,7 +29,7 @@ class Sample:
     name: str
     points: np.ndarray
     boxes: np.ndarray
-    kinds: np.ndarray
+    class_ids: np.ndarray
 
 
 def image_size(frame: Frame) -> tuple[int, int]:
@@ -70,9 +70,9 @@ def read_sample(frame: Frame, classes: Sequence[str], min_points: int = 5) -> Sa
     indices = {name.lower(): number for number, name in enumerate(classes)}
     neighbours = {(NEIGHBOURS.get(name) or "").lower() for name in classes}
     labels = frame.labels.of_type(*indices, *(neighbours - {""}))
-    kinds = np.array([indices.get(name.lower(), IGNORED) for name in labels.type], np.int64)
+    class_ids = np.array([indices.get(name.lower(), IGNORED) for name in labels.type], np.int64)
     boxes = labels.boxes_velo(frame.calibration)
     few = points_in_boxes(seen, boxes).sum(1) < min_points
-    kinds[few] = IGNORED
+    class_ids[few] = IGNORED
     table = np.column_stack([boxes.centre, boxes.size, boxes.yaw]).astype(np.float32)
-    return Sample(frame.name, seen, table.reshape(-1, 7), kinds)
+    return Sample(frame.name, seen, table.reshape(-1, 7), class_ids)

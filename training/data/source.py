@@ -67,7 +67,7 @@ def read_samples(
     if not samples:
         named = ", ".join(str(source.frames or source.split or source.drive) for source in sources)
         raise TrainingError(f"the training set is empty: {named} names no frame; choose another list or drive")
-    if not any((sample.kinds >= 0).any() for sample in samples):
+    if not any((sample.class_ids >= 0).any() for sample in samples):
         raise TrainingError(
             f"the training set is empty: none of its {len(samples)} frames has a labelled {' or '.join(classes)} "
             "with enough points; choose other frames or `classes`"

@@ -12,7 +12,7 @@ from cosim.drives.kitti import Calibration, Frame
 from sensors.cameras.kitti_rig import KITTI_CALIBRATION
 
 
-def _nothing() -> np.ndarray:
+def _no_points() -> np.ndarray:
     return np.zeros((0, 4), np.float32)
 
 
@@ -24,12 +24,12 @@ class Rescanned(Frame):
         scan: (n, 4) float32 as in `points`.
     """
 
-    scan: np.ndarray = field(default_factory=_nothing)
+    scan: np.ndarray = field(default_factory=_no_points)
 
     @classmethod
     def of(cls, frame: Frame, scan: np.ndarray) -> Rescanned:
         """That frame with those points."""
-        return cls(**{one.name: getattr(frame, one.name) for one in fields(Frame)}, scan=scan)
+        return cls(**{item.name: getattr(frame, item.name) for item in fields(Frame)}, scan=scan)
 
     @cached_property
     def points(self) -> np.ndarray:

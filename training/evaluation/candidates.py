@@ -37,10 +37,10 @@ def overlapping(scored: Scored, labels: np.ndarray, detections: np.ndarray, metr
         metric: whose overlap.
         above: exclusive.
     """
-    one, other = _within_frames(scored, labels, detections)
-    overlap = paired_overlaps(scored.labels.objects[one], scored.detections.objects[other], metric)
+    label_rows, detection_rows = _within_frames(scored, labels, detections)
+    overlap = paired_overlaps(scored.labels.objects[label_rows], scored.detections.objects[detection_rows], metric)
     enough = overlap > above
-    return Pairs(one[enough], other[enough], overlap[enough])
+    return Pairs(label_rows[enough], detection_rows[enough], overlap[enough])
 
 
 def paired_overlaps(first: Labels, second: Labels, metric: Metric) -> np.ndarray:
@@ -54,19 +54,19 @@ def absorbed(scored: Scored, detections: np.ndarray, above: float) -> np.ndarray
     region, row = _within_frames(scored, regions, detections)
     inner = scored.detections.objects.bbox
     shared, area = _shared_area(scored.labels.objects.bbox[region], inner[row]), _area(inner)[row]
-    swallowed = np.zeros(len(inner), bool)
-    swallowed[row[np.divide(shared, area, out=np.zeros_like(shared), where=shared > 0) > above]] = True
-    return swallowed[detections]
+    is_absorbed = np.zeros(len(inner), bool)
+    is_absorbed[row[np.divide(shared, area, out=np.zeros_like(shared), where=shared > 0) > above]] = True
+    return is_absorbed[detections]
 
 
 def _within_frames(scored: Scored, labels: np.ndarray, detections: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """All pairs of rows that share a frame."""
     frames = scored.detections.frame[detections]
-    begin = np.searchsorted(frames, scored.labels.frame[labels], "left")
-    counts = np.searchsorted(frames, scored.labels.frame[labels], "right") - begin
+    start = np.searchsorted(frames, scored.labels.frame[labels], "left")
+    counts = np.searchsorted(frames, scored.labels.frame[labels], "right") - start
     first = np.repeat(np.cumsum(counts) - counts, counts)
-    place = np.arange(counts.sum()) - first + np.repeat(begin, counts)
-    return np.repeat(labels, counts), detections[place]
+    index = np.arange(counts.sum()) - first + np.repeat(start, counts)
+    return np.repeat(labels, counts), detections[index]
 
 
 def _overlap_2d(first: Labels, second: Labels) -> np.ndarray:

@@ -18,7 +18,7 @@ import numpy as np
 from cosim.drives.kitti import Drive, points_in_boxes
 from training.evaluation.average_precision import continuous_average
 from training.evaluation.evaluate import Result
-from training.evaluation.matching import count, found
+from training.evaluation.matching import assign_detections, count
 from training.evaluation.read import Table
 
 DISTANCE_EDGES_M = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 80.0)
@@ -99,24 +99,31 @@ def points_in_rows(table: Table, wanted: np.ndarray, names: Sequence[str], drive
 def scans_beside(labels: Path) -> Drive | None:
     """The drive that a folder of labels belongs to, if its scans are there."""
     folder = labels.resolve().parent
-    there = (folder / "velodyne").is_dir() and (folder / "calib").is_dir() and any((folder / "velodyne").glob("*.bin"))
-    return Drive(folder) if there else None
+    has_scans = (
+        (folder / "velodyne").is_dir() and (folder / "calib").is_dir() and any((folder / "velodyne").glob("*.bin"))
+    )
+    return Drive(folder) if has_scans else None
 
 
 def _parts(result: Result, part: np.ndarray, names: Sequence[str]) -> list[Slice]:
     task = result.task
     thresholds = result.thresholds[:: max(1, len(result.thresholds) // _STEPS)]
-    taken, false = found(task, thresholds), count(task, thresholds).fp[:, 0]
-    hit = (taken >= 0) & task.valid[taken]
+    assigned, false_positives = assign_detections(task, thresholds), count(task, thresholds).fp[:, 0]
+    hit = (assigned >= 0) & task.valid[assigned]
     everything = task.object_counts.sum()
-    said = []
+    slices_ = []
     for number, name in enumerate(names):
-        mine = task.object_counts & (part == number)
-        if not mine.any():
+        in_part = task.object_counts & (part == number)
+        if not in_part.any():
             continue
-        recall = hit[:, mine].sum(1) / mine.sum()
-        likely = recall * everything
-        precision = np.divide(likely, likely + false, out=np.zeros_like(likely), where=likely + false > 0)
+        recall = hit[:, in_part].sum(1) / in_part.sum()
+        expected_hits = recall * everything
+        precision = np.divide(
+            expected_hits,
+            expected_hits + false_positives,
+            out=np.zeros_like(expected_hits),
+            where=expected_hits + false_positives > 0,
+        )
         best = 100 * float(recall.max(initial=0.0))
-        said.append(Slice(name, int(mine.sum()), continuous_average(recall, precision), best))
-    return said
+        slices_.append(Slice(name, int(in_part.sum()), continuous_average(recall, precision), best))
+    return slices_

@@ -36,7 +36,7 @@ class Inputs:
     config: TrainConfig
     out: Path
     few: str = "fit"
-    full: str = "train"
+    use_full: str = "train"
     test: str = "test"
     fine_tune: TrainConfig | None = None
 
@@ -62,7 +62,7 @@ def simulated_frames(variant: str, inputs: Inputs, split: str) -> Source:
     """
     if inputs.variants is None:
         raise MissingFramesError("no simulated frames: name the folder of cosim variants with --variants")
-    return _listed(inputs.variants / variant, split, variant)
+    return _list_source(inputs.variants / variant, split, variant)
 
 
 def real_frames(inputs: Inputs, split: str) -> Source:
@@ -73,16 +73,16 @@ def real_frames(inputs: Inputs, split: str) -> Source:
     """
     if inputs.real is None:
         raise MissingFramesError("no real frames: name their folder with --real")
-    return _listed(inputs.real, split)
+    return _list_source(inputs.real, split)
 
 
-def real_lessons(table: ExperimentTable, inputs: Inputs) -> Source:
+def real_training_frames(table: ExperimentTable, inputs: Inputs) -> Source:
     """The real frames that a detector learns from: all for training, or the few where there are no more."""
-    full = inputs.real is not None and inputs.full in Drive(inputs.real).splits
-    return real_frames(inputs, inputs.full if full and table.fine_tune != "few" else inputs.few)
+    use_full = inputs.real is not None and inputs.use_full in Drive(inputs.real).splits
+    return real_frames(inputs, inputs.use_full if use_full and table.fine_tune != "few" else inputs.few)
 
 
-def with_as_many_steps(config: TrainConfig, source: Source, table: ExperimentTable, inputs: Inputs) -> TrainConfig:
+def match_steps(config: TrainConfig, source: Source, table: ExperimentTable, inputs: Inputs) -> TrainConfig:
     """The configuration for other frames than the variants', which are fewer: seen more often, for as many steps."""
     counts = [0]
     for variant in table.variants:
@@ -90,11 +90,13 @@ def with_as_many_steps(config: TrainConfig, source: Source, table: ExperimentTab
             counts.append(len(simulated_frames(variant, inputs, "train").open()[1]))
         except MissingFramesError:
             continue
-    theirs, own = (-(-count // config.batch_size) for count in (max(counts), len(source.open()[1])))
-    return config.model_copy(update={"epochs": max(config.epochs, round(config.epochs * theirs / max(own, 1)))})
+    variant_steps, own_steps = (-(-count // config.batch_size) for count in (max(counts), len(source.open()[1])))
+    return config.model_copy(
+        update={"epochs": max(config.epochs, round(config.epochs * variant_steps / max(own_steps, 1)))}
+    )
 
 
-def _listed(folder: Path, split: str, variant: str = "") -> Source:
+def _list_source(folder: Path, split: str, variant: str = "") -> Source:
     if not folder.is_dir():
         remedy = f"make it with cosim variants --variant {variant}" if variant else "name another folder with --real"
         raise MissingFramesError(f"no drive at {folder}: {remedy}")

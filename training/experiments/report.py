@@ -42,16 +42,16 @@ def as_json(table: ExperimentTable, rows: Sequence[Row]) -> dict[str, Any]:
     R40 of cars in percent. `before`: 3d, bev and ci95 before fine-tuning; `gain_ci95`: of the differences at
     moderate. Both null where nothing was fine-tuned.
     """
-    said = []
+    entries = []
     for row in rows:
-        entry = _figures(row.scores)
+        entry = _summary_figures(row.scores)
         before = (row.scores or {}).get("before")
-        entry["before"] = before and _figures(before)
+        entry["before"] = before and _summary_figures(before)
         entry["gain_ci95"] = (row.scores or {}).get("gain_ci95")
         paper = table.paper.get(row.name)
         entry["paper_3d"] = list(paper) if paper else None
-        said.append({"name": row.name, **entry, "reason": row.reason or None})
-    return {"title": table.title, "rows": said}
+        entries.append({"name": row.name, **entry, "reason": row.reason or None})
+    return {"title": table.title, "rows": entries}
 
 
 def format_markdown(table: ExperimentTable, rows: Sequence[Row]) -> str:
@@ -61,12 +61,12 @@ def format_markdown(table: ExperimentTable, rows: Sequence[Row]) -> str:
     lines = [f"# {table.title}", "", f"Cars, IoU over 0.7, AP R40 in percent. {_tested_on(rows)}".rstrip(), ""]
     lines += [f"| {_row_head(table)} | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
     for row in rows:
-        words = [word for group in groups for word in _words(group.values(row))]
+        words = [text for group in groups for text in _format_values(group.values(row))]
         lines.append(f"| {_label(table, row)} | " + " | ".join(words) + " |")
     lines.append("")
     for title, compared in ((_GAINS, gains(rows)), (_DIFFERENCES, differences(rows))):
         if compared:
-            lines += [f"{title}:", "", *(f"- {said.in_words}" for said in compared), ""]
+            lines += [f"{title}:", "", *(f"- {entries.in_words}" for entries in compared), ""]
     absent = [f"- {_label(table, row)}: not run; {row.reason}" for row in rows if row.reason]
     return "\n".join([*lines, *absent]).rstrip() + "\n"
 
@@ -74,17 +74,17 @@ def format_markdown(table: ExperimentTable, rows: Sequence[Row]) -> str:
 def format_page(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> str:
     """The page, with precision–recall curves and pictures of the rows that were run."""
     groups = _groups(table)
-    over = "".join(f"<th colspan=3>{escape(group.title)}</th>" for group in groups)
+    group_heads = "".join(f"<th colspan=3>{escape(group.title)}</th>" for group in groups)
     heads = "".join(f"<th>{level}</th>" for _ in groups for level in _HEADS)
     body = "".join(_html_row(table, row, groups) for row in rows)
     result = (
         f"<header><h1>{escape(table.title)}</h1><p>Cars, IoU over 0.7, AP R40 in percent; small: 95 % interval over "
         f"draws of the test frames. {escape(_tested_on(rows))}</p></header>"
-        f"<section class=plain><table><thead><tr><th></th>{over}</tr>"
+        f"<section class=plain><table><thead><tr><th></th>{group_heads}</tr>"
         f"<tr><th>{_row_head(table)}</th>{heads}</tr></thead><tbody>{body}</tbody></table></section>"
     )
-    compared = [_comparisons(_GAINS, gains(rows)), _comparisons(_DIFFERENCES, differences(rows))]
-    details = [_details(table, row, folder) for row in rows if row.scores is not None]
+    compared = [_format_comparisons(_GAINS, gains(rows)), _format_comparisons(_DIFFERENCES, differences(rows))]
+    details = [_format_details(table, row, folder) for row in rows if row.scores is not None]
     return document(table.title, [result, *compared, *details], style=STYLE + _STYLE, generator="cosim experiment")
 
 
@@ -117,21 +117,21 @@ def _html_row(table: ExperimentTable, row: Row, groups: Sequence[_Group]) -> str
     cells = []
     for group in groups:
         bounds = group.intervals(row)
-        for level, word in enumerate(_words(group.values(row))):
+        for level, text in enumerate(_format_values(group.values(row))):
             small = f"<small>{bounds[level][0]:.0f} – {bounds[level][1]:.0f}</small>" if bounds else ""
-            cells.append(f"<td>{word}{small}</td>")
+            cells.append(f"<td>{text}{small}</td>")
     if row.scores is None:  # the first two groups are what was measured
         cells[:6] = [f"<td class=words colspan=6>{escape(row.reason)}</td>"]
     return f"<tr><th>{escape(_label(table, row))}</th>{''.join(cells)}</tr>"
 
 
-def _comparisons(title: str, compared: Sequence[Comparison]) -> str:
+def _format_comparisons(title: str, compared: Sequence[Comparison]) -> str:
     if not compared:
         return ""
     lines = [
-        f"<tr><th>{escape(said.name)}</th><td>{said.gap:+.1f}</td><td>{said.low:+.1f} … {said.high:+.1f}</td>"
-        f"<td class=words>{said.verdict}</td></tr>"
-        for said in compared
+        f"<tr><th>{escape(entries.name)}</th><td>{entries.gap:+.1f}</td><td>{entries.low:+.1f} … {entries.high:+.1f}</td>"
+        f"<td class=words>{entries.verdict}</td></tr>"
+        for entries in compared
     ]
     return (
         f"<section><h2>{escape(title)}</h2><p>At moderate, with 95 % of its values over the same draws of test frames "
@@ -141,7 +141,7 @@ def _comparisons(title: str, compared: Sequence[Comparison]) -> str:
     )
 
 
-def _details(table: ExperimentTable, row: Row, folder: Path) -> str:
+def _format_details(table: ExperimentTable, row: Row, folder: Path) -> str:
     """Curves and pictures of a row, from the detections that it left."""
     assert row.scores is not None
     drive = Drive(Path(row.scores["settings"]["test"]["drive"]))
@@ -185,16 +185,16 @@ class _Group:
 
 
 def _groups(table: ExperimentTable) -> list[_Group]:
-    groups = [_measured("3D", "3d"), _measured("from above", "bev")]
+    groups = [_measured_group("3D", "3d"), _measured_group("from above", "bev")]
     if table.fine_tune != "none":
-        groups += [_measured("before fine-tuning, 3D", "3d", "before")]
-        groups += [_measured("before, from above", "bev", "before")]
+        groups += [_measured_group("before fine-tuning, 3D", "3d", "before")]
+        groups += [_measured_group("before, from above", "bev", "before")]
     if table.paper:
         groups.append(_Group("paper, 3D", lambda row: table.paper.get(row.name)))
     return groups
 
 
-def _measured(title: str, metric: str, when: str | None = None) -> _Group:
+def _measured_group(title: str, metric: str, when: str | None = None) -> _Group:
     def scores(row: Row) -> dict[str, Any] | None:
         return row.scores if when is None else (row.scores or {}).get(when)
 
@@ -204,11 +204,11 @@ def _measured(title: str, metric: str, when: str | None = None) -> _Group:
     return _Group(title, lambda row: averages(scores(row), metric), intervals)
 
 
-def _words(values: Sequence[float] | None) -> list[str]:
+def _format_values(values: Sequence[float] | None) -> list[str]:
     return [f"{value:.1f}" for value in values] if values else ["–"] * 3
 
 
-def _figures(scores: dict[str, Any] | None) -> dict[str, Any]:
+def _summary_figures(scores: dict[str, Any] | None) -> dict[str, Any]:
     return {**{metric: averages(scores, metric) for metric in ("3d", "bev")}, "ci95": scores and scores["ci95"]}
 
 

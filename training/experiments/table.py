@@ -36,8 +36,8 @@ class ExperimentTable(BaseModel):
     @property
     def rows(self) -> tuple[str, ...]:
         """The variants, and real frames alone where a figure of theirs is to stand beside: the paper's, or ours."""
-        beside = REAL in self.paper or self.fine_tune != "none"
-        return (*self.variants, REAL) if beside and REAL not in self.variants else self.variants
+        has_real_row = REAL in self.paper or self.fine_tune != "none"
+        return (*self.variants, REAL) if has_real_row and REAL not in self.variants else self.variants
 
 
 def table_names() -> tuple[str, ...]:

@@ -60,7 +60,7 @@ class AnchorHead(nn.Module):
 
     def losses(self, output: AnchorOutput, batch: Batch) -> dict[str, Tensor]:
         """Weighted losses by name."""
-        targets = assign(self.anchors, self._classes, batch.boxes, batch.kinds)
+        targets = assign(self.anchors, self._classes, batch.boxes, batch.class_ids)
         return anchor_losses(output.scores, output.residuals, output.directions, targets, self._direction_offset)
 
     def boxes(self, output: AnchorOutput, frame: int, rows: Tensor) -> Tensor:

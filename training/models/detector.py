@@ -34,7 +34,7 @@ class Detector(nn.Module):
 
     def forward(self, batch: Batch) -> dict[str, Tensor]:
         """The losses."""
-        batch = self._told(batch)
+        batch = self._select_inputs(batch)
         if self.settings.level_ground:
             batch = find_ground(batch.points, len(batch), self.settings.grid).levelled(batch)
         return self.losses(batch)
@@ -42,14 +42,14 @@ class Detector(nn.Module):
     @torch.no_grad()
     def detect(self, batch: Batch, least_score: float = 0.1) -> list[Detections]:
         """What is found in each frame. Put the detector into `eval()` before."""
-        batch = self._told(batch)
+        batch = self._select_inputs(batch)
         if not self.settings.level_ground:
-            return [_as_arrays(*some) for some in self.find(batch, least_score)]
+            return [_as_arrays(*parts) for parts in self.find(batch, least_score)]
         ground = find_ground(batch.points, len(batch), self.settings.grid)
         found = self.find(ground.levelled(batch), least_score)
         return [_as_arrays(ground.raised(boxes, frame), *rest) for frame, (boxes, *rest) in enumerate(found)]
 
-    def _told(self, batch: Batch) -> Batch:
+    def _select_inputs(self, batch: Batch) -> Batch:
         """The frames with what of them the detector is told."""
         return batch if self.settings.intensity else batch.without_intensity()
 
@@ -58,16 +58,16 @@ def detect_from_anchors(
     head: AnchorHead, output: AnchorOutput, frame: int, *, least_score: float, overlap: float, before: int, after: int
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Boxes (k, 7), scores (k,) and class indices (k,) of a frame after suppression across classes."""
-    scores, kinds = torch.sigmoid(output.scores[frame]).max(-1)
+    scores, class_ids = torch.sigmoid(output.scores[frame]).max(-1)
     rows = torch.nonzero(scores >= least_score)[:, 0]
     if len(rows) > before:
         rows = rows[torch.topk(scores[rows], before).indices]
     boxes = head.boxes(output, frame, rows)
     kept = suppress(boxes, scores[rows], overlap, before=before, after=after)
-    return boxes[kept], scores[rows][kept], kinds[rows][kept]
+    return boxes[kept], scores[rows][kept], class_ids[rows][kept]
 
 
-def _as_arrays(boxes: Tensor, scores: Tensor, kinds: Tensor) -> Detections:
+def _as_arrays(boxes: Tensor, scores: Tensor, class_ids: Tensor) -> Detections:
     """Tensors on any device as arrays."""
     arrays: list[Any] = [tensor.detach().float().cpu().numpy() for tensor in (boxes, scores)]
-    return Detections(arrays[0], arrays[1], kinds.detach().cpu().numpy())
+    return Detections(arrays[0], arrays[1], class_ids.detach().cpu().numpy())

@@ -26,7 +26,7 @@ class Detections:
 
     boxes: np.ndarray
     scores: np.ndarray
-    kinds: np.ndarray
+    class_ids: np.ndarray
 
 
 @torch.no_grad()
@@ -52,20 +52,20 @@ def _greedy(table: np.ndarray, overlap: float, after: int) -> np.ndarray:
     for start in range(0, len(table), _BLOCK):
         block = np.arange(start, min(start + _BLOCK, len(table)))
         block = block[~_overlapping(table, kept, block, overlap).any(0)]
-        among = _overlapping(table, block, block, overlap)
-        alive = np.ones(len(block), bool)
+        overlaps = _overlapping(table, block, block, overlap)
+        is_kept = np.first(len(block), bool)
         for row in range(len(block)):
-            if alive[row]:
-                alive[row + 1 :] &= ~among[row, row + 1 :]
-        kept = np.concatenate([kept, block[alive]])
+            if is_kept[row]:
+                is_kept[row + 1 :] &= ~overlaps[row, row + 1 :]
+        kept = np.concatenate([kept, block[is_kept]])
         if len(kept) >= after:
             break
     return kept[:after]
 
 
-def _overlapping(table: np.ndarray, ones: np.ndarray, others: np.ndarray, overlap: float) -> np.ndarray:
+def _overlapping(table: np.ndarray, first: np.ndarray, second: np.ndarray, overlap: float) -> np.ndarray:
     """Whether rectangles overlap by more, (n, m) bool; pairs too far apart to do so are passed over."""
-    a, b = table[ones], table[others]
+    a, b = table[first], table[second]
     reach = (np.hypot(a[:, 2], a[:, 3])[:, None] + np.hypot(b[:, 2], b[:, 3])[None]) / 2
     gap = np.hypot(*(a[:, None, :2] - b[None, :, :2]).transpose(2, 0, 1))
     left, right = np.nonzero(gap < reach * min(1.0, 1.2 * (1 - overlap)))

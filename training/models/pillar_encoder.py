@@ -46,7 +46,7 @@ class PillarEncoder(nn.Module):
             features = torch.cat([features, features.new_zeros(1, FEATURES)])
         values = functional.relu(layer.norm(layer.linear(features)))  # type: ignore[operator]
         points = values if self._padded_to is None else values[:-1]
-        pillars = points.new_zeros(len(voxels.place), self.channels)
+        pillars = points.new_zeros(len(voxels.coordinates), self.channels)
         pillars = pillars.scatter_reduce(0, voxels.cell[:, None].expand_as(points), points, "amax")
         if self._padded_to is not None:
             short = (voxels.count < self._padded_to)[:, None]
@@ -56,7 +56,7 @@ class PillarEncoder(nn.Module):
     def _features(self, voxels: Voxels) -> Tensor:
         xyz = voxels.points[:, 1:4]
         low, size = xyz.new_tensor(self._grid.low), xyz.new_tensor(self._grid.size)
-        middle = (voxels.place[:, [3, 2, 1]].to(xyz.dtype) + 0.5) * size + low
+        middle = (voxels.coordinates[:, [3, 2, 1]].to(xyz.dtype) + 0.5) * size + low
         return torch.cat([voxels.points[:, 1:], xyz - voxels.mean(xyz)[voxels.cell], xyz - middle[voxels.cell]], 1)
 
 
@@ -64,6 +64,6 @@ def spread_on_grid(features: Tensor, voxels: Voxels, grid: Grid, frames: int) ->
     """Features (v, c) of pillars as an image (frames, c, ny, nx), zero where there is none."""
     nx, ny, _ = grid.cells
     canvas = features.new_zeros(frames * ny * nx, features.shape[1])
-    flat = (voxels.place[:, 0] * ny + voxels.place[:, 2]) * nx + voxels.place[:, 3]
+    flat = (voxels.coordinates[:, 0] * ny + voxels.coordinates[:, 2]) * nx + voxels.coordinates[:, 3]
     canvas = canvas.index_copy(0, flat, features)
     return canvas.reshape(frames, ny, nx, -1).permute(0, 3, 1, 2)

@@ -52,14 +52,14 @@ class PointRefiner(nn.Module):
         """
         if not len(boxes):
             return boxes.new_zeros(0), boxes.new_zeros(0, 7)
-        mirrored = _away_from_sensor(boxes)
-        features, there = gather(points, boxes, frame, mirrored, self._most)
+        mirrored = _mirror_signs(boxes)
+        features, has_points = gather(points, boxes, frame, mirrored, self._most)
         count, most = features.shape[:2]
         each = self.points(features.flatten(0, 1))
-        around = each.reshape(count, most, -1).amax(1)
-        again = self.points_again(each).reshape(count, most, -1) + self.surroundings(around)[:, None]
-        pooled = self.pooled(again.flatten(0, 1)).reshape(count, most, -1).amax(1)
-        whole = self.region(pooled * there[:, None])
+        context = each.reshape(count, most, -1).amax(1)
+        combined = self.points_again(each).reshape(count, most, -1) + self.surroundings(context)[:, None]
+        pooled = self.pooled(combined.flatten(0, 1)).reshape(count, most, -1).amax(1)
+        whole = self.region(pooled * has_points[:, None])
         signs = torch.ones_like(boxes)
         signs[:, :2], signs[:, 6] = mirrored, mirrored.prod(1)
         return self.score(whole)[:, 0], self.residual(whole) * signs
@@ -79,15 +79,15 @@ def gather(points: Tensor, boxes: Tensor, frame: Tensor, mirrored: Tensor, most:
         most: points of a region.
     """
     points = points[points[:, 3] > LEVEL_M + _GROUND_M]
-    region, row = _near(points, boxes, frame)
-    place = _in_axes(points[row, 1:4], boxes[region], mirrored[region])
+    region, row = _nearby_points(points, boxes, frame)
+    local = _to_box_axes(points[row, 1:4], boxes[region], mirrored[region])
     half = boxes[region, 3:6] / 2
-    beyond = place.abs() - half
+    beyond = local.abs() - half
     inside = (beyond[:, :2] < beyond.new_tensor(_MARGIN_M)).all(1)
-    inside &= (place[:, 2] < half[:, 2] + _ABOVE_M) & (place[:, 2] > -half[:, 2] - _BELOW_M)
-    region, row, place, half = region[inside], row[inside], place[inside], half[inside]
+    inside &= (local[:, 2] < half[:, 2] + _ABOVE_M) & (local[:, 2] > -half[:, 2] - _BELOW_M)
+    region, row, local, half = region[inside], row[inside], local[inside], half[inside]
     above = points[row, 3:4] - LEVEL_M
-    features = torch.cat([place, half - place, half + place, above, points[row, 4:5]], 1)
+    features = torch.cat([local, half - local, half + local, above, points[row, 4:5]], 1)
     count = torch.bincount(region, minlength=len(boxes))
     first = torch.cumsum(count, 0) - count
     number = torch.arange(most, device=points.device)[None]
@@ -97,30 +97,30 @@ def gather(points: Tensor, boxes: Tensor, frame: Tensor, mirrored: Tensor, most:
     return padded[chosen.clamp(max=len(features))], count > 0
 
 
-def _near(points: Tensor, boxes: Tensor, frame: Tensor) -> tuple[Tensor, Tensor]:
+def _nearby_points(points: Tensor, boxes: Tensor, frame: Tensor) -> tuple[Tensor, Tensor]:
     """Pairs of regions and points in a circle about them: rows of both, in the order of the regions."""
     reach = torch.hypot(boxes[:, 3] / 2 + _MARGIN_M[0], boxes[:, 4] / 2 + _MARGIN_M[1])
     regions, rows = [], []
     for number in torch.unique(frame).tolist():
-        mine, seen = torch.nonzero(frame == number)[:, 0], torch.nonzero(points[:, 0] == number)[:, 0]
-        near = torch.cdist(boxes[mine, :2], points[seen, 1:3]) < reach[mine, None]
+        region_rows, point_rows = torch.nonzero(frame == number)[:, 0], torch.nonzero(points[:, 0] == number)[:, 0]
+        near = torch.cdist(boxes[region_rows, :2], points[point_rows, 1:3]) < reach[region_rows, None]
         region, row = torch.nonzero(near, as_tuple=True)
-        regions.append(mine[region])
-        rows.append(seen[row])
+        regions.append(region_rows[region])
+        rows.append(point_rows[row])
     region, row = torch.cat(regions), torch.cat(rows)
     order = torch.argsort(region, stable=True)
     return region[order], row[order]
 
 
-def _in_axes(places: Tensor, boxes: Tensor, mirrored: Tensor) -> Tensor:
+def _to_box_axes(positions: Tensor, boxes: Tensor, mirrored: Tensor) -> Tensor:
     """Places (n, 3) in the mirrored axes of boxes (n, 7)."""
-    offset = places - boxes[:, :3]
+    offset = positions - boxes[:, :3]
     cos, sin = torch.cos(boxes[:, 6]), torch.sin(boxes[:, 6])
     along, across = cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]
     return torch.stack([along * mirrored[:, 0], across * mirrored[:, 1], offset[:, 2]], 1)
 
 
-def _away_from_sensor(boxes: Tensor) -> Tensor:
+def _mirror_signs(boxes: Tensor) -> Tensor:
     """Signs (k, 2) of axes along and across boxes (k, 7) that point away from the sensor, at the origin."""
     cos, sin = torch.cos(boxes[:, 6]), torch.sin(boxes[:, 6])
     along, across = cos * boxes[:, 0] + sin * boxes[:, 1], cos * boxes[:, 1] - sin * boxes[:, 0]

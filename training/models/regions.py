@@ -16,9 +16,17 @@ from training.evaluation.rotated_overlap import paired_intersections
 from training.models.coding import decode, encode, within_period
 from training.models.roi_pool import grid_points
 
-_SURE, _UNSURE, _REFINED = 0.75, 0.25, 0.55
-_SHARE_FOUND = 0.5
-_MOVED = (0.3, 0.2, 0.1, 0.08, 0.05, 0.06, 0.08)  # standard deviations: x, y, z [m], logarithms of sizes, heading [rad]
+_IOU_HIGH, _IOU_LOW, _IOU_REFINED = 0.75, 0.25, 0.55
+_POSITIVE_SHARE = 0.5
+_JITTER_SD = (
+    0.3,
+    0.2,
+    0.1,
+    0.08,
+    0.05,
+    0.06,
+    0.08,
+)  # standard deviations: x, y, z [m], logarithms of sizes, heading [rad]
 _ON_IGNORED = 0.25  # a region that overlaps an ignored object so much, and no other, teaches nothing
 
 
@@ -54,23 +62,23 @@ def regions_to_learn(
     """
     parts = []
     for frame in range(len(batch)):
-        counts = batch.kinds[frame] >= 0
+        counts = batch.class_ids[frame] >= 0
         objects, ignored = batch.boxes[frame][counts], batch.boxes[frame][~counts]
-        offered = torch.cat([propose(frame), objects, _moved(objects, copies, generator)])
-        boxes, of, overlap = choose_rois(_beside(offered, ignored, objects), objects, count, generator)
-        parts.append((boxes, torch.full((len(boxes),), frame, device=boxes.device), of, overlap))
-    return Regions(*(torch.cat(some) for some in zip(*parts, strict=True)))
+        offered = torch.cat([propose(frame), objects, _jitter_boxes(objects, copies, generator)])
+        boxes, matched, overlap = choose_rois(_drop_on_ignored(offered, ignored, objects), objects, count, generator)
+        parts.append((boxes, torch.full((len(boxes),), frame, device=boxes.device), matched, overlap))
+    return Regions(*(torch.cat(parts_of_field) for parts_of_field in zip(*parts, strict=True)))
 
 
-def _moved(boxes: Tensor, copies: int, generator: torch.Generator) -> Tensor:
+def _jitter_boxes(boxes: Tensor, copies: int, generator: torch.Generator) -> Tensor:
     """So many copies of boxes (n, 7), each as far off as proposals are."""
     many = boxes.repeat(copies, 1)
-    draws = torch.randn(many.shape, generator=generator).to(many) * many.new_tensor(_MOVED)
-    place, size = many[:, :3] + draws[:, :3], many[:, 3:6] * torch.exp(draws[:, 3:6])
-    return torch.cat([place, size, many[:, 6:] + draws[:, 6:]], 1)
+    draws = torch.randn(many.shape, generator=generator).to(many) * many.new_tensor(_JITTER_SD)
+    centre, size = many[:, :3] + draws[:, :3], many[:, 3:6] * torch.exp(draws[:, 3:6])
+    return torch.cat([centre, size, many[:, 6:] + draws[:, 6:]], 1)
 
 
-def _beside(boxes: Tensor, ignored: Tensor, objects: Tensor) -> Tensor:
+def _drop_on_ignored(boxes: Tensor, ignored: Tensor, objects: Tensor) -> Tensor:
     """Boxes but those that are on ignored objects and on no other."""
     if not len(ignored):
         return boxes
@@ -82,15 +90,15 @@ def _beside(boxes: Tensor, ignored: Tensor, objects: Tensor) -> Tensor:
 
 def overlap_3d(a: Tensor, b: Tensor) -> Tensor:
     """Intersection over union of all pairs of boxes (n, 7), (m, 7): (n, m) float32 on their device."""
-    one, other = (t.detach().double().cpu().numpy() for t in (a, b))
-    left, right = np.repeat(np.arange(len(one)), len(other)), np.tile(np.arange(len(other)), len(one))
+    first, second = (t.detach().double().cpu().numpy() for t in (a, b))
+    left, right = np.repeat(np.arange(len(first)), len(second)), np.tile(np.arange(len(second)), len(first))
     columns = [0, 1, 3, 4, 6]
-    shared = paired_intersections(one[left][:, columns], other[right][:, columns])
-    top = np.minimum(one[left, 2] + one[left, 5] / 2, other[right, 2] + other[right, 5] / 2)
-    bottom = np.maximum(one[left, 2] - one[left, 5] / 2, other[right, 2] - other[right, 5] / 2)
+    shared = paired_intersections(first[left][:, columns], second[right][:, columns])
+    top = np.minimum(first[left, 2] + first[left, 5] / 2, second[right, 2] + second[right, 5] / 2)
+    bottom = np.maximum(first[left, 2] - first[left, 5] / 2, second[right, 2] - second[right, 5] / 2)
     shared *= np.clip(top - bottom, 0, None)
-    union = one[left, 3:6].prod(1) + other[right, 3:6].prod(1) - shared
-    return torch.from_numpy((shared / np.maximum(union, 1e-9)).reshape(len(one), len(other))).to(a)
+    union = first[left, 3:6].prod(1) + second[right, 3:6].prod(1) - shared
+    return torch.from_numpy((shared / np.maximum(union, 1e-9)).reshape(len(first), len(second))).to(a)
 
 
 def choose_rois(rois: Tensor, objects: Tensor, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
@@ -108,19 +116,19 @@ def choose_rois(rois: Tensor, objects: Tensor, count: int, generator: torch.Gene
     if not len(objects):
         chosen = rois[:count]
         return chosen, chosen, chosen.new_zeros(len(chosen))
-    overlap, which = overlap_3d(rois, objects).max(1)
-    found = torch.nonzero(overlap >= _REFINED)[:, 0]
-    rest = torch.nonzero(overlap < _REFINED)[:, 0]
-    some = _draw(found, round(count * _SHARE_FOUND), generator)
-    rows = torch.cat([some, _draw(rest, count - len(some), generator)])
-    return rois[rows], objects[which[rows]], overlap[rows]
+    overlap, object_rows = overlap_3d(rois, objects).max(1)
+    positive = torch.nonzero(overlap >= _IOU_REFINED)[:, 0]
+    negative = torch.nonzero(overlap < _IOU_REFINED)[:, 0]
+    parts_of_field = _draw(positive, round(count * _POSITIVE_SHARE), generator)
+    rows = torch.cat([parts_of_field, _draw(negative, count - len(parts_of_field), generator)])
+    return rois[rows], objects[object_rows[rows]], overlap[rows]
 
 
 def roi_losses(scores: Tensor, residuals: Tensor, rois: Tensor, objects: Tensor, overlap: Tensor) -> dict[str, Tensor]:
     """Losses of regions: the score is to tell the overlap, the residuals and corners the object."""
-    wanted = ((overlap - _UNSURE) / (_SURE - _UNSURE)).clamp(0, 1)
-    losses = {"roi_class": functional.binary_cross_entropy_with_logits(scores, wanted)}
-    rows = torch.nonzero(overlap >= _REFINED)[:, 0]
+    target_score = ((overlap - _IOU_LOW) / (_IOU_HIGH - _IOU_LOW)).clamp(0, 1)
+    losses = {"roi_class": functional.binary_cross_entropy_with_logits(scores, target_score)}
+    rows = torch.nonzero(overlap >= _IOU_REFINED)[:, 0]
     count = max(len(rows), 1)
     local, anchor = in_region(objects[rows], rois[rows])
     target = encode(local, anchor)

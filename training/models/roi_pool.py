@@ -65,10 +65,10 @@ class VoxelPool(nn.Module):
 
     def forward(self, tensor: SparseTensor, points: Tensor, frame: Tensor) -> Tensor:
         """Features (p, 32) of points (p, 3) [m] in frames (p,)."""
-        rows, there, offset = self._gather(tensor, points, frame)
+        rows, exists, offset = self._gather(tensor, points, frame)
         inner = self.mlps_in[0](tensor.features.T[None])[0].T
         position = self.mlps_pos[0](offset.permute(2, 0, 1)[None])[0].permute(1, 2, 0)
-        values = functional.relu(inner[rows] + position) * there[..., None]
+        values = functional.relu(inner[rows] + position) * exists[..., None]
         return self.mlps_out[0](values.amax(1).T[None])[0].T
 
     @torch.no_grad()
@@ -79,28 +79,28 @@ class VoxelPool(nn.Module):
             self._near(tensor, keys, points[start : start + _CHUNK], frame[start : start + _CHUNK])
             for start in range(0, len(points), _CHUNK)
         ]
-        rows, there = (torch.cat([part[i] for part in parts]) for i in range(2))
-        offset = torch.where(there[..., None], self._middles(tensor)[rows] - points[:, None], 0.0)
-        return rows, there, offset
+        rows, exists = (torch.cat([part[i] for part in parts]) for i in range(2))
+        offset = torch.where(exists[..., None], self._middles(tensor)[rows] - points[:, None], 0.0)
+        return rows, exists, offset
 
     def _near(self, tensor: SparseTensor, keys: Tensor, points: Tensor, frame: Tensor) -> tuple[Tensor, Tensor]:
         cell = torch.floor((points - points.new_tensor(self._grid.low)) / self._cell(points)).long()[:, [2, 1, 0]]
-        place = cell[:, None] + self._offsets  # type: ignore[operator]
+        coordinates = cell[:, None] + self._offsets  # type: ignore[operator]
         limits = torch.tensor(tensor.shape, device=points.device)
-        inside = ((place >= 0) & (place < limits)).all(-1)
-        flat = torch.cat([frame[:, None, None].expand(*place.shape[:2], 1), place], -1)
+        inside = ((coordinates >= 0) & (coordinates < limits)).all(-1)
+        flat = torch.cat([frame[:, None, None].expand(*coordinates.shape[:2], 1), coordinates], -1)
         wanted = cell_keys(flat.reshape(-1, 4), tensor.shape).reshape(inside.shape)
-        rows, there = find_cells(keys, wanted)
+        rows, exists = find_cells(keys, wanted)
         distance = (self._middles(tensor)[rows] - points[:, None]).square().sum(-1)
-        there = there & inside & (distance <= self._radius**2)
-        most = min(_NEIGHBOURS, there.shape[1])
-        rank = torch.arange(there.shape[1], 0, -1, device=points.device) * there
+        exists = exists & inside & (distance <= self._radius**2)
+        most = min(_NEIGHBOURS, exists.shape[1])
+        rank = torch.arange(exists.shape[1], 0, -1, device=points.device) * exists
         best = torch.topk(rank, most, dim=1).indices
-        return torch.gather(rows, 1, best), torch.gather(there, 1, best)
+        return torch.gather(rows, 1, best), torch.gather(exists, 1, best)
 
     def _middles(self, tensor: SparseTensor) -> Tensor:
         cell = self._cell(tensor.features)
-        return (tensor.place[:, [3, 2, 1]].to(cell.dtype) + 0.5) * cell + cell.new_tensor(self._grid.low)
+        return (tensor.coordinates[:, [3, 2, 1]].to(cell.dtype) + 0.5) * cell + cell.new_tensor(self._grid.low)
 
     def _cell(self, like: Tensor) -> Tensor:
         return torch.tensor(self._grid.size, device=like.device) * self._stride

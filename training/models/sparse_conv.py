@@ -30,7 +30,7 @@ class SparseTensor:
     """
 
     features: Tensor
-    place: Tensor
+    coordinates: Tensor
     shape: Triple
     frames: int
     rules: dict[Triple, _Rules] = field(default_factory=dict)
@@ -42,7 +42,7 @@ class SparseTensor:
     @property
     def keys(self) -> Tensor:
         """(n,) int64 one number a cell, ascending."""
-        return cell_keys(self.place, self.shape)
+        return cell_keys(self.coordinates, self.shape)
 
     def dense(self) -> Tensor:
         """(frames, c, z, y, x), zero where there is nothing."""
@@ -52,10 +52,10 @@ class SparseTensor:
         return canvas.reshape(self.frames, z, y, x, -1).permute(0, 4, 1, 2, 3)
 
 
-def cell_keys(place: Tensor, shape: Triple) -> Tensor:
+def cell_keys(coordinates: Tensor, shape: Triple) -> Tensor:
     """One number for each cell (n, 4), ascending as frame, z, y, x."""
     z, y, x = shape
-    return ((place[:, 0] * z + place[:, 1]) * y + place[:, 2]) * x + place[:, 3]
+    return ((coordinates[:, 0] * z + coordinates[:, 1]) * y + coordinates[:, 2]) * x + coordinates[:, 3]
 
 
 class _Convolution(nn.Module):
@@ -87,7 +87,7 @@ class SubmanifoldConv(_Convolution):
         if self.kernel not in tensor.rules:
             tensor.rules[self.kernel] = _neighbours(tensor, self.kernel)
         rules = tensor.rules[self.kernel]
-        return tensor.with_features(self._apply_rules(tensor.features, rules, len(tensor.place)))
+        return tensor.with_features(self._apply_rules(tensor.features, rules, len(tensor.coordinates)))
 
 
 class StridedConv(_Convolution):
@@ -102,24 +102,26 @@ class StridedConv(_Convolution):
         kernel, stride, padding = self.kernel, self._stride, self._padding
         z, y, x = ((tensor.shape[axis] + 2 * padding[axis] - kernel[axis]) // stride[axis] + 1 for axis in range(3))
         shape = (z, y, x)
-        limits = torch.tensor(shape, device=tensor.place.device)
-        step = torch.tensor(stride, device=tensor.place.device)
+        limits = torch.tensor(shape, device=tensor.coordinates.device)
+        step = torch.tensor(stride, device=tensor.coordinates.device)
         sources, keys = [], []
         for offset in itertools.product(*(range(size) for size in kernel)):
             moved = (
-                tensor.place[:, 1:]
+                tensor.coordinates[:, 1:]
                 + torch.tensor(padding, device=limits.device)
                 - torch.tensor(offset, device=limits.device)
             )
-            there = torch.div(moved, step, rounding_mode="floor")
-            fits = ((moved % step == 0) & (there >= 0) & (there < limits)).all(1)
+            exists = torch.div(moved, step, rounding_mode="floor")
+            fits = ((moved % step == 0) & (exists >= 0) & (exists < limits)).all(1)
             rows = torch.nonzero(fits)[:, 0]
             sources.append(rows)
-            keys.append(cell_keys(torch.cat([tensor.place[rows, :1], there[rows]], 1), shape))
+            keys.append(cell_keys(torch.cat([tensor.coordinates[rows, :1], exists[rows]], 1), shape))
         cells, target = torch.unique(torch.cat(keys), return_inverse=True)
-        rules = list(zip(sources, target.split([len(some) for some in sources]), strict=True))
-        place = _places(cells, shape)
-        return SparseTensor(self._apply_rules(tensor.features, rules, len(place)), place, shape, tensor.frames)
+        rules = list(zip(sources, target.split([len(rows) for rows in sources]), strict=True))
+        coordinates = _unravel_keys(cells, shape)
+        return SparseTensor(
+            self._apply_rules(tensor.features, rules, len(coordinates)), coordinates, shape, tensor.frames
+        )
 
 
 def find_cells(keys: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
@@ -130,17 +132,17 @@ def find_cells(keys: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
 
 def _neighbours(tensor: SparseTensor, kernel: Triple) -> _Rules:
     keys, rules = tensor.keys, []
-    limits = torch.tensor(tensor.shape, device=tensor.place.device)
+    limits = torch.tensor(tensor.shape, device=tensor.coordinates.device)
     for offset in itertools.product(*(range(-(size // 2), size // 2 + 1) for size in kernel)):
-        place = tensor.place[:, 1:] + torch.tensor(offset, device=limits.device)
-        inside = torch.nonzero(((place >= 0) & (place < limits)).all(1))[:, 0]
-        wanted = cell_keys(torch.cat([tensor.place[inside, :1], place[inside]], 1), tensor.shape)
-        rows, there = find_cells(keys, wanted)
-        rules.append((rows[there], inside[there]))
+        coordinates = tensor.coordinates[:, 1:] + torch.tensor(offset, device=limits.device)
+        inside = torch.nonzero(((coordinates >= 0) & (coordinates < limits)).all(1))[:, 0]
+        wanted = cell_keys(torch.cat([tensor.coordinates[inside, :1], coordinates[inside]], 1), tensor.shape)
+        rows, exists = find_cells(keys, wanted)
+        rules.append((rows[exists], inside[exists]))
     return rules
 
 
-def _places(cells: Tensor, shape: Triple) -> Tensor:
+def _unravel_keys(cells: Tensor, shape: Triple) -> Tensor:
     z, y, x = shape
     return torch.stack([cells // (z * y * x), cells // (y * x) % z, cells // x % y, cells % x], 1)
 

@@ -10,15 +10,15 @@ from training.checkpoints import load_detector, save_checkpoint
 from training.weights import shipped
 
 
-def put(checkpoint: Path, to: Path) -> None:
+def install(checkpoint: Path, target: Path) -> None:
     """Write a checkpoint's model, classes and weights without what only a training needs."""
     detector, classes = load_detector(checkpoint)
-    save_checkpoint(to, detector, detector.settings, classes)
+    save_checkpoint(target, detector, detector.settings, classes)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("checkpoint", type=Path)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    put(parser.parse_args().checkpoint, shipped())
+    install(parser.parse_args().checkpoint, shipped())
     logging.info("%s, %.1f MB", shipped(), shipped().stat().st_size / 1e6)

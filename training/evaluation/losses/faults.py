@@ -74,7 +74,7 @@ class Faults:
         """(g,) bool: objects with a box that overlaps too little."""
         return (self.box >= 0) & (self.overlap[frozenset()] <= self.above)
 
-    def mended(
+    def corrected(
         self, kinds: Collection[str], objects: np.ndarray | None = None, among: np.ndarray | None = None
     ) -> Task:
         """What is scored without errors of some kinds.
@@ -85,26 +85,26 @@ class Faults:
             among: (d,) bool, of detections without an object these alone; all by default.
         """
         task, pairs = self.task, self.task.pairs
-        here = np.ones(len(self.box), bool) if objects is None else objects
+        selected = np.ones(len(self.box), bool) if objects is None else objects
         valid = task.valid.copy()
         for kind in ("false_alarms", "other_class"):
             if kind in kinds:
                 valid &= ~(getattr(self, kind) if among is None else getattr(self, kind) & among)
         if "duplicates" in kinds:
-            valid &= ~(self.duplicates & np.append(here, False)[self.owner])
+            valid &= ~(self.duplicates & np.append(selected, False)[self.owner])
         kept = valid[pairs.detection] | ~task.valid[pairs.detection]  # those too small to count stay
         parts = frozenset(kinds) & frozenset(BOX_PARTS[self.metric])
         fitted = Pairs(pairs.label[kept], pairs.detection[kept], pairs.overlap[kept])
         if parts:
-            fitted = self._with_boxes(fitted, parts, here)
-        counts = task.object_counts & ~(self.missed & here) if "misses" in kinds else task.object_counts
+            fitted = self._with_boxes(fitted, parts, selected)
+        counts = task.object_counts & ~(self.missed & selected) if "misses" in kinds else task.object_counts
         return replace(task, pairs=fitted, object_counts=counts, valid=valid)
 
     def _with_boxes(self, pairs: Pairs, parts: frozenset[str], objects: np.ndarray) -> Pairs:
         """Pairs with those of objects and their mended boxes."""
         rows = np.flatnonzero((self.box >= 0) & objects & (self.overlap[parts] > self.above))
-        mine = self.box[pairs.label] == pairs.detection
-        keep = ~(mine & np.isin(pairs.label, rows))
+        is_box = self.box[pairs.label] == pairs.detection
+        keep = ~(is_box & np.isin(pairs.label, rows))
         label = np.concatenate([pairs.label[keep], rows])
         detection = np.concatenate([pairs.detection[keep], self.box[rows]])
         overlap = np.concatenate([pairs.overlap[keep], self.overlap[parts][rows]])
@@ -123,13 +123,13 @@ def find_faults(scored: Scored, name: str, metric: Metric, level: int = 1) -> Fa
     """
     above = MIN_OVERLAP[name]
     task = tasks(scored, name, metric, above)[level]
-    looked_for = np.isin(scored.labels.kind, [name.lower(), (NEIGHBOURS[name] or name).lower()])
-    owner = _owners(task, looked_for)
-    box = _boxes(task, owner)
-    others = np.flatnonzero((scored.labels.kind != "dontcare") & ~looked_for)
-    loose = task.valid & (owner < 0)
-    near = overlapping(scored, others, np.flatnonzero(loose), "bev", BELONGS).detection
-    other_class = np.isin(np.arange(len(owner)), near)
+    is_candidate = np.isin(scored.labels.kind, [name.lower(), (NEIGHBOURS[name] or name).lower()])
+    owner = _assign_owners(task, is_candidate)
+    box = _select_boxes(task, owner)
+    others = np.flatnonzero((scored.labels.kind != "dontcare") & ~is_candidate)
+    unassigned = task.valid & (owner < 0)
+    on_others = overlapping(scored, others, np.flatnonzero(unassigned), "bev", BELONGS).detection
+    other_class = np.isin(np.arange(len(owner)), on_others)
     is_box = np.isin(np.arange(len(owner)), box[box >= 0])
     return Faults(
         task=task,
@@ -137,64 +137,64 @@ def find_faults(scored: Scored, name: str, metric: Metric, level: int = 1) -> Fa
         owner=owner,
         box=box,
         missed=task.object_counts & (box < 0),
-        false_alarms=loose & ~other_class,
+        false_alarms=unassigned & ~other_class,
         other_class=other_class,
         duplicates=task.valid & (owner >= 0) & ~is_box,
-        overlap=_overlaps(scored, box, metric),
+        overlap=_overlaps_by_parts(scored, box, metric),
         above=above,
     )
 
 
-def _owners(task: Task, looked_for: np.ndarray) -> np.ndarray:
+def _assign_owners(task: Task, is_candidate: np.ndarray) -> np.ndarray:
     """The object that each detection that counts overlaps most from above, (d,) int64; −1 none.
 
     Args:
         task: what is scored.
         looked_for: (g,) bool: objects of the class or a neighbouring one, whether they count or not.
     """
-    pairs = overlapping(task.scored, np.flatnonzero(looked_for), np.flatnonzero(task.valid), "bev", BELONGS)
+    pairs = overlapping(task.scored, np.flatnonzero(is_candidate), np.flatnonzero(task.valid), "bev", BELONGS)
     owner = np.full(len(task.valid), -1)
     order = np.argsort(pairs.overlap, kind="stable")
     owner[pairs.detection[order]] = pairs.label[order]  # the greatest is written last
     return owner
 
 
-def _boxes(task: Task, owner: np.ndarray) -> np.ndarray:
+def _select_boxes(task: Task, owner: np.ndarray) -> np.ndarray:
     """The detection that is each object's box: of those that fit, else of all of it, the surest; (g,), −1 none."""
-    fits = np.zeros(len(owner), bool)
-    own = owner[task.pairs.detection] == task.pairs.label
-    fits[task.pairs.detection[own]] = True
+    is_hit = np.zeros(len(owner), bool)
+    is_own = owner[task.pairs.detection] == task.pairs.label
+    is_hit[task.pairs.detection[is_own]] = True
     rows = np.flatnonzero(owner >= 0)
-    rows = rows[np.lexsort((-rows, task.score[rows], fits[rows]))]
+    rows = rows[np.lexsort((-rows, task.score[rows], is_hit[rows]))]
     box = np.full(len(task.object_counts), -1)
     box[owner[rows]] = rows  # the best is written last
     return box
 
 
-def _overlaps(scored: Scored, box: np.ndarray, metric: Metric) -> dict[frozenset[str], np.ndarray]:
+def _overlaps_by_parts(scored: Scored, box: np.ndarray, metric: Metric) -> dict[frozenset[str], np.ndarray]:
     """How much boxes overlap their objects, by the parts that are mended: the most that some of these parts give."""
     rows = np.flatnonzero(box >= 0)
-    truth, found = scored.labels.objects[rows], scored.detections.objects[box[rows]]
+    truth, detected = scored.labels.objects[rows], scored.detections.objects[box[rows]]
     best: dict[frozenset[str], np.ndarray] = {}
     for parts in subsets(BOX_PARTS[metric]):
         overlap = np.zeros(len(box))
-        overlap[rows] = paired_overlaps(truth, with_parts(found, truth, parts), metric)
+        overlap[rows] = paired_overlaps(truth, with_parts(detected, truth, parts), metric)
         for part in parts:
             overlap = np.maximum(overlap, best[parts - {part}])
         best[parts] = overlap
     return best
 
 
-def with_parts(found: Labels, truth: Labels, parts: Collection[str]) -> Labels:
+def with_parts(detected: Labels, truth: Labels, parts: Collection[str]) -> Labels:
     """Boxes with some parts of others, row by row; the middle of a box is its place, so that sizes leave it there."""
-    source = {part: truth if part in parts else found for part in ("position", "height", "size", "heading")}
+    source = {part: truth if part in parts else detected for part in ("position", "height", "size", "heading")}
     dimensions = source["size"].dimensions
     location = source["position"].location.copy()
     middle = source["height"].location[:, 1] - source["height"].dimensions[:, 0] / 2
     location[:, 1] = middle + dimensions[:, 0] / 2
-    return replace(found, dimensions=dimensions, location=location, rotation_y=source["heading"].rotation_y)
+    return replace(detected, dimensions=dimensions, location=location, rotation_y=source["heading"].rotation_y)
 
 
 def subsets(kinds: Sequence[str]) -> list[frozenset[str]]:
     """All sets of some of them, the smaller ones first."""
-    return [frozenset(some) for count in range(len(kinds) + 1) for some in combinations(kinds, count)]
+    return [frozenset(chosen) for count in range(len(kinds) + 1) for chosen in combinations(kinds, count)]

@@ -50,9 +50,9 @@ class Losses:
         lines = []
         for metric, split in self.splits.items():
             worst = sorted(split.share, key=lambda kind: -split.share[kind])
-            told = ", ".join(f"{kind.replace('_', ' ')} {split.share[kind]:.1f}" for kind in worst)
+            summary = ", ".join(f"{kind.replace('_', ' ')} {split.share[kind]:.1f}" for kind in worst)
             lines.append(
-                f"{self.title}: {_WORDS[metric]} AP {split.ap:.1f} (R40 {self.r40[metric]:.1f}); lost to {told}"
+                f"{self.title}: {_WORDS[metric]} AP {split.ap:.1f} (R40 {self.r40[metric]:.1f}); lost to {summary}"
             )
         return "\n".join(lines)
 
@@ -103,10 +103,10 @@ def drawn_frames(first: Scored, second: Scored | None, draws: int, seed: int) ->
     """The bootstrap's frames of one or two sets; of the same frames the same ones, so that differences are paired."""
     if not draws:
         return [None, None]
-    mine = draw_frames(len(first.names), draws, np.random.default_rng([seed, 0]))
+    draws_of_first = draw_frames(len(first.names), draws, np.random.default_rng([seed, 0]))
     if second is None or second.names == first.names:
-        return [mine, mine]
-    return [mine, draw_frames(len(second.names), draws, np.random.default_rng([seed, 1]))]
+        return [draws_of_first, draws_of_first]
+    return [draws_of_first, draw_frames(len(second.names), draws, np.random.default_rng([seed, 1]))]
 
 
 def as_json(name: str, difficulty: str, sets: list[Losses]) -> dict[str, Any]:
@@ -126,13 +126,13 @@ def difference(first: Split, second: Split) -> dict[str, tuple[float, tuple[floa
     if not len(first.drawn):
         return {key: (value, None) for key, value in values.items()}
     drawn = first.drawn - second.drawn
-    return {key: (value, interval(drawn[:, place])) for place, (key, value) in enumerate(values.items())}
+    return {key: (value, interval(drawn[:, column])) for column, (key, value) in enumerate(values.items())}
 
 
 def intervals(split: Split) -> dict[str, tuple[float, float] | None]:
     """95 % intervals of `ap` and of the share of each kind; None without draws."""
     names = ("ap", *split.share)
-    return {key: interval(split.drawn[:, place]) if len(split.drawn) else None for place, key in enumerate(names)}
+    return {key: interval(split.drawn[:, column]) if len(split.drawn) else None for column, key in enumerate(names)}
 
 
 def _points(faults: Faults, drive: Drive | None) -> tuple[np.ndarray | None, np.ndarray | None]:
@@ -147,10 +147,10 @@ def _points(faults: Faults, drive: Drive | None) -> tuple[np.ndarray | None, np.
 
 
 def _set_json(losses: Losses) -> dict[str, Any]:
-    said: dict[str, Any] = {"title": losses.title, "frames": losses.frames}
+    entry: dict[str, Any] = {"title": losses.title, "frames": losses.frames}
     for metric, split in losses.splits.items():
         bounds, faults = intervals(split), split.faults
-        said[metric] = {
+        entry[metric] = {
             "R40": losses.r40[metric],
             "ap": split.ap,
             "ap_ci95": bounds["ap"],
@@ -162,15 +162,15 @@ def _set_json(losses: Losses) -> dict[str, Any]:
                 for kind in split.share
             },
             "parts": {
-                by: [{"name": part.name, "objects": part.objects, "gain": part.gain} for part in some]
-                for by, some in losses.parts[metric].items()
+                by: [{"name": part.name, "objects": part.objects, "gain": part.gain} for part in item]
+                for by, item in losses.parts[metric].items()
             },
         }
-    said["box_errors"] = [
-        {"name": some.name, "objects": some.objects, "median": some.median, "spread": some.spread}
-        for some in losses.errors
+    entry["box_errors"] = [
+        {"name": item.name, "objects": item.objects, "median": item.median, "spread": item.spread}
+        for item in losses.errors
     ]
-    return said
+    return entry
 
 
 def _difference_json(first: Losses, second: Losses) -> dict[str, Any]:

@@ -50,20 +50,22 @@ def format_losses(name: str, difficulty: str, sets: Sequence[Losses]) -> str:
         sets: one or two.
     """
     title = f"Where {name} loses average precision, {difficulty}"
-    parts = [f"<header><h1>{escape(title)}</h1>{''.join(_headline(losses) for losses in sets)}</header>"]
+    parts = [f"<header><h1>{escape(title)}</h1>{''.join(_format_headline(losses) for losses in sets)}</header>"]
     for metric in SPLIT:
-        bars = "".join(_bar(losses, metric) for losses in sets)
-        parts.append(section(_TITLES[metric], bars, _table(sets, metric), text=_MEANING if metric == SPLIT[0] else ""))
-    parts += [_where(losses) for losses in sets] + [_boxes(losses) for losses in sets]
+        bars = "".join(_format_bar(losses, metric) for losses in sets)
+        parts.append(
+            section(_TITLES[metric], bars, _format_table(sets, metric), text=_MEANING if metric == SPLIT[0] else "")
+        )
+    parts += [_format_parts(losses) for losses in sets] + [_format_box_errors(losses) for losses in sets]
     return document(title, parts, style=_STYLE, generator="cosim losses")
 
 
-def _headline(losses: Losses) -> str:
+def _format_headline(losses: Losses) -> str:
     split = losses.splits["3d"]
     worst = sorted(split.share, key=lambda kind: -split.share[kind])[:3]
-    told = listed([f"{KINDS[kind][0]} {split.share[kind]:.1f}" for kind in worst if split.share[kind] >= 0.05])
-    lost = f" Most of the rest goes to {escape(told)}." if told else ""
-    said = f"<p class=verdict>{escape(losses.title)}: 3D AP {split.ap:.1f} of 100.{lost}</p>"
+    summary = listed([f"{KINDS[kind][0]} {split.share[kind]:.1f}" for kind in worst if split.share[kind] >= 0.05])
+    losses_text = f" Most of the rest goes to {escape(summary)}." if summary else ""
+    verdict = f"<p class=verdict>{escape(losses.title)}: 3D AP {split.ap:.1f} of 100.{losses_text}</p>"
     numbers = [("frames", f"{losses.frames:,}")]
     for metric in losses.splits:
         numbers.append((f"{_TITLES[metric]} R40", f"{losses.r40[metric]:.1f}"))
@@ -74,66 +76,70 @@ def _headline(losses: Losses) -> str:
         ("missed", f"{int(faults.missed.sum()):,}"),
         ("found, box too far off", f"{int((faults.misfits & counted).sum()):,}"),
     ]
-    return said + facts(numbers)
+    return verdict + facts(numbers)
 
 
-def _bar(losses: Losses, metric: Metric) -> str:
+def _format_bar(losses: Losses, metric: Metric) -> str:
     split = losses.splits[metric]
     pieces = [Piece("reached", split.ap, "#2f6d46")]
-    for (kind, (words, why)), colour in zip(KINDS.items(), _COLOURS, strict=True):
+    for (kind, (label, explanation)), colour in zip(KINDS.items(), _COLOURS, strict=True):
         if kind in split.share:
-            pieces.append(Piece(words, split.share[kind], colour, why))
+            pieces.append(Piece(label, split.share[kind], colour, explanation))
     return f"<h3 class=set>{escape(losses.title)}</h3>{stacked_bar(pieces, f'{losses.title}, {metric}', 1)}"
 
 
-def _table(sets: Sequence[Losses], metric: Metric) -> str:
+def _format_table(sets: Sequence[Losses], metric: Metric) -> str:
     splits = [losses.splits[metric] for losses in sets]
     heads = ["", *(word for losses in sets for word in (f"{losses.title}: takes", "alone"))]
     bounds = [intervals(split) for split in splits]
     rows = [
         [
             "AP reached",
-            *(cell for split, some in zip(splits, bounds, strict=True) for cell in (_with(split.ap, some["ap"]), "")),
+            *(
+                cell
+                for split, items in zip(splits, bounds, strict=True)
+                for cell in (_with_interval(split.ap, items["ap"]), "")
+            ),
         ]
     ]
     kinds = [kind for kind in KINDS if kind in splits[0].share]
     for kind in kinds:
         row = [KINDS[kind][0]]
-        for split, some in zip(splits, bounds, strict=True):
-            row += [_with(split.share[kind], some[kind]), f"{split.alone[kind]:.1f}"]
+        for split, items in zip(splits, bounds, strict=True):
+            row += [_with_interval(split.share[kind], items[kind]), f"{split.alone[kind]:.1f}"]
         rows.append(row)
     if len(splits) == 2:
         heads.append("first − second")
         between = difference(*splits)
         for row, key in zip(rows, ("ap", *kinds), strict=True):
-            row.append(_with(*between[key], of_two=True))
+            row.append(_with_interval(*between[key], of_two=True))
     return table(heads, rows)
 
 
-def _with(value: float, bounds: tuple[float, float] | None, of_two: bool = False) -> str:
-    told, *ends = (signed(one) if of_two else _minus(f"{one:z.1f}") for one in (value, *(bounds or ())))
-    return f"{told}<small>{' – '.join(ends)}</small>" if ends else told
+def _with_interval(value: float, bounds: tuple[float, float] | None, of_two: bool = False) -> str:
+    summary, *ends = (signed(number) if of_two else _minus(f"{number:z.1f}") for number in (value, *(bounds or ())))
+    return f"{summary}<small>{' – '.join(ends)}</small>" if ends else summary
 
 
-def _where(losses: Losses) -> str:
+def _format_parts(losses: Losses) -> str:
     tables = []
     for by in _SORTED:
         for metric in SPLIT:
-            some = losses.parts[metric].get(by)
-            if some:
+            items = losses.parts[metric].get(by)
+            if items:
                 tables.append(
-                    f"<h3 class=set>{_TITLES[metric]}, by {_SORTED[by]}</h3>{_part_table(some, losses.splits[metric])}"
+                    f"<h3 class=set>{_TITLES[metric]}, by {_SORTED[by]}</h3>{_part_table(items, losses.splits[metric])}"
                 )
     text = "AP gained where one kind of error is mended there alone. False alarms lie where they are themselves."
     return section(f"Where: {losses.title}", *tables, text=text)
 
 
-def _part_table(some: Sequence[Part], split: Split) -> str:
+def _part_table(items: Sequence[Part], split: Split) -> str:
     kinds = [kind for kind in KINDS if kind in split.share]
-    most = max((part.gain.get(kind, 0.0) for part in some for kind in kinds), default=0.0)
+    most = max((part.gain.get(kind, 0.0) for part in items for kind in kinds), default=0.0)
     rows = [
         [escape(part.name), f"{part.objects:,}", *(_shaded(part.gain.get(kind), most) for kind in kinds)]
-        for part in some
+        for part in items
     ]
     return table(["", "objects", *(KINDS[kind][0] for kind in kinds)], rows)
 
@@ -142,19 +148,19 @@ def _shaded(gain: float | None, most: float) -> str:
     if gain is None:
         return ""
     strength = 0.75 * min(max(gain / most, 0.0), 1.0) if most > 0 else 0.0
-    words = _minus(f"{round(gain, 1) + 0.0:.1f}")
-    return f'<span class="heat" style="background:rgba(255,178,62,{strength:.2f})">{words}</span>'
+    label = _minus(f"{round(gain, 1) + 0.0:.1f}")
+    return f'<span class="heat" style="background:rgba(255,178,62,{strength:.2f})">{label}</span>'
 
 
-def _boxes(losses: Losses) -> str:
+def _format_box_errors(losses: Losses) -> str:
     rows = []
-    for some in losses.errors:
+    for items in losses.errors:
         cells = [
-            _minus(f"{some.median[part]:+.{1 if part.endswith('deg') else 2}f}")
-            + f"<small>± {some.spread[part]:.{1 if part.endswith('deg') else 2}f}</small>"
+            _minus(f"{items.median[part]:+.{1 if part.endswith('deg') else 2}f}")
+            + f"<small>± {items.spread[part]:.{1 if part.endswith('deg') else 2}f}</small>"
             for part in PARTS
         ]
-        rows.append([some.name, f"{some.objects:,}", *cells])
+        rows.append([items.name, f"{items.objects:,}", *cells])
     text = (
         "Found minus labelled, of objects that count and that something was found of, whether it fits or not: median, "
         "and half the distance from the 16th to the 84th percentile."

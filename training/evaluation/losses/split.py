@@ -61,8 +61,8 @@ def split_loss(faults: Faults, times: np.ndarray | None = None, on_set: Callable
     """
     kinds = faults.kinds
     reached = {}
-    for some in subsets(kinds):
-        reached[some] = _averages(faults.mended(some), times)
+    for subset in subsets(kinds):
+        reached[subset] = _average_precisions(faults.corrected(subset), times)
         on_set()
     shares = np.stack([_shapley(reached, kind, kinds) for kind in kinds], -1)
     ap = reached[frozenset()]
@@ -80,7 +80,9 @@ def draw_frames(frames: int, draws: int, rng: np.random.Generator) -> np.ndarray
     return np.stack([np.bincount(rng.integers(0, frames, frames), minlength=frames) for _ in range(draws)])
 
 
-def parts_of_loss(faults: Faults, points: np.ndarray | None, points_found: np.ndarray | None) -> dict[str, list[Part]]:
+def parts_of_loss(
+    faults: Faults, points: np.ndarray | None, detection_points: np.ndarray | None
+) -> dict[str, list[Part]]:
     """What each kind of error costs by distance, occlusion and, where they were counted, points in the box.
 
     Errors of a part alone are mended. False alarms lie at their own distance, with their own points; they have no
@@ -92,43 +94,46 @@ def parts_of_loss(faults: Faults, points: np.ndarray | None, points_found: np.nd
         points_found: (d,) the same of the detections.
     """
     scored = faults.task.scored
-    labels, found = scored.labels.objects, scored.detections.objects
+    labels, detections = scored.labels.objects, scored.detections.objects
     kinds = {
         "distance": (
             _bins(_distance(labels.location), DISTANCE_EDGES_M),
-            _bins(_distance(found.location), DISTANCE_EDGES_M),
+            _bins(_distance(detections.location), DISTANCE_EDGES_M),
             distance_words(),
         ),
         "occlusion": (labels.occluded, None, OCCLUSIONS),
     }
-    if points is not None and points_found is not None:
-        kinds["points"] = (_bins(points, POINT_EDGES), _bins(points_found, POINT_EDGES), point_words())
-    before = float(_averages(faults.task, None)[0])
-    return {name: _parts(faults, before, *some) for name, some in kinds.items()}
+    if points is not None and detection_points is not None:
+        kinds["points"] = (_bins(points, POINT_EDGES), _bins(detection_points, POINT_EDGES), point_words())
+    before = float(_average_precisions(faults.task, None)[0])
+    return {name: _parts(faults, before, *subset) for name, subset in kinds.items()}
 
 
 def _parts(
     faults: Faults, before: float, of_object: np.ndarray, of_detection: np.ndarray | None, names: Sequence[str]
 ) -> list[Part]:
-    said = []
+    parts = []
     for number, name in enumerate(names):
-        here = of_object == number
+        in_part = of_object == number
         among = None if of_detection is None else of_detection == number
-        count_here = int((faults.task.object_counts & here).sum())
-        wrong = (
+        object_count = int((faults.task.object_counts & in_part).sum())
+        false_positives = (
             {}
             if among is None
             else {"false_alarms": faults.false_alarms & among, "other_class": faults.other_class & among}
         )
-        if not count_here and not any(rows.any() for rows in wrong.values()):
+        if not object_count and not any(rows.any() for rows in false_positives.values()):
             continue
         kinds = [kind for kind in faults.kinds if among is not None or kind not in ("false_alarms", "other_class")]
-        gain = {kind: float(_averages(faults.mended([kind], here, among), None)[0]) - before for kind in kinds}
-        said.append(Part(name, count_here, gain))
-    return said
+        gain = {
+            kind: float(_average_precisions(faults.corrected([kind], in_part, among), None)[0]) - before
+            for kind in kinds
+        }
+        parts.append(Part(name, object_count, gain))
+    return parts
 
 
-def _averages(task: Task, times: np.ndarray | None) -> np.ndarray:
+def _average_precisions(task: Task, times: np.ndarray | None) -> np.ndarray:
     """Continuous average precision [%] of all frames, and of each draw, (1 + draws,) float64."""
     thresholds = curve_thresholds(hit_scores(task)[0], _THRESHOLDS)
     counts = count(task, thresholds, by_frame=times is not None)
@@ -141,9 +146,9 @@ def _averages(task: Task, times: np.ndarray | None) -> np.ndarray:
 def _shapley(reached: dict[frozenset[str], np.ndarray], kind: str, kinds: Sequence[str]) -> np.ndarray:
     """The mean gain of a kind over all orders, (1 + draws,) float64."""
     many, share = len(kinds), np.zeros_like(reached[frozenset()])
-    for some in subsets([other for other in kinds if other != kind]):
-        weight = factorial(len(some)) * factorial(many - len(some) - 1) / factorial(many)
-        share += weight * (reached[some | {kind}] - reached[some])
+    for subset in subsets([other for other in kinds if other != kind]):
+        weight = factorial(len(subset)) * factorial(many - len(subset) - 1) / factorial(many)
+        share += weight * (reached[subset | {kind}] - reached[subset])
     return share
 
 
