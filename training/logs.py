@@ -1,4 +1,4 @@
-"""What a training writes down as it goes: `log.jsonl`, and TensorBoard's events where that is installed."""
+"""Logs of a training: `log.jsonl`, and TensorBoard events if it is installed."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from cosim.drives.writer import explained
 
 
 class TrainingLog:
-    """One line a logged step or validation; lines of steps that a resumed run repeats are dropped.
+    """One line per logged step or validation; lines of steps that a resumed run repeats are removed.
 
     Args:
-        folder: of the training.
-        step: that it goes on from.
+        folder: folder of the training.
+        step: step at which the run starts.
     """
 
     def __init__(self, folder: Path, step: int) -> None:
@@ -34,13 +34,13 @@ class TrainingLog:
                 self._board.add_scalar(name, value, step)
 
     def close(self) -> None:
-        """Finish the events."""
+        """Close the TensorBoard writer."""
         if self._board is not None:
             self._board.close()
 
 
 def read_log(folder: Path) -> list[dict[str, Any]]:
-    """The entries of a training's log; a last line torn by an interruption is left out."""
+    """Read the entries of a training's log; an incomplete last line is ignored."""
     path = folder / "log.jsonl"
     if not path.is_file():
         return []

@@ -1,4 +1,4 @@
-"""The training loop: reads from top to bottom."""
+"""The training loop."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ _NOT_DECISIVE = {
 
 @dataclass(frozen=True)
 class Moment:
-    """Where a training is.
+    """Progress of a training.
 
     Attributes:
-        step, steps: done, and in all.
-        epoch: begun, from 1.
-        losses: of the last step, by name.
+        step, steps: finished steps, and total number of steps.
+        epoch: current epoch, from 1.
+        losses: losses of the last step, by name.
     """
 
     step: int
@@ -54,15 +54,15 @@ class Moment:
 
 
 class Training:
-    """A training that can be stopped at any time and goes on as if it had not been.
+    """A training that can be interrupted at any time; a resumed run gives identical losses.
 
     Args:
-        config: what to do.
-        samples: frames to learn from.
-        folder: of checkpoints and logs.
-        place: this process.
-        validate: scores the detector, for the log; nothing by default.
-        on_step: told after every step.
+        config: configuration.
+        samples: training frames.
+        folder: folder of checkpoints and logs.
+        process: device, precision and rank of this process.
+        validate: returns validation scores of the detector, for the log; none by default.
+        on_step: called after every step.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class Training:
         """Train to the end.
 
         Raises:
-            TrainingError: the folder holds another training, or memory runs out.
+            TrainingError: the folder contains another training, or memory runs out.
         """
         first_step = self._resume()
         model = self._wrap_parallel()
@@ -168,7 +168,7 @@ class Training:
             part.requires_grad_(False)
 
     def _resume(self) -> int:
-        """Steps done before; fills in weights and optimiser."""
+        """Load weights and optimiser of a checkpoint; returns the number of finished steps."""
         path = self._folder / CHECKPOINT
         if not path.is_file():
             return 0
@@ -177,7 +177,9 @@ class Training:
         changed = [key for key in current if saved.get(key) != current[key]]
         if changed or content.get("world") != self._process.world:
             what = f"{changed[0]} was {saved.get(changed[0])}" if changed else f"with {content.get('world')} processes"
-            raise TrainingError(f"{self._folder} holds a training with other settings ({what}); choose another --out")
+            raise TrainingError(
+                f"{self._folder} contains a training with other settings ({what}); choose another --out"
+            )
         self.detector.load_state_dict(content["weights"])
         self._optimiser.load_state_dict(content["optimiser"])
         self._scaler.load_state_dict(content["scaler"])
@@ -198,5 +200,5 @@ class Training:
 
 
 def decisive_settings(config: TrainConfig) -> dict[str, Any]:
-    """The settings that decide the losses."""
+    """Settings that determine the losses."""
     return config.model_dump(mode="json", exclude=_NOT_DECISIVE)

@@ -1,4 +1,4 @@
-"""Detections of a detector as KITTI's labels with scores."""
+"""Run a detector, and convert its detections to KITTI labels with scores."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def predict(
     least_score: float = 0.05,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[Labels]:
-    """What a detector finds, frame by frame."""
+    """Detect objects frame by frame."""
     detector.eval()
     detected = []
     for frame in frames:
@@ -36,7 +36,7 @@ def predict(
 
 
 def to_labels(detections: Detections, frame: Frame, classes: Sequence[str]) -> Labels:
-    """Detections in KITTI's terms, with image boxes; those outside the image are left out."""
+    """Convert detections to KITTI labels with image boxes; those outside the image are dropped."""
     table = detections.boxes.astype(np.float64)
     boxes = Boxes(table[:, :3], table[:, 3:6], table[:, 6])
     class_ids = [classes[int(kind)] for kind in detections.class_ids]
@@ -56,7 +56,7 @@ def to_labels(detections: Detections, frame: Frame, classes: Sequence[str]) -> L
 
 
 def write_detections(folder: Path, names: Sequence[str], detected: Sequence[Labels]) -> None:
-    """Write NAME.txt a frame, for `cosim evaluate`."""
+    """Write one NAME.txt per frame, for `cosim evaluate`."""
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for name, labels in zip(names, detected, strict=True):

@@ -1,4 +1,4 @@
-"""Scans of a recording as a detector takes them: at the height above the ground from which it learnt to look."""
+"""Scans of a recording as input of a detector, shifted to the LiDAR height of its training data."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from training.data.views import Bare
 
 #: Height of the LiDAR above the ground in KITTI's rig, and in drives of the rig `kitti` [m].
 LEARNT_HEIGHT_M = LIDAR_IN_EGO_M[2]
-_RING_M = (4.0, 15.0)  # about the sensor: nearer is its own vehicle
+_RING_M = (4.0, 15.0)  # horizontal range of ground points: nearer is the ego vehicle
 _BELOW_M = (0.3, 6.0)
 _BIN_M = 0.1
 _SCANS = 10
@@ -26,11 +26,11 @@ _SCANS = 10
 
 @dataclass(frozen=True, eq=False)
 class RecordedFrames:
-    """The scans of a recording, with KITTI's camera in front: what that would see of them is looked at.
+    """Scans of a recording; KITTI's camera defines the field of view.
 
     Attributes:
-        recording: x forward, z up.
-        height_m: of the sensor above the ground.
+        recording: scans with x forward, z up.
+        height_m: height of the sensor above the ground.
     """
 
     recording: Recording
@@ -38,7 +38,7 @@ class RecordedFrames:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the frames: those of the scans, or their numbers where two scans have one name."""
+        """Names of the frames: those of the scans, or their numbers if two scans have the same name."""
         stems = tuple(Path(name).stem for name in self.recording.names)
         return stems if len(set(stems)) == len(stems) else tuple(f"{row:06d}" for row in range(len(stems)))
 
@@ -49,12 +49,12 @@ class RecordedFrames:
             yield Bare.named(name, np.column_stack([scan.xyz - [0, 0, lift], intensity]).astype(np.float32))
 
     def lowered(self, heights: Labels) -> Labels:
-        """Detections with the heights that they have in the axes of the recording's sensor."""
+        """Shift detections to the axes of the recording's sensor."""
         return replace(heights, location=heights.location - [0, LEARNT_HEIGHT_M - self.height_m, 0])
 
 
 def height_above_ground(recording: Recording) -> float | None:
-    """How high the sensor is: what its mount says, else the usual depth of what lies round about [m]; None: nothing."""
+    """Sensor height: from its mount, otherwise the most frequent depth of points around it [m]; None: no points."""
     if recording.settings.mount is not None:
         return recording.settings.mount.height_m
     heights = [height for scan in islice(recording, _SCANS) if (height := _estimate_height(scan)) is not None]
@@ -62,7 +62,7 @@ def height_above_ground(recording: Recording) -> float | None:
 
 
 def write_calibrations(folder: Path, names: Sequence[str]) -> None:
-    """Write the calibration that detections in recordings refer to, a file a frame as KITTI has it.
+    """Write the calibration that detections in recordings refer to, one KITTI file per frame.
 
     Raises:
         OutputError: the folder cannot be written.

@@ -1,4 +1,4 @@
-"""A training from its configuration: read, train, score, and leave everything in one folder."""
+"""Run a training from its configuration: read frames, train, validate, and write all results to one folder."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from training.predict import predict, write_detections
 
 @dataclass(frozen=True)
 class Watcher:
-    """What is told of a training: frames read, steps done, scores of validations by drive."""
+    """Callbacks of a training: after each frame read, each step, and each validation of a drive."""
 
     on_read: Callable[[], None] = lambda: None
     on_step: Callable[[Moment], None] = lambda moment: None
@@ -32,13 +32,13 @@ class Watcher:
 
 
 def run_training(config: TrainConfig, folder: Path, watcher: Watcher | None = None) -> dict[str, Any]:
-    """Train, or go on training; returns the scores of the last validation by drive, as `evaluate --json` has them.
+    """Train, or resume a training; returns the scores of the last validation by drive, as `evaluate --json` has them.
 
     Writes `config.yaml`, `log.jsonl`, `tensorboard/`, `checkpoint.pt`, and the detections on the frames of
     `validate_on` in `detections/NUMBER-NAME/`.
 
     Raises:
-        TrainingError: nothing to learn from, another training in the folder, or too little memory.
+        TrainingError: no training frames, another training in the folder, or out of memory.
     """
     watcher = watcher or Watcher()
     scores: dict[str, Any] = {}
@@ -68,7 +68,7 @@ def run_training(config: TrainConfig, folder: Path, watcher: Watcher | None = No
 def score(
     detector: Detector, source: Source, classes: tuple[str, ...], device: torch.device, folder: Path | None = None
 ) -> Evaluation:
-    """KITTI's metrics of a detector on labelled frames; detections are written to a folder where one is given.
+    """Compute KITTI's metrics of a detector on labelled frames; detections are written to `folder` if given.
 
     Raises:
         TrainingError: a frame has no labels.

@@ -1,6 +1,6 @@
-"""`python -m training.train CONFIG.yaml`: trains without the command line, as `torchrun` starts it on several GPUs.
+"""`python -m training.train CONFIG.yaml`: train without the `cosim` command, for example with `torchrun`.
 
-What happens is logged to stderr, a line a minute at most; `cosim train` does the same with a bar.
+Progress is logged to stderr, at most one line per minute; `cosim train` does the same with a progress bar.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _EVERY_S = 60.0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Train, or go on where it was stopped; returns the exit code: 0, or 2 for bad input."""
+    """Train, or resume a training; returns the exit code: 0, or 2 for bad input."""
     parser = argparse.ArgumentParser(prog="python -m training.train", description=__doc__)
-    parser.add_argument("config", type=Path, metavar="CONFIG.yaml", help="what to train on, and how")
+    parser.add_argument("config", type=Path, metavar="CONFIG.yaml", help="configuration of the training")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of checkpoints and logs (default: its `out`)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the scores as JSON")
-    parser.add_argument("--quiet", action="store_true", help="log nothing but errors")
+    parser.add_argument("--quiet", action="store_true", help="log errors only")
     options = parser.parse_args(arguments)
-    is_silent = options.quiet or os.environ.get("RANK", "0") != "0"  # of several processes the first one tells
+    is_silent = options.quiet or os.environ.get("RANK", "0") != "0"  # only the first process logs
     logging.basicConfig(level=logging.ERROR if is_silent else logging.INFO, format="%(message)s")
     try:
         train(options.config, options.out, options.json)
@@ -46,12 +46,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def train(config_path: Path, out: Path | None = None, json_path: Path | None = None) -> None:
-    """Train as a configuration says.
+    """Train with a configuration.
 
     Args:
         config_path: the configuration.
         out: folder of checkpoints and logs; by default the configuration's `out`.
-        json_path: where to write `{"out": …, "scores": …}`, if anywhere.
+        json_path: file for `{"out": …, "scores": …}`; None: not written.
 
     Raises:
         CosimError: the configuration, a drive or a checkpoint cannot be used, or torch is not installed.
@@ -70,7 +70,7 @@ def train(config_path: Path, out: Path | None = None, json_path: Path | None = N
 
 
 class _MinuteLog:
-    """Logs how far a training is, a line a minute."""
+    """Log the progress of a training, one line per minute."""
 
     def __init__(self) -> None:
         self._last_s = float("-inf")

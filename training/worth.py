@@ -1,4 +1,4 @@
-"""What effects of a sensor model are worth to a detector; see `cosim.variants.worth`."""
+"""Ablation of the effects of a sensor model with a detector; see `cosim.variants.worth`."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ def value_effects(
     seed: int = 0,
     on_frame: Callable[[], None] = lambda: None,
 ) -> Worth:
-    """Score a detector on scans of a drive's twin, measured with a whole model and without each of some effects.
+    """Score a detector on scans simulated with a whole sensor model, and with each effect removed in turn.
 
     Args:
-        drive: with labels and a twin.
-        names: frames that take part.
+        drive: drive with labels and a twin.
+        names: frames to use.
         sensor: the whole model.
-        effects: names of those to leave out, one at a time.
-        checkpoint: of the detector; its first class is scored, 3D at moderate.
-        given: the model before effects were added: one that it had is put back in the place of what is left out.
-        seed: of the draws of frames.
-        on_frame: is told each frame.
+        effects: names of the effects to remove, one at a time.
+        checkpoint: checkpoint of the detector; its first class is scored, 3D at moderate.
+        given: baseline, the model before diagnosis; a removed effect reverts to its parameters there, if it has any.
+        seed: random seed of the bootstrap.
+        on_frame: called after each frame.
 
     Raises:
         TrainingError: a frame has no labels, or none of them counts.
@@ -57,8 +57,8 @@ def value_effects(
     unlabelled = [name for name in names if not drive[name].has("label_2")]
     if unlabelled:
         raise TrainingError(
-            f"{drive.root}: frame {unlabelled[0]} has no label_2/, so that no detector can be scored; leave --detector "
-            "out, or choose labelled --frames"
+            f"{drive.root}: frame {unlabelled[0]} has no label_2/, so no detector can be scored; omit --detector, "
+            "or choose labelled --frames"
         )
     device = find_device("auto")
     detector, classes = load_detector(checkpoint)
@@ -82,7 +82,7 @@ def value_effects(
     averages = [0.0 if result is None else result.continuous if is_small else result.r40 for result in results]
     (measured, model, *others), (measured_draws, model_draws, *other_draws) = averages, draws
     return Worth(
-        detector="pillars_small, which comes along" if checkpoint == shipped() else str(checkpoint),
+        detector="pillars_small, bundled" if checkpoint == shipped() else str(checkpoint),
         scored=f"3D AP{' (whole curve)' if is_small else ' R40'} of {classes[0]} at moderate",
         frames=len(names),
         objects=objects,
@@ -100,18 +100,18 @@ def value_effects(
 def _evaluate_class(
     labels: Sequence[Labels], detections: Sequence[Labels], names: Sequence[str], name: str
 ) -> Result | None:
-    """The class at moderate; None where nothing of it was detected."""
+    """Result of the class at moderate; None without detections."""
     results = evaluate(pair_frames(labels, detections, names), classes=(name,)).results.get(name)
     return results[_METRIC][_LEVEL] if results and _METRIC in results else None
 
 
 def _count_objects(labels: Sequence[Labels], names: Sequence[str], name: str) -> int:
-    """How many objects count."""
+    """Number of objects that count."""
     empty = [Labels.empty() for _ in labels]
     (_, task, _) = tasks(pair_frames(labels, empty, names), name, _METRIC, MIN_OVERLAP[name])
     return int(task.object_counts.sum())
 
 
 def _bootstrap(result: Result | None, seed: int) -> np.ndarray:
-    """R40 and AP of the whole curve of draws of the frames; equal seeds draw equal frames, so they are paired."""
+    """Bootstrap draws of R40 and of AP of the whole curve; equal seeds draw equal frames, so draws are paired."""
     return np.zeros((_DRAWS, 2)) if result is None else resample(result, np.random.default_rng(seed), _DRAWS)

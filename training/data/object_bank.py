@@ -1,4 +1,4 @@
-"""Labelled objects with their points, cut out to be put into other frames (Yan et al., SECOND, Sensors 2018)."""
+"""Labelled objects with their points, to be inserted into other frames (Yan et al., SECOND, Sensors 2018)."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from training.evaluation.rotated_overlap import paired_intersections
 if TYPE_CHECKING:
     from training.data.level_ground import Ground
 
-_MARGIN_M = 0.1  # points of the frame this close to an object that is put in are taken out
-_GROUND = Grid((0.0, -40.0, -3.0), (70.4, 40.0, 1.0), (0.8, 0.8, 4.0))  # where the ground is looked for
+_MARGIN_M = 0.1  # points of the frame this close to an inserted object are removed
+_GROUND = Grid((0.0, -40.0, -3.0), (70.4, 40.0, 1.0), (0.8, 0.8, 4.0))  # range of the ground estimate
 _FARTHEST_LIFT_M = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class BankedObject:
-    """An object: its box (7,), its points (n, 4) where they were measured, and the index of its class.
+    """An object: its box (7,), its measured points (n, 4), and its class index.
 
     Attributes:
-        rise_m: of the ground under it, as `level_ground` finds it.
+        rise_m: ground height under it, as estimated by `level_ground`.
     """
 
     box: np.ndarray
@@ -40,8 +40,8 @@ class ObjectBank:
 
     Args:
         samples: the frames.
-        wanted: how many objects of each class index a frame is filled up to.
-        min_points: objects with fewer points are left out.
+        wanted: number of objects per frame and class index.
+        min_points: objects with fewer points are omitted.
     """
 
     def __init__(self, samples: Sequence[Sample], wanted: Mapping[int, int], min_points: int = 5) -> None:
@@ -61,9 +61,9 @@ class ObjectBank:
         return sum(len(some) for some in self._objects.values())
 
     def fill(self, sample: Sample, rng: np.random.Generator) -> Sample:
-        """The sample with objects put in until it has the wanted number of each class.
+        """Insert objects until the sample has the wanted number of each class.
 
-        They keep their places seen from above and their heights above the ground about them, and overlap nothing.
+        Objects keep their horizontal position and their height above ground, and do not overlap others.
         """
         chosen = list[BankedObject]()
         for kind, wanted in self._wanted.items():
@@ -83,12 +83,12 @@ class ObjectBank:
 
 
 def as_boxes(table: np.ndarray) -> Boxes:
-    """Boxes of a table (n, 7)."""
+    """Convert a table (n, 7) to boxes."""
     return Boxes(table[:, :3], table[:, 3:6], table[:, 6])
 
 
 def _move_to_ground(items: list[BankedObject], ground: Ground) -> list[BankedObject]:
-    """Objects as high above the ground of a frame as above their own; without those that would rise or sink too far."""
+    """Shift objects to their height above the ground of a frame; drop those that would move too far."""
     if not items:
         return []
     moved = []
@@ -111,9 +111,9 @@ def _estimate_ground(sample: Sample) -> Ground:
 
 
 def _estimate_grounds(samples: Sequence[Sample]) -> dict[Sample, Ground]:
-    """The ground of each frame; heights of all lie in one array.
+    """Estimate the ground of each frame; all heights are stored in one array.
 
-    Thousands of small arrays, each between large ones that come and go, would hold four times their memory.
+    Thousands of separate small arrays would need four times the memory because of fragmentation.
     """
     if not samples:
         return {}
@@ -125,7 +125,7 @@ def _estimate_grounds(samples: Sequence[Sample]) -> dict[Sample, Ground]:
 
 
 def _ground_rises(ground: Ground, boxes: np.ndarray) -> np.ndarray:
-    """How far the ground of a frame lies above the level (n,) [m] under boxes (n, 7)."""
+    """Ground height above the level (n,) [m] under boxes (n, 7)."""
     import torch
 
     positions = torch.from_numpy(np.ascontiguousarray(boxes[:, :2], np.float32))
@@ -133,7 +133,7 @@ def _ground_rises(ground: Ground, boxes: np.ndarray) -> np.ndarray:
 
 
 def _drop_overlapping(items: list[BankedObject], boxes: np.ndarray) -> list[BankedObject]:
-    """Those objects that overlap neither boxes (n, 7) nor an earlier one."""
+    """Keep objects that overlap neither boxes (n, 7) nor an earlier object."""
     accepted = []
     for item in items:
         if not _overlaps(item.box, boxes):

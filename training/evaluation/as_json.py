@@ -18,9 +18,9 @@ def as_json(
 ) -> dict[str, Any]:
     """`{CLASS: {METRIC: {"R40": [easy, moderate, hard], "R11": […], "continuous": […]}, "aos": …}}` in percent.
 
-    A class of which nothing was detected is null, and so is a metric whose boxes the detections do not have.
-    `rules` says how difficulty was found where the files have no image boxes; 2D and AOS are then null. `R40_ci95` and
-    `slices` are there where they were computed.
+    A class without detections is null, and so is a metric for which the detections have no boxes.
+    `rules` describes how the difficulty was determined if the files have no image boxes; 2D and AOS are then null.
+    `R40_ci95` and `slices` are included if they were computed.
     """
     return {name: _class_json(evaluation, name, intervals or {}, (parts or {}).get(name)) for name in CLASSES}
 

@@ -1,4 +1,4 @@
-"""Which detections overlap which objects enough, of all frames at once."""
+"""Find pairs of detections and objects with sufficient overlap, for all frames at once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Pairs:
     Attributes:
         label: (p,) int64 row of the labels, ascending.
         detection: (p,) int64 row of the detections, ascending within each label.
-        overlap: (p,) float64, greater than what was demanded.
+        overlap: (p,) float64, greater than the required overlap.
     """
 
     label: np.ndarray
@@ -34,7 +34,7 @@ def overlapping(scored: Scored, labels: np.ndarray, detections: np.ndarray, metr
         scored: the frames.
         labels: rows of the labels, ascending.
         detections: rows of the detections, ascending.
-        metric: whose overlap.
+        metric: metric that defines the overlap.
         above: exclusive.
     """
     label_rows, detection_rows = _within_frames(scored, labels, detections)

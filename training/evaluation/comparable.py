@@ -1,4 +1,4 @@
-"""Whether labels and detections can be compared: names of classes, and boxes in the image.
+"""Check whether labels and detections can be compared: class names, and boxes in the image.
 
 KITTI's rules take an object's difficulty from its box in the image. Files without such boxes (zeros or −1 on one side)
 are scored in 3D and in bird's-eye view only, with the height that each box would have in KITTI's own camera.
@@ -37,11 +37,11 @@ def has_image_boxes(scored: Scored, name: str) -> bool:
 
 
 def heights(scored: Scored, name: str, points: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Heights in the image by which difficulty is decided.
+    """Heights in the image that determine the difficulty.
 
     Returns:
-        (g,) height of each label [px], (d,) height of each detection [px], (g,) bool whether each label has points
-        enough; all true where image boxes decide, or where points are unknown.
+        (g,) height of each label [px], (d,) height of each detection [px], (g,) bool whether each label has enough
+        points; all true if there are image boxes, or if points are unknown.
     """
     objects, detections = scored.labels.objects, scored.detections.objects
     if has_image_boxes(scored, name):
@@ -50,12 +50,12 @@ def heights(scored: Scored, name: str, points: np.ndarray | None) -> tuple[np.nd
             np.abs(detections.bbox[:, 3] - detections.bbox[:, 1]),
         )
         return label_height, detection_height, np.ones(len(label_height), bool)
-    has_points_ = np.ones(len(objects), bool) if points is None else points >= _FEWEST_POINTS
-    return _projected_height(objects), _projected_height(detections), has_points_
+    has_enough_points = np.ones(len(objects), bool) if points is None else points >= _FEWEST_POINTS
+    return _projected_height(objects), _projected_height(detections), has_enough_points
 
 
 def without_image_rules(has_points: bool) -> str:
-    """Sentence on how difficulty was found."""
+    """Sentence that describes how the difficulty was determined."""
     by = f" and holds {_FEWEST_POINTS} points or more" if has_points else ""
     return (
         "labels or detections have no boxes in the image: 3D and bird's-eye view are scored without the image rules; "
@@ -65,7 +65,7 @@ def without_image_rules(has_points: bool) -> str:
 
 
 def demand_comparable_classes(scored: Scored, classes: Sequence[str]) -> None:
-    """Refuse labels and detections whose classes have other names.
+    """Check that labels and detections have common class names.
 
     Raises:
         EvaluationError: a scored class is on one side only, and the other side has names that KITTI does not know.
@@ -79,9 +79,8 @@ def demand_comparable_classes(scored: Scored, classes: Sequence[str]) -> None:
         if unknown[side] and (missing or not both):
             label = next((name for name in classes if name.lower() in missing), classes[0])
             raise EvaluationError(
-                f"{side} contain {_list_classes(scored, side)}, {other_side} {_list_classes(scored, other_side)}: {', '.join(unknown[side])} is no "
-                f"class "
-                f"of KITTI; map it to the class that it means, as --classes "
+                f"{side} contain {_list_classes(scored, side)}, {other_side} {_list_classes(scored, other_side)}: "
+                f"{', '.join(unknown[side])} is no class of KITTI; map it to a KITTI class, for example --classes "
                 f"{_class_name(scored, side, unknown[side][0])}={label}"
             )
 
@@ -99,18 +98,20 @@ def parse_classes(texts: Sequence[str]) -> dict[str, str]:
     Raises:
         EvaluationError: no `=`, or an unknown class on its right.
     """
-    detections = {}
+    mapping = {}
     for pair in (part for text in texts for part in text.split(",") if part):
         old, equals, new = pair.partition("=")
         target = next((name for name in TYPES if name.lower() == new.strip().lower()), None)
         if not equals or not old.strip() or target is None:
-            raise EvaluationError(f"--classes {pair}: give NAME=CLASS with one of {', '.join(TYPES)}, as Vehicle=Car")
-        detections[old.strip().lower()] = target
-    return detections
+            raise EvaluationError(
+                f"--classes {pair}: give NAME=CLASS with one of {', '.join(TYPES)}, for example Vehicle=Car"
+            )
+        mapping[old.strip().lower()] = target
+    return mapping
 
 
 def rename_classes(scored: Scored, names: Mapping[str, str]) -> Scored:
-    """The same with other names of classes.
+    """Rename classes.
 
     Raises:
         EvaluationError: a name is in neither the labels nor the detections.
@@ -136,7 +137,7 @@ def _has_box(objects: Labels) -> np.ndarray:
 
 
 def _projected_height(objects: Labels) -> np.ndarray:
-    """Height (n,) [px] that boxes of their height and distance have in KITTI's camera."""
+    """Height (n,) [px] of boxes with the same height and distance in KITTI's camera."""
     distance = np.hypot(objects.location[:, 0], objects.location[:, 2])
     return _FOCAL_PX * objects.dimensions[:, 0] / np.maximum(distance, 1.0)
 

@@ -46,9 +46,9 @@ class Result:
         r40, r11: the devkit's averages.
         aos40, aos11: the same of orientation similarity.
         continuous: the area under the whole curve.
-        thresholds: (t,) the scores of the whole curve, descending: those of all hits, or 200 evenly among them.
+        thresholds: (t,) scores of the whole curve, descending: those of all hits, or 200 evenly spaced ones.
         recall, precision: (t,) the curve.
-        hit_scores, hit_frames: (h,) of the hits that thresholds are taken from.
+        hit_scores, hit_frames: (h,) scores and frames of the hits that define the thresholds.
         task: what was scored.
     """
 
@@ -71,10 +71,10 @@ class Evaluation:
 
     Attributes:
         scored: what was evaluated.
-        results: by class, metric and difficulty; a metric is absent where the detections have no such boxes, a
-            class where nothing of it was detected.
-        oriented: whether all detections tell their alpha, so that AOS means something.
-        notes: by class, how difficulty was found where the files hold no image boxes.
+        results: by class, metric and difficulty; a metric is absent if the detections have no such boxes, a
+            class if it has no detections.
+        oriented: whether all detections contain alpha, which AOS requires.
+        notes: by class, how the difficulty was determined if the files have no image boxes.
     """
 
     scored: Scored
@@ -160,12 +160,12 @@ def _available_metrics(scored: Scored, name: str) -> set[Metric]:
         & (width > 0)
         & (length > 0)
     )
-    task_list: dict[Metric, np.ndarray] = {
+    rows_by_metric: dict[Metric, np.ndarray] = {
         "2d": of_class & (detections.bbox[:, 0] >= 0) & has_image_boxes(scored, name),
         "bev": ground,
         "3d": ground & (detections.location[:, 1] != -1000) & (height > 0),
     }
-    return {metric for metric, rows in task_list.items() if rows.any()}
+    return {metric for metric, rows in rows_by_metric.items() if rows.any()}
 
 
 def _score(task: Task) -> Result:
@@ -182,7 +182,7 @@ def _score(task: Task) -> Result:
 
 
 def curve_thresholds(scores: np.ndarray, most: int = _CURVE_POINTS) -> np.ndarray:
-    """The distinct scores of hits, descending; of more than `most` that many, evenly among them."""
+    """Distinct scores of hits, descending; at most `most`, evenly spaced."""
     distinct = np.unique(scores)[::-1]
     if len(distinct) > most:
         distinct = distinct[np.linspace(0, len(distinct) - 1, most).round().astype(int)]

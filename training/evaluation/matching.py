@@ -1,8 +1,8 @@
-"""Who is found by what, as the devkit assigns: greedy in the order of the label file, frame by frame.
+"""Assign detections to objects as the devkit does: greedily in the order of the label file, frame by frame.
 
-The devkit's loops over objects run here over all frames and score thresholds at once: the first objects of all
-frames, then the second ones … For each object the candidates stand in the order in which it would take them, so
-that it takes the first that is still free.
+The devkit's loops over objects are vectorised over all frames and score thresholds: first the first objects of all
+frames, then the second ones, and so on. The candidates of each object are sorted by preference, so that it takes the
+first one that is still free.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ class Task:
 
     Attributes:
         scored: the frames.
-        pairs: overlapping pairs of rows that take part.
+        pairs: overlapping pairs of rows.
         object_counts: (g,) bool of all label rows: of the class, and within the difficulty.
         valid: (d,) bool of all detection rows: of the class, and tall enough. Other detections in `pairs` are too
             small: they may take an object, which is then neither hit nor miss.
-        absorbed: (d,) bool: false positives that a DontCare region takes.
+        absorbed: (d,) bool: detections in a DontCare region, which are no false positives.
     """
 
     scored: Scored
@@ -58,7 +58,7 @@ class Counts:
     similarity: np.ndarray
 
     def of_frames(self, weights: np.ndarray) -> Counts:
-        """Sums (t, 1) over frames taken so many times each."""
+        """Weighted sums (t, 1) over frames."""
         return Counts(*((getattr(self, name) @ weights)[:, None] for name in _COUNTS))
 
 
@@ -74,7 +74,7 @@ def hit_scores(task: Task) -> tuple[np.ndarray, np.ndarray]:
 
 
 def assign_detections(task: Task, thresholds: np.ndarray) -> np.ndarray:
-    """What each object is found by at each threshold: (t, g) row of a detection, −1 none."""
+    """Detection assigned to each object at each threshold: (t, g) row of a detection, −1 none."""
     small = ~task.valid[task.pairs.detection]
     preference = np.where(small, 0.0, -task.pairs.overlap)
     order = np.lexsort((task.pairs.detection, preference, small, task.pairs.label))
@@ -124,7 +124,7 @@ def _sum_by_cell(
 
 
 def _hits(task: Task, taken: np.ndarray) -> np.ndarray:
-    """Label rows that a valid detection found."""
+    """Label rows with a valid detection."""
     rows = np.flatnonzero(task.object_counts & (taken >= 0))
     return rows[task.valid[taken[rows]]]
 

@@ -1,4 +1,4 @@
-"""The page of an evaluation: tables, precision–recall curves, parts of the objects."""
+"""The page of an evaluation: tables, precision–recall curves, subsets of the objects."""
 
 from __future__ import annotations
 
@@ -102,8 +102,8 @@ def _table(evaluation: Evaluation, name: str, intervals: Intervals) -> str:
     note = ""
     if fewest_objects < 41:
         note = (
-            "<p>With n objects, fewer than 41, R40 cannot exceed (n − 1)/40: a slot of the curve stays empty for "
-            "every one that is lacking. Go by the continuous AP there.</p>"
+            "<p>With n objects, fewer than 41, R40 cannot exceed (n − 1)/40: one sample of the curve stays empty "
+            "for each missing object. Use the continuous AP instead.</p>"
         )
     return (
         f"{_rules(evaluation, name)}<table><thead><tr><th></th><th colspan=3>R40</th><th colspan=3>R11</th><th "
@@ -113,7 +113,7 @@ def _table(evaluation: Evaluation, name: str, intervals: Intervals) -> str:
 
 
 def _rules(evaluation: Evaluation, name: str) -> str:
-    """How difficulty was found, where it was not KITTI's way."""
+    """Note on the difficulty, if it was not determined by KITTI's rules."""
     return f"<p>{escape(evaluation.notes[name])}</p>" if name in evaluation.notes else ""
 
 

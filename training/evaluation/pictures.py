@@ -1,4 +1,4 @@
-"""What was detected, drawn on scans from above: which boxes are right, which are not, and which objects were missed."""
+"""Draw detections on scans from above: hits, false detections and missed objects."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from training.evaluation.read import Scored, Table
 from training.evaluation.rules import MIN_OVERLAP
 
 CAPTION = (
-    "Labels green, of classes that are not looked for gray. Detections with their scores, from 0.3: orange where they "
-    "fit an object in 3D as well as KITTI demands, else red."
+    "Labels green, those of other classes gray. Detections with scores from 0.3: orange if their 3D overlap with an "
+    "object is sufficient for KITTI, otherwise red."
 )
 _PLAN = GroundPlan(reach_m=60.0, size_px=1680)
-_AHEAD_M, _BEHIND_M, _ASIDE_M = 56.0, 3.0, 31.0  # what is kept: beyond, KITTI labels nothing that counts
+_AHEAD_M, _BEHIND_M, _ASIDE_M = 56.0, 3.0, 31.0  # drawn region: KITTI labels no objects beyond that count
 _LABEL, _OTHER, _FITS, _MISSES = (96, 220, 130), (120, 126, 138), (255, 178, 62), (240, 84, 84)
 _LEAST_SCORE = 0.3
-_MIN_OBJECTS = 3  # objects that make a frame worth a picture
+_MIN_OBJECTS = 3  # minimum number of objects in a picture
 _OUTSIDE_BRIGHTNESS = 0.4  # brightness of points outside the image
 
 
@@ -33,7 +33,7 @@ def detection_pictures(scored: Scored, drive: Drive, most: int = 4) -> list[tupl
 
     Args:
         scored: labels and detections.
-        drive: has the scans.
+        drive: drive with the scans.
         most: at most so many.
     """
     is_searched = scored.labels.frame[np.isin(scored.labels.kind, _searched_classes(scored))]
@@ -69,13 +69,13 @@ def draw(scored: Scored, drive: Drive, number: int) -> np.ndarray:
 
 
 def _searched_classes(scored: Scored) -> list[str]:
-    """Classes that were looked for: those of the detections, else all that are scored."""
+    """Classes of the detections, or all scored classes if there are no detections."""
     scorable = {name.lower() for name in MIN_OVERLAP}
     return sorted(scorable & set(scored.detections.kind) or scorable)
 
 
 def _find_hits(scored: Scored, objects: np.ndarray, detected: np.ndarray) -> np.ndarray:
-    """Rows of detections that overlap an object of their class as much as KITTI demands."""
+    """Rows of detections whose overlap with an object of their class is sufficient for KITTI."""
     rows = [np.zeros(0, np.int64)]
     for name, least in MIN_OVERLAP.items():
         class_objects = objects[scored.labels.kind[objects] == name.lower()]

@@ -1,4 +1,4 @@
-"""Which differences between rows, or between before and after fine-tuning, are more than chance.
+"""Significance of differences between rows, and between before and after fine-tuning.
 
 Both sides are scored on the same draws of test frames and subtracted draw by draw (Efron & Tibshirani, An Introduction
 to the Bootstrap, 1993, chapter 13).
@@ -20,7 +20,7 @@ _METRICS = {"3d": "3D", "bev": "from above"}
 
 @dataclass(frozen=True)
 class Comparison:
-    """How far one figure lies above another, R40 at moderate [%], and the central 95 % of its draws."""
+    """Difference of two figures, R40 at moderate [%], with its 95 % interval."""
 
     name: str
     gap: float
@@ -29,7 +29,7 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """Whether the interval leaves out 0."""
+        """Whether the interval excludes 0."""
         return "may be chance" if self.low <= 0 <= self.high else "more than chance"
 
     @property
@@ -39,7 +39,7 @@ class Comparison:
 
 
 def gains(rows: Sequence[Row]) -> list[Comparison]:
-    """What fine-tuning changed, for the rows that were fine-tuned."""
+    """Changes by fine-tuning, for the rows that were fine-tuned."""
     comparisons = []
     for row in rows:
         if row.scores is None or "before" not in row.scores:
@@ -51,7 +51,7 @@ def gains(rows: Sequence[Row]) -> list[Comparison]:
 
 
 def differences(rows: Sequence[Row]) -> list[Comparison]:
-    """How far each row lies below the best in 3D; only rows tested on the same frames can be subtracted so."""
+    """Difference of each row from the best in 3D, for rows tested on the same frames."""
     scored_rows = [row for row in rows if row.scores is not None and row.scores["draws_3d_moderate"]]
     if not scored_rows:
         return []
@@ -68,7 +68,7 @@ def differences(rows: Sequence[Row]) -> list[Comparison]:
 
 
 def averages(scores: dict[str, Any] | None, metric: str) -> list[float] | None:
-    """R40 of cars, easy, moderate, hard [%]; zeros where no car was detected, None without scores."""
+    """R40 of cars, easy, moderate, hard [%]; zeros without detected cars, None without scores."""
     if scores is None:
         return None
     results = (scores.get("Car") or {}).get(metric)

@@ -1,4 +1,4 @@
-"""A table in the paper's layout, its own figures beside ours: page, Markdown, JSON."""
+"""Write a table in the paper's layout, with the paper's figures: page, Markdown, JSON."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from training.experiments.run import Row
 from training.experiments.table import REAL, ExperimentTable
 
 _HEADS = ("easy", "moderate", "hard")
-_GAINS = "What fine-tuning changes"
-_DIFFERENCES = "Which differences mean something"
+_GAINS = "Changes by fine-tuning"
+_DIFFERENCES = "Significance of differences"
 
 
 def write_report(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> Path:
-    """Write `index.html`, `table.md` and `table.json` into a folder that holds the rows' detections."""
+    """Write `index.html`, `table.md` and `table.json` into the folder of the rows' detections."""
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "index.html").write_text(format_page(table, rows, folder), encoding="utf-8")
@@ -40,7 +40,7 @@ def as_json(table: ExperimentTable, rows: Sequence[Row]) -> dict[str, Any]:
     """`{"title", "rows": [{"name", "3d", "bev", "ci95", "before", "gain_ci95", "paper_3d", "reason"}]}`.
 
     R40 of cars in percent. `before`: 3d, bev and ci95 before fine-tuning; `gain_ci95`: of the differences at
-    moderate. Both null where nothing was fine-tuned.
+    moderate. Both are null without fine-tuning.
     """
     entries = []
     for row in rows:
@@ -66,7 +66,7 @@ def format_markdown(table: ExperimentTable, rows: Sequence[Row]) -> str:
     lines.append("")
     for title, compared in ((_GAINS, gains(rows)), (_DIFFERENCES, differences(rows))):
         if compared:
-            lines += [f"{title}:", "", *(f"- {entries.in_words}" for entries in compared), ""]
+            lines += [f"{title}:", "", *(f"- {comparison.in_words}" for comparison in compared), ""]
     absent = [f"- {_label(table, row)}: not run; {row.reason}" for row in rows if row.reason]
     return "\n".join([*lines, *absent]).rstrip() + "\n"
 
@@ -89,7 +89,7 @@ def format_page(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> st
 
 
 def _tested_on(rows: Sequence[Row]) -> str:
-    """How many frames and objects the figures rest on, where all rows rest on as many."""
+    """Numbers of test frames and objects, if they are equal for all rows."""
     sizes = {
         (row.scores["frames"], row.scores["Car"]["3d"]["objects"][1])
         for row in rows
@@ -102,15 +102,15 @@ def _tested_on(rows: Sequence[Row]) -> str:
 
 
 def _row_head(table: ExperimentTable) -> str:
-    """In what the rows differ."""
+    """Heading of the row names."""
     return "tested on" if table.train_on == REAL else "trained on"
 
 
 def _label(table: ExperimentTable, row: Row) -> str:
-    """What a row is called: a variant by its name, real frames by what they are here."""
+    """Name of a row: that of the variant, or a description of the real frames."""
     if row.name != REAL:
         return row.name
-    return "the few real frames alone" if table.fine_tune == "few" else "real frames"
+    return "the few real frames only" if table.fine_tune == "few" else "real frames"
 
 
 def _html_row(table: ExperimentTable, row: Row, groups: Sequence[_Group]) -> str:
@@ -120,7 +120,7 @@ def _html_row(table: ExperimentTable, row: Row, groups: Sequence[_Group]) -> str
         for level, text in enumerate(_format_values(group.values(row))):
             small = f"<small>{bounds[level][0]:.0f} – {bounds[level][1]:.0f}</small>" if bounds else ""
             cells.append(f"<td>{text}{small}</td>")
-    if row.scores is None:  # the first two groups are what was measured
+    if row.scores is None:  # the first two groups are measured values
         cells[:6] = [f"<td class=words colspan=6>{escape(row.reason)}</td>"]
     return f"<tr><th>{escape(_label(table, row))}</th>{''.join(cells)}</tr>"
 
@@ -129,20 +129,21 @@ def _format_comparisons(title: str, compared: Sequence[Comparison]) -> str:
     if not compared:
         return ""
     lines = [
-        f"<tr><th>{escape(entries.name)}</th><td>{entries.gap:+.1f}</td><td>{entries.low:+.1f} … {entries.high:+.1f}</td>"
-        f"<td class=words>{entries.verdict}</td></tr>"
-        for entries in compared
+        f"<tr><th>{escape(comparison.name)}</th><td>{comparison.gap:+.1f}</td>"
+        f"<td>{comparison.low:+.1f} … {comparison.high:+.1f}</td>"
+        f"<td class=words>{comparison.verdict}</td></tr>"
+        for comparison in compared
     ]
     return (
-        f"<section><h2>{escape(title)}</h2><p>At moderate, with 95 % of its values over the same draws of test frames "
-        "for both. Each detector was trained once: what another seed would change is not in these intervals.</p>"
+        f"<section><h2>{escape(title)}</h2><p>At moderate, with 95 % bootstrap intervals, paired by test frame. Each "
+        "detector was trained once: the intervals do not include the variation between seeds.</p>"
         "<table><thead><tr><th></th><th>difference</th><th>95 %</th><th></th></tr></thead>"
         f"<tbody>{''.join(lines)}</tbody></table></section>"
     )
 
 
 def _format_details(table: ExperimentTable, row: Row, folder: Path) -> str:
-    """Curves and pictures of a row, from the detections that it left."""
+    """Curves and pictures of a row, from its stored detections."""
     assert row.scores is not None
     drive = Drive(Path(row.scores["settings"]["test"]["drive"]))
     scored = read_results(folder / row.name, drive.root / "label_2", _frame_list(folder / row.name))
@@ -177,7 +178,7 @@ def _frame_list(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class _Group:
-    """Three columns of the table: their title, and what of a row stands in them."""
+    """Three columns of the table: their title, and their values in a row."""
 
     title: str
     values: Callable[[Row], Sequence[float] | None]

@@ -1,7 +1,7 @@
-"""Runs the rows of a table that the data at hand allow, each once: what is there already is taken up.
+"""Run the rows of a table for which frames exist; finished rows and trainings are reused.
 
-`OUT/detectors/NAME/` holds a training, shared by all tables; `OUT/fine_tuned/FEW|FULL-NAME/` its fine-tuning;
-`OUT/tables/TABLE/NAME.json` a finished row, beside its detections.
+`OUT/detectors/NAME/` contains a training, shared by all tables; `OUT/fine_tuned/FEW|FULL-NAME/` its fine-tuning;
+`OUT/tables/TABLE/NAME.json` a finished row, next to its detections.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ Draws = Mapping[str, list[np.ndarray]]
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """A row: its name, and its scores as JSON; or why it was not run."""
+    """A row: its name, and its scores as JSON, or the reason why it was not run."""
 
     name: str
     scores: dict[str, Any] | None = None
@@ -61,7 +61,7 @@ def run_table(
     watcher: Watcher | None = None,
     only: Sequence[str] | None = None,
 ) -> list[Row]:
-    """The rows of a table, or only some, run or taken up; those whose frames are not here say so."""
+    """Run the rows of a table, or only those in `only`; rows with missing frames contain the reason."""
     rows = []
     for row in table.rows:
         if only is not None and row not in only:
@@ -112,7 +112,7 @@ def _run_row(table: ExperimentTable, name: str, row: str, inputs: Inputs, watche
 
 
 def _train(folder: Path, config: TrainConfig, source: Source, watcher: Watcher | None) -> Path:
-    """The checkpoint of a training that is run, gone on with, or finished already."""
+    """Run or resume a training if it is not finished; returns its checkpoint."""
     config = config.model_copy(update={"train": (source,), "validate_on": ()})
     marker, settings = folder / "finished.json", config.model_dump(mode="json")
     if not (marker.is_file() and json.loads(marker.read_text(encoding="utf-8")) == settings):
@@ -123,7 +123,7 @@ def _train(folder: Path, config: TrainConfig, source: Source, watcher: Watcher |
 
 
 def _row_settings(config: TrainConfig, train_source: Source, test: Source) -> dict[str, Any]:
-    """What decides a row, to know whether a finished one still holds."""
+    """Settings that determine a row, to check whether a finished one is still valid."""
     frames = {"train": train_source.model_dump(mode="json"), "test": test.model_dump(mode="json")}
     return {**decisive_settings(config), **frames}
 
@@ -144,7 +144,7 @@ def _read_finished(path: Path, settings: dict[str, Any]) -> dict[str, Any] | Non
 def _score_detector(
     checkpoint: Path, test: Source, inputs: Inputs, folder: Path | None = None
 ) -> tuple[Evaluation, Draws]:
-    """The scores of a detector; the same draws of frames for all detectors that are tested on the same frames."""
+    """Score a detector; detectors tested on the same frames get the same bootstrap draws."""
     detector, classes = load_detector(checkpoint)
     device = find_device(inputs.config.device)
     evaluation = score(detector.to(device), test, classes, device, folder)
@@ -164,7 +164,7 @@ def _summarise(evaluation: Evaluation, draws: Draws) -> dict[str, Any]:
 
 
 def _gain_intervals(before: Draws, after: Draws) -> dict[str, list[float]]:
-    """95 % of the differences, draw by draw, at moderate."""
+    """95 % intervals of the paired differences at moderate."""
     return {
         metric: list(interval(after[metric][_MODERATE] - before[metric][_MODERATE]))
         for metric in _METRICS

@@ -1,4 +1,4 @@
-"""What each anchor is to find: the object whose upright outline it overlaps most, or background."""
+"""Assign targets to anchors: the object with the largest overlap of axis-aligned outlines, or background."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from training.models.coding import encode, within_period
 
 @dataclass(frozen=True, eq=False)
 class Targets:
-    """Targets of all anchors of some frames.
+    """Targets of all anchors of a batch.
 
     Attributes:
         label: (b, a) int64, class index + 1; 0 background, −1 neither.
@@ -29,7 +29,7 @@ class Targets:
 
 
 def upright_outlines(boxes: Tensor) -> Tensor:
-    """Outlines (n, 4) x0, y0, x1, y1 of boxes (n, 7), turned to the nearer of the axes."""
+    """Outlines (n, 4) x0, y0, x1, y1 of boxes (n, 7), aligned with the nearest axis."""
     angle = within_period(boxes[:, 6], 0.5, math.pi).abs()
     across = (angle > math.pi / 4)[:, None]
     size = torch.where(across, boxes[:, [4, 3]], boxes[:, [3, 4]])
@@ -54,9 +54,10 @@ def _shared(a: Tensor, b: Tensor) -> Tensor:
 def assign(
     anchors: Tensor, classes: Sequence[AnchorClass], boxes: Sequence[Tensor], class_ids: Sequence[Tensor]
 ) -> Targets:
-    """Targets of anchors (rows, columns, classes, headings, 7) in frames with objects (m, 7) of kinds (m,).
+    """Targets of anchors (rows, columns, classes, headings, 7) in frames with objects (m, 7) of classes (m,).
 
-    Of each object the best anchor is to find it in any case. Anchors on ignored objects (kind −1) are neither.
+    The best anchor of each object is always positive. Anchors on ignored objects (class −1) are neither positive nor
+    background.
     """
     shape = anchors.shape[:-1]
     label = torch.zeros(len(boxes), *shape, dtype=torch.long, device=anchors.device)
@@ -78,7 +79,7 @@ def assign(
 def _match(
     outlines: Tensor, item: AnchorClass, objects: Tensor, class_ids: Tensor, number: int
 ) -> tuple[Tensor, Tensor]:
-    """Label of each anchor of a class, and the object it is to find."""
+    """Label of each anchor of a class, and the row of its object."""
     label = torch.zeros(len(outlines), dtype=torch.long, device=outlines.device)
     object_rows = torch.zeros_like(label)
     ignored = class_ids == -1

@@ -17,14 +17,14 @@ WEIGHTS = {"class": 1.0, "box": 2.0, "direction": 0.2}
 def anchor_losses(
     scores: Tensor, residuals: Tensor, directions: Tensor, targets: Targets, direction_offset: float
 ) -> dict[str, Tensor]:
-    """Losses, a value each, by name: already weighted.
+    """Weighted losses by name.
 
     Args:
         scores: (b, a, classes) logits.
         residuals: (b, a, 7).
         directions: (b, a, 2) logits.
-        targets: what is right.
-        direction_offset: heading at which the first half-turn begins [rad].
+        targets: targets of the anchors.
+        direction_offset: heading at which the first half-turn starts [rad].
     """
     label = targets.label
     positive = label > 0
@@ -46,7 +46,7 @@ def anchor_losses(
 
 
 def sine_difference(residual: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
-    """Residuals whose last columns differ by the sine of the angles' difference."""
+    """Replace the angles so that the difference of the last columns is the sine of the angle difference."""
     a, b = residual[:, 6:7], target[:, 6:7]
     return (
         torch.cat([residual[:, :6], torch.sin(a) * torch.cos(b)], 1),

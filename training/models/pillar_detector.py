@@ -1,6 +1,6 @@
-"""PointPillars, as published and smaller: pillars, convolutions from above, anchors; and, if wanted, a second stage.
+"""PointPillars, as published and smaller: pillars, 2-D convolutions, anchors, and an optional second stage.
 
-With `name: pointpillars` the parameters are those of OpenPCDet's, by name and shape.
+With `name: pointpillars` the parameters have the names and shapes of OpenPCDet's.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from training.models.point_refiner import PointRefiner
 from training.models.regions import refine, regions_to_learn, roi_losses
 from training.models.settings import ModelSettings
 
-#: What names of parameters of the second stage begin with.
+#: Prefix of the parameter names of the second stage.
 SECOND_STAGE = "refiner."
 _OVERLAP, _BEFORE, _AFTER = 0.01, 500, 100
-_PROPOSED_OVERLAP, _PROPOSED = 0.7, 60  # of proposals that the second stage looks into
-_COPIES = 4  # of each true box, moved a little, that it learns from
+_PROPOSED_OVERLAP, _PROPOSED = 0.7, 60  # proposals of the second stage
+_COPIES = 4  # jittered copies of each true box in training
 
 
 class PillarDetector(Detector):
@@ -52,7 +52,7 @@ class PillarDetector(Detector):
         self._generator = torch.Generator()
 
     def losses(self, batch: Batch) -> dict[str, Tensor]:
-        """Class, box and direction; and those of the second stage."""
+        """Losses of class, box and direction, and of the second stage."""
         output = self._run_first_stage(batch)
         losses = self.dense_head.losses(output, batch)
         return {**losses, **self._refiner_losses(output, batch)} if self.settings.refine else losses
@@ -92,7 +92,7 @@ class PillarDetector(Detector):
         return boxes[kept], scores[kept], class_ids[kept]
 
     def _proposals(self, output: AnchorOutput, frame: int, least_score: float) -> tuple[Tensor, Tensor, Tensor]:
-        """Boxes, scores and classes that the first stage offers to the second."""
+        """Boxes, scores and classes that the first stage proposes."""
         limits = {"overlap": _PROPOSED_OVERLAP, "before": _BEFORE, "after": _PROPOSED}
         return detect_from_anchors(self.dense_head, output, frame, least_score=least_score, **limits)
 

@@ -1,4 +1,4 @@
-"""Points of a pillar to one feature vector: PointPillars' feature net (Lang et al., CVPR 2019, section 2.1).
+"""Encode the points of a pillar as one feature vector: PointPillars' feature net (Lang et al., CVPR 2019, section 2.1).
 
 Parameters are named as in OpenPCDet: `pfn_layers.0.linear`, `pfn_layers.0.norm`.
 """
@@ -26,10 +26,10 @@ class PillarEncoder(nn.Module):
     """Features of pillars.
 
     Args:
-        grid: the pillars.
-        channels: of the features.
-        padded_to: the published net fills pillars up to so many points with zeros, which take part in the maximum;
-            None: only points do.
+        grid: grid of the pillars.
+        channels: number of features.
+        padded_to: number of points to which pillars are padded with zeros that take part in the maximum, as in the
+            published net; None: no padding.
     """
 
     def __init__(self, grid: Grid, channels: int, padded_to: int | None) -> None:
@@ -39,7 +39,7 @@ class PillarEncoder(nn.Module):
         self.channels = channels
 
     def forward(self, voxels: Voxels) -> Tensor:
-        """(v, channels) of v pillars."""
+        """Features (v, channels) of v pillars."""
         layer = self.pfn_layers[0]
         features = self._features(voxels)
         if self._padded_to is not None:
@@ -61,7 +61,7 @@ class PillarEncoder(nn.Module):
 
 
 def spread_on_grid(features: Tensor, voxels: Voxels, grid: Grid, frames: int) -> Tensor:
-    """Features (v, c) of pillars as an image (frames, c, ny, nx), zero where there is none."""
+    """Features (v, c) of pillars as an image (frames, c, ny, nx), zero for empty cells."""
     nx, ny, _ = grid.cells
     canvas = features.new_zeros(frames * ny * nx, features.shape[1])
     flat = (voxels.coordinates[:, 0] * ny + voxels.coordinates[:, 2]) * nx + voxels.coordinates[:, 3]

@@ -1,8 +1,8 @@
-"""A second stage for two CPU cores: each box that a first stage proposes is corrected by the points in and about it.
+"""A second stage for two CPU cores: correct each proposed box from the points in and around it.
 
-Points are seen in the axes of the box, mirrored so that the sensor lies behind its near right corner: what is seen of a
-car are its faces towards the sensor, and so they are always the same ones. Each point also tells how far it lies from
-every face of the box, without which a net of points does not know how large the box is (Li, Wang & Wang, "LiDAR R-CNN:
+Points are expressed in the axes of the box, mirrored to point away from the sensor, so that the visible faces are
+always the same two. The features of a point include its distances from all faces of the box; without them a point
+network does not know the size of the box (Li, Wang & Wang, "LiDAR R-CNN:
 An Efficient and Universal 3D Object Detector", CVPR 2021, section 4).
 """
 
@@ -13,10 +13,10 @@ from torch import Tensor, nn
 
 from training.data.level_ground import LEVEL_M
 
-FEATURES = 11  # place in the box, distances from its six faces, height above the ground, intensity
-_MARGIN_M = (0.9, 0.6)  # beyond the box, along and across it: points so near are looked at
+FEATURES = 11  # position in the box, distances from its six faces, height above the ground, intensity
+_MARGIN_M = (0.9, 0.6)  # margin around the box, along and across it
 _ABOVE_M, _BELOW_M = 0.5, 0.3  # beyond its top and bottom
-_GROUND_M = 0.15  # points lower above the ground are not
+_GROUND_M = 0.15  # points closer to the ground are excluded
 _NARROW, _WIDE, _POOLED = 64, 128, 256
 
 
@@ -24,9 +24,9 @@ class PointRefiner(nn.Module):
     """Scores (k,) and residuals (k, 7) of regions, from the points in them.
 
     Args:
-        width: of the layers that see a region as a whole.
-        most_points: of a region at most, evenly spread over those in it.
-        dropout: share of those layers' answers that is left out in training.
+        width: width of the layers after pooling.
+        most_points: maximum number of points per region, evenly spaced in their order.
+        dropout: dropout rate of the layers after pooling.
     """
 
     def __init__(self, width: int, most_points: int, dropout: float) -> None:
@@ -46,9 +46,9 @@ class PointRefiner(nn.Module):
         """Logits (k,) and residuals (k, 7) in the axes of the regions.
 
         Args:
-            points: (n, 5) number of the frame, x, y, z [m] on level ground, intensity.
-            boxes: (k, 7) the regions.
-            frame: (k,) int64 of each.
+            points: (n, 5) index of the frame, x, y, z [m] on level ground, intensity.
+            boxes: (k, 7) regions.
+            frame: (k,) int64 frame of each region.
         """
         if not len(boxes):
             return boxes.new_zeros(0), boxes.new_zeros(0, 7)
@@ -67,16 +67,16 @@ class PointRefiner(nn.Module):
 
 @torch.no_grad()
 def gather(points: Tensor, boxes: Tensor, frame: Tensor, mirrored: Tensor, most: int) -> tuple[Tensor, Tensor]:
-    """Points of regions: features (k, most, FEATURES), and whether a region has any, (k,) bool.
+    """Gather the points of regions: features (k, most, FEATURES), and whether a region has any, (k,) bool.
 
-    Where there are fewer points they are repeated, where there are more every so manieth is taken.
+    Fewer points are repeated, more are thinned evenly.
 
     Args:
-        points: (n, 5) number of the frame, x, y, z [m] on level ground, intensity.
-        boxes: (k, 7).
-        frame: (k,) int64 of each.
-        mirrored: (k, 2) ±1 along and across.
-        most: points of a region.
+        points: (n, 5) index of the frame, x, y, z [m] on level ground, intensity.
+        boxes: (k, 7) regions.
+        frame: (k,) int64 frame of each region.
+        mirrored: (k, 2) signs ±1 along and across.
+        most: number of points per region.
     """
     points = points[points[:, 3] > LEVEL_M + _GROUND_M]
     region, row = _nearby_points(points, boxes, frame)
@@ -98,7 +98,7 @@ def gather(points: Tensor, boxes: Tensor, frame: Tensor, mirrored: Tensor, most:
 
 
 def _nearby_points(points: Tensor, boxes: Tensor, frame: Tensor) -> tuple[Tensor, Tensor]:
-    """Pairs of regions and points in a circle about them: rows of both, in the order of the regions."""
+    """Pairs of regions and points within a circle around them: rows of both, sorted by region."""
     reach = torch.hypot(boxes[:, 3] / 2 + _MARGIN_M[0], boxes[:, 4] / 2 + _MARGIN_M[1])
     regions, rows = [], []
     for number in torch.unique(frame).tolist():
@@ -113,7 +113,7 @@ def _nearby_points(points: Tensor, boxes: Tensor, frame: Tensor) -> tuple[Tensor
 
 
 def _to_box_axes(positions: Tensor, boxes: Tensor, mirrored: Tensor) -> Tensor:
-    """Places (n, 3) in the mirrored axes of boxes (n, 7)."""
+    """Transform positions (n, 3) to the mirrored axes of boxes (n, 7)."""
     offset = positions - boxes[:, :3]
     cos, sin = torch.cos(boxes[:, 6]), torch.sin(boxes[:, 6])
     along, across = cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]

@@ -1,4 +1,4 @@
-"""Regions of interest: which a second stage learns from, what it is to say of them, and the boxes that follow."""
+"""Regions of interest of a second stage: sampling for training, losses, and refined boxes."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ _JITTER_SD = (
     0.05,
     0.06,
     0.08,
-)  # standard deviations: x, y, z [m], logarithms of sizes, heading [rad]
-_ON_IGNORED = 0.25  # a region that overlaps an ignored object so much, and no other, teaches nothing
+)  # x, y, z [m], logarithms of sizes, heading [rad]
+_ON_IGNORED = 0.25  # minimum overlap of a region on an ignored object, which is not used in training
 
 
 @dataclass(frozen=True, eq=False)
 class Regions:
-    """Regions to learn from, of some frames.
+    """Training regions of a batch.
 
     Attributes:
-        boxes: (n, 7) of the regions.
-        frame: (n,) int64.
-        objects: (n, 7) the object that each overlaps most; the region itself in frames without any.
-        overlap: (n,) with that object, 0–1.
+        boxes: (n, 7) regions.
+        frame: (n,) int64 frame of each region.
+        objects: (n, 7) object with the largest overlap; the region itself in frames without objects.
+        overlap: (n,) overlap with that object, 0–1.
     """
 
     boxes: Tensor
@@ -51,14 +51,14 @@ class Regions:
 def regions_to_learn(
     batch: Batch, propose: Callable[[int], Tensor], count: int, copies: int, generator: torch.Generator
 ) -> Regions:
-    """Regions of each frame: proposals, true boxes, and such moved a little.
+    """Select training regions of each frame: proposals, true boxes, and jittered true boxes.
 
     Args:
         batch: the frames.
-        propose: gives boxes (m, 7) of a frame.
-        count: of a frame at most.
-        copies: of each true box, moved at random.
-        generator: draws; on the CPU.
+        propose: returns proposed boxes (m, 7) of a frame.
+        count: maximum number of regions per frame.
+        copies: number of jittered copies of each true box.
+        generator: random generator, on the CPU.
     """
     parts = []
     for frame in range(len(batch)):
@@ -71,7 +71,7 @@ def regions_to_learn(
 
 
 def _jitter_boxes(boxes: Tensor, copies: int, generator: torch.Generator) -> Tensor:
-    """So many copies of boxes (n, 7), each as far off as proposals are."""
+    """Copies of boxes (n, 7) with errors like those of proposals."""
     many = boxes.repeat(copies, 1)
     draws = torch.randn(many.shape, generator=generator).to(many) * many.new_tensor(_JITTER_SD)
     centre, size = many[:, :3] + draws[:, :3], many[:, 3:6] * torch.exp(draws[:, 3:6])
@@ -79,7 +79,7 @@ def _jitter_boxes(boxes: Tensor, copies: int, generator: torch.Generator) -> Ten
 
 
 def _drop_on_ignored(boxes: Tensor, ignored: Tensor, objects: Tensor) -> Tensor:
-    """Boxes but those that are on ignored objects and on no other."""
+    """Drop boxes that overlap ignored objects and no others."""
     if not len(ignored):
         return boxes
     on_ignored = overlap_3d(boxes, ignored).amax(1) > _ON_IGNORED
@@ -89,7 +89,7 @@ def _drop_on_ignored(boxes: Tensor, ignored: Tensor, objects: Tensor) -> Tensor:
 
 
 def overlap_3d(a: Tensor, b: Tensor) -> Tensor:
-    """Intersection over union of all pairs of boxes (n, 7), (m, 7): (n, m) float32 on their device."""
+    """Intersection over union of all pairs of boxes (n, 7), (m, 7): (n, m) float32 on the same device."""
     first, second = (t.detach().double().cpu().numpy() for t in (a, b))
     left, right = np.repeat(np.arange(len(first)), len(second)), np.tile(np.arange(len(second)), len(first))
     columns = [0, 1, 3, 4, 6]
@@ -102,13 +102,13 @@ def overlap_3d(a: Tensor, b: Tensor) -> Tensor:
 
 
 def choose_rois(rois: Tensor, objects: Tensor, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
-    """Regions to learn from: half of them on objects, if there are so many.
+    """Sample training regions, at most half of them on objects.
 
     Args:
         rois: (n, 7).
         objects: (m, 7).
-        count: at most so many are chosen.
-        generator: draws them; on the CPU.
+        count: maximum number of regions.
+        generator: random generator, on the CPU.
 
     Returns:
         Chosen regions (k, 7), the object of each (k, 7), and the overlap with it (k,).
@@ -125,7 +125,7 @@ def choose_rois(rois: Tensor, objects: Tensor, count: int, generator: torch.Gene
 
 
 def roi_losses(scores: Tensor, residuals: Tensor, rois: Tensor, objects: Tensor, overlap: Tensor) -> dict[str, Tensor]:
-    """Losses of regions: the score is to tell the overlap, the residuals and corners the object."""
+    """Losses of regions: the target of the score is the overlap, that of residuals and corners the object."""
     target_score = ((overlap - _IOU_LOW) / (_IOU_HIGH - _IOU_LOW)).clamp(0, 1)
     losses = {"roi_class": functional.binary_cross_entropy_with_logits(scores, target_score)}
     rows = torch.nonzero(overlap >= _IOU_REFINED)[:, 0]
@@ -150,7 +150,7 @@ def refine(rois: Tensor, residuals: Tensor) -> Tensor:
 
 
 def in_region(objects: Tensor, rois: Tensor) -> tuple[Tensor, Tensor]:
-    """Objects in the axes of their regions, turned to the nearer end; and the regions in their own axes."""
+    """Objects in the axes of their regions, heading modulo 180°; and the regions in their own axes."""
     offset = objects[:, :3] - rois[:, :3]
     cos, sin = torch.cos(rois[:, 6]), torch.sin(rois[:, 6])
     x, y = cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]

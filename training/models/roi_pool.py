@@ -15,8 +15,8 @@ from torch.nn import functional
 from training.data.grid import Grid
 from training.models.sparse_conv import SparseTensor, cell_keys, find_cells
 
-_NEIGHBOURS = 16  # voxels that a point gathers at most
-_CHUNK = 4096  # points looked up at a time
+_NEIGHBOURS = 16  # maximum number of voxels per point
+_CHUNK = 4096  # points per lookup
 _WIDTH = 32
 
 
@@ -33,11 +33,11 @@ class VoxelPool(nn.Module):
     """Features of points from the voxels of one stage.
 
     Args:
-        channels: of the stage.
-        stride: of the stage, in cells of the grid.
-        grid: the finest cells.
-        radius_m: voxels whose middles lie farther away are passed over.
-        reach: how many voxels are looked at each way.
+        channels: channels of the stage.
+        stride: stride of the stage, in cells of the grid.
+        grid: grid of the finest cells.
+        radius_m: maximum distance of voxel centres.
+        reach: search radius in voxels per axis.
     """
 
     def __init__(self, channels: int, stride: int, grid: Grid, radius_m: float, reach: int) -> None:
@@ -73,7 +73,7 @@ class VoxelPool(nn.Module):
 
     @torch.no_grad()
     def _gather(self, tensor: SparseTensor, points: Tensor, frame: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Up to 16 voxels of each point: rows (p, 16), whether there is one, and their offsets [m]."""
+        """Up to 16 voxels per point: rows (p, 16), whether each exists, and their offsets [m]."""
         keys = tensor.keys
         parts = [
             self._near(tensor, keys, points[start : start + _CHUNK], frame[start : start + _CHUNK])

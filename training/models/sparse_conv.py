@@ -1,7 +1,7 @@
 """Sparse 3-D convolution in plain torch: gather, multiply, add up, offset by offset of the kernel.
 
-Submanifold convolution answers only where there is input (Graham, Engelcke & van der Maaten, CVPR 2018); strided
-convolution wherever its kernel meets input. Weights are laid out as in spconv 2: (out, z, y, x, in).
+Submanifold convolution has outputs only at occupied cells (Graham, Engelcke & van der Maaten, CVPR 2018); strided
+convolution at all cells whose kernel covers an occupied cell. Weights are laid out as in spconv 2: (out, z, y, x, in).
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class SparseTensor:
         features: (n, c).
         place: (n, 4) int64 frame, z, y, x, in ascending order.
         shape: cells along z, y, x.
-        frames: how many.
-        rules: pairs of rows for each offset, kept for convolutions on the same cells.
+        frames: number of frames.
+        rules: input-output row pairs for each kernel offset, cached for convolutions on the same cells.
     """
 
     features: Tensor
@@ -36,16 +36,16 @@ class SparseTensor:
     rules: dict[Triple, _Rules] = field(default_factory=dict)
 
     def with_features(self, features: Tensor) -> SparseTensor:
-        """Other features of the same cells."""
+        """Replace the features."""
         return replace(self, features=features)
 
     @property
     def keys(self) -> Tensor:
-        """(n,) int64 one number a cell, ascending."""
+        """(n,) int64 key of each cell, ascending."""
         return cell_keys(self.coordinates, self.shape)
 
     def dense(self) -> Tensor:
-        """(frames, c, z, y, x), zero where there is nothing."""
+        """(frames, c, z, y, x), zero for empty cells."""
         z, y, x = self.shape
         canvas = self.features.new_zeros(self.frames * z * y * x, self.features.shape[1])
         canvas = canvas.index_copy(0, self.keys, self.features)
@@ -53,7 +53,7 @@ class SparseTensor:
 
 
 def cell_keys(coordinates: Tensor, shape: Triple) -> Tensor:
-    """One number for each cell (n, 4), ascending as frame, z, y, x."""
+    """Key of each cell (n, 4), ascending by frame, z, y, x."""
     z, y, x = shape
     return ((coordinates[:, 0] * z + coordinates[:, 1]) * y + coordinates[:, 2]) * x + coordinates[:, 3]
 
@@ -63,7 +63,7 @@ class _Convolution(nn.Module):
         super().__init__()
         self.kernel = kernel
         self.weight = nn.Parameter(torch.empty(channels, *kernel, channels_in))
-        spread = math.sqrt(2.0 / (channels_in * 9))  # of the 27 neighbours on a surface about a third are there
+        spread = math.sqrt(2.0 / (channels_in * 9))  # on a surface about a third of the 27 neighbours is occupied
         nn.init.normal_(self.weight, std=spread)
 
     def _apply_rules(self, features: Tensor, rules: _Rules, rows: int) -> Tensor:
@@ -80,10 +80,10 @@ class _Convolution(nn.Module):
 
 
 class SubmanifoldConv(_Convolution):
-    """Answers on the cells of the input."""
+    """Convolution with outputs at the input cells."""
 
     def forward(self, tensor: SparseTensor) -> SparseTensor:
-        """The same cells, other features."""
+        """Convolve; the cells do not change."""
         if self.kernel not in tensor.rules:
             tensor.rules[self.kernel] = _neighbours(tensor, self.kernel)
         rules = tensor.rules[self.kernel]
@@ -91,14 +91,14 @@ class SubmanifoldConv(_Convolution):
 
 
 class StridedConv(_Convolution):
-    """Answers on a coarser grid, wherever the kernel meets input."""
+    """Convolution with outputs on a coarser grid, at all cells whose kernel covers an input cell."""
 
     def __init__(self, channels_in: int, channels: int, kernel: Triple, stride: Triple, padding: Triple) -> None:
         super().__init__(channels_in, channels, kernel)
         self._stride, self._padding = stride, padding
 
     def forward(self, tensor: SparseTensor) -> SparseTensor:
-        """The coarser cells."""
+        """Convolve to the coarser grid."""
         kernel, stride, padding = self.kernel, self._stride, self._padding
         z, y, x = ((tensor.shape[axis] + 2 * padding[axis] - kernel[axis]) // stride[axis] + 1 for axis in range(3))
         shape = (z, y, x)
@@ -125,7 +125,7 @@ class StridedConv(_Convolution):
 
 
 def find_cells(keys: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
-    """Rows of `keys` (n,), ascending, that equal `wanted` (…): the rows, and whether each is there."""
+    """Rows of `keys` (n,), ascending, that equal `wanted` (…): the rows, and whether each exists."""
     rows = torch.searchsorted(keys, wanted).clamp(max=len(keys) - 1)
     return rows, keys[rows] == wanted
 

@@ -1,4 +1,4 @@
-"""The sparse stages of SECOND and Voxel R-CNN: 8 × coarser, then flattened to a view from above.
+"""The sparse stages of SECOND and Voxel R-CNN: 8 × coarser, then flattened to the bird's-eye view.
 
 Parameters are named as in OpenPCDet's `VoxelBackBone8x`.
 """
@@ -17,8 +17,8 @@ class VoxelBackbone(nn.Module):
     """Four stages of sparse convolutions, and one that halves the height.
 
     Args:
-        channels: of the first stage, the three coarser ones, and the last.
-        cells: of the grid along x, y, z.
+        channels: channels of the first stage, the three coarser ones, and the last.
+        cells: numbers of cells along x, y, z.
     """
 
     def __init__(self, channels: tuple[int, int, int, int, int], cells: Triple) -> None:
@@ -40,7 +40,7 @@ class VoxelBackbone(nn.Module):
         self.stage_channels = (b, c, d)
 
     def forward(self, features: Tensor, coordinates: Tensor, frames: int) -> tuple[Tensor, list[SparseTensor]]:
-        """The view from above (frames, channels, y / 8, x / 8), and the stages 2, 4 and 8 × coarser."""
+        """Bird's-eye features (frames, channels, y / 8, x / 8), and the stages 2, 4 and 8 × coarser."""
         first = self.conv1(self.conv_input(SparseTensor(features, coordinates, self.shape, frames)))
         second = self.conv2(first)
         third = self.conv3(second)

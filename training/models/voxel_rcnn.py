@@ -1,4 +1,4 @@
-"""Voxel R-CNN: sparse 3-D convolutions, proposals from above, and a second look into each of them."""
+"""Voxel R-CNN: sparse 3-D convolutions, bird's-eye proposals, and a second stage for each of them."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from training.models.settings import ModelSettings
 from training.models.sparse_conv import SparseTensor
 from training.models.voxel_backbone import VoxelBackbone
 
-_TRAIN_OVERLAP, _TEST_OVERLAP = 0.8, 0.7  # overlap of proposals, in training and in tests
-_CANDIDATES, _PROPOSALS, _TEST_COUNT = 8, 4, 100  # in training so many times the regions chosen
+_TRAIN_OVERLAP, _TEST_OVERLAP = 0.8, 0.7  # NMS overlap of proposals, in training and in tests
+_CANDIDATES, _PROPOSALS, _TEST_COUNT = 8, 4, 100  # multiples of `roi_count`
 _OVERLAP, _AFTER = 0.1, 100
 
 
@@ -46,7 +46,7 @@ class VoxelRcnn(Detector):
         self._generator = torch.Generator()
 
     def losses(self, batch: Batch) -> dict[str, Tensor]:
-        """Those of the proposals, and of the second stage."""
+        """Losses of the proposals and of the second stage."""
         output, stages = self._propose(batch)
         losses = self.dense_head.losses(output, batch)
         self._generator.manual_seed(int(torch.randint(2**31, (1,))))
@@ -73,7 +73,7 @@ class VoxelRcnn(Detector):
         return detections
 
     def _proposals(self, output: AnchorOutput, frame: int) -> tuple[Tensor, Tensor, Tensor]:
-        """Boxes, scores and kinds of the surest anchors."""
+        """Boxes, scores and classes of the anchors with the highest scores."""
         count = _PROPOSALS * self.settings.roi_count if self.training else _TEST_COUNT
         overlap = _TRAIN_OVERLAP if self.training else _TEST_OVERLAP
         before = _CANDIDATES * self.settings.roi_count

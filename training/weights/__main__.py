@@ -1,4 +1,4 @@
-"""`python -m training.weights CHECKPOINT`: puts a trained detector in the place of the one that comes along."""
+"""`python -m training.weights CHECKPOINT`: replace the bundled detector by a trained one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from training.weights import shipped
 
 
 def install(checkpoint: Path, target: Path) -> None:
-    """Write a checkpoint's model, classes and weights without what only a training needs."""
+    """Write the model, classes and weights of a checkpoint, without the state of the training."""
     detector, classes = load_detector(checkpoint)
     save_checkpoint(target, detector, detector.settings, classes)
 

@@ -1,4 +1,4 @@
-"""How far found boxes are from those of their objects, by distance: median and spread of every part of a box."""
+"""Errors of detected boxes by distance: median and spread of every part of a box."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from training.evaluation.slices import DISTANCE_EDGES_M, distance_words
 
 @dataclass(frozen=True)
 class BoxErrors:
-    """Errors of the boxes of some objects: found minus labelled.
+    """Errors of the boxes of a set of objects: detected minus labelled.
 
     Attributes:
-        name: which objects.
-        objects: how many of them have a box.
+        name: name of the set.
+        objects: number of objects with a box.
         median, spread: by part of a box, see `PARTS`; the spread is half the distance from the 16th to the 84th
             percentile, a standard deviation where errors are normal.
     """
@@ -70,7 +70,7 @@ def _centre_height(labels: Labels) -> np.ndarray:
 
 
 def _heading_error(detected: Labels, truth: Labels) -> np.ndarray:
-    """Counter-clockwise from above [deg]; front and rear exchanged is no error, as overlaps know none."""
+    """Counter-clockwise from above [deg]; modulo 180°, because overlaps do not distinguish front and rear."""
     turned = np.degrees(truth.rotation_y - detected.rotation_y)
     return (turned + 90) % 180 - 90
 

@@ -1,4 +1,4 @@
-"""The page of losses: what each kind of error takes, where, and how far boxes are off."""
+"""Page of losses: share of each error type, by subset of the objects, and box errors."""
 
 from __future__ import annotations
 
@@ -14,42 +14,42 @@ from training.evaluation.rules import Metric
 
 KINDS = {
     "position": ("position", "place seen from above"),
-    "height": ("height", "of the middle above the ground"),
+    "height": ("height", "of the centre above the ground"),
     "size": ("size", "length, width, height"),
     "heading": ("heading", ""),
-    "misses": ("misses", "objects that nothing was found of"),
-    "false_alarms": ("false alarms", "where no object is labelled"),
-    "other_class": ("other classes", "boxes round trucks, people and the like"),
-    "duplicates": ("duplicates", "further boxes of one object"),
+    "misses": ("misses", "objects without detection"),
+    "false_alarms": ("false alarms", "no object is labelled there"),
+    "other_class": ("other classes", "boxes on trucks, people and other classes"),
+    "duplicates": ("duplicates", "additional boxes on one object"),
 }
 _COLOURS = ("#ffb23e", "#f0606a", "#c792ea", "#5aa9ff", "#8692a6", "#6fd08c", "#4ec9b0", "#d7ba7d")
 _TITLES: dict[Metric, str] = {"3d": "3D", "bev": "Bird’s-eye view"}
 _SORTED = {"distance": "distance", "occlusion": "occlusion", "points": "points in the box"}
 _BOX_HEADS = {
-    "away_m": "along the sight (m)",
+    "away_m": "along the line of sight (m)",
     "aside_m": "across it, left (m)",
-    "height_m": "height of the middle (m)",
+    "height_m": "height of the centre (m)",
     "length_m": "length (m)",
     "width_m": "width (m)",
     "tallness_m": "height of the box (m)",
     "heading_deg": "heading (°)",
 }
 _MEANING = (
-    "Shares add up to what is lacking from 100. A share is the mean gain of mending a kind of error, over all orders "
-    "in which the kinds may be mended (Shapley value); “alone” is the gain where nothing else is mended (TIDE). AP is "
-    "the area under the whole curve; R40 stands for the devkit’s samples of it."
+    "Shares add up to 100 − AP. A share is the mean gain of correcting an error type over all orders in which "
+    "the types can be corrected (Shapley value); “alone” is the gain if only this type is corrected (TIDE). AP is "
+    "the area under the whole curve, R40 the devkit’s average of 40 samples."
 )
 
 
 def format_losses(name: str, difficulty: str, sets: Sequence[Losses]) -> str:
-    """The HTML text of one set of detections, or of two held against each other.
+    """The HTML text of one set of detections, or of two sets that are compared.
 
     Args:
         name: the class.
         difficulty: easy, moderate or hard.
         sets: one or two.
     """
-    title = f"Where {name} loses average precision, {difficulty}"
+    title = f"Losses of average precision: {name}, {difficulty}"
     parts = [f"<header><h1>{escape(title)}</h1>{''.join(_format_headline(losses) for losses in sets)}</header>"]
     for metric in SPLIT:
         bars = "".join(_format_bar(losses, metric) for losses in sets)
@@ -64,7 +64,7 @@ def _format_headline(losses: Losses) -> str:
     split = losses.splits["3d"]
     worst = sorted(split.share, key=lambda kind: -split.share[kind])[:3]
     summary = listed([f"{KINDS[kind][0]} {split.share[kind]:.1f}" for kind in worst if split.share[kind] >= 0.05])
-    losses_text = f" Most of the rest goes to {escape(summary)}." if summary else ""
+    losses_text = f" Largest losses: {escape(summary)}." if summary else ""
     verdict = f"<p class=verdict>{escape(losses.title)}: 3D AP {split.ap:.1f} of 100.{losses_text}</p>"
     numbers = [("frames", f"{losses.frames:,}")]
     for metric in losses.splits:
@@ -74,7 +74,7 @@ def _format_headline(losses: Losses) -> str:
     numbers += [
         ("objects", f"{int(counted.sum()):,}"),
         ("missed", f"{int(faults.missed.sum()):,}"),
-        ("found, box too far off", f"{int((faults.misfits & counted).sum()):,}"),
+        ("detected, overlap too small", f"{int((faults.misfits & counted).sum()):,}"),
     ]
     return verdict + facts(numbers)
 
@@ -90,7 +90,7 @@ def _format_bar(losses: Losses, metric: Metric) -> str:
 
 def _format_table(sets: Sequence[Losses], metric: Metric) -> str:
     splits = [losses.splits[metric] for losses in sets]
-    heads = ["", *(word for losses in sets for word in (f"{losses.title}: takes", "alone"))]
+    heads = ["", *(word for losses in sets for word in (f"{losses.title}: share", "alone"))]
     bounds = [intervals(split) for split in splits]
     rows = [
         [
@@ -130,8 +130,8 @@ def _format_parts(losses: Losses) -> str:
                 tables.append(
                     f"<h3 class=set>{_TITLES[metric]}, by {_SORTED[by]}</h3>{_part_table(items, losses.splits[metric])}"
                 )
-    text = "AP gained where one kind of error is mended there alone. False alarms lie where they are themselves."
-    return section(f"Where: {losses.title}", *tables, text=text)
+    text = "Gain of AP if one type is corrected in this subset only. False alarms are assigned by their own position."
+    return section(f"By subset: {losses.title}", *tables, text=text)
 
 
 def _part_table(items: Sequence[Part], split: Split) -> str:
@@ -162,12 +162,10 @@ def _format_box_errors(losses: Losses) -> str:
         ]
         rows.append([items.name, f"{items.objects:,}", *cells])
     text = (
-        "Found minus labelled, of objects that count and that something was found of, whether it fits or not: median, "
+        "Detected minus labelled, for objects that count and have a detection, hit or not: median, "
         "and half the distance from the 16th to the 84th percentile."
     )
-    return section(
-        f"How far boxes are off: {losses.title}", table(["", "objects", *_BOX_HEADS.values()], rows), text=text
-    )
+    return section(f"Box errors: {losses.title}", table(["", "objects", *_BOX_HEADS.values()], rows), text=text)
 
 
 def _minus(text: str) -> str:

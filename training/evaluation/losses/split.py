@@ -1,9 +1,9 @@
-"""Where average precision is lost: how much of it each kind of error takes.
+"""Split the loss of average precision among error types.
 
-Without any of the kinds of `training.evaluation.losses.faults` the continuous average precision is 100: what it lacks
-is split among them by the Shapley value (Shapley, "A Value for n-Person Games", 1953), the mean gain of mending a kind
-over all orders in which kinds may be mended. Shares add up to the loss, so that those of two detectors, or of two test
-sets, may be subtracted. `alone` is TIDE's figure: the gain where this kind is mended and nothing else.
+With all error types of `training.evaluation.losses.faults` corrected, the continuous average precision is 100. The loss
+is split among them by the Shapley value (Shapley, "A Value for n-Person Games", 1953), the mean gain of correcting a
+type over all orders in which types can be corrected. Shares add up to the loss, so that those of two detectors, or of
+two test sets, can be subtracted. `alone` is TIDE's figure: the gain if only this type is corrected.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from training.evaluation.losses.faults import Faults, subsets
 from training.evaluation.matching import Task, count, hit_scores
 from training.evaluation.slices import DISTANCE_EDGES_M, OCCLUSIONS, POINT_EDGES, distance_words, point_words
 
-_THRESHOLDS = 100  # scores of a curve at most: hundreds of curves are drawn
+_THRESHOLDS = 100  # maximum number of scores per curve: hundreds of curves are computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +28,10 @@ class Split:
     """The loss of average precision [%] of a class by a metric at a difficulty.
 
     Attributes:
-        faults: what is wrong with the detections.
-        ap: what is reached.
-        share: by kind, what it takes; the sum is 100 − ap.
-        alone: by kind, the gain where it alone is mended.
+        faults: errors of the detections.
+        ap: average precision.
+        share: loss by error type; the sum is 100 − ap.
+        alone: gain by error type if only this type is corrected.
         drawn: (draws, 1 + kinds) float64: ap and shares of sets drawn from the frames; no rows without draws.
     """
 
@@ -44,7 +44,7 @@ class Split:
 
 @dataclass(frozen=True)
 class Part:
-    """Errors of some of the objects: what these are, how many, and the gain [%] of mending each kind there alone."""
+    """Errors of a subset: its name, number of objects, and the gain [%] of correcting each type in it."""
 
     name: str
     objects: int
@@ -52,12 +52,12 @@ class Part:
 
 
 def split_loss(faults: Faults, times: np.ndarray | None = None, on_set: Callable[[], None] = lambda: None) -> Split:
-    """Split the loss among all kinds of errors.
+    """Split the loss among all error types.
 
     Args:
-        faults: what is wrong.
-        times: (draws, f) how often each draw of a bootstrap takes each frame.
-        on_set: called after each set of kinds was mended; there are 2 to the number of kinds.
+        faults: errors of the detections.
+        times: (draws, f) number of times each bootstrap draw contains each frame.
+        on_set: called after each set of error types; there are 2 to the number of types.
     """
     kinds = faults.kinds
     reached = {}
@@ -76,20 +76,20 @@ def split_loss(faults: Faults, times: np.ndarray | None = None, on_set: Callable
 
 
 def draw_frames(frames: int, draws: int, rng: np.random.Generator) -> np.ndarray:
-    """How often each draw of `frames` frames with replacement takes each, (draws, frames) int64."""
+    """Draw frames with replacement: number of times each draw contains each frame, (draws, frames) int64."""
     return np.stack([np.bincount(rng.integers(0, frames, frames), minlength=frames) for _ in range(draws)])
 
 
 def parts_of_loss(
     faults: Faults, points: np.ndarray | None, detection_points: np.ndarray | None
 ) -> dict[str, list[Part]]:
-    """What each kind of error costs by distance, occlusion and, where they were counted, points in the box.
+    """Gain of correcting each error type by distance, occlusion and, if counted, points in the box.
 
-    Errors of a part alone are mended. False alarms lie at their own distance, with their own points; they have no
+    Only errors of one subset are corrected. False alarms are assigned by their own distance and points; they have no
     occlusion.
 
     Args:
-        faults: what is wrong.
+        faults: errors of the detections.
         points: (g,) points in the box of every label row.
         points_found: (d,) the same of the detections.
     """
@@ -144,7 +144,7 @@ def _average_precisions(task: Task, times: np.ndarray | None) -> np.ndarray:
 
 
 def _shapley(reached: dict[frozenset[str], np.ndarray], kind: str, kinds: Sequence[str]) -> np.ndarray:
-    """The mean gain of a kind over all orders, (1 + draws,) float64."""
+    """Mean gain of an error type over all orders, (1 + draws,) float64."""
     many, share = len(kinds), np.zeros_like(reached[frozenset()])
     for subset in subsets([other for other in kinds if other != kind]):
         weight = factorial(len(subset)) * factorial(many - len(subset) - 1) / factorial(many)
