@@ -36,7 +36,7 @@ class Inputs:
     config: TrainConfig
     out: Path
     few: str = "fit"
-    use_full: str = "train"
+    full: str = "train"
     test: str = "test"
     fine_tune: TrainConfig | None = None
 
@@ -78,12 +78,12 @@ def real_frames(inputs: Inputs, split: str) -> Source:
 
 def real_training_frames(table: ExperimentTable, inputs: Inputs) -> Source:
     """Real training frames of a detector: all, or the few if there is no larger list."""
-    use_full = inputs.real is not None and inputs.use_full in Drive(inputs.real).splits
-    return real_frames(inputs, inputs.use_full if use_full and table.fine_tune != "few" else inputs.few)
+    use_full = inputs.real is not None and inputs.full in Drive(inputs.real).splits
+    return real_frames(inputs, inputs.full if use_full and table.fine_tune != "few" else inputs.few)
 
 
 def match_steps(config: TrainConfig, source: Source, table: ExperimentTable, inputs: Inputs) -> TrainConfig:
-    """Return the configuration for fewer frames than those of the variants: more epochs, for the same number of steps."""
+    """Return the configuration for fewer frames than those of the variants: more epochs, equally many steps."""
     counts = [0]
     for variant in table.variants:
         try:

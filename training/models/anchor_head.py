@@ -22,7 +22,7 @@ _PRIOR = 0.01  # initial object probability of an anchor
 
 @dataclass(frozen=True, eq=False)
 class AnchorOutput:
-    """Outputs for all anchors: scores (b, a, classes) as logits, residuals (b, a, 7), directions (b, a, 2) as logits."""
+    """Outputs of all anchors: scores (b, a, classes) [logits], residuals (b, a, 7), directions (b, a, 2) [logits]."""
 
     scores: Tensor
     residuals: Tensor

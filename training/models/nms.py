@@ -53,7 +53,7 @@ def _greedy(table: np.ndarray, overlap: float, after: int) -> np.ndarray:
         block = np.arange(start, min(start + _BLOCK, len(table)))
         block = block[~_overlapping(table, kept, block, overlap).any(0)]
         overlaps = _overlapping(table, block, block, overlap)
-        is_kept = np.first(len(block), bool)
+        is_kept = np.ones(len(block), bool)
         for row in range(len(block)):
             if is_kept[row]:
                 is_kept[row + 1 :] &= ~overlaps[row, row + 1 :]
