@@ -1,8 +1,8 @@
 """Classify the errors of detections, and correct selected error types.
 
-The kinds are those of TIDE (Bolya, Foley, Hays & Hoffman, "TIDE: A General Toolbox for Identifying Object Detection
-Errors", ECCV 2020, section 2.2), with its localisation error split into the parts of an upright box. Every detection
-that counts belongs to the object it overlaps most from above, if by more than 0.1. One of the detections of an object
+The error types are those of TIDE (Bolya, Foley, Hays & Hoffman, "TIDE: A General Toolbox for Identifying Object
+Detection Errors", ECCV 2020, section 2.2), with its localisation error split into the parts of an upright box. Every
+detection that counts belongs to the object it overlaps most from above, if by more than 0.1. One of the detections of an object
 is its box, the others are duplicates. A detection without object is a false alarm, or a box on an object of another
 class. An object without detection is missed.
 
@@ -65,7 +65,7 @@ class Faults:
     above: float
 
     @property
-    def kinds(self) -> tuple[str, ...]:
+    def error_types(self) -> tuple[str, ...]:
         """All error types of this metric."""
         return (*BOX_PARTS[self.metric], *OTHER_KINDS)
 
@@ -75,7 +75,7 @@ class Faults:
         return (self.box >= 0) & (self.overlap[frozenset()] <= self.above)
 
     def corrected(
-        self, kinds: Collection[str], objects: np.ndarray | None = None, among: np.ndarray | None = None
+        self, error_types: Collection[str], objects: np.ndarray | None = None, among: np.ndarray | None = None
     ) -> Task:
         """Return the task with some error types corrected.
 
@@ -88,16 +88,16 @@ class Faults:
         selected = np.ones(len(self.box), bool) if objects is None else objects
         valid = task.valid.copy()
         for kind in ("false_alarms", "other_class"):
-            if kind in kinds:
+            if kind in error_types:
                 valid &= ~(getattr(self, kind) if among is None else getattr(self, kind) & among)
-        if "duplicates" in kinds:
+        if "duplicates" in error_types:
             valid &= ~(self.duplicates & np.append(selected, False)[self.owner])
         kept = valid[pairs.detection] | ~task.valid[pairs.detection]  # detections too small to count are kept
-        parts = frozenset(kinds) & frozenset(BOX_PARTS[self.metric])
+        parts = frozenset(error_types) & frozenset(BOX_PARTS[self.metric])
         fitted = Pairs(pairs.label[kept], pairs.detection[kept], pairs.overlap[kept])
         if parts:
             fitted = self._with_boxes(fitted, parts, selected)
-        counts = task.object_counts & ~(self.missed & selected) if "misses" in kinds else task.object_counts
+        counts = task.object_counts & ~(self.missed & selected) if "misses" in error_types else task.object_counts
         return replace(task, pairs=fitted, object_counts=counts, valid=valid)
 
     def _with_boxes(self, pairs: Pairs, parts: frozenset[str], objects: np.ndarray) -> Pairs:
@@ -195,6 +195,6 @@ def with_parts(detected: Labels, truth: Labels, parts: Collection[str]) -> Label
     return replace(detected, dimensions=dimensions, location=location, rotation_y=source["heading"].rotation_y)
 
 
-def subsets(kinds: Sequence[str]) -> list[frozenset[str]]:
+def subsets(error_types: Sequence[str]) -> list[frozenset[str]]:
     """All subsets, smaller ones first."""
-    return [frozenset(chosen) for count in range(len(kinds) + 1) for chosen in combinations(kinds, count)]
+    return [frozenset(chosen) for count in range(len(error_types) + 1) for chosen in combinations(error_types, count)]

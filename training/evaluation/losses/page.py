@@ -102,8 +102,8 @@ def _format_table(sets: Sequence[Losses], metric: Metric) -> str:
             ),
         ]
     ]
-    kinds = [kind for kind in KINDS if kind in splits[0].share]
-    for kind in kinds:
+    error_types = [kind for kind in KINDS if kind in splits[0].share]
+    for kind in error_types:
         row = [KINDS[kind][0]]
         for split, items in zip(splits, bounds, strict=True):
             row += [_with_interval(split.share[kind], items[kind]), f"{split.alone[kind]:.1f}"]
@@ -111,7 +111,7 @@ def _format_table(sets: Sequence[Losses], metric: Metric) -> str:
     if len(splits) == 2:
         heads.append("first − second")
         between = difference(*splits)
-        for row, key in zip(rows, ("ap", *kinds), strict=True):
+        for row, key in zip(rows, ("ap", *error_types), strict=True):
             row.append(_with_interval(*between[key], of_two=True))
     return table(heads, rows)
 
@@ -135,13 +135,13 @@ def _format_parts(losses: Losses) -> str:
 
 
 def _part_table(items: Sequence[Part], split: Split) -> str:
-    kinds = [kind for kind in KINDS if kind in split.share]
-    most = max((part.gain.get(kind, 0.0) for part in items for kind in kinds), default=0.0)
+    error_types = [kind for kind in KINDS if kind in split.share]
+    most = max((part.gain.get(kind, 0.0) for part in items for kind in error_types), default=0.0)
     rows = [
-        [escape(part.name), f"{part.objects:,}", *(_shaded(part.gain.get(kind), most) for kind in kinds)]
+        [escape(part.name), f"{part.objects:,}", *(_shaded(part.gain.get(kind), most) for kind in error_types)]
         for part in items
     ]
-    return table(["", "objects", *(KINDS[kind][0] for kind in kinds)], rows)
+    return table(["", "objects", *(KINDS[kind][0] for kind in error_types)], rows)
 
 
 def _shaded(gain: float | None, most: float) -> str:

@@ -32,7 +32,7 @@ class Split:
         ap: average precision.
         share: loss by error type; the sum is 100 − ap.
         alone: gain by error type if only this type is corrected.
-        drawn: (draws, 1 + kinds) float64: ap and shares of sets drawn from the frames; no rows without draws.
+        drawn: (draws, 1 + error types) float64: ap and shares of sets drawn from the frames; no rows without draws.
     """
 
     faults: Faults
@@ -59,18 +59,18 @@ def split_loss(faults: Faults, times: np.ndarray | None = None, on_set: Callable
         times: (draws, f) number of times each bootstrap draw contains each frame.
         on_set: called after each set of error types; there are 2 to the number of types.
     """
-    kinds = faults.kinds
+    error_types = faults.error_types
     reached = {}
-    for subset in subsets(kinds):
+    for subset in subsets(error_types):
         reached[subset] = _average_precisions(faults.corrected(subset), times)
         on_set()
-    shares = np.stack([_shapley(reached, kind, kinds) for kind in kinds], -1)
+    shares = np.stack([_shapley(reached, kind, error_types) for kind in error_types], -1)
     ap = reached[frozenset()]
     return Split(
         faults,
         float(ap[0]),
-        {kind: float(value) for kind, value in zip(kinds, shares[0], strict=True)},
-        {kind: float(reached[frozenset({kind})][0] - ap[0]) for kind in kinds},
+        {kind: float(value) for kind, value in zip(error_types, shares[0], strict=True)},
+        {kind: float(reached[frozenset({kind})][0] - ap[0]) for kind in error_types},
         np.column_stack([ap, shares])[1:],
     )
 
@@ -95,7 +95,7 @@ def parts_of_loss(
     """
     scored = faults.task.scored
     labels, detections = scored.labels.objects, scored.detections.objects
-    kinds = {
+    partitions = {
         "distance": (
             _bins(_distance(labels.location), DISTANCE_EDGES_M),
             _bins(_distance(detections.location), DISTANCE_EDGES_M),
@@ -104,9 +104,9 @@ def parts_of_loss(
         "occlusion": (labels.occluded, None, OCCLUSIONS),
     }
     if points is not None and detection_points is not None:
-        kinds["points"] = (_bins(points, POINT_EDGES), _bins(detection_points, POINT_EDGES), point_words())
+        partitions["points"] = (_bins(points, POINT_EDGES), _bins(detection_points, POINT_EDGES), point_words())
     before = float(_average_precisions(faults.task, None)[0])
-    return {name: _parts(faults, before, *subset) for name, subset in kinds.items()}
+    return {name: _parts(faults, before, *subset) for name, subset in partitions.items()}
 
 
 def _parts(
@@ -124,10 +124,12 @@ def _parts(
         )
         if not object_count and not any(rows.any() for rows in false_positives.values()):
             continue
-        kinds = [kind for kind in faults.kinds if among is not None or kind not in ("false_alarms", "other_class")]
+        error_types = [
+            kind for kind in faults.error_types if among is not None or kind not in ("false_alarms", "other_class")
+        ]
         gain = {
             kind: float(_average_precisions(faults.corrected([kind], in_part, among), None)[0]) - before
-            for kind in kinds
+            for kind in error_types
         }
         parts.append(Part(name, object_count, gain))
     return parts
@@ -143,10 +145,10 @@ def _average_precisions(task: Task, times: np.ndarray | None) -> np.ndarray:
     return np.array([continuous_average(*whole_curve(counts.of_frames(row))) for row in weights])
 
 
-def _shapley(reached: dict[frozenset[str], np.ndarray], kind: str, kinds: Sequence[str]) -> np.ndarray:
+def _shapley(reached: dict[frozenset[str], np.ndarray], kind: str, error_types: Sequence[str]) -> np.ndarray:
     """Mean gain of an error type over all orders, (1 + draws,) float64."""
-    many, share = len(kinds), np.zeros_like(reached[frozenset()])
-    for subset in subsets([other for other in kinds if other != kind]):
+    many, share = len(error_types), np.zeros_like(reached[frozenset()])
+    for subset in subsets([other for other in error_types if other != kind]):
         weight = factorial(len(subset)) * factorial(many - len(subset) - 1) / factorial(many)
         share += weight * (reached[subset | {kind}] - reached[subset])
     return share
