@@ -1,4 +1,4 @@
-"""Checkpoints: our own, whole or not at all, and the weights of others."""
+"""Checkpoints: atomic writing and reading of cosim's files, and weights of other frameworks."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from training.models.pillar_detector import SECOND_STAGE
 from training.models.settings import ModelSettings
 
 FORMAT = 1
-#: Keys that checkpoints of earlier versions lack, where presets say otherwise.
-_BEFORE = {"level_ground": False, "intensity": True, "refine": False}
+#: Defaults of keys that are missing in checkpoints of earlier versions.
+_OLD_DEFAULTS = {"level_ground": False, "intensity": True, "refine": False}
 
 
 def save_checkpoint(
     path: Path, detector: Detector, settings: ModelSettings, classes: tuple[str, ...], **more: Any
 ) -> None:
-    """Put a checkpoint in place whole."""
+    """Write a checkpoint atomically."""
     content = {
         "format": FORMAT,
         "model": settings.model_dump(mode="json"),
@@ -47,7 +47,7 @@ def save_checkpoint(
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
-    """The content of a checkpoint file, on the CPU.
+    """Read the content of a checkpoint file, on the CPU.
 
     Raises:
         TrainingError: missing, or not a file of tensors.
@@ -58,26 +58,26 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         raise TrainingError(f"{path}: cannot be read ({error.strerror}); give a checkpoint file") from None
     except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError, LookupError, struct.error):
         raise TrainingError(
-            f"{path}: no checkpoint of tensors alone; load it where it was made and save its state_dict with torch.save"
+            f"{path}: not a checkpoint that contains only tensors; save its state_dict with torch.save"
         ) from None
     if not isinstance(content, dict):
-        raise TrainingError(f"{path}: holds {type(content).__name__}; a checkpoint is a dictionary of weights")
+        raise TrainingError(f"{path}: contains {type(content).__name__}; a checkpoint is a dictionary of weights")
     return content
 
 
 def load_weights(detector: Detector, path: Path, classes: tuple[str, ...]) -> None:
-    """Fill a detector from a checkpoint, ours or another framework's.
+    """Load the weights of a checkpoint, cosim's or another framework's, into a detector.
 
-    A checkpoint of a first stage alone leaves the second stage as it is.
+    A checkpoint of a first stage does not change the second stage.
 
     Raises:
-        TrainingError: of another architecture; says which keys differ.
+        TrainingError: the architecture differs; the message lists the keys.
     """
     content = read_checkpoint(path)
-    weights = _ours(content, path)[2] if content.get("format") == FORMAT else translate(content, classes).weights
+    weights = _parse_own(content, path)[2] if content.get("format") == FORMAT else translate(content, classes).weights
     if not any(key.startswith(SECOND_STAGE) for key in weights):
-        kept = {key: value for key, value in detector.state_dict().items() if key.startswith(SECOND_STAGE)}
-        weights = {**weights, **kept}
+        second_stage = {key: value for key, value in detector.state_dict().items() if key.startswith(SECOND_STAGE)}
+        weights = {**weights, **second_stage}
     demand_same_keys(detector.state_dict(), weights, path)
     detector.load_state_dict(weights)
 
@@ -85,28 +85,28 @@ def load_weights(detector: Detector, path: Path, classes: tuple[str, ...]) -> No
 def load_detector(
     path: Path, model: ModelSettings | None = None, classes: tuple[str, ...] = ()
 ) -> tuple[Detector, tuple[str, ...]]:
-    """A detector with its weights, and its classes.
+    """Load a detector with its weights; returns the detector and its classes.
 
     Args:
-        path: a checkpoint. Ours tell their model; of another framework's `model` is `pointpillars` by default.
-        model: what to build where the checkpoint does not tell.
+        path: a checkpoint.
+        model: settings for a checkpoint of another framework (default: `pointpillars`); cosim's contain their own.
         classes: likewise; by default Car, Pedestrian, Cyclist.
     """
     content = read_checkpoint(path)
     if content.get("format") == FORMAT:
-        settings, found, weights = _ours(content, path)
+        settings, class_names, weights = _parse_own(content, path)
     else:
-        found = classes or ("Car", "Pedestrian", "Cyclist")
-        translated = translate(content, found)
+        class_names = classes or ("Car", "Pedestrian", "Cyclist")
+        translated = translate(content, class_names)
         settings, weights = model or ModelSettings(name="pointpillars"), translated.weights
         settings = settings.model_copy(update={"direction_offset_rad": translated.direction_offset_rad})
-    detector = build_detector(settings, found)
+    detector = build_detector(settings, class_names)
     demand_same_keys(detector.state_dict(), weights, path)
     detector.load_state_dict(weights)
-    return detector, found
+    return detector, class_names
 
 
-def _ours(content: dict[str, Any], path: Path) -> tuple[ModelSettings, tuple[str, ...], dict[str, Tensor]]:
+def _parse_own(content: dict[str, Any], path: Path) -> tuple[ModelSettings, tuple[str, ...], dict[str, Tensor]]:
     """Model, classes and weights of a checkpoint of cosim train.
 
     Raises:
@@ -114,9 +114,9 @@ def _ours(content: dict[str, Any], path: Path) -> tuple[ModelSettings, tuple[str
     """
     absent = [name for name in ("model", "classes", "weights") if name not in content]
     if absent:
-        raise TrainingError(f"{path}: no {absent[0]} in it; take a checkpoint.pt as cosim train left it")
+        raise TrainingError(f"{path}: it contains no {absent[0]}; use a checkpoint.pt written by cosim train")
     try:
-        settings = ModelSettings.model_validate({**_BEFORE, **content["model"]})
+        settings = ModelSettings.model_validate({**_OLD_DEFAULTS, **content["model"]})
     except ValidationError as error:
         raise TrainingError(
             f"{path}: {first_problem(error)}; another version of cosim wrote it, use it with that one"
@@ -124,23 +124,23 @@ def _ours(content: dict[str, Any], path: Path) -> tuple[ModelSettings, tuple[str
     return settings, tuple(content["classes"]), content["weights"]
 
 
-def demand_same_keys(wanted: dict[str, Tensor], given: dict[str, Tensor], path: Path) -> None:
-    """Demand the same names and shapes.
+def demand_same_keys(expected: dict[str, Tensor], actual: dict[str, Tensor], path: Path) -> None:
+    """Check that names and shapes are the same.
 
     Raises:
-        TrainingError: naming what differs.
+        TrainingError: they differ; the message lists the differences.
     """
-    missing = [key for key in wanted if key not in given]
-    extra = [key for key in given if key not in wanted]
+    missing = [key for key in expected if key not in actual]
+    extra = [key for key in actual if key not in expected]
     shapes = [
-        f"{key} is {tuple(given[key].shape)}, not {tuple(wanted[key].shape)}"
-        for key in wanted
-        if key in given and given[key].shape != wanted[key].shape
+        f"{key} is {tuple(actual[key].shape)}, not {tuple(expected[key].shape)}"
+        for key in expected
+        if key in actual and actual[key].shape != expected[key].shape
     ]
     parts = [
-        f"{len(some)} {word} ({', '.join(some[:4])}{' …' if len(some) > 4 else ''})"
-        for word, some in (("missing", missing), ("unknown", extra), ("of another shape", shapes))
-        if some
+        f"{len(keys)} {word} ({', '.join(keys[:4])}{' …' if len(keys) > 4 else ''})"
+        for word, keys in (("missing", missing), ("unknown", extra), ("of another shape", shapes))
+        if keys
     ]
     if parts:
         raise TrainingError(f"{path}: weights of another architecture: {'; '.join(parts)}; change `model` or the file")

@@ -1,4 +1,4 @@
-"""Where a training runs, in which precision, and beside which other processes."""
+"""Device, precision and process group of a training."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from torch import distributed
 from training.config import TrainConfig
 from training.errors import TrainingError
 
-_PATIENCE = timedelta(hours=2)  # the others wait while the first process scores the detector
+_PATIENCE = timedelta(hours=2)  # the other processes wait while the first one validates the detector
 
 
 @dataclass(frozen=True)
-class Place:
+class ProcessContext:
     """A process of a training.
 
     Attributes:
-        device: where it computes.
-        dtype: of the convolutions.
-        rank: its number among `world` processes that train together.
+        device: device of the computation.
+        dtype: data type of the convolutions.
+        rank: rank of this process among `world` processes.
     """
 
     device: torch.device
@@ -43,14 +43,14 @@ class Place:
 
 
 @contextlib.contextmanager
-def find_place(config: TrainConfig) -> Iterator[Place]:
-    """The device and precision of a configuration; joins the processes that torchrun started.
+def join_processes(config: TrainConfig) -> Iterator[ProcessContext]:
+    """Select device and precision of a configuration, and join the processes started by torchrun.
 
-    They part together: threads of gloo outlive the group, and a process that ended while one still held gradients of
-    the last step could be aborted.
+    The processes leave the group together: threads of gloo outlive it, and a process that exits while another one
+    still sends gradients of the last step could be aborted.
 
     Raises:
-        TrainingError: a GPU is demanded where there is none.
+        TrainingError: a GPU is requested, but none is available.
     """
     rank, world = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
     device = find_device(config.device)
@@ -60,7 +60,7 @@ def find_place(config: TrainConfig) -> Iterator[Place]:
     if world > 1:
         distributed.init_process_group("nccl" if device.type == "cuda" else "gloo", timeout=_PATIENCE)
     try:
-        yield Place(device, _dtype(config.precision, device), rank, world)
+        yield ProcessContext(device, _dtype(config.precision, device), rank, world)
         if world > 1:
             distributed.barrier()
     finally:
@@ -69,10 +69,10 @@ def find_place(config: TrainConfig) -> Iterator[Place]:
 
 
 def find_device(wanted: str) -> torch.device:
-    """A device by name, or the best there is for `auto`.
+    """Return a device by name, or the best available one for `auto`.
 
     Raises:
-        TrainingError: a GPU is demanded where there is none.
+        TrainingError: a GPU is requested, but none is available.
     """
     if wanted == "cuda" and not torch.cuda.is_available():
         raise TrainingError(
@@ -92,14 +92,14 @@ def _dtype(precision: str, device: torch.device) -> torch.dtype:
 
 
 def _computes_in_bfloat16() -> bool:
-    """Whether the CPU has instructions for it, by torch's own tests, which have no public name."""
+    """Check for bfloat16 instructions of the CPU with torch's own tests, which are not public."""
     tests = (getattr(torch.cpu, name, None) for name in ("_is_amx_tile_supported", "_is_avx512_bf16_supported"))
     return any(test is not None and test() for test in tests)
 
 
 @contextlib.contextmanager
-def memory_explained(config: TrainConfig) -> Iterator[None]:
-    """Turn running out of memory into one line that says which setting to lower."""
+def explain_out_of_memory(config: TrainConfig) -> Iterator[None]:
+    """Convert out-of-memory errors into an error that names the setting to lower."""
     try:
         yield
     except (MemoryError, RuntimeError) as error:
@@ -109,6 +109,6 @@ def memory_explained(config: TrainConfig) -> Iterator[None]:
             raise
         lower = "`batch_size`" if config.batch_size > 1 else "`model: {max_cells: …}` or the range `low_m`, `high_m`"
         raise TrainingError(
-            f"out of memory with batch_size {config.batch_size}; lower {lower}; what was begun with other settings "
-            "stays as it is, so give another --out if there is a checkpoint already"
+            f"out of memory with batch_size {config.batch_size}; lower {lower}; a checkpoint of "
+            "other settings is kept, so give another --out if there is one already"
         ) from error

@@ -1,4 +1,4 @@
-"""Errors of training and evaluation that are the user's to mend."""
+"""Errors of training and evaluation that are caused by user input."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class TrainingError(CosimError):
 
 
 def demand_torch() -> None:
-    """Demand that torch is installed.
+    """Check that torch is installed.
 
     Raises:
-        TrainingError: it is not; says how to get it.
+        TrainingError: it is not installed.
     """
     if importlib.util.find_spec("torch") is None:
         raise TrainingError("this needs torch, which is not installed; run: pip install 'cosim[training]'")

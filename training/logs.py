@@ -1,4 +1,4 @@
-"""What a training writes down as it goes: `log.jsonl`, and TensorBoard's events where that is installed."""
+"""Logs of a training: `log.jsonl`, and TensorBoard events if it is installed."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from cosim.drives.writer import explained
 
 
 class TrainingLog:
-    """One line a logged step or validation; lines of steps that a resumed run repeats are dropped.
+    """One line per logged step or validation; lines of steps that a resumed run repeats are removed.
 
     Args:
-        folder: of the training.
-        step: that it goes on from.
+        folder: folder of the training.
+        step: step at which the run starts.
     """
 
     def __init__(self, folder: Path, step: int) -> None:
         self._path = folder / "log.jsonl"
-        self._board = _board(folder / "tensorboard", step)
+        self._board = _open_tensorboard(folder / "tensorboard", step)
         with explained(self._path):
-            kept = [entry for entry in read_log(folder) if entry["step"] <= step]
-            self._path.write_text("".join(json.dumps(entry) + "\n" for entry in kept), encoding="utf-8")
+            entries = [entry for entry in read_log(folder) if entry["step"] <= step]
+            self._path.write_text("".join(json.dumps(entry) + "\n" for entry in entries), encoding="utf-8")
 
     def write(self, step: int, **values: Any) -> None:
         """Add a line; numbers also go to TensorBoard."""
         with explained(self._path), self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps({"step": step, **values}) + "\n")
         if self._board is not None:
-            for name, value in _flat(values):
+            for name, value in _flatten(values):
                 self._board.add_scalar(name, value, step)
 
     def close(self) -> None:
-        """Finish the events."""
+        """Close the TensorBoard writer."""
         if self._board is not None:
             self._board.close()
 
 
 def read_log(folder: Path) -> list[dict[str, Any]]:
-    """The entries of a training's log; a last line torn by an interruption is left out."""
+    """Read the entries of a training's log; an incomplete last line is ignored."""
     path = folder / "log.jsonl"
     if not path.is_file():
         return []
@@ -48,7 +48,7 @@ def read_log(folder: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in lines if line.endswith("\n") and line.strip()]
 
 
-def _board(folder: Path, step: int) -> Any:
+def _open_tensorboard(folder: Path, step: int) -> Any:
     if importlib.util.find_spec("tensorboard") is None:
         return None
     from torch.utils.tensorboard import SummaryWriter
@@ -56,11 +56,11 @@ def _board(folder: Path, step: int) -> Any:
     return SummaryWriter(str(folder), purge_step=step + 1)
 
 
-def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, float]]:
+def _flatten(values: dict[str, Any], prefix: str = "") -> list[tuple[str, float]]:
     flat = []
     for name, value in values.items():
         if isinstance(value, dict):
-            flat += _flat(value, f"{prefix}{name}/")
+            flat += _flatten(value, f"{prefix}{name}/")
         elif isinstance(value, int | float):
             flat.append((prefix + name, float(value)))
     return flat

@@ -1,4 +1,4 @@
-"""The training loop: reads from top to bottom."""
+"""The training loop."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from training.config import TrainConfig
 from training.data.batch import Batch
 from training.data.dataset import AugmentedFrames, Steps, load
 from training.data.frame import Sample
-from training.devices import Place, memory_explained
+from training.devices import ProcessContext, explain_out_of_memory
 from training.errors import TrainingError
 from training.logs import TrainingLog
 from training.models.build import build_detector
@@ -25,17 +25,26 @@ from training.models.detector import Detector
 from training.schedule import OneCycle
 
 CHECKPOINT = "checkpoint.pt"
-_FREE = {"out", "device", "precision", "workers", "checkpoint_every", "log_every", "validate_every", "validate_on"}
+_NOT_DECISIVE = {
+    "out",
+    "device",
+    "precision",
+    "workers",
+    "checkpoint_every",
+    "log_every",
+    "validate_every",
+    "validate_on",
+}
 
 
 @dataclass(frozen=True)
 class Moment:
-    """Where a training is.
+    """Progress of a training.
 
     Attributes:
-        step, steps: done, and in all.
-        epoch: begun, from 1.
-        losses: of the last step, by name.
+        step, steps: finished steps, and total number of steps.
+        epoch: current epoch, from 1.
+        losses: losses of the last step, by name.
     """
 
     step: int
@@ -45,15 +54,15 @@ class Moment:
 
 
 class Training:
-    """A training that can be stopped at any time and goes on as if it had not been.
+    """A training that can be interrupted at any time; a resumed run gives identical losses.
 
     Args:
-        config: what to do.
-        samples: frames to learn from.
-        folder: of checkpoints and logs.
-        place: this process.
-        validate: scores the detector, for the log; nothing by default.
-        on_step: told after every step.
+        config: configuration.
+        samples: training frames.
+        folder: folder of checkpoints and logs.
+        process: device, precision and rank of this process.
+        validate: returns validation scores of the detector, for the log; none by default.
+        on_step: called after every step.
     """
 
     def __init__(
@@ -61,40 +70,40 @@ class Training:
         config: TrainConfig,
         samples: list[Sample],
         folder: Path,
-        place: Place,
+        process: ProcessContext,
         validate: Callable[[Detector], dict[str, Any]] = lambda detector: {},
         on_step: Callable[[Moment], None] = lambda moment: None,
     ) -> None:
-        self._config, self._folder, self._place = config, folder, place
+        self._config, self._folder, self._process = config, folder, process
         self._validate, self._on_step = validate, on_step
         self._frames = AugmentedFrames(samples, config.augment, config.classes, config.seed)
-        self._order = Steps(len(samples), config.batch_size, config.seed, place.rank, place.world)
+        self._order = Steps(len(samples), config.batch_size, config.seed, process.rank, process.world)
         self._steps = config.steps or config.epochs * self._order.per_epoch
         torch.manual_seed(config.seed)
         self.detector = build_detector(config.model, config.classes)
         if config.from_checkpoint is not None:
             load_weights(self.detector, config.from_checkpoint, config.classes)
-        self.detector.to(place.device)
+        self.detector.to(process.device)
         self._freeze()
-        learning = [parameter for parameter in self.detector.parameters() if parameter.requires_grad]
-        self._optimiser = torch.optim.AdamW(learning, config.learning_rate, weight_decay=config.weight_decay)
-        self._scaler = torch.amp.GradScaler(place.device.type, enabled=place.dtype == torch.float16)
+        trainable = [parameter for parameter in self.detector.parameters() if parameter.requires_grad]
+        self._optimiser = torch.optim.AdamW(trainable, config.learning_rate, weight_decay=config.weight_decay)
+        self._scaler = torch.amp.GradScaler(process.device.type, enabled=process.dtype == torch.float16)
         self._schedule = OneCycle(config.learning_rate, self._steps)
 
     def run(self) -> Detector:
         """Train to the end.
 
         Raises:
-            TrainingError: the folder holds another training, or memory runs out.
+            TrainingError: the folder contains another training, or memory runs out.
         """
-        begin = self._resume()
-        model = self._joined()
-        log = TrainingLog(self._folder, begin) if self._place.first else None
-        batches = load(self._frames, self._order, begin, self._steps, self._config.workers)
-        since = time.monotonic()
-        with memory_explained(self._config):
-            for step in range(begin, self._steps):
-                batch = next(batches).to(self._place.device)
+        first_step = self._resume()
+        model = self._wrap_parallel()
+        log = TrainingLog(self._folder, first_step) if self._process.first else None
+        batches = load(self._frames, self._order, first_step, self._steps, self._config.workers)
+        start_s = time.monotonic()
+        with explain_out_of_memory(self._config):
+            for step in range(first_step, self._steps):
+                batch = next(batches).to(self._process.device)
                 losses = self._step(model, batch, step)
                 done = step + 1
                 epoch = -(-done // self._order.per_epoch)
@@ -102,28 +111,28 @@ class Training:
                     continue
                 if done % self._config.log_every == 0 or done == self._steps:
                     rate = self._optimiser.param_groups[0]["lr"]
-                    seconds = round(time.monotonic() - since, 3)
+                    seconds = round(time.monotonic() - start_s, 3)
                     log.write(done, epoch=epoch, learning_rate=rate, losses=losses, seconds=seconds)
                 self._on_step(Moment(done, self._steps, epoch, losses))
-                last = done == self._steps
-                whole = last or done % self._order.per_epoch == 0
-                if whole and (epoch % self._config.validate_every == 0 or last):
+                is_last = done == self._steps
+                is_epoch_end = is_last or done % self._order.per_epoch == 0
+                if is_epoch_end and (epoch % self._config.validate_every == 0 or is_last):
                     scores = self._validate(self.detector)
                     if scores:
                         log.write(done, epoch=epoch, validation=scores)
-                if whole or done % self._config.checkpoint_every == 0:
+                if is_epoch_end or done % self._config.checkpoint_every == 0:
                     self._save(done)
         if log is not None:
             log.close()
         return self.detector
 
     def _step(self, model: nn.Module, batch: Batch, step: int) -> dict[str, float]:
-        torch.manual_seed((self._config.seed * 1_000_003 + step * self._place.world + self._place.rank) % 2**63)
+        torch.manual_seed((self._config.seed * 1_000_003 + step * self._process.world + self._process.rank) % 2**63)
         rate, beta = self._schedule.at(step)
         for group in self._optimiser.param_groups:
             group["lr"], group["betas"] = rate, (beta, 0.99)
         self._set_training()
-        with self._place.autocast():
+        with self._process.autocast():
             losses = model(batch)
         total = torch.stack(list(losses.values())).sum()
         if not torch.isfinite(total):
@@ -138,10 +147,10 @@ class Training:
         self._scaler.update()
         return {name: value.item() for name, value in losses.items()} | {"total": total.item()}
 
-    def _joined(self) -> nn.Module:
-        if self._place.world == 1:
+    def _wrap_parallel(self) -> nn.Module:
+        if self._process.world == 1:
             return self.detector
-        ids = [self._place.device.index] if self._place.device.type == "cuda" else None
+        ids = [self._process.device.index] if self._process.device.type == "cuda" else None
         return DistributedDataParallel(self.detector, device_ids=ids, find_unused_parameters=True)
 
     def _set_training(self) -> None:
@@ -159,16 +168,18 @@ class Training:
             part.requires_grad_(False)
 
     def _resume(self) -> int:
-        """Steps done before; fills in weights and optimiser."""
+        """Load weights and optimiser of a checkpoint; returns the number of finished steps."""
         path = self._folder / CHECKPOINT
         if not path.is_file():
             return 0
         content = read_checkpoint(path)
-        before, now = content.get("config", {}), decisive(self._config)
-        changed = [key for key in now if before.get(key) != now[key]]
-        if changed or content.get("world") != self._place.world:
-            what = f"{changed[0]} was {before.get(changed[0])}" if changed else f"with {content.get('world')} processes"
-            raise TrainingError(f"{self._folder} holds a training with other settings ({what}); choose another --out")
+        saved, current = content.get("config", {}), decisive_settings(self._config)
+        changed = [key for key in current if saved.get(key) != current[key]]
+        if changed or content.get("world") != self._process.world:
+            what = f"{changed[0]} was {saved.get(changed[0])}" if changed else f"with {content.get('world')} processes"
+            raise TrainingError(
+                f"{self._folder} contains a training with other settings ({what}); choose another --out"
+            )
         self.detector.load_state_dict(content["weights"])
         self._optimiser.load_state_dict(content["optimiser"])
         self._scaler.load_state_dict(content["scaler"])
@@ -183,11 +194,11 @@ class Training:
             optimiser=self._optimiser.state_dict(),
             scaler=self._scaler.state_dict(),
             step=step,
-            config=decisive(self._config),
-            world=self._place.world,
+            config=decisive_settings(self._config),
+            world=self._process.world,
         )
 
 
-def decisive(config: TrainConfig) -> dict[str, Any]:
-    """The settings that decide the losses."""
-    return config.model_dump(mode="json", exclude=_FREE)
+def decisive_settings(config: TrainConfig) -> dict[str, Any]:
+    """Settings that determine the losses."""
+    return config.model_dump(mode="json", exclude=_NOT_DECISIVE)

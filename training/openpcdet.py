@@ -1,8 +1,7 @@
-"""A drive laid out as OpenPCDet's KITTI dataset class reads it: folders, ImageSets and info files.
+"""Export a drive in the layout of OpenPCDet's KITTI dataset class: folders, ImageSets and info files.
 
-The info files hold plain dictionaries of numpy arrays, a dictionary a frame, as that class's own preparation writes
-them; boxes are in LiDAR axes. Scans, images, labels and calibrations are linked, not copied, where the file system
-allows.
+The info files contain one dictionary of numpy arrays per frame, as written by OpenPCDet's own preparation; boxes are
+in LiDAR axes. Scans, images, labels and calibrations are hard links if the file system supports them.
 """
 
 from __future__ import annotations
@@ -36,8 +35,8 @@ def export_openpcdet(
     Args:
         drive: labelled frames, simulated or real. Its own lists train and val are kept; without them the last
             `held_out` of the frames are val.
-        folder: to write.
-        held_out: a share, 0–1.
+        folder: output folder.
+        held_out: share of validation frames, 0–1.
         on_frame: called after every frame.
 
     Raises:
@@ -63,7 +62,7 @@ def export_openpcdet(
 
 
 def frame_info(frame: Frame) -> dict[str, Any]:
-    """What OpenPCDet knows of a frame."""
+    """Info dictionary of a frame."""
     width, height = image_size(frame)
     calibration = frame.calibration
     square = {name: np.eye(4) for name in ("P2", "R0_rect", "Tr_velo_to_cam")}
@@ -74,12 +73,12 @@ def frame_info(frame: Frame) -> dict[str, Any]:
         "point_cloud": {"num_features": 4, "lidar_idx": frame.name},
         "image": {"image_idx": frame.name, "image_shape": np.array([height, width], np.int32)},
         "calib": {name: matrix.astype(np.float32) for name, matrix in square.items()},
-        "annos": annotated(frame),
+        "annos": annotations_of(frame),
     }
 
 
-def annotated(frame: Frame) -> dict[str, np.ndarray]:
-    """The labels of a frame: objects first, then DontCare regions; arrays of boxes and points of the objects alone."""
+def annotations_of(frame: Frame) -> dict[str, np.ndarray]:
+    """The labels of a frame: objects first, then DontCare regions; boxes and point counts of the objects only."""
     cared = frame.labels.cared_for
     labels = cared.followed_by(frame.labels.of_type("DontCare"))
     boxes = cared.boxes_velo(frame.calibration)
@@ -105,7 +104,7 @@ def annotated(frame: Frame) -> dict[str, np.ndarray]:
 
 
 def object_database(infos: list[dict[str, Any]], drive: Drive, folder: Path) -> dict[str, list[dict[str, Any]]]:
-    """Cut the objects of the training frames out for ground-truth sampling; returns what there is, by class."""
+    """Write the objects of the training frames for ground-truth sampling; returns their entries by class."""
     database: dict[str, list[dict[str, Any]]] = {}
     (folder / "gt_database").mkdir(exist_ok=True)
     for info in infos:
@@ -142,7 +141,7 @@ def _write(folder: Path, splits: dict[str, tuple[str, ...]], infos: dict[str, li
 
 
 def _difficulty(labels: Labels) -> np.ndarray:
-    """0 easy, 1 moderate, 2 hard, −1 none of them: the easiest that fits, with the limits that framework takes."""
+    """Easiest matching difficulty with OpenPCDet's limits: 0 easy, 1 moderate, 2 hard, −1 none."""
     height = labels.bbox[:, 3] - labels.bbox[:, 1] + 1
     level = np.full(len(labels), -1, np.int32)
     for number in (2, 1, 0):

@@ -1,4 +1,4 @@
-"""Detections of a detector as KITTI's labels with scores."""
+"""Run a detector, and convert its detections to KITTI labels with scores."""
 
 from __future__ import annotations
 
@@ -25,39 +25,39 @@ def predict(
     least_score: float = 0.05,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[Labels]:
-    """What a detector finds, frame by frame."""
+    """Detect objects frame by frame."""
     detector.eval()
-    found = []
+    detected = []
     for frame in frames:
         batch = collate([read_sample(frame, classes)]).to(device)
-        found.append(as_labels(detector.detect(batch, least_score)[0], frame, classes))
+        detected.append(to_labels(detector.detect(batch, least_score)[0], frame, classes))
         on_frame()
-    return found
+    return detected
 
 
-def as_labels(detections: Detections, frame: Frame, classes: Sequence[str]) -> Labels:
-    """Detections in KITTI's terms, with image boxes; those outside the image are left out."""
+def to_labels(detections: Detections, frame: Frame, classes: Sequence[str]) -> Labels:
+    """Convert detections to KITTI labels with image boxes; those outside the image are dropped."""
     table = detections.boxes.astype(np.float64)
     boxes = Boxes(table[:, :3], table[:, 3:6], table[:, 6])
-    kinds = [classes[int(kind)] for kind in detections.kinds]
-    labels = Labels.from_boxes(boxes, kinds, frame.calibration, score=detections.scores.astype(np.float64))
+    class_ids = [classes[int(kind)] for kind in detections.class_ids]
+    labels = Labels.from_boxes(boxes, class_ids, frame.calibration, score=detections.scores.astype(np.float64))
     outline = clip_boxes(project_corners(labels.corners_rect, frame.calibration.P2), *image_size(frame))
-    shown = np.nan_to_num(box_areas(outline)) > 0
+    is_visible = np.nan_to_num(box_areas(outline)) > 0
     seen = Labels.from_boxes(
-        boxes[shown],
-        [kind for kind, there in zip(kinds, shown, strict=True) if there],
+        boxes[is_visible],
+        [kind for kind, visible in zip(class_ids, is_visible, strict=True) if visible],
         frame.calibration,
-        bbox=outline[shown],
+        bbox=outline[is_visible],
         truncated=-1.0,
         occluded=-1,
-        score=detections.scores[shown].astype(np.float64),
+        score=detections.scores[is_visible].astype(np.float64),
     )
     return seen
 
 
-def write_detections(folder: Path, names: Sequence[str], found: Sequence[Labels]) -> None:
-    """Write NAME.txt a frame, for `cosim evaluate`."""
+def write_detections(folder: Path, names: Sequence[str], detected: Sequence[Labels]) -> None:
+    """Write one NAME.txt per frame, for `cosim evaluate`."""
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        for name, labels in zip(names, found, strict=True):
+        for name, labels in zip(names, detected, strict=True):
             write_labels(folder / f"{name}.txt", labels, 4)

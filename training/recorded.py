@@ -1,4 +1,4 @@
-"""Scans of a recording as a detector takes them: at the height above the ground from which it learnt to look."""
+"""Scans of a recording as input of a detector, shifted to the LiDAR height of its training data."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from training.data.views import Bare
 
 #: Height of the LiDAR above the ground in KITTI's rig, and in drives of the rig `kitti` [m].
 LEARNT_HEIGHT_M = LIDAR_IN_EGO_M[2]
-_ROUND_M = (4.0, 15.0)  # about the sensor: nearer is its own vehicle
+_RING_M = (4.0, 15.0)  # horizontal range of ground points: nearer is the ego vehicle
 _BELOW_M = (0.3, 6.0)
 _BIN_M = 0.1
 _SCANS = 10
@@ -26,11 +26,11 @@ _SCANS = 10
 
 @dataclass(frozen=True, eq=False)
 class RecordedFrames:
-    """The scans of a recording, with KITTI's camera in front: what that would see of them is looked at.
+    """Scans of a recording; KITTI's camera defines the field of view.
 
     Attributes:
-        recording: x forward, z up.
-        height_m: of the sensor above the ground.
+        recording: scans with x forward, z up.
+        height_m: height of the sensor above the ground.
     """
 
     recording: Recording
@@ -38,7 +38,7 @@ class RecordedFrames:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the frames: those of the scans, or their numbers where two scans have one name."""
+        """Names of the frames: those of the scans, or their numbers if two scans have the same name."""
         stems = tuple(Path(name).stem for name in self.recording.names)
         return stems if len(set(stems)) == len(stems) else tuple(f"{row:06d}" for row in range(len(stems)))
 
@@ -48,21 +48,21 @@ class RecordedFrames:
             intensity = np.zeros(len(scan)) if scan.intensity is None else scan.intensity
             yield Bare.named(name, np.column_stack([scan.xyz - [0, 0, lift], intensity]).astype(np.float32))
 
-    def lowered(self, found: Labels) -> Labels:
-        """Detections with the heights that they have in the axes of the recording's sensor."""
-        return replace(found, location=found.location - [0, LEARNT_HEIGHT_M - self.height_m, 0])
+    def lowered(self, heights: Labels) -> Labels:
+        """Shift detections to the axes of the recording's sensor."""
+        return replace(heights, location=heights.location - [0, LEARNT_HEIGHT_M - self.height_m, 0])
 
 
 def height_above_ground(recording: Recording) -> float | None:
-    """How high the sensor is: what its mount says, else the usual depth of what lies round about [m]; None: nothing."""
+    """Sensor height: from its mount, otherwise the most frequent depth of points around it [m]; None: no points."""
     if recording.settings.mount is not None:
         return recording.settings.mount.height_m
-    found = [height for scan in islice(recording, _SCANS) if (height := _height(scan)) is not None]
-    return float(np.median(found)) if found else None
+    heights = [height for scan in islice(recording, _SCANS) if (height := _estimate_height(scan)) is not None]
+    return float(np.median(heights)) if heights else None
 
 
 def write_calibrations(folder: Path, names: Sequence[str]) -> None:
-    """Write the calibration that detections in recordings refer to, a file a frame as KITTI has it.
+    """Write the calibration that detections in recordings refer to, one KITTI file per frame.
 
     Raises:
         OutputError: the folder cannot be written.
@@ -73,11 +73,11 @@ def write_calibrations(folder: Path, names: Sequence[str]) -> None:
             write_calibration(folder / f"{name}.txt", Calibration(**vars(KITTI_CALIBRATION)))
 
 
-def _height(scan: Scan) -> float | None:
-    below = -scan.xyz[(scan.flat_range_m > _ROUND_M[0]) & (scan.flat_range_m < _ROUND_M[1]), 2]
-    below = below[(below > _BELOW_M[0]) & (below < _BELOW_M[1])]
-    if not len(below):
+def _estimate_height(scan: Scan) -> float | None:
+    depth = -scan.xyz[(scan.flat_range_m > _RING_M[0]) & (scan.flat_range_m < _RING_M[1]), 2]
+    depth = depth[(depth > _BELOW_M[0]) & (depth < _BELOW_M[1])]
+    if not len(depth):
         return None
-    counts, edges = np.histogram(below, np.arange(_BELOW_M[0], _BELOW_M[1] + _BIN_M, _BIN_M))
-    usual = edges[counts.argmax()] + _BIN_M / 2
-    return float(np.median(below[np.abs(below - usual) < _BIN_M]))
+    counts, edges = np.histogram(depth, np.arange(_BELOW_M[0], _BELOW_M[1] + _BIN_M, _BIN_M))
+    mode_m = edges[counts.argmax()] + _BIN_M / 2
+    return float(np.median(depth[np.abs(depth - mode_m) < _BIN_M]))

@@ -1,4 +1,4 @@
-"""A training from its configuration: read, train, score, and leave everything in one folder."""
+"""Run a training from its configuration: read frames, train, validate, and write all results to one folder."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import yaml
 from cosim.drives.writer import explained
 from training.config import TrainConfig
 from training.data.source import Source, read_samples
-from training.devices import find_place
+from training.devices import join_processes
 from training.errors import TrainingError
 from training.evaluation import Evaluation, evaluate, pair_frames
 from training.evaluation.as_json import as_json
@@ -24,7 +24,7 @@ from training.predict import predict, write_detections
 
 @dataclass(frozen=True)
 class Watcher:
-    """What is told of a training: frames read, steps done, scores of validations by drive."""
+    """Callbacks of a training: after each frame read, each step, and each validation of a drive."""
 
     on_read: Callable[[], None] = lambda: None
     on_step: Callable[[Moment], None] = lambda moment: None
@@ -32,35 +32,35 @@ class Watcher:
 
 
 def run_training(config: TrainConfig, folder: Path, watcher: Watcher | None = None) -> dict[str, Any]:
-    """Train, or go on training; returns the scores of the last validation by drive, as `evaluate --json` has them.
+    """Train, or resume a training; returns the scores of the last validation by drive, as `evaluate --json` has them.
 
     Writes `config.yaml`, `log.jsonl`, `tensorboard/`, `checkpoint.pt`, and the detections on the frames of
     `validate_on` in `detections/NUMBER-NAME/`.
 
     Raises:
-        TrainingError: nothing to learn from, another training in the folder, or too little memory.
+        TrainingError: no training frames, another training in the folder, or out of memory.
     """
     watcher = watcher or Watcher()
     scores: dict[str, Any] = {}
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    with find_place(config) as place:
+    with join_processes(config) as process:
         samples = read_samples(config.train, config.classes, watcher.on_read)
 
         def validate(detector: Detector) -> dict[str, Any]:
             scores.clear()
             for number, source in enumerate(config.validate_on):
                 name = f"{number}-{source.drive.name}"
-                evaluation = score(detector, source, config.classes, place.device, folder / "detections" / name)
+                evaluation = score(detector, source, config.classes, process.device, folder / "detections" / name)
                 scores[name] = as_json(evaluation)
                 watcher.on_scores(name, evaluation)
-            return {name: _brief(said) for name, said in scores.items()}
+            return {name: _summarise(class_scores) for name, class_scores in scores.items()}
 
-        training = Training(config, samples, folder, place, validate, watcher.on_step)
-        if place.first:
+        training = Training(config, samples, folder, process, validate, watcher.on_step)
+        if process.first:
             _write_config(config, folder)
         training.run()
-        if place.first and config.validate_on and not scores:
+        if process.first and config.validate_on and not scores:
             validate(training.detector)
     return scores
 
@@ -68,7 +68,7 @@ def run_training(config: TrainConfig, folder: Path, watcher: Watcher | None = No
 def score(
     detector: Detector, source: Source, classes: tuple[str, ...], device: torch.device, folder: Path | None = None
 ) -> Evaluation:
-    """KITTI's metrics of a detector on labelled frames; detections are written to a folder where one is given.
+    """Compute KITTI's metrics of a detector on labelled frames; detections are written to `folder` if given.
 
     Raises:
         TrainingError: a frame has no labels.
@@ -77,17 +77,17 @@ def score(
     unlabelled = [name for name in names if not drive[name].has("label_2")]
     if unlabelled:
         raise TrainingError(f"{source.drive}: frame {unlabelled[0]} has no label_2/; score on labelled frames only")
-    found = predict(detector, (drive[name] for name in names), classes, device)
+    detections = predict(detector, (drive[name] for name in names), classes, device)
     if folder is not None:
-        write_detections(folder, names, found)
-    return evaluate(pair_frames([drive[name].labels for name in names], found, names))
+        write_detections(folder, names, detections)
+    return evaluate(pair_frames([drive[name].labels for name in names], detections, names))
 
 
-def _brief(said: dict[str, Any]) -> dict[str, Any]:
+def _summarise(class_scores: dict[str, Any]) -> dict[str, Any]:
     """R40 at moderate by class and metric."""
     return {
         name: {metric: metrics[metric]["R40"][1] for metric in ("3d", "bev") if metrics.get(metric)}
-        for name, metrics in said.items()
+        for name, metrics in class_scores.items()
         if metrics
     }
 

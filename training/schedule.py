@@ -1,4 +1,4 @@
-"""One cycle of learning rate and momentum (Smith & Topin, "Super-Convergence", 2018), from the step alone."""
+"""One cycle of learning rate and momentum (Smith & Topin, "Super-Convergence", 2018), as a function of the step."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class OneCycle:
-    """Learning rate rising, then falling; Adam's first beta the other way round.
+    """Learning rate that rises, then falls; Adam's first beta falls, then rises.
 
     Attributes:
-        highest: learning rate at the peak.
-        steps: of the whole training.
+        highest: maximum learning rate.
+        steps: number of steps of the training.
     """
 
     highest: float

@@ -1,6 +1,6 @@
-"""`python -m training.train CONFIG.yaml`: trains without the command line, as `torchrun` starts it on several GPUs.
+"""`python -m training.train CONFIG.yaml`: train without the `cosim` command, for example with `torchrun`.
 
-What happens is logged to stderr, a line a minute at most; `cosim train` does the same with a bar.
+Progress is logged to stderr, at most one line per minute; `cosim train` does the same with a progress bar.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ _EVERY_S = 60.0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Train, or go on where it was stopped; returns the exit code: 0, or 2 for bad input."""
+    """Train, or resume a training; returns the exit code: 0, or 2 for bad input."""
     parser = argparse.ArgumentParser(prog="python -m training.train", description=__doc__)
-    parser.add_argument("config", type=Path, metavar="CONFIG.yaml", help="what to train on, and how")
+    parser.add_argument("config", type=Path, metavar="CONFIG.yaml", help="configuration of the training")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of checkpoints and logs (default: its `out`)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the scores as JSON")
-    parser.add_argument("--quiet", action="store_true", help="log nothing but errors")
+    parser.add_argument("--quiet", action="store_true", help="log errors only")
     options = parser.parse_args(arguments)
-    silent = options.quiet or os.environ.get("RANK", "0") != "0"  # of several processes the first one tells
-    logging.basicConfig(level=logging.ERROR if silent else logging.INFO, format="%(message)s")
+    is_silent = options.quiet or os.environ.get("RANK", "0") != "0"  # only the first process logs
+    logging.basicConfig(level=logging.ERROR if is_silent else logging.INFO, format="%(message)s")
     try:
         train(options.config, options.out, options.json)
     except user_errors() as error:
@@ -46,12 +46,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def train(config_path: Path, out: Path | None = None, json_path: Path | None = None) -> None:
-    """Train as a configuration says.
+    """Train with a configuration.
 
     Args:
         config_path: the configuration.
         out: folder of checkpoints and logs; by default the configuration's `out`.
-        json_path: where to write `{"out": …, "scores": …}`, if anywhere.
+        json_path: file for `{"out": …, "scores": …}`; None: not written.
 
     Raises:
         CosimError: the configuration, a drive or a checkpoint cannot be used, or torch is not installed.
@@ -63,23 +63,23 @@ def train(config_path: Path, out: Path | None = None, json_path: Path | None = N
     demand_torch()
     from training.run import Watcher, run_training
 
-    scores = run_training(config, folder, Watcher(on_step=_Minutes().tell))
+    scores = run_training(config, folder, Watcher(on_step=_MinuteLog().log))
     if json_path is not None:
         with explained(json_path):
             json_path.write_text(json.dumps({"out": str(folder), "scores": scores}, indent=2) + "\n", encoding="utf-8")
 
 
-class _Minutes:
-    """Logs how far a training is, a line a minute."""
+class _MinuteLog:
+    """Log the progress of a training, one line per minute."""
 
     def __init__(self) -> None:
-        self._told_s = float("-inf")
+        self._last_s = float("-inf")
 
-    def tell(self, moment: Moment) -> None:
+    def log(self, moment: Moment) -> None:
         now_s = time.monotonic()
-        if moment.step < moment.steps and now_s - self._told_s < _EVERY_S:
+        if moment.step < moment.steps and now_s - self._last_s < _EVERY_S:
             return
-        self._told_s = now_s
+        self._last_s = now_s
         total = moment.losses["total"]
         _LOG.info("step %d of %d, epoch %d, loss %.3f", moment.step, moment.steps, moment.epoch, total)
 

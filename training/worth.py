@@ -1,4 +1,4 @@
-"""What effects of a sensor model are worth to a detector; see `cosim.variants.worth`."""
+"""Ablation of the effects of a sensor model with a detector; see `cosim.variants.worth`."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ def value_effects(
     seed: int = 0,
     on_frame: Callable[[], None] = lambda: None,
 ) -> Worth:
-    """Score a detector on scans of a drive's twin, measured with a whole model and without each of some effects.
+    """Score a detector on scans simulated with a whole sensor model, and with each effect removed in turn.
 
     Args:
-        drive: with labels and a twin.
-        names: frames that take part.
+        drive: drive with labels and a twin.
+        names: frames to use.
         sensor: the whole model.
-        effects: names of those to leave out, one at a time.
-        checkpoint: of the detector; its first class is scored, 3D at moderate.
-        given: the model before effects were added: one that it had is put back in the place of what is left out.
-        seed: of the draws of frames.
-        on_frame: is told each frame.
+        effects: names of the effects to remove, one at a time.
+        checkpoint: checkpoint of the detector; its first class is scored, 3D at moderate.
+        given: baseline, the model before diagnosis; a removed effect reverts to its parameters there, if it has any.
+        seed: random seed of the bootstrap.
+        on_frame: called after each frame.
 
     Raises:
         TrainingError: a frame has no labels, or none of them counts.
@@ -57,59 +57,61 @@ def value_effects(
     unlabelled = [name for name in names if not drive[name].has("label_2")]
     if unlabelled:
         raise TrainingError(
-            f"{drive.root}: frame {unlabelled[0]} has no label_2/, so that no detector can be scored; leave --detector "
-            "out, or choose labelled --frames"
+            f"{drive.root}: frame {unlabelled[0]} has no label_2/, so no detector can be scored; omit --detector, "
+            "or choose labelled --frames"
         )
     device = find_device("auto")
     detector, classes = load_detector(checkpoint)
     detector.to(device)
     sensors = [sensor, *(without(sensor, effect, given) for effect in effects)]
-    found: list[list[Labels]] = [[] for _ in range(1 + len(sensors))]
+    detections: list[list[Labels]] = [[] for _ in range(1 + len(sensors))]
     for frame, scans in rescans(drive, names, sensors):
-        looked_at = [frame, *(Rescanned.of(frame, scan) for scan in scans)]
-        for these, labels in zip(found, predict(detector, looked_at, classes, device), strict=True):
-            these.append(labels)
+        rescanned = [frame, *(Rescanned.of(frame, scan) for scan in scans)]
+        for collected, labels in zip(detections, predict(detector, rescanned, classes, device), strict=True):
+            collected.append(labels)
         on_frame()
     labels = [drive[name].labels for name in names]
-    results = [_scored(labels, some, names, classes[0]) for some in found]
-    objects = _objects(labels, names, classes[0])
+    results = [_evaluate_class(labels, detected, names, classes[0]) for detected in detections]
+    objects = _count_objects(labels, names, classes[0])
     if not objects:
         raise TrainingError(
             f"{drive.root}: no {classes[0]} of its {len(names)} frames counts at moderate; choose other --frames"
         )
-    few = objects < SAMPLES  # R40 cannot reach 100 then
-    draws = [_draws(result, seed)[:, int(few)] for result in results]
-    averages = [0.0 if result is None else result.continuous if few else result.r40 for result in results]
-    (measured, model, *others), (own, whole, *rest) = averages, draws
+    is_small = objects < SAMPLES  # R40 cannot reach 100 then
+    draws = [_bootstrap(result, seed)[:, int(is_small)] for result in results]
+    averages = [0.0 if result is None else result.continuous if is_small else result.r40 for result in results]
+    (measured, model, *others), (measured_draws, model_draws, *other_draws) = averages, draws
     return Worth(
-        detector="pillars_small, which comes along" if checkpoint == shipped() else str(checkpoint),
-        scored=f"3D AP{' (whole curve)' if few else ' R40'} of {classes[0]} at moderate",
+        detector="pillars_small, bundled" if checkpoint == shipped() else str(checkpoint),
+        scored=f"3D AP{' (whole curve)' if is_small else ' R40'} of {classes[0]} at moderate",
         frames=len(names),
         objects=objects,
         measured=measured,
         model=model,
         gap=model - measured,
-        gap_ci95=interval(whole - own),
+        gap_ci95=interval(model_draws - measured_draws),
         effects=tuple(
-            EffectWorth(effect, ap, ap - model, interval(drawn - whole))
-            for effect, ap, drawn in zip(effects, others, rest, strict=True)
+            EffectWorth(effect, ap, ap - model, interval(effect_draws - model_draws))
+            for effect, ap, effect_draws in zip(effects, others, other_draws, strict=True)
         ),
     )
 
 
-def _scored(labels: Sequence[Labels], found: Sequence[Labels], names: Sequence[str], name: str) -> Result | None:
-    """The class at moderate; None where nothing of it was detected."""
-    results = evaluate(pair_frames(labels, found, names), classes=(name,)).results.get(name)
+def _evaluate_class(
+    labels: Sequence[Labels], detections: Sequence[Labels], names: Sequence[str], name: str
+) -> Result | None:
+    """Result of the class at moderate; None without detections."""
+    results = evaluate(pair_frames(labels, detections, names), classes=(name,)).results.get(name)
     return results[_METRIC][_LEVEL] if results and _METRIC in results else None
 
 
-def _objects(labels: Sequence[Labels], names: Sequence[str], name: str) -> int:
-    """How many objects count."""
+def _count_objects(labels: Sequence[Labels], names: Sequence[str], name: str) -> int:
+    """Number of objects that count."""
     empty = [Labels.empty() for _ in labels]
     (_, task, _) = tasks(pair_frames(labels, empty, names), name, _METRIC, MIN_OVERLAP[name])
     return int(task.object_counts.sum())
 
 
-def _draws(result: Result | None, seed: int) -> np.ndarray:
-    """R40 and AP of the whole curve of draws of the frames; equal seeds draw equal frames, so they are paired."""
+def _bootstrap(result: Result | None, seed: int) -> np.ndarray:
+    """Bootstrap draws of R40 and of AP of the whole curve; equal seeds draw equal frames, so draws are paired."""
     return np.zeros((_DRAWS, 2)) if result is None else resample(result, np.random.default_rng(seed), _DRAWS)

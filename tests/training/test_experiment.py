@@ -17,7 +17,7 @@ from tests.training.test_resuming import _TINY
 from training.config import parse_train_config
 from training.experiments import load_table, table_names
 from training.experiments.comparisons import differences, gains
-from training.experiments.frames import Inputs, real_lessons, tuned_config, with_as_many_steps
+from training.experiments.frames import Inputs, match_steps, real_training_frames, tuned_config
 from training.experiments.run import Row
 
 
@@ -139,9 +139,9 @@ def test_fewer_real_frames_are_seen_for_as_many_steps(drives):
     (drives / "real" / "ImageSets" / "fit.txt").write_text("000000\n000001\n")
     config = parse_train_config({"train": [], "epochs": 3, "batch_size": 2}, "config")
     table, inputs = load_table("few_shot"), Inputs(drives / "variants", drives / "real", config, drives / "out")
-    learnt = real_lessons(table, inputs)
+    learnt = real_training_frames(table, inputs)
     simulated = len((drives / "variants" / "dual" / "ImageSets" / "train.txt").read_text().split())
-    assert with_as_many_steps(config, learnt, table, inputs).epochs == 3 * -(-simulated // 2)
+    assert match_steps(config, learnt, table, inputs).epochs == 3 * -(-simulated // 2)
 
 
 def test_the_papers_tables_are_there_and_whole():

@@ -1,4 +1,4 @@
-"""Frames for detectors: read, altered, joined, sorted into voxels. Importing this does not import torch."""
+"""Training data: reading, augmentation, batching and voxelisation. Importing this package does not import torch."""
 
 from training.data.augment import Augment, augment
 from training.data.frame import IGNORED, Sample, read_sample

@@ -1,7 +1,7 @@
-"""Training frames in a random order that depends on the seed, the epoch and nothing else.
+"""Training frames in a random order that depends only on the seed and the epoch.
 
-Every random choice is drawn from a generator keyed by (seed, epoch, frame), so that a run that was stopped anywhere
-goes on exactly as if it had not been, whatever the number of loading processes.
+Every random choice is drawn from a generator keyed by (seed, epoch, frame), so that a resumed run
+is identical to an uninterrupted one, for any number of loading processes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from training.data.object_bank import ObjectBank
 
 
 class AugmentedFrames(Dataset):
-    """Frames by (epoch, index), altered differently in every epoch."""
+    """Frames by (epoch, index), with a different augmentation in every epoch."""
 
     def __init__(self, samples: Sequence[Sample], settings: Augment, classes: Sequence[str], seed: int) -> None:
         self._samples, self._settings, self._seed = samples, settings, seed
@@ -29,21 +29,21 @@ class AugmentedFrames(Dataset):
     def __len__(self) -> int:
         return len(self._samples)
 
-    def __getitem__(self, place: tuple[int, int]) -> Sample:
-        """The frame of an index as it is altered in an epoch."""
-        epoch, index = place
+    def __getitem__(self, key: tuple[int, int]) -> Sample:
+        """Return the augmented frame of an (epoch, index) pair."""
+        epoch, index = key
         rng = np.random.default_rng([self._seed, 1, epoch, index])
         return augment(self._samples[index], self._settings, self._bank, rng)
 
 
 class Steps:
-    """The frames of every training step: shuffled anew each epoch, dealt out to processes that train together.
+    """Frames of every training step: shuffled in each epoch and distributed over the training processes.
 
     Args:
-        frames: how many there are.
-        batch_size: frames a step and process; a last, smaller batch is filled up from the epoch's beginning.
-        seed: of the order.
-        rank, world: this process, and how many there are.
+        frames: number of frames.
+        batch_size: frames per step and process; the last batch is filled up with the first frames of the epoch.
+        seed: random seed of the order.
+        rank, world: rank of this process, and number of processes.
     """
 
     def __init__(self, frames: int, batch_size: int, seed: int, rank: int = 0, world: int = 1) -> None:
@@ -55,33 +55,33 @@ class Steps:
         """Steps in an epoch."""
         return -(-self._frames // (self._batch * self._world))
 
-    def places(self, step: int) -> list[tuple[int, int]]:
+    def frame_keys(self, step: int) -> list[tuple[int, int]]:
         """(epoch, index) of the frames of a step, counted from the first epoch on."""
         epoch, within = divmod(step, self.per_epoch)
         order = np.random.default_rng([self._seed, 0, epoch]).permutation(self._frames)
-        begin = (within * self._world + self._rank) * self._batch
-        return [(epoch, int(order[(begin + i) % self._frames])) for i in range(self._batch)]
+        start = (within * self._world + self._rank) * self._batch
+        return [(epoch, int(order[(start + i) % self._frames])) for i in range(self._batch)]
 
 
-class _Slice:
-    """Batches of places for a loader."""
+class _StepRange:
+    """Batch sampler for a range of steps."""
 
-    def __init__(self, steps: Steps, begin: int, end: int) -> None:
-        self._steps, self._begin, self._end = steps, begin, end
+    def __init__(self, steps: Steps, start: int, end: int) -> None:
+        self._steps, self._start, self._end = steps, start, end
 
     def __iter__(self) -> Iterator[list[tuple[int, int]]]:
-        return (self._steps.places(step) for step in range(self._begin, self._end))
+        return (self._steps.frame_keys(step) for step in range(self._start, self._end))
 
     def __len__(self) -> int:
-        return self._end - self._begin
+        return self._end - self._start
 
 
-def load(frames: AugmentedFrames, steps: Steps, begin: int, end: int, workers: int) -> Iterator[Batch]:
-    """Batches of the steps from `begin` to before `end`."""
+def load(frames: AugmentedFrames, steps: Steps, start: int, end: int, workers: int) -> Iterator[Batch]:
+    """Load the batches of steps `start` to `end` − 1."""
     return iter(
         DataLoader(
             frames,
-            batch_sampler=_Slice(steps, begin, end),  # type: ignore[arg-type]
+            batch_sampler=_StepRange(steps, start, end),  # type: ignore[arg-type]
             num_workers=workers,
             collate_fn=collate,
             pin_memory=False,

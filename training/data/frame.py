@@ -1,4 +1,4 @@
-"""One frame as a detector sees it: points in the camera's field of view, and boxes in LiDAR axes."""
+"""One frame as input of a detector: points in the camera's field of view, and boxes in LiDAR axes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from cosim.drives.kitti import Frame, points_in_boxes
 from training.evaluation.rules import NEIGHBOURS
 
-#: Class index of objects that are neither to be found nor background.
+#: Class index of objects that are neither positives nor background.
 IGNORED = -1
 _DEFAULT_SIZE_PX = (1242, 375)
 
@@ -29,24 +29,24 @@ class Sample:
     name: str
     points: np.ndarray
     boxes: np.ndarray
-    kinds: np.ndarray
+    class_ids: np.ndarray
 
 
 def image_size(frame: Frame) -> tuple[int, int]:
-    """Width and height [px] of the left colour camera: of the frame's image, else KITTI's usual ones."""
+    """Width and height [px] of the left colour camera: of the frame's image, otherwise KITTI's default."""
     path = frame.find("image_2")
     if path is None:
         return _DEFAULT_SIZE_PX
     with path.open("rb") as file:
         header = file.read(24)
-    if header[12:16] == b"IHDR":  # a PNG says its size at once
+    if header[12:16] == b"IHDR":  # the header of a PNG contains its size
         return int.from_bytes(header[16:20], "big"), int.from_bytes(header[20:24], "big")
     height, width = frame.image("image_2").shape[:2]
     return width, height
 
 
 def in_view(frame: Frame, points: np.ndarray) -> np.ndarray:
-    """Which points (n, ≥ 3) fall into the left colour image, (n,) bool: KITTI labels nothing beside it."""
+    """Mask of points (n, ≥ 3) in the left colour image, (n,) bool: KITTI labels nothing outside of it."""
     width, height = image_size(frame)
     uv, depth = frame.calibration.project(points)
     u, v = uv.T
@@ -58,9 +58,9 @@ def read_sample(frame: Frame, classes: Sequence[str], min_points: int = 5) -> Sa
     """Read a frame.
 
     Args:
-        frame: of a drive, simulated or real, or of a recording; without labels its boxes are none.
-        classes: those to find; their neighbours (Van for Car) are ignored.
-        min_points: objects of which fewer were measured are ignored.
+        frame: frame of a drive or of a recording; without labels there are no boxes.
+        classes: classes to detect; their neighbouring classes (Van for Car) are ignored.
+        min_points: objects with fewer points are ignored.
     """
     points = frame.points
     ahead = points[points[:, 0] > 0]
@@ -70,9 +70,9 @@ def read_sample(frame: Frame, classes: Sequence[str], min_points: int = 5) -> Sa
     indices = {name.lower(): number for number, name in enumerate(classes)}
     neighbours = {(NEIGHBOURS.get(name) or "").lower() for name in classes}
     labels = frame.labels.of_type(*indices, *(neighbours - {""}))
-    kinds = np.array([indices.get(name.lower(), IGNORED) for name in labels.type], np.int64)
+    class_ids = np.array([indices.get(name.lower(), IGNORED) for name in labels.type], np.int64)
     boxes = labels.boxes_velo(frame.calibration)
     few = points_in_boxes(seen, boxes).sum(1) < min_points
-    kinds[few] = IGNORED
+    class_ids[few] = IGNORED
     table = np.column_stack([boxes.centre, boxes.size, boxes.yaw]).astype(np.float32)
-    return Sample(frame.name, seen, table.reshape(-1, 7), kinds)
+    return Sample(frame.name, seen, table.reshape(-1, 7), class_ids)

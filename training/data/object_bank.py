@@ -1,4 +1,4 @@
-"""Labelled objects with their points, cut out to be put into other frames (Yan et al., SECOND, Sensors 2018)."""
+"""Labelled objects with their points, to be inserted into other frames (Yan et al., SECOND, Sensors 2018)."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from training.evaluation.rotated_overlap import paired_intersections
 if TYPE_CHECKING:
     from training.data.level_ground import Ground
 
-_MARGIN_M = 0.1  # points of the frame this close to an object that is put in are taken out
-_GROUND = Grid((0.0, -40.0, -3.0), (70.4, 40.0, 1.0), (0.8, 0.8, 4.0))  # where the ground is looked for
+_MARGIN_M = 0.1  # points of the frame this close to an inserted object are removed
+_GROUND = Grid((0.0, -40.0, -3.0), (70.4, 40.0, 1.0), (0.8, 0.8, 4.0))  # range of the ground estimate
 _FARTHEST_LIFT_M = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class BankedObject:
-    """An object: its box (7,), its points (n, 4) where they were measured, and the index of its class.
+    """An object: its box (7,), its measured points (n, 4), and its class index.
 
     Attributes:
-        rise_m: of the ground under it, as `level_ground` finds it.
+        rise_m: ground height under it, as estimated by `level_ground`.
     """
 
     box: np.ndarray
@@ -40,59 +40,59 @@ class ObjectBank:
 
     Args:
         samples: the frames.
-        wanted: how many objects of each class index a frame is filled up to.
-        min_points: objects with fewer points are left out.
+        wanted: number of objects per frame and class index.
+        min_points: objects with fewer points are omitted.
     """
 
     def __init__(self, samples: Sequence[Sample], wanted: Mapping[int, int], min_points: int = 5) -> None:
         self._wanted = dict(wanted)
         self._objects: dict[int, list[BankedObject]] = {kind: [] for kind in wanted}
-        self._grounds = _grounds(samples)
+        self._grounds = _estimate_grounds(samples)
         for sample in samples:
-            rows = np.flatnonzero(np.isin(sample.kinds, list(wanted)))
+            rows = np.flatnonzero(np.isin(sample.class_ids, list(wanted)))
             inside = points_in_boxes(sample.points, as_boxes(sample.boxes[rows]))
-            rises = _rises(self._grounds[sample], sample.boxes[rows])
+            rises = _ground_rises(self._grounds[sample], sample.boxes[rows])
             for row, mask, rise_m in zip(rows, inside, rises, strict=True):
                 if mask.sum() >= min_points:
-                    kind = int(sample.kinds[row])
+                    kind = int(sample.class_ids[row])
                     self._objects[kind].append(BankedObject(sample.boxes[row], sample.points[mask], kind, rise_m))
 
     def __len__(self) -> int:
         return sum(len(some) for some in self._objects.values())
 
     def fill(self, sample: Sample, rng: np.random.Generator) -> Sample:
-        """The sample with objects put in until it has the wanted number of each class.
+        """Insert objects until the sample has the wanted number of each class.
 
-        They keep their places seen from above and their heights above the ground about them, and overlap nothing.
+        Objects keep their horizontal position and their height above ground, and do not overlap others.
         """
         chosen = list[BankedObject]()
         for kind, wanted in self._wanted.items():
-            missing = wanted - int((sample.kinds == kind).sum())
+            missing = wanted - int((sample.class_ids == kind).sum())
             stock = self._objects[kind]
             if missing > 0 and stock:
                 chosen += [stock[number] for number in rng.choice(len(stock), min(missing, len(stock)), replace=False)]
-        ground = self._grounds.get(sample) or _ground(sample)
-        chosen = _beside_each_other(_on_ground(chosen, ground), sample.boxes)
+        ground = self._grounds.get(sample) or _estimate_ground(sample)
+        chosen = _drop_overlapping(_move_to_ground(chosen, ground), sample.boxes)
         if not chosen:
             return sample
         added = np.stack([item.box for item in chosen])
         covered = points_in_boxes(sample.points, as_boxes(added), _MARGIN_M).any(0)
         points = np.concatenate([sample.points[~covered], *(item.points for item in chosen)])
-        kinds = np.concatenate([sample.kinds, [item.kind for item in chosen]])
-        return Sample(sample.name, points, np.concatenate([sample.boxes, added]), kinds)
+        class_ids = np.concatenate([sample.class_ids, [item.kind for item in chosen]])
+        return Sample(sample.name, points, np.concatenate([sample.boxes, added]), class_ids)
 
 
 def as_boxes(table: np.ndarray) -> Boxes:
-    """Boxes of a table (n, 7)."""
+    """Convert a table (n, 7) to boxes."""
     return Boxes(table[:, :3], table[:, 3:6], table[:, 6])
 
 
-def _on_ground(items: list[BankedObject], ground: Ground) -> list[BankedObject]:
-    """Objects as high above the ground of a frame as above their own; without those that would rise or sink too far."""
+def _move_to_ground(items: list[BankedObject], ground: Ground) -> list[BankedObject]:
+    """Shift objects to their height above the ground of a frame; drop those that would move too far."""
     if not items:
         return []
     moved = []
-    for item, rise_m in zip(items, _rises(ground, np.stack([item.box for item in items])), strict=True):
+    for item, rise_m in zip(items, _ground_rises(ground, np.stack([item.box for item in items])), strict=True):
         lift = np.float32(rise_m - item.rise_m)
         if abs(lift) <= _FARTHEST_LIFT_M:
             box, cut = item.box.copy(), item.points.copy()
@@ -102,7 +102,7 @@ def _on_ground(items: list[BankedObject], ground: Ground) -> list[BankedObject]:
     return moved
 
 
-def _ground(sample: Sample) -> Ground:
+def _estimate_ground(sample: Sample) -> Ground:
     import torch
 
     from training.data.level_ground import find_ground
@@ -110,36 +110,36 @@ def _ground(sample: Sample) -> Ground:
     return find_ground(torch.from_numpy(np.insert(sample.points, 0, 0, axis=1)), 1, _GROUND)
 
 
-def _grounds(samples: Sequence[Sample]) -> dict[Sample, Ground]:
-    """The ground of each frame; heights of all lie in one array.
+def _estimate_grounds(samples: Sequence[Sample]) -> dict[Sample, Ground]:
+    """Estimate the ground of each frame; all heights are stored in one array.
 
-    Thousands of small arrays, each between large ones that come and go, would hold four times their memory.
+    Thousands of separate small arrays would need four times the memory because of fragmentation.
     """
     if not samples:
         return {}
-    first = _ground(samples[0])
+    first = _estimate_ground(samples[0])
     heights = first.height.repeat(len(samples), 1, 1)
     for number, sample in enumerate(samples):
-        heights[number] = _ground(sample).height[0]
+        heights[number] = _estimate_ground(sample).height[0]
     return {sample: replace(first, height=height[None]) for sample, height in zip(samples, heights, strict=True)}
 
 
-def _rises(ground: Ground, boxes: np.ndarray) -> np.ndarray:
-    """How far the ground of a frame lies above the level (n,) [m] under boxes (n, 7)."""
+def _ground_rises(ground: Ground, boxes: np.ndarray) -> np.ndarray:
+    """Ground height above the level (n,) [m] under boxes (n, 7)."""
     import torch
 
-    places = torch.from_numpy(np.ascontiguousarray(boxes[:, :2], np.float32))
-    return ground.rise(torch.zeros(len(places), dtype=torch.int64), places).numpy()
+    positions = torch.from_numpy(np.ascontiguousarray(boxes[:, :2], np.float32))
+    return ground.rise(torch.zeros(len(positions), dtype=torch.int64), positions).numpy()
 
 
-def _beside_each_other(items: list[BankedObject], boxes: np.ndarray) -> list[BankedObject]:
-    """Those objects that overlap neither boxes (n, 7) nor an earlier one."""
-    kept = []
+def _drop_overlapping(items: list[BankedObject], boxes: np.ndarray) -> list[BankedObject]:
+    """Keep objects that overlap neither boxes (n, 7) nor an earlier object."""
+    accepted = []
     for item in items:
         if not _overlaps(item.box, boxes):
-            kept.append(item)
+            accepted.append(item)
             boxes = np.concatenate([boxes, item.box[None]])
-    return kept
+    return accepted
 
 
 def _overlaps(box: np.ndarray, others: np.ndarray) -> bool:

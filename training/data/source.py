@@ -1,4 +1,4 @@
-"""Which frames to learn from or to test on, and reading them."""
+"""Selection and reading of training and test frames."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ class Source(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    drive: Path = Field(description="folder of the drive, in our layout or KITTI's")
+    drive: Path = Field(description="folder of the drive, in cosim's or KITTI's layout")
     split: str | None = Field(default=None, description="a list of its ImageSets/, such as train; none: all frames")
-    frames: Path | None = Field(default=None, description="instead: a file of names, one a line")
-    count: int | None = Field(default=None, ge=1, description="at most so many, evenly spread over the list")
+    frames: Path | None = Field(default=None, description="instead: a file of names, one per line")
+    count: int | None = Field(default=None, ge=1, description="number of evenly spaced frames of the list")
 
     def open(self) -> tuple[Drive, tuple[str, ...]]:
-        """The drive, and the names of its frames that are meant.
+        """Return the drive, and the names of the selected frames.
 
         Raises:
-            TrainingError: both a split and a file are given, or a name is not there.
+            TrainingError: both a split and a file are given, or a name is not in the drive.
             DriveError: no such drive or split.
         """
         drive = Drive(self.drive)
@@ -41,7 +41,7 @@ class Source(BaseModel):
             absent = [name for name in names if name not in drive]
             if absent:
                 raise TrainingError(
-                    f"{self.frames}: of its frames {len(absent)} not in {self.drive}, first {absent[0]}"
+                    f"{self.frames}: {len(absent)} of its frames are not in {self.drive}, first {absent[0]}"
                 )
         if self.count is not None and self.count < len(names):
             names = tuple(names[i * len(names) // self.count] for i in range(self.count))
@@ -51,10 +51,10 @@ class Source(BaseModel):
 def read_samples(
     sources: Sequence[Source], classes: Sequence[str], on_frame: Callable[[], None] = lambda: None
 ) -> list[Sample]:
-    """All frames of some sources.
+    """Read all frames of the sources.
 
     Raises:
-        TrainingError: there is none, or none has an object of the classes.
+        TrainingError: there are no frames, or no frame has an object of the classes.
     """
     samples = []
     for source in sources:
@@ -66,8 +66,8 @@ def read_samples(
         raise TrainingError("the training set is empty: name at least one drive under `train`")
     if not samples:
         named = ", ".join(str(source.frames or source.split or source.drive) for source in sources)
-        raise TrainingError(f"the training set is empty: {named} names no frame; choose another list or drive")
-    if not any((sample.kinds >= 0).any() for sample in samples):
+        raise TrainingError(f"the training set is empty: {named} contains no frame; choose another list or drive")
+    if not any((sample.class_ids >= 0).any() for sample in samples):
         raise TrainingError(
             f"the training set is empty: none of its {len(samples)} frames has a labelled {' or '.join(classes)} "
             "with enough points; choose other frames or `classes`"

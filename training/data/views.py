@@ -1,4 +1,4 @@
-"""Scans that are no frames of a drive on disk, in the form in which detectors take frames."""
+"""Scans that are not stored in a drive, as frames for detectors."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from cosim.drives.kitti import Calibration, Frame
 from sensors.cameras.kitti_rig import KITTI_CALIBRATION
 
 
-def _nothing() -> np.ndarray:
+def _no_points() -> np.ndarray:
     return np.zeros((0, 4), np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class Rescanned(Frame):
-    """A frame of a drive with the points of another scan of it.
+    """A frame of a drive with the points of another scan.
 
     Attributes:
         scan: (n, 4) float32 as in `points`.
     """
 
-    scan: np.ndarray = field(default_factory=_nothing)
+    scan: np.ndarray = field(default_factory=_no_points)
 
     @classmethod
     def of(cls, frame: Frame, scan: np.ndarray) -> Rescanned:
-        """That frame with those points."""
-        return cls(**{one.name: getattr(frame, one.name) for one in fields(Frame)}, scan=scan)
+        """Replace the points of a frame."""
+        return cls(**{item.name: getattr(frame, item.name) for item in fields(Frame)}, scan=scan)
 
     @cached_property
     def points(self) -> np.ndarray:
@@ -38,18 +38,18 @@ class Rescanned(Frame):
 
 
 class Bare(Rescanned):
-    """A scan without cameras, labels or images: what KITTI's camera would see of it is looked at."""
+    """A scan without cameras, labels or images; KITTI's camera defines the field of view."""
 
     @classmethod
     def named(cls, name: str, scan: np.ndarray) -> Bare:
-        """A scan (n, 4) of a name."""
+        """Create a frame from a scan (n, 4)."""
         return cls(name, Path(), scan=scan)
 
     def find(self, part: str) -> Path | None:
-        """No file of any part."""
+        """Return None: there are no files."""
         return None
 
     @cached_property
     def calibration(self) -> Calibration:
-        """KITTI's of 2011-09-26."""
+        """KITTI's calibration of 2011-09-26."""
         return Calibration(**vars(KITTI_CALIBRATION))

@@ -1,4 +1,4 @@
-"""Points gathered into voxels or pillars, in plain torch."""
+"""Voxelisation of points into voxels or pillars, in plain torch."""
 
 from __future__ import annotations
 
@@ -12,45 +12,45 @@ from training.data.grid import Grid
 
 @dataclass(frozen=True, eq=False)
 class Voxels:
-    """Points by the cell they lie in.
+    """Points grouped by cell.
 
     Attributes:
-        points: (n, 5) those within the grid: number of the frame, x, y, z, intensity.
-        cell: (n,) int64 row of `place` of each point.
+        points: (n, 5) points within the grid: index of the frame, x, y, z, intensity.
+        cell: (n,) int64 row of `coordinates` of each point.
         place: (v, 4) int64 frame, z, y, x of the occupied cells, in that order.
     """
 
     points: Tensor
     cell: Tensor
-    place: Tensor
+    coordinates: Tensor
 
     def mean(self, values: Tensor) -> Tensor:
         """Mean of values (n, c) over the points of each cell, (v, c)."""
-        total = values.new_zeros(len(self.place), values.shape[1]).index_add_(0, self.cell, values)
+        total = values.new_zeros(len(self.coordinates), values.shape[1]).index_add_(0, self.cell, values)
         return total / self.count.clamp(min=1)[:, None].to(values.dtype)
 
     @property
     def count(self) -> Tensor:
         """(v,) int64 points in each cell."""
-        return torch.bincount(self.cell, minlength=len(self.place))
+        return torch.bincount(self.cell, minlength=len(self.coordinates))
 
 
 def voxelise(points: Tensor, grid: Grid, max_points: int | None = None, max_cells: int | None = None) -> Voxels:
-    """Sort points into cells.
+    """Assign points to cells.
 
     Args:
-        points: (n, 5) number of the frame, x, y, z [m], intensity.
+        points: (n, 5) index of the frame, x, y, z [m], intensity.
         grid: the cells.
-        max_points: at most the first so many points of a cell.
-        max_cells: at most so many cells a frame, those that come first in the points' order.
+        max_points: maximum number of points per cell; the first ones are kept.
+        max_cells: maximum number of cells per frame; those of the first points are kept.
     """
     low, size = points.new_tensor(grid.low), points.new_tensor(grid.size)
     cells = torch.tensor(grid.cells, device=points.device)
-    place = torch.floor((points[:, 1:4] - low) / size).long()
-    inside = ((place >= 0) & (place < cells)).all(1)
-    points, place = points[inside], place[inside]
+    coordinates = torch.floor((points[:, 1:4] - low) / size).long()
+    inside = ((coordinates >= 0) & (coordinates < cells)).all(1)
+    points, coordinates = points[inside], coordinates[inside]
     nx, ny, nz = grid.cells
-    key = ((points[:, 0].long() * nz + place[:, 2]) * ny + place[:, 1]) * nx + place[:, 0]
+    key = ((points[:, 0].long() * nz + coordinates[:, 2]) * ny + coordinates[:, 1]) * nx + coordinates[:, 0]
     keys, cell = torch.unique(key, return_inverse=True)
     if max_points is not None or max_cells is not None:
         kept = _limited(cell, keys // (nx * ny * nz), max_points, max_cells)
@@ -61,7 +61,7 @@ def voxelise(points: Tensor, grid: Grid, max_points: int | None = None, max_cell
 
 
 def _limited(cell: Tensor, frame_of_cell: Tensor, max_points: int | None, max_cells: int | None) -> Tensor:
-    """Which points stay, (n,) bool."""
+    """Mask of points to keep, (n,) bool."""
     kept = torch.ones_like(cell, dtype=torch.bool)
     order = torch.argsort(cell, stable=True)
     counts = torch.bincount(cell, minlength=len(frame_of_cell))

@@ -18,9 +18,9 @@ def as_json(
 ) -> dict[str, Any]:
     """`{CLASS: {METRIC: {"R40": [easy, moderate, hard], "R11": […], "continuous": […]}, "aos": …}}` in percent.
 
-    A class of which nothing was detected is null, and so is a metric whose boxes the detections do not have.
-    `rules` says how difficulty was found where the files have no image boxes; 2D and AOS are then null. `R40_ci95` and
-    `slices` are there where they were computed.
+    A class without detections is null, and so is a metric for which the detections have no boxes.
+    `rules` describes how the difficulty was determined if the files have no image boxes; 2D and AOS are then null.
+    `R40_ci95` and `slices` are included if they were computed.
     """
     return {name: _class_json(evaluation, name, intervals or {}, (parts or {}).get(name)) for name in CLASSES}
 
@@ -31,21 +31,21 @@ def _class_json(
     metrics = evaluation.results.get(name)
     if metrics is None:
         return None
-    said: dict[str, Any] = {}
+    entry: dict[str, Any] = {}
     for metric in METRICS:
         levels = metrics.get(metric)
-        said[metric] = levels and {
+        entry[metric] = levels and {
             "R40": [result.r40 for result in levels],
             "R11": [result.r11 for result in levels],
             "continuous": [result.continuous for result in levels],
             "objects": [int(result.task.object_counts.sum()) for result in levels],
         }
         if levels and (name, metric) in intervals:
-            said[metric]["R40_ci95"] = [list(pair) for pair in intervals[name, metric]]
-    image = metrics.get("2d") if evaluation.oriented else None
-    said["aos"] = image and {"R40": [r.aos40 for r in image], "R11": [r.aos11 for r in image]}
+            entry[metric]["R40_ci95"] = [list(pair) for pair in intervals[name, metric]]
+    image_results = metrics.get("2d") if evaluation.oriented else None
+    entry["aos"] = image_results and {"R40": [r.aos40 for r in image_results], "R11": [r.aos11 for r in image_results]}
     if name in evaluation.notes:
-        said["rules"] = evaluation.notes[name]
+        entry["rules"] = evaluation.notes[name]
     if parts is not None:
-        said["slices"] = {kind: [part.as_json() for part in some] for kind, some in parts.items()}
-    return said
+        entry["slices"] = {kind: [part.as_json() for part in slices] for kind, slices in parts.items()}
+    return entry

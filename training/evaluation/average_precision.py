@@ -31,10 +31,10 @@ def sample_thresholds(scores: np.ndarray, objects: float) -> np.ndarray:
     scores = np.sort(scores)[::-1]
     chosen: list[float] = []
     current, last = 0.0, len(scores) - 1
-    for place, score in enumerate(scores.tolist()):
-        left = (place + 1) / objects
-        right = (place + 2) / objects if place < last else left
-        if right - current < current - left and place < last:
+    for row, score in enumerate(scores.tolist()):
+        left = (row + 1) / objects
+        right = (row + 2) / objects if row < last else left
+        if right - current < current - left and row < last:
             continue
         chosen.append(score)
         current += 1.0 / (SAMPLES - 1.0)
@@ -48,10 +48,10 @@ def sampled_average(amount: np.ndarray, answers: np.ndarray) -> Average:
         amount: (≤ 41,) true positives, or their summed similarity.
         answers: (≤ 41,) true and false positives.
     """
-    slots = np.zeros(SAMPLES)
-    slots[: len(amount)] = np.divide(amount, answers, out=np.zeros(len(amount)), where=answers > 0)
-    slots = np.maximum.accumulate(slots[::-1])[::-1]
-    return Average(float(100 * slots[1:].sum() / (SAMPLES - 1)), float(100 * slots[::4].sum() / 11))
+    samples = np.zeros(SAMPLES)
+    samples[: len(amount)] = np.divide(amount, answers, out=np.zeros(len(amount)), where=answers > 0)
+    samples = np.maximum.accumulate(samples[::-1])[::-1]
+    return Average(float(100 * samples[1:].sum() / (SAMPLES - 1)), float(100 * samples[::4].sum() / 11))
 
 
 def whole_curve(counts: Counts) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,6 @@
-"""How much a figure would vary had other frames been drawn: resampling of whole frames.
+"""Sampling variation of a figure: bootstrap over whole frames.
 
-Objects of a frame share its scene, so frames are drawn, not objects (Efron & Tibshirani, An Introduction to the
+Objects of one frame are dependent, so frames are resampled, not objects (Efron & Tibshirani, An Introduction to the
 Bootstrap, 1993, chapters 6 and 13). Two results on the same frames, resampled with equal seeds, may be subtracted
 draw by draw.
 """
@@ -18,7 +18,7 @@ from training.evaluation.average_precision import (
 from training.evaluation.evaluate import Result, curve_thresholds
 from training.evaluation.matching import count
 
-_MOST_THRESHOLDS = 400  # the draws' thresholds are taken among so many
+_MOST_THRESHOLDS = 400  # maximum number of candidate thresholds
 
 
 def resample(result: Result, rng: np.random.Generator, draws: int = 1000) -> np.ndarray:
@@ -43,6 +43,6 @@ def resample(result: Result, rng: np.random.Generator, draws: int = 1000) -> np.
 
 
 def interval(values: np.ndarray, level: float = 0.95) -> tuple[float, float]:
-    """The central part of draws (n,) that holds a share `level` of them."""
+    """Central interval that contains a share `level` of the draws (n,)."""
     low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2])
     return float(low), float(high)

@@ -1,4 +1,4 @@
-"""Which detections overlap which objects enough, of all frames at once."""
+"""Find pairs of detections and objects with sufficient overlap, for all frames at once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Pairs:
     Attributes:
         label: (p,) int64 row of the labels, ascending.
         detection: (p,) int64 row of the detections, ascending within each label.
-        overlap: (p,) float64, greater than what was demanded.
+        overlap: (p,) float64, greater than the required overlap.
     """
 
     label: np.ndarray
@@ -34,13 +34,13 @@ def overlapping(scored: Scored, labels: np.ndarray, detections: np.ndarray, metr
         scored: the frames.
         labels: rows of the labels, ascending.
         detections: rows of the detections, ascending.
-        metric: whose overlap.
+        metric: metric that defines the overlap.
         above: exclusive.
     """
-    one, other = _within_frames(scored, labels, detections)
-    overlap = paired_overlaps(scored.labels.objects[one], scored.detections.objects[other], metric)
+    label_rows, detection_rows = _within_frames(scored, labels, detections)
+    overlap = paired_overlaps(scored.labels.objects[label_rows], scored.detections.objects[detection_rows], metric)
     enough = overlap > above
-    return Pairs(one[enough], other[enough], overlap[enough])
+    return Pairs(label_rows[enough], detection_rows[enough], overlap[enough])
 
 
 def paired_overlaps(first: Labels, second: Labels, metric: Metric) -> np.ndarray:
@@ -54,19 +54,19 @@ def absorbed(scored: Scored, detections: np.ndarray, above: float) -> np.ndarray
     region, row = _within_frames(scored, regions, detections)
     inner = scored.detections.objects.bbox
     shared, area = _shared_area(scored.labels.objects.bbox[region], inner[row]), _area(inner)[row]
-    swallowed = np.zeros(len(inner), bool)
-    swallowed[row[np.divide(shared, area, out=np.zeros_like(shared), where=shared > 0) > above]] = True
-    return swallowed[detections]
+    is_absorbed = np.zeros(len(inner), bool)
+    is_absorbed[row[np.divide(shared, area, out=np.zeros_like(shared), where=shared > 0) > above]] = True
+    return is_absorbed[detections]
 
 
 def _within_frames(scored: Scored, labels: np.ndarray, detections: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """All pairs of rows that share a frame."""
     frames = scored.detections.frame[detections]
-    begin = np.searchsorted(frames, scored.labels.frame[labels], "left")
-    counts = np.searchsorted(frames, scored.labels.frame[labels], "right") - begin
+    start = np.searchsorted(frames, scored.labels.frame[labels], "left")
+    counts = np.searchsorted(frames, scored.labels.frame[labels], "right") - start
     first = np.repeat(np.cumsum(counts) - counts, counts)
-    place = np.arange(counts.sum()) - first + np.repeat(begin, counts)
-    return np.repeat(labels, counts), detections[place]
+    index = np.arange(counts.sum()) - first + np.repeat(start, counts)
+    return np.repeat(labels, counts), detections[index]
 
 
 def _overlap_2d(first: Labels, second: Labels) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Whether labels and detections can be compared: names of classes, and boxes in the image.
+"""Check whether labels and detections can be compared: class names, and boxes in the image.
 
 KITTI's rules take an object's difficulty from its box in the image. Files without such boxes (zeros or −1 on one side)
 are scored in 3D and in bird's-eye view only, with the height that each box would have in KITTI's own camera.
@@ -37,22 +37,25 @@ def has_image_boxes(scored: Scored, name: str) -> bool:
 
 
 def heights(scored: Scored, name: str, points: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Heights in the image by which difficulty is decided.
+    """Heights in the image that determine the difficulty.
 
     Returns:
-        (g,) height of each label [px], (d,) height of each detection [px], (g,) bool whether each label has points
-        enough; all true where image boxes decide, or where points are unknown.
+        (g,) height of each label [px], (d,) height of each detection [px], (g,) bool whether each label has enough
+        points; all true if there are image boxes, or if points are unknown.
     """
-    objects, found = scored.labels.objects, scored.detections.objects
+    objects, detections = scored.labels.objects, scored.detections.objects
     if has_image_boxes(scored, name):
-        tall, tall_found = objects.bbox[:, 3] - objects.bbox[:, 1], np.abs(found.bbox[:, 3] - found.bbox[:, 1])
-        return tall, tall_found, np.ones(len(tall), bool)
-    enough = np.ones(len(objects), bool) if points is None else points >= _FEWEST_POINTS
-    return _projected(objects), _projected(found), enough
+        label_height, detection_height = (
+            objects.bbox[:, 3] - objects.bbox[:, 1],
+            np.abs(detections.bbox[:, 3] - detections.bbox[:, 1]),
+        )
+        return label_height, detection_height, np.ones(len(label_height), bool)
+    has_enough_points = np.ones(len(objects), bool) if points is None else points >= _FEWEST_POINTS
+    return _projected_height(objects), _projected_height(detections), has_enough_points
 
 
 def without_image_rules(has_points: bool) -> str:
-    """Sentence on how difficulty was found."""
+    """Sentence that describes how the difficulty was determined."""
     by = f" and holds {_FEWEST_POINTS} points or more" if has_points else ""
     return (
         "labels or detections have no boxes in the image: 3D and bird's-eye view are scored without the image rules; "
@@ -62,24 +65,23 @@ def without_image_rules(has_points: bool) -> str:
 
 
 def demand_comparable_classes(scored: Scored, classes: Sequence[str]) -> None:
-    """Refuse labels and detections whose classes have other names.
+    """Check that labels and detections have common class names.
 
     Raises:
         EvaluationError: a scored class is on one side only, and the other side has names that KITTI does not know.
     """
     sides = {"labels": Counter(scored.labels.kind.tolist()), "detections": Counter(scored.detections.kind.tolist())}
     wanted = [name.lower() for name in classes]
-    strange = {side: [kind for kind in counts if kind not in _KNOWN] for side, counts in sides.items()}
-    for here, there in (("labels", "detections"), ("detections", "labels")):
-        lacking = [name for name in wanted if sides[there][name] and not sides[here][name]]
+    unknown = {side: [kind for kind in counts if kind not in _KNOWN] for side, counts in sides.items()}
+    for side, other_side in (("labels", "detections"), ("detections", "labels")):
+        missing = [name for name in wanted if sides[other_side][name] and not sides[side][name]]
         both = any(sides["labels"][name] and sides["detections"][name] for name in wanted)
-        if strange[here] and (lacking or not both):
-            label = next((name for name in classes if name.lower() in lacking), classes[0])
+        if unknown[side] and (missing or not both):
+            label = next((name for name in classes if name.lower() in missing), classes[0])
             raise EvaluationError(
-                f"{here} hold {_list(scored, here)}, {there} {_list(scored, there)}: {', '.join(strange[here])} is no "
-                f"class "
-                f"of KITTI; map it to the class that it means, as --classes "
-                f"{_name(scored, here, strange[here][0])}={label}"
+                f"{side} contain {_list_classes(scored, side)}, {other_side} {_list_classes(scored, other_side)}: "
+                f"{', '.join(unknown[side])} is no class of KITTI; map it to a KITTI class, for example --classes "
+                f"{_class_name(scored, side, unknown[side][0])}={label}"
             )
 
 
@@ -96,35 +98,37 @@ def parse_classes(texts: Sequence[str]) -> dict[str, str]:
     Raises:
         EvaluationError: no `=`, or an unknown class on its right.
     """
-    found = {}
+    mapping = {}
     for pair in (part for text in texts for part in text.split(",") if part):
         old, equals, new = pair.partition("=")
         target = next((name for name in TYPES if name.lower() == new.strip().lower()), None)
         if not equals or not old.strip() or target is None:
-            raise EvaluationError(f"--classes {pair}: give NAME=CLASS with one of {', '.join(TYPES)}, as Vehicle=Car")
-        found[old.strip().lower()] = target
-    return found
+            raise EvaluationError(
+                f"--classes {pair}: give NAME=CLASS with one of {', '.join(TYPES)}, for example Vehicle=Car"
+            )
+        mapping[old.strip().lower()] = target
+    return mapping
 
 
 def rename_classes(scored: Scored, names: Mapping[str, str]) -> Scored:
-    """The same with other names of classes.
+    """Rename classes.
 
     Raises:
         EvaluationError: a name is in neither the labels nor the detections.
     """
-    have = {*scored.labels.kind.tolist(), *scored.detections.kind.tolist()}
+    known_names = {*scored.labels.kind.tolist(), *scored.detections.kind.tolist()}
     for old in names:
-        if old not in have:
+        if old not in known_names:
             raise EvaluationError(
-                f"--classes {old}={names[old]}: the files hold {', '.join(sorted(have))}; give one of them"
+                f"--classes {old}={names[old]}: the files contain {', '.join(sorted(known_names))}; give one of them"
             )
 
-    def renamed(table: Table) -> Table:
+    def rename_table(table: Table) -> Table:
         types = tuple(names.get(kind, name) for kind, name in zip(table.kind, table.objects.type, strict=True))
         kind = np.array([name.lower() for name in types], dtype=str)
         return replace(table, objects=replace(table.objects, type=types), kind=kind)
 
-    return replace(scored, labels=renamed(scored.labels), detections=renamed(scored.detections))
+    return replace(scored, labels=rename_table(scored.labels), detections=rename_table(scored.detections))
 
 
 def _has_box(objects: Labels) -> np.ndarray:
@@ -132,18 +136,18 @@ def _has_box(objects: Labels) -> np.ndarray:
     return (objects.bbox[:, 2] > objects.bbox[:, 0]) & (objects.bbox[:, 3] > objects.bbox[:, 1])
 
 
-def _projected(objects: Labels) -> np.ndarray:
-    """Height (n,) [px] that boxes of their height and distance have in KITTI's camera."""
+def _projected_height(objects: Labels) -> np.ndarray:
+    """Height (n,) [px] of boxes with the same height and distance in KITTI's camera."""
     distance = np.hypot(objects.location[:, 0], objects.location[:, 2])
     return _FOCAL_PX * objects.dimensions[:, 0] / np.maximum(distance, 1.0)
 
 
-def _list(scored: Scored, side: str) -> str:
+def _list_classes(scored: Scored, side: str) -> str:
     table: Table = getattr(scored, side)
     counts = Counter(table.objects.type)
     return ", ".join(f"{name} ({count})" for name, count in counts.most_common(8)) or "nothing"
 
 
-def _name(scored: Scored, side: str, kind: str) -> str:
+def _class_name(scored: Scored, side: str, kind: str) -> str:
     table: Table = getattr(scored, side)
     return table.objects.type[table.kind.tolist().index(kind)]

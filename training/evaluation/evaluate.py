@@ -46,9 +46,9 @@ class Result:
         r40, r11: the devkit's averages.
         aos40, aos11: the same of orientation similarity.
         continuous: the area under the whole curve.
-        thresholds: (t,) the scores of the whole curve, descending: those of all hits, or 200 evenly among them.
+        thresholds: (t,) scores of the whole curve, descending: those of all hits, or 200 evenly spaced ones.
         recall, precision: (t,) the curve.
-        hit_scores, hit_frames: (h,) of the hits that thresholds are taken from.
+        hit_scores, hit_frames: (h,) scores and frames of the hits that define the thresholds.
         task: what was scored.
     """
 
@@ -71,10 +71,10 @@ class Evaluation:
 
     Attributes:
         scored: what was evaluated.
-        results: by class, metric and difficulty; a metric is absent where the detections have no such boxes, a
-            class where nothing of it was detected.
-        oriented: whether all detections tell their alpha, so that AOS means something.
-        notes: by class, how difficulty was found where the files hold no image boxes.
+        results: by class, metric and difficulty; a metric is absent if the detections have no such boxes, a
+            class if it has no detections.
+        oriented: whether all detections contain alpha, which AOS requires.
+        notes: by class, how the difficulty was determined if the files have no image boxes.
     """
 
     scored: Scored
@@ -104,10 +104,10 @@ def evaluate(
     evaluation = Evaluation(scored, oriented=oriented)
     demand_comparable_classes(scored, classes)
     for name in classes:
-        there = _boxes_given(scored, name)
+        metrics = _available_metrics(scored, name)
         results = {}
         for metric in METRICS:
-            if metric in there:
+            if metric in metrics:
                 results[metric] = [_score(task) for task in tasks(scored, name, metric, overlaps[name], points)]
             on_part()
         if results:
@@ -131,35 +131,41 @@ def tasks(scored: Scored, name: str, metric: Metric, above: float, points: np.nd
     of_class = scored.labels.kind == name.lower()
     neighbour = scored.labels.kind == (NEIGHBOURS[name] or "").lower()
     detected = scored.detections.kind == name.lower()
-    height, height_found, has_points = heights(scored, name, points)
-    candidates = np.flatnonzero(detected | (height_found < max(MIN_HEIGHT_PX)))
+    height, detection_height, has_points = heights(scored, name, points)
+    candidates = np.flatnonzero(detected | (detection_height < max(MIN_HEIGHT_PX)))
     pairs = overlapping(scored, np.flatnonzero(of_class | neighbour), candidates, metric, above)
-    stuff = np.zeros(len(detected), bool)
+    absorbed_rows = np.zeros(len(detected), bool)
     if metric == "2d":
-        stuff[candidates] = absorbed(scored, candidates, above)
-    given = []
+        absorbed_rows[candidates] = absorbed(scored, candidates, above)
+    task_list = []
     for level in range(len(DIFFICULTIES)):
         easy_enough = (objects.occluded <= MAX_OCCLUSION[level]) & (objects.truncated <= MAX_TRUNCATION[level])
         counts = of_class & easy_enough & (height > MIN_HEIGHT_PX[level]) & has_points
-        small = height_found < MIN_HEIGHT_PX[level]
+        small = detection_height < MIN_HEIGHT_PX[level]
         kept = (detected | small)[pairs.detection]
-        some = Pairs(pairs.label[kept], pairs.detection[kept], pairs.overlap[kept])
-        given.append(Task(scored, some, counts, detected & ~small, stuff))
-    return given
+        kept_pairs = Pairs(pairs.label[kept], pairs.detection[kept], pairs.overlap[kept])
+        task_list.append(Task(scored, kept_pairs, counts, detected & ~small, absorbed_rows))
+    return task_list
 
 
-def _boxes_given(scored: Scored, name: str) -> set[Metric]:
+def _available_metrics(scored: Scored, name: str) -> set[Metric]:
     """The metrics that the devkit evaluates: those that at least one detection of the class has boxes for."""
-    found = scored.detections.objects
-    mine = scored.detections.kind == name.lower()
-    height, width, length = found.dimensions.T
-    ground = mine & (found.location[:, 0] != -1000) & (found.location[:, 2] != -1000) & (width > 0) & (length > 0)
-    given: dict[Metric, np.ndarray] = {
-        "2d": mine & (found.bbox[:, 0] >= 0) & has_image_boxes(scored, name),
+    detections = scored.detections.objects
+    of_class = scored.detections.kind == name.lower()
+    height, width, length = detections.dimensions.T
+    ground = (
+        of_class
+        & (detections.location[:, 0] != -1000)
+        & (detections.location[:, 2] != -1000)
+        & (width > 0)
+        & (length > 0)
+    )
+    rows_by_metric: dict[Metric, np.ndarray] = {
+        "2d": of_class & (detections.bbox[:, 0] >= 0) & has_image_boxes(scored, name),
         "bev": ground,
-        "3d": ground & (found.location[:, 1] != -1000) & (height > 0),
+        "3d": ground & (detections.location[:, 1] != -1000) & (height > 0),
     }
-    return {metric for metric, rows in given.items() if rows.any()}
+    return {metric for metric, rows in rows_by_metric.items() if rows.any()}
 
 
 def _score(task: Task) -> Result:
@@ -176,7 +182,7 @@ def _score(task: Task) -> Result:
 
 
 def curve_thresholds(scores: np.ndarray, most: int = _CURVE_POINTS) -> np.ndarray:
-    """The distinct scores of hits, descending; of more than `most` that many, evenly among them."""
+    """Distinct scores of hits, descending; at most `most`, evenly spaced."""
     distinct = np.unique(scores)[::-1]
     if len(distinct) > most:
         distinct = distinct[np.linspace(0, len(distinct) - 1, most).round().astype(int)]

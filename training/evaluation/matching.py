@@ -1,8 +1,8 @@
-"""Who is found by what, as the devkit assigns: greedy in the order of the label file, frame by frame.
+"""Assign detections to objects as the devkit does: greedily in the order of the label file, frame by frame.
 
-The devkit's loops over objects run here over all frames and score thresholds at once: the first objects of all
-frames, then the second ones … For each object the candidates stand in the order in which it would take them, so
-that it takes the first that is still free.
+The devkit's loops over objects are vectorised over all frames and score thresholds: first the first objects of all
+frames, then the second ones, and so on. The candidates of each object are sorted by preference, so that it takes the
+first one that is still free.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ class Task:
 
     Attributes:
         scored: the frames.
-        pairs: overlapping pairs of rows that take part.
+        pairs: overlapping pairs of rows.
         object_counts: (g,) bool of all label rows: of the class, and within the difficulty.
         valid: (d,) bool of all detection rows: of the class, and tall enough. Other detections in `pairs` are too
             small: they may take an object, which is then neither hit nor miss.
-        absorbed: (d,) bool: false positives that a DontCare region takes.
+        absorbed: (d,) bool: detections in a DontCare region, which are no false positives.
     """
 
     scored: Scored
@@ -58,7 +58,7 @@ class Counts:
     similarity: np.ndarray
 
     def of_frames(self, weights: np.ndarray) -> Counts:
-        """Sums (t, 1) over frames taken so many times each."""
+        """Weighted sums (t, 1) over frames."""
         return Counts(*((getattr(self, name) @ weights)[:, None] for name in _COUNTS))
 
 
@@ -73,8 +73,8 @@ def hit_scores(task: Task) -> tuple[np.ndarray, np.ndarray]:
     return task.score[taken[hits]], task.scored.labels.frame[hits]
 
 
-def found(task: Task, thresholds: np.ndarray) -> np.ndarray:
-    """What each object is found by at each threshold: (t, g) row of a detection, −1 none."""
+def assign_detections(task: Task, thresholds: np.ndarray) -> np.ndarray:
+    """Detection assigned to each object at each threshold: (t, g) row of a detection, −1 none."""
     small = ~task.valid[task.pairs.detection]
     preference = np.where(small, 0.0, -task.pairs.overlap)
     order = np.lexsort((task.pairs.detection, preference, small, task.pairs.label))
@@ -93,30 +93,30 @@ def _count(task: Task, thresholds: np.ndarray, by_frame: bool) -> Counts:
     labels, detections = task.scored.labels, task.scored.detections
     frames = len(task.scored.names) if by_frame else 1
     frame = labels.frame if by_frame else np.zeros_like(labels.frame)
-    taken = found(task, thresholds)
-    some = taken >= 0
-    step, row = np.nonzero(some & task.object_counts)
+    taken = assign_detections(task, thresholds)
+    is_assigned = taken >= 0
+    step, row = np.nonzero(is_assigned & task.object_counts)
     hit = task.valid[taken[step, row]]
     step, row = step[hit], row[hit]
-    likeness = (1 + np.cos(labels.objects.alpha[row] - detections.objects.alpha[taken[step, row]])) / 2
+    similarities = (1 + np.cos(labels.objects.alpha[row] - detections.objects.alpha[taken[step, row]])) / 2
     shape = (len(thresholds), frames)
-    tp = _tally(step, frame[row], shape)
-    similarity = _tally(step, frame[row], shape, likeness)
-    missed_step, missed = np.nonzero(~some & task.object_counts)
-    could_be_false = task.valid & ~task.absorbed
-    used_step, used = np.nonzero(some)
-    answer = could_be_false[taken[used_step, used]]
-    fp = -_tally(used_step[answer], frame[used[answer]], shape)
-    rows = np.flatnonzero(could_be_false)
+    tp = _sum_by_cell(step, frame[row], shape)
+    similarity = _sum_by_cell(step, frame[row], shape, similarities)
+    missed_step, missed = np.nonzero(~is_assigned & task.object_counts)
+    is_false_candidate = task.valid & ~task.absorbed
+    used_step, used = np.nonzero(is_assigned)
+    is_answer = is_false_candidate[taken[used_step, used]]
+    fp = -_sum_by_cell(used_step[is_answer], frame[used[is_answer]], shape)
+    rows = np.flatnonzero(is_false_candidate)
     if by_frame:
-        there_step, there = np.nonzero(task.score[rows][None] >= thresholds[:, None])
-        fp += _tally(there_step, detections.frame[rows[there]], shape)
+        scored_step, is_scored = np.nonzero(task.score[rows][None] >= thresholds[:, None])
+        fp += _sum_by_cell(scored_step, detections.frame[rows[is_scored]], shape)
     else:
         fp += (len(rows) - np.searchsorted(np.sort(task.score[rows]), thresholds, "left"))[:, None]
-    return Counts(tp, fp, _tally(missed_step, frame[missed], shape), similarity)
+    return Counts(tp, fp, _sum_by_cell(missed_step, frame[missed], shape), similarity)
 
 
-def _tally(
+def _sum_by_cell(
     step: np.ndarray, frame: np.ndarray, shape: tuple[int, int], weights: np.ndarray | None = None
 ) -> np.ndarray:
     cells = np.bincount(step * shape[1] + frame, weights, shape[0] * shape[1])
@@ -124,7 +124,7 @@ def _tally(
 
 
 def _hits(task: Task, taken: np.ndarray) -> np.ndarray:
-    """Label rows that a valid detection found."""
+    """Label rows with a valid detection."""
     rows = np.flatnonzero(task.object_counts & (taken >= 0))
     return rows[task.valid[taken[rows]]]
 
@@ -142,16 +142,16 @@ def _assign(task: Task, order: np.ndarray, thresholds: np.ndarray) -> np.ndarray
     free = np.concatenate([task.score[None] >= thresholds[:, None], np.zeros((len(thresholds), 1), bool)], 1)
     objects, begin, counts = np.unique(label, return_index=True, return_counts=True)
     frame = task.scored.labels.frame[objects]
-    turn = np.arange(len(objects)) - np.searchsorted(frame, frame)
+    order_in_frame = np.arange(len(objects)) - np.searchsorted(frame, frame)
     steps = np.arange(len(thresholds))[:, None]
-    for number in range(turn.max(initial=-1) + 1):
-        now = np.flatnonzero(turn == number)
-        places = begin[now, None] + np.arange(counts[now].max())
-        there = np.arange(counts[now].max()) < counts[now, None]
-        candidates = np.where(there, detection[np.minimum(places, len(detection) - 1)], free.shape[1] - 1)
-        open_ = free[:, candidates]
-        best = candidates[np.arange(len(now)), open_.argmax(-1)]
-        some = open_.any(-1)
-        taken[:, objects[now]] = np.where(some, best, -1)
-        free[steps, np.where(some, best, free.shape[1] - 1)] = False
+    for number in range(order_in_frame.max(initial=-1) + 1):
+        rows_now = np.flatnonzero(order_in_frame == number)
+        positions = begin[rows_now, None] + np.arange(counts[rows_now].max())
+        is_scored = np.arange(counts[rows_now].max()) < counts[rows_now, None]
+        candidates = np.where(is_scored, detection[np.minimum(positions, len(detection) - 1)], free.shape[1] - 1)
+        is_free = free[:, candidates]
+        best = candidates[np.arange(len(rows_now)), is_free.argmax(-1)]
+        is_assigned = is_free.any(-1)
+        taken[:, objects[rows_now]] = np.where(is_assigned, best, -1)
+        free[steps, np.where(is_assigned, best, free.shape[1] - 1)] = False
     return taken

@@ -1,4 +1,4 @@
-"""The page of an evaluation: tables, precision–recall curves, parts of the objects."""
+"""The page of an evaluation: tables, precision–recall curves, subsets of the objects."""
 
 from __future__ import annotations
 
@@ -93,17 +93,17 @@ def _table(evaluation: Evaluation, name: str, intervals: Intervals) -> str:
         bounds = intervals.get((name, metric), [])
         for level, (low, high) in enumerate(bounds):
             values[0][level] += f"<small>{low:.1f} – {high:.1f}</small>"
-        rows.append(_row(_TITLES[metric], [word for some in values for word in some]))
+        rows.append(_row(_TITLES[metric], [word for parts in values for word in parts]))
     if "2d" in metrics and evaluation.oriented:
         aos = [[f"{getattr(r, kind):.2f}" for r in metrics["2d"]] for kind in ("aos40", "aos11")]
         rows.append(_row(_TITLES["aos"], [*aos[0], *aos[1], "", "", ""]))
     heads = "".join(f"<th>{level}</th>" for _ in range(3) for level in DIFFICULTIES)
-    few = min((int(r.task.object_counts.sum()) for levels in metrics.values() for r in levels), default=0)
+    fewest_objects = min((int(r.task.object_counts.sum()) for levels in metrics.values() for r in levels), default=0)
     note = ""
-    if few < 41:
+    if fewest_objects < 41:
         note = (
-            "<p>With n objects, fewer than 41, R40 cannot exceed (n − 1)/40: a slot of the curve stays empty for "
-            "every one that is lacking. Go by the continuous AP there.</p>"
+            "<p>With n objects, fewer than 41, R40 cannot exceed (n − 1)/40: one sample of the curve stays empty "
+            "for each missing object. Use the continuous AP instead.</p>"
         )
     return (
         f"{_rules(evaluation, name)}<table><thead><tr><th></th><th colspan=3>R40</th><th colspan=3>R11</th><th "
@@ -113,7 +113,7 @@ def _table(evaluation: Evaluation, name: str, intervals: Intervals) -> str:
 
 
 def _rules(evaluation: Evaluation, name: str) -> str:
-    """How difficulty was found, where it was not KITTI's way."""
+    """Note on the difficulty, if it was not determined by KITTI's rules."""
     return f"<p>{escape(evaluation.notes[name])}</p>" if name in evaluation.notes else ""
 
 
@@ -121,15 +121,15 @@ def _row(title: str, words: Sequence[str]) -> str:
     return f"<tr><th>{title}</th>{''.join(f'<td>{word}</td>' for word in words)}</tr>"
 
 
-def _parts(kinds: dict[str, list[Slice]]) -> str:
+def _parts(parts_by_kind: dict[str, list[Slice]]) -> str:
     figures = []
-    for kind, some in kinds.items():
-        if not some:
+    for kind, parts in parts_by_kind.items():
+        if not parts:
             continue
-        names = [part.name for part in some]
-        plot = Plot(Axis(-0.6, len(some) - 0.4, "", names=names), Axis(0, 112, "AP, 3D, hard (%)"), f"AP by {kind}")
-        counts = [f"{part.objects:,}" for part in some]
-        plot.bars(np.arange(len(some)), np.array([part.ap for part in some]), 0.7, "b", counts)
+        names = [part.name for part in parts]
+        plot = Plot(Axis(-0.6, len(parts) - 0.4, "", names=names), Axis(0, 112, "AP, 3D, hard (%)"), f"AP by {kind}")
+        counts = [f"{part.objects:,}" for part in parts]
+        plot.bars(np.arange(len(parts)), np.array([part.ap for part in parts]), 0.7, "b", counts)
         heading = f"<h3>By {_WORDS[kind]}</h3><p>Number of objects on the bars; all false positives count in each</p>"
         figures.append(f"<figure><figcaption>{heading}</figcaption>{plot.svg()}</figure>")
     return "".join(figures)

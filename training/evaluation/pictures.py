@@ -1,4 +1,4 @@
-"""What was detected, drawn on scans from above: which boxes are right, which are not, and which objects were missed."""
+"""Draw detections on scans from above: hits, false detections and missed objects."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from training.evaluation.read import Scored, Table
 from training.evaluation.rules import MIN_OVERLAP
 
 CAPTION = (
-    "Labels green, of classes that are not looked for gray. Detections with their scores, from 0.3: orange where they "
-    "fit an object in 3D as well as KITTI demands, else red."
+    "Labels green, those of other classes gray. Detections with scores from 0.3: orange if their 3D overlap with an "
+    "object is sufficient for KITTI, otherwise red."
 )
 _PLAN = GroundPlan(reach_m=60.0, size_px=1680)
-_AHEAD_M, _BEHIND_M, _ASIDE_M = 56.0, 3.0, 31.0  # what is kept: beyond, KITTI labels nothing that counts
-_LABEL, _OTHER, _FITS, _ASTRAY = (96, 220, 130), (120, 126, 138), (255, 178, 62), (240, 84, 84)
+_AHEAD_M, _BEHIND_M, _ASIDE_M = 56.0, 3.0, 31.0  # drawn region: KITTI labels no objects beyond that count
+_LABEL, _OTHER, _FITS, _MISSES = (96, 220, 130), (120, 126, 138), (255, 178, 62), (240, 84, 84)
 _LEAST_SCORE = 0.3
-_BUSY = 3  # objects that make a frame worth a picture
-_UNSEEN = 0.4  # brightness of points outside the image
+_MIN_OBJECTS = 3  # minimum number of objects in a picture
+_OUTSIDE_BRIGHTNESS = 0.4  # brightness of points outside the image
 
 
 def detection_pictures(scored: Scored, drive: Drive, most: int = 4) -> list[tuple[str, str]]:
@@ -33,14 +33,16 @@ def detection_pictures(scored: Scored, drive: Drive, most: int = 4) -> list[tupl
 
     Args:
         scored: labels and detections.
-        drive: has the scans.
+        drive: drive with the scans.
         most: at most so many.
     """
-    wanted = scored.labels.frame[np.isin(scored.labels.kind, _kinds(scored))]
-    counts = np.bincount(wanted, minlength=len(scored.names))
-    here = np.array([name in drive for name in scored.names], bool)
-    busy = np.flatnonzero(here & (counts >= min(_BUSY, counts[here].max(initial=1))))
-    chosen = busy[np.unique(np.linspace(0, len(busy) - 1, most).round().astype(int))] if len(busy) else []
+    is_searched = scored.labels.frame[np.isin(scored.labels.kind, _searched_classes(scored))]
+    counts = np.bincount(is_searched, minlength=len(scored.names))
+    in_drive = np.array([name in drive for name in scored.names], bool)
+    candidates = np.flatnonzero(in_drive & (counts >= min(_MIN_OBJECTS, counts[in_drive].max(initial=1))))
+    chosen = (
+        candidates[np.unique(np.linspace(0, len(candidates) - 1, most).round().astype(int))] if len(candidates) else []
+    )
     return [(f"Frame {scored.names[number]}", _data_url(draw(scored, drive, int(number)))) for number in chosen]
 
 
@@ -48,41 +50,41 @@ def draw(scored: Scored, drive: Drive, number: int) -> np.ndarray:
     """One frame's part ahead of the sensor, (h, w, 3) uint8 RGB. Detections below a score of 0.3 are left out."""
     frame = drive[scored.names[number]]
     labels, detections = scored.labels, scored.detections
-    seen = np.where(in_view(frame, frame.points), 1.0, _UNSEEN)
+    seen = np.where(in_view(frame, frame.points), 1.0, _OUTSIDE_BRIGHTNESS)
     brightness = np.clip((80 + 160 * frame.points[:, 3]) * seen, 0, 255).astype(np.uint8)
     image = draw_from_above(frame.points, np.repeat(brightness[:, None], 3, 1), _PLAN)
     objects = np.flatnonzero((labels.frame == number) & (labels.kind != "dontcare"))
-    wanted = np.isin(labels.kind[objects], _kinds(scored))
-    _outline(image, labels, objects[~wanted], frame.calibration, _OTHER, 1)
-    _outline(image, labels, objects[wanted], frame.calibration, _LABEL, 5)
+    is_searched = np.isin(labels.kind[objects], _searched_classes(scored))
+    _draw_outlines(image, labels, objects[~is_searched], frame.calibration, _OTHER, 1)
+    _draw_outlines(image, labels, objects[is_searched], frame.calibration, _LABEL, 5)
     score = np.ones(len(detections.frame)) if detections.objects.score is None else detections.objects.score
-    found = np.flatnonzero((detections.frame == number) & (score >= _LEAST_SCORE))
-    fits = np.isin(found, _fitting(scored, objects, found))
-    for rows, colour in ((found[~fits], _ASTRAY), (found[fits], _FITS)):
-        _outline(image, detections, rows, frame.calibration, colour, 2)
-        _name(image, detections, rows, frame.calibration, score, colour)
+    detected = np.flatnonzero((detections.frame == number) & (score >= _LEAST_SCORE))
+    is_hit = np.isin(detected, _find_hits(scored, objects, detected))
+    for rows, colour in ((detected[~is_hit], _MISSES), (detected[is_hit], _FITS)):
+        _draw_outlines(image, detections, rows, frame.calibration, colour, 2)
+        _draw_scores(image, detections, rows, frame.calibration, score, colour)
     left, top = _PLAN.pixels(np.array([_AHEAD_M, _ASIDE_M])).astype(int)
     right, bottom = _PLAN.pixels(np.array([-_BEHIND_M, -_ASIDE_M])).astype(int)
     return image[top:bottom, left:right]
 
 
-def _kinds(scored: Scored) -> list[str]:
-    """Classes that were looked for: those of the detections, else all that are scored."""
+def _searched_classes(scored: Scored) -> list[str]:
+    """Classes of the detections, or all scored classes if there are no detections."""
     scorable = {name.lower() for name in MIN_OVERLAP}
     return sorted(scorable & set(scored.detections.kind) or scorable)
 
 
-def _fitting(scored: Scored, objects: np.ndarray, found: np.ndarray) -> np.ndarray:
-    """Rows of detections that overlap an object of their class as much as KITTI demands."""
+def _find_hits(scored: Scored, objects: np.ndarray, detected: np.ndarray) -> np.ndarray:
+    """Rows of detections whose overlap with an object of their class is sufficient for KITTI."""
     rows = [np.zeros(0, np.int64)]
     for name, least in MIN_OVERLAP.items():
-        mine = objects[scored.labels.kind[objects] == name.lower()]
-        theirs = found[scored.detections.kind[found] == name.lower()]
-        rows.append(overlapping(scored, mine, theirs, "3d", least).detection)
+        class_objects = objects[scored.labels.kind[objects] == name.lower()]
+        class_detections = detected[scored.detections.kind[detected] == name.lower()]
+        rows.append(overlapping(scored, class_objects, class_detections, "3d", least).detection)
     return np.concatenate(rows)
 
 
-def _outline(
+def _draw_outlines(
     image: np.ndarray, table: Table, rows: np.ndarray, calibration: Calibration, colour: Rgb, thickness: int
 ) -> None:
     for corners in table.objects[rows].boxes_velo(calibration).corners[:, :4, :2]:
@@ -91,7 +93,7 @@ def _outline(
         draw_path(image, _PLAN.pixels(np.stack([corners.mean(0), front])), colour, min(thickness, 2))
 
 
-def _name(
+def _draw_scores(
     image: np.ndarray, table: Table, rows: np.ndarray, calibration: Calibration, score: np.ndarray, colour: Rgb
 ) -> None:
     for row, corners in zip(rows, table.objects[rows].boxes_velo(calibration).corners[:, :4, :2], strict=True):

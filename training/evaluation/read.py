@@ -55,8 +55,8 @@ def pair_frames(labels: Sequence[Labels], detections: Sequence[Labels], names: S
     if len(labels) != len(detections):
         raise EvaluationError(f"{len(labels)} frames of labels, {len(detections)} of detections; give both of all")
     names = tuple(names) if names is not None else tuple(f"{number:06d}" for number in range(len(labels)))
-    for name, found in zip(names, detections, strict=True):
-        if len(found) and found.score is None:
+    for name, detected in zip(names, detections, strict=True):
+        if len(detected) and detected.score is None:
             raise EvaluationError(f"detections of {name}: 15 columns, no score; end every line with one")
     return Scored(names, Table.of(labels), Table.of(detections))
 
@@ -74,21 +74,31 @@ def read_results(detections: Path, labels: Path, frames: Path | None = None) -> 
         EvaluationError: a folder or frame is missing on one side, or a detection has no score.
         FormatError: a line has wrong columns, or a value that is not a finite number.
     """
-    found, labelled = _names(_folder(detections, "detections")), _names(_folder(labels, "labels"))
+    detected, labelled_names = _names(_folder(detections, "detections")), _names(_folder(labels, "labels"))
     if frames is None:
-        names = sorted(labelled)
-        _demand(labels, sorted(found - labelled), "detections", "labels", "remove those detections")
-        _demand(detections, sorted(labelled - found), "labels", "detections", "frames meant to be empty need --frames")
+        names = sorted(labelled_names)
+        _require_none(labels, sorted(detected - labelled_names), "detections", "labels", "remove those detections")
+        _require_none(
+            detections,
+            sorted(labelled_names - detected),
+            "labels",
+            "detections",
+            "frames meant to be empty need --frames",
+        )
     else:
         names = list(dict.fromkeys(read_split(frames)))
-        _demand(labels, [name for name in names if name not in labelled], "names", "labels", "shorten the list")
+        _require_none(
+            labels, [name for name in names if name not in labelled_names], "names", "labels", "shorten the list"
+        )
     if not names:
         raise EvaluationError(f"{frames or labels}: names no frame; there is nothing to score")
-    here = [_scored(detections / f"{name}.txt") if name in found else Labels.empty() for name in names]
-    return pair_frames([read_labels(labels / f"{name}.txt") for name in names], here, names)
+    read_detections = [
+        _read_detections(detections / f"{name}.txt") if name in detected else Labels.empty() for name in names
+    ]
+    return pair_frames([read_labels(labels / f"{name}.txt") for name in names], read_detections, names)
 
 
-def _scored(path: Path) -> Labels:
+def _read_detections(path: Path) -> Labels:
     labels = read_labels(path)
     if len(labels) and labels.score is None:
         raise EvaluationError(f"{path}: 15 columns, no score; a detection has 16, the last its score")
@@ -107,11 +117,11 @@ def _names(folder: Path) -> set[str]:
     return {file.stem for file in folder.glob("*.txt")}
 
 
-def _demand(folder: Path, absent: list[str], have: str, lack: str, remedy: str) -> None:
+def _require_none(folder: Path, absent: list[str], present: str, missing: str, remedy: str) -> None:
     if absent:
         shown = ", ".join(absent[:3]) + (" …" if len(absent) > 3 else "")
         count = "1 frame has" if len(absent) == 1 else f"{len(absent)} frames have"
-        raise EvaluationError(f"{folder}: {count} {have} but no {lack} ({shown}); {remedy}")
+        raise EvaluationError(f"{folder}: {count} {present} but no {missing} ({shown}); {remedy}")
 
 
 def _join(frames: Sequence[Labels]) -> Labels:

@@ -35,17 +35,17 @@ def paired_intersections(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """
     first, second = (np.asarray(a, np.float64).reshape(-1, 5) for a in (first, second))
     areas = np.zeros(len(first))
-    real = (first[:, 2:4] > 0).all(1) & (second[:, 2:4] > 0).all(1)
+    has_area = (first[:, 2:4] > 0).all(1) & (second[:, 2:4] > 0).all(1)
     reach = (np.hypot(first[:, 2], first[:, 3]) + np.hypot(second[:, 2], second[:, 3])) / 2
-    near = np.hypot(*(first[:, :2] - second[:, :2]).T) < reach
-    rows = np.flatnonzero(real & near)
+    is_near = np.hypot(*(first[:, :2] - second[:, :2]).T) < reach
+    rows = np.flatnonzero(has_area & is_near)
     for start in range(0, len(rows), _CHUNK):
-        some = rows[start : start + _CHUNK]
-        middle = first[some, :2]  # clip near the origin, where floats are dense
-        a, b = first[some].copy(), second[some].copy()
+        chunk = rows[start : start + _CHUNK]
+        middle = first[chunk, :2]  # clip near the origin, where floats are dense
+        a, b = first[chunk].copy(), second[chunk].copy()
         a[:, :2] -= middle
         b[:, :2] -= middle
-        areas[some] = _area(_clip_all(rectangle_corners(a), rectangle_corners(b)))
+        areas[chunk] = _area(_clip_all(rectangle_corners(a), rectangle_corners(b)))
     return areas
 
 
@@ -68,10 +68,10 @@ def _clip(polygons: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarra
     direction = (end - start)[:, None]
     offset = polygons - start[:, None]
     side = direction[..., 0] * offset[..., 1] - direction[..., 1] * offset[..., 0]
-    following, side_after = np.roll(polygons, -1, 1), np.roll(side, -1, 1)
+    next_vertices, side_after = np.roll(polygons, -1, 1), np.roll(side, -1, 1)
     inside, crossing = side >= 0, (side >= 0) != (side_after >= 0)
     share = np.divide(side, side - side_after, out=np.zeros_like(side), where=crossing)
-    cut = polygons + share[..., None] * (following - polygons)
+    cut = polygons + share[..., None] * (next_vertices - polygons)
     count, vertices = inside.shape
     candidates = np.stack([polygons, cut], 2).reshape(count, 2 * vertices, 2)
     kept = np.stack([inside, crossing], 2).reshape(count, 2 * vertices)
@@ -84,6 +84,6 @@ def _clip(polygons: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarra
 
 
 def _area(polygons: np.ndarray) -> np.ndarray:
-    following = np.roll(polygons, -1, 1)
-    doubled = polygons[..., 0] * following[..., 1] - polygons[..., 1] * following[..., 0]
+    next_vertices = np.roll(polygons, -1, 1)
+    doubled = polygons[..., 0] * next_vertices[..., 1] - polygons[..., 1] * next_vertices[..., 0]
     return np.clip(doubled.sum(1) / 2, 0, None)

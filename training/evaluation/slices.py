@@ -1,9 +1,9 @@
-"""Average precision of parts of the objects: by distance, by points in the box, by occlusion.
+"""Average precision of subsets of the objects: by distance, by points in the box, by occlusion.
 
-False positives have neither points of an object nor an occlusion, so all of the set count against every part, and
-precision is that which the part would have were it as numerous as the whole: R·N / (R·N + F), with recall R in the
-part, N objects in the whole and F false positives (normalised precision: Hoiem, Chodpathumwan & Dai, "Diagnosing
-Error in Object Detectors", ECCV 2012, section 2.1). The parts can then be held against each other.
+False positives have neither points of an object nor an occlusion, so all of them count in every subset, and the
+precision is normalised to the size of the whole set: R·N / (R·N + F), with recall R in the
+subset, N objects in the whole set and F false positives (normalised precision: Hoiem, Chodpathumwan & Dai, "Diagnosing
+Error in Object Detectors", ECCV 2012, section 2.1). The subsets can then be compared.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from cosim.drives.kitti import Drive, points_in_boxes
 from training.evaluation.average_precision import continuous_average
 from training.evaluation.evaluate import Result
-from training.evaluation.matching import count, found
+from training.evaluation.matching import assign_detections, count
 from training.evaluation.read import Table
 
 DISTANCE_EDGES_M = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 80.0)
@@ -29,7 +29,7 @@ _STEPS = 200
 
 @dataclass(frozen=True)
 class Slice:
-    """A part of the objects: what it is, how many, its average precision [%] and highest recall [%]."""
+    """A subset of the objects: name, number of objects, average precision [%] and highest recall [%]."""
 
     name: str
     objects: int
@@ -42,7 +42,7 @@ class Slice:
 
 
 def slices(result: Result, points: np.ndarray | None = None) -> dict[str, list[Slice]]:
-    """`distance`, `occlusion` and, where points were counted, `points`: the parts that hold objects.
+    """`distance`, `occlusion` and, where points were counted, `points`: the subsets that contain objects.
 
     Args:
         result: a class by a metric at a difficulty; `hard` has most objects.
@@ -70,18 +70,18 @@ def point_words() -> list[str]:
 
 
 def points_in_labels(result: Result, drive: Drive) -> np.ndarray:
-    """How many points of the drive's scans lie in each label's box, (g,) int64; 0 for frames it lacks."""
+    """Count the points of the drive's scans in each label's box, (g,) int64; 0 for frames without scan."""
     return points_in_rows(result.task.scored.labels, result.task.object_counts, result.task.scored.names, drive)
 
 
 def points_in_rows(table: Table, wanted: np.ndarray, names: Sequence[str], drive: Drive) -> np.ndarray:
-    """How many points of the drive's scans lie in some boxes.
+    """Count the points of the drive's scans in the selected boxes.
 
     Args:
         table: labels or detections.
-        wanted: (n,) bool, which rows; others have 0, as those of frames that the drive lacks.
+        wanted: (n,) bool, rows to count; all others, and rows of frames that the drive does not have, are 0.
         names: of the frames.
-        drive: has the scans.
+        drive: drive with the scans.
 
     Returns:
         (n,) int64.
@@ -97,26 +97,33 @@ def points_in_rows(table: Table, wanted: np.ndarray, names: Sequence[str], drive
 
 
 def scans_beside(labels: Path) -> Drive | None:
-    """The drive that a folder of labels belongs to, if its scans are there."""
+    """Return the drive that contains a folder of labels, or None if it has no scans."""
     folder = labels.resolve().parent
-    there = (folder / "velodyne").is_dir() and (folder / "calib").is_dir() and any((folder / "velodyne").glob("*.bin"))
-    return Drive(folder) if there else None
+    has_scans = (
+        (folder / "velodyne").is_dir() and (folder / "calib").is_dir() and any((folder / "velodyne").glob("*.bin"))
+    )
+    return Drive(folder) if has_scans else None
 
 
 def _parts(result: Result, part: np.ndarray, names: Sequence[str]) -> list[Slice]:
     task = result.task
     thresholds = result.thresholds[:: max(1, len(result.thresholds) // _STEPS)]
-    taken, false = found(task, thresholds), count(task, thresholds).fp[:, 0]
-    hit = (taken >= 0) & task.valid[taken]
+    assigned, false_positives = assign_detections(task, thresholds), count(task, thresholds).fp[:, 0]
+    hit = (assigned >= 0) & task.valid[assigned]
     everything = task.object_counts.sum()
-    said = []
+    slices_ = []
     for number, name in enumerate(names):
-        mine = task.object_counts & (part == number)
-        if not mine.any():
+        in_part = task.object_counts & (part == number)
+        if not in_part.any():
             continue
-        recall = hit[:, mine].sum(1) / mine.sum()
-        likely = recall * everything
-        precision = np.divide(likely, likely + false, out=np.zeros_like(likely), where=likely + false > 0)
+        recall = hit[:, in_part].sum(1) / in_part.sum()
+        expected_hits = recall * everything
+        precision = np.divide(
+            expected_hits,
+            expected_hits + false_positives,
+            out=np.zeros_like(expected_hits),
+            where=expected_hits + false_positives > 0,
+        )
         best = 100 * float(recall.max(initial=0.0))
-        said.append(Slice(name, int(mine.sum()), continuous_average(recall, precision), best))
-    return said
+        slices_.append(Slice(name, int(in_part.sum()), continuous_average(recall, precision), best))
+    return slices_

@@ -1,4 +1,4 @@
-"""The paper's experiments: tables of detectors trained on one kind of frames and tested on another."""
+"""The paper's experiments: tables of detectors trained and tested on different sets of frames."""
 
 from training.experiments.table import ExperimentTable, load_table, table_names
 

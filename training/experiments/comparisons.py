@@ -1,4 +1,4 @@
-"""Which differences between rows, or between before and after fine-tuning, are more than chance.
+"""Significance of differences between rows, and between before and after fine-tuning.
 
 Both sides are scored on the same draws of test frames and subtracted draw by draw (Efron & Tibshirani, An Introduction
 to the Bootstrap, 1993, chapter 13).
@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from training.evaluation.bootstrap import interval
-from training.experiments.run import Row
+from training.experiments.scored_rows import Row
 
 _METRICS = {"3d": "3D", "bev": "from above"}
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """How far one figure lies above another, R40 at moderate [%], and the central 95 % of its draws."""
+    """Difference of two figures, R40 at moderate [%], with its 95 % interval."""
 
     name: str
     gap: float
@@ -29,7 +29,7 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """Whether the interval leaves out 0."""
+        """Whether the interval excludes 0."""
         return "may be chance" if self.low <= 0 <= self.high else "more than chance"
 
     @property
@@ -39,40 +39,40 @@ class Comparison:
 
 
 def gains(rows: Sequence[Row]) -> list[Comparison]:
-    """What fine-tuning changed, for the rows that were fine-tuned."""
-    said = []
+    """Changes by fine-tuning, for the rows that were fine-tuned."""
+    comparisons = []
     for row in rows:
         if row.scores is None or "before" not in row.scores:
             continue
         for metric, bounds in row.scores["gain_ci95"].items():
             gap = moderate(row.scores, metric) - moderate(row.scores["before"], metric)
-            said.append(Comparison(f"{row.name}, {_METRICS[metric]}", gap, *bounds))
-    return said
+            comparisons.append(Comparison(f"{row.name}, {_METRICS[metric]}", gap, *bounds))
+    return comparisons
 
 
 def differences(rows: Sequence[Row]) -> list[Comparison]:
-    """How far each row lies below the best in 3D; only rows tested on the same frames can be subtracted so."""
-    run = [row for row in rows if row.scores is not None and row.scores["draws_3d_moderate"]]
-    if not run:
+    """Difference of each row from the best in 3D, for rows tested on the same frames."""
+    scored_rows = [row for row in rows if row.scores is not None and row.scores["draws_3d_moderate"]]
+    if not scored_rows:
         return []
-    best = max(run, key=lambda row: moderate(row.scores, "3d"))
+    best = max(scored_rows, key=lambda row: moderate(row.scores, "3d"))
     assert best.scores is not None
-    said = []
-    for row in run:
+    comparisons = []
+    for row in scored_rows:
         if row is best or row.scores is None or row.scores["settings"]["test"] != best.scores["settings"]["test"]:
             continue
         draws = np.subtract(row.scores["draws_3d_moderate"], best.scores["draws_3d_moderate"])
         gap = moderate(row.scores, "3d") - moderate(best.scores, "3d")
-        said.append(Comparison(f"{row.name} less {best.name}, 3D", gap, *interval(draws)))
-    return said
+        comparisons.append(Comparison(f"{row.name} less {best.name}, 3D", gap, *interval(draws)))
+    return comparisons
 
 
 def averages(scores: dict[str, Any] | None, metric: str) -> list[float] | None:
-    """R40 of cars, easy, moderate, hard [%]; zeros where no car was detected, None without scores."""
+    """R40 of cars, easy, moderate, hard [%]; zeros without detected cars, None without scores."""
     if scores is None:
         return None
-    found = (scores.get("Car") or {}).get(metric)
-    return found["R40"] if found else [0.0, 0.0, 0.0]
+    results = (scores.get("Car") or {}).get(metric)
+    return results["R40"] if results else [0.0, 0.0, 0.0]
 
 
 def moderate(scores: dict[str, Any] | None, metric: str) -> float:

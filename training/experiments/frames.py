@@ -1,4 +1,4 @@
-"""Which frames the rows of a table are trained and tested on."""
+"""Training and test frames of the rows of a table."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ _FINE_TUNING = {"epochs": 20, "steps": None, "learning_rate": 0.0005}
 
 @dataclass(frozen=True)
 class Inputs:
-    """What experiments are run with.
+    """Inputs of experiments.
 
     Attributes:
-        variants: folder of simulated drives, one a variant, as `cosim variants` writes it; their lists train and val
+        variants: folder of simulated drives, one per variant, as `cosim variants` writes it; their lists train and val
             are trained and tested on.
         real: folder of real frames, or None.
         few: name of the list of few real frames to fine-tune on.
         full: name of the list of all real training frames.
         test: name of the list of real frames to test on.
-        config: model, epochs and so on; its frames are replaced.
-        fine_tune: of fine-tuning, as `tuned_config` makes it; its frames and first weights are replaced.
-        out: where everything is kept.
+        config: training configuration; its frames are replaced.
+        fine_tune: configuration of fine-tuning from `tuned_config`; its frames and initial weights are replaced.
+        out: output folder.
     """
 
     variants: Path | None
@@ -42,59 +42,61 @@ class Inputs:
 
 
 class MissingFramesError(TrainingError):
-    """A row's frames are not here."""
+    """The frames of a row do not exist."""
 
 
 def tuned_config(config: TrainConfig, changes: dict[str, Any], where: str = "fine-tuning") -> TrainConfig:
-    """A configuration with what fine-tuning changes: 20 epochs at a low rate, and other keys that are given.
+    """Return the configuration of fine-tuning: 20 epochs at a low learning rate, and the given changes.
 
     Raises:
-        TrainingError: an unknown key or a value out of bounds; `where` leads the error.
+        TrainingError: an unknown key or a value out of bounds; the message starts with `where`.
     """
     return parse_train_config({**config.model_dump(mode="json"), **_FINE_TUNING, **changes}, where)
 
 
 def simulated_frames(variant: str, inputs: Inputs, split: str) -> Source:
-    """A list of a variant.
+    """Frames of a list of a variant.
 
     Raises:
-        MissingFramesError: it is not here.
+        MissingFramesError: it does not exist.
     """
     if inputs.variants is None:
         raise MissingFramesError("no simulated frames: name the folder of cosim variants with --variants")
-    return _listed(inputs.variants / variant, split, variant)
+    return _list_source(inputs.variants / variant, split, variant)
 
 
 def real_frames(inputs: Inputs, split: str) -> Source:
-    """A list of the real frames.
+    """Frames of a list of the real frames.
 
     Raises:
-        MissingFramesError: it is not here.
+        MissingFramesError: it does not exist.
     """
     if inputs.real is None:
         raise MissingFramesError("no real frames: name their folder with --real")
-    return _listed(inputs.real, split)
+    return _list_source(inputs.real, split)
 
 
-def real_lessons(table: ExperimentTable, inputs: Inputs) -> Source:
-    """The real frames that a detector learns from: all for training, or the few where there are no more."""
-    full = inputs.real is not None and inputs.full in Drive(inputs.real).splits
-    return real_frames(inputs, inputs.full if full and table.fine_tune != "few" else inputs.few)
+def real_training_frames(table: ExperimentTable, inputs: Inputs) -> Source:
+    """Real training frames of a detector: all, or the few if there is no larger list."""
+    use_full = inputs.real is not None and inputs.full in Drive(inputs.real).splits
+    return real_frames(inputs, inputs.full if use_full and table.fine_tune != "few" else inputs.few)
 
 
-def with_as_many_steps(config: TrainConfig, source: Source, table: ExperimentTable, inputs: Inputs) -> TrainConfig:
-    """The configuration for other frames than the variants', which are fewer: seen more often, for as many steps."""
+def match_steps(config: TrainConfig, source: Source, table: ExperimentTable, inputs: Inputs) -> TrainConfig:
+    """Return the configuration for fewer frames than those of the variants: more epochs, equally many steps."""
     counts = [0]
     for variant in table.variants:
         try:
             counts.append(len(simulated_frames(variant, inputs, "train").open()[1]))
         except MissingFramesError:
             continue
-    theirs, own = (-(-count // config.batch_size) for count in (max(counts), len(source.open()[1])))
-    return config.model_copy(update={"epochs": max(config.epochs, round(config.epochs * theirs / max(own, 1)))})
+    variant_steps, own_steps = (-(-count // config.batch_size) for count in (max(counts), len(source.open()[1])))
+    return config.model_copy(
+        update={"epochs": max(config.epochs, round(config.epochs * variant_steps / max(own_steps, 1)))}
+    )
 
 
-def _listed(folder: Path, split: str, variant: str = "") -> Source:
+def _list_source(folder: Path, split: str, variant: str = "") -> Source:
     if not folder.is_dir():
         remedy = f"make it with cosim variants --variant {variant}" if variant else "name another folder with --real"
         raise MissingFramesError(f"no drive at {folder}: {remedy}")

@@ -1,4 +1,4 @@
-"""A table in the paper's layout, its own figures beside ours: page, Markdown, JSON."""
+"""Write a table in the paper's layout, with the paper's figures: page, Markdown, JSON."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from training.experiments.run import Row
 from training.experiments.table import REAL, ExperimentTable
 
 _HEADS = ("easy", "moderate", "hard")
-_GAINS = "What fine-tuning changes"
-_DIFFERENCES = "Which differences mean something"
+_GAINS = "Changes by fine-tuning"
+_DIFFERENCES = "Significance of differences"
 
 
 def write_report(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> Path:
-    """Write `index.html`, `table.md` and `table.json` into a folder that holds the rows' detections."""
+    """Write `index.html`, `table.md` and `table.json` into the folder of the rows' detections."""
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "index.html").write_text(format_page(table, rows, folder), encoding="utf-8")
@@ -40,18 +40,18 @@ def as_json(table: ExperimentTable, rows: Sequence[Row]) -> dict[str, Any]:
     """`{"title", "rows": [{"name", "3d", "bev", "ci95", "before", "gain_ci95", "paper_3d", "reason"}]}`.
 
     R40 of cars in percent. `before`: 3d, bev and ci95 before fine-tuning; `gain_ci95`: of the differences at
-    moderate. Both null where nothing was fine-tuned.
+    moderate. Both are null without fine-tuning.
     """
-    said = []
+    entries = []
     for row in rows:
-        entry = _figures(row.scores)
+        entry = _summary_figures(row.scores)
         before = (row.scores or {}).get("before")
-        entry["before"] = before and _figures(before)
+        entry["before"] = before and _summary_figures(before)
         entry["gain_ci95"] = (row.scores or {}).get("gain_ci95")
         paper = table.paper.get(row.name)
         entry["paper_3d"] = list(paper) if paper else None
-        said.append({"name": row.name, **entry, "reason": row.reason or None})
-    return {"title": table.title, "rows": said}
+        entries.append({"name": row.name, **entry, "reason": row.reason or None})
+    return {"title": table.title, "rows": entries}
 
 
 def format_markdown(table: ExperimentTable, rows: Sequence[Row]) -> str:
@@ -61,12 +61,12 @@ def format_markdown(table: ExperimentTable, rows: Sequence[Row]) -> str:
     lines = [f"# {table.title}", "", f"Cars, IoU over 0.7, AP R40 in percent. {_tested_on(rows)}".rstrip(), ""]
     lines += [f"| {_row_head(table)} | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
     for row in rows:
-        words = [word for group in groups for word in _words(group.values(row))]
+        words = [text for group in groups for text in _format_values(group.values(row))]
         lines.append(f"| {_label(table, row)} | " + " | ".join(words) + " |")
     lines.append("")
     for title, compared in ((_GAINS, gains(rows)), (_DIFFERENCES, differences(rows))):
         if compared:
-            lines += [f"{title}:", "", *(f"- {said.in_words}" for said in compared), ""]
+            lines += [f"{title}:", "", *(f"- {comparison.in_words}" for comparison in compared), ""]
     absent = [f"- {_label(table, row)}: not run; {row.reason}" for row in rows if row.reason]
     return "\n".join([*lines, *absent]).rstrip() + "\n"
 
@@ -74,22 +74,22 @@ def format_markdown(table: ExperimentTable, rows: Sequence[Row]) -> str:
 def format_page(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> str:
     """The page, with precision–recall curves and pictures of the rows that were run."""
     groups = _groups(table)
-    over = "".join(f"<th colspan=3>{escape(group.title)}</th>" for group in groups)
+    group_heads = "".join(f"<th colspan=3>{escape(group.title)}</th>" for group in groups)
     heads = "".join(f"<th>{level}</th>" for _ in groups for level in _HEADS)
     body = "".join(_html_row(table, row, groups) for row in rows)
     result = (
         f"<header><h1>{escape(table.title)}</h1><p>Cars, IoU over 0.7, AP R40 in percent; small: 95 % interval over "
         f"draws of the test frames. {escape(_tested_on(rows))}</p></header>"
-        f"<section class=plain><table><thead><tr><th></th>{over}</tr>"
+        f"<section class=plain><table><thead><tr><th></th>{group_heads}</tr>"
         f"<tr><th>{_row_head(table)}</th>{heads}</tr></thead><tbody>{body}</tbody></table></section>"
     )
-    compared = [_comparisons(_GAINS, gains(rows)), _comparisons(_DIFFERENCES, differences(rows))]
-    details = [_details(table, row, folder) for row in rows if row.scores is not None]
+    compared = [_format_comparisons(_GAINS, gains(rows)), _format_comparisons(_DIFFERENCES, differences(rows))]
+    details = [_format_details(table, row, folder) for row in rows if row.scores is not None]
     return document(table.title, [result, *compared, *details], style=STYLE + _STYLE, generator="cosim experiment")
 
 
 def _tested_on(rows: Sequence[Row]) -> str:
-    """How many frames and objects the figures rest on, where all rows rest on as many."""
+    """Numbers of test frames and objects, if they are equal for all rows."""
     sizes = {
         (row.scores["frames"], row.scores["Car"]["3d"]["objects"][1])
         for row in rows
@@ -102,47 +102,48 @@ def _tested_on(rows: Sequence[Row]) -> str:
 
 
 def _row_head(table: ExperimentTable) -> str:
-    """In what the rows differ."""
+    """Heading of the row names."""
     return "tested on" if table.train_on == REAL else "trained on"
 
 
 def _label(table: ExperimentTable, row: Row) -> str:
-    """What a row is called: a variant by its name, real frames by what they are here."""
+    """Name of a row: that of the variant, or a description of the real frames."""
     if row.name != REAL:
         return row.name
-    return "the few real frames alone" if table.fine_tune == "few" else "real frames"
+    return "the few real frames only" if table.fine_tune == "few" else "real frames"
 
 
 def _html_row(table: ExperimentTable, row: Row, groups: Sequence[_Group]) -> str:
     cells = []
     for group in groups:
         bounds = group.intervals(row)
-        for level, word in enumerate(_words(group.values(row))):
+        for level, text in enumerate(_format_values(group.values(row))):
             small = f"<small>{bounds[level][0]:.0f} – {bounds[level][1]:.0f}</small>" if bounds else ""
-            cells.append(f"<td>{word}{small}</td>")
-    if row.scores is None:  # the first two groups are what was measured
+            cells.append(f"<td>{text}{small}</td>")
+    if row.scores is None:  # the first two groups are measured values
         cells[:6] = [f"<td class=words colspan=6>{escape(row.reason)}</td>"]
     return f"<tr><th>{escape(_label(table, row))}</th>{''.join(cells)}</tr>"
 
 
-def _comparisons(title: str, compared: Sequence[Comparison]) -> str:
+def _format_comparisons(title: str, compared: Sequence[Comparison]) -> str:
     if not compared:
         return ""
     lines = [
-        f"<tr><th>{escape(said.name)}</th><td>{said.gap:+.1f}</td><td>{said.low:+.1f} … {said.high:+.1f}</td>"
-        f"<td class=words>{said.verdict}</td></tr>"
-        for said in compared
+        f"<tr><th>{escape(comparison.name)}</th><td>{comparison.gap:+.1f}</td>"
+        f"<td>{comparison.low:+.1f} … {comparison.high:+.1f}</td>"
+        f"<td class=words>{comparison.verdict}</td></tr>"
+        for comparison in compared
     ]
     return (
-        f"<section><h2>{escape(title)}</h2><p>At moderate, with 95 % of its values over the same draws of test frames "
-        "for both. Each detector was trained once: what another seed would change is not in these intervals.</p>"
+        f"<section><h2>{escape(title)}</h2><p>At moderate, with 95 % bootstrap intervals, paired by test frame. Each "
+        "detector was trained once: the intervals do not include the variation between seeds.</p>"
         "<table><thead><tr><th></th><th>difference</th><th>95 %</th><th></th></tr></thead>"
         f"<tbody>{''.join(lines)}</tbody></table></section>"
     )
 
 
-def _details(table: ExperimentTable, row: Row, folder: Path) -> str:
-    """Curves and pictures of a row, from the detections that it left."""
+def _format_details(table: ExperimentTable, row: Row, folder: Path) -> str:
+    """Curves and pictures of a row, from its stored detections."""
     assert row.scores is not None
     drive = Drive(Path(row.scores["settings"]["test"]["drive"]))
     scored = read_results(folder / row.name, drive.root / "label_2", _frame_list(folder / row.name))
@@ -177,7 +178,7 @@ def _frame_list(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class _Group:
-    """Three columns of the table: their title, and what of a row stands in them."""
+    """Three columns of the table: their title, and their values in a row."""
 
     title: str
     values: Callable[[Row], Sequence[float] | None]
@@ -185,16 +186,16 @@ class _Group:
 
 
 def _groups(table: ExperimentTable) -> list[_Group]:
-    groups = [_measured("3D", "3d"), _measured("from above", "bev")]
+    groups = [_measured_group("3D", "3d"), _measured_group("from above", "bev")]
     if table.fine_tune != "none":
-        groups += [_measured("before fine-tuning, 3D", "3d", "before")]
-        groups += [_measured("before, from above", "bev", "before")]
+        groups += [_measured_group("before fine-tuning, 3D", "3d", "before")]
+        groups += [_measured_group("before, from above", "bev", "before")]
     if table.paper:
         groups.append(_Group("paper, 3D", lambda row: table.paper.get(row.name)))
     return groups
 
 
-def _measured(title: str, metric: str, when: str | None = None) -> _Group:
+def _measured_group(title: str, metric: str, when: str | None = None) -> _Group:
     def scores(row: Row) -> dict[str, Any] | None:
         return row.scores if when is None else (row.scores or {}).get(when)
 
@@ -204,11 +205,11 @@ def _measured(title: str, metric: str, when: str | None = None) -> _Group:
     return _Group(title, lambda row: averages(scores(row), metric), intervals)
 
 
-def _words(values: Sequence[float] | None) -> list[str]:
+def _format_values(values: Sequence[float] | None) -> list[str]:
     return [f"{value:.1f}" for value in values] if values else ["–"] * 3
 
 
-def _figures(scores: dict[str, Any] | None) -> dict[str, Any]:
+def _summary_figures(scores: dict[str, Any] | None) -> dict[str, Any]:
     return {**{metric: averages(scores, metric) for metric in ("3d", "bev")}, "ci95": scores and scores["ci95"]}
 
 

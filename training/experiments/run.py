@@ -1,7 +1,7 @@
-"""Runs the rows of a table that the data at hand allow, each once: what is there already is taken up.
+"""Run the rows of a table for which frames exist; finished rows and trainings are reused.
 
-`OUT/detectors/NAME/` holds a training, shared by all tables; `OUT/fine_tuned/FEW|FULL-NAME/` its fine-tuning;
-`OUT/tables/TABLE/NAME.json` a finished row, beside its detections.
+`OUT/detectors/NAME/` contains a training, shared by all tables; `OUT/fine_tuned/FEW|FULL-NAME/` its fine-tuning;
+`OUT/tables/TABLE/NAME.json` a finished row, next to its detections.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from training.evaluation.bootstrap import interval, resample
 from training.experiments.frames import (
     Inputs,
     MissingFramesError,
+    match_steps,
     real_frames,
-    real_lessons,
+    real_training_frames,
     simulated_frames,
     tuned_config,
-    with_as_many_steps,
 )
 from training.experiments.table import REAL, ExperimentTable
-from training.loop import CHECKPOINT, decisive
+from training.loop import CHECKPOINT, decisive_settings
 from training.run import Watcher, run_training, score
 
 _CLASS = "Car"
@@ -46,7 +46,7 @@ Draws = Mapping[str, list[np.ndarray]]
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """A row: its name, and its scores as JSON; or why it was not run."""
+    """A row: its name, and its scores as JSON, or the reason why it was not run."""
 
     name: str
     scores: dict[str, Any] | None = None
@@ -61,7 +61,7 @@ def run_table(
     watcher: Watcher | None = None,
     only: Sequence[str] | None = None,
 ) -> list[Row]:
-    """The rows of a table, or only some, run or taken up; those whose frames are not here say so."""
+    """Run the rows of a table, or only those in `only`; rows with missing frames contain the reason."""
     rows = []
     for row in table.rows:
         if only is not None and row not in only:
@@ -76,31 +76,35 @@ def run_table(
 
 def _run_row(table: ExperimentTable, name: str, row: str, inputs: Inputs, watcher: Watcher | None) -> Row:
     test = real_frames(inputs, inputs.test) if table.test_on == REAL else simulated_frames(row, inputs, "val")
-    config, trained = inputs.config, row
+    config, detector_name = inputs.config, row
     if table.train_on == REAL or row == REAL:
-        learnt = real_lessons(table, inputs)
-        config, trained = with_as_many_steps(config, learnt, table, inputs), f"{REAL}-{learnt.split}"
+        train_source = real_training_frames(table, inputs)
+        config, detector_name = match_steps(config, train_source, table, inputs), f"{REAL}-{train_source.split}"
     else:
-        learnt = simulated_frames(row, inputs, "train")
+        train_source = simulated_frames(row, inputs, "train")
     tuned_on, tuning = None, None
     if table.fine_tune != "none" and row != REAL:
         tuned_on = real_frames(inputs, inputs.few if table.fine_tune == "few" else inputs.full)
         tuning = inputs.fine_tune or tuned_config(config, {})
     folder = inputs.out / "tables" / Path(name).stem
-    settings = _told(config, learnt, test) | _tuning_told(tuning, tuned_on)
+    settings = _row_settings(config, train_source, test) | _tuning_settings(tuning, tuned_on)
     finished = folder / f"{row}.json"
-    before = _finished(finished, settings)
+    before = _read_finished(finished, settings)
     if before is not None:
         return Row(row, before)
-    checkpoint = _train(inputs.out / "detectors" / trained, config, learnt, watcher)
+    checkpoint = _train(inputs.out / "detectors" / detector_name, config, train_source, watcher)
     if tuned_on is None or tuning is None:
-        scores = _summary(*_scored(checkpoint, test, inputs, folder / row))
+        scores = _summarise(*_score_detector(checkpoint, test, inputs, folder / row))
     else:
         target = inputs.out / "fine_tuned" / f"{table.fine_tune}-{row}"
         tuned = _train(target, tuning.model_copy(update={"from_checkpoint": checkpoint}), tuned_on, watcher)
-        untuned = _scored(checkpoint, test, inputs)
-        after = _scored(tuned, test, inputs, folder / row)
-        scores = {**_summary(*after), "before": _summary(*untuned), "gain_ci95": _gains(untuned[1], after[1])}
+        untuned = _score_detector(checkpoint, test, inputs)
+        after = _score_detector(tuned, test, inputs, folder / row)
+        scores = {
+            **_summarise(*after),
+            "before": _summarise(*untuned),
+            "gain_ci95": _gain_intervals(untuned[1], after[1]),
+        }
     scores |= {"frames": len(test.open()[1]), "settings": settings}
     with explained(finished):
         finished.write_text(json.dumps(scores, indent=1) + "\n", encoding="utf-8")
@@ -108,7 +112,7 @@ def _run_row(table: ExperimentTable, name: str, row: str, inputs: Inputs, watche
 
 
 def _train(folder: Path, config: TrainConfig, source: Source, watcher: Watcher | None) -> Path:
-    """The checkpoint of a training that is run, gone on with, or finished already."""
+    """Run or resume a training if it is not finished; returns its checkpoint."""
     config = config.model_copy(update={"train": (source,), "validate_on": ()})
     marker, settings = folder / "finished.json", config.model_dump(mode="json")
     if not (marker.is_file() and json.loads(marker.read_text(encoding="utf-8")) == settings):
@@ -118,27 +122,29 @@ def _train(folder: Path, config: TrainConfig, source: Source, watcher: Watcher |
     return folder / CHECKPOINT
 
 
-def _told(config: TrainConfig, learnt: Source, test: Source) -> dict[str, Any]:
-    """What decides a row, to know whether a finished one still holds."""
-    frames = {"train": learnt.model_dump(mode="json"), "test": test.model_dump(mode="json")}
-    return {**decisive(config), **frames}
+def _row_settings(config: TrainConfig, train_source: Source, test: Source) -> dict[str, Any]:
+    """Settings that determine a row, to check whether a finished one is still valid."""
+    frames = {"train": train_source.model_dump(mode="json"), "test": test.model_dump(mode="json")}
+    return {**decisive_settings(config), **frames}
 
 
-def _tuning_told(tuning: TrainConfig | None, tuned_on: Source | None) -> dict[str, Any]:
+def _tuning_settings(tuning: TrainConfig | None, tuned_on: Source | None) -> dict[str, Any]:
     if tuning is None or tuned_on is None:
         return {}
-    return {"fine_tuning": {**decisive(tuning), "train": tuned_on.model_dump(mode="json")}}
+    return {"fine_tuning": {**decisive_settings(tuning), "train": tuned_on.model_dump(mode="json")}}
 
 
-def _finished(path: Path, settings: dict[str, Any]) -> dict[str, Any] | None:
+def _read_finished(path: Path, settings: dict[str, Any]) -> dict[str, Any] | None:
     if not path.is_file():
         return None
     scores = json.loads(path.read_text(encoding="utf-8"))
     return scores if scores.get("settings") == settings else None
 
 
-def _scored(checkpoint: Path, test: Source, inputs: Inputs, folder: Path | None = None) -> tuple[Evaluation, Draws]:
-    """The scores of a detector; the same draws of frames for all detectors that are tested on the same frames."""
+def _score_detector(
+    checkpoint: Path, test: Source, inputs: Inputs, folder: Path | None = None
+) -> tuple[Evaluation, Draws]:
+    """Score a detector; detectors tested on the same frames get the same bootstrap draws."""
     detector, classes = load_detector(checkpoint)
     device = find_device(inputs.config.device)
     evaluation = score(detector.to(device), test, classes, device, folder)
@@ -151,14 +157,14 @@ def _scored(checkpoint: Path, test: Source, inputs: Inputs, folder: Path | None 
     return evaluation, draws
 
 
-def _summary(evaluation: Evaluation, draws: Draws) -> dict[str, Any]:
+def _summarise(evaluation: Evaluation, draws: Draws) -> dict[str, Any]:
     intervals = {metric: [list(interval(values)) for values in levels] for metric, levels in draws.items()}
     moderate = [round(value, 3) for value in draws["3d"][_MODERATE].tolist()] if "3d" in draws else None
     return {**as_json(evaluation), "ci95": intervals, "draws_3d_moderate": moderate}
 
 
-def _gains(before: Draws, after: Draws) -> dict[str, list[float]]:
-    """95 % of the differences, draw by draw, at moderate."""
+def _gain_intervals(before: Draws, after: Draws) -> dict[str, list[float]]:
+    """95 % intervals of the paired differences at moderate."""
     return {
         metric: list(interval(after[metric][_MODERATE] - before[metric][_MODERATE]))
         for metric in _METRICS

@@ -1,4 +1,4 @@
-"""What a table of the paper is: which detectors, tested on what."""
+"""Definition of a table of the paper: detectors and their test frames."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ REAL = "real"
 
 
 class ExperimentTable(BaseModel):
-    """A table: a row a variant, each a detector with its scores."""
+    """A table: one row per variant, each a detector with its scores."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -35,9 +35,9 @@ class ExperimentTable(BaseModel):
 
     @property
     def rows(self) -> tuple[str, ...]:
-        """The variants, and real frames alone where a figure of theirs is to stand beside: the paper's, or ours."""
-        beside = REAL in self.paper or self.fine_tune != "none"
-        return (*self.variants, REAL) if beside and REAL not in self.variants else self.variants
+        """The variants, and a row for real frames only, if the paper has one or the table is fine-tuned."""
+        has_real_row = REAL in self.paper or self.fine_tune != "none"
+        return (*self.variants, REAL) if has_real_row and REAL not in self.variants else self.variants
 
 
 def table_names() -> tuple[str, ...]:

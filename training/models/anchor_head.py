@@ -17,12 +17,12 @@ from training.models.assigning import assign
 from training.models.coding import DIRECTIONS, decode, with_direction
 from training.models.losses import anchor_losses
 
-_PRIOR = 0.01  # share of anchors that a new head takes for objects
+_PRIOR = 0.01  # initial object probability of an anchor
 
 
 @dataclass(frozen=True, eq=False)
 class AnchorOutput:
-    """Of all anchors: scores (b, a, classes) as logits, residuals (b, a, 7), directions (b, a, 2) as logits."""
+    """Outputs of all anchors: scores (b, a, classes) [logits], residuals (b, a, 7), directions (b, a, 2) [logits]."""
 
     scores: Tensor
     residuals: Tensor
@@ -30,7 +30,7 @@ class AnchorOutput:
 
 
 class AnchorHead(nn.Module):
-    """One 1 × 1 convolution for each kind of answer."""
+    """One 1 × 1 convolution for each output."""
 
     anchors: Tensor
 
@@ -47,10 +47,10 @@ class AnchorHead(nn.Module):
         nn.init.normal_(self.conv_box.weight, std=0.001)
 
     def forward(self, image: Tensor) -> AnchorOutput:
-        """Answers at every cell of an image (b, c, rows, columns)."""
+        """Compute the outputs at every cell of an image (b, c, rows, columns)."""
         cells = image.permute(0, 2, 3, 1).flatten(0, 2)
         convolutions = (self.conv_cls, self.conv_box, self.conv_dir_cls)
-        with torch.autocast(image.device.type, enabled=False):  # millimetres matter here
+        with torch.autocast(image.device.type, enabled=False):  # boxes need millimetre precision
             weight = torch.cat([conv.weight.flatten(1) for conv in convolutions])
             bias = torch.cat([conv.bias for conv in convolutions])  # type: ignore[misc]
             answers = functional.linear(cells.float(), weight, bias)  # one product is faster than three convolutions
@@ -60,11 +60,11 @@ class AnchorHead(nn.Module):
 
     def losses(self, output: AnchorOutput, batch: Batch) -> dict[str, Tensor]:
         """Weighted losses by name."""
-        targets = assign(self.anchors, self._classes, batch.boxes, batch.kinds)
+        targets = assign(self.anchors, self._classes, batch.boxes, batch.class_ids)
         return anchor_losses(output.scores, output.residuals, output.directions, targets, self._direction_offset)
 
     def boxes(self, output: AnchorOutput, frame: int, rows: Tensor) -> Tensor:
-        """Boxes (n, 7) of some anchors of a frame."""
+        """Decode the boxes (n, 7) of selected anchors of a frame."""
         decoded = decode(output.residuals[frame, rows], self.anchors.reshape(-1, 7)[rows])
         yaw = with_direction(decoded[:, 6], output.directions[frame, rows].argmax(-1), self._direction_offset)
         return torch.cat([decoded[:, :6], yaw[:, None]], 1)

@@ -19,8 +19,8 @@ class AnchorClass:
     Attributes:
         size: length, width, height [m].
         bottom_m: height of the bottom above the LiDAR.
-        matched: an anchor that overlaps an object so much is to find it.
-        unmatched: one that overlaps none so much is background.
+        matched: minimum overlap of a positive anchor.
+        unmatched: overlap below which an anchor is background.
     """
 
     size: tuple[float, float, float]
@@ -39,10 +39,10 @@ HEADINGS_RAD = (0.0, 1.57)
 
 
 def anchor_classes(names: Sequence[str]) -> list[AnchorClass]:
-    """The anchors of some classes.
+    """Anchors of the classes.
 
     Raises:
-        TrainingError: a class has none.
+        TrainingError: a class has no anchors.
     """
     unknown = [name for name in names if name not in KNOWN]
     if unknown:

@@ -1,4 +1,4 @@
-"""Detectors by name."""
+"""Construction of detectors by name."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from training.models.voxel_rcnn import VoxelRcnn
 
 
 def build_detector(settings: ModelSettings, classes: Sequence[str]) -> Detector:
-    """A detector with random weights.
+    """Build a detector with random weights.
 
     Raises:
         TrainingError: a class without anchors.

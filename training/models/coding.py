@@ -1,4 +1,4 @@
-"""Boxes as residuals of anchors, and angles brought into a period (Yan et al., SECOND, Sensors 2018, eq. 1)."""
+"""Encoding of boxes as residuals of anchors, and wrapping of angles (Yan et al., SECOND, Sensors 2018, eq. 1)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def encode(boxes: Tensor, anchors: Tensor) -> Tensor:
 
 
 def decode(residuals: Tensor, anchors: Tensor) -> Tensor:
-    """The boxes of residuals; the inverse of `encode`."""
+    """Decode residuals to boxes; the inverse of `encode`."""
     diagonal = torch.hypot(anchors[..., 3], anchors[..., 4])
     scale = torch.stack([diagonal, diagonal, anchors[..., 5]], -1)
     centre = residuals[..., :3] * scale + anchors[..., :3]
@@ -29,18 +29,18 @@ def decode(residuals: Tensor, anchors: Tensor) -> Tensor:
 
 
 def within_period(angle: Tensor, offset: float, period: float) -> Tensor:
-    """Angles [rad] brought into [−offset · period, (1 − offset) · period)."""
+    """Wrap angles [rad] into [−offset · period, (1 − offset) · period)."""
     return angle - torch.floor(angle / period + offset) * period
 
 
 def direction_of(yaw: Tensor, offset: float) -> Tensor:
-    """Which half-turn a heading lies in, int64: 0 for that which begins at `offset` [rad], else 1."""
+    """Half-turn that contains a heading, int64: 0 for the one that starts at `offset` [rad], otherwise 1."""
     turned = within_period(yaw - offset, 0.0, 2 * math.pi)
     return torch.floor(turned / (2 * math.pi / DIRECTIONS)).long().clamp(0, DIRECTIONS - 1)
 
 
 def with_direction(yaw: Tensor, direction: Tensor, offset: float) -> Tensor:
-    """Headings known up to a half-turn, turned into the half-turn that was classified."""
+    """Move headings that are known up to a half-turn into the classified half-turn."""
     period = 2 * math.pi / DIRECTIONS
     within = within_period(yaw - offset, 0.0, period)
     return within_period(within + offset + period * direction, 0.5, 2 * math.pi)

@@ -1,7 +1,7 @@
-"""Weights trained with OpenPCDet or mmdetection3d, under the names that our detectors give them.
+"""Weights trained with OpenPCDet or mmdetection3d, under cosim's parameter names.
 
-OpenPCDet's names are ours. mmdetection3d names the parts otherwise, has no padding layer at the head of a stage,
-orders KITTI's classes Pedestrian, Cyclist, Car, and lets the first half-turn begin at −90°.
+OpenPCDet has the same names. mmdetection3d has other names and no padding layer at the start of a stage,
+orders KITTI's classes Pedestrian, Cyclist, Car, and its first half-turn starts at −90°.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ _PILLAR_WEIGHT = "vfe.pfn_layers.0.linear.weight"
 
 
 @dataclass(frozen=True, eq=False)
-class Translated:
-    """Weights under our names, and the heading at which their first half-turn begins [rad]."""
+class TranslatedWeights:
+    """Weights under cosim's names, and the heading at which their first half-turn starts [rad]."""
 
     weights: dict[str, Tensor]
     direction_offset_rad: float
 
 
-def translate(content: Mapping[str, Any], classes: Sequence[str]) -> Translated:
-    """The weights of a checkpoint of another framework.
+def translate(content: Mapping[str, Any], classes: Sequence[str]) -> TranslatedWeights:
+    """Convert the weights of a checkpoint of another framework.
 
     Args:
-        content: of the file.
-        classes: ours, in the order of our anchors.
+        content: content of the file.
+        classes: classes in the order of cosim's anchors.
     """
     for key in _WRAPPERS:
         if isinstance(content.get(key), Mapping):
@@ -52,16 +52,16 @@ def translate(content: Mapping[str, Any], classes: Sequence[str]) -> Translated:
             break
     weights = {str(key).removeprefix("module."): value for key, value in content.items() if isinstance(value, Tensor)}
     weights = {key: value for key, value in weights.items() if key not in _NOT_WEIGHTS}
-    theirs = any(key.startswith("bbox_head.") for key in weights)
-    if theirs:
-        weights = _reordered({_our_name(key): value for key, value in weights.items()}, classes)
+    is_mmdetection3d = any(key.startswith("bbox_head.") for key in weights)
+    if is_mmdetection3d:
+        weights = _reorder_classes({_rename_key(key): value for key, value in weights.items()}, classes)
     pillar = weights.get(_PILLAR_WEIGHT)
-    if pillar is not None and pillar.shape[1] == FEATURES - 1:  # without the offset in height from the pillar's middle
+    if pillar is not None and pillar.shape[1] == FEATURES - 1:  # without the vertical offset from the pillar's centre
         weights[_PILLAR_WEIGHT] = torch.cat([pillar, pillar.new_zeros(len(pillar), 1)], 1)
-    return Translated(weights, -math.pi / 2 if theirs else 0.78539)
+    return TranslatedWeights(weights, -math.pi / 2 if is_mmdetection3d else 0.78539)
 
 
-def _our_name(key: str) -> str:
+def _rename_key(key: str) -> str:
     stage = re.match(r"^backbone\.blocks\.(\d+)\.(\d+)\.(.+)$", key)
     if stage:
         return f"backbone_2d.blocks.{stage[1]}.{int(stage[2]) + 1}.{stage[3]}"
@@ -70,12 +70,12 @@ def _our_name(key: str) -> str:
     return key
 
 
-def _reordered(weights: dict[str, Tensor], classes: Sequence[str]) -> dict[str, Tensor]:
-    """Channels of the head in the order of our classes, where they hold all of theirs."""
+def _reorder_classes(weights: dict[str, Tensor], classes: Sequence[str]) -> dict[str, Tensor]:
+    """Reorder the channels of the head to cosim's class order, if the sets of classes are equal."""
     if sorted(classes) != sorted(_THEIR_CLASSES):
         return weights
     order = torch.tensor([_THEIR_CLASSES.index(name) for name in classes])
-    turned = dict(weights)
+    reordered = dict(weights)
     for part in ("conv_cls", "conv_box", "conv_dir_cls"):
         for kind in ("weight", "bias"):
             name = f"dense_head.{part}.{kind}"
@@ -86,5 +86,5 @@ def _reordered(weights: dict[str, Tensor], classes: Sequence[str]) -> dict[str, 
             grouped = value.reshape(len(classes), len(HEADINGS_RAD), len(value) // each, *value.shape[1:])[order]
             if part == "conv_cls" and grouped.shape[2] == len(classes):
                 grouped = grouped[:, :, order]
-            turned[name] = grouped.reshape(value.shape)
-    return turned
+            reordered[name] = grouped.reshape(value.shape)
+    return reordered

@@ -1,6 +1,6 @@
-"""PointPillars, as published and smaller: pillars, convolutions from above, anchors; and, if wanted, a second stage.
+"""PointPillars, as published and smaller: pillars, 2-D convolutions, anchors, and an optional second stage.
 
-With `name: pointpillars` the parameters are those of OpenPCDet's, by name and shape.
+With `name: pointpillars` the parameters have the names and shapes of OpenPCDet's.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from training.models.point_refiner import PointRefiner
 from training.models.regions import refine, regions_to_learn, roi_losses
 from training.models.settings import ModelSettings
 
-#: What names of parameters of the second stage begin with.
+#: Prefix of the parameter names of the second stage.
 SECOND_STAGE = "refiner."
 _OVERLAP, _BEFORE, _AFTER = 0.01, 500, 100
-_PROPOSED_OVERLAP, _PROPOSED = 0.7, 60  # of proposals that the second stage looks into
-_COPIES = 4  # of each true box, moved a little, that it learns from
+_PROPOSED_OVERLAP, _PROPOSED = 0.7, 60  # proposals of the second stage
+_COPIES = 4  # jittered copies of each true box in training
 
 
 class PillarDetector(Detector):
@@ -52,16 +52,16 @@ class PillarDetector(Detector):
         self._generator = torch.Generator()
 
     def losses(self, batch: Batch) -> dict[str, Tensor]:
-        """Class, box and direction; and those of the second stage."""
-        output = self._answers(batch)
+        """Losses of class, box and direction, and of the second stage."""
+        output = self._run_first_stage(batch)
         losses = self.dense_head.losses(output, batch)
         return {**losses, **self._refiner_losses(output, batch)} if self.settings.refine else losses
 
     def find(self, batch: Batch, least_score: float) -> list[tuple[Tensor, Tensor, Tensor]]:
         """Boxes (k, 7), scores (k,) and class indices (k,) of each frame."""
-        output = self._answers(batch)
+        output = self._run_first_stage(batch)
         if self.settings.refine:
-            return [self._refined(output, batch, frame, least_score) for frame in range(len(batch))]
+            return [self._refine_frame(output, batch, frame, least_score) for frame in range(len(batch))]
         limits = {"least_score": least_score, "overlap": _OVERLAP, "before": _BEFORE, "after": _AFTER}
         return [detect_from_anchors(self.dense_head, output, frame, **limits) for frame in range(len(batch))]
 
@@ -78,25 +78,25 @@ class PillarDetector(Detector):
             scores, residuals = self.refiner(batch.points, regions.boxes, regions.frame)
             return roi_losses(scores, residuals, regions.boxes, regions.objects, regions.overlap)
 
-    def _refined(
+    def _refine_frame(
         self, output: AnchorOutput, batch: Batch, frame: int, least_score: float
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Boxes, scores and classes of a frame after the second look."""
-        proposed, first, kinds = self._proposals(output, frame, least_score)
+        proposed, first, class_ids = self._proposals(output, frame, least_score)
         with torch.autocast(batch.points.device.type, enabled=False):
             number = torch.full((len(proposed),), frame, device=proposed.device)
             logits, residuals = self.refiner(batch.points, proposed, number)
         boxes, scores = refine(proposed, residuals), (torch.sigmoid(logits) * first).sqrt()
         rows = torch.nonzero(scores >= least_score)[:, 0]
         kept = rows[suppress(boxes[rows], scores[rows], _OVERLAP, before=_BEFORE, after=_AFTER)]
-        return boxes[kept], scores[kept], kinds[kept]
+        return boxes[kept], scores[kept], class_ids[kept]
 
     def _proposals(self, output: AnchorOutput, frame: int, least_score: float) -> tuple[Tensor, Tensor, Tensor]:
-        """Boxes, scores and classes that the first stage offers to the second."""
+        """Boxes, scores and classes that the first stage proposes."""
         limits = {"overlap": _PROPOSED_OVERLAP, "before": _BEFORE, "after": _PROPOSED}
         return detect_from_anchors(self.dense_head, output, frame, least_score=least_score, **limits)
 
-    def _answers(self, batch: Batch) -> AnchorOutput:
+    def _run_first_stage(self, batch: Batch) -> AnchorOutput:
         settings = self.settings
         voxels = voxelise(batch.points, settings.grid, settings.max_points, settings.most_cells(self.training))
         with torch.autocast(batch.points.device.type, enabled=False):

@@ -1,8 +1,8 @@
-"""A second stage for two CPU cores: each box that a first stage proposes is corrected by the points in and about it.
+"""A second stage for two CPU cores: correct each proposed box from the points in and around it.
 
-Points are seen in the axes of the box, mirrored so that the sensor lies behind its near right corner: what is seen of a
-car are its faces towards the sensor, and so they are always the same ones. Each point also tells how far it lies from
-every face of the box, without which a net of points does not know how large the box is (Li, Wang & Wang, "LiDAR R-CNN:
+Points are expressed in the axes of the box, mirrored to point away from the sensor, so that the visible faces are
+always the same two. The features of a point include its distances from all faces of the box; without them a point
+network does not know the size of the box (Li, Wang & Wang, "LiDAR R-CNN:
 An Efficient and Universal 3D Object Detector", CVPR 2021, section 4).
 """
 
@@ -13,10 +13,10 @@ from torch import Tensor, nn
 
 from training.data.level_ground import LEVEL_M
 
-FEATURES = 11  # place in the box, distances from its six faces, height above the ground, intensity
-_MARGIN_M = (0.9, 0.6)  # beyond the box, along and across it: points so near are looked at
+FEATURES = 11  # position in the box, distances from its six faces, height above the ground, intensity
+_MARGIN_M = (0.9, 0.6)  # margin around the box, along and across it
 _ABOVE_M, _BELOW_M = 0.5, 0.3  # beyond its top and bottom
-_GROUND_M = 0.15  # points lower above the ground are not
+_GROUND_M = 0.15  # points closer to the ground are excluded
 _NARROW, _WIDE, _POOLED = 64, 128, 256
 
 
@@ -24,9 +24,9 @@ class PointRefiner(nn.Module):
     """Scores (k,) and residuals (k, 7) of regions, from the points in them.
 
     Args:
-        width: of the layers that see a region as a whole.
-        most_points: of a region at most, evenly spread over those in it.
-        dropout: share of those layers' answers that is left out in training.
+        width: width of the layers after pooling.
+        most_points: maximum number of points per region, evenly spaced in their order.
+        dropout: dropout rate of the layers after pooling.
     """
 
     def __init__(self, width: int, most_points: int, dropout: float) -> None:
@@ -46,20 +46,20 @@ class PointRefiner(nn.Module):
         """Logits (k,) and residuals (k, 7) in the axes of the regions.
 
         Args:
-            points: (n, 5) number of the frame, x, y, z [m] on level ground, intensity.
-            boxes: (k, 7) the regions.
-            frame: (k,) int64 of each.
+            points: (n, 5) index of the frame, x, y, z [m] on level ground, intensity.
+            boxes: (k, 7) regions.
+            frame: (k,) int64 frame of each region.
         """
         if not len(boxes):
             return boxes.new_zeros(0), boxes.new_zeros(0, 7)
-        mirrored = _away_from_sensor(boxes)
-        features, there = gather(points, boxes, frame, mirrored, self._most)
+        mirrored = _mirror_signs(boxes)
+        features, has_points = gather(points, boxes, frame, mirrored, self._most)
         count, most = features.shape[:2]
         each = self.points(features.flatten(0, 1))
-        around = each.reshape(count, most, -1).amax(1)
-        again = self.points_again(each).reshape(count, most, -1) + self.surroundings(around)[:, None]
-        pooled = self.pooled(again.flatten(0, 1)).reshape(count, most, -1).amax(1)
-        whole = self.region(pooled * there[:, None])
+        context = each.reshape(count, most, -1).amax(1)
+        combined = self.points_again(each).reshape(count, most, -1) + self.surroundings(context)[:, None]
+        pooled = self.pooled(combined.flatten(0, 1)).reshape(count, most, -1).amax(1)
+        whole = self.region(pooled * has_points[:, None])
         signs = torch.ones_like(boxes)
         signs[:, :2], signs[:, 6] = mirrored, mirrored.prod(1)
         return self.score(whole)[:, 0], self.residual(whole) * signs
@@ -67,27 +67,27 @@ class PointRefiner(nn.Module):
 
 @torch.no_grad()
 def gather(points: Tensor, boxes: Tensor, frame: Tensor, mirrored: Tensor, most: int) -> tuple[Tensor, Tensor]:
-    """Points of regions: features (k, most, FEATURES), and whether a region has any, (k,) bool.
+    """Gather the points of regions: features (k, most, FEATURES), and whether a region has any, (k,) bool.
 
-    Where there are fewer points they are repeated, where there are more every so manieth is taken.
+    Fewer points are repeated, more are thinned evenly.
 
     Args:
-        points: (n, 5) number of the frame, x, y, z [m] on level ground, intensity.
-        boxes: (k, 7).
-        frame: (k,) int64 of each.
-        mirrored: (k, 2) ±1 along and across.
-        most: points of a region.
+        points: (n, 5) index of the frame, x, y, z [m] on level ground, intensity.
+        boxes: (k, 7) regions.
+        frame: (k,) int64 frame of each region.
+        mirrored: (k, 2) signs ±1 along and across.
+        most: number of points per region.
     """
     points = points[points[:, 3] > LEVEL_M + _GROUND_M]
-    region, row = _near(points, boxes, frame)
-    place = _in_axes(points[row, 1:4], boxes[region], mirrored[region])
+    region, row = _nearby_points(points, boxes, frame)
+    local = _to_box_axes(points[row, 1:4], boxes[region], mirrored[region])
     half = boxes[region, 3:6] / 2
-    beyond = place.abs() - half
+    beyond = local.abs() - half
     inside = (beyond[:, :2] < beyond.new_tensor(_MARGIN_M)).all(1)
-    inside &= (place[:, 2] < half[:, 2] + _ABOVE_M) & (place[:, 2] > -half[:, 2] - _BELOW_M)
-    region, row, place, half = region[inside], row[inside], place[inside], half[inside]
+    inside &= (local[:, 2] < half[:, 2] + _ABOVE_M) & (local[:, 2] > -half[:, 2] - _BELOW_M)
+    region, row, local, half = region[inside], row[inside], local[inside], half[inside]
     above = points[row, 3:4] - LEVEL_M
-    features = torch.cat([place, half - place, half + place, above, points[row, 4:5]], 1)
+    features = torch.cat([local, half - local, half + local, above, points[row, 4:5]], 1)
     count = torch.bincount(region, minlength=len(boxes))
     first = torch.cumsum(count, 0) - count
     number = torch.arange(most, device=points.device)[None]
@@ -97,30 +97,30 @@ def gather(points: Tensor, boxes: Tensor, frame: Tensor, mirrored: Tensor, most:
     return padded[chosen.clamp(max=len(features))], count > 0
 
 
-def _near(points: Tensor, boxes: Tensor, frame: Tensor) -> tuple[Tensor, Tensor]:
-    """Pairs of regions and points in a circle about them: rows of both, in the order of the regions."""
+def _nearby_points(points: Tensor, boxes: Tensor, frame: Tensor) -> tuple[Tensor, Tensor]:
+    """Pairs of regions and points within a circle around them: rows of both, sorted by region."""
     reach = torch.hypot(boxes[:, 3] / 2 + _MARGIN_M[0], boxes[:, 4] / 2 + _MARGIN_M[1])
     regions, rows = [], []
     for number in torch.unique(frame).tolist():
-        mine, seen = torch.nonzero(frame == number)[:, 0], torch.nonzero(points[:, 0] == number)[:, 0]
-        near = torch.cdist(boxes[mine, :2], points[seen, 1:3]) < reach[mine, None]
+        region_rows, point_rows = torch.nonzero(frame == number)[:, 0], torch.nonzero(points[:, 0] == number)[:, 0]
+        near = torch.cdist(boxes[region_rows, :2], points[point_rows, 1:3]) < reach[region_rows, None]
         region, row = torch.nonzero(near, as_tuple=True)
-        regions.append(mine[region])
-        rows.append(seen[row])
+        regions.append(region_rows[region])
+        rows.append(point_rows[row])
     region, row = torch.cat(regions), torch.cat(rows)
     order = torch.argsort(region, stable=True)
     return region[order], row[order]
 
 
-def _in_axes(places: Tensor, boxes: Tensor, mirrored: Tensor) -> Tensor:
-    """Places (n, 3) in the mirrored axes of boxes (n, 7)."""
-    offset = places - boxes[:, :3]
+def _to_box_axes(positions: Tensor, boxes: Tensor, mirrored: Tensor) -> Tensor:
+    """Transform positions (n, 3) to the mirrored axes of boxes (n, 7)."""
+    offset = positions - boxes[:, :3]
     cos, sin = torch.cos(boxes[:, 6]), torch.sin(boxes[:, 6])
     along, across = cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]
     return torch.stack([along * mirrored[:, 0], across * mirrored[:, 1], offset[:, 2]], 1)
 
 
-def _away_from_sensor(boxes: Tensor) -> Tensor:
+def _mirror_signs(boxes: Tensor) -> Tensor:
     """Signs (k, 2) of axes along and across boxes (k, 7) that point away from the sensor, at the origin."""
     cos, sin = torch.cos(boxes[:, 6]), torch.sin(boxes[:, 6])
     along, across = cos * boxes[:, 0] + sin * boxes[:, 1], cos * boxes[:, 1] - sin * boxes[:, 0]

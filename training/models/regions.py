@@ -1,4 +1,4 @@
-"""Regions of interest: which a second stage learns from, what it is to say of them, and the boxes that follow."""
+"""Regions of interest of a second stage: sampling for training, losses, and refined boxes."""
 
 from __future__ import annotations
 
@@ -16,21 +16,29 @@ from training.evaluation.rotated_overlap import paired_intersections
 from training.models.coding import decode, encode, within_period
 from training.models.roi_pool import grid_points
 
-_SURE, _UNSURE, _REFINED = 0.75, 0.25, 0.55
-_SHARE_FOUND = 0.5
-_MOVED = (0.3, 0.2, 0.1, 0.08, 0.05, 0.06, 0.08)  # standard deviations: x, y, z [m], logarithms of sizes, heading [rad]
-_ON_IGNORED = 0.25  # a region that overlaps an ignored object so much, and no other, teaches nothing
+_IOU_HIGH, _IOU_LOW, _IOU_REFINED = 0.75, 0.25, 0.55
+_POSITIVE_SHARE = 0.5
+_JITTER_SD = (
+    0.3,
+    0.2,
+    0.1,
+    0.08,
+    0.05,
+    0.06,
+    0.08,
+)  # x, y, z [m], logarithms of sizes, heading [rad]
+_ON_IGNORED = 0.25  # minimum overlap of a region on an ignored object, which is not used in training
 
 
 @dataclass(frozen=True, eq=False)
 class Regions:
-    """Regions to learn from, of some frames.
+    """Training regions of a batch.
 
     Attributes:
-        boxes: (n, 7) of the regions.
-        frame: (n,) int64.
-        objects: (n, 7) the object that each overlaps most; the region itself in frames without any.
-        overlap: (n,) with that object, 0–1.
+        boxes: (n, 7) regions.
+        frame: (n,) int64 frame of each region.
+        objects: (n, 7) object with the largest overlap; the region itself in frames without objects.
+        overlap: (n,) overlap with that object, 0–1.
     """
 
     boxes: Tensor
@@ -43,35 +51,35 @@ class Regions:
 def regions_to_learn(
     batch: Batch, propose: Callable[[int], Tensor], count: int, copies: int, generator: torch.Generator
 ) -> Regions:
-    """Regions of each frame: proposals, true boxes, and such moved a little.
+    """Select training regions of each frame: proposals, true boxes, and jittered true boxes.
 
     Args:
         batch: the frames.
-        propose: gives boxes (m, 7) of a frame.
-        count: of a frame at most.
-        copies: of each true box, moved at random.
-        generator: draws; on the CPU.
+        propose: returns proposed boxes (m, 7) of a frame.
+        count: maximum number of regions per frame.
+        copies: number of jittered copies of each true box.
+        generator: random generator, on the CPU.
     """
     parts = []
     for frame in range(len(batch)):
-        counts = batch.kinds[frame] >= 0
+        counts = batch.class_ids[frame] >= 0
         objects, ignored = batch.boxes[frame][counts], batch.boxes[frame][~counts]
-        offered = torch.cat([propose(frame), objects, _moved(objects, copies, generator)])
-        boxes, of, overlap = choose_rois(_beside(offered, ignored, objects), objects, count, generator)
-        parts.append((boxes, torch.full((len(boxes),), frame, device=boxes.device), of, overlap))
-    return Regions(*(torch.cat(some) for some in zip(*parts, strict=True)))
+        offered = torch.cat([propose(frame), objects, _jitter_boxes(objects, copies, generator)])
+        boxes, matched, overlap = choose_rois(_drop_on_ignored(offered, ignored, objects), objects, count, generator)
+        parts.append((boxes, torch.full((len(boxes),), frame, device=boxes.device), matched, overlap))
+    return Regions(*(torch.cat(parts_of_field) for parts_of_field in zip(*parts, strict=True)))
 
 
-def _moved(boxes: Tensor, copies: int, generator: torch.Generator) -> Tensor:
-    """So many copies of boxes (n, 7), each as far off as proposals are."""
+def _jitter_boxes(boxes: Tensor, copies: int, generator: torch.Generator) -> Tensor:
+    """Copies of boxes (n, 7) with errors like those of proposals."""
     many = boxes.repeat(copies, 1)
-    draws = torch.randn(many.shape, generator=generator).to(many) * many.new_tensor(_MOVED)
-    place, size = many[:, :3] + draws[:, :3], many[:, 3:6] * torch.exp(draws[:, 3:6])
-    return torch.cat([place, size, many[:, 6:] + draws[:, 6:]], 1)
+    draws = torch.randn(many.shape, generator=generator).to(many) * many.new_tensor(_JITTER_SD)
+    centre, size = many[:, :3] + draws[:, :3], many[:, 3:6] * torch.exp(draws[:, 3:6])
+    return torch.cat([centre, size, many[:, 6:] + draws[:, 6:]], 1)
 
 
-def _beside(boxes: Tensor, ignored: Tensor, objects: Tensor) -> Tensor:
-    """Boxes but those that are on ignored objects and on no other."""
+def _drop_on_ignored(boxes: Tensor, ignored: Tensor, objects: Tensor) -> Tensor:
+    """Drop boxes that overlap ignored objects and no others."""
     if not len(ignored):
         return boxes
     on_ignored = overlap_3d(boxes, ignored).amax(1) > _ON_IGNORED
@@ -81,26 +89,26 @@ def _beside(boxes: Tensor, ignored: Tensor, objects: Tensor) -> Tensor:
 
 
 def overlap_3d(a: Tensor, b: Tensor) -> Tensor:
-    """Intersection over union of all pairs of boxes (n, 7), (m, 7): (n, m) float32 on their device."""
-    one, other = (t.detach().double().cpu().numpy() for t in (a, b))
-    left, right = np.repeat(np.arange(len(one)), len(other)), np.tile(np.arange(len(other)), len(one))
+    """Intersection over union of all pairs of boxes (n, 7), (m, 7): (n, m) float32 on the same device."""
+    first, second = (t.detach().double().cpu().numpy() for t in (a, b))
+    left, right = np.repeat(np.arange(len(first)), len(second)), np.tile(np.arange(len(second)), len(first))
     columns = [0, 1, 3, 4, 6]
-    shared = paired_intersections(one[left][:, columns], other[right][:, columns])
-    top = np.minimum(one[left, 2] + one[left, 5] / 2, other[right, 2] + other[right, 5] / 2)
-    bottom = np.maximum(one[left, 2] - one[left, 5] / 2, other[right, 2] - other[right, 5] / 2)
+    shared = paired_intersections(first[left][:, columns], second[right][:, columns])
+    top = np.minimum(first[left, 2] + first[left, 5] / 2, second[right, 2] + second[right, 5] / 2)
+    bottom = np.maximum(first[left, 2] - first[left, 5] / 2, second[right, 2] - second[right, 5] / 2)
     shared *= np.clip(top - bottom, 0, None)
-    union = one[left, 3:6].prod(1) + other[right, 3:6].prod(1) - shared
-    return torch.from_numpy((shared / np.maximum(union, 1e-9)).reshape(len(one), len(other))).to(a)
+    union = first[left, 3:6].prod(1) + second[right, 3:6].prod(1) - shared
+    return torch.from_numpy((shared / np.maximum(union, 1e-9)).reshape(len(first), len(second))).to(a)
 
 
 def choose_rois(rois: Tensor, objects: Tensor, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
-    """Regions to learn from: half of them on objects, if there are so many.
+    """Sample training regions, at most half of them on objects.
 
     Args:
         rois: (n, 7).
         objects: (m, 7).
-        count: at most so many are chosen.
-        generator: draws them; on the CPU.
+        count: maximum number of regions.
+        generator: random generator, on the CPU.
 
     Returns:
         Chosen regions (k, 7), the object of each (k, 7), and the overlap with it (k,).
@@ -108,19 +116,19 @@ def choose_rois(rois: Tensor, objects: Tensor, count: int, generator: torch.Gene
     if not len(objects):
         chosen = rois[:count]
         return chosen, chosen, chosen.new_zeros(len(chosen))
-    overlap, which = overlap_3d(rois, objects).max(1)
-    found = torch.nonzero(overlap >= _REFINED)[:, 0]
-    rest = torch.nonzero(overlap < _REFINED)[:, 0]
-    some = _draw(found, round(count * _SHARE_FOUND), generator)
-    rows = torch.cat([some, _draw(rest, count - len(some), generator)])
-    return rois[rows], objects[which[rows]], overlap[rows]
+    overlap, object_rows = overlap_3d(rois, objects).max(1)
+    positive = torch.nonzero(overlap >= _IOU_REFINED)[:, 0]
+    negative = torch.nonzero(overlap < _IOU_REFINED)[:, 0]
+    parts_of_field = _draw(positive, round(count * _POSITIVE_SHARE), generator)
+    rows = torch.cat([parts_of_field, _draw(negative, count - len(parts_of_field), generator)])
+    return rois[rows], objects[object_rows[rows]], overlap[rows]
 
 
 def roi_losses(scores: Tensor, residuals: Tensor, rois: Tensor, objects: Tensor, overlap: Tensor) -> dict[str, Tensor]:
-    """Losses of regions: the score is to tell the overlap, the residuals and corners the object."""
-    wanted = ((overlap - _UNSURE) / (_SURE - _UNSURE)).clamp(0, 1)
-    losses = {"roi_class": functional.binary_cross_entropy_with_logits(scores, wanted)}
-    rows = torch.nonzero(overlap >= _REFINED)[:, 0]
+    """Losses of regions: the target of the score is the overlap, that of residuals and corners the object."""
+    target_score = ((overlap - _IOU_LOW) / (_IOU_HIGH - _IOU_LOW)).clamp(0, 1)
+    losses = {"roi_class": functional.binary_cross_entropy_with_logits(scores, target_score)}
+    rows = torch.nonzero(overlap >= _IOU_REFINED)[:, 0]
     count = max(len(rows), 1)
     local, anchor = in_region(objects[rows], rois[rows])
     target = encode(local, anchor)
@@ -142,7 +150,7 @@ def refine(rois: Tensor, residuals: Tensor) -> Tensor:
 
 
 def in_region(objects: Tensor, rois: Tensor) -> tuple[Tensor, Tensor]:
-    """Objects in the axes of their regions, turned to the nearer end; and the regions in their own axes."""
+    """Objects in the axes of their regions, heading modulo 180°; and the regions in their own axes."""
     offset = objects[:, :3] - rois[:, :3]
     cos, sin = torch.cos(rois[:, 6]), torch.sin(rois[:, 6])
     x, y = cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]

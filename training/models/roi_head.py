@@ -1,4 +1,4 @@
-"""The second stage of Voxel R-CNN: looks into each region again, scores it by its overlap, and refines the box.
+"""Second stage of Voxel R-CNN: predict the overlap of each region as its score, and refine its box.
 
 Names of parameters as in OpenPCDet's `VoxelRCNNHead`.
 """

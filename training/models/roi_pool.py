@@ -15,8 +15,8 @@ from torch.nn import functional
 from training.data.grid import Grid
 from training.models.sparse_conv import SparseTensor, cell_keys, find_cells
 
-_NEIGHBOURS = 16  # voxels that a point gathers at most
-_CHUNK = 4096  # points looked up at a time
+_NEIGHBOURS = 16  # maximum number of voxels per point
+_CHUNK = 4096  # points per lookup
 _WIDTH = 32
 
 
@@ -33,11 +33,11 @@ class VoxelPool(nn.Module):
     """Features of points from the voxels of one stage.
 
     Args:
-        channels: of the stage.
-        stride: of the stage, in cells of the grid.
-        grid: the finest cells.
-        radius_m: voxels whose middles lie farther away are passed over.
-        reach: how many voxels are looked at each way.
+        channels: channels of the stage.
+        stride: stride of the stage, in cells of the grid.
+        grid: grid of the finest cells.
+        radius_m: maximum distance of voxel centres.
+        reach: search radius in voxels per axis.
     """
 
     def __init__(self, channels: int, stride: int, grid: Grid, radius_m: float, reach: int) -> None:
@@ -65,42 +65,42 @@ class VoxelPool(nn.Module):
 
     def forward(self, tensor: SparseTensor, points: Tensor, frame: Tensor) -> Tensor:
         """Features (p, 32) of points (p, 3) [m] in frames (p,)."""
-        rows, there, offset = self._gather(tensor, points, frame)
+        rows, exists, offset = self._gather(tensor, points, frame)
         inner = self.mlps_in[0](tensor.features.T[None])[0].T
         position = self.mlps_pos[0](offset.permute(2, 0, 1)[None])[0].permute(1, 2, 0)
-        values = functional.relu(inner[rows] + position) * there[..., None]
+        values = functional.relu(inner[rows] + position) * exists[..., None]
         return self.mlps_out[0](values.amax(1).T[None])[0].T
 
     @torch.no_grad()
     def _gather(self, tensor: SparseTensor, points: Tensor, frame: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Up to 16 voxels of each point: rows (p, 16), whether there is one, and their offsets [m]."""
+        """Up to 16 voxels per point: rows (p, 16), whether each exists, and their offsets [m]."""
         keys = tensor.keys
         parts = [
             self._near(tensor, keys, points[start : start + _CHUNK], frame[start : start + _CHUNK])
             for start in range(0, len(points), _CHUNK)
         ]
-        rows, there = (torch.cat([part[i] for part in parts]) for i in range(2))
-        offset = torch.where(there[..., None], self._middles(tensor)[rows] - points[:, None], 0.0)
-        return rows, there, offset
+        rows, exists = (torch.cat([part[i] for part in parts]) for i in range(2))
+        offset = torch.where(exists[..., None], self._middles(tensor)[rows] - points[:, None], 0.0)
+        return rows, exists, offset
 
     def _near(self, tensor: SparseTensor, keys: Tensor, points: Tensor, frame: Tensor) -> tuple[Tensor, Tensor]:
         cell = torch.floor((points - points.new_tensor(self._grid.low)) / self._cell(points)).long()[:, [2, 1, 0]]
-        place = cell[:, None] + self._offsets  # type: ignore[operator]
+        coordinates = cell[:, None] + self._offsets  # type: ignore[operator]
         limits = torch.tensor(tensor.shape, device=points.device)
-        inside = ((place >= 0) & (place < limits)).all(-1)
-        flat = torch.cat([frame[:, None, None].expand(*place.shape[:2], 1), place], -1)
+        inside = ((coordinates >= 0) & (coordinates < limits)).all(-1)
+        flat = torch.cat([frame[:, None, None].expand(*coordinates.shape[:2], 1), coordinates], -1)
         wanted = cell_keys(flat.reshape(-1, 4), tensor.shape).reshape(inside.shape)
-        rows, there = find_cells(keys, wanted)
+        rows, exists = find_cells(keys, wanted)
         distance = (self._middles(tensor)[rows] - points[:, None]).square().sum(-1)
-        there = there & inside & (distance <= self._radius**2)
-        most = min(_NEIGHBOURS, there.shape[1])
-        rank = torch.arange(there.shape[1], 0, -1, device=points.device) * there
+        exists = exists & inside & (distance <= self._radius**2)
+        most = min(_NEIGHBOURS, exists.shape[1])
+        rank = torch.arange(exists.shape[1], 0, -1, device=points.device) * exists
         best = torch.topk(rank, most, dim=1).indices
-        return torch.gather(rows, 1, best), torch.gather(there, 1, best)
+        return torch.gather(rows, 1, best), torch.gather(exists, 1, best)
 
     def _middles(self, tensor: SparseTensor) -> Tensor:
         cell = self._cell(tensor.features)
-        return (tensor.place[:, [3, 2, 1]].to(cell.dtype) + 0.5) * cell + cell.new_tensor(self._grid.low)
+        return (tensor.coordinates[:, [3, 2, 1]].to(cell.dtype) + 0.5) * cell + cell.new_tensor(self._grid.low)
 
     def _cell(self, like: Tensor) -> Tensor:
         return torch.tensor(self._grid.size, device=like.device) * self._stride

@@ -1,4 +1,4 @@
-"""What a detector looks like: presets by name, and what of them may be changed."""
+"""Architecture of a detector: presets by name, and their keys."""
 
 from __future__ import annotations
 
@@ -22,25 +22,27 @@ class ModelSettings(BaseModel):
     low_m: tuple[float, float, float] = Field(default=(0.0, -25.6, -3.0), description="corner of the range [m]")
     high_m: tuple[float, float, float] = Field(default=(51.2, 25.6, 1.0), description="opposite corner [m]")
     cell_m: tuple[float, float, float] = Field(default=(0.2, 0.2, 4.0), description="size of a pillar or voxel [m]")
-    max_points: int | None = Field(default=None, ge=1, description="points a pillar at most; none: all")
-    max_cells: int | None = Field(default=None, ge=1, description="pillars or voxels a frame at most, in training")
+    max_points: int | None = Field(
+        default=None, ge=1, description="maximum number of points per pillar; none: no limit"
+    )
+    max_cells: int | None = Field(
+        default=None, ge=1, description="maximum number of pillars or voxels per frame, in training"
+    )
     pillar_channels: int = Field(default=32, ge=1, description="features of a pillar")
-    layers: tuple[int, ...] = Field(default=(2, 3, 3), description="further convolutions of each stage seen from above")
-    strides: tuple[int, ...] = Field(default=(2, 2, 2), description="by how much each stage coarsens")
+    layers: tuple[int, ...] = Field(default=(2, 3, 3), description="additional convolutions of each 2-D stage")
+    strides: tuple[int, ...] = Field(default=(2, 2, 2), description="stride of each stage")
     channels: tuple[int, ...] = Field(default=(32, 64, 128), description="features of each stage")
-    upsample: tuple[int, ...] = Field(default=(1, 2, 4), description="by how much each stage is refined again")
-    upsample_channels: tuple[int, ...] = Field(default=(48, 48, 48), description="features of each refined stage")
+    upsample: tuple[int, ...] = Field(default=(1, 2, 4), description="upsampling factor of each stage")
+    upsample_channels: tuple[int, ...] = Field(default=(48, 48, 48), description="features of each upsampled stage")
     direction_offset_rad: float = Field(
-        default=0.78539, description="heading at which the first half-turn begins [rad]"
+        default=0.78539, description="heading at which the first half-turn starts [rad]"
     )
     level_ground: bool = Field(
-        default=False, description="whether heights are told above the local ground, found in the points"
+        default=False, description="measure heights above the local ground, which is estimated from the points"
     )
-    intensity: bool = Field(
-        default=True, description="whether it is told intensities, which mean something else with every make of LiDAR"
-    )
+    intensity: bool = Field(default=True, description="use intensities, whose meaning depends on the make of the LiDAR")
     refine: bool = Field(
-        default=False, description="whether a second stage corrects each box by the points in and about it"
+        default=False, description="add a second stage that corrects each box from the points in and around it"
     )
     norm_momentum: float = Field(default=0.1, gt=0, le=1, description="of batch normalisation's running statistics")
     sparse_channels: tuple[int, int, int, int, int] = Field(
@@ -48,9 +50,9 @@ class ModelSettings(BaseModel):
     )
     roi_grid: int = Field(default=6, ge=2, le=12, description="points along each side of a region of interest")
     roi_channels: int = Field(default=256, ge=8, description="width of the second stage")
-    roi_count: int = Field(default=128, ge=8, description="regions of a frame that the second stage learns from")
-    roi_points: int = Field(default=128, ge=8, description="points of a region at most that refining looks at")
-    roi_neighbours: int = Field(default=4, ge=1, le=6, description="voxels a region's point looks around it")
+    roi_count: int = Field(default=128, ge=8, description="training regions of the second stage per frame")
+    roi_points: int = Field(default=128, ge=8, description="maximum number of points per region")
+    roi_neighbours: int = Field(default=4, ge=1, le=6, description="search radius around a region's point [voxels]")
     dropout: float = Field(default=0.3, ge=0, lt=1, description="of the second stage")
 
     @model_validator(mode="before")
@@ -65,7 +67,9 @@ class ModelSettings(BaseModel):
     def _consistent(self) -> ModelSettings:
         stages = {len(getattr(self, name)) for name in ("layers", "strides", "channels", "upsample")}
         if len(stages | {len(self.upsample_channels)}) != 1:
-            raise ValueError("layers, strides, channels, upsample, upsample_channels must have one entry a stage each")
+            raise ValueError(
+                "layers, strides, channels, upsample, upsample_channels must each have one entry per stage"
+            )
         coarse = 1
         for stride, up in zip(self.strides, self.upsample, strict=True):
             coarse *= stride
@@ -83,17 +87,17 @@ class ModelSettings(BaseModel):
         return Grid(self.low_m, self.high_m, self.cell_m)
 
     def most_cells(self, training: bool) -> int | None:
-        """Cells of a frame at most; tests may have more than training."""
+        """Maximum number of cells per frame; larger in tests than in training."""
         return self.max_cells if training or self.max_cells is None else max(self.max_cells, _CELLS_IN_TESTS)
 
     @property
     def sparse_stride(self) -> int:
-        """By how much the sparse stages coarsen before the stages seen from above."""
+        """Stride of the sparse stages before the 2-D stages."""
         return 8 if self.name == "voxel_rcnn" else 1
 
     @property
     def out_stride(self) -> int:
-        """Cells of the grid stages end on, in cells of the grid they begin with."""
+        """Stride of the output grid relative to the input grid of the 2-D stages."""
         return self.strides[0] // self.upsample[0]
 
 

@@ -1,4 +1,4 @@
-"""The sparse stages of SECOND and Voxel R-CNN: 8 × coarser, then flattened to a view from above.
+"""The sparse stages of SECOND and Voxel R-CNN: 8 × coarser, then flattened to the bird's-eye view.
 
 Parameters are named as in OpenPCDet's `VoxelBackBone8x`.
 """
@@ -17,19 +17,21 @@ class VoxelBackbone(nn.Module):
     """Four stages of sparse convolutions, and one that halves the height.
 
     Args:
-        channels: of the first stage, the three coarser ones, and the last.
-        cells: of the grid along x, y, z.
+        channels: channels of the first stage, the three coarser ones, and the last.
+        cells: numbers of cells along x, y, z.
     """
 
     def __init__(self, channels: tuple[int, int, int, int, int], cells: Triple) -> None:
         super().__init__()
         a, b, c, d, e = channels
         self.shape: Triple = (cells[2] + 1, cells[1], cells[0])
-        self.conv_input = _same(4, a)
-        self.conv1 = SparseSequential(_same(a, a))
-        self.conv2 = SparseSequential(_halved(a, b), _same(b, b), _same(b, b))
-        self.conv3 = SparseSequential(_halved(b, c), _same(c, c), _same(c, c))
-        self.conv4 = SparseSequential(_halved(c, d, (0, 1, 1)), _same(d, d), _same(d, d))
+        self.conv_input = _submanifold_block(4, a)
+        self.conv1 = SparseSequential(_submanifold_block(a, a))
+        self.conv2 = SparseSequential(_strided_block(a, b), _submanifold_block(b, b), _submanifold_block(b, b))
+        self.conv3 = SparseSequential(_strided_block(b, c), _submanifold_block(c, c), _submanifold_block(c, c))
+        self.conv4 = SparseSequential(
+            _strided_block(c, d, (0, 1, 1)), _submanifold_block(d, d), _submanifold_block(d, d)
+        )
         self.conv_out = SparseSequential(StridedConv(d, e, (3, 1, 1), (2, 1, 1), (0, 0, 0)), _norm(e), nn.ReLU())
         height = self.shape[0]
         for padding in (1, 1, 0):
@@ -37,9 +39,9 @@ class VoxelBackbone(nn.Module):
         self.channels = e * ((height - 3) // 2 + 1)
         self.stage_channels = (b, c, d)
 
-    def forward(self, features: Tensor, place: Tensor, frames: int) -> tuple[Tensor, list[SparseTensor]]:
-        """The view from above (frames, channels, y / 8, x / 8), and the stages 2, 4 and 8 × coarser."""
-        first = self.conv1(self.conv_input(SparseTensor(features, place, self.shape, frames)))
+    def forward(self, features: Tensor, coordinates: Tensor, frames: int) -> tuple[Tensor, list[SparseTensor]]:
+        """Bird's-eye features (frames, channels, y / 8, x / 8), and the stages 2, 4 and 8 × coarser."""
+        first = self.conv1(self.conv_input(SparseTensor(features, coordinates, self.shape, frames)))
         second = self.conv2(first)
         third = self.conv3(second)
         fourth = self.conv4(third)
@@ -47,11 +49,11 @@ class VoxelBackbone(nn.Module):
         return torch.flatten(dense, 1, 2), [second, third, fourth]
 
 
-def _same(channels_in: int, channels: int) -> SparseSequential:
+def _submanifold_block(channels_in: int, channels: int) -> SparseSequential:
     return SparseSequential(SubmanifoldConv(channels_in, channels, _CUBE), _norm(channels), nn.ReLU())
 
 
-def _halved(channels_in: int, channels: int, padding: Triple = (1, 1, 1)) -> SparseSequential:
+def _strided_block(channels_in: int, channels: int, padding: Triple = (1, 1, 1)) -> SparseSequential:
     return SparseSequential(StridedConv(channels_in, channels, _CUBE, (2, 2, 2), padding), _norm(channels), nn.ReLU())
 
 

@@ -1,4 +1,4 @@
-"""Voxel R-CNN: sparse 3-D convolutions, proposals from above, and a second look into each of them."""
+"""Voxel R-CNN: sparse 3-D convolutions, bird's-eye proposals, and a second stage for each of them."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from training.models.settings import ModelSettings
 from training.models.sparse_conv import SparseTensor
 from training.models.voxel_backbone import VoxelBackbone
 
-_LEARNT_FROM, _REFINED = 0.8, 0.7  # overlap of proposals, in training and in tests
-_CANDIDATES, _PROPOSALS, _REFINED_COUNT = 8, 4, 100  # in training so many times the regions chosen
+_TRAIN_OVERLAP, _TEST_OVERLAP = 0.8, 0.7  # NMS overlap of proposals, in training and in tests
+_CANDIDATES, _PROPOSALS, _TEST_COUNT = 8, 4, 100  # multiples of `roi_count`
 _OVERLAP, _AFTER = 0.1, 100
 
 
@@ -46,7 +46,7 @@ class VoxelRcnn(Detector):
         self._generator = torch.Generator()
 
     def losses(self, batch: Batch) -> dict[str, Tensor]:
-        """Those of the proposals, and of the second stage."""
+        """Losses of the proposals and of the second stage."""
         output, stages = self._propose(batch)
         losses = self.dense_head.losses(output, batch)
         self._generator.manual_seed(int(torch.randint(2**31, (1,))))
@@ -61,21 +61,21 @@ class VoxelRcnn(Detector):
     def find(self, batch: Batch, least_score: float) -> list[tuple[Tensor, Tensor, Tensor]]:
         """Boxes (k, 7), scores (k,) and class indices (k,) of each frame."""
         output, stages = self._propose(batch)
-        found = []
+        detections = []
         for frame in range(len(batch)):
-            rois, _, kinds = self._proposals(output, frame)
+            rois, _, class_ids = self._proposals(output, frame)
             with torch.autocast(batch.points.device.type, enabled=False):
                 logits, residuals = self.roi_head(stages, rois, torch.full((len(rois),), frame, device=rois.device))
             scores, boxes = torch.sigmoid(logits), refine(rois, residuals)
             rows = torch.nonzero(scores >= least_score)[:, 0]
             kept = rows[suppress(boxes[rows], scores[rows], _OVERLAP, before=len(rows), after=_AFTER)]
-            found.append((boxes[kept], scores[kept], kinds[kept]))
-        return found
+            detections.append((boxes[kept], scores[kept], class_ids[kept]))
+        return detections
 
     def _proposals(self, output: AnchorOutput, frame: int) -> tuple[Tensor, Tensor, Tensor]:
-        """Boxes, scores and kinds of the surest anchors."""
-        count = _PROPOSALS * self.settings.roi_count if self.training else _REFINED_COUNT
-        overlap = _LEARNT_FROM if self.training else _REFINED
+        """Boxes, scores and classes of the anchors with the highest scores."""
+        count = _PROPOSALS * self.settings.roi_count if self.training else _TEST_COUNT
+        overlap = _TRAIN_OVERLAP if self.training else _TEST_OVERLAP
         before = _CANDIDATES * self.settings.roi_count
         return detect_from_anchors(
             self.dense_head, output, frame, least_score=0.0, overlap=overlap, before=before, after=count
@@ -86,5 +86,5 @@ class VoxelRcnn(Detector):
         voxels = voxelise(batch.points, settings.grid, settings.max_points, settings.most_cells(self.training))
         with torch.autocast(batch.points.device.type, enabled=False):
             features = voxels.mean(voxels.points[:, 1:])
-            image, stages = self.backbone_3d(features, voxels.place, len(batch))
+            image, stages = self.backbone_3d(features, voxels.coordinates, len(batch))
         return self.dense_head(self.backbone_2d(image)), stages

@@ -1,4 +1,4 @@
-"""Weights that come with the package, and how they are put there."""
+"""Bundled weights."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ _DEFAULT = "pillars_small.pt"
 
 
 def shipped() -> Path:
-    """The checkpoint of the detector that comes along: `pillars_small`, trained on simulated frames alone."""
+    """Path of the bundled checkpoint: `pillars_small`, trained on simulated frames only."""
     return Path(__file__).with_name(_DEFAULT)

@@ -1,4 +1,4 @@
-"""`python -m training.weights CHECKPOINT`: puts a trained detector in the place of the one that comes along."""
+"""`python -m training.weights CHECKPOINT`: replace the bundled detector by a trained one."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from training.checkpoints import load_detector, save_checkpoint
 from training.weights import shipped
 
 
-def put(checkpoint: Path, to: Path) -> None:
-    """Write a checkpoint's model, classes and weights without what only a training needs."""
+def install(checkpoint: Path, target: Path) -> None:
+    """Write the model, classes and weights of a checkpoint, without the state of the training."""
     detector, classes = load_detector(checkpoint)
-    save_checkpoint(to, detector, detector.settings, classes)
+    save_checkpoint(target, detector, detector.settings, classes)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("checkpoint", type=Path)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    put(parser.parse_args().checkpoint, shipped())
+    install(parser.parse_args().checkpoint, shipped())
     logging.info("%s, %.1f MB", shipped(), shipped().stat().st_size / 1e6)

@@ -90,7 +90,7 @@ def test_objects_put_in_stand_as_high_above_the_ground_as_they_stood():
     for table in (cars.boxes, cars.points):
         table[:, 2] -= 1.0
     bottom = float(cars.boxes[0, 2] - cars.boxes[0, 5] / 2)
-    donor = Sample("high", np.concatenate([cars.points, street(rng, bottom - above)]), cars.boxes, cars.kinds)
+    donor = Sample("high", np.concatenate([cars.points, street(rng, bottom - above)]), cars.boxes, cars.class_ids)
     filled = ObjectBank([donor], {0: 3}).fill(empty, rng)
     assert len(filled.boxes) == 3
     assert filled.boxes[:, 2] - filled.boxes[:, 5] / 2 == pytest.approx(low + above, abs=0.02)
@@ -103,8 +103,8 @@ def test_real_frames_keep_what_the_camera_sees_and_ignore_vans(kitti_root):
         read = read_sample(frame, ["Car"])
         assert 0.1 < len(read.points) / len(frame.points) < 0.3
         vans = sum(name == "Van" for name in frame.labels.type)
-        assert (read.kinds == IGNORED).sum() >= vans
-        inside = points_in_boxes(read.points, as_boxes(read.boxes[read.kinds == 0])).sum(1)
+        assert (read.class_ids == IGNORED).sum() >= vans
+        inside = points_in_boxes(read.points, as_boxes(read.boxes[read.class_ids == 0])).sum(1)
         assert (inside >= 5).all()
 
 

@@ -59,6 +59,6 @@ def test_where_nothing_is_seen_the_ground_is_level():
 def test_a_higher_sensor_sees_the_same_cars_on_level_ground():
     here, up = street(), np.float32([0, 0, 0.2])
     moved = np.pad(up, (0, 4))
-    lifted = Sample("lifted", here.points + moved[:4], here.boxes + moved, here.kinds)
+    lifted = Sample("lifted", here.points + moved[:4], here.boxes + moved, here.class_ids)
     told = [find_ground(collate([some]).points, 1, GRID).levelled(collate([some])).boxes[0] for some in (here, lifted)]
     assert torch.allclose(*told, atol=0.03)

@@ -74,7 +74,7 @@ def test_seen_from_above_heights_take_nothing():
     assert lost.ap == pytest.approx(100) and "height" not in lost.share
 
 
-def test_a_loss_that_only_two_kinds_together_mend_is_shared_evenly():
+def test_a_loss_that_needs_two_corrections_is_shared_evenly():
     """A box a metre too tall on the same ground: its middle is too high, too."""
     lost = split(scene(), [moved(perfect(scene()[0]), slice(0, 4), dimensions=[1.0, 0, 0])] * FRAMES)
     assert lost.ap == pytest.approx(0) and lost.share["size"] == lost.share["height"] == pytest.approx(50)
@@ -110,7 +110,7 @@ def test_a_second_surer_box_of_a_car_is_a_duplicate():
     assert kind == "duplicates" and lost.ap == pytest.approx(80)
 
 
-def test_shares_add_up_and_mending_never_harms_whatever_is_detected():
+def test_shares_add_up_and_corrections_never_reduce_ap():
     rng = np.random.default_rng(4)
     labels = [objects(rng, 9) for _ in range(12)]
     found = [as_detections(rng, some, 0.25, ties=False) for some in labels]

@@ -25,9 +25,9 @@ from training.schedule import OneCycle  # noqa: E402
 
 
 def boxes(rng: np.random.Generator, count: int) -> torch.Tensor:
-    place = rng.uniform(-8, 8, (count, 3))
+    coordinates = rng.uniform(-8, 8, (count, 3))
     size = rng.uniform(0.5, 5, (count, 3))
-    return torch.tensor(np.column_stack([place, size, rng.uniform(-3.1, 3.1, count)]), dtype=torch.float32)
+    return torch.tensor(np.column_stack([coordinates, size, rng.uniform(-3.1, 3.1, count)]), dtype=torch.float32)
 
 
 def test_boxes_come_back_from_their_residuals():
@@ -70,9 +70,9 @@ def test_sparse_convolutions_equal_dense_ones_where_they_answer():
     generator = torch.Generator().manual_seed(0)
     dense = torch.randn(2, 3, 5, 6, 7, generator=generator)
     dense *= torch.rand(2, 1, 5, 6, 7, generator=generator) < 0.2
-    place = torch.nonzero(dense.abs().sum(1))
-    features = dense[place[:, 0], :, place[:, 1], place[:, 2], place[:, 3]]
-    tensor = SparseTensor(features, place, (5, 6, 7), 2)
+    coordinates = torch.nonzero(dense.abs().sum(1))
+    features = dense[coordinates[:, 0], :, coordinates[:, 1], coordinates[:, 2], coordinates[:, 3]]
+    tensor = SparseTensor(features, coordinates, (5, 6, 7), 2)
     assert torch.equal(tensor.dense(), dense)
     same = SubmanifoldConv(3, 4, (3, 3, 3))
     expected = functional.conv3d(dense, same.weight.permute(0, 4, 1, 2, 3), padding=1)
@@ -91,12 +91,12 @@ def test_every_point_in_the_range_is_in_the_cell_it_lies_in():
     voxels = voxelise(points, grid)
     inside = ((points[:, 1:4] >= 0) & (points[:, 1:4] < torch.tensor([4.0, 3.0, 2.0]))).all(1)
     assert len(voxels.points) == inside.sum()
-    own = voxels.place[voxels.cell]
+    own = voxels.coordinates[voxels.cell]
     assert torch.equal(own[:, 0], voxels.points[:, 0].long())
     assert torch.equal(own[:, 3], (voxels.points[:, 1] // 0.5).long())
     assert torch.equal(own[:, 2], voxels.points[:, 2].long())
     limited = voxelise(points, grid, max_points=3, max_cells=10)
-    assert limited.count.max() <= 3 and torch.bincount(limited.place[:, 0]).max() <= 10
+    assert limited.count.max() <= 3 and torch.bincount(limited.coordinates[:, 0]).max() <= 10
 
 
 def test_an_anchor_on_an_object_is_to_find_it_and_one_on_an_ignored_object_is_neither():

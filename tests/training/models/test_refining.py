@@ -102,8 +102,10 @@ def test_regions_without_points_and_frames_without_regions_are_no_trouble(refine
 
 def test_half_of_the_regions_are_on_objects_and_none_is_on_an_ignored_one_alone():
     points, boxes = (some.numpy() for some in seen())
-    kinds = np.array([0, IGNORED])
-    batch = collate([Sample("a", points[:, 1:], boxes, kinds), Sample("empty", points[:, 1:], boxes[:0], kinds[:0])])
+    class_ids = np.array([0, IGNORED])
+    batch = collate(
+        [Sample("a", points[:, 1:], boxes, class_ids), Sample("empty", points[:, 1:], boxes[:0], class_ids[:0])]
+    )
     far = torch.tensor(boxes[:1]) + torch.arange(1, 30)[:, None] * torch.tensor([0.5, 0, 0, 0, 0, 0, 0])
     offered = torch.cat([torch.tensor(boxes), far])
     regions = regions_to_learn(batch, lambda frame: offered, 16, 20, torch.Generator().manual_seed(0))

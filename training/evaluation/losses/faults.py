@@ -1,15 +1,15 @@
-"""What is wrong with each detection, and what an evaluation would be without some of that.
+"""Classify the errors of detections, and correct selected error types.
 
-The kinds are those of TIDE (Bolya, Foley, Hays & Hoffman, "TIDE: A General Toolbox for Identifying Object Detection
-Errors", ECCV 2020, section 2.2), with its localisation error split into the parts of an upright box. Every detection
-that counts belongs to the object it overlaps most from above, if by more than 0.1. Of the detections of one object one
-is its box, the others are duplicates. What belongs to no object is a false alarm, or a box round an object of another
-class. An object that no detection belongs to is missed.
+The error types are those of TIDE (Bolya, Foley, Hays & Hoffman, "TIDE: A General Toolbox for Identifying Object
+Detection Errors", ECCV 2020, section 2.2), with its localisation error split into the parts of an upright box. Every
+detection that counts belongs to the object it overlaps most from above, if by more than 0.1. One of the detections of an object
+is its box, the others are duplicates. A detection without object is a false alarm, or a box on an object of another
+class. An object without detection is missed.
 
-To mend a kind is to take its errors away and to leave the rest, scores included, as it is: false alarms, boxes round
-others and duplicates are removed, missed objects no longer counted, and of each box the place, height, size or
-heading becomes the object's. A box is mended only as far as it then overlaps more: a box that is too short
-and fits the face that was seen would become worse from its right middle alone.
+Correcting an error type removes its errors and leaves everything else, including scores, unchanged: false alarms, boxes
+on other classes and duplicates are removed, missed objects are no longer counted, and the position, height, size or
+heading of each box is replaced by that of the object. A part is corrected only if this increases the overlap: a box
+that is too short and matches the visible face would become worse if only its centre were corrected.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from training.evaluation.matching import Task
 from training.evaluation.read import Scored
 from training.evaluation.rules import MIN_OVERLAP, NEIGHBOURS, Metric
 
-#: What may be wrong with a box, and what else.
+#: Error types of boxes, and other error types.
 BOX_PARTS: dict[Metric, tuple[str, ...]] = {
     "3d": ("position", "height", "size", "heading"),
     "bev": ("position", "size", "heading"),
@@ -39,18 +39,18 @@ BELONGS = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Faults:
-    """A class by a metric at a difficulty, and what is wrong with its detections.
+    """Errors of the detections of one class, metric and difficulty.
 
     Attributes:
-        task: what is scored.
-        metric: 3D or from above.
+        task: objects and detections to score.
+        metric: 3D or bird's-eye view.
         owner: (d,) int64 of all detection rows: the object it belongs to, −1 none.
         box: (g,) int64 of all label rows: the detection that is the object's box, −1 none.
-        missed: (g,) bool: objects that count and that nothing was found of.
+        missed: (g,) bool: objects that count and have no detection.
         false_alarms, other_class, duplicates: (d,) bool of all detection rows that count.
-        overlap: for each set of mended parts of a box, (g,) float64: how much the objects' boxes then overlap; 0
-            without one.
-        above: the overlap that a hit needs, exclusive.
+        overlap: for each set of corrected parts of a box, (g,) float64: overlap of the objects' boxes; 0
+            without box.
+        above: required overlap of a hit, exclusive.
     """
 
     task: Task
@@ -65,8 +65,8 @@ class Faults:
     above: float
 
     @property
-    def kinds(self) -> tuple[str, ...]:
-        """All kinds of errors that this metric knows."""
+    def error_types(self) -> tuple[str, ...]:
+        """All error types of this metric."""
         return (*BOX_PARTS[self.metric], *OTHER_KINDS)
 
     @property
@@ -74,37 +74,37 @@ class Faults:
         """(g,) bool: objects with a box that overlaps too little."""
         return (self.box >= 0) & (self.overlap[frozenset()] <= self.above)
 
-    def mended(
-        self, kinds: Collection[str], objects: np.ndarray | None = None, among: np.ndarray | None = None
+    def corrected(
+        self, error_types: Collection[str], objects: np.ndarray | None = None, among: np.ndarray | None = None
     ) -> Task:
-        """What is scored without errors of some kinds.
+        """Return the task with some error types corrected.
 
         Args:
-            kinds: to take away.
-            objects: (g,) bool, errors at these objects alone; all by default.
-            among: (d,) bool, of detections without an object these alone; all by default.
+            kinds: error types to correct.
+            objects: (g,) bool, objects whose errors are corrected; all by default.
+            among: (d,) bool, detections without object that are corrected; all by default.
         """
         task, pairs = self.task, self.task.pairs
-        here = np.ones(len(self.box), bool) if objects is None else objects
+        selected = np.ones(len(self.box), bool) if objects is None else objects
         valid = task.valid.copy()
         for kind in ("false_alarms", "other_class"):
-            if kind in kinds:
+            if kind in error_types:
                 valid &= ~(getattr(self, kind) if among is None else getattr(self, kind) & among)
-        if "duplicates" in kinds:
-            valid &= ~(self.duplicates & np.append(here, False)[self.owner])
-        kept = valid[pairs.detection] | ~task.valid[pairs.detection]  # those too small to count stay
-        parts = frozenset(kinds) & frozenset(BOX_PARTS[self.metric])
+        if "duplicates" in error_types:
+            valid &= ~(self.duplicates & np.append(selected, False)[self.owner])
+        kept = valid[pairs.detection] | ~task.valid[pairs.detection]  # detections too small to count are kept
+        parts = frozenset(error_types) & frozenset(BOX_PARTS[self.metric])
         fitted = Pairs(pairs.label[kept], pairs.detection[kept], pairs.overlap[kept])
         if parts:
-            fitted = self._with_boxes(fitted, parts, here)
-        counts = task.object_counts & ~(self.missed & here) if "misses" in kinds else task.object_counts
+            fitted = self._with_boxes(fitted, parts, selected)
+        counts = task.object_counts & ~(self.missed & selected) if "misses" in error_types else task.object_counts
         return replace(task, pairs=fitted, object_counts=counts, valid=valid)
 
     def _with_boxes(self, pairs: Pairs, parts: frozenset[str], objects: np.ndarray) -> Pairs:
-        """Pairs with those of objects and their mended boxes."""
+        """Replace the pairs of objects with their corrected boxes."""
         rows = np.flatnonzero((self.box >= 0) & objects & (self.overlap[parts] > self.above))
-        mine = self.box[pairs.label] == pairs.detection
-        keep = ~(mine & np.isin(pairs.label, rows))
+        is_box = self.box[pairs.label] == pairs.detection
+        keep = ~(is_box & np.isin(pairs.label, rows))
         label = np.concatenate([pairs.label[keep], rows])
         detection = np.concatenate([pairs.detection[keep], self.box[rows]])
         overlap = np.concatenate([pairs.overlap[keep], self.overlap[parts][rows]])
@@ -113,7 +113,7 @@ class Faults:
 
 
 def find_faults(scored: Scored, name: str, metric: Metric, level: int = 1) -> Faults:
-    """What is wrong with the detections of a class.
+    """Classify the errors of the detections of a class.
 
     Args:
         scored: labels and detections.
@@ -123,13 +123,13 @@ def find_faults(scored: Scored, name: str, metric: Metric, level: int = 1) -> Fa
     """
     above = MIN_OVERLAP[name]
     task = tasks(scored, name, metric, above)[level]
-    looked_for = np.isin(scored.labels.kind, [name.lower(), (NEIGHBOURS[name] or name).lower()])
-    owner = _owners(task, looked_for)
-    box = _boxes(task, owner)
-    others = np.flatnonzero((scored.labels.kind != "dontcare") & ~looked_for)
-    loose = task.valid & (owner < 0)
-    near = overlapping(scored, others, np.flatnonzero(loose), "bev", BELONGS).detection
-    other_class = np.isin(np.arange(len(owner)), near)
+    is_candidate = np.isin(scored.labels.kind, [name.lower(), (NEIGHBOURS[name] or name).lower()])
+    owner = _assign_owners(task, is_candidate)
+    box = _select_boxes(task, owner)
+    others = np.flatnonzero((scored.labels.kind != "dontcare") & ~is_candidate)
+    unassigned = task.valid & (owner < 0)
+    on_others = overlapping(scored, others, np.flatnonzero(unassigned), "bev", BELONGS).detection
+    other_class = np.isin(np.arange(len(owner)), on_others)
     is_box = np.isin(np.arange(len(owner)), box[box >= 0])
     return Faults(
         task=task,
@@ -137,64 +137,64 @@ def find_faults(scored: Scored, name: str, metric: Metric, level: int = 1) -> Fa
         owner=owner,
         box=box,
         missed=task.object_counts & (box < 0),
-        false_alarms=loose & ~other_class,
+        false_alarms=unassigned & ~other_class,
         other_class=other_class,
         duplicates=task.valid & (owner >= 0) & ~is_box,
-        overlap=_overlaps(scored, box, metric),
+        overlap=_overlaps_by_parts(scored, box, metric),
         above=above,
     )
 
 
-def _owners(task: Task, looked_for: np.ndarray) -> np.ndarray:
-    """The object that each detection that counts overlaps most from above, (d,) int64; −1 none.
+def _assign_owners(task: Task, is_candidate: np.ndarray) -> np.ndarray:
+    """Object with the largest bird's-eye overlap for each detection that counts, (d,) int64; −1 none.
 
     Args:
         task: what is scored.
         looked_for: (g,) bool: objects of the class or a neighbouring one, whether they count or not.
     """
-    pairs = overlapping(task.scored, np.flatnonzero(looked_for), np.flatnonzero(task.valid), "bev", BELONGS)
+    pairs = overlapping(task.scored, np.flatnonzero(is_candidate), np.flatnonzero(task.valid), "bev", BELONGS)
     owner = np.full(len(task.valid), -1)
     order = np.argsort(pairs.overlap, kind="stable")
-    owner[pairs.detection[order]] = pairs.label[order]  # the greatest is written last
+    owner[pairs.detection[order]] = pairs.label[order]  # the largest overlap is written last
     return owner
 
 
-def _boxes(task: Task, owner: np.ndarray) -> np.ndarray:
-    """The detection that is each object's box: of those that fit, else of all of it, the surest; (g,), −1 none."""
-    fits = np.zeros(len(owner), bool)
-    own = owner[task.pairs.detection] == task.pairs.label
-    fits[task.pairs.detection[own]] = True
+def _select_boxes(task: Task, owner: np.ndarray) -> np.ndarray:
+    """Box of each object: the hit, otherwise the detection, with the highest score; (g,), −1 none."""
+    is_hit = np.zeros(len(owner), bool)
+    is_own = owner[task.pairs.detection] == task.pairs.label
+    is_hit[task.pairs.detection[is_own]] = True
     rows = np.flatnonzero(owner >= 0)
-    rows = rows[np.lexsort((-rows, task.score[rows], fits[rows]))]
+    rows = rows[np.lexsort((-rows, task.score[rows], is_hit[rows]))]
     box = np.full(len(task.object_counts), -1)
     box[owner[rows]] = rows  # the best is written last
     return box
 
 
-def _overlaps(scored: Scored, box: np.ndarray, metric: Metric) -> dict[frozenset[str], np.ndarray]:
-    """How much boxes overlap their objects, by the parts that are mended: the most that some of these parts give."""
+def _overlaps_by_parts(scored: Scored, box: np.ndarray, metric: Metric) -> dict[frozenset[str], np.ndarray]:
+    """Overlap of boxes with their objects for each set of corrected parts: the maximum over its subsets."""
     rows = np.flatnonzero(box >= 0)
-    truth, found = scored.labels.objects[rows], scored.detections.objects[box[rows]]
+    truth, detected = scored.labels.objects[rows], scored.detections.objects[box[rows]]
     best: dict[frozenset[str], np.ndarray] = {}
     for parts in subsets(BOX_PARTS[metric]):
         overlap = np.zeros(len(box))
-        overlap[rows] = paired_overlaps(truth, with_parts(found, truth, parts), metric)
+        overlap[rows] = paired_overlaps(truth, with_parts(detected, truth, parts), metric)
         for part in parts:
             overlap = np.maximum(overlap, best[parts - {part}])
         best[parts] = overlap
     return best
 
 
-def with_parts(found: Labels, truth: Labels, parts: Collection[str]) -> Labels:
-    """Boxes with some parts of others, row by row; the middle of a box is its place, so that sizes leave it there."""
-    source = {part: truth if part in parts else found for part in ("position", "height", "size", "heading")}
+def with_parts(detected: Labels, truth: Labels, parts: Collection[str]) -> Labels:
+    """Replace parts of boxes by those of other boxes, row by row; a change of size keeps the centre."""
+    source = {part: truth if part in parts else detected for part in ("position", "height", "size", "heading")}
     dimensions = source["size"].dimensions
     location = source["position"].location.copy()
     middle = source["height"].location[:, 1] - source["height"].dimensions[:, 0] / 2
     location[:, 1] = middle + dimensions[:, 0] / 2
-    return replace(found, dimensions=dimensions, location=location, rotation_y=source["heading"].rotation_y)
+    return replace(detected, dimensions=dimensions, location=location, rotation_y=source["heading"].rotation_y)
 
 
-def subsets(kinds: Sequence[str]) -> list[frozenset[str]]:
-    """All sets of some of them, the smaller ones first."""
-    return [frozenset(some) for count in range(len(kinds) + 1) for some in combinations(kinds, count)]
+def subsets(error_types: Sequence[str]) -> list[frozenset[str]]:
+    """All subsets, smaller ones first."""
+    return [frozenset(chosen) for count in range(len(error_types) + 1) for chosen in combinations(error_types, count)]

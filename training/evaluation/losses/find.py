@@ -1,4 +1,4 @@
-"""Where one detector loses average precision, or two of them, or one on two test sets: all that is told of it."""
+"""Losses of average precision of one or two sets of detections."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from training.evaluation.read import Scored
 from training.evaluation.rules import DIFFICULTIES, Metric
 from training.evaluation.slices import points_in_rows
 
-#: Metrics that are split, and the kinds of errors among which, in the order of pages and JSON.
+#: Metrics whose losses are computed, in the order of pages and JSON.
 SPLIT: tuple[Metric, ...] = ("3d", "bev")
-#: How many sets of kinds are mended for one set of detections.
+#: Number of sets of error types that are corrected for one set of detections.
 SETS_MENDED = sum(2 ** (len(BOX_PARTS[metric]) + len(OTHER_KINDS)) for metric in SPLIT)
 _WORDS: dict[Metric, str] = {"3d": "3D", "bev": "bird's eye"}
 
 
 @dataclass(frozen=True, eq=False)
 class Losses:
-    """What one set of detections loses.
+    """Losses of one set of detections.
 
     Attributes:
         title: plain text.
-        frames: how many.
+        frames: number of frames.
         r40: by metric, the devkit's average precision [%].
         splits: by metric.
         parts: by metric and by what objects are sorted.
@@ -50,9 +50,9 @@ class Losses:
         lines = []
         for metric, split in self.splits.items():
             worst = sorted(split.share, key=lambda kind: -split.share[kind])
-            told = ", ".join(f"{kind.replace('_', ' ')} {split.share[kind]:.1f}" for kind in worst)
+            summary = ", ".join(f"{kind.replace('_', ' ')} {split.share[kind]:.1f}" for kind in worst)
             lines.append(
-                f"{self.title}: {_WORDS[metric]} AP {split.ap:.1f} (R40 {self.r40[metric]:.1f}); lost to {told}"
+                f"{self.title}: {_WORDS[metric]} AP {split.ap:.1f} (R40 {self.r40[metric]:.1f}); lost to {summary}"
             )
         return "\n".join(lines)
 
@@ -67,19 +67,19 @@ def find_losses(
     times: np.ndarray | None = None,
     on_set: Callable[[], None] = lambda: None,
 ) -> Losses:
-    """Split what a set of detections loses.
+    """Compute the losses of a set of detections by error type.
 
     Args:
         scored: labels and detections.
         name: the class.
         difficulty: easy, moderate or hard.
         title: plain text.
-        drive: has the scans, for points in boxes.
-        times: (draws, f) a bootstrap's frames; see `draw_frames`.
-        on_set: called after each set of kinds was mended.
+        drive: drive with the scans, to count points in boxes.
+        times: (draws, f) bootstrap draws of frames; see `draw_frames`.
+        on_set: called after each set of error types.
 
     Raises:
-        EvaluationError: nothing of the class is detected, or labelled so that it counts.
+        EvaluationError: the class has no detections, or no labels that count.
     """
     level = DIFFICULTIES.index(difficulty)
     results = evaluate(scored, classes=(name,)).results.get(name)
@@ -100,13 +100,13 @@ def find_losses(
 
 
 def drawn_frames(first: Scored, second: Scored | None, draws: int, seed: int) -> list[np.ndarray | None]:
-    """The bootstrap's frames of one or two sets; of the same frames the same ones, so that differences are paired."""
+    """Bootstrap draws of one or two sets; identical for identical frames, so that differences are paired."""
     if not draws:
         return [None, None]
-    mine = draw_frames(len(first.names), draws, np.random.default_rng([seed, 0]))
+    draws_of_first = draw_frames(len(first.names), draws, np.random.default_rng([seed, 0]))
     if second is None or second.names == first.names:
-        return [mine, mine]
-    return [mine, draw_frames(len(second.names), draws, np.random.default_rng([seed, 1]))]
+        return [draws_of_first, draws_of_first]
+    return [draws_of_first, draw_frames(len(second.names), draws, np.random.default_rng([seed, 1]))]
 
 
 def as_json(name: str, difficulty: str, sets: list[Losses]) -> dict[str, Any]:
@@ -120,19 +120,19 @@ def as_json(name: str, difficulty: str, sets: list[Losses]) -> dict[str, Any]:
 
 
 def difference(first: Split, second: Split) -> dict[str, tuple[float, tuple[float, float] | None]]:
-    """How much more the first takes, of `ap` and by kind, with the 95 % interval where frames were drawn."""
+    """Difference first − second of `ap` and of each share, with its 95 % interval if frames were drawn."""
     values = {"ap": first.ap - second.ap}
     values |= {kind: first.share[kind] - second.share[kind] for kind in first.share}
     if not len(first.drawn):
         return {key: (value, None) for key, value in values.items()}
     drawn = first.drawn - second.drawn
-    return {key: (value, interval(drawn[:, place])) for place, (key, value) in enumerate(values.items())}
+    return {key: (value, interval(drawn[:, column])) for column, (key, value) in enumerate(values.items())}
 
 
 def intervals(split: Split) -> dict[str, tuple[float, float] | None]:
     """95 % intervals of `ap` and of the share of each kind; None without draws."""
     names = ("ap", *split.share)
-    return {key: interval(split.drawn[:, place]) if len(split.drawn) else None for place, key in enumerate(names)}
+    return {key: interval(split.drawn[:, column]) if len(split.drawn) else None for column, key in enumerate(names)}
 
 
 def _points(faults: Faults, drive: Drive | None) -> tuple[np.ndarray | None, np.ndarray | None]:
@@ -147,10 +147,10 @@ def _points(faults: Faults, drive: Drive | None) -> tuple[np.ndarray | None, np.
 
 
 def _set_json(losses: Losses) -> dict[str, Any]:
-    said: dict[str, Any] = {"title": losses.title, "frames": losses.frames}
+    entry: dict[str, Any] = {"title": losses.title, "frames": losses.frames}
     for metric, split in losses.splits.items():
         bounds, faults = intervals(split), split.faults
-        said[metric] = {
+        entry[metric] = {
             "R40": losses.r40[metric],
             "ap": split.ap,
             "ap_ci95": bounds["ap"],
@@ -162,15 +162,15 @@ def _set_json(losses: Losses) -> dict[str, Any]:
                 for kind in split.share
             },
             "parts": {
-                by: [{"name": part.name, "objects": part.objects, "gain": part.gain} for part in some]
-                for by, some in losses.parts[metric].items()
+                by: [{"name": part.name, "objects": part.objects, "gain": part.gain} for part in item]
+                for by, item in losses.parts[metric].items()
             },
         }
-    said["box_errors"] = [
-        {"name": some.name, "objects": some.objects, "median": some.median, "spread": some.spread}
-        for some in losses.errors
+    entry["box_errors"] = [
+        {"name": item.name, "objects": item.objects, "median": item.median, "spread": item.spread}
+        for item in losses.errors
     ]
-    return said
+    return entry
 
 
 def _difference_json(first: Losses, second: Losses) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The page of losses: what each kind of error takes, where, and how far boxes are off."""
+"""Page of losses: share of each error type, by subset of the objects, and box errors."""
 
 from __future__ import annotations
 
@@ -14,56 +14,58 @@ from training.evaluation.rules import Metric
 
 KINDS = {
     "position": ("position", "place seen from above"),
-    "height": ("height", "of the middle above the ground"),
+    "height": ("height", "of the centre above the ground"),
     "size": ("size", "length, width, height"),
     "heading": ("heading", ""),
-    "misses": ("misses", "objects that nothing was found of"),
-    "false_alarms": ("false alarms", "where no object is labelled"),
-    "other_class": ("other classes", "boxes round trucks, people and the like"),
-    "duplicates": ("duplicates", "further boxes of one object"),
+    "misses": ("misses", "objects without detection"),
+    "false_alarms": ("false alarms", "no object is labelled there"),
+    "other_class": ("other classes", "boxes on trucks, people and other classes"),
+    "duplicates": ("duplicates", "additional boxes on one object"),
 }
 _COLOURS = ("#ffb23e", "#f0606a", "#c792ea", "#5aa9ff", "#8692a6", "#6fd08c", "#4ec9b0", "#d7ba7d")
 _TITLES: dict[Metric, str] = {"3d": "3D", "bev": "Bird’s-eye view"}
 _SORTED = {"distance": "distance", "occlusion": "occlusion", "points": "points in the box"}
 _BOX_HEADS = {
-    "away_m": "along the sight (m)",
+    "away_m": "along the line of sight (m)",
     "aside_m": "across it, left (m)",
-    "height_m": "height of the middle (m)",
+    "height_m": "height of the centre (m)",
     "length_m": "length (m)",
     "width_m": "width (m)",
     "tallness_m": "height of the box (m)",
     "heading_deg": "heading (°)",
 }
 _MEANING = (
-    "Shares add up to what is lacking from 100. A share is the mean gain of mending a kind of error, over all orders "
-    "in which the kinds may be mended (Shapley value); “alone” is the gain where nothing else is mended (TIDE). AP is "
-    "the area under the whole curve; R40 stands for the devkit’s samples of it."
+    "Shares add up to 100 − AP. A share is the mean gain of correcting an error type over all orders in which "
+    "the types can be corrected (Shapley value); “alone” is the gain if only this type is corrected (TIDE). AP is "
+    "the area under the whole curve, R40 the devkit’s average of 40 samples."
 )
 
 
 def format_losses(name: str, difficulty: str, sets: Sequence[Losses]) -> str:
-    """The HTML text of one set of detections, or of two held against each other.
+    """The HTML text of one set of detections, or of two sets that are compared.
 
     Args:
         name: the class.
         difficulty: easy, moderate or hard.
         sets: one or two.
     """
-    title = f"Where {name} loses average precision, {difficulty}"
-    parts = [f"<header><h1>{escape(title)}</h1>{''.join(_headline(losses) for losses in sets)}</header>"]
+    title = f"Losses of average precision: {name}, {difficulty}"
+    parts = [f"<header><h1>{escape(title)}</h1>{''.join(_format_headline(losses) for losses in sets)}</header>"]
     for metric in SPLIT:
-        bars = "".join(_bar(losses, metric) for losses in sets)
-        parts.append(section(_TITLES[metric], bars, _table(sets, metric), text=_MEANING if metric == SPLIT[0] else ""))
-    parts += [_where(losses) for losses in sets] + [_boxes(losses) for losses in sets]
+        bars = "".join(_format_bar(losses, metric) for losses in sets)
+        parts.append(
+            section(_TITLES[metric], bars, _format_table(sets, metric), text=_MEANING if metric == SPLIT[0] else "")
+        )
+    parts += [_format_parts(losses) for losses in sets] + [_format_box_errors(losses) for losses in sets]
     return document(title, parts, style=_STYLE, generator="cosim losses")
 
 
-def _headline(losses: Losses) -> str:
+def _format_headline(losses: Losses) -> str:
     split = losses.splits["3d"]
     worst = sorted(split.share, key=lambda kind: -split.share[kind])[:3]
-    told = listed([f"{KINDS[kind][0]} {split.share[kind]:.1f}" for kind in worst if split.share[kind] >= 0.05])
-    lost = f" Most of the rest goes to {escape(told)}." if told else ""
-    said = f"<p class=verdict>{escape(losses.title)}: 3D AP {split.ap:.1f} of 100.{lost}</p>"
+    summary = listed([f"{KINDS[kind][0]} {split.share[kind]:.1f}" for kind in worst if split.share[kind] >= 0.05])
+    losses_text = f" Largest losses: {escape(summary)}." if summary else ""
+    verdict = f"<p class=verdict>{escape(losses.title)}: 3D AP {split.ap:.1f} of 100.{losses_text}</p>"
     numbers = [("frames", f"{losses.frames:,}")]
     for metric in losses.splits:
         numbers.append((f"{_TITLES[metric]} R40", f"{losses.r40[metric]:.1f}"))
@@ -72,96 +74,98 @@ def _headline(losses: Losses) -> str:
     numbers += [
         ("objects", f"{int(counted.sum()):,}"),
         ("missed", f"{int(faults.missed.sum()):,}"),
-        ("found, box too far off", f"{int((faults.misfits & counted).sum()):,}"),
+        ("detected, overlap too small", f"{int((faults.misfits & counted).sum()):,}"),
     ]
-    return said + facts(numbers)
+    return verdict + facts(numbers)
 
 
-def _bar(losses: Losses, metric: Metric) -> str:
+def _format_bar(losses: Losses, metric: Metric) -> str:
     split = losses.splits[metric]
     pieces = [Piece("reached", split.ap, "#2f6d46")]
-    for (kind, (words, why)), colour in zip(KINDS.items(), _COLOURS, strict=True):
+    for (kind, (label, explanation)), colour in zip(KINDS.items(), _COLOURS, strict=True):
         if kind in split.share:
-            pieces.append(Piece(words, split.share[kind], colour, why))
+            pieces.append(Piece(label, split.share[kind], colour, explanation))
     return f"<h3 class=set>{escape(losses.title)}</h3>{stacked_bar(pieces, f'{losses.title}, {metric}', 1)}"
 
 
-def _table(sets: Sequence[Losses], metric: Metric) -> str:
+def _format_table(sets: Sequence[Losses], metric: Metric) -> str:
     splits = [losses.splits[metric] for losses in sets]
-    heads = ["", *(word for losses in sets for word in (f"{losses.title}: takes", "alone"))]
+    heads = ["", *(word for losses in sets for word in (f"{losses.title}: share", "alone"))]
     bounds = [intervals(split) for split in splits]
     rows = [
         [
             "AP reached",
-            *(cell for split, some in zip(splits, bounds, strict=True) for cell in (_with(split.ap, some["ap"]), "")),
+            *(
+                cell
+                for split, items in zip(splits, bounds, strict=True)
+                for cell in (_with_interval(split.ap, items["ap"]), "")
+            ),
         ]
     ]
-    kinds = [kind for kind in KINDS if kind in splits[0].share]
-    for kind in kinds:
+    error_types = [kind for kind in KINDS if kind in splits[0].share]
+    for kind in error_types:
         row = [KINDS[kind][0]]
-        for split, some in zip(splits, bounds, strict=True):
-            row += [_with(split.share[kind], some[kind]), f"{split.alone[kind]:.1f}"]
+        for split, items in zip(splits, bounds, strict=True):
+            row += [_with_interval(split.share[kind], items[kind]), f"{split.alone[kind]:.1f}"]
         rows.append(row)
     if len(splits) == 2:
         heads.append("first − second")
         between = difference(*splits)
-        for row, key in zip(rows, ("ap", *kinds), strict=True):
-            row.append(_with(*between[key], of_two=True))
+        for row, key in zip(rows, ("ap", *error_types), strict=True):
+            row.append(_with_interval(*between[key], of_two=True))
     return table(heads, rows)
 
 
-def _with(value: float, bounds: tuple[float, float] | None, of_two: bool = False) -> str:
-    told, *ends = (signed(one) if of_two else _minus(f"{one:z.1f}") for one in (value, *(bounds or ())))
-    return f"{told}<small>{' – '.join(ends)}</small>" if ends else told
+def _with_interval(value: float, bounds: tuple[float, float] | None, of_two: bool = False) -> str:
+    summary, *ends = (signed(number) if of_two else _minus(f"{number:z.1f}") for number in (value, *(bounds or ())))
+    return f"{summary}<small>{' – '.join(ends)}</small>" if ends else summary
 
 
-def _where(losses: Losses) -> str:
+def _format_parts(losses: Losses) -> str:
     tables = []
     for by in _SORTED:
         for metric in SPLIT:
-            some = losses.parts[metric].get(by)
-            if some:
+            items = losses.parts[metric].get(by)
+            if items:
                 tables.append(
-                    f"<h3 class=set>{_TITLES[metric]}, by {_SORTED[by]}</h3>{_part_table(some, losses.splits[metric])}"
+                    f"<h3 class=set>{_TITLES[metric]}, by {_SORTED[by]}</h3>{_part_table(items, losses.splits[metric])}"
                 )
-    text = "AP gained where one kind of error is mended there alone. False alarms lie where they are themselves."
-    return section(f"Where: {losses.title}", *tables, text=text)
+    text = "Gain of AP if one type is corrected in this subset only. False alarms are assigned by their own position."
+    return section(f"By subset: {losses.title}", *tables, text=text)
 
 
-def _part_table(some: Sequence[Part], split: Split) -> str:
-    kinds = [kind for kind in KINDS if kind in split.share]
-    most = max((part.gain.get(kind, 0.0) for part in some for kind in kinds), default=0.0)
+def _part_table(items: Sequence[Part], split: Split) -> str:
+    error_types = [kind for kind in KINDS if kind in split.share]
+    most = max((part.gain.get(kind, 0.0) for part in items for kind in error_types), default=0.0)
     rows = [
-        [escape(part.name), f"{part.objects:,}", *(_shaded(part.gain.get(kind), most) for kind in kinds)]
-        for part in some
+        [escape(part.name), f"{part.objects:,}", *(_shaded(part.gain.get(kind), most) for kind in error_types)]
+        for part in items
     ]
-    return table(["", "objects", *(KINDS[kind][0] for kind in kinds)], rows)
+    return table(["", "objects", *(KINDS[kind][0] for kind in error_types)], rows)
 
 
 def _shaded(gain: float | None, most: float) -> str:
     if gain is None:
         return ""
     strength = 0.75 * min(max(gain / most, 0.0), 1.0) if most > 0 else 0.0
-    words = _minus(f"{round(gain, 1) + 0.0:.1f}")
-    return f'<span class="heat" style="background:rgba(255,178,62,{strength:.2f})">{words}</span>'
+    label = _minus(f"{round(gain, 1) + 0.0:.1f}")
+    return f'<span class="heat" style="background:rgba(255,178,62,{strength:.2f})">{label}</span>'
 
 
-def _boxes(losses: Losses) -> str:
+def _format_box_errors(losses: Losses) -> str:
     rows = []
-    for some in losses.errors:
+    for items in losses.errors:
         cells = [
-            _minus(f"{some.median[part]:+.{1 if part.endswith('deg') else 2}f}")
-            + f"<small>± {some.spread[part]:.{1 if part.endswith('deg') else 2}f}</small>"
+            _minus(f"{items.median[part]:+.{1 if part.endswith('deg') else 2}f}")
+            + f"<small>± {items.spread[part]:.{1 if part.endswith('deg') else 2}f}</small>"
             for part in PARTS
         ]
-        rows.append([some.name, f"{some.objects:,}", *cells])
+        rows.append([items.name, f"{items.objects:,}", *cells])
     text = (
-        "Found minus labelled, of objects that count and that something was found of, whether it fits or not: median, "
+        "Detected minus labelled, for objects that count and have a detection, hit or not: median, "
         "and half the distance from the 16th to the 84th percentile."
     )
-    return section(
-        f"How far boxes are off: {losses.title}", table(["", "objects", *_BOX_HEADS.values()], rows), text=text
-    )
+    return section(f"Box errors: {losses.title}", table(["", "objects", *_BOX_HEADS.values()], rows), text=text)
 
 
 def _minus(text: str) -> str:

@@ -1,9 +1,9 @@
-"""Where average precision is lost: how much of it each kind of error takes.
+"""Split the loss of average precision among error types.
 
-Without any of the kinds of `training.evaluation.losses.faults` the continuous average precision is 100: what it lacks
-is split among them by the Shapley value (Shapley, "A Value for n-Person Games", 1953), the mean gain of mending a kind
-over all orders in which kinds may be mended. Shares add up to the loss, so that those of two detectors, or of two test
-sets, may be subtracted. `alone` is TIDE's figure: the gain where this kind is mended and nothing else.
+With all error types of `training.evaluation.losses.faults` corrected, the continuous average precision is 100. The loss
+is split among them by the Shapley value (Shapley, "A Value for n-Person Games", 1953), the mean gain of correcting a
+type over all orders in which types can be corrected. Shares add up to the loss, so that those of two detectors, or of
+two test sets, can be subtracted. `alone` is TIDE's figure: the gain if only this type is corrected.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from training.evaluation.losses.faults import Faults, subsets
 from training.evaluation.matching import Task, count, hit_scores
 from training.evaluation.slices import DISTANCE_EDGES_M, OCCLUSIONS, POINT_EDGES, distance_words, point_words
 
-_THRESHOLDS = 100  # scores of a curve at most: hundreds of curves are drawn
+_THRESHOLDS = 100  # maximum number of scores per curve: hundreds of curves are computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +28,11 @@ class Split:
     """The loss of average precision [%] of a class by a metric at a difficulty.
 
     Attributes:
-        faults: what is wrong with the detections.
-        ap: what is reached.
-        share: by kind, what it takes; the sum is 100 − ap.
-        alone: by kind, the gain where it alone is mended.
-        drawn: (draws, 1 + kinds) float64: ap and shares of sets drawn from the frames; no rows without draws.
+        faults: errors of the detections.
+        ap: average precision.
+        share: loss by error type; the sum is 100 − ap.
+        alone: gain by error type if only this type is corrected.
+        drawn: (draws, 1 + error types) float64: ap and shares of sets drawn from the frames; no rows without draws.
     """
 
     faults: Faults
@@ -44,7 +44,7 @@ class Split:
 
 @dataclass(frozen=True)
 class Part:
-    """Errors of some of the objects: what these are, how many, and the gain [%] of mending each kind there alone."""
+    """Errors of a subset: its name, number of objects, and the gain [%] of correcting each type in it."""
 
     name: str
     objects: int
@@ -52,83 +52,90 @@ class Part:
 
 
 def split_loss(faults: Faults, times: np.ndarray | None = None, on_set: Callable[[], None] = lambda: None) -> Split:
-    """Split the loss among all kinds of errors.
+    """Split the loss among all error types.
 
     Args:
-        faults: what is wrong.
-        times: (draws, f) how often each draw of a bootstrap takes each frame.
-        on_set: called after each set of kinds was mended; there are 2 to the number of kinds.
+        faults: errors of the detections.
+        times: (draws, f) number of times each bootstrap draw contains each frame.
+        on_set: called after each set of error types; there are 2 to the number of types.
     """
-    kinds = faults.kinds
+    error_types = faults.error_types
     reached = {}
-    for some in subsets(kinds):
-        reached[some] = _averages(faults.mended(some), times)
+    for subset in subsets(error_types):
+        reached[subset] = _average_precisions(faults.corrected(subset), times)
         on_set()
-    shares = np.stack([_shapley(reached, kind, kinds) for kind in kinds], -1)
+    shares = np.stack([_shapley(reached, kind, error_types) for kind in error_types], -1)
     ap = reached[frozenset()]
     return Split(
         faults,
         float(ap[0]),
-        {kind: float(value) for kind, value in zip(kinds, shares[0], strict=True)},
-        {kind: float(reached[frozenset({kind})][0] - ap[0]) for kind in kinds},
+        {kind: float(value) for kind, value in zip(error_types, shares[0], strict=True)},
+        {kind: float(reached[frozenset({kind})][0] - ap[0]) for kind in error_types},
         np.column_stack([ap, shares])[1:],
     )
 
 
 def draw_frames(frames: int, draws: int, rng: np.random.Generator) -> np.ndarray:
-    """How often each draw of `frames` frames with replacement takes each, (draws, frames) int64."""
+    """Draw frames with replacement: number of times each draw contains each frame, (draws, frames) int64."""
     return np.stack([np.bincount(rng.integers(0, frames, frames), minlength=frames) for _ in range(draws)])
 
 
-def parts_of_loss(faults: Faults, points: np.ndarray | None, points_found: np.ndarray | None) -> dict[str, list[Part]]:
-    """What each kind of error costs by distance, occlusion and, where they were counted, points in the box.
+def parts_of_loss(
+    faults: Faults, points: np.ndarray | None, detection_points: np.ndarray | None
+) -> dict[str, list[Part]]:
+    """Gain of correcting each error type by distance, occlusion and, if counted, points in the box.
 
-    Errors of a part alone are mended. False alarms lie at their own distance, with their own points; they have no
+    Only errors of one subset are corrected. False alarms are assigned by their own distance and points; they have no
     occlusion.
 
     Args:
-        faults: what is wrong.
+        faults: errors of the detections.
         points: (g,) points in the box of every label row.
         points_found: (d,) the same of the detections.
     """
     scored = faults.task.scored
-    labels, found = scored.labels.objects, scored.detections.objects
-    kinds = {
+    labels, detections = scored.labels.objects, scored.detections.objects
+    partitions = {
         "distance": (
             _bins(_distance(labels.location), DISTANCE_EDGES_M),
-            _bins(_distance(found.location), DISTANCE_EDGES_M),
+            _bins(_distance(detections.location), DISTANCE_EDGES_M),
             distance_words(),
         ),
         "occlusion": (labels.occluded, None, OCCLUSIONS),
     }
-    if points is not None and points_found is not None:
-        kinds["points"] = (_bins(points, POINT_EDGES), _bins(points_found, POINT_EDGES), point_words())
-    before = float(_averages(faults.task, None)[0])
-    return {name: _parts(faults, before, *some) for name, some in kinds.items()}
+    if points is not None and detection_points is not None:
+        partitions["points"] = (_bins(points, POINT_EDGES), _bins(detection_points, POINT_EDGES), point_words())
+    before = float(_average_precisions(faults.task, None)[0])
+    return {name: _parts(faults, before, *subset) for name, subset in partitions.items()}
 
 
 def _parts(
     faults: Faults, before: float, of_object: np.ndarray, of_detection: np.ndarray | None, names: Sequence[str]
 ) -> list[Part]:
-    said = []
+    parts = []
     for number, name in enumerate(names):
-        here = of_object == number
+        in_part = of_object == number
         among = None if of_detection is None else of_detection == number
-        count_here = int((faults.task.object_counts & here).sum())
-        wrong = (
+        object_count = int((faults.task.object_counts & in_part).sum())
+        false_positives = (
             {}
             if among is None
             else {"false_alarms": faults.false_alarms & among, "other_class": faults.other_class & among}
         )
-        if not count_here and not any(rows.any() for rows in wrong.values()):
+        if not object_count and not any(rows.any() for rows in false_positives.values()):
             continue
-        kinds = [kind for kind in faults.kinds if among is not None or kind not in ("false_alarms", "other_class")]
-        gain = {kind: float(_averages(faults.mended([kind], here, among), None)[0]) - before for kind in kinds}
-        said.append(Part(name, count_here, gain))
-    return said
+        error_types = [
+            kind for kind in faults.error_types if among is not None or kind not in ("false_alarms", "other_class")
+        ]
+        gain = {
+            kind: float(_average_precisions(faults.corrected([kind], in_part, among), None)[0]) - before
+            for kind in error_types
+        }
+        parts.append(Part(name, object_count, gain))
+    return parts
 
 
-def _averages(task: Task, times: np.ndarray | None) -> np.ndarray:
+def _average_precisions(task: Task, times: np.ndarray | None) -> np.ndarray:
     """Continuous average precision [%] of all frames, and of each draw, (1 + draws,) float64."""
     thresholds = curve_thresholds(hit_scores(task)[0], _THRESHOLDS)
     counts = count(task, thresholds, by_frame=times is not None)
@@ -138,12 +145,12 @@ def _averages(task: Task, times: np.ndarray | None) -> np.ndarray:
     return np.array([continuous_average(*whole_curve(counts.of_frames(row))) for row in weights])
 
 
-def _shapley(reached: dict[frozenset[str], np.ndarray], kind: str, kinds: Sequence[str]) -> np.ndarray:
-    """The mean gain of a kind over all orders, (1 + draws,) float64."""
-    many, share = len(kinds), np.zeros_like(reached[frozenset()])
-    for some in subsets([other for other in kinds if other != kind]):
-        weight = factorial(len(some)) * factorial(many - len(some) - 1) / factorial(many)
-        share += weight * (reached[some | {kind}] - reached[some])
+def _shapley(reached: dict[frozenset[str], np.ndarray], kind: str, error_types: Sequence[str]) -> np.ndarray:
+    """Mean gain of an error type over all orders, (1 + draws,) float64."""
+    many, share = len(error_types), np.zeros_like(reached[frozenset()])
+    for subset in subsets([other for other in error_types if other != kind]):
+        weight = factorial(len(subset)) * factorial(many - len(subset) - 1) / factorial(many)
+        share += weight * (reached[subset | {kind}] - reached[subset])
     return share
 
 
