@@ -47,7 +47,7 @@ class Source:
         missing = [name for name in self.drive.frames if not self.drive[name].has("hits")]
         if missing:
             raise VariantError(
-                f"{self.drive.root}: no hits/{missing[0]}.npz, {len(missing)} of {len(self.drive)} frames have no hits; "
+                f"{self.drive.root}: no hits/{missing[0]}.npz, {len(missing)} of {len(self.drive)} frames have none; "
                 "variants are made from stored hits: simulate the drive with store_hits: true"
             )
         if self.drive.pattern is None:
