@@ -103,7 +103,7 @@ def test_add_fits_and_the_error_falls_to_the_floor(
     assert capsys.readouterr().out == ""
 
 
-def test_add_keeps_what_is_known(biased_yard: Yard, tmp_path: Path) -> None:
+def test_add_keeps_fixed_parameters(biased_yard: Yard, tmp_path: Path) -> None:
     better = tmp_path / "better.yaml"
     arguments = ("--sensor", biased_yard.sensor, "--drive", biased_yard.drive, "--out", better, "--quiet")
     assert run("add", "range_bias", "--param", "offset_m=0.031", *arguments) == 0
@@ -126,7 +126,7 @@ def test_an_effect_of_ones_own_is_named_relative_to_the_sensor_file(biased_yard:
     assert [effect.name for effect in load_sensor(moved / "better.yaml").effects][-1] == "stretch"
 
 
-def test_of_one_frame_it_is_said_what_cannot_be_told(
+def test_notes_for_one_frame_list_what_is_not_observable(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""Whoever reads the loop from below never meets what stands above: imports between its rooms run one way."""
+"""Import rules of the discrepancy packages: each package imports only packages below it."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_no_module_leads_back_to_itself() -> None:
 
 
 @pytest.mark.parametrize("room", ROOMS)
-def test_rooms_know_nothing_of_what_stands_above(room: str) -> None:
+def test_package_imports_nothing_from_higher_packages(room: str) -> None:
     below = {*ROOMS[: ROOMS.index(room) + 1], *EVERYWHERE}
     for module, imports in modules().items():
         if module.startswith(f"{room}.") and room != "report":
