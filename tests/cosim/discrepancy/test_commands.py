@@ -134,7 +134,7 @@ def test_notes_for_one_frame_list_what_is_not_observable(
     assert run("diagnose", yard.drive, "--sensor", yard.sensor, "--out", "d", "--json", "d.json") == 0
     said = capsys.readouterr().err
     page, found = (tmp_path / "d/index.html").read_text(), read(tmp_path / "d.json")
-    for words in ("one frame only", "mount_rotation, mount_translation", "no frame was left", "no intensities"):
+    for words in ("only one frame", "mount_rotation, mount_translation", "no frame was left", "no intensities"):
         assert words in said
         assert words in page
         assert any(words in note for note in found["notes"])

@@ -13,7 +13,7 @@ import cosim.discrepancy
 
 HOME = "cosim.discrepancy"
 ROOMS = ("data", "forward", "sampling", "inference", "unknown", "dictionary", "selection", "report")
-"""Each may use those before it; what lies loose beside them is used by pages alone, but for what all rooms use."""
+"""Each may import those before it. Other modules of the folder are imported by pages only, except `EVERYWHERE`."""
 EVERYWHERE = ("settings", "candidates", "analysis")
 
 
