@@ -1,6 +1,6 @@
 """Detection of swapped lasers: agreement of each ring's returns with each ring's traced ranges.
 
-A swap cannot be found by Gauss–Newton, as it is no small change. This check needs no fit.
+A swap is not a small change, so that Gauss–Newton cannot find it. This check needs no fit.
 """
 
 from __future__ import annotations

@@ -341,15 +341,6 @@ class RandomEffects:
                 columns.append(derivatives if quantity == block.quantity else derivatives_of_spread)
         return {name: sparse.hstack(columns, format="csr") for name, columns in parts.items() if columns}
 
-    def informations(self, expected: Prediction, evidence: Evidence) -> np.ndarray:
-        """(m,) information of the beams about each random effect, with all others known."""
-        information = np.zeros(self.size)
-        everything = Estimate(np.zeros(self.size), np.ones(len(self.components)))
-        for name, design in self.designs(expected, everything).items():
-            if name in evidence.information:
-                information += design.multiply(design).T @ evidence.information[name]
-        return information
-
     def update_variances(self, estimate: Estimate, solver: Factored | None) -> Estimate:
         """Update the variances once by MacKay's fixed-point iteration (Neural Comput. 4, 1992): σ² = uᵀu/γ.
 

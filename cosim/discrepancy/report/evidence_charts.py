@@ -116,7 +116,7 @@ def _most_significant(curves: Sequence[EvidenceCurve]) -> list[str]:
 
 
 def _selected(curve: EvidenceCurve, categories: Sequence[str]) -> EvidenceCurve:
-    """A curve with some of its categories."""
+    """Select categories of a curve."""
     rows = [row for row, name in enumerate(curve.x) if name in categories]
     return replace(curve, x=tuple(str(curve.x[row]) for row in rows), y=curve.y[rows], sigma=curve.sigma[rows])
 
@@ -128,7 +128,7 @@ def _ticks(categories: Sequence[str]) -> list[str]:
 
 
 def _limits(axis: ChannelAxis, curves: Sequence[EvidenceCurve]) -> tuple[float, float]:
-    """Ends of the upright axis: all values with two standard errors, but for bins with very large ones."""
+    """Limits of the vertical axis: all values with two standard errors, except bins with very large errors."""
     ends = [0.0]
     for curve in curves:
         usual = curve.sigma <= _WIDEST * float(np.median(curve.sigma))

@@ -82,7 +82,7 @@ _Key = tuple[str, tuple[str, ...]]
 
 @dataclass(frozen=True)
 class _View:
-    """What all cells share.
+    """Display settings common to all cells.
 
     Attributes:
         settings: numeric choices.
@@ -98,7 +98,7 @@ class _View:
 
 
 def _strongest(cells: Sequence[EvidenceCell]) -> dict[_Key, EvidenceCell]:
-    """The cell of the largest gain of each channel and covariates: classes of objects and waves share one."""
+    """Cell with the largest gain for each channel and covariates; classes of objects and waves are merged."""
     best: dict[_Key, EvidenceCell] = {}
     for cell in cells:
         key = cell.channel, cell.covariates
@@ -112,7 +112,7 @@ def _is_shared(key: _Key) -> bool:
 
 
 def _rank(cell: EvidenceCell, settings: Settings) -> tuple[bool, float, float]:
-    """Order of importance: what is significant in the end, then the gain before; curves of means first."""
+    """Sort key by importance: significance in the final model, then gain in the initial model; means first."""
     after = cell.gain_after if is_significant(cell.gain_after, cell.p_value_after, settings) else 0.0
     is_mean_curve = cell.before is not None and not cell.channel.endswith("_variance")
     return after > 0, after, cell.gain if is_mean_curve else 0.0
@@ -173,7 +173,7 @@ def _title(cell: EvidenceCell) -> str:
 
 
 def _detail(cell: EvidenceCell) -> str:
-    """Class of objects, number of waves or frequency, which the covariates do not tell."""
+    """Class of objects, number of waves or frequency, which the names of the covariates do not contain."""
     if cell.covariates[-1] in ("object_size", "object_place"):
         return cell.name.removeprefix(f"{cell.channel} by ").rpartition(" ")[0]
     if cell.name.endswith(("waves per turn", "Hz")):
@@ -190,13 +190,13 @@ def _figures(cell: EvidenceCell, view: _View) -> str:
 
 
 def _side(gain: float, p_value: float, curve: EvidenceCurve | EvidenceGrid | None) -> str:
-    """Gain and p of one model; cells that a first pass leaves out have none."""
+    """Gain and p-value of one model; empty for cells that the screening excluded."""
     is_left_out = gain == 0 and p_value == 1 and curve is None
     return "not significant in the first pass" if is_left_out else f"gain {gain:.1f}, {p_words(p_value)}"
 
 
 def _colour(gain: float, top: float) -> str:
-    """Dark for gains up to 1, bright for the largest, logarithmic."""
+    """Logarithmic colour: dark for gains up to 1, bright for the largest gain."""
     share = float(np.clip(np.log10(max(gain, 1.0)) / np.log10(top), 0, 1))
     low, high, part = (_GROUND, _WARM, 2 * share) if share < 0.5 else (_WARM, _HOT, 2 * share - 1)
     return "rgb({},{},{})".format(*(round(a + part * (b - a)) for a, b in zip(low, high, strict=True)))

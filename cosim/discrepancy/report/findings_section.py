@@ -38,7 +38,7 @@ def effects_section(diagnosis: Diagnosis, words: Vocabulary) -> str:
 
 
 def change_words(change: ErrorChange | None) -> str:
-    """HTML: the error before and after, the mean change of single frames, and whether it is no fall."""
+    """HTML: error before and after, mean change over frames, and a note if the error does not decrease."""
     if change is None:
         return ""
     numbers = f"{change.before:.3f} → {change.after:.3f}"
@@ -158,7 +158,7 @@ def alternatives_section(diagnosis: Diagnosis, words: Vocabulary) -> str:
 
 
 def _sets(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Either-or sets, those of findings that name other effects included."""
+    """Either-or sets, including those of findings with `also_possible` effects."""
     sets: dict[str, tuple[str, ...]] = {_effect_of(names[0]): names for names in diagnosis.either_or if len(names) > 1}
     for finding in diagnosis.effects:
         if finding.also_possible:
@@ -169,7 +169,7 @@ def _sets(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def _effect_of(name: str) -> str:
-    """The effect of a hypothesis' name; the name itself of dependences."""
+    """Name of the effect in a hypothesis' name; for dependences the name itself."""
     return name.partition(" [")[0]
 
 

@@ -148,7 +148,7 @@ def _factor_chart(unknown: UnknownEffect, factor: Factor) -> str:
 
 
 def _object_table(unknown: UnknownEffect) -> str:
-    """The errors of size or place of each class along the axes of its objects [cm]."""
+    """Table of the errors of size or position of each class along the axes of its objects [cm]."""
     curve = unknown.curve
     if not curve.is_of_objects:
         return ""

@@ -103,7 +103,7 @@ def test_add_fits_and_the_error_falls_to_the_floor(
     assert capsys.readouterr().out == ""
 
 
-def test_add_keeps_what_is_known(biased_yard: Yard, tmp_path: Path) -> None:
+def test_add_keeps_fixed_parameters(biased_yard: Yard, tmp_path: Path) -> None:
     better = tmp_path / "better.yaml"
     arguments = ("--sensor", biased_yard.sensor, "--drive", biased_yard.drive, "--out", better, "--quiet")
     assert run("add", "range_bias", "--param", "offset_m=0.031", *arguments) == 0
@@ -126,7 +126,7 @@ def test_an_effect_of_ones_own_is_named_relative_to_the_sensor_file(biased_yard:
     assert [effect.name for effect in load_sensor(moved / "better.yaml").effects][-1] == "stretch"
 
 
-def test_of_one_frame_it_is_said_what_cannot_be_told(
+def test_notes_for_one_frame_list_what_is_not_observable(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -134,7 +134,7 @@ def test_of_one_frame_it_is_said_what_cannot_be_told(
     assert run("diagnose", yard.drive, "--sensor", yard.sensor, "--out", "d", "--json", "d.json") == 0
     said = capsys.readouterr().err
     page, found = (tmp_path / "d/index.html").read_text(), read(tmp_path / "d.json")
-    for words in ("one frame only", "mount_rotation, mount_translation", "no frame was left", "no intensities"):
+    for words in ("only one frame", "mount_rotation, mount_translation", "no frame was left", "no intensities"):
         assert words in said
         assert words in page
         assert any(words in note for note in found["notes"])

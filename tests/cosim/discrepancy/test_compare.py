@@ -32,7 +32,7 @@ def test_the_true_bare_sensor_has_no_error(tmp_path: Path) -> None:
     assert found.totals.spurious == 0
 
 
-def test_a_constant_range_error_is_the_bias_and_stands_in_the_slices(tmp_path: Path) -> None:
+def test_constant_range_error_is_reported_as_bias_and_in_the_slices(tmp_path: Path) -> None:
     yard = make_yard(tmp_path, (effect("range_bias", offset_m=0.03),))
     found = compare(yard.drive, yard.sensor)
     ranges = found.to_json()["channels"]["range"]
@@ -48,7 +48,7 @@ def test_a_constant_range_error_is_the_bias_and_stands_in_the_slices(tmp_path: P
     assert compare(yard.drive, known).error < 1e-3
 
 
-def test_stating_the_true_noise_beats_stating_none_too_little_or_too_much(tmp_path: Path) -> None:
+def test_true_noise_scores_better_than_none_too_little_or_too_much(tmp_path: Path) -> None:
     noise = "range_noise"
     yard = make_yard(tmp_path, (effect(noise, sigma_m=0.02),))
 
@@ -133,7 +133,7 @@ def test_one_frame_is_enough_and_is_said(tmp_path: Path) -> None:
     yard = make_yard(tmp_path, frames=1)
     found = compare(yard.drive, yard.sensor)
     assert found.totals.frames == 1
-    assert any("one frame only" in note for note in found.notes)
+    assert any("only one frame" in note for note in found.notes)
 
 
 def test_the_same_seed_gives_the_same_error(tmp_path: Path) -> None:

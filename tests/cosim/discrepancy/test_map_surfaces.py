@@ -40,7 +40,7 @@ def drive_with(folder: Path, arrays: dict[str, np.ndarray]) -> Drive:
     return Drive(folder)
 
 
-def test_a_beam_meets_the_surface_that_it_lies_on(tmp_path: Path) -> None:
+def test_hit_is_assigned_to_the_surface_it_lies_on(tmp_path: Path) -> None:
     drive = drive_with(tmp_path / "drive", wall())
     surfaces = Maps(drive).of(None)
     assert surfaces is not None and has_surfels(drive.root)
@@ -62,7 +62,7 @@ def test_beams_are_compared_where_they_return_from_about_a_trusted_surface_or_no
         np.testing.assert_array_equal(compared, [True, seen, True, False, False], f"it had moved by {moved} m")
 
 
-def test_a_beam_that_grazes_a_surface_and_returns_from_beside_it_is_not_compared(tmp_path: Path) -> None:
+def test_beam_at_grazing_incidence_with_a_return_off_the_surface_is_not_compared(tmp_path: Path) -> None:
     surfaces = Maps(drive_with(tmp_path / "drive", wall())).of(None)
     assert surfaces is not None
     place, measured = np.tile([5.0, 0, 1], (2, 1)), np.tile([4.8, 0, 1], (2, 1))
@@ -70,7 +70,7 @@ def test_a_beam_that_grazes_a_surface_and_returns_from_beside_it_is_not_compared
     np.testing.assert_array_equal(compared, [True, False])
 
 
-def test_a_beam_beside_the_points_of_a_surface_is_not_compared(tmp_path: Path) -> None:
+def test_beam_outside_the_points_of_a_surface_is_not_compared(tmp_path: Path) -> None:
     surfaces = Maps(drive_with(tmp_path / "drive", wall())).of(None)
     assert surfaces is not None
     place = np.array([[5.0, 0.1, 1.1], [5.0, 0.19, 1.19]])  # in the cell's corner, beyond the octagon of the points
@@ -89,7 +89,7 @@ def test_roughness_is_what_noise_of_ranges_does_not_explain(tmp_path: Path) -> N
     assert np.median(surfaces.rough_m) == pytest.approx(0.006, rel=0.25)
 
 
-def test_surfaces_are_drawn_up_to_a_number_of_looks_half_of_them_flat(tmp_path: Path) -> None:
+def test_sampled_surfaces_have_the_requested_number_of_observations_half_of_them_horizontal(tmp_path: Path) -> None:
     normal = np.where(np.arange(400)[:, None] < 300, [[0.0, 0, 1]], [[1.0, 0, 0]])
     surfaces = Maps(drive_with(tmp_path / "drive", wall(400, normal=normal))).of(None)
     assert surfaces is not None
@@ -99,7 +99,7 @@ def test_surfaces_are_drawn_up_to_a_number_of_looks_half_of_them_flat(tmp_path: 
     assert np.count_nonzero(drawn < 300) == pytest.approx(50, abs=1)
 
 
-def test_places_that_judge_are_a_third_and_squares_of_the_ground(tmp_path: Path) -> None:
+def test_a_third_of_the_ground_squares_is_for_validation(tmp_path: Path) -> None:
     surfaces = Maps(drive_with(tmp_path / "drive", wall(600))).of(None)
     assert surfaces is not None
     changes = np.flatnonzero(np.diff(surfaces.judge.astype(int)))

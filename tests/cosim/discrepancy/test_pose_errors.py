@@ -50,7 +50,7 @@ def test_slopes_are_those_of_the_shift(bent_deg: float) -> None:
 
 
 @pytest.mark.parametrize("bent_deg", [-0.1, 0.3])
-def test_a_pose_undoes_what_an_effect_has_turned(bent_deg: float) -> None:
+def test_pose_error_cancels_a_rotation_by_an_effect(bent_deg: float) -> None:
     reach = np.array([5.0, 20.0, 50.0, 100.0])
     derivative, down = _road(reach)
     bent = _HEIGHT_M / np.sin(down + np.radians(bent_deg))
@@ -67,7 +67,7 @@ def test_a_beam_that_meets_nothing_is_not_moved() -> None:
 
 
 @pytest.mark.parametrize("bent_deg", [0.0, 0.3])
-def test_what_effects_move_comes_out_beside_a_pose_error_as_differences_tell(bent_deg: float) -> None:
+def test_range_derivative_with_a_pose_error_equals_finite_differences(bent_deg: float) -> None:
     reach = np.array([5.0, 20.0, 50.0])
     derivative, down = _road(reach)
     errors, bent = _errors(derivative, reach), _HEIGHT_M / np.sin(down + np.radians(bent_deg))

@@ -1,4 +1,4 @@
-"""What is merely not known of a drive is estimated with its spread, and does not take up what is missing."""
+"""Random effects are estimated with their standard deviations and do not absorb missing effects."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ def shaken(tmp_path_factory: pytest.TempPathFactory) -> Yard:
     return shaken_yard(tmp_path_factory.mktemp("shaken"))
 
 
-def test_exact_poses_have_hardly_any_spread(exact: Yard) -> None:
+def test_standard_deviation_of_exact_poses_is_negligible(exact: Yard) -> None:
     view = fit_yard(exact)
     spread = view.fitter.random.spread(view.fitted.estimate, "poses")
     assert np.all(spread[:3] < 2e-3)
     assert np.all(np.degrees(spread[3:]) < 0.01)
 
 
-def test_the_spread_of_poses_is_found(shaken: Yard) -> None:
+def test_standard_deviation_of_pose_errors_is_recovered(shaken: Yard) -> None:
     view = fit_yard(shaken)
     spread = view.fitter.random.spread(view.fitted.estimate, "poses")
     assert spread[:2] == pytest.approx([SHIFT_M] * 2, rel=0.6)
@@ -86,7 +86,7 @@ def _tested(on: FittedFrames, yard: Yard) -> list[GroupTest]:
     return gather_evidence(model, groups, context.settings, 0).results
 
 
-def test_the_budget_adds_up_and_tells_poses_from_noise(shaken: Yard) -> None:
+def test_budget_adds_up_and_separates_poses_from_noise(shaken: Yard) -> None:
     context = context_of(opened(shaken.drive), shaken.sensor)
     effects = context.initial_effects
     budget, _ = budget_of(context, fit_held_out(context, effects), [effects])

@@ -1,4 +1,4 @@
-"""Intervals of parameters without slopes hold what is true, as often as they say."""
+"""Bootstrap intervals of non-differentiable parameters have their nominal coverage."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def of_mean(noise):
     return bootstrap_interval(lambda at: 0.5 * (noise - at) ** 2, float(noise.mean()), 1e-3, (BEAMS,), ANY)
 
 
-def test_errors_that_scans_share_are_known_of():
+def test_errors_common_to_a_scan_widen_the_interval():
     rng = np.random.default_rng(3)
     held, widths = 0, []
     for _ in range(60):
@@ -28,14 +28,14 @@ def test_errors_that_scans_share_are_known_of():
     assert np.median(widths) == pytest.approx(2.09 / np.sqrt(SCANS), rel=0.2)
 
 
-def test_the_kind_of_cluster_that_is_less_sure_counts():
+def test_widest_interval_over_kinds_of_clusters_is_returned():
     noise = np.random.default_rng(4).standard_normal(SCANS)[BEAMS]
     alone = bootstrap_interval(lambda at: 0.5 * (noise - at) ** 2, float(noise.mean()), 1e-3, (ALONE,), ANY)
     both = bootstrap_interval(lambda at: 0.5 * (noise - at) ** 2, float(noise.mean()), 1e-3, (ALONE, BEAMS), ANY)
     assert both.high - both.low > 3 * (alone.high - alone.low)
 
 
-def test_jumps_are_looked_beyond():
+def test_grid_is_extended_beyond_jumps():
     """Some beams meet another surface beyond a value of their own, and the model is a little wrong about which."""
     rng = np.random.default_rng(5)
     held, switch = 0, rng.random(len(BEAMS)) < 0.2
@@ -55,7 +55,7 @@ def test_jumps_are_looked_beyond():
     assert held >= 35, "19 in 20"
 
 
-def test_bounds_are_kept():
+def test_interval_is_within_bounds():
     found = bootstrap_interval(lambda at: np.full(len(BEAMS), at), 0.0, 1e-3, (BEAMS,), (0.0, 1.0))
     assert (found.low, found.high) == (0.0, 0.0)
     level = bootstrap_interval(lambda at: np.zeros(len(BEAMS)), 0.4, 1e-3, (BEAMS,), (0.0, 1.0))

@@ -1,4 +1,4 @@
-"""Whoever reads the loop from below never meets what stands above: imports between its rooms run one way."""
+"""Import rules of the discrepancy packages: each package imports only packages below it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import cosim.discrepancy
 
 HOME = "cosim.discrepancy"
 ROOMS = ("data", "forward", "sampling", "inference", "unknown", "dictionary", "selection", "report")
-"""Each may use those before it; what lies loose beside them is used by pages alone, but for what all rooms use."""
+"""Each may import those before it. Other modules of the folder are imported by pages only, except `EVERYWHERE`."""
 EVERYWHERE = ("settings", "candidates", "analysis")
 
 
@@ -44,7 +44,7 @@ def test_no_module_leads_back_to_itself() -> None:
 
 
 @pytest.mark.parametrize("room", ROOMS)
-def test_rooms_know_nothing_of_what_stands_above(room: str) -> None:
+def test_package_imports_nothing_from_higher_packages(room: str) -> None:
     below = {*ROOMS[: ROOMS.index(room) + 1], *EVERYWHERE}
     for module, imports in modules().items():
         if module.startswith(f"{room}.") and room != "report":

@@ -27,7 +27,7 @@ def test_at_the_true_mean_slopes_average_out_and_scatter_as_the_information_says
     assert (found.score**2).mean() == pytest.approx(found.information[0], rel=0.02)
 
 
-def test_the_likeliest_mean_of_values_mostly_cut_off_is_the_true_one():
+def test_maximum_likelihood_mean_of_mostly_censored_values_is_unbiased():
     values = _values(1.05)
     means = np.linspace(0.9, 1.2, 61)
     assert means[np.argmax([_held(values, mean).loglik.sum() for mean in means])] == pytest.approx(1.05, abs=0.01)

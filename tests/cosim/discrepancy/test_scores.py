@@ -1,4 +1,4 @@
-"""The scores are fair: an ensemble of few members is judged as its distribution would be."""
+"""The scores are fair: the expected score of a small ensemble is that of its distribution."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def gaussian_crps(value: np.ndarray, sigma: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("value", [0.0, 0.3, -1.2])
-def test_few_members_score_as_the_gaussian_they_are_drawn_from(value: float) -> None:
+def test_small_ensemble_scores_like_the_gaussian_it_is_drawn_from(value: float) -> None:
     members = np.random.default_rng(1).normal(0, 0.5, (MEMBERS, ROWS))
     scores = _crps(members, np.full(ROWS, value), np.inf)
     assert scores.mean() == pytest.approx(float(gaussian_crps(np.array(value), 0.5)), abs=2e-3)

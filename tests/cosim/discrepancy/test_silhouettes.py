@@ -68,7 +68,7 @@ def test_chances_of_a_beams_sides_make_one(frames) -> None:
     assert np.array_equal(sample.own[sample.own], sample.own), "beams have one row of their own"
 
 
-def test_the_chance_is_that_of_standing_beyond_an_edge_somewhere_between_two_beams(frames) -> None:
+def test_probability_of_the_other_side_for_an_edge_between_two_beams(frames) -> None:
     frame, sigma = frames[0], 0.004
     beams = np.flatnonzero(frame.edge & ~frame.grazed)
     side, chance = frame.neighbours.other_sides(frame.shot.hits, beams, 0.0, sigma)
@@ -86,7 +86,7 @@ def test_sharp_edges_have_one_side(frames) -> None:
     assert sample.first.all() and sample.edge.any()
 
 
-def test_beyond_an_edge_stands_what_the_beam_there_meets(context: Context, frames) -> None:
+def test_other_side_of_an_edge_is_the_surface_hit_by_the_neighbouring_beam(context: Context, frames) -> None:
     sample, truth = _sampled(frames), []
     for row in np.flatnonzero(~sample.first)[::7]:
         solid = frames[sample.frame[row]].shot.hits.solid
@@ -137,7 +137,7 @@ def test_scores_of_both_sides_are_slopes_of_the_mixture(context: Context, frames
         np.testing.assert_allclose(slope, score[rows], rtol=2e-3, atol=2e-3 * np.abs(score[rows]).max())
 
 
-def test_shares_of_neither_are_the_likeliest() -> None:
+def test_mixture_weights_maximise_the_likelihood() -> None:
     rng = np.random.default_rng(3)
     sides, weight = rng.exponential(size=2000), rng.uniform(0.5, 2, 2000)
     neither = np.stack([np.where(rng.random(2000) < 0.1, 20.0, 0.05), np.where(rng.random(2000) < 0.05, 10.0, 0.0)])
@@ -164,7 +164,7 @@ def test_without_edges_and_with_nothing_but_edges(context: Context, frames) -> N
     assert np.all(np.bincount(sample.own, outer.met) <= 1 + 1e-9)
 
 
-def test_likelihood_per_beam_near_edges_does_not_depend_on_how_many_were_drawn(context: Context, frames) -> None:
+def test_likelihood_per_beam_near_edges_does_not_depend_on_the_sample_size(context: Context, frames) -> None:
     each = []
     for rows in (6_000, 24_000):
         fitter = Fitter(_sampled(frames, rows))
@@ -175,7 +175,7 @@ def test_likelihood_per_beam_near_edges_does_not_depend_on_how_many_were_drawn(c
     assert each[0] == pytest.approx(each[1], rel=0.1)
 
 
-def test_what_stands_beyond_an_edge_is_not_seen_through_the_glass_there(tmp_path: Path) -> None:
+def test_other_side_of_an_edge_ignores_the_pane_there(tmp_path: Path) -> None:
     body, cabin = box((4.0, 1.8, 0.8), (0, 0, 0.4), "car_paint"), box((2.0, 1.6, 0.7), (0, 0, 1.15), "car_glass")
     yard = make_yard(tmp_path, car=Mesh.merge([body, cabin]))
     context = context_of(opened(yard.drive), yard.sensor)

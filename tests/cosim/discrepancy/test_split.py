@@ -1,4 +1,4 @@
-"""Held-out frames take no part in the fit and represent all frames."""
+"""Held-out frames are not fitted and represent all frames."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def on_the_way(count: int, waits: range = range(0)) -> dict[str, np.ndarray]:
     return {f"{row:06d}": np.array([x, 0.0, 1.8]) for row, x in enumerate(np.cumsum(steps))}
 
 
-def test_one_map_is_looked_at_from_end_to_end_and_several_about_their_middles() -> None:
+def test_frames_cover_a_single_map_and_the_middles_of_several_maps() -> None:
     names, places = [f"{row:06d}" for row in range(2000)], on_the_way(2000)
     alone = split_of_maps([names[:140]], [names[140:155]], places, 133_312)
     assert (len(alone.fit), len(alone.test)) == (24, 8) and alone.fit[0] == names[0] and alone.fit[-1] == names[139]
@@ -42,7 +42,7 @@ def test_one_map_is_looked_at_from_end_to_end_and_several_about_their_middles() 
     assert abs(np.mean([int(name) for name in several.fit[:6]]) - 66) < 2
 
 
-def test_a_stretch_on_which_the_sensor_moves_is_looked_at_and_judged_by_scans_next_to_it() -> None:
+def test_frames_come_from_a_stretch_with_motion_and_validation_scans_are_close_to_it() -> None:
     names, waits = [f"{row:06d}" for row in range(600)], range(30, 90)
     parts = [names[start : start + 150] for start in range(0, 600, 150)]
     fit, held_out = [[name for name in part if int(name) % 10] for part in parts], [part[::10] for part in parts]
@@ -53,7 +53,7 @@ def test_a_stretch_on_which_the_sensor_moves_is_looked_at_and_judged_by_scans_ne
     assert min(fitted) - 5 <= min(judging) and max(judging) <= max(fitted) + 5
 
 
-def test_scans_that_are_looked_at_do_not_grow_with_the_drive() -> None:
+def test_number_of_frames_does_not_grow_with_the_drive() -> None:
     names, places = [f"{row:06d}" for row in range(36000)], on_the_way(36000)
     parts = [names[start : start + 150] for start in range(0, 36000, 150)]
     split = split_of_maps([part[:132] for part in parts], [part[132:] for part in parts], places, 133_312)

@@ -30,7 +30,7 @@ def _strays(middle_deg: float, width_deg: float, rng: np.random.Generator) -> tu
 
 
 @pytest.mark.parametrize(("middle", "width"), [(40.0, 50.0), (175.0, 30.0), (-90.0, 120.0)])
-def test_the_sector_of_strays_is_found_also_across_the_seam(middle, width):
+def test_sector_of_spurious_returns_is_found_also_across_the_seam(middle, width):
     found = crowded_sector(*_strays(middle, width, np.random.default_rng(5)))
     assert abs((found["azimuth_deg"] - middle + 180) % 360 - 180) < 1
     assert found["width_deg"] == pytest.approx(width, abs=1.5)
@@ -58,7 +58,7 @@ def _diagnosed(folder: Path, *hidden: Effect) -> Diagnosis:
 
 
 @pytest.mark.slow
-def test_a_few_false_alarms_a_scan_are_found_and_fewer_are_not_claimed_to_show(tmp_path: Path):
+def test_few_false_alarms_per_scan_are_found_and_fewer_are_not_reported(tmp_path: Path):
     least = _diagnosed(tmp_path / "none").smallest_detectable["false_alarms"]["rate_per_frame"]
     assert 2 < least < 8
     for times in (1.5, 4.0):
@@ -72,7 +72,7 @@ def test_a_few_false_alarms_a_scan_are_found_and_fewer_are_not_claimed_to_show(t
 
 
 @pytest.mark.slow
-def test_thin_fog_is_told_by_how_far_it_reaches(tmp_path: Path):
+def test_thin_fog_is_identified_by_its_range(tmp_path: Path):
     truth = Backscatter(density_per_m=4e-4, mean_range_m=6.0)
     found = _diagnosed(tmp_path, truth)
     assert [one.effect for one in found.effects] == ["backscatter"]

@@ -51,6 +51,6 @@ def test_a_slot_that_the_head_skips_is_no_loss_and_a_gap_is(tmp_path: Path) -> N
     assert trusted[7] and trusted[8]
 
 
-def test_points_in_the_middle_of_their_slots_tell_of_every_loss(tmp_path: Path) -> None:
+def test_points_in_the_middle_of_their_slots_show_every_dropped_return(tmp_path: Path) -> None:
     found = observed(tmp_path, np.array([0.0, 1.0, 3.0]))
     assert of_ring(found.trusted).all() and not of_ring(found.returned)[2]

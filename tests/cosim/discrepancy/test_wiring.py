@@ -1,4 +1,4 @@
-"""Exchanged lasers are found before anything is fitted; elevations that are wrong throughout are no exchange."""
+"""Swapped lasers are found before any fit; wrong elevations of all lasers are no swap."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _with_rings_of(frame: TracedFrame, order: list[int]) -> TracedFrame:
     return replace(frame, observed=replace(observed, **moved))
 
 
-def test_two_exchanged_rings_are_found_and_no_others(frames: list[TracedFrame]) -> None:
+def test_only_the_two_swapped_rings_are_found(frames: list[TracedFrame]) -> None:
     rings = frames[0].shot.pattern.rings
     assert exchanged_rings(frames) == ()
     first, second = rings - 1, rings // 2
