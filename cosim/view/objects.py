@@ -1,4 +1,4 @@
-"""What a frame holds besides points: boxes of its objects, and the object every point belongs to."""
+"""Objects of a frame: their boxes, and the object of every point."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from sensors.pattern import Pattern, load_pattern
 STATIC = -1
 NO_MATERIAL = 255
 _BOX_MARGIN_M = 0.1
-ON_SURFACE_M = 1.0  # a point farther from what its beam met came from something else
+ON_SURFACE_M = 1.0  # a point farther from the hit of its beam is not on that surface
 
 
 @dataclass(frozen=True, eq=False)
 class Objects:
-    """The objects of a frame, those nobody labelled included where a twin knows them.
+    """Objects of a frame; with a twin also those without a label.
 
     Attributes:
         boxes: n boxes in LiDAR axes.

@@ -106,7 +106,7 @@ def _draw_thumbnail(drive: Drive, name: str, intensity: Scale, folder: Path, *, 
 
 
 def _remove_pictures(index: Path) -> None:
-    """Remove the pictures that a page written here before refers to, so that none is left that no page shows."""
+    """Remove the pictures of a page that was written to this folder before."""
     if not index.is_file():
         return
     text = index.read_text(encoding="utf-8", errors="replace")

@@ -1,4 +1,4 @@
-"""What is known of every point of a frame, and why the rest is not."""
+"""Columns of values for the points of a frame, and reasons for missing columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page as one file that needs nothing else: no server, no network."""
+"""Write the page as one self-contained file, without server or network access."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PointResiduals:
-    """What a sensor model says of the points of a frame.
+    """Residuals of the points of a frame for a sensor model.
 
     Attributes:
         metres: (n,) measured − expected range [m]; NaN where the point fits no beam or its beam meets nothing.

@@ -1,4 +1,4 @@
-"""A small server on this machine alone: the page, and frames as they are asked for."""
+"""Local HTTP server of the page and of frames on request."""
 
 from __future__ import annotations
 
@@ -98,5 +98,5 @@ class _Handler(BaseHTTPRequestHandler):
             _LOG.debug("%s was given up by the browser", self.path)
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Requests are not worth a line each."""
+        """Do not log requests."""
         _LOG.debug(format, *args)
