@@ -27,6 +27,7 @@ from sensors.pattern import load_pattern
 DISTANCE = Scale("depth [m]", 3, 80, "turbo", near_is_warm=True, logarithmic=True)
 RANGE = Scale("range [m]", 3, 80, "turbo", near_is_warm=True, logarithmic=True)
 _MIN_POINTS = 5  # for an object to be outlined
+_NO_OBJECTS = "objects are unknown: there are neither labels nor a twin"
 _RECOVERED_COLUMNS = 1800  # recovered azimuths vary by half a step; wider cells avoid false gaps
 
 
@@ -92,7 +93,7 @@ class FramePictures:
         draw_wires(image, self._labelled, self._classes, view)
         yield Picture(captions.PERSPECTIVE_INTENSITY, self._with_bar(image))
         if self.objects.source == "none":
-            yield Absent(captions.PERSPECTIVE_INSTANCE, "there are neither labels nor a twin to tell objects by")
+            yield Absent(captions.PERSPECTIVE_INSTANCE, _NO_OBJECTS)
             return
         image = draw_perspective(points, self._by_instance, view)
         draw_wires(image, *self._visible_objects(), view)
@@ -105,7 +106,7 @@ class FramePictures:
         name_boxes(image, self._labelled, self._classes, plan)
         yield Picture(captions.ABOVE_INTENSITY, self._with_bar(image))
         if self.objects.source == "none":
-            yield Absent(captions.ABOVE_INSTANCE, "there are neither labels nor a twin to tell objects by")
+            yield Absent(captions.ABOVE_INSTANCE, _NO_OBJECTS)
             return
         image = draw_from_above(points, self._by_instance, plan)
         draw_outlines(image, self.objects.boxes, self.objects.kinds, plan)
