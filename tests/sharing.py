@@ -33,7 +33,12 @@ class _ThisProcess:
     """An engine without processes of its own, which would each take seconds to start."""
 
     def share_out(
-        self, job: Any, tasks: Sequence[Any], on_event: Callable[[Any], None], *, refresh_task: Callable[[Any], Any]
+        self,
+        job: Any,
+        tasks: Sequence[Any],
+        on_event: Callable[[Any], None],
+        *,
+        refresh_task: Callable[[Any], Any] = lambda task: task,
     ) -> list[Any]:
         from cosim.engine import Event
 

@@ -1,4 +1,4 @@
-"""What every page is made of: the document, its style, tables, meters, bars, legends, buttons, words."""
+"""Building blocks of HTML report pages: document, style, tables, meters, bars, legends, buttons and phrases."""
 
 from cosim.report.html import document
 from cosim.report.parts import button, facts, figure, legend, meter, notes_section, section, signed, table

@@ -1,4 +1,4 @@
-"""Means of residuals in bins of a covariate, with bands that know that beams of one part of a frame share errors."""
+"""Mean residuals in bins of a covariate, with cluster-robust confidence intervals."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from scipy import stats
 
 @dataclass(frozen=True, eq=False)
 class Binned:
-    """A residual by bins of a covariate.
+    """Residual statistics by bins of a covariate.
 
     Attributes:
-        bin: (k,) numbers of the bins that hold rows enough.
+        bin: (k,) numbers of the bins with enough rows.
         place: (k,) mean of the covariate in the bin, or its category.
-        mean, half: (k,) mean residual and half its 95 % interval; NaN half where one cluster alone is there.
-        count: (k,) rows.
-        strength: standard deviation of the true means over rows, what chance makes of it taken off.
-        size: root mean square of the true means, of which the common one is a part, chance taken off.
-        p_value: that the mean farthest from 0, in its own standard errors, is chance, all bins counted (Bonferroni).
+        mean, half: (k,) mean residual and half the width of its confidence interval; NaN for bins with one cluster.
+        count: (k,) number of rows.
+        strength: standard deviation of the bin means between bins, corrected for sampling noise.
+        size: root mean square of the bin means, corrected for sampling noise.
+        p_value: smallest p-value of the bin means, Bonferroni-corrected for the number of bins.
     """
 
     bin: np.ndarray
@@ -33,7 +33,7 @@ class Binned:
 
 
 def quantile_edges(values: np.ndarray, bins: int) -> np.ndarray:
-    """Inner edges so that each bin holds about as many rows; equal values share a bin."""
+    """Inner edges of bins with about equal numbers of rows; equal values are in the same bin."""
     return np.unique(np.quantile(values, np.linspace(0, 1, bins + 1)[1:-1]))
 
 
@@ -45,35 +45,36 @@ def binned(
     coverage: float = 0.95,
     fewest: int = 50,
 ) -> Binned:
-    """Bin a residual; rows where it is NaN are left out, and bins with few rows.
+    """Bin a residual; rows with NaN residual and bins with few rows are skipped.
 
-    The variance of a bin's mean is that of sums over clusters (Liang and Zeger, Biometrika 1986), and at least that
-    of independent rows.
+    The variance of a bin's mean is cluster-robust (Liang and Zeger, Biometrika 1986), and at least that of independent
+    rows.
 
     Args:
         values: (n,) covariate.
         bin_of: (n,) bin numbers from 0.
-        residual: (n,).
-        cluster: (n,) numbers from 0 of what shares errors.
-        coverage: of intervals.
-        fewest: rows of a bin that is told.
+        residual: (n,) residual; NaN is skipped.
+        cluster: (n,) cluster numbers from 0; rows of one cluster may have correlated errors.
+        coverage: coverage of the confidence intervals.
+        fewest: minimum number of rows of a bin.
     """
     good = np.isfinite(residual)
     values, bin_of, cluster = values[good].astype(float), bin_of[good].astype(int), cluster[good].astype(int)
     residual = residual[good].astype(float)
     bins, clusters = int(bin_of.max(initial=0)) + 1, int(cluster.max(initial=0)) + 1
     count = np.bincount(bin_of, minlength=bins)
-    whole = np.maximum(count, 1)
-    mean = np.bincount(bin_of, residual, bins) / whole
-    place = np.bincount(bin_of, values, bins) / whole
-    away = residual - mean[bin_of]
-    sums = np.bincount(bin_of * clusters + cluster, away, bins * clusters).reshape(bins, clusters)
-    seen = (np.bincount(bin_of * clusters + cluster, minlength=bins * clusters).reshape(bins, clusters) > 0).sum(1)
-    freedom = np.maximum(seen - 1, 1)
-    clustered = (sums**2).sum(1) * seen / freedom / whole**2
-    alone = np.bincount(bin_of, away**2, bins) / whole / np.maximum(count - 1, 1)
-    variance = np.maximum(clustered, alone)
-    half = np.where(seen > 1, np.sqrt(variance) * stats.t.ppf((1 + coverage) / 2, freedom), np.nan)
+    divisor = np.maximum(count, 1)
+    mean = np.bincount(bin_of, residual, bins) / divisor
+    place = np.bincount(bin_of, values, bins) / divisor
+    centred = residual - mean[bin_of]
+    cell = bin_of * clusters + cluster
+    sums = np.bincount(cell, centred, bins * clusters).reshape(bins, clusters)
+    present = (np.bincount(cell, minlength=bins * clusters).reshape(bins, clusters) > 0).sum(1)
+    freedom = np.maximum(present - 1, 1)
+    clustered = (sums**2).sum(1) * present / freedom / divisor**2
+    independent = np.bincount(bin_of, centred**2, bins) / divisor / np.maximum(count - 1, 1)
+    variance = np.maximum(clustered, independent)
+    half = np.where(present > 1, np.sqrt(variance) * stats.t.ppf((1 + coverage) / 2, freedom), np.nan)
     kept = np.flatnonzero(count >= fewest)
     if not len(kept):
         return Binned(*(np.zeros(0) for _ in range(5)), strength=0.0, size=0.0, p_value=1.0)
@@ -82,7 +83,7 @@ def binned(
     strength, size = (
         float(np.sqrt(max(weight @ ((mean[kept] - middle) ** 2 - variance[kept]), 0.0))) for middle in (level, 0.0)
     )
-    told = kept[(seen[kept] > 1) & (variance[kept] > 0)]
-    chance = 2 * stats.t.sf(np.abs(mean[told]) / np.sqrt(variance[told]), freedom[told])
-    p_value = min(len(told) * float(chance.min(initial=1.0)), 1.0)
+    tested = kept[(present[kept] > 1) & (variance[kept] > 0)]
+    p_values = 2 * stats.t.sf(np.abs(mean[tested]) / np.sqrt(variance[tested]), freedom[tested])
+    p_value = min(len(tested) * float(p_values.min(initial=1.0)), 1.0)
     return Binned(kept, place[kept], mean[kept], half[kept], count[kept], strength, size, p_value)

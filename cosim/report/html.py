@@ -1,4 +1,4 @@
-"""The frame of the pages that commands write: one self-contained HTML document."""
+"""HTML document of report pages, self-contained in one file."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from cosim.report.style import STYLE
 
 
 def document(title: str, parts: Iterable[str], *, generator: str, style: str = "") -> str:
-    """A whole document.
+    """HTML text of a complete document.
 
     Args:
-        title: plain text.
-        parts: HTML of the body; empty parts are left out.
-        generator: the command that wrote it.
-        style: CSS on top of the common one.
+        title: title, plain text.
+        parts: HTML parts of the body; empty parts are skipped.
+        generator: command that wrote the page.
+        style: CSS in addition to the common style.
     """
     body = "\n".join(part for part in parts if part)
     return (

@@ -1,4 +1,4 @@
-"""Parts that pages share, as HTML. Words that come from outside are escaped by who calls; headings are escaped here."""
+"""Common HTML parts of pages. Headings are escaped here; other text must be escaped by the caller."""
 
 from __future__ import annotations
 
@@ -7,56 +7,56 @@ from html import escape
 
 
 def section(title: str, *parts: str, text: str = "", anchor: str = "") -> str:
-    """A part of a page under a heading; empty where it holds nothing.
+    """A section with a heading; empty without content.
 
     Args:
-        title: plain text.
-        parts: HTML.
-        text: HTML of a paragraph beneath the heading.
-        anchor: its id, for links.
+        title: heading, plain text.
+        parts: HTML parts of the content.
+        text: HTML of a paragraph below the heading.
+        anchor: id of the section for links.
     """
     body = "".join(parts)
     if not body:
         return ""
     name = f' id="{escape(anchor)}"' if anchor else ""
-    said = f"<p>{text}</p>" if text else ""
-    return f"<section{name}><h2>{escape(title)}</h2>{said}{body}</section>"
+    paragraph = f"<p>{text}</p>" if text else ""
+    return f"<section{name}><h2>{escape(title)}</h2>{paragraph}{body}</section>"
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]], words: Collection[int] = ()) -> str:
-    """A table whose first column names the rows; empty without rows.
+    """A table with row headings in the first column; empty without rows.
 
     Args:
-        heads: plain text over the columns.
-        rows: cells as HTML.
-        words: numbers of columns that hold words, which stand to the left and may break.
+        heads: column headings, plain text.
+        rows: cells, HTML.
+        words: numbers of text columns, which are left-aligned and may wrap.
     """
     body = "".join(f"<tr>{_cells(row, words)}</tr>" for row in rows)
     if not body:
         return ""
-    over = "".join(f"<th{_kind(place, words)}>{escape(head)}</th>" for place, head in enumerate(heads))
-    return f"<table><thead><tr>{over}</tr></thead><tbody>{body}</tbody></table>"
+    header = "".join(f"<th{_cell_class(column, words)}>{escape(head)}</th>" for column, head in enumerate(heads))
+    return f"<table><thead><tr>{header}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def facts(items: Iterable[tuple[str, str]]) -> str:
-    """Figures side by side, each under its name: plain name and HTML."""
+    """A list of key figures side by side, from names (plain text) and values (HTML)."""
     cells = "".join(f"<div><dt>{escape(name)}</dt><dd>{value}</dd></div>" for name, value in items)
     return f"<dl>{cells}</dl>" if cells else ""
 
 
 def signed(value: float, digits: int = 1) -> str:
-    """A difference with its sign; what rounds to zero has none."""
+    """Format a difference with its sign; a value that rounds to zero has no sign."""
     rounded = round(value, digits)
     return f"{rounded:+.{digits}f}".replace("-", "−") if rounded else f"{0:.{digits}f}"
 
 
 def meter(share: float) -> str:
-    """A bar that is filled by a share, 0 to 1."""
+    """A bar filled to a share from 0 to 1."""
     return f'<span class="meter"><i style="width:{100 * min(max(share, 0.0), 1.0):.1f}%"></i></span>'
 
 
 def figure(title: str, text: str, body: str, kind: str = "", width_px: int = 0) -> str:
-    """A picture in a frame under a heading (plain) and a line of text (HTML)."""
+    """A figure with a heading (plain text), a line of text (HTML) and a body (HTML)."""
     head = f"<h3>{escape(title)}</h3>" if title else ""
     head += f"<p>{text}</p>" if text else ""
     head = f"<figcaption>{head}</figcaption>" if head else ""
@@ -66,28 +66,28 @@ def figure(title: str, text: str, body: str, kind: str = "", width_px: int = 0) 
 
 
 def legend(items: Iterable[tuple[str, str]]) -> str:
-    """Colours (of CSS) with what they mean (HTML)."""
-    said = "".join(f'<span><i style="background:{colour}"></i> {words}</span>' for colour, words in items)
-    return f'<div class="legend">{said}</div>'
+    """A legend from CSS colours and their meanings (HTML)."""
+    entries = "".join(f'<span><i style="background:{colour}"></i> {words}</span>' for colour, words in items)
+    return f'<div class="legend">{entries}</div>'
 
 
 def button(words: str, pressed: bool | None = None, **data: str) -> str:
-    """A button with plain words; `data` become its data-attributes; `pressed` makes it one that stays."""
-    held = "" if pressed is None else f' aria-pressed="{str(pressed).lower()}"'
-    told = "".join(f' data-{name}="{escape(value)}"' for name, value in data.items())
-    return f'<button type="button"{told}{held}>{escape(words)}</button>'
+    """A button with plain text; `data` are its data attributes; with `pressed` it is a toggle button."""
+    state = "" if pressed is None else f' aria-pressed="{str(pressed).lower()}"'
+    attributes = "".join(f' data-{name}="{escape(value)}"' for name, value in data.items())
+    return f'<button type="button"{attributes}{state}>{escape(words)}</button>'
 
 
-def notes_section(notes: Sequence[str], title: str = "What could not be known") -> str:
-    """Sentences in a list (plain text); empty without any."""
+def notes_section(notes: Sequence[str], title: str = "Notes") -> str:
+    """A section with a list of sentences (plain text); empty without sentences."""
     items = "".join(f"<li>{escape(note)}</li>" for note in notes)
     return section(title, f'<ul class="notes">{items}</ul>' if items else "")
 
 
 def _cells(row: Sequence[str], words: Collection[int]) -> str:
     head = f"<th>{row[0]}</th>" if row else ""
-    return head + "".join(f"<td{_kind(place, words)}>{cell}</td>" for place, cell in enumerate(row) if place)
+    return head + "".join(f"<td{_cell_class(column, words)}>{cell}</td>" for column, cell in enumerate(row) if column)
 
 
-def _kind(place: int, words: Collection[int]) -> str:
-    return ' class="words"' if place in words else ""
+def _cell_class(column: int, words: Collection[int]) -> str:
+    return ' class="words"' if column in words else ""

@@ -1,4 +1,4 @@
-"""Words that all findings share."""
+"""Formatting of p-values, lists and estimates in texts."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ _TINY = 1e-7
 
 
 def p_words(p_value: float) -> str:
-    """A p-value as papers write it."""
+    """Format a p-value: `p < 0.001` or `p = 0.012`."""
     return "p < 0.001" if p_value < 0.001 else f"p = {p_value:.3f}"
 
 
 def p_cell(p_value: float) -> str:
-    """The same in a column that is headed p."""
+    """Format a p-value for a table column with the heading p."""
     return p_words(p_value).removeprefix("p ").removeprefix("= ")
 
 
 def listed(names: list[str], word: str = "and") -> str:
-    """Names as a sentence lists them."""
+    """Join names for a sentence: `a, b and c`."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}"
 
 
 def as_sure(value: float, half: float) -> tuple[str, str]:
-    """A value and half its interval, both to the second digit of the latter."""
+    """Format a value and half its interval, both rounded to the second significant digit of the latter."""
     if 0 < half < _TINY:
         return f"{value:.6g}", f"{half:.1g}"
     digits = max(0, 1 - int(np.floor(np.log10(half)))) if half > 0 and np.isfinite(half) else 3

@@ -1,4 +1,4 @@
-"""Small plots as inline SVG: axes, steps, lines, bands, bars, pictures. Colours come from the page's style."""
+"""Plots as inline SVG: axes, histograms, lines, bands, bars, images. Colours are defined in the page's style."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _NICE = (1, 2, 2.5, 5, 10)
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis.
+    """Axis of a plot.
 
     Attributes:
-        low, high: its ends.
-        label: what it shows, with the unit.
-        log: decades instead of steps.
-        names: words at 0, 1, 2 … instead of numbers.
-        percent: shares written in percent.
+        low, high: limits.
+        label: quantity and unit.
+        log: whether the scale is logarithmic.
+        names: category names at 0, 1, 2, … instead of numbers.
+        percent: whether shares are shown in percent.
     """
 
     low: float
@@ -35,14 +35,14 @@ class Axis:
     percent: bool = False
 
     def place(self, values: np.ndarray | float) -> np.ndarray:
-        """Values as a share of the axis, 0–1 inside it."""
+        """Relative positions of values on the axis, 0–1 within its limits."""
         values, low, high = np.asarray(values, float), self.low, self.high
         if self.log:
             values, low, high = np.log10(np.maximum(values, low / 10)), math.log10(low), math.log10(high)
         return (values - low) / (high - low)
 
     def ticks(self, most: int) -> list[tuple[float, str]]:
-        """Places and their words."""
+        """Positions and texts of at most about `most` ticks."""
         if self.names:
             return list(enumerate(self.names))
         if self.log:
@@ -54,12 +54,12 @@ class Axis:
 
 
 class Plot:
-    """A plot that grows element by element.
+    """A plot to which elements are added one by one.
 
     Args:
         x, y: axes.
-        width, height: of the view box [px].
-        title: read out by screen readers.
+        width, height: size of the view box [px].
+        title: title for screen readers.
     """
 
     def __init__(self, x: Axis, y: Axis, title: str, width: int = WIDTH, height: int = HEIGHT) -> None:
@@ -69,14 +69,14 @@ class Plot:
         self._parts: list[str] = []
 
     def steps(self, edges: np.ndarray, values: np.ndarray, style: str, filled: bool = True) -> None:
-        """A histogram's outline: k + 1 edges, k values."""
+        """Add a histogram with k + 1 edges and k values."""
         x, y = np.repeat(edges, 2), np.concatenate([[0], np.repeat(values, 2), [0]])
         if filled:
             self._add("polygon", x, np.maximum(y, self._y.low), f"area {style}")
         self._add("polyline", x[1:-1], y[1:-1], f"line {style}")
 
     def line(self, x: np.ndarray, y: np.ndarray, style: str, dots: bool = False) -> None:
-        """A line through points; gaps where a value is not finite."""
+        """Add a line through points, with gaps at values that are not finite."""
         x, y = np.asarray(x, float), np.asarray(y, float)
         good = np.isfinite(x) & np.isfinite(y)
         for run in np.split(np.arange(len(x)), np.flatnonzero(np.diff(good.astype(int))) + 1):
@@ -89,25 +89,25 @@ class Plot:
             ]
 
     def band(self, x: np.ndarray, low: np.ndarray, high: np.ndarray, style: str) -> None:
-        """The area between two lines."""
+        """Add the area between two lines."""
         self._add("polygon", np.concatenate([x, x[::-1]]), np.concatenate([high, low[::-1]]), f"band {style}")
 
     def bars(self, places: np.ndarray, values: np.ndarray, width: float, style: str, words: Sequence[str] = ()) -> None:
-        """Upright bars centred at places, with words on top."""
+        """Add vertical bars centred at `places`, with texts above them."""
         x0, y0 = self._pixels(places - width / 2, np.full(len(places), self._y.low))
         x1, y1 = self._pixels(places + width / 2, values)
         for row in range(len(places)):
-            tall = max(0.0, float(y0[row] - y1[row]))
+            height = max(0.0, float(y0[row] - y1[row]))
             self._parts.append(
-                f'<rect class="bar {style}" x="{x0[row]:.1f}" y="{y0[row] - tall:.1f}" '
-                f'width="{x1[row] - x0[row]:.1f}" height="{tall:.1f}"/>'
+                f'<rect class="bar {style}" x="{x0[row]:.1f}" y="{y0[row] - height:.1f}" '
+                f'width="{x1[row] - x0[row]:.1f}" height="{height:.1f}"/>'
             )
             if words:
                 middle = (x0[row] + x1[row]) / 2
-                self._parts.append(_text(middle, y0[row] - tall - 4, words[row], "middle", "value"))
+                self._parts.append(_text(middle, y0[row] - height - 4, words[row], "middle", "value"))
 
     def picture(self, png: bytes, left: float, right: float, bottom: float, top: float) -> None:
-        """A picture whose edges lie at values of the axes; its pixels stay sharp."""
+        """Add a PNG image whose edges are given in axis values."""
         (x0, x1), (y0, y1) = self._pixels(np.array([left, right]), np.array([top, bottom]))
         data = base64.b64encode(png).decode()
         self._parts.append(
@@ -116,17 +116,18 @@ class Plot:
         )
 
     def target(self, x: tuple[float, float], words: str, **data: str) -> None:
-        """An upright strip between two values that can be clicked; `words` are read out and shown above it."""
+        """Add a clickable vertical strip between two values; `words` are its tooltip and its accessible name."""
         (x0, x1), _ = self._pixels(np.array(x), np.zeros(2))
-        told = "".join(f' data-{name.replace("_", "-")}="{escape(value)}"' for name, value in data.items())
+        attributes = "".join(f' data-{name.replace("_", "-")}="{escape(value)}"' for name, value in data.items())
         _, top, _, bottom = self._frame
         self._parts.append(
             f'<rect class="target" x="{x0:.1f}" y="{top}" width="{max(x1 - x0, 1):.1f}" height="{bottom - top}" '
-            f'tabindex="-1" role="button" aria-label="{escape(words)}"{told}><title>{escape(words)}</title></rect>'
+            f'tabindex="-1" role="button" aria-label="{escape(words)}"{attributes}>'
+            f"<title>{escape(words)}</title></rect>"
         )
 
     def tile(self, x: tuple[float, float], y: tuple[float, float], colour: str, words: str) -> None:
-        """A filled rectangle between values of the axes; `words` are shown above it."""
+        """Add a filled rectangle in axis values; `words` are its tooltip."""
         (x0, x1), (y1, y0) = self._pixels(np.array(x), np.array(y))
         self._parts.append(
             f'<rect x="{x0:.1f}" y="{y0:.1f}" width="{x1 - x0 + 0.3:.1f}" height="{y1 - y0 + 0.3:.1f}" fill="{colour}">'
@@ -134,12 +135,12 @@ class Plot:
         )
 
     def note(self, x: float, y: float, text: str, style: str = "value", anchor: str = "middle") -> None:
-        """Words at values of the axes."""
+        """Add a text at a position in axis values."""
         px, py = self._pixels(np.array([x]), np.array([y]))
         self._parts.append(_text(float(px[0]), float(py[0]), text, anchor, style))
 
     def svg(self) -> str:
-        """The finished picture."""
+        """SVG text of the plot."""
         width, height = self._size
         left, top, right, bottom = self._frame
         inner = f"{left} {top} {right - left} {bottom - top + 1}"
@@ -182,7 +183,7 @@ class Plot:
 
 
 def nice_top(value: float) -> float:
-    """A little more than a value, rounded up to a tick."""
+    """Upper axis limit: the next tick above a value."""
     if not value > 0 or not math.isfinite(value):
         return 1.0
     step = _nice_step(value, 5)

@@ -1,4 +1,4 @@
-"""The table of what was asked first, and how much each would explain by itself."""
+"""Table of the candidates in the first selection round and their BIC differences."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ _MOST = 12
 
 
 def ranking_section(rows: Sequence[tuple[str, float, float]], remarks: Sequence[str] = (), note: str = "") -> str:
-    """HTML; empty without rows.
+    """HTML of the section; empty without rows.
 
     Args:
-        rows: name, fall of the BIC and p-value of each, the likeliest first.
-        remarks: a word on each; none at all by default.
-        note: what else to know of the numbers.
+        rows: name, decrease of the BIC and p-value of each candidate, the best first.
+        remarks: optional remark on each candidate.
+        note: additional sentence about the numbers.
     """
     if not rows:
         return ""
@@ -27,7 +27,7 @@ def ranking_section(rows: Sequence[tuple[str, float, float]], remarks: Sequence[
         + ([escape(remarks[number])] if remarks else [])
         for number, (name, delta, p_value) in enumerate(rows[:_MOST])
     ]
-    text = "How much each would lower the BIC by itself: differences above 10 decide."
+    text = "Decrease of the BIC by each candidate alone; a difference above 10 is decisive."
     text += f" {escape(note)}" if note else ""
     heads = ["", "ΔBIC", "", "p", *([""] if remarks else [])]
     return section("Candidates of the first round", table(heads, cells, words=(4,)), text=text)

@@ -1,4 +1,4 @@
-"""What pages look like: dark, one column, charts in a grid."""
+"""CSS of the pages: dark, one column, charts in a grid."""
 
 STYLE = """
 :root { color-scheme: dark; --ground: #0d1016; --panel: #151a23; --line: #262d39; --text: #e2e8f0; --muted: #8692a6;

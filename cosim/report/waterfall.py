@@ -1,4 +1,4 @@
-"""An error that falls step by step."""
+"""Waterfall chart of an error that decreases in steps."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from scipy.stats import norm
 
 from cosim.report.plot import Axis, Plot
 
-_DECADES = 10.0  # times that it falls from which its axis is logarithmic
+_LOG_RATIO = 10.0  # ratio of largest to smallest error above which the axis is logarithmic
 
 
 def waterfall(
     steps: Sequence[tuple[str, float, float]], floor: float | None, label: str, coverage: float = 0.95
 ) -> str:
-    """SVG: an error as it was and after each step with its interval; dashed: the noise floor.
+    """SVG chart of the initial error and the error after each step with intervals; the noise floor is dashed.
 
-    In decades where it falls so far that its last steps would not show.
+    The axis is logarithmic if the error decreases so much that the last steps would not be visible.
 
     Args:
-        steps: name, error, and its standard error.
-        floor: of the error; None where it is not known.
-        label: of the axis.
-        coverage: of intervals.
+        steps: name, error and standard error of each step.
+        floor: noise floor; None if unknown.
+        label: label of the axis.
+        coverage: coverage of the intervals.
     """
     level = np.array([value for _, value, _ in steps])
     half = float(norm.ppf((1 + coverage) / 2)) * np.nan_to_num(np.array([error for _, _, error in steps]))
     shown = level if floor is None else np.append(level, floor)
     least, high = float(shown.min()), max(float((level + half).max()), float(shown.max()))
-    is_log = least > 0 and level.max() > _DECADES * level.min()
+    is_log = least > 0 and level.max() > _LOG_RATIO * level.min()
     low, high = _padded(least, high) if is_log else _padded_evenly(min(least, float((level - half).min())), high)
 
     def raised(value: float, share: float) -> float:
-        """A value moved up by a share of the axis."""
+        """Move a value up by a share of the axis."""
         return value * (high / low) ** share if is_log else value + share * (high - low)
 
     names = [name for name, _, _ in steps]
@@ -66,6 +66,6 @@ def _padded_evenly(low: float, high: float) -> tuple[float, float]:
 
 
 def _padded(low: float, high: float) -> tuple[float, float]:
-    """The same of an axis of decades."""
+    """Limits of a logarithmic axis with padding."""
     pad = (high / low) ** 0.1
     return low / pad, high * pad

@@ -1,4 +1,4 @@
-"""Pages on disk."""
+"""Write pages to disk."""
 
 from __future__ import annotations
 

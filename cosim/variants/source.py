@@ -47,8 +47,8 @@ class Source:
         missing = [name for name in self.drive.frames if not self.drive[name].has("hits")]
         if missing:
             raise VariantError(
-                f"{self.drive.root}: no hits/{missing[0]}.npz, {len(missing)} of {len(self.drive)} frames have none; "
-                "variants are made from stored hits: simulate the drive with store_hits: true"
+                f"{self.drive.root}: no hits/{missing[0]}.npz, {len(missing)} of {len(self.drive)} frames have no "
+                "hits; variants are made from stored hits: simulate the drive with store_hits: true"
             )
         if self.drive.pattern is None:
             raise VariantError(f"{self.drive.root}: no pattern.yaml; finish the drive with cosim run, or add the file")

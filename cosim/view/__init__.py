@@ -1,4 +1,4 @@
-"""Pictures of a drive's frames as arrays, and a page that shows them."""
+"""Draw the frames of a drive as images, and write a page with them."""
 
 from cosim.view.frame_pictures import Absent, FramePictures, Picture, intensity_scale
 from cosim.view.selection import choose_frames, richest_frames

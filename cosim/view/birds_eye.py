@@ -1,4 +1,4 @@
-"""The scan from above: forward is up, left is left."""
+"""Draw a scan from above: forward is up, left is left."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ class GroundPlan:
     """A square map of LiDAR axes around the sensor.
 
     Attributes:
-        reach_m: what it shows each way [m].
-        size_px: pixels each way.
+        reach_m: distance from the sensor to the edge of the map [m].
+        size_px: width and height [px].
     """
 
     reach_m: float = 50.0
     size_px: int = 1400
 
     def pixels(self, xy: np.ndarray) -> np.ndarray:
-        """Pixels (…, 2) as (column, row) of places (…, ≥ 2) in LiDAR axes [m]; integers are pixel centres."""
+        """Pixels (…, 2) as (column, row) of positions (…, ≥ 2) in LiDAR axes [m]; integers are pixel centres."""
         scale = self.size_px / (2 * self.reach_m)
         return (self.reach_m - np.asarray(xy, np.float64)[..., 1::-1]) * scale - 0.5
 
 
 def draw_from_above(points: np.ndarray, colours: np.ndarray, plan: GroundPlan) -> np.ndarray:
-    """Points on a grid with range rings; where several share a pixel, the highest shows.
+    """Draw points on a grid with range rings; the highest point of a pixel is visible.
 
     Args:
         points: (n, ≥ 3) in LiDAR axes [m].
         colours: (n, 3) uint8 RGB.
-        plan: what part, how large.
+        plan: area and size of the map.
 
     Returns:
         (size, size, 3) uint8 RGB.
@@ -76,7 +76,7 @@ def draw_outlines(
 
 
 def name_boxes(image: np.ndarray, boxes: Boxes, kinds: tuple[str, ...], plan: GroundPlan) -> None:
-    """Write class and distance beside boxes within the map, the nearest first."""
+    """Write class and distance next to the boxes within the map, the nearest box first."""
     placer = LabelPlacer(image, _LABEL_PX)
     distance = np.hypot(boxes.centre[:, 0], boxes.centre[:, 1])
     for row in np.argsort(distance, kind="stable"):

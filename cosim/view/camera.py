@@ -1,4 +1,4 @@
-"""Camera images with what the LiDAR and the labels say about them."""
+"""Draw LiDAR points and labels into camera images."""
 
 from __future__ import annotations
 
@@ -13,42 +13,42 @@ from cosim.view.projection import View
 ENLARGED = 2
 _FOOTER_PX = 62
 _BAR_MARGIN_PX = 40
-_SHOWN_TRUNCATION = 0.005
+_MIN_TRUNCATION = 0.005  # smaller values are not shown
 _OCCLUSION = {0: "visible", 1: "partly occluded", 2: "largely occluded", 3: "occlusion unknown"}
 
 
 def enlarge(image: np.ndarray) -> np.ndarray:
-    """An image (h, w) or (h, w, 3) as RGB with `ENLARGED` times the pixels each way, to be drawn on."""
+    """Convert an image (h, w) or (h, w, 3) to RGB and enlarge it by `ENLARGED` in both directions."""
     rgb = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
     return cv2.resize(rgb, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_CUBIC)
 
 
 def draw_points(image: np.ndarray, points: np.ndarray, view: View, scale: Scale) -> np.ndarray:
-    """LiDAR points on a darkened camera image, coloured by depth, with a colour bar below.
+    """Draw LiDAR points on a darkened camera image, coloured by depth, with a colour bar below.
 
     Args:
-        image: (h, w, 3) uint8 RGB as `enlarge` gives it.
-        points: (n, ≥ 3) in LiDAR axes [m].
-        view: of the camera, enlarged alike.
-        scale: colours of depth [m].
+        image: (h, w, 3) uint8 RGB image from `enlarge`.
+        points: (n, ≥ 3) points in LiDAR axes [m].
+        view: view of the camera, enlarged by the same factor.
+        scale: colour scale of depth [m].
     """
     drawn = (image * 0.6).astype(np.uint8)
     uv, depth = view.project(points)
-    seen = np.flatnonzero(view.inside(uv))
-    seen = seen[np.argsort(-depth[seen], kind="stable")]
-    for (x, y), colour in zip(np.rint(uv[seen] * 16).astype(int), scale.colours(depth[seen]), strict=True):
+    visible = np.flatnonzero(view.inside(uv))
+    visible = visible[np.argsort(-depth[visible], kind="stable")]
+    for (x, y), colour in zip(np.rint(uv[visible] * 16).astype(int), scale.colours(depth[visible]), strict=True):
         cv2.circle(drawn, (int(x), int(y)), 28, colour.tolist(), -1, cv2.LINE_AA, 4)
     return with_colour_bar(drawn, scale)
 
 
 def draw_labels(image: np.ndarray, labels: Labels, boxes: Boxes, view: View) -> np.ndarray:
-    """2D boxes (thin) and 3D boxes (thick, the front crossed) with class, occlusion and truncation.
+    """Draw 2D boxes (thin) and 3D boxes (thick, with a cross on the front) with class, occlusion and truncation.
 
     Args:
-        image: (h, w, 3) uint8 RGB as `enlarge` gives it.
-        labels: n objects and any number of `DontCare` regions, those thin and gray.
-        boxes: the n objects' boxes in LiDAR axes.
-        view: of the camera, enlarged alike.
+        image: (h, w, 3) uint8 RGB image from `enlarge`.
+        labels: n objects and any number of `DontCare` regions, which are drawn thin and gray.
+        boxes: n boxes of the objects in LiDAR axes.
+        view: view of the camera, enlarged by the same factor.
     """
     drawn = image.copy()
     for region in labels.of_type("DontCare").bbox:
@@ -65,7 +65,7 @@ def draw_labels(image: np.ndarray, labels: Labels, boxes: Boxes, view: View) -> 
     for row in far_first[::-1]:
         left, top, right, _ = objects.bbox[row] * ENLARGED
         text = f"{objects.type[row]}, {_OCCLUSION.get(int(objects.occluded[row]), 'occlusion not given')}"
-        if objects.truncated[row] >= _SHOWN_TRUNCATION:
+        if objects.truncated[row] >= _MIN_TRUNCATION:
             text += f", {100 * objects.truncated[row]:.0f}% cut off"
         middle = (left + right) / 2
         placer.place(text, above(middle, top - 18, step_px=29), class_colour(objects.type[row]))
@@ -73,7 +73,7 @@ def draw_labels(image: np.ndarray, labels: Labels, boxes: Boxes, view: View) -> 
 
 
 def with_colour_bar(image: np.ndarray, scale: Scale) -> np.ndarray:
-    """The image with a colour bar on a strip below it."""
+    """Add a strip with a colour bar below an image."""
     strip = np.full((_FOOTER_PX, image.shape[1], 3), BACKGROUND, np.uint8)
     width = min(600, image.shape[1] - 2 * _BAR_MARGIN_PX)
     if width > 0:
@@ -82,7 +82,7 @@ def with_colour_bar(image: np.ndarray, scale: Scale) -> np.ndarray:
 
 
 def draw_depth(depth_m: np.ndarray, scale: Scale) -> np.ndarray:
-    """A depth image (h, w) [m] in colours, black where there is nothing, with a colour bar below."""
+    """Draw a depth image (h, w) [m] in colours (black without a surface), with a colour bar below."""
     colours = scale.colours(depth_m)
     colours[depth_m <= 0] = 0
     return with_colour_bar(cv2.resize(colours, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_NEAREST), scale)

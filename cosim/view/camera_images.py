@@ -1,4 +1,4 @@
-"""The images of a frame, and how LiDAR axes project into them."""
+"""Images of a frame, and the projection of LiDAR axes into them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from cosim.drives.kitti import Frame
 from sensors.cameras.lens import undistorted
 
 KITTI_CAMERAS = ("image_2", "image_0", "image_3", "image_1")
-"""Folders of images of KITTI's rig, the most telling first."""
+"""Image folders of KITTI's rig in order of preference."""
 
 
 def camera_parts(frame: Frame) -> tuple[str, ...]:
-    """Folders of the images that a frame has and that its calibration knows, that of the labels first."""
+    """Folders of the images that a frame has and its calibration contains, the labels' camera first."""
     known = frame.calibration
     if frame.reference:
         names = (frame.reference, *(name for name in known.named if name != frame.reference))

@@ -1,4 +1,4 @@
-"""The objects with most points, each from near by: are they shaped like what they are?"""
+"""Draw close-ups of the objects with the most points."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _HEIGHT_PX = 540
 
 
 def best_seen(counts: np.ndarray) -> np.ndarray:
-    """Rows of up to four objects with most points, of those with at least `FEWEST_POINTS`."""
+    """Rows of up to four objects with the most points, at least `FEWEST_POINTS`."""
     order = np.argsort(-counts, kind="stable")[:_MOST]
     return order[counts[order] >= FEWEST_POINTS]
 
 
 def draw_close_ups(points: np.ndarray, colours: np.ndarray, objects: Objects, counts: np.ndarray) -> np.ndarray:
-    """Tiles of the objects that `best_seen` picks, two in a row, a last odd one across; there must be one.
+    """Draw the objects selected by `best_seen` (at least one) in rows of two; an odd last one has the full width.
 
     Args:
         points: (n, ≥ 3) in LiDAR axes [m].

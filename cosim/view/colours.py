@@ -1,4 +1,4 @@
-"""Colours: perceptual maps for measurements, fixed hues for classes and instances. All RGB, uint8."""
+"""Colours: perceptual colour maps for measurements, fixed colours for classes and instances; all RGB, uint8."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ _MAPS = {"turbo": cv2.COLORMAP_TURBO, "viridis": cv2.COLORMAP_VIRIDIS}
 
 @dataclass(frozen=True)
 class Scale:
-    """How a measured value becomes a colour.
+    """Colour scale of a measured value.
 
     Attributes:
-        name: what is measured, with its unit; ASCII, it is drawn.
-        low: value at the lower end; what is below takes its colour.
-        high: value at the upper end.
-        map: `turbo` for distances, `viridis` for intensities.
-        start: share of the map's dark end left out, so that low values show on black.
-        near_is_warm: turns the map round.
-        logarithmic: equal ratios get equal steps of colour; `low` is above 0 then.
+        name: quantity with its unit; ASCII, because it is drawn into images.
+        low: value at the lower end; smaller values have the same colour.
+        high: value at the upper end; larger values have the same colour.
+        map: colour map: `turbo` for distances, `viridis` for intensities.
+        start: share of the dark end of the map that is not used, so that low values are visible on black.
+        near_is_warm: reverse the map.
+        logarithmic: use a logarithmic scale; requires `low` > 0.
     """
 
     name: str
@@ -84,18 +84,18 @@ class Scale:
 
 
 def dimmed(colour: Rgb, share: float) -> Rgb:
-    """A colour at a share of its brightness."""
+    """Scale the brightness of a colour."""
     red, green, blue = colour
     return int(red * share), int(green * share), int(blue * share)
 
 
 def class_colour(name: str) -> Rgb:
-    """The colour of a class or kind of object, whatever its case."""
+    """Colour of a class or kind of object; case-insensitive."""
     return CLASS_COLOURS.get(name.lower(), OTHER_CLASS)
 
 
 def instance_colours(numbers: np.ndarray) -> np.ndarray:
-    """Vivid colours (n, 3) uint8 of instance numbers (n,) from 0; neighbours in number differ most."""
+    """Vivid colours (n, 3) uint8 of instance numbers (n,) from 0; consecutive numbers have very different hues."""
     numbers = np.asarray(numbers, np.int64)
     hue = (numbers * _GOLDEN) % 1 * 179
     saturation = np.where(numbers % 3 == 1, 105, 170)
@@ -104,11 +104,11 @@ def instance_colours(numbers: np.ndarray) -> np.ndarray:
 
 
 def colour_by_instance(numbers: np.ndarray, brightness: np.ndarray) -> np.ndarray:
-    """Colours (n, 3) uint8 of points: a hue an object, gray for the static world (−1).
+    """Colours (n, 3) uint8 of points: one hue per object, gray for the static world (−1).
 
     Args:
         numbers: (n,) instance numbers.
-        brightness: (n,) 0–1, such as intensity; keeps surfaces apart within one object.
+        brightness: (n,) 0–1, for example the intensity; makes surfaces of one object distinguishable.
     """
     brightness = np.clip(brightness, 0, 1)[:, None]
     colours = np.repeat(72 + 118 * brightness, 3, axis=1)

@@ -1,4 +1,4 @@
-"""Anti-aliased text, lines and colour bars on RGB images; labels that keep out of each other's way."""
+"""Draw anti-aliased text, lines and colour bars on RGB images, and place labels without overlap."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def fill_polygon(image: np.ndarray, points: np.ndarray, colour: Rgb) -> None:
 
 
 class LabelPlacer:
-    """Puts labels where they hide no other label, if there is such a place."""
+    """Places labels so that they do not overlap, if possible."""
 
     def __init__(self, image: np.ndarray, height_px: float) -> None:
         self._image = image
@@ -80,7 +80,7 @@ class LabelPlacer:
         self._taken: list[Rect] = []
 
     def place(self, text: str, candidates: Sequence[tuple[float, float]], plate: Rgb) -> None:
-        """Write `text` in dark letters on a plate, centred at the first candidate (x, y) that is free."""
+        """Write `text` in dark letters on a coloured background, centred at the first free candidate (x, y)."""
         width, height = text_size(text, self._height_px)
         pad = max(2, round(self._height_px * 0.4))
         half_width, half_height = width / 2 + pad, height / 2 + pad
@@ -103,14 +103,14 @@ class LabelPlacer:
 
 
 def above(x: float, y: float, step_px: float) -> list[tuple[float, float]]:
-    """Places for a label at (x, y): there, ever higher, then beside it to the right and to the left."""
+    """Candidate positions for a label at (x, y): there, at increasing heights above it, then to its right and left."""
     higher = [(x, y - step * step_px) for step in range(7)]
     beside = [(x + side * 4 * step_px, y + down * step_px) for side in (1, -1, 2, -2) for down in (0, 1, 2)]
     return higher + beside
 
 
 def draw_colour_bar(image: np.ndarray, scale: Scale, at: tuple[int, int], size: tuple[int, int]) -> None:
-    """Draw what colours mean: a bar with ticks, its name above.
+    """Draw a colour bar with ticks and its name above.
 
     Args:
         image: (h, w, 3) uint8, drawn on.

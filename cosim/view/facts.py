@@ -1,4 +1,4 @@
-"""What the page says about a drive and about a frame, in words and numbers."""
+"""Key figures of a drive and of a frame for the page."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SOURCES = {"hits": "traced", "boxes": "points within boxes", "none": "none"}
 
 
 def drive_facts(drive: Drive) -> Facts:
-    """Town, seed, size and counts; what `drive.yaml` does not say is left out."""
+    """Town, seed, size and counts; values that are not in `drive.yaml` are skipped."""
     config, counts = _mapping(drive.info.get("config")), _mapping(drive.info.get("counts"))
     facts = [("Kind", drive.kind)]
     facts += [(title, str(config[key])) for title, key in (("Town", "town"), ("Sensor", "sensor")) if key in config]
@@ -24,7 +24,7 @@ def drive_facts(drive: Drive) -> Facts:
     facts.append(("Frames", f"{len(drive):,}"))
     row = drive.point_format.layout.row_bytes
     sizes = [drive[name].path("velodyne").stat().st_size // row for name in drive.frames]
-    facts.append(("Points a frame", f"{np.mean(sizes):,.0f}"))
+    facts.append(("Points per frame", f"{np.mean(sizes):,.0f}"))
     if drive.pattern is not None:
         facts.append(("Beam pattern", str(drive.info.get("pattern", Path(drive.pattern).name))))
     facts.append(("Sweep", f"{drive.sweep_s:g} s"))

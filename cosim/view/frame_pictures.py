@@ -1,4 +1,4 @@
-"""All pictures of one frame, in the order of the page; what cannot be drawn is named with the reason."""
+"""Draw all pictures of one frame in the order of the page; report the reason for pictures that cannot be drawn."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ from sensors.pattern import load_pattern
 
 DISTANCE = Scale("depth [m]", 3, 80, "turbo", near_is_warm=True, logarithmic=True)
 RANGE = Scale("range [m]", 3, 80, "turbo", near_is_warm=True, logarithmic=True)
-_FEWEST_POINTS = 5  # objects with fewer are not outlined
-_RECOVERED_COLUMNS = 1800  # recovered azimuths jitter by half a step: wider cells leave no false gaps
+_MIN_POINTS = 5  # for an object to be outlined
+_NO_OBJECTS = "objects are unknown: there are neither labels nor a twin"
+_RECOVERED_COLUMNS = 1800  # recovered azimuths vary by half a step; wider cells avoid false gaps
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture: what it shows, and its pixels (h, w, 3) uint8 RGB."""
+    """A picture: caption and pixels (h, w, 3) uint8 RGB."""
 
     caption: Caption
     image: np.ndarray
@@ -40,24 +41,24 @@ class Picture:
 
 @dataclass(frozen=True)
 class Absent:
-    """A picture that cannot be drawn, and why."""
+    """A picture that cannot be drawn, and the reason."""
 
     caption: Caption
     reason: str
 
 
 class FramePictures:
-    """Draws one frame. Iterate to get every `Picture` or `Absent` one.
+    """Draws one frame; iterating over it yields a `Picture` or `Absent` for each caption.
 
     Args:
-        drive: the drive.
-        name: of the frame.
-        intensity: the scale of intensities, the same for all frames of a page.
+        drive: drive.
+        name: name of the frame.
+        intensity: colour scale of intensities, the same for all frames of a page.
 
     Attributes:
-        frame: the frame.
-        objects: its objects.
-        instances: the object of every point.
+        frame: frame.
+        objects: objects of the frame.
+        instances: object of every point.
     """
 
     def __init__(self, drive: Drive, name: str, intensity: Scale) -> None:
@@ -81,9 +82,9 @@ class FramePictures:
         yield from self._range_images()
         yield self._depth()
 
-    def _seen(self) -> tuple[Boxes, tuple[str, ...]]:
-        """The objects that points hit."""
-        rows = np.flatnonzero(self._counts >= _FEWEST_POINTS)
+    def _visible_objects(self) -> tuple[Boxes, tuple[str, ...]]:
+        """Boxes and kinds of the objects with enough points."""
+        rows = np.flatnonzero(self._counts >= _MIN_POINTS)
         return self.objects.boxes[rows], tuple(self.objects.kinds[row] for row in rows)
 
     def _perspectives(self) -> Iterator[Picture | Absent]:
@@ -92,10 +93,10 @@ class FramePictures:
         draw_wires(image, self._labelled, self._classes, view)
         yield Picture(captions.PERSPECTIVE_INTENSITY, self._with_bar(image))
         if self.objects.source == "none":
-            yield Absent(captions.PERSPECTIVE_INSTANCE, "there are neither labels nor a twin to tell objects by")
+            yield Absent(captions.PERSPECTIVE_INSTANCE, _NO_OBJECTS)
             return
         image = draw_perspective(points, self._by_instance, view)
-        draw_wires(image, *self._seen(), view)
+        draw_wires(image, *self._visible_objects(), view)
         yield Picture(captions.PERSPECTIVE_INSTANCE, image)
 
     def _plans(self) -> Iterator[Picture | Absent]:
@@ -105,11 +106,11 @@ class FramePictures:
         name_boxes(image, self._labelled, self._classes, plan)
         yield Picture(captions.ABOVE_INTENSITY, self._with_bar(image))
         if self.objects.source == "none":
-            yield Absent(captions.ABOVE_INSTANCE, "there are neither labels nor a twin to tell objects by")
+            yield Absent(captions.ABOVE_INSTANCE, _NO_OBJECTS)
             return
         image = draw_from_above(points, self._by_instance, plan)
         draw_outlines(image, self.objects.boxes, self.objects.kinds, plan)
-        name_boxes(image, *self._seen(), plan)
+        name_boxes(image, *self._visible_objects(), plan)
         yield Picture(captions.ABOVE_INSTANCE, image)
 
     def _close_ups(self) -> Picture | Absent:
@@ -171,7 +172,7 @@ class FramePictures:
 
 
 def intensity_scale(drive: Drive, names: tuple[str, ...]) -> Scale:
-    """A scale from 0 that 97.5 % of the points of these frames fit in."""
+    """Colour scale from 0 to the 97.5 % quantile of the intensities in these frames."""
     tops = [np.percentile(points[:, 3], 97.5) for points in (drive[name].points for name in names) if len(points)]
     top = max(0.1, float(np.ceil(max(tops, default=1.0) * 20) / 20))
     return Scale("intensity", 0, top, "viridis", start=0.16)

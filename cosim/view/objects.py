@@ -1,4 +1,4 @@
-"""What a frame holds besides points: boxes of its objects, and the object every point belongs to."""
+"""Objects of a frame: their boxes, and the object of every point."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from sensors.pattern import Pattern, load_pattern
 STATIC = -1
 NO_MATERIAL = 255
 _BOX_MARGIN_M = 0.1
-ON_SURFACE_M = 1.0  # a point farther from what its beam met came from something else
+ON_SURFACE_M = 1.0  # a point farther from the hit of its beam is not on that surface
 
 
 @dataclass(frozen=True, eq=False)
 class Objects:
-    """The objects of a frame, those nobody labelled included where a twin knows them.
+    """Objects of a frame; with a twin also those without a label.
 
     Attributes:
         boxes: n boxes in LiDAR axes.
         kinds: n classes or kinds.
-        source: where they come from.
+        source: origin of the objects.
     """
 
     boxes: Boxes
@@ -40,13 +40,13 @@ class Objects:
 
 @dataclass(frozen=True, eq=False)
 class PointInstances:
-    """The object of every point.
+    """Object of every point.
 
     Attributes:
-        number: (n,) int64 row of `Objects`, −1 for the static world.
-        source: `hits` where traced, `boxes` where points were sorted into boxes, `none` without objects.
-        material: (n,) uint8 row of `materials`, `NO_MATERIAL` where the point is not on what its beam met; None
-            where nothing was traced.
+        number: (n,) int64 index in `Objects`, −1 for the static world.
+        source: `hits` if from traced hits, `boxes` if points were assigned to boxes, `none` without objects.
+        material: (n,) uint8 index in `materials`, `NO_MATERIAL` if the point is not on the surface that its beam hit;
+            None without traced hits.
         materials: names of materials.
     """
 
@@ -57,14 +57,14 @@ class PointInstances:
 
 
 def labelled_boxes(frame: Frame) -> Boxes:
-    """The labelled boxes in LiDAR axes, `DontCare` left out; none without labels."""
+    """Labelled boxes in LiDAR axes without `DontCare` regions; empty without labels."""
     if not frame.has("label_2"):
         return Boxes(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
     return frame.labels.cared_for.boxes_velo(frame.calibration)
 
 
 def find_objects(frame: Frame) -> Objects:
-    """The objects of the twin, else of the labels, else none."""
+    """Find the objects of a frame: those of the twin, else of the labels, else none."""
     if frame.has("twin/frames"):
         twin = frame.twin
         instances = twin.instances
@@ -79,11 +79,11 @@ def find_objects(frame: Frame) -> Objects:
 
 
 def find_instances(drive: Drive, frame: Frame, objects: Objects) -> PointInstances:
-    """The object of every point: from the stored hits where there are some, else by the boxes.
+    """Find the object of every point, from stored hits if they exist, else from the boxes.
 
     Raises:
-        SensorError: stored hits or the pattern are broken.
-        FormatError: hits and twin do not belong together.
+        SensorError: the stored hits or the pattern are damaged.
+        FormatError: hits and twin do not match.
     """
     if frame.has("hits") and frame.has("rays") and objects.source == "twin" and drive.pattern is not None:
         pattern = load_pattern(drive.pattern)
@@ -91,7 +91,7 @@ def find_instances(drive: Drive, frame: Frame, objects: Objects) -> PointInstanc
         if len(hits.paint) != len(objects):
             raise FormatError(
                 f"{frame.hits_path}: hits of {len(hits.paint)} instances but the twin has {len(objects)}; "
-                "they are of different runs: make the frame again"
+                "they are from different runs: record the frame again"
             )
         return _of_hits(frame, hits, pattern)
     if not len(objects):
@@ -101,13 +101,13 @@ def find_instances(drive: Drive, frame: Frame, objects: Objects) -> PointInstanc
 
 
 def _above_ground(boxes: Boxes) -> Boxes:
-    """Boxes raised at the bottom, so that with the margin the road beneath stays outside."""
+    """Raise the bottom of the boxes, so that the road is outside of the boxes with margin."""
     raised = [0, 0, _BOX_MARGIN_M]
     return Boxes(boxes.centre + raised, np.maximum(boxes.size - raised, _BOX_MARGIN_M), boxes.yaw)
 
 
 def _twin_boxes(twin: TwinFrame) -> Boxes:
-    """Boxes of the instances in LiDAR axes; their little pitch and roll are not shown."""
+    """Boxes of the instances in LiDAR axes; pitch and roll, which are small, are ignored."""
     lidar_from_world = np.linalg.inv(twin.ego.pose @ twin.lidar.pose_ego)
     sizes = np.array([[box.length_m, box.width_m, box.height_m] for box in twin.instances]).reshape(-1, 3)
     poses = np.array([lidar_from_world @ box.pose for box in twin.instances]).reshape(-1, 4, 4)
@@ -116,7 +116,7 @@ def _twin_boxes(twin: TwinFrame) -> Boxes:
 
 
 def _of_hits(frame: Frame, hits: Hits, pattern: Pattern) -> PointInstances:
-    """What each point's beam met; static, of no material, where the point is not on it."""
+    """Object and material of the hit of each point's beam; static and without material if the point is not on it."""
     rays = frame.rays
     offset = np.radians(np.array(pattern.azimuth_offset_deg))[rays.ring]
     column = np.mod(np.pi - (rays.azimuth.astype(np.float64) - offset), 2 * np.pi)

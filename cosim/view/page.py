@@ -1,4 +1,4 @@
-"""The page: one HTML file without scripts or outside resources, pictures beside it."""
+"""Page of pictures: one HTML file without scripts, and picture files in the same folder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GENERATOR = "cosim view"
 
 @dataclass(frozen=True)
 class Shown:
-    """A picture on the page: its file relative to the page, its words, its size in pixels."""
+    """A picture on the page: file relative to the page, caption, size in pixels."""
 
     file: str
     caption: Caption
@@ -25,7 +25,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Missing:
-    """A picture left out, and why."""
+    """A picture that could not be drawn, and the reason."""
 
     title: str
     reason: str
@@ -36,10 +36,10 @@ class FrameSection:
     """One frame on the page.
 
     Attributes:
-        name: of the frame.
-        facts: name and value pairs.
-        pictures: in order.
-        missing: what was left out.
+        name: name of the frame.
+        facts: pairs of name and value.
+        pictures: pictures in order.
+        missing: pictures that could not be drawn.
     """
 
     name: str
@@ -50,7 +50,7 @@ class FrameSection:
 
 @dataclass(frozen=True)
 class Thumbnail:
-    """One frame of the overview: its picture's file, and whether the page shows the frame in full."""
+    """One frame of the overview: picture file, and whether the page has a section for the frame."""
 
     name: str
     file: str
@@ -61,14 +61,14 @@ class Thumbnail:
 
 @dataclass(frozen=True)
 class Page:
-    """Everything the page says; plain text, escaped when written.
+    """Content of the page; plain text, which is escaped when the page is written.
 
     Attributes:
-        title: of the drive.
-        facts: name and value pairs about the drive.
-        notes: what is absent, a sentence each.
-        overview: frames spread over the drive.
-        frames: those shown in full.
+        title: title of the drive.
+        facts: pairs of name and value about the drive.
+        notes: missing parts of the drive, one sentence each.
+        overview: evenly spaced frames of the drive.
+        frames: frames with a section.
     """
 
     title: str

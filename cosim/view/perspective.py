@@ -1,4 +1,4 @@
-"""The scan as a virtual camera sees it: from behind and above the vehicle, or close to one object."""
+"""Draw a scan from a virtual camera: behind and above the vehicle, or close to an object."""
 
 from __future__ import annotations
 

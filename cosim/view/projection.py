@@ -1,4 +1,4 @@
-"""Pinhole views of LiDAR axes: a virtual camera anywhere, or a real one; boxes as clipped wire frames."""
+"""Pinhole views in LiDAR axes, of a virtual or a real camera; boxes as clipped wire frames."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class View:
     """A pinhole camera.
 
     Attributes:
-        matrix: (3, 4) carries homogeneous LiDAR axes to (u·d, v·d, d), d the depth [m]; (0, 0) is the centre
-            of the top left pixel.
+        matrix: (3, 4) projection from homogeneous LiDAR coordinates to (u·d, v·d, d), d being the depth [m]; (0, 0) is
+            the centre of the top left pixel.
         focal_px: focal length [px].
-        width, height: of the image [px].
-        near_m: what is nearer is not seen [m].
+        width, height: image size [px].
+        near_m: distance of the near clipping plane [m].
     """
 
     matrix: np.ndarray

@@ -1,4 +1,4 @@
-"""The scan as its sensor took it: a row a ring, a column an azimuth, the front in the middle."""
+"""Range image of a scan: one row per ring, one column per azimuth step, the forward direction in the middle."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _FOOTER_PX = 100
 
 @dataclass(frozen=True)
 class RangeGrid:
-    """How beams are laid out.
+    """Grid of a range image.
 
     Attributes:
-        rings: rows; ring 0, the top laser, on top.
-        columns: azimuth steps of a turn, from +180° (behind, by the left) over 0° in the middle to −180°.
+        rings: number of rows; ring 0, the top laser, is on top.
+        columns: azimuth steps per revolution, from +180° (backward) over +90° (left) and 0° (forward) to −180°.
     """
 
     rings: int = 64
@@ -32,16 +32,16 @@ class RangeGrid:
 
 
 def nearest_points(ring: np.ndarray, azimuth: np.ndarray, range_m: np.ndarray, grid: RangeGrid) -> np.ndarray:
-    """The nearest point of every cell.
+    """Find the nearest point of every cell.
 
     Args:
-        ring: (n,) integers.
-        azimuth: (n,) [rad].
-        range_m: (n,) [m].
-        grid: layout; rings beyond it are left out.
+        ring: (n,) ring numbers, integers.
+        azimuth: (n,) azimuths [rad].
+        range_m: (n,) ranges [m].
+        grid: grid of the image; rings outside it are skipped.
 
     Returns:
-        (rings, columns) int64 row of the point, −1 where none came back.
+        (rings, columns) int64 index of the point, −1 without a return.
     """
     cells = np.full((grid.rings, grid.columns), -1, np.int64)
     far_first = np.argsort(-range_m, kind="stable")
@@ -51,21 +51,21 @@ def nearest_points(ring: np.ndarray, azimuth: np.ndarray, range_m: np.ndarray, g
 
 
 def draw_range_image(cells: np.ndarray, values: np.ndarray, scale: Scale, stretch: int = 6) -> np.ndarray:
-    """A picture of one value per beam, black where nothing came back, with azimuths and a colour bar below.
+    """Draw one value per beam (black without a return), with an azimuth axis and a colour bar.
 
     Args:
-        cells: as `nearest_points` gives them.
-        values: (n,) of all points.
-        scale: colours of the values.
-        stretch: rows of pixels a ring.
+        cells: result of `nearest_points`.
+        values: (n,) values of all points.
+        scale: colour scale of the values.
+        stretch: pixel rows per ring.
 
     Returns:
         (h, w, 3) uint8 RGB.
     """
     rings, columns = cells.shape
     picture = np.zeros((rings, columns, 3), np.uint8)
-    there = cells >= 0
-    picture[there] = scale.colours(values[cells[there]])
+    has_point = cells >= 0
+    picture[has_point] = scale.colours(values[cells[has_point]])
     height = rings * stretch
     image = np.full((height + _FOOTER_PX + MARGIN_PX, columns + 2 * MARGIN_PX, 3), BACKGROUND, np.uint8)
     image[MARGIN_PX : MARGIN_PX + height, MARGIN_PX:-MARGIN_PX] = np.repeat(picture, stretch, axis=0)

@@ -1,8 +1,8 @@
-"""Points drawn as small discs with a z-buffer, and shading from depth alone.
+"""Draw points as small discs with a z-buffer, and shade them from the depth image.
 
-Shading: eye-dome lighting (Boucheny, "Visualisation scientifique de grands volumes de données", 2009): a pixel is
-darkened where its surroundings stand nearer. Opposite neighbours are taken together, so that a slanting plane,
-such as the road, stays even and only edges and creases darken.
+Shading is eye-dome lighting (Boucheny, "Visualisation scientifique de grands volumes de données", 2009): a pixel is
+darkened if its neighbours are nearer. Opposite neighbours are added, so that an inclined plane such as the road is not
+darkened, only edges and creases.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ import numpy as np
 from cosim.view.projection import View
 
 _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1))
-_MOST_OCTAVES = 0.035  # a bigger jump of depth darkens no more than this one
+_MAX_OCTAVES = 0.035  # larger steps of depth do not darken more
 NOTHING = -1
 
 
 @dataclass(frozen=True, eq=False)
 class Splats:
-    """What is seen in every pixel.
+    """Visible point of every pixel.
 
     Attributes:
-        index: (h, w) int32 row of the point, −1 where there is none.
-        depth: (h, w) float32 depth [m], inf where there is none.
+        index: (h, w) int32 index of the point, −1 without a point.
+        depth: (h, w) float32 depth [m], inf without a point.
     """
 
     index: np.ndarray
@@ -32,13 +32,13 @@ class Splats:
 
 
 def splat(points: np.ndarray, radius_m: np.ndarray, view: View, *, limits_px: tuple[float, float]) -> Splats:
-    """Draw points as discs that bulge towards the eye; the nearest wins every pixel.
+    """Draw points as discs that are convex towards the camera; the nearest disc is visible.
 
     Args:
-        points: (n, ≥ 3) in LiDAR axes [m].
+        points: (n, ≥ 3) points in LiDAR axes [m].
         radius_m: (n,) radii of the discs [m].
-        view: the camera.
-        limits_px: least and greatest radius on the image.
+        view: view of the camera.
+        limits_px: minimum and maximum radius in the image [px].
     """
     uv, depth = view.project(points)
     radius_px = np.clip(view.focal_px * radius_m / np.maximum(depth, view.near_m), *limits_px)
@@ -58,12 +58,12 @@ def splat(points: np.ndarray, radius_m: np.ndarray, view: View, *, limits_px: tu
 
 
 def shade(depth: np.ndarray, reach_px: int, strength: float) -> np.ndarray:
-    """Brightness 0–1 of every pixel, (h, w) float32, from depth (inf: nothing there).
+    """Brightness 0–1 of every pixel, (h, w) float32, from depth.
 
     Args:
-        depth: (h, w) float32 [m].
+        depth: (h, w) float32 depth [m], inf without a point.
         reach_px: distance of the neighbours that are compared.
-        strength: 0 for none; darkening is e^(−strength · mean excess of depth in octaves).
+        strength: 0 for no shading; the brightness is e^(−strength · mean excess of depth in octaves).
     """
     empty = ~np.isfinite(depth)
     octaves = np.log2(np.where(empty, 1, depth)).astype(np.float32)
@@ -72,7 +72,7 @@ def shade(depth: np.ndarray, reach_px: int, strength: float) -> np.ndarray:
         pair = np.zeros_like(octaves)
         for sign in (1, -1):
             pair += _step_to(octaves, empty, sign * across * reach_px, sign * down * reach_px)
-        excess += np.clip(pair, 0, _MOST_OCTAVES)
+        excess += np.clip(pair, 0, _MAX_OCTAVES)
     return np.exp(-strength / len(_NEIGHBOURS) * excess)
 
 
@@ -85,7 +85,7 @@ def _splat_disc(
     step: int,
     view: View,
 ) -> None:
-    """Enter discs of one radius, `step` pixels, into the buffer of (depth, row) keys."""
+    """Draw discs with a radius of `step` pixels into the buffer of (depth, index) keys."""
     offset = np.arange(-step, step + 1)
     across, down = (grid.ravel() for grid in np.meshgrid(offset, offset))
     away = (across**2 + down**2) / (step + 0.4) ** 2
@@ -93,18 +93,18 @@ def _splat_disc(
     centre = np.rint(uv).astype(np.int64)
     x, y = centre[:, :1] + across, centre[:, 1:] + down
     bulged = (depth[:, None] + radius_m[:, None] * away).astype(np.float32)
-    # bits of positive floats sort as the floats do
+    # The bit patterns of positive floats have the same order as the floats.
     key = bulged.view(np.uint32).astype(np.uint64) << np.uint64(32) | rows[:, None].astype(np.uint64)
     inside = (x >= 0) & (x < view.width) & (y >= 0) & (y < view.height)
     np.minimum.at(nearest, (y * view.width + x)[inside], key[inside])
 
 
 def _step_to(octaves: np.ndarray, empty: np.ndarray, across: int, down: int) -> np.ndarray:
-    """How much farther each pixel is than its neighbour (across, down); 0 where either is empty or outside."""
+    """Depth of each pixel minus that of its neighbour (across, down), in octaves; 0 if either is empty or outside."""
     height, width = octaves.shape
     here = (slice(max(0, -down), height - max(0, down)), slice(max(0, -across), width - max(0, across)))
     there = (slice(max(0, down), height - max(0, -down)), slice(max(0, across), width - max(0, -across)))
     step = np.zeros_like(octaves)
     known = ~(empty[here] | empty[there])
-    step[here] = np.clip((octaves[here] - octaves[there]) * known, -_MOST_OCTAVES, _MOST_OCTAVES)
+    step[here] = np.clip((octaves[here] - octaves[there]) * known, -_MAX_OCTAVES, _MAX_OCTAVES)
     return step

@@ -1,4 +1,4 @@
-"""What a drive is called on pages."""
+"""Title of a drive on pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draws frames of a drive and writes the page with its pictures."""
+"""Draw frames of a drive and write a page with the pictures."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ def write_view(
     *,
     file: str = "index.html",
 ) -> Path:
-    """Write a page of pictures and `folder/pictures/*.png`; pictures of a page that was there are removed.
+    """Write a page of pictures and `folder/pictures/*.png`; pictures of an earlier page are removed.
 
     Args:
-        drive: the drive.
-        names: frames to show in full.
-        folder: made if need be.
-        on_frame: told the name of every frame before it is drawn.
-        file: name of the page in the folder.
+        drive: drive.
+        names: frames for which all pictures are drawn.
+        folder: output folder; created if it does not exist.
+        on_frame: called with the name of every frame before it is drawn.
+        file: file name of the page.
 
     Returns:
         The path of the page.
 
     Raises:
         OutputError: the folder cannot be written.
-        CosimError: a part of a frame is broken.
+        CosimError: a part of a frame is damaged.
     """
     index = folder / file
     with explained(folder):
@@ -106,7 +106,7 @@ def _draw_thumbnail(drive: Drive, name: str, intensity: Scale, folder: Path, *, 
 
 
 def _remove_pictures(index: Path) -> None:
-    """Remove the pictures that a page written here before refers to, so that none is left that no page shows."""
+    """Remove the pictures of a page that was written to this folder before."""
     if not index.is_file():
         return
     text = index.read_text(encoding="utf-8", errors="replace")

@@ -1,4 +1,4 @@
-"""The page to look around in: points, boxes and images of one drive or two, as a file or served."""
+"""Interactive page with points, boxes and images of one or two drives, as a file or from a local server."""
 
 from cosim.view.interactive.drives import ShownDrives, show_drives
 from cosim.view.interactive.export import write_interactive

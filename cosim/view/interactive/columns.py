@@ -1,4 +1,4 @@
-"""What is known of every point of a frame, and why the rest is not."""
+"""Columns of values for the points of a frame, and reasons for missing columns."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from cosim.view.objects import Objects, PointInstances, find_instances
 STEP_M = 0.005
 RESIDUAL_STEP_M = 0.001
 _INTENSITY_STEP = 1 / 255
-_NO_OBJECTS = "there are neither labels nor a twin to tell objects by"
-_NO_MATERIAL = "neither stored hits nor a twin to trace tell of materials"
+_NO_OBJECTS = "objects are unknown: there are neither labels nor a twin"
+_NO_MATERIAL = "materials are unknown: there are neither stored hits nor a twin"
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,10 +24,10 @@ class PointColumns:
     """The columns of a frame.
 
     Attributes:
-        columns: x, y, z and whatever else is known.
-        absent: colour mode → why it cannot be had.
+        columns: x, y, z and further available columns.
+        absent: colour mode → reason why it is not available.
         materials: names of the numbers in the column `material`.
-        met: the object of every point.
+        met: object of every point.
     """
 
     columns: list[Column]
@@ -42,13 +42,13 @@ def point_columns(
     """Gather the columns of a frame.
 
     Args:
-        drive, frame: where from.
-        objects: of the frame.
-        residuals: of its points, if the twin was traced.
-        why_not: what to say where it was not.
+        drive, frame: drive and frame of the points.
+        objects: objects of the frame.
+        residuals: residuals of the points, if the twin was traced.
+        why_not: reason why the twin was not traced.
 
     Raises:
-        CosimError: a part of the frame is broken.
+        CosimError: a part of the frame is damaged.
     """
     points = frame.points
     columns = [quantised(name, points[:, axis], STEP_M, "delta") for axis, name in enumerate("xyz")]
@@ -78,7 +78,7 @@ def point_columns(
 
 
 def residual_column(residuals: PointResiduals) -> Column:
-    """Residuals in steps of a millimetre."""
+    """Column of residuals in steps of one millimetre."""
     return quantised("residual", residuals.metres, RESIDUAL_STEP_M)
 
 

@@ -1,4 +1,4 @@
-"""The one or two drives that a page shows: which frames go together, and what may be told of their points."""
+"""The one or two drives that a page shows: pairs of frames, and the sensor models for residuals."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from sensors.sensor_model import SensorModel, load_sensor
 MOST_IN_A_FILE = 200
 _SCALED_FRAMES = 6
 _MOST_CAMERAS = 32
-_BARE = "hdl64e_kitti"  # measured drives that name no pattern are KITTI's
+_DEFAULT_PATTERN = "hdl64e_kitti"  # measured drives without a pattern are assumed to be KITTI's
 
 
 @dataclass(frozen=True, eq=False)
 class ShownDrives:
-    """What a page shows.
+    """Content of a page.
 
     Attributes:
-        records: of each drive.
-        steps: the frames of each step of the slider, one of every drive.
-        notes: what should be said about them, a sentence each.
+        records: frame records of each drive.
+        steps: frames of each step of the slider, one per drive.
+        notes: notes on the selection, one sentence each.
     """
 
     records: tuple[FrameRecords, ...]
@@ -39,8 +39,8 @@ class ShownDrives:
     notes: tuple[str, ...]
 
     def settings(self, *, served: bool) -> dict[str, Any]:
-        """What the page's script must know before any frame, as JSON values."""
-        drives = [one.drive for one in self.records]
+        """Settings of the page's script, as JSON values."""
+        drives = [records.drive for records in self.records]
         tops = [intensity_scale(drive, self._scaled(row)).high for row, drive in enumerate(drives)]
         cameras = [len(camera_parts(drive[self.steps[0][row]])) for row, drive in enumerate(drives)]
         return {
@@ -54,8 +54,8 @@ class ShownDrives:
         }
 
     def absences(self) -> list[tuple[str, tuple[str, ...]]]:
-        """Title and what is missing, of each drive."""
-        return [(drive_title(one.drive), one.drive.missing) for one in self.records]
+        """Title and missing parts of each drive."""
+        return [(drive_title(records.drive), records.drive.missing) for records in self.records]
 
     def _scaled(self, row: int) -> tuple[str, ...]:
         return spread_evenly(tuple(step[row] for step in self.steps), _SCALED_FRAMES)
@@ -64,28 +64,29 @@ class ShownDrives:
 def show_drives(
     drives: Sequence[Drive], wanted: str | None, most: int | None, sensor: str | None, *, for_file: bool
 ) -> ShownDrives:
-    """Choose frames, and find out what can be traced.
+    """Select the frames to show, and the sensor models for residuals.
 
-    Two drives go together by the names of their frames if one holds all names of the other, else by their order.
+    The frames of two drives are paired by name if one drive contains all names of the other, else by order.
 
     Args:
-        drives: one or two.
-        wanted: names of frames of the first drive with commas between, or how many, evenly spread; None for all.
-        most: how many at most if `wanted` is None.
-        sensor: file or name of the sensor model whose residuals are shown; by default each drive's own, or the bare
-            pattern where a drive has a twin but no sensor.
-        for_file: whether frames are packed tightly with one image each, rather than quickly with all.
+        drives: one or two drives.
+        wanted: comma-separated frame names of the first drive, or a number of evenly spaced frames; None for all.
+        most: maximum number of frames if `wanted` is None.
+        sensor: file or name of the sensor model for residuals; by default each drive's own sensor, or its pattern
+            without effects.
+        for_file: True: strong compression and one image per frame; False: fast compression and all images.
 
     Raises:
-        CosimError: no such frame, too many for a file, a sensor but no twin, or a broken drive.
-        SensorError: the sensor file breaks the rules.
+        CosimError: a frame does not exist, there are too many for a file, there is a sensor but no twin, or a drive is
+            damaged.
+        SensorError: the sensor file is invalid.
     """
     notes: list[str] = []
-    steps = _paired(drives, notes)
-    steps = _chosen(steps, drives[0], wanted, most)
+    steps = _pair_frames(drives, notes)
+    steps = _select_steps(steps, drives[0], wanted, most)
     if for_file and len(steps) > MOST_IN_A_FILE:
         raise DriveError(
-            f"--frames takes {len(steps)} frames; a file holds at most {MOST_IN_A_FILE}: --serve shows all"
+            f"--frames selects {len(steps)} frames; a file holds at most {MOST_IN_A_FILE}: show all with --serve"
         )
     records = []
     for drive in drives:
@@ -93,23 +94,23 @@ def show_drives(
         records.append(
             FrameRecords(drive, tracer, why_not, most_cameras=1 if for_file else _MOST_CAMERAS, thorough=for_file)
         )
-    if sensor is not None and not any(one.traces for one in records):
+    if sensor is not None and not any(drive_records.traces for drive_records in records):
         raise DriveError(f"--sensor needs a twin to trace, and {drives[0].root} has none; leave it out, or make one")
     return ShownDrives(tuple(records), steps, tuple(notes))
 
 
-def _paired(drives: Sequence[Drive], notes: list[str]) -> tuple[tuple[str, ...], ...]:
+def _pair_frames(drives: Sequence[Drive], notes: list[str]) -> tuple[tuple[str, ...], ...]:
     if len(drives) == 1:
         return tuple((name,) for name in drives[0].frames)
-    one, other = drives
-    shared = tuple((name, name) for name in one.frames if name in other)
-    if len(shared) == min(len(one), len(other)):
+    first, second = drives
+    shared = tuple((name, name) for name in first.frames if name in second)
+    if len(shared) == min(len(first), len(second)):
         return shared
-    notes.append("the drives do not hold frames of the same names: they go together by their order")
-    return tuple(zip(one.frames, other.frames, strict=False))
+    notes.append("the frames of the drives have different names: they are paired by their order")
+    return tuple(zip(first.frames, second.frames, strict=False))
 
 
-def _chosen(
+def _select_steps(
     steps: tuple[tuple[str, ...], ...], drive: Drive, wanted: str | None, most: int | None
 ) -> tuple[tuple[str, ...], ...]:
     if wanted is None:
@@ -119,11 +120,11 @@ def _chosen(
     if len(names) == 1 and names[0] not in by_name and names[0].isdecimal() and not names[0].startswith("0"):
         return _spread(steps, int(names[0]))
     if not names:
-        raise DriveError(f"--frames is {wanted!r}; give names with commas between, or a number above 0")
+        raise DriveError(f"--frames is {wanted!r}; give names separated by commas, or a number above 0")
     for name in names:
         drive[name]
         if name not in by_name:
-            raise DriveError(f"--frames names {name}, which the other drive lacks; name frames that both have")
+            raise DriveError(f"--frames names {name}, which is not in the other drive; name frames of both drives")
     return tuple(by_name[name] for name in names)
 
 
@@ -140,5 +141,5 @@ def _tracer(drive: Drive, name: str, sensor: str | None) -> tuple[ResidualTracer
     own = drive.sensor_path
     if own is not None:
         return ResidualTracer(drive, load_sensor(str(own))), ""
-    pattern = load_pattern(drive.pattern or _BARE)
+    pattern = load_pattern(drive.pattern or _DEFAULT_PATTERN)
     return ResidualTracer(drive, SensorModel(pattern, (), f"the bare pattern {pattern.name}")), ""

@@ -1,4 +1,4 @@
-"""The page as one file that needs nothing else: no server, no network."""
+"""Write the page as one self-contained file, without server or network access."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ def write_interactive(
     pictures: str | None = None,
     on_frame: Callable[[str], None] = lambda name: None,
 ) -> int:
-    """Write the page; it appears whole or not at all.
+    """Write the page atomically.
 
     Args:
-        shown: what to show.
-        file: where to; its folder is made if need be.
-        pictures: where the page of pictures is, relative to this one, if there is one.
-        on_frame: told the name of every frame before it is packed.
+        shown: drives to show.
+        file: file to write; its folder is created if it does not exist.
+        pictures: relative link to the page of pictures, if there is one.
+        on_frame: called with the name of every frame before it is packed.
 
     Returns:
         The size of the file [bytes].
 
     Raises:
         OutputError: the file cannot be written.
-        CosimError: a part of a frame is broken.
+        CosimError: a part of a frame is damaged.
     """
     head, tail = page_parts(shown.settings(served=False), shown.absences(), pictures=pictures)
     unfinished = file.with_name(f".{file.name}.unfinished")

@@ -1,9 +1,9 @@
-"""One frame as bytes for a page: a JSON header, then arrays and images, the whole deflated.
+"""Binary record of one frame for a page: a JSON header followed by arrays and images, compressed with gzip.
 
 Layout before gzip: uint32 little-endian length of the header, the header (UTF-8 JSON, padded with spaces to a
-multiple of 4), then the arrays; offsets count from the end of the header. Integers of 16 bits are stored as
-zigzag numbers in two planes, low bytes first, so that smooth columns deflate well; `delta` columns hold differences
-along the scan, the first from 0, modulo 2¹⁶.
+multiple of 4), then the arrays; offsets are relative to the end of the header. 16-bit integers are zigzag-encoded and
+stored in two planes, low bytes first, so that smooth columns compress well; `delta` columns contain differences along
+the scan, the first from 0, modulo 2¹⁶.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ UNSET = -32768
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """A value of every point.
+    """A quantised value of every point.
 
     Attributes:
-        name: as `x`, `intensity`.
+        name: name, for example `x` or `intensity`.
         values: (n,) integers: 0–255 for `u8`, else −32768–32767.
-        scale: what one step is worth, in the column's unit.
-        coding: how they are stored.
+        scale: size of one step in the column's unit.
+        coding: storage format.
     """
 
     name: str
@@ -58,13 +58,13 @@ def quantised(name: str, values: np.ndarray, scale: float, coding: Coding = "i16
 def pack(
     header: Mapping[str, Any], columns: Sequence[Column], images: Mapping[str, bytes], *, thorough: bool = True
 ) -> bytes:
-    """The bytes of a frame.
+    """Encode a frame.
 
     Args:
-        header: JSON values; gets the keys `columns` and `images`.
-        columns: of the points, all of one length.
+        header: JSON values; the keys `columns` and `images` are added.
+        columns: columns of equal length.
         images: encoded images by name.
-        thorough: deflate well rather than fast.
+        thorough: use strong instead of fast compression.
     """
     parts = [(column.name, column.encoded()) for column in columns] + list(images.items())
     starts = np.cumsum([0, *(len(data) for _, data in parts)]).tolist()

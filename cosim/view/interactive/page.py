@@ -1,4 +1,4 @@
-"""The page: its controls, its style, its script, and frames within it or at the server that gave it."""
+"""HTML of the interactive page: controls, style, script, and frames embedded in it or loaded from the server."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ _KEYS = (
 def page_parts(
     settings: Mapping[str, Any], absences: Iterable[tuple[str, tuple[str, ...]]], *, pictures: str | None = None
 ) -> tuple[str, str]:
-    """What stands before and after the frames in the page's HTML.
+    """HTML before and after the frames.
 
     Args:
-        settings: what the script must know, as JSON values.
-        absences: title and what is missing of each drive.
-        pictures: where the page of pictures is, if there is one.
+        settings: settings of the script, JSON values.
+        absences: title and missing parts of each drive.
+        pictures: link to the page of pictures, if there is one.
     """
     absences = list(absences)
     title = " | ".join(drive for drive, _ in absences)
@@ -59,7 +59,7 @@ def page_parts(
 
 
 def frame_element(kind: str, drive: int, name: str, data: bytes) -> str:
-    """A frame within the page."""
+    """HTML element that contains a frame."""
     text = base64.b64encode(data).decode()
     return f'<script type="text/plain" data-{kind}="{drive}" data-name="{escape(name)}">{text}</script>\n'
 
@@ -73,7 +73,7 @@ def _pane(title: str, missing: tuple[str, ...]) -> str:
         f'<section class="pane"><header><h1>{escape(title)}</h1><div class="facts"></div>{absent}</header>'
         '<div class="space"><canvas class="points" aria-label="points in three dimensions"></canvas>'
         '<canvas class="over"></canvas><div class="legend"></div><pre class="tip" hidden></pre>'
-        '<p class="fault" hidden>Points need WebGL, which this browser has turned off or lacks.</p></div>'
+        '<p class="fault" hidden>Points need WebGL, which is disabled or not available in this browser.</p></div>'
         '<div class="image"><canvas aria-label="camera image"></canvas>'
         '<p class="no-image" hidden>no camera images in this frame</p></div></section>'
     )

@@ -1,4 +1,4 @@
-"""Everything a page shows of one frame, as bytes."""
+"""Records of frames for the interactive page, as bytes."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from cosim.view.objects import Objects, PointInstances, find_objects, labelled_b
 from sensors.errors import SensorError
 
 _JPEG_QUALITY = 88
-_SENSOR_HEIGHT_M = 1.73  # of KITTI's LiDAR, where a drive does not tell its own
-_MOST_CLASSES = 4
+_SENSOR_HEIGHT_M = 1.73  # height of KITTI's LiDAR, for drives without a sensor height
+_MAX_CLASSES = 4
 
 
 class FrameRecords:
     """Makes the records of a drive's frames.
 
     Args:
-        drive: the drive.
-        residuals: traces the twin; None where that cannot be.
-        why_not: what to say then.
-        most_cameras: images a frame at most, the left colour image first.
-        thorough: deflate well rather than fast.
+        drive: drive.
+        residuals: tracer of the twin; None if there is no twin.
+        why_not: reason why there is no tracer.
+        most_cameras: maximum number of images per frame, the left colour image first.
+        thorough: use strong instead of fast compression.
     """
 
     def __init__(
@@ -49,20 +49,20 @@ class FrameRecords:
         return self._residuals is not None
 
     def whole(self, name: str) -> bytes:
-        """The bytes of a frame, see `packing`, with all that can be told of its points.
+        """Complete record of a frame; see `packing`.
 
         Raises:
-            CosimError: no such frame, or its points or a part that all else needs are broken.
+            CosimError: the frame does not exist, or its points or another required part are damaged.
         """
         return self._record(levelled(self.drive[name]), *self._traced(name), deferred=())
 
     def quick(self, name: str) -> bytes:
-        """The same without what the twin must be traced for; `extra` gives that."""
+        """Record without the columns that require tracing the twin, which `extra` provides."""
         frame = levelled(self.drive[name])
         return self._record(frame, None, self._why_not, () if self._residuals is None else _traced_modes(frame))
 
     def extra(self, name: str) -> bytes:
-        """What `quick` left out of a frame."""
+        """The columns that are missing in the record of `quick`."""
         modes = _traced_modes(self.drive[name])
         residuals, why_not = self._traced(name)
         if residuals is None:
@@ -100,7 +100,7 @@ class FrameRecords:
 
 
 def _traced_modes(frame: Frame) -> tuple[str, ...]:
-    """What is only known once the twin was traced."""
+    """Colour modes that require tracing the twin."""
     return ("residual",) if frame.has("hits") else ("residual", "material")
 
 
@@ -110,13 +110,13 @@ def _jpeg(image: np.ndarray) -> bytes:
 
 
 def _camera(frame: Frame, part: str) -> dict[str, Any]:
-    """The projection of homogeneous LiDAR axes to (u·d, v·d, d), row by row."""
+    """Projection of homogeneous LiDAR coordinates to (u·d, v·d, d), row by row."""
     matrix = frame.calibration.to_pixels(part.removeprefix("image_"))
     return {"name": part, "matrix": [float(f"{value:.9g}") for value in matrix.ravel()]}
 
 
 def _facts(frame: Frame, *, moves: bool) -> Facts:
-    """Time, ego speed (twins from labels know neither), points and labels."""
+    """Time and ego speed (not for twins from labels), points and labels."""
     facts: Facts = []
     if frame.has("twin/frames") and moves:
         twin = frame.twin
@@ -128,8 +128,8 @@ def _facts(frame: Frame, *, moves: bool) -> Facts:
     facts.append(("points", f"{len(frame.points):,}"))
     if frame.has("label_2"):
         classes = Counter(frame.labels.cared_for.type).most_common()
-        said = [f"{count} {name}" for name, count in classes[:_MOST_CLASSES]]
-        rest = sum(count for _, count in classes[_MOST_CLASSES:])
+        said = [f"{count} {name}" for name, count in classes[:_MAX_CLASSES]]
+        rest = sum(count for _, count in classes[_MAX_CLASSES:])
         facts.append(("labels", ", ".join([*said, f"{rest} others"] if rest else said) or "none"))
     return facts
 

@@ -31,16 +31,16 @@ class RerunError(CosimError):
 
 
 def log_to_rerun(shown: ShownDrives, file: Path | None, on_frame: Callable[[str], None] = lambda name: None) -> None:
-    """Log frames; each drive is a tree `world/ego/lidar` of its own.
+    """Log frames to Rerun; each drive has its own tree `world/ego/lidar`.
 
     Args:
-        shown: what to log.
-        file: an `.rrd` file to write; None opens the viewer.
-        on_frame: told the name of every frame before it is logged.
+        shown: drives to log.
+        file: `.rrd` file to write; None opens the viewer.
+        on_frame: called with the name of every frame before it is logged.
 
     Raises:
         RerunError: rerun-sdk is not installed, or its viewer does not open.
-        CosimError: a part of a frame is broken.
+        CosimError: a part of a frame is damaged.
     """
     rr = _rerun()
     rr.init(_APPLICATION)

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PointResiduals:
-    """What a sensor model says of the points of a frame.
+    """Residuals of the points of a frame for a sensor model.
 
     Attributes:
-        metres: (n,) measured − expected range [m]; NaN where the point fits no beam or its beam meets nothing.
-        material: (n,) uint8 row of `materials` of the surface that the point's beam meets; `NO_MATERIAL` for none.
-        materials: names.
+        metres: (n,) measured − expected range [m]; NaN if the point matches no beam or its beam hits no surface.
+        material: (n,) uint8 index in `materials` of the surface that the point's beam hits; `NO_MATERIAL` for none.
+        materials: names of the materials.
     """
 
     metres: np.ndarray
@@ -34,11 +34,11 @@ class PointResiduals:
 
 
 class ResidualTracer:
-    """Traces the frames of a drive with a sensor model; reads the twin when the first frame is asked for.
+    """Traces the frames of a drive with a sensor model; the twin is read when the first frame is traced.
 
     Args:
-        drive: with points and a twin.
-        sensor: the model.
+        drive: drive with points and a twin.
+        sensor: sensor model.
     """
 
     def __init__(self, drive: Drive, sensor: SensorModel) -> None:
@@ -46,11 +46,11 @@ class ResidualTracer:
         self._one_at_a_time = threading.Lock()
 
     def trace(self, name: str) -> PointResiduals:
-        """The residuals of a frame; may be called from any thread.
+        """Compute the residuals of a frame; thread-safe.
 
         Raises:
-            DriveError: the twin is not that of the drive.
-            CosimError: a part of the frame is broken or absent.
+            DriveError: the twin does not match the drive.
+            CosimError: a part of the frame is damaged or does not exist.
         """
         with self._one_at_a_time:
             return self._trace(name)

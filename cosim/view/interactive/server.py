@@ -1,4 +1,4 @@
-"""A small server on this machine alone: the page, and frames as they are asked for."""
+"""Local HTTP server of the page and of frames on request."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ class ServeError(CosimError):
 class ViewServer(ThreadingHTTPServer):
     """Serves drives on the loopback interface.
 
-    Only frames that the page knows are given; a name is looked up, never made into a path. Requests under another
-    host name are refused, so that no foreign web page can reach the frames through the user's browser.
+    Only the frames of the page are served; names are looked up and never used as paths. Requests with another host name
+    are refused, so that other web pages cannot read the frames through the user's browser (DNS rebinding).
 
     Args:
-        shown: what to show.
-        port: 0 for any that is free.
+        shown: drives to show.
+        port: port number; 0 for any free port.
 
     Raises:
-        ServeError: the port is taken or may not be used.
+        ServeError: the port is in use or not permitted.
     """
 
     daemon_threads = True
@@ -52,7 +52,7 @@ class ViewServer(ThreadingHTTPServer):
 
     @property
     def address(self) -> str:
-        """Where the page is."""
+        """URL of the page."""
         return f"http://{LOOPBACK}:{self.server_port}/"
 
 
@@ -98,5 +98,5 @@ class _Handler(BaseHTTPRequestHandler):
             _LOG.debug("%s was given up by the browser", self.path)
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Requests are not worth a line each."""
+        """Do not log requests."""
         _LOG.debug(format, *args)

@@ -18,7 +18,7 @@ def test_the_command_line_wins_over_the_file(tmp_path):
         ("frames: many\n", "frames: .*got 'many'"),
         ("seed: -3\n", "seed: .*got -3"),
         ("backend: opengl\n", "backend: .*'osmesa' or 'egl'.*got 'opengl'"),
-        ("- a\n- b\n", "holds list"),
+        ("- a\n- b\n", "contains list"),
         ("a: [1\n", "is not YAML"),
     ],
 )

@@ -215,7 +215,7 @@ def test_settings_that_do_not_go_together_are_refused(tmp_path, three):
     (tmp_path / "c.yaml").write_text("rig: roof_three\nmounts: {lidar: {x_m: 0, z_m: 2}}\n")
     assert "write the mounts into the rig's file" in refused("run", tmp_path / "c.yaml", "--out", tmp_path / "d")
     said = refused("run", "--rig", "roof_three", "--sensor", "vlp16", "--out", tmp_path / "d")
-    assert "every LiDAR of the rig has its own" in said
+    assert "every LiDAR of the rig names its own" in said
     assert "choose one of kitti, mast" in refused("run", "--rig", "none", "--out", tmp_path / "d")
     assert (
         "is not an image folder" in refused("run", tmp_path / "i.yaml", "--out", tmp_path / "d")

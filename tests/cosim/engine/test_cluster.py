@@ -113,9 +113,9 @@ def test_a_users_mistake_reaches_the_user(tmp_path):
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        (["--engine", "dask"], "--engine dask needs --address tcp://HOST:PORT"),
+        (["--engine", "dask"], "--engine dask needs the address of its scheduler"),
         (["--engine", "dask", "--address", "tcp://127.0.0.1:1"], "no Dask scheduler answers at tcp://127.0.0.1:1"),
-        (["--engine", "dask", "--address", "nonsense://x"], "'nonsense://x' is no address of a Dask scheduler"),
+        (["--engine", "dask", "--address", "nonsense://x"], "'nonsense://x' is not the address of a Dask scheduler"),
         (["--address", "tcp://127.0.0.1:1"], "--address applies only to --engine dask"),
     ],
 )

@@ -79,7 +79,7 @@ def test_a_pattern_that_is_not_the_scans_is_told(tmp_path, capsys):
     points, elevation_deg = sparse()
     drive = write_drive(tmp_path / "drive", points)
     other = write_pattern(tmp_path / "other.yaml", elevation_deg + 8)
-    assert "pattern other: its rings look" in refusal(drive, other, capsys)
+    assert "pattern other: its elevations differ by" in refusal(drive, other, capsys)
 
 
 def test_a_mount_too_low_for_its_rings_is_told(tmp_path, capsys):

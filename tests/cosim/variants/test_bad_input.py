@@ -39,7 +39,7 @@ def refusal(*arguments):
     [
         ("duall", "'duall' does not exist"),
         ("dual,dual", "two variants would be written to dual/"),
-        (",", "names none"),
+        (",", "names no sensor"),
     ],
 )
 def test_an_unknown_or_doubled_variant(hamlet_drive, tmp_path, variant, complaint):
@@ -81,7 +81,7 @@ def test_a_folder_that_holds_something_else(hamlet_drive, tmp_path):
     (other / "manifest.jsonl").write_text("".join((hamlet_drive / "manifest.jsonl").open().readlines()[:3]))
     make_variants(other, "vlp16", tmp_path / "v")
     assert "other settings" in refusal(hamlet_drive, "--variant", "vlp16", "--out", tmp_path / "v")
-    assert "lies within the drive" in refusal(hamlet_drive, "--variant", "vlp16", "--out", hamlet_drive / "v")
+    assert "is inside the drive" in refusal(hamlet_drive, "--variant", "vlp16", "--out", hamlet_drive / "v")
     (tmp_path / "w/vlp16").mkdir(parents=True)
     (tmp_path / "w/vlp16/notes.txt").write_text("mine")
     assert "holds no drive" in refusal(hamlet_drive, "--variant", "vlp16", "--out", tmp_path / "w")

@@ -38,7 +38,7 @@ def test_a_file_is_all_there_is(labelled_drive: Path, tmp_path: Path, capsys: py
     assert [file.name for file in page.parent.iterdir()] == ["page.html"]
     assert names_in(page) == ["000000", "000002"]
     said = capsys.readouterr().err
-    assert "2 of 3 frames" in said and "--serve shows all" in said
+    assert "2 of 3 frames" in said and "show all with --serve" in said
     assert not re.search(r'(?:src|href)="|https?://|@import', page.read_text(encoding="utf-8"))
 
 
