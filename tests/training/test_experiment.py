@@ -69,9 +69,9 @@ def test_two_rows_that_answer_alike_do_not_differ_and_a_perfect_one_is_above_a_b
         row("blind", 0, draws * 0),
     ]
     said = {comparison.name.split()[0]: comparison for comparison in differences(rows)}
-    assert said["same"].low < 0 < said["same"].high and said["same"].verdict == "may be chance"
+    assert said["same"].low < 0 < said["same"].high and said["same"].verdict == "not significant"
     assert said["blind"].high < 0 and said["blind"].gap == pytest.approx(-70.1)
-    assert said["blind"].verdict == "more than chance"
+    assert said["blind"].verdict == "significant"
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +126,7 @@ def test_a_gain_is_after_less_before():
 
     row = Row("dual", {**scores(50.0), "before": scores(40.0), "gain_ci95": {"3d": [-2.0, 15.0]}})
     (gain,) = gains([row, Row("real", scores(60.0))])
-    assert gain.gap == pytest.approx(10) and gain.verdict == "may be chance"
+    assert gain.gap == pytest.approx(10) and gain.verdict == "not significant"
 
 
 def test_fine_tuning_counts_epochs_whatever_the_training_counted():

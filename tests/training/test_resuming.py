@@ -109,7 +109,7 @@ def test_fine_tuning_begins_from_a_checkpoints_weights_and_frozen_parts_keep_the
         ({"batch_size": 0}, "batch_size"),
         ({"from_checkpoint": "nothing.pt"}, "nothing.pt"),
         ({"freeze": ["neck"]}, "parts of pillars_small are vfe"),
-        ({"model": {**_TINY, "layers": [1]}}, "one entry a stage"),
+        ({"model": {**_TINY, "layers": [1]}}, "one entry per stage"),
     ],
 )
 def test_mistakes_end_in_one_line(tiny_drive, tmp_path, capsys, change, words):

@@ -3,8 +3,8 @@
 The error types are those of TIDE (Bolya, Foley, Hays & Hoffman, "TIDE: A General Toolbox for Identifying Object
 Detection Errors", ECCV 2020, section 2.2), with its localisation error split into the parts of an upright box. Every
 detection that counts belongs to the object it overlaps most from above, if by more than 0.1. One of the detections of
-an object is its box, the others are duplicates. A detection without object is a false alarm, or a box on an object of another
-class. An object without detection is missed.
+an object is its box, the others are duplicates. A detection without object is a false alarm, or a box on an object of
+another class. An object without detection is missed.
 
 Correcting an error type removes its errors and leaves everything else, including scores, unchanged: false alarms, boxes
 on other classes and duplicates are removed, missed objects are no longer counted, and the position, height, size or
