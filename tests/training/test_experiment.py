@@ -46,7 +46,7 @@ def run(folder: Path, table: str, *further: object) -> dict:
     return json.loads((folder / "table.json").read_text())
 
 
-def test_rows_without_frames_say_so_and_the_papers_figures_stand_beside_ours(drives):
+def test_rows_without_frames_contain_the_reason_and_the_papers_figures_are_included(drives):
     said = {row["name"]: row for row in run(drives, "synthetic_to_real")["rows"]}
     assert len(said["dual"]["3d"]) == 3 and said["dual"]["reason"] is None
     assert said["dual"]["paper_3d"] == [76.9, 64.3, 61.5]
@@ -55,7 +55,7 @@ def test_rows_without_frames_say_so_and_the_papers_figures_stand_beside_ours(dri
     assert "64.3" in (folder / "index.html").read_text() and "64.3" in (folder / "table.md").read_text()
 
 
-def test_two_rows_that_answer_alike_do_not_differ_and_a_perfect_one_is_above_a_blind_one():
+def test_differences_of_similar_rows_are_not_significant_and_those_of_a_blind_row_are():
     settings = {"test": {"drive": "real"}}
     draws = np.random.default_rng(0).uniform(60, 80, 200)
 
@@ -69,9 +69,9 @@ def test_two_rows_that_answer_alike_do_not_differ_and_a_perfect_one_is_above_a_b
         row("blind", 0, draws * 0),
     ]
     said = {comparison.name.split()[0]: comparison for comparison in differences(rows)}
-    assert said["same"].low < 0 < said["same"].high and said["same"].verdict == "may be chance"
+    assert said["same"].low < 0 < said["same"].high and said["same"].verdict == "not significant"
     assert said["blind"].high < 0 and said["blind"].gap == pytest.approx(-70.1)
-    assert said["blind"].verdict == "more than chance"
+    assert said["blind"].verdict == "significant"
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,7 @@ def test_finished_rows_and_trainings_are_taken_up(few_shot):
     assert all(path.stat().st_mtime_ns == before for path, before in checkpoints.items())
 
 
-def test_fine_tuning_stands_beside_what_was_before_and_the_few_frames_alone(few_shot):
+def test_fine_tuning_is_reported_with_the_figures_before_and_the_row_of_real_frames(few_shot):
     rows = {row["name"]: row for row in run(few_shot, "few_shot")["rows"]}
     before = {row["name"]: row for row in run(few_shot, "synthetic_to_real", "--only", "dual")["rows"]}
     assert rows["dual"]["before"]["3d"] == before["dual"]["3d"]
@@ -100,7 +100,7 @@ def test_fine_tuning_stands_beside_what_was_before_and_the_few_frames_alone(few_
     assert "before fine-tuning" in (few_shot / "out" / "tables" / "few_shot" / "index.html").read_text()
 
 
-def test_what_fine_tuning_changes_can_be_given_and_is_checked_first(drives, capsys):
+def test_changes_for_fine_tuning_are_applied_and_validated_first(drives, capsys):
     (drives / "tune.yaml").write_text("epochs: 1\naugment: {tilt_deg: 0.5}\n")
     assert run(drives, "few_shot", "--fine-tune", drives / "tune.yaml")["rows"]
     tuned = yaml.safe_load((drives / "out" / "fine_tuned" / "few-dual" / "config.yaml").read_text())
@@ -111,7 +111,7 @@ def test_what_fine_tuning_changes_can_be_given_and_is_checked_first(drives, caps
     assert "tune.yaml: unknown key 'epoch'" in capsys.readouterr().err and not (drives / "other").exists()
 
 
-def test_a_finished_row_with_other_settings_is_not_taken_up(drives, capsys):
+def test_a_finished_row_with_other_settings_is_not_reused(drives, capsys):
     run(drives, "synthetic")
     config = yaml.safe_load((drives / "config.yaml").read_text())
     (drives / "config.yaml").write_text(yaml.safe_dump({**config, "seed": 5}))
@@ -120,13 +120,13 @@ def test_a_finished_row_with_other_settings_is_not_taken_up(drives, capsys):
     assert "other settings (seed was 0)" in capsys.readouterr().err
 
 
-def test_a_gain_is_after_less_before():
+def test_a_gain_is_after_minus_before():
     def scores(mean: float) -> dict:
         return {"Car": {"3d": {"R40": [0.0, mean, 0.0]}}}
 
     row = Row("dual", {**scores(50.0), "before": scores(40.0), "gain_ci95": {"3d": [-2.0, 15.0]}})
     (gain,) = gains([row, Row("real", scores(60.0))])
-    assert gain.gap == pytest.approx(10) and gain.verdict == "may be chance"
+    assert gain.gap == pytest.approx(10) and gain.verdict == "not significant"
 
 
 def test_fine_tuning_counts_epochs_whatever_the_training_counted():

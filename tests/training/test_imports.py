@@ -23,7 +23,7 @@ _MAY_IMPORT = {
 }
 
 
-def test_importing_packages_and_scoring_leave_torch_alone():
+def test_importing_packages_and_scoring_do_not_import_torch():
     modules = "cosim.cli, training, training.data, training.models, training.evaluation, training.config"
     code = f"import sys, {modules}, training.experiments, training.openpcdet; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=120).returncode == 0

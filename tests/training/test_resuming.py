@@ -88,7 +88,7 @@ def test_other_settings_do_not_go_on_from_a_checkpoint(tiny_drive, tmp_path, cap
     assert "learning_rate was 0.003" in capsys.readouterr().err
 
 
-def test_fine_tuning_begins_from_a_checkpoints_weights_and_frozen_parts_keep_them(tiny_drive, tmp_path):
+def test_fine_tuning_starts_from_the_checkpoint_and_does_not_change_frozen_parts(tiny_drive, tmp_path):
     config = write_config(tmp_path, tiny_drive, epochs=1)
     assert main(["train", str(config), "--out", str(tmp_path / "first"), "--quiet"]) == 0
     checkpoint = tmp_path / "first" / "checkpoint.pt"
@@ -109,17 +109,17 @@ def test_fine_tuning_begins_from_a_checkpoints_weights_and_frozen_parts_keep_the
         ({"batch_size": 0}, "batch_size"),
         ({"from_checkpoint": "nothing.pt"}, "nothing.pt"),
         ({"freeze": ["neck"]}, "parts of pillars_small are vfe"),
-        ({"model": {**_TINY, "layers": [1]}}, "one entry a stage"),
+        ({"model": {**_TINY, "layers": [1]}}, "one entry per stage"),
     ],
 )
-def test_mistakes_end_in_one_line(tiny_drive, tmp_path, capsys, change, words):
+def test_errors_are_one_line(tiny_drive, tmp_path, capsys, change, words):
     config = write_config(tmp_path, tiny_drive, **change)
     assert main(["train", str(config), "--out", str(tmp_path / "out"), "--quiet"]) == 2
     error = capsys.readouterr().err
     assert words in error and error.count("\n") == 1
 
 
-def test_running_out_of_memory_says_which_setting_to_lower(tiny_drive, tmp_path, capsys, monkeypatch):
+def test_out_of_memory_error_names_the_setting_to_lower(tiny_drive, tmp_path, capsys, monkeypatch):
     from training import loop
 
     def full(*_):

@@ -66,7 +66,7 @@ def sensor_file(yard: Yard, name: str, *effects: dict) -> Path:
     return path
 
 
-def test_scans_of_the_twin_differ_by_what_is_left_out_alone(yard):
+def test_scans_of_the_twin_differ_only_by_the_removed_effect(yard):
     drive, blind = Drive(yard.drive), load_sensor(sensor_file(yard, "blind.yaml", NOISE, NEARLY_BLIND))
     plain = load_sensor(yard.sensor)
     (_, scans), *_ = rescans(drive, drive.frames[:1], [plain, blind, without(blind, "random_dropout")])

@@ -145,13 +145,13 @@ def _assign(task: Task, order: np.ndarray, thresholds: np.ndarray) -> np.ndarray
     order_in_frame = np.arange(len(objects)) - np.searchsorted(frame, frame)
     steps = np.arange(len(thresholds))[:, None]
     for number in range(order_in_frame.max(initial=-1) + 1):
-        rows_now = np.flatnonzero(order_in_frame == number)
-        positions = begin[rows_now, None] + np.arange(counts[rows_now].max())
-        is_scored = np.arange(counts[rows_now].max()) < counts[rows_now, None]
-        candidates = np.where(is_scored, detection[np.minimum(positions, len(detection) - 1)], free.shape[1] - 1)
+        rows = np.flatnonzero(order_in_frame == number)
+        positions = begin[rows, None] + np.arange(counts[rows].max())
+        is_present = np.arange(counts[rows].max()) < counts[rows, None]
+        candidates = np.where(is_present, detection[np.minimum(positions, len(detection) - 1)], free.shape[1] - 1)
         is_free = free[:, candidates]
-        best = candidates[np.arange(len(rows_now)), is_free.argmax(-1)]
+        best = candidates[np.arange(len(rows)), is_free.argmax(-1)]
         is_assigned = is_free.any(-1)
-        taken[:, objects[rows_now]] = np.where(is_assigned, best, -1)
+        taken[:, objects[rows]] = np.where(is_assigned, best, -1)
         free[steps, np.where(is_assigned, best, free.shape[1] - 1)] = False
     return taken

@@ -111,7 +111,7 @@ def _parts(result: Result, part: np.ndarray, names: Sequence[str]) -> list[Slice
     assigned, false_positives = assign_detections(task, thresholds), count(task, thresholds).fp[:, 0]
     hit = (assigned >= 0) & task.valid[assigned]
     everything = task.object_counts.sum()
-    slices_ = []
+    result_slices = []
     for number, name in enumerate(names):
         in_part = task.object_counts & (part == number)
         if not in_part.any():
@@ -125,5 +125,5 @@ def _parts(result: Result, part: np.ndarray, names: Sequence[str]) -> list[Slice
             where=expected_hits + false_positives > 0,
         )
         best = 100 * float(recall.max(initial=0.0))
-        slices_.append(Slice(name, int(in_part.sum()), continuous_average(recall, precision), best))
-    return slices_
+        result_slices.append(Slice(name, int(in_part.sum()), continuous_average(recall, precision), best))
+    return result_slices

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from training.evaluation.bootstrap import interval
-from training.experiments.scored_rows import Row
+from training.experiments.run import Row
 
 _METRICS = {"3d": "3D", "bev": "from above"}
 
@@ -30,7 +30,7 @@ class Comparison:
     @property
     def verdict(self) -> str:
         """Whether the interval excludes 0."""
-        return "may be chance" if self.low <= 0 <= self.high else "more than chance"
+        return "not significant" if self.low <= 0 <= self.high else "significant"
 
     @property
     def in_words(self) -> str:

@@ -18,15 +18,8 @@ from training.models.roi_pool import grid_points
 
 _IOU_HIGH, _IOU_LOW, _IOU_REFINED = 0.75, 0.25, 0.55
 _POSITIVE_SHARE = 0.5
-_JITTER_SD = (
-    0.3,
-    0.2,
-    0.1,
-    0.08,
-    0.05,
-    0.06,
-    0.08,
-)  # x, y, z [m], logarithms of sizes, heading [rad]
+# Standard deviations of x, y, z [m], logarithms of sizes, heading [rad].
+_JITTER_SD = (0.3, 0.2, 0.1, 0.08, 0.05, 0.06, 0.08)
 _ON_IGNORED = 0.25  # minimum overlap of a region on an ignored object, which is not used in training
 
 
@@ -119,8 +112,8 @@ def choose_rois(rois: Tensor, objects: Tensor, count: int, generator: torch.Gene
     overlap, object_rows = overlap_3d(rois, objects).max(1)
     positive = torch.nonzero(overlap >= _IOU_REFINED)[:, 0]
     negative = torch.nonzero(overlap < _IOU_REFINED)[:, 0]
-    parts_of_field = _draw(positive, round(count * _POSITIVE_SHARE), generator)
-    rows = torch.cat([parts_of_field, _draw(negative, count - len(parts_of_field), generator)])
+    chosen = _draw(positive, round(count * _POSITIVE_SHARE), generator)
+    rows = torch.cat([chosen, _draw(negative, count - len(chosen), generator)])
     return rois[rows], objects[object_rows[rows]], overlap[rows]
 
 

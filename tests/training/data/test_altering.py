@@ -31,7 +31,7 @@ def test_points_stay_in_their_boxes_when_a_frame_is_flipped_turned_and_scaled(se
     assert not np.allclose(before.boxes, after.boxes)
 
 
-def test_an_object_made_larger_keeps_its_points_at_its_faces_and_stands_where_it_stood():
+def test_a_scaled_object_keeps_its_points_at_its_faces_and_its_bottom_centre():
     rng = np.random.default_rng(3)
     before = sample(rng)
     settings = Augment(flip=0, rotation_deg=0, scale=0, samples={}, object_scale=0.2)

@@ -161,7 +161,7 @@ def run(folder, *more: object) -> int:
     return main([str(word) for word in ("losses", *given, *more)])
 
 
-def test_two_detectors_are_held_against_each_other(folders, capsys):
+def test_two_detectors_are_compared(folders, capsys):
     assert run(folders, "--against", folders / "half", "--out", folders / "page", "--json", folders / "it.json") == 0
     said = json.loads((folders / "it.json").read_text())
     high, half = said["sets"]
@@ -180,7 +180,7 @@ def test_two_detectors_are_held_against_each_other(folders, capsys):
         (["--class", "Cyclist"], "no box of Cyclist"),
     ],
 )
-def test_mistakes_are_told_in_one_line(folders, capsys, more, words):
+def test_errors_are_one_line(folders, capsys, more, words):
     assert run(folders, "--quiet", *more) == 2
     error = capsys.readouterr().err
     assert words in error and error.count("\n") == 1

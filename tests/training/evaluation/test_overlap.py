@@ -25,7 +25,7 @@ def test_shared_areas_are_those_of_a_geometry_library(a, b):
 
 
 @given(_RECTANGLE)
-def test_a_rectangle_covers_itself_however_it_is_turned_and_wherever_it_stands(a):
+def test_a_rectangle_covers_itself_at_every_pose(a):
     same = np.array([a])
     assert paired_iou(same, same)[0] == pytest.approx(1)
     far = same + np.array([1000, -1000, 0, 0, math.pi])

@@ -175,7 +175,7 @@ def test_a_mapping_of_classes_that_means_nothing_is_refused():
     frames = pair_frames([cars()], [sure(cars())])
     with pytest.raises(EvaluationError, match="NAME=CLASS"):
         parse_classes(["Vehicle=Lorry"])
-    with pytest.raises(EvaluationError, match="the files hold car"):
+    with pytest.raises(EvaluationError, match="the files contain car"):
         rename_classes(frames, parse_classes(["Vehicle=Car"]))
 
 

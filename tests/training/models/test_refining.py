@@ -100,7 +100,7 @@ def test_regions_without_points_and_frames_without_regions_are_no_trouble(refine
     assert refined(refiner, points, boxes[:0])[1].shape == (0, 7)
 
 
-def test_half_of_the_regions_are_on_objects_and_none_is_on_an_ignored_one_alone():
+def test_half_of_the_regions_are_on_objects_and_none_is_only_on_an_ignored_one():
     points, boxes = (some.numpy() for some in seen())
     class_ids = np.array([0, IGNORED])
     batch = collate(
@@ -117,7 +117,7 @@ def test_half_of_the_regions_are_on_objects_and_none_is_on_an_ignored_one_alone(
     assert (regions.overlap[~first] == 0).all()
 
 
-def test_a_second_stage_is_put_onto_a_first_one_that_was_trained_alone(tmp_path):
+def test_a_second_stage_is_added_to_a_trained_first_stage(tmp_path):
     alone, both = (ModelSettings.model_validate({**_TINY, "refine": refine}) for refine in (False, True))
     first = build_detector(alone, ("Car",))
     save_checkpoint(tmp_path / "first.pt", first, alone, ("Car",))
@@ -132,7 +132,7 @@ def test_a_second_stage_is_put_onto_a_first_one_that_was_trained_alone(tmp_path)
     assert again.settings.refine and set(again.state_dict()) == set(before)
 
 
-def test_what_intensities_are_changes_nothing_for_a_detector_that_is_not_told_them():
+def test_intensities_have_no_influence_on_a_detector_without_them():
     points, boxes = seen()
     sample = Sample("cars", points[:, 1:].numpy(), boxes.numpy(), np.zeros(len(boxes), np.int64))
     bright = replace(sample, points=sample.points * np.float32([1, 1, 1, 0]) + np.float32([0, 0, 0, 0.7]))
@@ -146,7 +146,7 @@ def test_what_intensities_are_changes_nothing_for_a_detector_that_is_not_told_th
     assert not ModelSettings().intensity and ModelSettings(name="pointpillars").intensity
 
 
-def test_a_checkpoint_from_before_that_choice_is_told_intensities(tmp_path):
+def test_an_old_checkpoint_without_the_key_uses_intensities(tmp_path):
     detector = build_detector(ModelSettings.model_validate(_TINY), ("Car",))
     save_checkpoint(tmp_path / "a.pt", detector, detector.settings, ("Car",))
     content = torch.load(tmp_path / "a.pt")
