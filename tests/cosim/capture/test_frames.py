@@ -13,6 +13,7 @@ from cosim.drives.twin import read_glb
 from sensors.hits import Hits
 from sensors.hits_file import load_hits
 from sensors.pattern import load_pattern
+from sensors.point_cloud import bare_returns
 from sensors.scene import Instances, Scene
 from sensors.tracing import Tracer
 
@@ -68,7 +69,7 @@ def test_labelled_boxes_hold_the_points_of_their_own_instance(drive):
     shares = []
     for name in drive.frames:
         frame, hits = drive[name], hits_of(drive, name)
-        instance = hits.solid.instance[hits.solid.exists]
+        instance = bare_returns(hits).in_file_order().instance
         labels = frame.labels.cared_for
         boxes = labels.boxes_velo(frame.calibration)
         centres = np.array([i.pose[:3, 3] for i in frame.twin.instances]) - lidar_pose(frame)[:3, 3]
