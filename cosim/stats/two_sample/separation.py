@@ -25,6 +25,8 @@ from cosim.stats.two_sample.result import (
     TwoSample,
 )
 
+_LEAF, _LEAVES = 20, 10  # patches in a leaf; leaves that few patches are divided into at least
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -128,14 +130,15 @@ def _cross_fit(
     weight = np.where(truth == 1, 0.5 / truth.mean(), 0.5 / (1 - truth.mean()))
     score = np.zeros(len(truth))
     for held in np.unique(fold):
+        train, test = fold != held, fold == held
         trees = HistGradientBoostingClassifier(
             max_iter=settings.trees,
             max_leaf_nodes=settings.leaves,
+            min_samples_leaf=min(_LEAF, max(int(train.sum()) // _LEAVES, 1)),  # few patches must be split, too
             l2_regularization=1.0,
             early_stopping=False,
             random_state=int(rng.integers(2**31)),
         )
-        train, test = fold != held, fold == held
         exists = np.isfinite(figures[train]).any(0)  # figures that no patch has, such as runs of zeros without a zero
         if not exists.any():
             score[test] = 0.5

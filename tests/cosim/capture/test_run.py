@@ -114,7 +114,7 @@ def test_a_second_run_is_refused_and_a_recording_process_that_is_killed_is_repla
     os.kill(child, signal.SIGKILL)
     os.killpg(process.pid, signal.SIGCONT)
     _, errors = process.communicate(timeout=300)
-    assert process.returncode == 0 and "tried once more" in errors and "killed by signal 9" in errors
+    assert process.returncode == 0 and "is retried" in errors and "killed by signal 9" in errors
     assert checksums(folder) == checksums(blind_drive)
 
 
