@@ -31,6 +31,7 @@ class Parameter:
         per_ring: a list with one value a laser.
         choices: allowed words, for parameters that are no numbers.
         per_axis: a list with values for length, width and height; one number stands for all three.
+        is_table: a column of a table, with any number of rows.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Parameter:
     per_ring: bool
     choices: tuple[str, ...] = ()
     per_axis: bool = False
+    is_table: bool = False
 
 
 class Effect(BaseModel):

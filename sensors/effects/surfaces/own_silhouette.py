@@ -46,8 +46,11 @@ class OwnSilhouette(EchoEffect):
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
-        """Its parameters: lists of sectors, not of lasers."""
-        return tuple(replace(parameter, per_ring=False) for parameter in super().parameters())
+        """Its parameters: columns of a table with a row per sector."""
+        return tuple(
+            replace(parameter, per_ring=False, is_table=True, unit="°" if parameter.name.endswith("_deg") else "")
+            for parameter in super().parameters()
+        )
 
     def check(self, pattern: Pattern) -> None:
         """Raise ValueError where a sector is of a laser that the pattern does not have."""

@@ -20,7 +20,7 @@ NUMBERS = [
     (name, parameter)
     for name, kind in built_in_effects().items()
     for parameter in kind.parameters()
-    if not parameter.choices
+    if not parameter.choices and not parameter.is_table
 ]
 
 
