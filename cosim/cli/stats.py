@@ -63,7 +63,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     separation = None
     if len(sets) > 1:
         with ProgressReport(console, "telling the sets apart") as report:
-            separation = separate(*sources[:2], options.units, options.sector_deg, on_frame=report.advance)
+            separation = separate(sources[0], sources[1], options.units, options.sector_deg, on_frame=report.advance)
     given = options.set.resolve()
     page = write_stats(options.out or given.with_name(f"{given.name}-stats"), sets, distances, beside, separation)
     _print_separation(separation, console)
