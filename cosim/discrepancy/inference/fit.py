@@ -245,7 +245,7 @@ class Fitter:
         return Column(delta, self.sample.ring if unknown.rings > 1 else None, unknown.rings)
 
     def _predict_changed(self, effects: tuple[Effect, ...], parameter: Free, value: np.ndarray) -> Prediction:
-        """Predict with another value of parameter parameter."""
+        """Predict with another value of one parameter."""
         moved = with_values(effects[parameter.effect], {parameter.unknown.name: value})
         return self.sample.predict((*effects[: parameter.effect], moved, *effects[parameter.effect + 1 :]))
 
@@ -570,7 +570,7 @@ def _deviations(effects: tuple[Effect, ...], free: Sequence[Free]) -> np.ndarray
 
 
 def _updated_prior_precisions(lists: np.ndarray, deviations: np.ndarray, information: np.ndarray) -> np.ndarray:
-    """Precisions (p,) of the priors of per-laser lists after number EM step (Dempster, Laird and Rubin, 1977)."""
+    """Precisions (p,) of the priors of per-laser lists after one EM step (Dempster, Laird and Rubin, 1977)."""
     spread = deviations**2 + np.diag(np.linalg.pinv(information, hermitian=True))
     precisions = np.zeros(len(lists))
     for number in range(1, int(lists.max()) + 1):

@@ -26,7 +26,17 @@ _TAKEN_UP = 0.2  # of what an effect still does to the points of a map, at most;
 
 @dataclass(frozen=True)
 class Judgement:
-    """What is said of the findings of a round beyond the diagnosis; fields as of `Round`."""
+    """Results of a round in addition to its diagnosis.
+
+    Attributes:
+        transfers: what each finding does to untouched scans, see `acceptance.Transfer`.
+        accepted: file with the findings that lower the error of untouched scans, or that move points.
+        limits: what the path of the sensor does not vary, as predicates of the drive.
+        sweep_scale: share of the motion in a sweep that points are freed of where no effect says it.
+        directions: angles between the beams that two halves give, see `DirectionError`; of the last round only.
+        advice: what to record next, see `Advice`; of the last round only.
+        cpu_s: processor time of the round.
+    """
 
     transfers: list[dict[str, Any]]
     accepted: str
@@ -38,7 +48,7 @@ class Judgement:
 
 
 @dataclass(frozen=True)
-class Round:
+class Round(Judgement):
     """What one round gave; paths are relative to the calibration's folder.
 
     Attributes:
@@ -56,13 +66,6 @@ class Round:
         thickness_ground_m, thickness_walls_m: of the map.
         held_out_m: spread of untouched scans across the map.
         moved: whether a finding moves points, so that the map is to be made anew.
-        transfers: what each finding does to untouched scans, see `acceptance.Transfer`.
-        accepted: file with the findings that lower the error of untouched scans, or that move points.
-        limits: what the path of the sensor does not vary, as predicates of the drive.
-        sweep_scale: share of the motion in a sweep that points are freed of where no effect says it.
-        directions: angles between the beams that two halves give, see `DirectionError`; of the last round only.
-        advice: what to record next, see `Advice`; of the last round only.
-        cpu_s: processor time of the round.
         notes: a sentence each.
     """
 
@@ -85,13 +88,6 @@ class Round:
     thickness_walls_m: float
     held_out_m: float | None
     moved: bool
-    transfers: list[dict[str, Any]]
-    accepted: str
-    limits: list[str]
-    sweep_scale: float
-    directions: dict[str, Any] | None
-    advice: list[dict[str, Any]]
-    cpu_s: float
     notes: list[str]
 
     def write(self, folder: Path) -> None:
