@@ -13,6 +13,10 @@ from cosim.discrepancy.inference.dependence import ANGLES, SPREADS, SPURIOUS
 from cosim.discrepancy.inference.score import QUANTITIES, Quantity, SparseMatrix, scaled
 from sensors.effects.base import Effect
 
+# In the order of cause: a misplaced surface also changes intensities, spurious returns and losses, and a weak intensity
+# losses.
+FAMILIES = ("range", "intensity", "returns")
+
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
@@ -107,7 +111,7 @@ class Group:
 
     @property
     def family(self) -> str:
-        """Family of the channel: range, intensity or returns."""
+        """Family of the channel: one of `FAMILIES`."""
         name = self.channel.removeprefix("shared_")
         if name.startswith("intensity"):
             return "intensity"

@@ -85,11 +85,26 @@ class _State:
     residuals: Residuals
 
 
+@dataclass(frozen=True, eq=False)
+class _CachedDerivatives:
+    """Derivatives of one model.
+
+    Attributes:
+        effects: effects at whose parameters the derivatives were computed.
+        columns: derivative of the prediction for each free parameter.
+        is_exact: whether all were computed with all effects.
+    """
+
+    effects: tuple[Effect, ...]
+    columns: dict[Free, Column]
+    is_exact: bool
+
+
 class DerivativeCache:
     """Cache of the derivatives with respect to effect parameters, and of the parameter values they belong to."""
 
     def __init__(self) -> None:
-        self._entries: list[tuple[tuple[Effect, ...], dict[Free, Column]]] = []
+        self._entries: list[_CachedDerivatives] = []
 
     def columns(self, effects: tuple[Effect, ...], free: Sequence[Free], *, simplified: bool) -> dict[Free, Column]:
         """Return the cached derivatives that are valid near these effects; entries added to the result are cached.
@@ -99,20 +114,22 @@ class DerivativeCache:
             free: free parameters of the model.
             simplified: whether derivatives of a model without the last effects are accepted.
         """
-        for reference, columns in self._entries:
-            if _differ_only_in(reference, effects, free) and not _has_moved(reference, effects, free):
-                return columns
-        cached: dict[Free, Column] = {}
-        for reference, columns in self._entries if simplified else ():
-            start, old = (
-                effects[: len(reference)],
-                [parameter for parameter in free if parameter.effect < len(reference)],
-            )
-            if _differ_only_in(reference, start, old) and not _has_moved(reference, start, old):
-                cached = dict(columns)
+        for entry in self._entries:
+            if (entry.is_exact or simplified) and _is_near(entry.effects, effects, free):
+                return entry.columns
+        entry = _CachedDerivatives(effects, {}, is_exact=True)
+        for smaller in self._entries if simplified else ():
+            size = len(smaller.effects)
+            if _is_near(smaller.effects, effects[:size], [parameter for parameter in free if parameter.effect < size]):
+                entry = _CachedDerivatives(effects, dict(smaller.columns), is_exact=False)
                 break
-        self._entries = [(effects, cached), *self._entries[: _CACHED_MODELS - 1]]
-        return cached
+        self._entries = [entry, *self._entries[: _CACHED_MODELS - 1]]
+        return entry.columns
+
+
+def _is_near(reference: tuple[Effect, ...], effects: tuple[Effect, ...], free: Sequence[Free]) -> bool:
+    """Whether two models differ only in values of free parameters, and by less than the step of each."""
+    return _differ_only_in(reference, effects, free) and not _has_moved(reference, effects, free)
 
 
 def _differ_only_in(reference: tuple[Effect, ...], effects: tuple[Effect, ...], free: Sequence[Free]) -> bool:

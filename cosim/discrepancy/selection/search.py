@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.discrepancy.dictionary.build import Dictionary, build_dictionary
-from cosim.discrepancy.dictionary.groups import Group
+from cosim.discrepancy.dictionary.groups import FAMILIES, Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.dictionary.periodic import line_group
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
-from cosim.discrepancy.inference.dependence import ANGLES, SPREADS, SPURIOUS
+from cosim.discrepancy.inference.dependence import ANGLES, SPREADS
 from cosim.discrepancy.inference.projection import TRACK
 from cosim.discrepancy.selection.confirm import p_about_fit
 from cosim.discrepancy.selection.first_pass import first_pass
@@ -249,9 +249,9 @@ def _choose(
         result for result in candidates if result.group.order == best.group.order and not result.group.is_shared
     ]
     shortlist = _shortlist(best, same_order, evidence, settings)
-    if best.group.channel in SPURIOUS:  # a surface that is misplaced makes returns before or behind it
-        of_range = [result for result in same_order if result.group.family == "range"]
-        shortlist += _shortlist(of_range[0], of_range, evidence, settings) if of_range else []
+    for family in FAMILIES[: FAMILIES.index(best.group.family)]:  # an error there also shows in later families
+        earlier = [result for result in same_order if result.group.family == family]
+        shortlist += _shortlist(earlier[0], earlier, evidence, settings) if earlier else []
     trials = []
     for result in shortlist:
         after, _ = refit_with(
