@@ -26,7 +26,6 @@ check: setup-dev
 	$(PYTHON) -m pyright
 	.venv/bin/lint-imports
 	.venv/bin/codespell README.md CHANGELOG.md CONTRIBUTING.md docs assets sumo_nets sensors cosim training tests tools
-	$(PYTHON) -m pytest -n 2 --dist worksteal
 
 docs:
 	@sh tools/setup.sh docs

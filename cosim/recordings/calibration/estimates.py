@@ -113,8 +113,8 @@ def differences(names: Sequence[str], drives: Sequence[Estimates]) -> tuple[Diff
             values = one.values[first], one.values[second]
             if values[0] is None or values[1] is None:
                 continue
-            errors = [(one.high[n] - one.low[n]) / 2 / _UPPER for n in (first, second)]  # type: ignore[operator]
-            error = float(np.hypot(*errors))
+            low, high = (np.array([bound[first], bound[second]], float) for bound in (one.low, one.high))
+            error = float(np.linalg.norm(high - low)) / 2 / _UPPER
             change = values[1] - values[0]
             p_value = float(2 * stats.norm.sf(abs(change) / error)) if error > 0 else float(change == 0)
             low, high = change - _UPPER * error, change + _UPPER * error
@@ -155,5 +155,5 @@ def _combined(
         weight = 1 / (error**2 + spread)
     mean = float(weight @ values / weight.sum()) if count else float("nan")
     half = _UPPER / float(np.sqrt(weight.sum())) if count else float("nan")
-    columns = [tuple(None if one is None else one[n] for one in numbers) for n in range(3)]
-    return Combined(effect, parameter, row, *columns, mean, mean - half, mean + half, p_agree)
+    value, low, high = (tuple(None if one is None else one[n] for one in numbers) for n in range(3))
+    return Combined(effect, parameter, row, value, low, high, mean, mean - half, mean + half, p_agree)

@@ -44,14 +44,14 @@ def direction_error_of_halves(
     if middle < _FEWEST:
         return None
     try:
-        patterns = [find_pattern(part, "half", _LOOKED).pattern for part in _parts(recording)]
+        first, second = (find_pattern(part, "half", _LOOKED).pattern for part in _parts(recording))
     except RecordingError:  # a half shows no pattern of its own
         return None
     effects = [
         _fitted(twin, sensor, part, free, settings) if free else sensor.effects
         for part in (frames[:middle], frames[middle:])
     ]
-    return direction_error(*patterns, *effects)
+    return direction_error(first, second, *effects)
 
 
 def _parts(recording: Recording) -> tuple[Recording, Recording]:

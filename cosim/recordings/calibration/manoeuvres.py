@@ -323,7 +323,9 @@ class _Table:
     def errors(self, rivals: Sequence[Sequence[int]]) -> np.ndarray:
         """(k,) standard errors of the parameters, each fitted beside the nuisances and some others, by row."""
         columns = sparse.vstack([part[0] for part in self._parts]).tocsr()
-        along, weight = (np.concatenate([part[row] for part in self._parts]) for row in (1, 3))
+        along, weight = (
+            np.concatenate(parts) for parts in ([part[1] for part in self._parts], [part[3] for part in self._parts])
+        )
         _, cell = np.unique(np.concatenate([part[2] for part in self._parts]), return_inverse=True)
         weighted = sparse.diags(weight) @ columns
         own = (columns.T @ weighted).toarray()

@@ -85,11 +85,11 @@ def write_scores(file: Path, models: Mapping[str, Scores]) -> None:
 
 def read_scores(file: Path) -> dict[str, Scores]:
     """What `write_scores` kept."""
-    found: dict[str, dict[str, dict[str, np.ndarray]]] = {}
+    scores: dict[str, dict[str, dict[str, np.ndarray]]] = {}
     for key, values in npz_arrays(read_bytes(file)).items():
         model, name, channel = key.split("/")
-        found.setdefault(model, {}).setdefault(name, {})[channel] = values
-    return found
+        scores.setdefault(model, {}).setdefault(name, {})[channel] = values
+    return dict(scores)
 
 
 def change_between(before: Scores, after: Scores) -> Change | None:
@@ -108,7 +108,7 @@ def change_between(before: Scores, after: Scores) -> Change | None:
         return None
     first, last = np.array(rows).T
     change = last - first
-    half = stats.t.ppf(_UPPER, len(change) - 1) * _standard_error(change, np.array(names))
+    half = float(stats.t.ppf(_UPPER, len(change) - 1)) * _standard_error(change, np.array(names))
     mean = float(change.mean())
     return Change(float(first.mean()), float(last.mean()), mean, mean - half, mean + half, len(change), beams)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from cosim.recordings.checks import raise_findings
 from cosim.recordings.mapping.motion import applied, motions
@@ -83,7 +83,7 @@ def met_share(first: Scan, second: Scan, pose: np.ndarray, later: np.ndarray) ->
     if not len(one) or not len(other):
         return 0.0
     thin = other[:: max(1, len(other) // _POINTS)]
-    away, _ = cKDTree(applied(pose, one[:: max(1, len(one) // (10 * _POINTS))])).query(
+    away, _ = KDTree(applied(pose, one[:: max(1, len(one) // (10 * _POINTS))])).query(
         applied(later, thin), distance_upper_bound=_MEETS_M
     )
     return float(np.mean(np.isfinite(away)))

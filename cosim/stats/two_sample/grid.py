@@ -57,9 +57,10 @@ class PatchGrid:
         rings, steps, bounds = set(), [], []
         for frames in sets:
             chosen = [frames[k] for k in np.unique(np.linspace(0, len(frames) - 1, _SAMPLED_FRAMES).astype(int))]
-            known = [laser_of_points(frame) for frame in chosen]
-            rings.add(None if any(ring is None for ring in known) else int(max(ring.max() for ring in known)) + 1)
-            steps.append(float(np.median([_azimuth_step(f, r) for f, r in zip(chosen, known, strict=True)])))
+            lasers = [laser_of_points(frame) for frame in chosen]
+            found = [laser for laser in lasers if laser is not None]
+            rings.add(int(max(laser.max() for laser in found)) + 1 if len(found) == len(lasers) else None)
+            steps.append(float(np.median([_azimuth_step(f, laser) for f, laser in zip(chosen, lasers, strict=True)])))
             elevation = np.concatenate([_elevation(frame.points) for frame in chosen])
             bounds.append(np.percentile(elevation, _BOUNDS))
         step, sector = max(steps), float(np.radians(sector_deg))

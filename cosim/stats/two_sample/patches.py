@@ -87,7 +87,7 @@ def _cut(frame: Frame, grid: PatchGrid) -> tuple[np.ndarray, np.ndarray, np.ndar
     if frame.has("label_2") and frame.has("calib"):
         labels = frame.labels.cared_for
         boxes = labels.boxes_velo(frame.calibration) if len(labels) else None
-    on_object = np.zeros(len(points), bool) if boxes is None else points_in_boxes(points, boxes).any(0)
+    on_object = np.zeros(len(points), bool) if boxes is None else np.any(points_in_boxes(points, boxes), axis=0)
     region = region_of_cells(points, table, on_object)
     tiles = [_tiles(values, grid) for values in (range_m, intensity, region)]
     answered = np.isfinite(tiles[0])

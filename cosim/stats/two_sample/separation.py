@@ -136,7 +136,7 @@ def _cross_fit(
             max_leaf_nodes=settings.leaves,
             min_samples_leaf=min(_LEAF, max(int(train.sum()) // _LEAVES, 1)),  # few patches must be split, too
             l2_regularization=1.0,
-            early_stopping=False,
+            early_stopping=False,  # pyright: ignore[reportArgumentType]  # typed as a string by its default "auto"
             random_state=int(rng.integers(2**31)),
         )
         exists = np.isfinite(figures[train]).any(0)  # figures that no patch has, such as runs of zeros without a zero
@@ -159,7 +159,7 @@ def _separate(
     wins, pairs, p_values = [], [], []
     weights = [_resampling(len(of_unit), settings.draws, rng) for of_unit in folds]
     drawn_wins, drawn_pairs = np.zeros(settings.draws), np.zeros(settings.draws)
-    for held in np.intersect1d(*folds):
+    for held in np.intersect1d(folds[0], folds[1]):
         units = [np.flatnonzero(of_unit == held) for of_unit in folds]
         values = [
             [score[patches.unit == unit] for unit in rows]
