@@ -145,7 +145,7 @@ def trace_and_fit(
             fitter = Fitter(split_at_edges(frames, sample, *tolerance))
             start, random = fitter.random.warm_start(random, start), fitter.random
         parameters = [one for one in all_free(effects, free, fitter.rings) if one.unknown.name not in fixed_params]
-        fitted = fitter.fit(effects, parameters, start)
+        fitted = fitter.fit(effects, parameters, start, widened=False)
         effects, start = fitted.effects, fitted.estimate
         tolerance = edge_tolerance(fitter.random, start)
         if is_last or not _is_far(fitter, effects):

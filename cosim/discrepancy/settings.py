@@ -128,7 +128,7 @@ class Descent:
     """Gauss–Newton iterations."""
 
     gain: float = 0.05  # minimum gain in log-likelihood per step
-    steps: int = 12  # maximum number of steps
+    steps: int = 40  # maximum number of steps
     halvings: int = 5  # maximum number of step halvings
     ridge: float = 1e-6  # precision of the prior of dependences' coefficients, as a share of their information
     brightnesses: Six = (0.3, 0.7, 0.95, 1.05, 1.4, 3.0)  # trial factors on the albedo of a map surface in each step
@@ -208,7 +208,7 @@ class Selection:
     sectors: int = 6  # parts of a scan that are clusters
     chunk: int = 400  # columns that are projected at a time
     kept: int = 8  # groups per channel that pass the first screening
-    least_left: float = 1e-3  # minimum share of a group's information with fitted parameters eliminated
+    least_left: float = 1e-3  # share of a column's information below which it is a rounding error of the derivatives
     fewest_events: float = 5.0  # minimum expected number of dropped returns for one more to count as evidence
     least_gain: float = 3.0  # minimum gain in log-likelihood of the first term,
     least_follower: float = 5.0  # and of later terms

@@ -75,7 +75,9 @@ class Linearisation:
     def projector(self, sectors: int) -> Projector:
         """Projector for efficient scores, with this number of sectors of each scan as clusters."""
         clusters = self.fitter.random.clusters_by_sector(sectors)
-        return Projector(self.mixed, self.fitted.estimate, clusters, self.sample.share)
+        is_flat = self.sample.of_own_map  # flat priors do not inform about a mean of random effects
+        least_left = 0.0 if is_flat else self.sample.settings.selection.least_left
+        return Projector(self.mixed, self.fitted.estimate, clusters, self.sample.share, least_left)
 
     def weights(self, channel: str) -> tuple[np.ndarray, np.ndarray]:
         """Score and information (n,) per unit of one channel."""

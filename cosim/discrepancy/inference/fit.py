@@ -192,12 +192,7 @@ class Fitter:
             simplified: whether derivatives of a model without the last effects may be used for the steps.
         """
         free, dependences = tuple(free), tuple(dependences)
-        state = self._state(tuple(effects), self.random.start() if start is None else start, dependences=dependences)
-        if self.random.has_poses:  # a new effect may explain what was attributed to pose errors
-            u = np.where(np.arange(self.random.size) < self.random.rows("poses").stop, 0.0, state.estimate.u)
-            none = replace(state.estimate, u=u)
-            other = replace(state, estimate=none, residuals=self.residuals(state.prediction, none))
-            state = max(state, other, key=self._penalised_loglik)
+        state = self._start(tuple(effects), self.random.start() if start is None else start, dependences)
         is_by_search = [effect.by_search or isinstance(effect, ScanEffect) for effect in state.effects]
         gradual = tuple(parameter for parameter in free if not is_by_search[parameter.effect])
         steps = self.settings.descent.steps if steps is None else steps
@@ -211,6 +206,33 @@ class Fitter:
             state = self._descend(state, (), 0.0, 3)
         return self._finish(state, free)
 
+    def _start(
+        self, effects: tuple[Effect, ...], estimate: Estimate, dependences: tuple[Dependence, ...] = ()
+    ) -> _State:
+        """State with the more likely pose errors: as given, without the mean of some axes, or all 0.
+
+        A new effect may explain what was attributed to pose errors: an error that all scans share, or all errors.
+        """
+        state = self._state(effects, estimate, dependences=dependences)
+        if not self.random.has_poses:
+            return state
+        poses = self.random.poses(estimate)
+        mean = poses.mean(0)
+        error = poses.std(0) / np.sqrt(len(poses))
+        reduced = state
+        for axis in np.flatnonzero(np.abs(mean) > self.settings.unsure.variance_sigmas * error):
+            poses = self.random.poses(reduced.estimate).copy()
+            poses[:, axis] -= mean[axis]
+            reduced = max(reduced, self._with_poses(reduced, poses), key=self._penalised_loglik)
+        return max(reduced, self._with_poses(state, np.zeros_like(poses)), key=self._penalised_loglik)
+
+    def _with_poses(self, state: _State, poses: np.ndarray) -> _State:
+        """The state with other pose errors (scans, 6)."""
+        u = state.estimate.u.copy()
+        u[self.random.rows("poses")] = poses.ravel()
+        estimate = replace(state.estimate, u=u)
+        return replace(state, estimate=estimate, residuals=self.residuals(state.prediction, estimate))
+
     def at(self, effects: Sequence[Effect], estimate: Estimate, dependences: Sequence[Dependence] = ()) -> Fitted:
         """Evaluate effects, dependences and random effects at their current values, without fitting."""
         return self._finish(self._state(tuple(effects), estimate, dependences=tuple(dependences)), ())
@@ -220,6 +242,10 @@ class Fitter:
     ) -> Callable[[tuple[Effect, ...]], float]:
         """Return the penalised negative log-likelihood as a function of the effects; all else is fixed."""
         return lambda effects: -self._penalised_loglik(self._state(effects, estimate, dependences=dependences))
+
+    def start_loss(self, effects: tuple[Effect, ...], fitted: Fitted) -> float:
+        """Penalised negative log-likelihood of effects where a fit of them begins that starts from another fit."""
+        return -self._penalised_loglik(self._start(effects, fitted.estimate, fitted.dependences))
 
     def losses(self, effects: tuple[Effect, ...], estimate: Estimate) -> np.ndarray:
         """(n,) contribution of each beam to the negative log-likelihood."""

@@ -118,7 +118,9 @@ def covariances(fitter: Fitter, fitted: Fitted) -> list[np.ndarray]:
         return [np.zeros((0, 0))]
     model = LinearModel.of(fitter.random, (), fitted.evidence, fitted.prediction, fitted.estimate)
     columns = stacked(fitted.columns, fitted.evidence.score, len(fitter.sample))
-    projected = Projector(model, fitted.estimate, fitter.random.clusters, fitter.sample.share).project(columns)
+    least_left = fitter.settings.selection.least_left
+    projector = Projector(model, fitted.estimate, fitter.random.clusters, fitter.sample.share, least_left)
+    projected = projector.project(columns)
     inverse = np.linalg.pinv(ridged(projected.information), hermitian=True)
     estimates = [inverse]
     for table in projected.tables:

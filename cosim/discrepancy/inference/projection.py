@@ -3,6 +3,10 @@
 With X the columns of a hypothesis, Z those of the random effects u of precision Λ and of all fitted parameters, and
 A = (ZᵀWZ + Λ)⁻¹ZᵀWX, the efficient score is (X − ZA)ᵀs + AᵀΛû (Lindsey, Parametric Statistical Inference, § 3.6). The
 first part is summed by the cluster of each beam, the second by the cluster that each random effect belongs to.
+
+A column may be a combination of the columns of one kind of random effects, X = ZB, up to rounding errors of its
+derivative: a mount that is turned is a pose error that all scans share. Then only the random effects, not the beams,
+inform about it: with B from a regression without Λ, the efficient score is BᵀΛû and its information (ΛB)ᵀA.
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ from cosim.discrepancy.inference.random_effects import Clusters, Estimate
 from cosim.discrepancy.inference.score import Quantity, SparseMatrix, scaled, summed_by
 
 TRACK, PART = 0, 1
+_ROUNDING = 1e-10  # share of a column's information that is a rounding error of linear algebra
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,22 +30,19 @@ class Projected:
 
     Attributes:
         tables: two arrays (clusters, k) of scores: by object track or map cell, and by part of a scan.
-        known: two arrays (clusters, k) of information by cluster, in proportion to the information of the beams.
+        known: two arrays (clusters, k) of information by cluster, in proportion to that of beams or random effects.
         information: (k, k) information with fitted parameters and random effects eliminated.
-        whole: (k,) information if fitted parameters and random effects were known.
+        left: (k,) share of the information that remains after this elimination; 1 for combinations of random effects.
         floor: (k,) variance of the scores due to the sampling weights of the beams.
+        is_of_random: (k,) whether columns are combinations of the random effects' columns.
     """
 
     tables: tuple[np.ndarray, np.ndarray]
     known: tuple[np.ndarray, np.ndarray]
     information: np.ndarray
-    whole: np.ndarray
+    left: np.ndarray
     floor: np.ndarray
-
-    @property
-    def left(self) -> np.ndarray:
-        """(k,) share of the information that remains after elimination of fitted parameters and random effects."""
-        return np.clip(np.diag(self.information) / np.maximum(self.whole, 1e-300), 0, 1)
+    is_of_random: np.ndarray
 
 
 class Projector:
@@ -51,10 +53,13 @@ class Projector:
         estimate: random effects of the fit.
         clusters: clusters of the beams and random effects.
         share: (n,) weights of the beams, 1 on average.
+        least_left: share of a column's information below which it is a rounding error of its derivative.
     """
 
-    def __init__(self, model: LinearModel, estimate: Estimate, clusters: Clusters, share: np.ndarray) -> None:
-        self._model, self._evidence, self._share = model, model.evidence, share
+    def __init__(
+        self, model: LinearModel, estimate: Estimate, clusters: Clusters, share: np.ndarray, least_left: float
+    ) -> None:
+        self._model, self._evidence, self._share, self._least_left = model, model.evidence, share, least_left
         self.clusters = (clusters.track, clusters.part)
         self._counts = tuple(int(cluster.max(initial=-1)) + 1 for cluster in self.clusters)
         self._of_fitted = [self._fitted_scores(*of) for of in zip(self.clusters, self._counts, strict=True)]
@@ -63,7 +68,7 @@ class Projector:
         (tracks, parts), scans = self._counts, int(clusters.scan.max(initial=-1)) + 1
         by_track = np.where(track >= 0, track, tracks + scan)
         by_part = np.where(track >= 0, parts + scans + track, parts + scan)
-        at = np.arange(len(prior))
+        at, self._units = np.arange(len(prior)), (by_track, by_part)
         self._prior: list[SparseMatrix] = [
             sparse.csr_matrix((prior, (by_track, at)), (tracks + scans, len(prior))),
             sparse.csr_matrix((prior, (by_part, at)), (parts + scans + tracks, len(prior))),
@@ -93,9 +98,39 @@ class Projector:
             for table, cluster, count in zip(known, self.clusters, self._counts, strict=True):
                 table[:count] += summed_by(cluster, square, weight, count)
         left = np.clip(np.diag(information) / np.maximum(whole, 1e-300), 0, 1)
-        track, part = (table * left for table in known)
         tables = self._summed(columns, coefficients)
-        return Projected(tables, (track, part), information, whole, floor * left)
+        known, floor = tuple(table * left for table in known), floor * left
+        rows = slice(len(self._model.precision))
+        combinations = self._combinations(coefficients[rows], shared[rows], whole)
+        for column, weights in combinations.items():
+            information[:, column] = information[column] = (
+                shared.T @ -coefficients[:, column] + shared[rows].T @ weights
+            )
+            of_unit = weights * self._model.precision * coefficients[rows, column]
+            information[column, column] = floor[column] = of_unit.sum()
+            left[column] = 1.0
+            for table, share, unit, prior in zip(tables, known, self._units, self._prior, strict=True):
+                table[:, column] = prior @ weights
+                share[:, column] = np.bincount(unit, np.maximum(of_unit, 0), len(share))
+        is_of_random = np.isin(np.arange(len(left)), list(combinations))
+        return Projected(tables, (known[TRACK], known[PART]), information, left, floor, is_of_random)
+
+    def _combinations(self, random: np.ndarray, shared: np.ndarray, whole: np.ndarray) -> dict[int, np.ndarray]:
+        """Columns that are combinations of the random effects' columns of one kind, and their coefficients (a,).
+
+        Args:
+            random: (a, k) coefficients of the columns on the random effects in a regression with all that is fitted.
+            shared: (a, k) cross-information with the random effects.
+            whole: (k,) information of the columns.
+        """
+        found: dict[int, np.ndarray] = {}
+        whole = np.maximum(whole, 1e-300)
+        for weights in self._model.unpenalised(shared):
+            beyond = 1 - np.sum(weights * shared, 0) / whole
+            of_prior = np.sum(weights * self._model.precision[:, None] * random, 0) / whole
+            inside = (beyond < self._least_left) & (of_prior > _ROUNDING)
+            found = {int(column): weights[:, column] for column in np.flatnonzero(inside)} | found
+        return found
 
     def _summed(self, columns: dict[Quantity, SparseMatrix], known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         tables = []

@@ -261,6 +261,11 @@ class RandomEffects:
         for block, (start, end) in zip(self.blocks, pairwise(self._ends), strict=True):
             yield block, values[start:end]
 
+    @cached_property
+    def kinds(self) -> np.ndarray:
+        """(m,) int number of the block of each random effect."""
+        return np.repeat(np.arange(len(self.blocks)), [block.size for block in self.blocks])
+
     def of_part(self, parts: Sequence[str]) -> np.ndarray:
         """(m,) bool whether each random effect belongs to one of the named sources of the budget."""
         mask = np.zeros(self.size, bool)

@@ -72,7 +72,7 @@ def standard_errors(linearisation: Linearisation, dependence: Dependence, sector
     variances = [np.diag(inverse)]
     variances += [np.einsum("ij,jk,ik->i", inverse, table.T @ table, inverse) for table in found.tables]
     sigma = np.sqrt(np.maximum(np.max(variances, axis=0), 0))
-    sigma = np.where(found.whole > 0, sigma, np.inf)
+    sigma = np.where(np.diag(found.information) > 0, sigma, np.inf)
     return _of_probabilities(linearisation, dependence, sigma) if dependence.channel == "drop" else sigma
 
 

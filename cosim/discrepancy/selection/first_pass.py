@@ -19,13 +19,14 @@ from cosim.discrepancy.settings import Settings
 def first_pass(
     linearisation: Linearisation, dictionary: Dictionary, projector: Projector, settings: Settings
 ) -> list[Group]:
-    """The most significant groups of each channel, by significance per column and by all that they may gain.
+    """All effects of the catalogue, and the most significant dependences of each channel.
 
-    Nothing is eliminated here: about an optimum the plain score is the efficient one, and its variance is an upper
-    bound.
+    Dependences are ranked by significance per column and by all that they may gain. Nothing is eliminated here: near an
+    optimum the plain score is the efficient one, and its variance is an upper bound.
     """
-    kept = [group for group in dictionary.explicit if group.direct is not None]
-    kept += _best(_rank_explicit(linearisation, dictionary.explicit, projector), settings.selection.kept)
+    always = [group for group in dictionary.explicit if group.direct is not None or group.is_effect]
+    others = [group for group in dictionary.explicit if group not in always]
+    kept = [*always, *_best(_rank_explicit(linearisation, others, projector), settings.selection.kept)]
     for channel in linearisation.channels:
         rows = _rank_binned(linearisation, channel, dictionary, projector, settings)
         names = {group.name: group for _, _, group in rows}
@@ -41,17 +42,17 @@ _Row = tuple[float, float, Group]
 
 
 def _best(rows: Sequence[_Row], most: int) -> list[Group]:
-    """The first so many by either figure, of each channel; effects and others by themselves."""
+    """The first so many of each channel by either figure."""
     kept: list[Group] = []
     by_significance = sorted(rows, key=lambda row: -row[0])
     by_gain = sorted(rows, key=lambda row: -row[1])
     for ordered in (by_significance, by_gain):
-        count: dict[tuple[str, bool], int] = {}
+        count: dict[str, int] = {}
         for row in ordered:
-            key = row[2].channel, row[2].is_effect
-            if count.get(key, 0) < most and row[2] not in kept:
+            channel = row[2].channel
+            if count.get(channel, 0) < most and row[2] not in kept:
                 kept.append(row[2])
-            count[key] = count.get(key, 0) + 1
+            count[channel] = count.get(channel, 0) + 1
     return kept
 
 
@@ -84,7 +85,7 @@ def _rank_explicit(linearisation: Linearisation, groups: Sequence[Group], projec
     rows = []
     share = linearisation.sample.share
     for group in groups:
-        if group.direct is not None or not group.columns:
+        if not group.columns:
             continue
         parts = []
         for name, matrix in group.columns.items():

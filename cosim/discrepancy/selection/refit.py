@@ -215,7 +215,6 @@ def _with_effect(model: Model, group: Group, coefficients: np.ndarray) -> tuple[
     off = np.asarray(getattr(weak, tangent.amplitude), float) - tangent.step
     size = coefficients * tangent.step if group.direct is not None else coefficients
     size = size if off.ndim else float(size[0])
-    loss = fitter.loss(fitted.estimate, fitted.dependences)
     trials = [with_values(weak, {tangent.amplitude: off + strength * size}) for strength in _STRENGTHS]
     models = [(*effects[:place], trial, *effects[place + 1 :]) for trial in trials]
-    return min(models, key=loss), place
+    return min(models, key=lambda effects: fitter.start_loss(effects, fitted)), place

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -127,7 +127,7 @@ def select_terms(
         ]
         if not candidates:
             break
-        chosen = _choose(model, evidence, candidates, settings)
+        chosen = _choose(model, evidence, candidates, rejected, settings)
         if isinstance(chosen, frozenset):
             on_progress(f"rejected {', '.join(sorted(chosen))}: fits gain no more than chance")
             rejected |= _same_effects(chosen, candidates)
@@ -238,7 +238,7 @@ class _Trial:
 
 
 def _choose(
-    model: Model, evidence: Evidence, candidates: Sequence[GroupTest], settings: Settings
+    model: Model, evidence: Evidence, candidates: Sequence[GroupTest], rejected: Collection[str], settings: Settings
 ) -> tuple[Model, GroupTest] | frozenset[str]:
     """The model with the best candidate, and which it is; or the names of candidates whose exact gain is chance."""
     best = _first(candidates)
@@ -248,10 +248,11 @@ def _choose(
     same_order = [
         result for result in candidates if result.group.order == best.group.order and not result.group.is_shared
     ]
-    shortlist = _shortlist(best, same_order, evidence, settings)
+    results = [result for result in evidence.results if result.group.name not in rejected]
+    shortlist = _shortlist(best, same_order, results, settings)
     for family in FAMILIES[: FAMILIES.index(best.group.family)]:  # an error there also shows in later families
         earlier = [result for result in same_order if result.group.family == family]
-        shortlist += _shortlist(earlier[0], earlier, evidence, settings) if earlier else []
+        shortlist += _shortlist(earlier[0], earlier, results, settings) if earlier else []
     trials = []
     for result in shortlist:
         after, _ = refit_with(
@@ -321,7 +322,7 @@ def _first(candidates: Sequence[GroupTest]) -> GroupTest:
 
 
 def _shortlist(
-    best: GroupTest, candidates: Sequence[GroupTest], evidence: Evidence, settings: Settings
+    best: GroupTest, candidates: Sequence[GroupTest], results: Sequence[GroupTest], settings: Settings
 ) -> list[GroupTest]:
     """Groups that may be the same thing as the best one: of its family, with much of its gain, each kind once.
 
@@ -344,7 +345,7 @@ def _shortlist(
     ]
     turned = []
     if family == "range" and best.group.channel != "range_variance" and best.group.order == 0:
-        systematic = [other for other in evidence.results if other.group.order == 0 and other.entry.z > 3]
+        systematic = [other for other in results if other.group.order == 0 and other.entry.z > 3]
         for channel in ANGLES:
             turned += [other for other in systematic if other.group.channel == channel][:3]
     for result in [*named[:3], *turned]:

@@ -13,7 +13,7 @@ from cosim.discrepancy.dictionary.shared_errors import SharedError, common_infor
 from cosim.discrepancy.inference.dependence import SPREADS
 from cosim.discrepancy.inference.projection import PART, TRACK, Projector
 from cosim.discrepancy.selection.calibration import Statistic, family_wise_p
-from cosim.discrepancy.selection.gain import Cell, Law, cross_fitted_gain, fold_sums
+from cosim.discrepancy.selection.gain import Cell, Law, cross_fitted_gain, fold_sums, random_effect_gain
 from cosim.discrepancy.settings import Selection
 
 _RIDGE = 1e-2  # of correlations: nearly collinear columns of one group
@@ -181,7 +181,7 @@ def evaluate(
     results = []
     for entry, p_value in zip(entries, p_values, strict=True):
         gains = [
-            cross_fitted_gain(*_folded(entry, kind, settings.folds), entry.cell)
+            _gain(entry, kind, settings.folds)
             for kind in (TRACK, PART)
             if kind == TRACK or entry.group.is_clustered_by_scan
         ]
@@ -220,7 +220,8 @@ def _project(
         if group.is_count:
             event = _event_weight(linearisation, group)
             variance = np.maximum(variance, diagonal * event)
-        cell = Cell(_law(group), information, probability, group.one_sided, 1.0)
+        law = "random" if found.is_of_random[mine].all() else _law(group)
+        cell = Cell(law, information, probability, group.one_sided, 1.0)
         entries.append(Entry(group, tables, known, information, variance, left, cell, group.is_count, event, unit))
     return entries
 
@@ -292,6 +293,14 @@ def _with_dispersion(entry: Entry, tails: dict[str, float]) -> Entry:
 def _summed(score: np.ndarray, projector: Projector) -> tuple[np.ndarray, np.ndarray]:
     track, part = (np.bincount(cluster, score)[:, None] for cluster in projector.clusters)
     return track, part
+
+
+def _gain(entry: Entry, kind: int, folds: int) -> np.ndarray:
+    """Gain (folds,) over the clusters of one kind."""
+    if entry.cell.law == "random":
+        rng = np.random.default_rng([folds, kind])
+        return random_effect_gain(entry.tables[kind], entry.known[kind], folds, rng)
+    return cross_fitted_gain(*_folded(entry, kind, folds), entry.cell)
 
 
 def _folded(entry: Entry, kind: int, folds: int) -> tuple[np.ndarray, np.ndarray]:

@@ -23,7 +23,8 @@ def test_prior_of_per_laser_parameters_suppresses_only_the_direction_that_is_bar
     measured = root @ true + root @ slope * 5  # the measured slope is 5 ± 10
     evidence = Evidence({"range": measured}, {"range": np.ones(LASERS)})
     empty = np.zeros(0)
-    model = LinearModel({"range": rows}, {}, empty.astype(int), empty, sparse.csr_matrix((0, 0)), None, evidence)
+    none = empty.astype(int)
+    model = LinearModel({"range": rows}, {}, none, empty, sparse.csr_matrix((0, 0)), none, None, evidence)
     estimate = Estimate(empty, empty)
     plain, _ = model.step(estimate)
     assert slope @ plain == pytest.approx(5, rel=0.2)

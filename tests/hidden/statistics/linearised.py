@@ -34,6 +34,7 @@ class _Sample:
     clear: np.ndarray
     first: np.ndarray
     settings: Settings = DEFAULT
+    of_own_map: bool = False
 
     def __len__(self) -> int:
         return len(self.azimuth)
@@ -69,7 +70,7 @@ def linearised(
         known = known + matrix.T @ sparse.diags(scores[name].information) @ matrix
     precision = np.full(len(used), PRECISION)
     solver = Factored(sparse.csr_matrix(known + sparse.diags(precision)), np.arange(len(used))) if z else None
-    mixed = LinearModel({}, z, used, precision, known, solver, evidence)
+    mixed = LinearModel({}, z, used, precision, known, np.zeros(len(used), int), solver, evidence)
 
     def clusters_by_sector(sectors: int) -> Clusters:
         sector = np.minimum(((beams.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int), sectors - 1)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
 from cosim.discrepancy.inference.projection import TRACK
@@ -140,6 +141,27 @@ def test_efficient_scores_and_gram_matrices_are_derivatives_of_the_profiled_like
     for table in projected.tables:
         np.testing.assert_allclose(table.sum(0), slope, rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(projected.information, -np.array(curvature), rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("rounding", [0.0, 3e-4])
+@pytest.mark.parametrize("mean", [0.0, 0.5])
+def test_a_mean_that_random_effects_absorbed_is_found_despite_rounded_derivatives(mean: float, rounding: float) -> None:
+    rng = np.random.default_rng(8)
+    beams = draw_beams(rng, 20_000, tracks=30)
+    scores, z = draw_scores(rng, "range", beams, track_error=False), track_effects(beams)
+    scores = replace(scores, information=1e4 * scores.information)
+    fitted = rng.normal(mean, 0.05, z.shape[1])
+    fitted *= np.sqrt(z.shape[1] / PRECISION / (fitted @ fitted))  # as large as their variance says
+    count = np.asarray(z.sum(0)).ravel()
+    scores = replace(scores, score=z @ (PRECISION * fitted / count))  # random effects are at their optimum
+    of = linearised(beams, {"range": scores}, {"range": z}, fitted)
+    column = sparse.csr_matrix((1 + rounding * rng.normal(size=len(beams)))[:, None])
+    entry = score_groups(of, [group_of("range", "constant", column)], of.projector(6), _SETTINGS)[0]
+    assert entry.score[0] == pytest.approx(PRECISION * fitted.sum(), rel=1e-3)
+    assert entry.information[0, 0] == pytest.approx(PRECISION * len(fitted), rel=1e-2)
+    assert entry.coefficients[0] == pytest.approx(fitted.mean(), rel=0.02)
+    gain = evaluate([entry], _SETTINGS, rng)[0].gain
+    assert gain > 20 if mean else gain < 3
 
 
 @pytest.mark.parametrize("channel", CHANNELS)
