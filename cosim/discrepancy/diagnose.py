@@ -188,6 +188,9 @@ def convert_terms(context: Context, model: Model) -> tuple[Model, tuple[_Found, 
     fitter = model.fitter
     fitted = fitter.fit(effects, all_free(effects, free, fitter.rings), model.fitted.estimate)
     converted = replace(model, fitted=fitted, free=free)
+    if not is_accurate(fitter, fitted.effects):
+        on = trace_and_fit(context, [frame.name for frame in model.frames], fitted.effects, free)
+        converted = replace(converted, frames=on.frames, fitter=on.fitter, fitted=on.fitted)
     return _without_idle(context, converted, found, phases)
 
 
