@@ -170,7 +170,7 @@ def edge_tolerance(random: RandomEffects, estimate: Estimate) -> tuple[float, fl
 
     Both are 0 where they are negligible.
     """
-    by, poses = random.sample.settings.unsure, random.spread(estimate, "poses")
+    by, poses = random.sample.settings.random_effects, random.spread(estimate, "poses")
     shifts = [poses[:3], *(random.spread(estimate, name)[:2] for name in ("objects", "objects_by_scan"))]
     shift_m = by.edge_sigmas * float(np.sqrt(sum(np.max(part, initial=0.0) ** 2 for part in shifts)))
     turn_rad = by.edge_sigmas * float(np.max(poses[3:], initial=0.0))

@@ -75,7 +75,7 @@ class AlignedFrame:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class FramePairs:
     """The same frames under two models or alignments, in the same order.
 
     Attributes:
@@ -104,16 +104,16 @@ class Aligned:
         context: context of the analysis.
         on: frames and the random effects fitted to them.
         effects: effects of the model.
-        beside: the same frames under other models; traces of identically deflected beams are reused.
+        others: the same frames under other models; traces of identically deflected beams are reused.
     """
 
     def __init__(
-        self, context: Context, on: FittedFrames, effects: tuple[Effect, ...], beside: Sequence[Aligned] = ()
+        self, context: Context, on: FittedFrames, effects: tuple[Effect, ...], others: Sequence[Aligned] = ()
     ) -> None:
         self._effects = in_order(effects)
         bent = bending(self._effects)
         same = bent == bending(on.fitted.effects)
-        alike = next((other for other in beside if bending(other._effects) == bent), None)
+        alike = next((other for other in others if bending(other._effects) == bent), None)
         if alike is not None:
             frames, self._samples = alike._frames, alike._samples
         else:
@@ -126,7 +126,7 @@ class Aligned:
             without_map = self._random.without(self._estimate, ("map", "albedo_of_map"))
             self._estimate = fit_random_effects(on, effects, without_map).estimate
         sizes = edge_tolerance(self._random, self._estimate)
-        self._wide = [frame.unsure(*sizes) if any(sizes) else None for frame in frames]
+        self._wide = [frame.near_uncertain_edges(*sizes) if any(sizes) else None for frame in frames]
         origin = context.sensor.origin
         self._members = [
             Ensemble.of(frame, self._effects, model_chance(0, number), origin) for number, frame in enumerate(frames)
@@ -270,7 +270,7 @@ class Budget:
     aligned_steps: tuple[HeldOut, ...] = ()
 
 
-def budget_of(context: Context, on: FittedFrames, models: Sequence[tuple[Effect, ...]]) -> tuple[Budget, Judged]:
+def budget_of(context: Context, on: FittedFrames, models: Sequence[tuple[Effect, ...]]) -> tuple[Budget, FramePairs]:
     """Compute the budget of a model, or of a model to which effects were added.
 
     Args:
@@ -301,7 +301,7 @@ def budget_of(context: Context, on: FittedFrames, models: Sequence[tuple[Effect,
     parts["missing"] = 0.5 * (first.error(()) - last.error(()) + first.error(PARTS) - last.error(PARTS))
     parts["unexplained"] = error_aligned - noise
     steps, aligned_steps = (tuple(model.held_out(which) for model in aligned_models) for which in ((), PARTS))
-    return Budget(first.error(()), error_aligned, first.error(PARTS), floor, parts, steps, aligned_steps), Judged(
+    return Budget(first.error(()), error_aligned, first.error(PARTS), floor, parts, steps, aligned_steps), FramePairs(
         first, last, lambda effects: Aligned(context, on, tuple(effects), [first, last])
     )
 

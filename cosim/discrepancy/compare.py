@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.analysis import Context, FittedFrames, trace_and_fit
-from cosim.discrepancy.budget import Budget, Judged, budget_of
+from cosim.discrepancy.budget import Budget, FramePairs, budget_of
 from cosim.discrepancy.data.checks import check_fit, drive_notes, opened
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split
@@ -144,7 +144,7 @@ class Comparison:
         notes: what could not be known, a sentence each.
         budget: where the error comes from; None where it was not asked for.
         scores: of each frame, beam by beam, if they were to be kept.
-        judged: the frames of the budget at the poses as given and aligned, for pages.
+        frame_pairs: the frames of the budget at the poses as given and aligned, for pages.
         worth: what the model's effects are worth to a detector, where one was asked.
         settings: numbers that decide.
     """
@@ -158,7 +158,7 @@ class Comparison:
     notes: tuple[str, ...]
     budget: Budget | None = None
     scores: Mapping[str, FrameScores] = field(default_factory=dict)
-    judged: Judged | None = None
+    frame_pairs: FramePairs | None = None
     worth: Worth | None = None
     settings: Settings = DEFAULT
 
@@ -305,7 +305,7 @@ def compare(
         if on_frame is not None:
             on_frame(traced, scores)
     total = sum(by_frame.values(), Totals())
-    made_of, judged = _budget(tracer, model, effects, aligned, seed)
+    made_of, frame_pairs = _budget(tracer, model, effects, aligned, seed)
     return Comparison(
         drive=str(drive.root),
         sensor=model.origin,
@@ -314,18 +314,18 @@ def compare(
         floor=NoiseFloor.of(floor),
         slices=tally.worst(),
         notes=drive_notes(
-            drive, frames=total.frames, bad=total.bad, strays=total.strays, has_intensity=bool(total.lit)
+            drive, frames=total.frames, bad=total.bad, unmatched=total.unmatched, has_intensity=bool(total.lit)
         ),
         budget=made_of,
         scores=kept,
-        judged=judged,
+        frame_pairs=frame_pairs,
         settings=settings,
     )
 
 
 def _budget(
     tracer: FrameTracer, model: SensorModel, effects: Sequence[Effect], frames: Sequence[TracedFrame], seed: int
-) -> tuple[Budget | None, Judged | None]:
+) -> tuple[Budget | None, FramePairs | None]:
     """Sources of the error of some frames, and these frames; None where nothing can be compared.
 
     What is missing is estimated as `diagnose` does, with dependences instead of the catalogue's effects and few terms.
@@ -343,5 +343,5 @@ def _budget(
     selected, _, _ = convert_terms(context, selected)
     final = selected.fitted.effects
     on = FittedFrames(names, selected.frames, selected.fitter, selected.fitted)
-    budget, judged = budget_of(context, on, [own] if final == own else [own, final])
-    return budget, replace(judged, before_parts=())
+    budget, frame_pairs = budget_of(context, on, [own] if final == own else [own, final])
+    return budget, replace(frame_pairs, before_parts=())

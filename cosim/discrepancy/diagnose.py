@@ -54,7 +54,7 @@ _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
+class _Finding:
     """A term as it is reported: an effect of the catalogue, a plug-in, or a fact of the file."""
 
     name: str
@@ -101,9 +101,9 @@ def diagnose(
     on, facts = add_lattices(context, on)
     model = Model(on.frames, on.fitter, on.fitted, _initially_free(context))
     first, last, model = select(context, model)
-    model, found, phases = convert_terms(context, model)
-    model, found = drop_insignificant(context, model, found)
-    return add_labels(conclude(context, model, (*facts, *found), phases, exchanged, first, last), measured)
+    model, findings, phases = convert_terms(context, model)
+    model, findings = drop_insignificant(context, model, findings)
+    return add_labels(conclude(context, model, (*facts, *findings), phases, exchanged, first, last), measured)
 
 
 def fit_nuisances(context: Context) -> FittedFrames:
@@ -125,15 +125,15 @@ def check_wiring(context: Context, on: FittedFrames) -> tuple[FittedFrames, tupl
     return trace_and_fit(context, context.split.fit, context.initial_effects, _initially_free(context)), exchanged
 
 
-def add_lattices(context: Context, on: FittedFrames) -> tuple[FittedFrames, tuple[_Found, ...]]:
+def add_lattices(context: Context, on: FittedFrames) -> tuple[FittedFrames, tuple[_Finding, ...]]:
     """Add the steps of which measured values are multiples and the model's are not: facts of the file."""
-    rng, found = np.random.default_rng([context.seed, 3]), []
+    rng, findings = np.random.default_rng([context.seed, 3]), []
     for lattice in find_lattices(on.fitter, on.fitted, context.candidates, rng):
         others = tuple(effect for effect in on.fitted.effects if effect.name != lattice.effect.name)
         on = replace(on, fitted=on.fitter.fit((*others, lattice.effect), (), on.fitted.estimate, steps=3))
         p_value = 1 / context.settings.selection.draws
-        found.append(_Found(lattice.effect.name, p_value, interval=lattice.interval))
-    return on, tuple(found)
+        findings.append(_Finding(lattice.effect.name, p_value, interval=lattice.interval))
+    return on, tuple(findings)
 
 
 def select(context: Context, model: Model) -> tuple[Evidence, Evidence, Model]:
@@ -159,31 +159,31 @@ def retrace(context: Context, model: Model) -> Model:
     return rebuild(model, on)
 
 
-def convert_terms(context: Context, model: Model) -> tuple[Model, tuple[_Found, ...], tuple[Term, ...]]:
+def convert_terms(context: Context, model: Model) -> tuple[Model, tuple[_Finding, ...], tuple[Term, ...]]:
     """Turn dependences into plug-ins, and fit their parameters together with everything else.
 
     Returns:
-        The model without dependences; what was found, in order; and terms that no law predicts.
+        The model without dependences; the findings, in order; and terms that no formula predicts.
     """
     linearisation = linearise(model.fitter, model.fitted, model.frames)
     effects, free = model.fitted.effects, model.free
-    found, phases = list[_Found](), list[Term]()
+    findings, phases = list[_Finding](), list[Term]()
     for term in model.terms:
         names = term.alternatives
         if term.group.is_effect:
-            found.append(_Found(term.group.effect_name, term.p_value, names))
+            findings.append(_Finding(term.group.effect_name, term.p_value, names))
             continue
         curve = curve_of(linearisation, term, context.settings.selection.sectors)
         if curve is None or any(effect.name == curve.name for effect in effects):
             phases.append(term)
             continue
         unknown = UnknownEffect.of(curve)
-        if not curve.is_shared and curve.channel not in SPURIOUS:  # these have their likeliest size already
+        if not curve.is_shared and curve.channel not in SPURIOUS:  # these have their most likely size already
             free = (*free, len(effects))
         effects = (*effects, effect_of(unknown))
-        found.append(_Found(unknown.name, term.p_value, names, unknown, term.group.name))
+        findings.append(_Finding(unknown.name, term.p_value, names, unknown, term.group.name))
     if effects == model.fitted.effects and not model.fitted.dependences:
-        return model, tuple(found), tuple(phases)
+        return model, tuple(findings), tuple(phases)
     context.on_progress("fitting formulas")
     fitter = model.fitter
     fitted = fitter.fit(effects, all_free(effects, free, fitter.rings), model.fitted.estimate)
@@ -191,18 +191,18 @@ def convert_terms(context: Context, model: Model) -> tuple[Model, tuple[_Found, 
     if not is_accurate(fitter, fitted.effects):
         on = trace_and_fit(context, [frame.name for frame in model.frames], fitted.effects, free)
         converted = replace(converted, frames=on.frames, fitter=on.fitter, fitted=on.fitted)
-    return _without_idle(context, converted, found, phases)
+    return _without_idle(context, converted, findings, phases)
 
 
 def _without_idle(
-    context: Context, model: Model, found: Sequence[_Found], phases: Sequence[Term]
-) -> tuple[Model, tuple[_Found, ...], tuple[Term, ...]]:
+    context: Context, model: Model, findings: Sequence[_Finding], phases: Sequence[Term]
+) -> tuple[Model, tuple[_Finding, ...], tuple[Term, ...]]:
     """Without plug-ins that gain nothing: no formula describes their curves, so that these are only listed."""
     fitted, fitter = model.fitted, model.fitter
     loss = fitter.loss(fitted.estimate)
     terms = {term.group.name: term for term in model.terms if not term.group.is_effect}
     idle, listed = set[str](), list(phases)
-    for one in found:
+    for one in findings:
         if one.unknown is None or one.unknown.curve.is_shared:
             continue
         rest = tuple(effect for effect in fitted.effects if effect.name != one.name)
@@ -210,34 +210,36 @@ def _without_idle(
             idle.add(one.name)
             listed.append(terms[one.term])
     if not idle:
-        return model, tuple(found), tuple(phases)
+        return model, tuple(findings), tuple(phases)
     effects = tuple(effect for effect in fitted.effects if effect.name not in idle)
     names = {fitted.effects[index].name for index in model.free} - idle
     free = tuple(index for index, effect in enumerate(effects) if effect.name in names)
     refitted = fitter.fit(effects, all_free(effects, free, fitter.rings), fitted.estimate)
-    kept = tuple(one for one in found if one.name not in idle)
+    kept = tuple(one for one in findings if one.name not in idle)
     return replace(model, fitted=refitted, free=free), kept, tuple(listed)
 
 
-def drop_insignificant(context: Context, model: Model, found: Sequence[_Found]) -> tuple[Model, tuple[_Found, ...]]:
+def drop_insignificant(
+    context: Context, model: Model, findings: Sequence[_Finding]
+) -> tuple[Model, tuple[_Finding, ...]]:
     """Drop effects of the catalogue of which every amplitude's interval includes doing nothing, and fit the rest."""
     initial = len(context.initial_effects)
     ci95 = intervals(model.fitter, model.fitted) if model.fitted.free else {}
     idle = {
         one.name
-        for one in found
+        for one in findings
         if one.unknown is None
         and one.interval is None
         and _is_neutral(model, one.name, ci95.get(one.name, {}), initial)
     }
     if not idle:
-        return model, tuple(found)
+        return model, tuple(findings)
     context.on_progress(f"dropped {', '.join(sorted(idle))}: the interval includes no effect")
     names = {model.fitted.effects[index].name for index in model.free} - idle
     effects = tuple(effect for effect in model.fitted.effects if effect.name not in idle)
     free = tuple(index for index, effect in enumerate(effects) if effect.name in names)
     fitted = model.fitter.fit(effects, all_free(effects, free, model.fitter.rings), model.fitted.estimate)
-    return replace(model, fitted=fitted, free=free), tuple(one for one in found if one.name not in idle)
+    return replace(model, fitted=fitted, free=free), tuple(one for one in findings if one.name not in idle)
 
 
 def _is_neutral(model: Model, name: str, ci95: dict[str, Any], initial: int) -> bool:
@@ -258,7 +260,7 @@ def _is_neutral(model: Model, name: str, ci95: dict[str, Any], initial: int) -> 
 def conclude(
     context: Context,
     model: Model,
-    found: Sequence[_Found],
+    findings: Sequence[_Finding],
     phases: Sequence[Term],
     exchanged: Sequence[Exchange],
     first: Evidence,
@@ -270,9 +272,9 @@ def conclude(
     ci95 = intervals(model.fitter, fitted) if fitted.free else {}
     on = FittedFrames(context.split.fit, model.frames, model.fitter, fitted)
     held_out = fit_held_out(context, fitted.effects) if context.split.is_held_out else on
-    budget, judged = budget_of(context, held_out, _steps(context, fitted.effects, found))
-    findings, unknowns = [], []
-    for number, one in enumerate(found):
+    budget, frame_pairs = budget_of(context, held_out, _steps(context, fitted.effects, findings))
+    effects, unknowns = [], []
+    for number, one in enumerate(findings):
         effect = next(effect for effect in fitted.effects if effect.name == one.name)
         params, interval = effect.model_dump(mode="json"), ci95.get(one.name, one.interval or {})
         if one.unknown is not None:
@@ -280,10 +282,10 @@ def conclude(
             continue
         alike = tuple(dict.fromkeys(name for name in one.alternatives if name in _catalogue(context)))
         steps = budget.steps[number], budget.steps[number + 1]
-        findings.append(Finding(one.name, params, interval, one.p_value, *steps, alike))
-    sets = tuple((one.name, *one.alternatives) for one in found if one.alternatives)
+        effects.append(Finding(one.name, params, interval, one.p_value, *steps, alike))
+    sets = tuple((one.name, *one.alternatives) for one in findings if one.alternatives)
     return Diagnosis(
-        effects=tuple(findings),
+        effects=tuple(effects),
         ranking=_ranking(first),
         unknowns=tuple(unknowns),
         unexplained=(*_wiring(exchanged), *_unexplained(context, model, phases, last)),
@@ -295,7 +297,7 @@ def conclude(
         split=context.split,
         spreads=_spreads(on),
         notes=(*_wiring_notes(exchanged), *_notes(context, on)),
-        judged=judged,
+        frame_pairs=frame_pairs,
         settings=context.settings,
         refitted={
             effect.name: {"params": effect.model_dump(mode="json"), "ci95": ci95.get(effect.name, {})}
@@ -305,21 +307,21 @@ def conclude(
     )
 
 
-def add_labels(found: Diagnosis, drive: Drive) -> Diagnosis:
+def add_labels(diagnosis: Diagnosis, drive: Drive) -> Diagnosis:
     """Test the labels as well; a missing label effect goes into the improved sensor.
 
     The verdict remains that of the points unless these lack nothing.
     """
     if not any(drive[name].has("label_2") for name in drive.frames):
-        return found
-    by = found.settings
-    labels = diagnose_labels(drive, found.sensor, certainty=Certainty(by.level, by.coverage, by.dictionary.power))
+        return diagnosis
+    by = diagnosis.settings
+    labels = diagnose_labels(drive, diagnosis.sensor, certainty=Certainty(by.level, by.coverage, by.dictionary.power))
     if labels.effect is None:
-        return replace(found, labels=labels)
-    model = found.sensor
+        return replace(diagnosis, labels=labels)
+    model = diagnosis.sensor
     others = tuple(effect for effect in model.effects if not isinstance(effect, LabelEffect))
     sensor = SensorModel(model.pattern, (*others, labels.effect), model.origin)
-    return replace(found, labels=labels, sensor=sensor)
+    return replace(diagnosis, labels=labels, sensor=sensor)
 
 
 def _initially_free(context: Context) -> tuple[int, ...]:
@@ -331,14 +333,14 @@ def _catalogue(context: Context) -> set[str]:
     return {kind.name for kind in context.candidates} | {effect.name for effect in context.initial_effects}
 
 
-def _steps(context: Context, effects: tuple[Effect, ...], found: Sequence[_Found]) -> list[tuple[Effect, ...]]:
+def _steps(context: Context, effects: tuple[Effect, ...], findings: Sequence[_Finding]) -> list[tuple[Effect, ...]]:
     """The model after each finding, with the final values of those found so far."""
     initial = context.initial_effects
-    names = {one.name for one in found}
+    names = {one.name for one in findings}
     final = {effect.name: effect for effect in effects}
     own = [final[effect.name] if effect.name in context.refitted else effect for effect in initial]
     models, present = [tuple(own)], set[str]()
-    for one in found:
+    for one in findings:
         present.add(one.name)
         there = [final[effect.name] if effect.name in present else effect for effect in own]
         added = [effect for effect in effects[len(initial) :] if effect.name in present or effect.name not in names]
@@ -377,7 +379,7 @@ def _ranking(first: Evidence) -> tuple[Alternative, ...]:
 def _smallest(last: Evidence, settings: Settings) -> dict[str, dict[str, float]]:
     """Amplitude of each effect that would have been detected with 80 % power at the family-wise level."""
     needed = float(stats.norm.isf(settings.level / 2 / max(last.dictionary.tested, 1))) + settings.dictionary.power
-    found: dict[str, dict[str, float]] = {}
+    amplitudes_by_effect: dict[str, dict[str, float]] = {}
     for result in last.results:
         tangent, entry = result.group.tangent, result.entry
         if tangent is None or not tangent.amplitude or not np.any(entry.information > 0):
@@ -385,9 +387,9 @@ def _smallest(last: Evidence, settings: Settings) -> dict[str, dict[str, float]]
         total = float(entry.information.sum())
         amplitude = needed * float(np.sqrt(entry.variance.sum())) / max(total, 1e-300)
         amplitude *= abs(tangent.step) if result.group.direct is not None else 1.0
-        row = found.setdefault(tangent.effect.name, {})
+        row = amplitudes_by_effect.setdefault(tangent.effect.name, {})
         row[tangent.amplitude] = min(amplitude, row.get(tangent.amplitude, np.inf))
-    return found
+    return amplitudes_by_effect
 
 
 def _spreads(on: FittedFrames) -> dict[str, float]:
@@ -395,7 +397,7 @@ def _spreads(on: FittedFrames) -> dict[str, float]:
     random, estimate = on.fitter.random, on.fitted.estimate
     poses = random.spread(estimate, "poses")
     objects = [random.spread(estimate, name) for name in ("objects", "objects_by_scan")]
-    found = {
+    spreads = {
         "pose_shift_m": float(np.sqrt(np.mean(poses[:3] ** 2))) if len(poses) else 0.0,
         "pose_turn_deg": float(np.degrees(np.sqrt(np.mean(poses[3:] ** 2)))) if len(poses) else 0.0,
         "object_shift_m": float(np.sqrt(sum(part[0] ** 2 for part in objects if len(part)))),
@@ -403,7 +405,7 @@ def _spreads(on: FittedFrames) -> dict[str, float]:
         "object_albedo": float(np.max(random.spread(estimate, "albedo"), initial=0.0)),
         "map_albedo": float(np.max(random.spread(estimate, "albedo_of_map"), initial=0.0)),
     }
-    return {name: value for name, value in found.items() if value > 0}
+    return {name: value for name, value in spreads.items() if value > 0}
 
 
 def _wiring_notes(exchanged: Sequence[Exchange]) -> list[str]:
@@ -421,7 +423,7 @@ def _notes(context: Context, on: FittedFrames) -> tuple[str, ...]:
         drive,
         frames=len(observed),
         bad=sum(frame.bad for frame in observed),
-        strays=sum(frame.strays for frame in observed),
+        unmatched=sum(frame.unmatched for frame in observed),
         has_intensity=on.fitter.sample.has_intensity,
     )
     of_fit = fit_notes(len(observed), context.split.is_held_out, has_surfels(drive.root), context.settings.beams)

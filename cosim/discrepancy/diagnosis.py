@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy import stats
 
-from cosim.discrepancy.budget import Budget, HeldOut, Judged
+from cosim.discrepancy.budget import Budget, FramePairs, HeldOut
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.evidence_matrix import EvidenceCell
 from cosim.discrepancy.settings import DEFAULT, Settings
@@ -119,7 +119,7 @@ class Diagnosis:
         spreads: standard deviations of the nuisance parameters, by name with unit.
         labels: result for labelled boxes if there are any; a missing label effect is in the improved model.
         notes: what these data cannot determine, a sentence each.
-        judged: held-out frames under the initial and the final model, for pages.
+        frame_pairs: held-out frames under the initial and the final model, for pages.
         refitted: `params` and `ci95` of the effects of the sensor that were refitted, by name.
         worth: the change of a detector's average precision by each finding, if requested.
         settings: numeric choices.
@@ -139,7 +139,7 @@ class Diagnosis:
     sensor_out: str | None = None
     labels: LabelFinding | None = None
     notes: tuple[str, ...] = ()
-    judged: Judged | None = None
+    frame_pairs: FramePairs | None = None
     refitted: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     worth: Worth | None = None
     settings: Settings = DEFAULT

@@ -43,8 +43,8 @@ class NoiseFloor:
                 parts[name] = total / count
         if "range" not in parts:
             return None
-        strays, beams = (sum(frame_sums["spurious"][part] for frame_sums in sums) for part in (0, 1))
-        parts["spurious"] = 1000 * float(np.sqrt(2 / np.pi * (1 + 1 / MEMBERS) * strays)) / max(beams, 1)
+        spurious_count, beams = (sum(frame_sums["spurious"][part] for frame_sums in sums) for part in (0, 1))
+        parts["spurious"] = 1000 * float(np.sqrt(2 / np.pi * (1 + 1 / MEMBERS) * spurious_count)) / max(beams, 1)
         error = float(np.mean([parts[name] / SCALES[name] for name in parts]))
         return cls(error, parts, "estimated from how much neighbouring beams on one surface differ")
 
@@ -85,14 +85,14 @@ class Neighbours:
         return cls(pair, gaps)
 
 
-def estimate_floor(beside: Neighbours, scores: FrameScores, expected: Expectation) -> dict[str, tuple[float, int]]:
+def estimate_floor(neighbours: Neighbours, scores: FrameScores, expected: Expectation) -> dict[str, tuple[float, int]]:
     """Sums and counts of a frame's scores by channel if there were only noise.
 
     Args:
-        beside: differences of neighbouring beams of the frame.
+        neighbours: differences of neighbouring beams of the frame.
         scores, expected: scores and expectation that they were computed from.
     """
-    gap, intensity_gap = np.minimum(np.abs(beside.gaps["range"][0]), CLIP_M), beside.gaps["intensity"][0]
+    gap, intensity_gap = np.minimum(np.abs(neighbours.gaps["range"][0]), CLIP_M), neighbours.gaps["intensity"][0]
     sums = {"range": (float(gap.sum()) / 2, len(gap))}
     if len(intensity_gap):
         sums["intensity"] = (float(np.abs(intensity_gap).sum()) / 2, len(intensity_gap))
@@ -100,6 +100,6 @@ def estimate_floor(beside: Neighbours, scores: FrameScores, expected: Expectatio
     # Independent outcomes with probability p differ with probability 2p(1 − p), twice the Brier score of the forecast
     # p. With probabilities p and q, (p − q)² is added.
     excess = np.abs(np.diff(outcome)) - np.diff(expected.seen) ** 2
-    sums["drop"] = (max(float(excess[beside.pair].sum()), 0.0) / 2, int(beside.pair.sum()))
+    sums["drop"] = (max(float(excess[neighbours.pair].sum()), 0.0) / 2, int(neighbours.pair.sum()))
     sums["spurious"] = scores.foreseen, int((~scores.ambiguous).sum())
     return sums

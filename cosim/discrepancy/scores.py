@@ -45,7 +45,7 @@ class FrameScores:
         range_score, intensity_score: (n,) CRPS ([m]; intensity); NaN if not matched.
         brier: (n,) fair Brier score of the return; NaN if ambiguous.
         foreseen: predicted number of spurious returns.
-        stray: (n,) predicted probability of a spurious return by beam; 0 if ambiguous.
+        spurious_probability: (n,) predicted probability of a spurious return by beam; 0 if ambiguous.
     """
 
     range_m: np.ndarray
@@ -60,7 +60,7 @@ class FrameScores:
     intensity_score: np.ndarray
     brier: np.ndarray
     foreseen: float
-    stray: np.ndarray
+    spurious_probability: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class Totals:
         foreseen_drops: predicted number of dropped returns.
         hit_drops: sum of the predicted drop probabilities of beams that were dropped.
         spurious, foreseen: measured and predicted number of spurious returns.
-        strays, bad: numbers of points that fit no beam, and with NaN or infinity.
+        unmatched, bad: numbers of points that fit no beam, and with NaN or infinity.
     """
 
     frames: int = 0
@@ -100,7 +100,7 @@ class Totals:
     hit_drops: float = 0.0
     spurious: int = 0
     foreseen: float = 0.0
-    strays: int = 0
+    unmatched: int = 0
     bad: int = 0
 
     def __add__(self, other: Totals) -> Totals:
@@ -135,7 +135,7 @@ class Totals:
             hit_drops=float((1 - scores.expected[is_dropped]).sum()),
             spurious=int(scores.spurious.sum()),
             foreseen=scores.foreseen,
-            strays=frame.observed.strays,
+            unmatched=frame.observed.unmatched,
             bad=frame.observed.bad,
         )
 
@@ -258,7 +258,7 @@ def scored(
         ),
         brier=np.where(ambiguous, np.nan, brier),
         foreseen=float((is_stray & ~ambiguous).sum() / members),
-        stray=np.where(ambiguous, 0.0, is_stray.mean(0)),
+        spurious_probability=np.where(ambiguous, 0.0, is_stray.mean(0)),
     )
 
 

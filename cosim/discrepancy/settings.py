@@ -49,9 +49,9 @@ class Sampling:
 
     segment: int = 3  # consecutive frames that belong to the same part of the split
     map_scans: int = 24  # scans of one map (made from the scans) used for fitting, evenly spaced
-    map_judges: int = 8  # scans of one map used for validation
+    map_validation_scans: int = 8  # scans of one map used for validation
     scans_each: int = 6  # scans per map used for fitting, if there are several maps
-    judges_each: int = 3  # scans per map used for validation, if there are several maps
+    validation_scans_each: int = 3  # scans per map used for validation, if there are several maps
     apart: int = 6  # maximum distance of consecutive fitted scans, in scans: close enough to see the same surfaces
     as_far: float = 0.9  # share of the longest distance travelled in such a stretch that the chosen stretch must reach
     most_beams: int = 4_300_000  # maximum number of beams in all scans of maps; each takes about 1 kB of memory
@@ -61,30 +61,30 @@ class Sampling:
     edge_share: float = 0.25  # sampling probability of beams at edges relative to others: they are less informative
     rare_share: float = 0.2  # share of a sample reserved for rare materials
     lone_share: float = 0.25  # share of a sample for returns that can only be used for the sensor's calibration
-    looks: int = 16  # maximum number of beams per map surface: more beams add less than more surfaces do
+    beams_per_surface: int = 16  # maximum number of beams per map surface: more beams add less than more surfaces do
     margin_m: float = 0.3  # distance along the beam within which a return belongs to a map surface,
     across_m: float = 0.03  # plus this distance along the normal (for beams at grazing incidence),
     across_sigmas: float = 4.0  # plus this many σ of its points; objects on the ground are further away
     on_plane_m: float = 0.02  # distance along the normal within which a traced hit belongs to a map surface
     neighbours: int = 6  # number of nearest surfaces tested for a hit
-    place_m: float = 8.0  # side of the squares of ground that are assigned to fitting or validation
-    judge_every: int = 3  # one in this many squares is used for validation
+    square_m: float = 8.0  # side of the squares of ground that are assigned to fitting or validation
+    validation_every: int = 3  # one in this many squares is used for validation
     least_rough: float = 0.2  # minimum share of the scatter of a surface's points that is attributed to its roughness
     level: float = 0.9  # |n·z| of a normal n above which a surface is horizontal
 
 
 @dataclass(frozen=True)
-class Law:
+class LikelihoodConstants:
     """Likelihood of a beam."""
 
     range_floor_m: float = 5e-4  # minimum σ of ranges
     intensity_floor: float = 0.002  # minimum σ of intensities
     rise_sigma_m: float = 0.003  # σ of a point's offset perpendicular to its beam
-    stray_share: float = 1e-5  # share of beams with spurious returns beyond those that effects predict
+    least_spurious_share: float = 1e-5  # share of beams with spurious returns beyond those that effects predict
     reference_share: float = 1e-4  # share of spurious returns at which their score is evaluated
     reach_m: float = 120.0  # spurious returns are uniform up to this range
     neither_share: float = 0.01  # initial share of beams near edges that hit no known surface, with and without return
-    neither_known: float = 1e-5  # convergence tolerance of these shares
+    neither_tolerance: float = 1e-5  # convergence tolerance of these shares
     lost_share: float = 1e-3  # minimum probability of a return, and of no return
     clear_of_limits: float = 2.5  # distance from a limit, in σ, beyond which censoring is negligible
     own_at_seams: float = 0.5  # probability that an intensity is from the beam's own surface next to another material
@@ -96,7 +96,7 @@ class Law:
 
 
 @dataclass(frozen=True)
-class Unsure:
+class RandomEffectSettings:
     """Random effects: errors of poses, objects, map and reflectances."""
 
     pose_shift_m: float = 0.02  # initial σ of pose errors: shifts,
@@ -132,7 +132,9 @@ class Descent:
     halvings: int = 5  # maximum number of step halvings
     ridge: float = 1e-6  # precision of the prior of dependences' coefficients, as a share of their information
     brightnesses: Six = (0.3, 0.7, 0.95, 1.05, 1.4, 3.0)  # trial factors on the albedo of a map surface in each step
-    least_told: float = 1e-5  # minimum share of information of per-laser parameters with random effects eliminated
+    min_identified_share: float = (
+        1e-5  # minimum share of information of per-laser parameters with random effects eliminated
+    )
     rounds: int = 3  # maximum number of times the beams are traced again after they were deflected
     turned_rad: float = 7e-4  # maximum rotation of beams since they were traced
     shifted_m: float = 0.02  # maximum shift of beams since they were traced
@@ -252,8 +254,8 @@ class Settings:
     most_aligned: int = 12  # maximum number of frames for the attribution of the error in `compare`
     beams: Beams = field(default_factory=Beams)
     sampling: Sampling = field(default_factory=Sampling)
-    law: Law = field(default_factory=Law)
-    unsure: Unsure = field(default_factory=Unsure)
+    likelihood: LikelihoodConstants = field(default_factory=LikelihoodConstants)
+    random_effects: RandomEffectSettings = field(default_factory=RandomEffectSettings)
     descent: Descent = field(default_factory=Descent)
     search: Search = field(default_factory=Search)
     dictionary: Dictionary = field(default_factory=Dictionary)

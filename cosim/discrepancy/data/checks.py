@@ -72,13 +72,13 @@ _LIKE_POSES = ("mount_rotation", "mount_translation", "suspension_pitch")
 _NOT_NEEDED = ("image_", "depth_", "semantic_", "instance_", "label_2", "oxts", "hits")
 
 
-def drive_notes(drive: Drive, *, frames: int, bad: int, strays: int, has_intensity: bool) -> tuple[str, ...]:
+def drive_notes(drive: Drive, *, frames: int, bad: int, unmatched: int, has_intensity: bool) -> tuple[str, ...]:
     """Notes on missing or unusable parts of a drive.
 
     Args:
         drive: drive with its twin.
         frames: number of frames that are compared.
-        bad, strays: number of their points with NaN or infinity, and of points that fit no beam.
+        bad, unmatched: number of their points with NaN or infinity, and of points that fit no beam.
         has_intensity: whether the points have intensities.
     """
     notes = [note for note in drive.missing if not note.startswith(_NOT_NEEDED)]
@@ -88,8 +88,8 @@ def drive_notes(drive: Drive, *, frames: int, bad: int, strays: int, has_intensi
         )
     if bad:
         notes.append(f"{bad} points with NaN or infinity were skipped")
-    if strays:
-        notes.append(f"{strays} points fit no beam of the sensor's pattern and were skipped")
+    if unmatched:
+        notes.append(f"{unmatched} points fit no beam of the sensor's pattern and were skipped")
     if (unit := intensity_unit(drive)) != 1:
         notes.append(f"intensities are bytes: they were divided by {unit:g}")
     if not has_intensity:

@@ -75,32 +75,32 @@ class TracedFrame:
         """Whether the twin's silhouettes are accurate: not if it was made from its own points or from boxes."""
         return self.map is None and not self.own_axes
 
-    def unsure(self, shift_m: float, turn_rad: float) -> np.ndarray:
+    def near_uncertain_edges(self, shift_m: float, turn_rad: float) -> np.ndarray:
         """(n,) bool beams that may hit another surface or material for pose errors of this size [m, rad]."""
         at_edge = self.near_edges(shift_m, turn_rad)
-        return at_edge | self.beside_edges(shift_m, turn_rad, ~at_edge)
+        return at_edge | self.near_other_materials(shift_m, turn_rad, ~at_edge)
 
     def near_edges(self, shift_m: float, turn_rad: float) -> np.ndarray:
         """(n,) bool those of them that may hit another surface beyond an edge."""
         return widened(self.edge, self.nearest_m, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
 
-    def beside_edges(self, shift_m: float, turn_rad: float, asked: np.ndarray) -> np.ndarray:
-        """(n,) bool beams among `asked` (n,) that may hit another material, or a thin object between beams."""
+    def near_other_materials(self, shift_m: float, turn_rad: float, requested: np.ndarray) -> np.ndarray:
+        """(n,) bool beams among `requested` (n,) that may hit another material, or a thin object between beams."""
         seam = self.border | self.seam
         range_m = np.where(seam, self.shot.hits.solid.range_m, np.inf)
-        is_near = asked & widened(seam, range_m, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
-        return is_near | self._hits_beside(shift_m, turn_rad, asked & ~is_near)
+        is_near = requested & widened(seam, range_m, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
+        return is_near | self._hits_nearby(shift_m, turn_rad, requested & ~is_near)
 
-    def _hits_beside(self, shift_m: float, turn_rad: float, asked: np.ndarray) -> np.ndarray:
-        """(n,) bool beams among `asked` whose measured range fits not their own hit but that of a nearby direction.
+    def _hits_nearby(self, shift_m: float, turn_rad: float, requested: np.ndarray) -> np.ndarray:
+        """(n,) bool beams among `requested` whose measured range fits not their own hit but that of a nearby direction.
 
         Wires and thin poles may lie between beams, so that no traced beam shows the edge.
         """
         settings = self.settings.beams
         traced, world, measured = self.shot.traced, self.shot.world, self.observed.range_from(self.shot.rays.origin)
         assert traced is not None and world is not None  # frames are traced
-        asked = asked & self.observed.returned & self.observed.trusted
-        far = asked & ~(np.abs(measured - self.shot.hits.solid.range_m) < settings.same_m)
+        requested = requested & self.observed.returned & self.observed.trusted
+        far = requested & ~(np.abs(measured - self.shot.hits.solid.range_m) < settings.same_m)
         rows = np.flatnonzero(far)
         direction, upwards_m = traced.direction[rows], traced.hits.pose[:3, 2]
         across = np.cross(direction, upwards_m)
@@ -210,7 +210,7 @@ def _read_trust(
     assert traced is not None  # frames are traced
     met, measured = _world_points(shot, observed)
     is_trusted = trust.beams(frame.twin.instances, met, solid.instance, measured)
-    sigma_m, sigma_intensity = trust.unsure(met, solid.instance)
+    sigma_m, sigma_intensity = trust.sigmas(met, solid.instance)
     steep = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
     trusted = is_trusted & (trust.ground_range | (solid.instance >= 0))
     return trusted, sigma_m / np.maximum(steep, grazing), sigma_intensity

@@ -27,7 +27,7 @@ class Observed:
         intensity: (n,) float32 from 0 to 1; NaN without a return or without intensities.
         trusted: (n,) bool beams that can be compared.
         points: number of points of the scan.
-        strays: number of points that fit no beam of the pattern; they are skipped.
+        unmatched: number of points that fit no beam of the pattern; they are skipped.
         bad: number of points with NaN or infinity; they are skipped.
         row: (n,) int64 row of the beam's point in the scan; −1 without a return.
         recovered: whether beams were identified from the order of the points. Then rays have measured azimuths, and
@@ -40,7 +40,7 @@ class Observed:
     intensity: np.ndarray
     trusted: np.ndarray
     points: int
-    strays: int
+    unmatched: int
     bad: int
     row: np.ndarray
     recovered: bool = False
@@ -126,7 +126,7 @@ def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0, setti
         intensity=intensity,
         trusted=trusted,
         points=len(points),
-        strays=len(points) - seconds - len(used),
+        unmatched=len(points) - seconds - len(used),
         bad=frame.bad_points,
         row=row_of,
         recovered=of.recovered,

@@ -75,11 +75,13 @@ def split_of_maps(
     if not maps:
         return split_frames([name for names in fit for name in names], (), settings)
     if len(maps) == 1:
-        return Split(_select_evenly(maps[0][0], settings.map_scans), _select_evenly(maps[0][1], settings.map_judges))
-    most = max(settings.most_beams // (beams * (settings.scans_each + settings.judges_each)), 1)
+        return Split(
+            _select_evenly(maps[0][0], settings.map_scans), _select_evenly(maps[0][1], settings.map_validation_scans)
+        )
+    most = max(settings.most_beams // (beams * (settings.scans_each + settings.validation_scans_each)), 1)
     maps = [maps[row] for row in _even_rows(len(maps), most)]
     each = max(settings.map_scans // len(maps), settings.scans_each)
-    validation_each = max(settings.map_judges // len(maps), settings.judges_each)
+    validation_each = max(settings.map_validation_scans // len(maps), settings.validation_scans_each)
     training, validation = list[str](), list[str]()
     for fit_names, held_out_names in maps:
         stretch = _select_stretch(fit_names, places, each * settings.apart, settings.as_far)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.discrepancy.dictionary.covariates import Covariate, constant, sample_covariates
-from cosim.discrepancy.dictionary.groups import Group, is_asked
+from cosim.discrepancy.dictionary.groups import Group, is_tested
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.dictionary.objects import object_groups
 from cosim.discrepancy.dictionary.periodic import line_groups, wave_groups
@@ -67,6 +67,6 @@ def build_dictionary(
             explicit += line_groups(linearisation, channel, settings.selection.draws, level, rng)
     explicit += object_groups(linearisation)
     binned = sum(
-        is_asked(channel, covariate) for channel in linearisation.channels for covariate in covariates.values()
+        is_tested(channel, covariate) for channel in linearisation.channels for covariate in covariates.values()
     )
     return Dictionary(covariates, explicit, binned + len(explicit))

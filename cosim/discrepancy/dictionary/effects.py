@@ -52,12 +52,12 @@ def mixture_score(
             density of spurious returns [1/m].
     """
     sample, before = linearisation.sample, linearisation.adjusted
-    seen, silent, stray = changed
+    seen, silent, spurious_per_m = changed
     after = replace(
         before,
         seen=np.clip(before.seen + seen, 0, 1),
         silent=np.clip(before.silent + silent, 0, 1),
-        stray=np.maximum(before.stray + stray, 0),
+        spurious_per_m=np.maximum(before.spurious_per_m + spurious_per_m, 0),
     )
     fitter = linearisation.fitter
     old = fitter.residuals_at(before).outcome
@@ -91,7 +91,7 @@ def _tangents(linearisation: Linearisation, effects: tuple[Effect, ...], tangent
     jacobian = linearisation.fitter.random.prediction_jacobian(fitted.prediction, fitted.estimate)
     delta: dict[Quantity, np.ndarray] = {
         name: values / tangent.step * jacobian.get(name, 1.0)
-        for name, values in change(fitted.bare, after, sample.settings.law).items()
+        for name, values in change(fitted.bare, after, sample.settings.likelihood).items()
         if name in linearisation.evidence.score
     }
     if not delta:
@@ -108,11 +108,11 @@ def _direct(linearisation: Linearisation, after: Prediction, tangent: Tangent) -
     """Yield the group of an effect that adds spurious returns, or of an effect without amplitude."""
     sample, fitted = linearisation.sample, linearisation.fitted
     before, weak = fitted.bare, tangent.effect
-    changed = after.seen - before.seen, after.silent - before.silent, after.stray - before.stray
+    changed = after.seen - before.seen, after.silent - before.silent, after.spurious_per_m - before.spurious_per_m
     share = float(sample.share @ (np.maximum(-changed[0], 0) * sample.clear)) / max(float(sample.share.sum()), 1e-9)
     is_new = bool(tangent.amplitude) and tangent.index is None
     if is_new and share > 0:  # scale the amplitude to the reference share of returns
-        scale = sample.settings.law.reference_share / share
+        scale = sample.settings.likelihood.reference_share / share
         changed = changed[0] * scale, changed[1] * scale, changed[2] * scale
         weaker = {tangent.amplitude: np.multiply(getattr(weak, tangent.amplitude), scale)}
         tangent = Tangent(with_values(weak, weaker), tangent.amplitude, tangent.step * scale, None)

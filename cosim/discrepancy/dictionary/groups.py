@@ -165,7 +165,7 @@ def binned_group(linearisation: Linearisation, channel: str, covariate: Covariat
     )
 
 
-def is_asked(channel: str, covariate: Covariate) -> bool:
+def is_tested(channel: str, covariate: Covariate) -> bool:
     """Whether a channel is tested against a covariate.
 
     Excluded: covariates that contain the beam's own noise or the same spurious returns, and angle errors by properties

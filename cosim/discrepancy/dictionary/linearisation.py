@@ -130,14 +130,14 @@ def _score_intensity_variance(
     sample: Sample, residuals: Residuals, adjusted: Prediction, score: Scores, information: Scores
 ) -> None:
     """Score the intensity variance relative to the sensor's own σ, without the minimum σ of the likelihood."""
-    floor = 1.5 * sample.settings.law.intensity_floor
+    floor = 1.5 * sample.settings.likelihood.intensity_floor
     own = np.hypot(adjusted.intensity_sigma, adjusted.twin_sigma_intensity)
     z = residuals.intensity_z * residuals.intensity_sigma / np.maximum(own, 1e-9)
     pair = np.maximum(sample.partner, 0)
     gap = (z - z[pair]) / np.sqrt(2)
     known = np.where((own > floor) & (own[pair] > floor), information["intensity_variance"], 0.0)
     information["intensity_variance"] = known
-    score["intensity_variance"] = known / 2 * (np.minimum(gap**2, sample.settings.law.most_squared) - 1)
+    score["intensity_variance"] = known / 2 * (np.minimum(gap**2, sample.settings.likelihood.most_squared) - 1)
 
 
 def _score_spurious(
@@ -154,7 +154,7 @@ def _score_spurious(
     The background of returns far from both surfaces at edges is taken from the opposite side of the surface: early
     returns are expected as often as late ones.
     """
-    law, reference = sample.settings.law, sample.settings.law.reference_share
+    constants, reference = sample.settings.likelihood, sample.settings.likelihood.reference_share
     surface = np.where(sample.edge, _side_range(sample, adjusted, "nearest"), np.nan_to_num(adjusted.range_m))
     behind = np.where(sample.edge, _side_range(sample, adjusted, "farthest"), np.nan_to_num(adjusted.range_m))
     density = spurious_densities(sample, replace(adjusted, range_m=np.where(sample.edge, surface, adjusted.range_m)))
@@ -174,21 +174,23 @@ def _score_spurious(
     edge_gap = np.where(measured > behind, measured - behind, np.minimum(gap, 0.0))
     far = sample.returned & ~explained
     at_edges = {"early": early_at_edges, "late": late_at_edges}
-    at_edges["spurious"] = np.where(early_at_edges + late_at_edges > 0, 1 / law.reach_m, 0.0)
+    at_edges["spurious"] = np.where(early_at_edges + late_at_edges > 0, 1 / constants.reach_m, 0.0)
     at_edges = {name: np.where(explained, 0.0, values) for name, values in at_edges.items()}
     for name in SPURIOUS:
         solid = np.ones(len(sample), bool) if name == "spurious" else np.isfinite(adjusted.range_m) & (surface > 1)
-        present = law.stray_share + adjusted.stray * law.reach_m + adjusted.spurious_share
+        present = constants.least_spurious_share + adjusted.spurious_per_m * constants.reach_m + adjusted.spurious_share
         share = sample.share
         used = share * (clear & solid)
         background = _background_share(share, clear, far, gap, name) if bent else 0.0
-        ratio = np.where(hidden, 0.0, density[name]) / np.maximum(likelihood + background / law.reach_m, 1e-12) - 1
+        ratio = (
+            np.where(hidden, 0.0, density[name]) / np.maximum(likelihood + background / constants.reach_m, 1e-12) - 1
+        )
         score[name] = reference * used * ratio / (1 + reference * ratio)
         information[name] = used * (reference**2 / (reference + present) if not background else reference + background)
         if not edge.any():
             continue
         background = max(_background_share(share, edge, far, edge_gap, name), reference)
-        ratio = at_edges[name] / np.maximum(likelihood + background / law.reach_m, 1e-12) - 1
+        ratio = at_edges[name] / np.maximum(likelihood + background / constants.reach_m, 1e-12) - 1
         used = share * edge
         score[name] = score[name] + reference * used * ratio / (1 + reference * ratio)
         information[name] = information[name] + used * (reference + background)

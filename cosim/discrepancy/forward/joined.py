@@ -51,7 +51,7 @@ class Replay:
             _joined([part.of for part in parts]),
             *(
                 np.concatenate([getattr(part, name) for part in parts])
-                for name in ("along_m", "above_m", "stray", "split")
+                for name in ("along_m", "above_m", "spurious_per_m", "split")
             ),
         )
 
@@ -88,9 +88,9 @@ class _Together(Replayed):
         self.is_calibrated = frames[0].is_calibrated
         self.along_m = np.concatenate([frame.along_m for frame in frames])
         sigma_m, sigma_intensity = (
-            np.concatenate(each) for each in zip(*(frame.unsure for frame in frames), strict=True)
+            np.concatenate(each) for each in zip(*(frame.twin_sigmas for frame in frames), strict=True)
         )
-        self.unsure = sigma_m, sigma_intensity
+        self.twin_sigmas = sigma_m, sigma_intensity
         measured = [frame.measured for frame in frames if frame.measured is not None]
         self.measured = (
             {name: np.concatenate([frame[name] for frame in measured]) for name in measured[0]} if measured else None

@@ -105,14 +105,14 @@ class Expected:
     Attributes:
         of: means, standard deviations and probabilities.
         along_m, above_m: (n,) offset of the reported optical centre along and perpendicular to (above) each beam [m].
-        stray, split: (n,) density [1/m] of spurious returns at the measured range, and the part of it from other parts
-            of the beam's own footprint; 0 without a return.
+        spurious_per_m, split: (n,) density [1/m] of spurious returns at the measured range, and the part of it from
+            other parts of the beam's own footprint; 0 without a return.
     """
 
     of: Expectation
     along_m: np.ndarray
     above_m: np.ndarray
-    stray: np.ndarray
+    spurious_per_m: np.ndarray
     split: np.ndarray
 
 
@@ -124,7 +124,7 @@ class Replayed:
         nominal: nominal rays of the pattern.
         is_calibrated: whether points follow the unit's own laser calibration instead of the pattern.
         along_m: (n,) measured component along the beams [m]; NaN without a return.
-        unsure: (n,) each, σ of the twin's ranges [m] and intensities.
+        twin_sigmas: (n,) each, σ of the twin's ranges [m] and intensities.
         solid, met: the surface that each beam hits, and its plane.
         pane_beam, pane, paned: (k,) rows of beams that pass through glass first, the panes, and their planes.
         paint, table: as in `Hits`.
@@ -137,7 +137,7 @@ class Replayed:
     nominal: Rays
     is_calibrated: bool
     along_m: np.ndarray
-    unsure: tuple[np.ndarray, np.ndarray]
+    twin_sigmas: tuple[np.ndarray, np.ndarray]
     solid: Surface
     met: Planes
     pane_beam: np.ndarray
@@ -157,14 +157,14 @@ class Replayed:
     def expect(self, effects: tuple[Effect, ...]) -> Expected:
         """Predict the beams from effects, given in the order in which they act."""
         shot = self.shot(effects)
-        return self.complete(effects, shot, expect(effects, shot, self.unsure))
+        return self.complete(effects, shot, expect(effects, shot, self.twin_sigmas))
 
     def complete(self, effects: tuple[Effect, ...], shot: Shot, expectation: Expectation) -> Expected:
         """Add optical centres and spurious returns to the expectation of a shot."""
         lasers = self._calibrated_directions(effects)
         direction = shot.rays.direction
         upward, along, above = shot.kept("optical centres", lambda: _centres(shot.rays))
-        stray, split = np.zeros(len(self.along_m)), np.zeros(len(self.along_m))
+        spurious_per_m, split = np.zeros(len(self.along_m)), np.zeros(len(self.along_m))
         if lasers is not None:
             # Points lie along the lasers of the unit's calibration, not along the pattern's beams; their offset from
             # these follows from the measured range for any surface.
@@ -176,9 +176,9 @@ class Replayed:
         for effect in effects:
             if type(effect).density is not Effect.density:
                 density = spurious_density(effect, rows, self.along_m[rows] - along[rows], shot)
-                stray[rows] += density
+                spurious_per_m[rows] += density
                 split[rows] += 0.0 if isinstance(effect, ScanEffect) else density
-        return Expected(expectation, along, above, stray, split)
+        return Expected(expectation, along, above, spurious_per_m, split)
 
     def shot(self, effects: Sequence[Effect]) -> Shot:
         """Return the hits of the beams as deflected by the beam effects among `effects`."""
@@ -252,7 +252,7 @@ class FrameReplay(Replayed):
         self.nominal = _rows(frame.observed.rays, beams)
         self.is_calibrated = frame.observed.recovered
         self.along_m = frame.observed.along_m[beams].astype(np.float64)
-        self.unsure = (
+        self.twin_sigmas = (
             frame.twin_sigma_m[beams].astype(np.float64),
             frame.twin_sigma_intensity[beams].astype(np.float64),
         )

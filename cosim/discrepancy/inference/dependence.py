@@ -15,7 +15,7 @@ import numpy as np
 from cosim.discrepancy.inference.likelihood import range_spread_m
 from cosim.discrepancy.inference.score import Quantity, SparseMatrix, change
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from cosim.discrepancy.settings import Law
+from cosim.discrepancy.settings import LikelihoodConstants
 
 ANGLES = ("azimuth_error", "elevation_error")
 SPURIOUS = ("spurious", "early", "late")
@@ -64,7 +64,7 @@ def angle_derivatives(sample: Sample) -> dict[str, np.ndarray]:
 
     Beams at so flat an angle that the range is far from linear in it get 0.
     """
-    turn, most = sample.pose_derivative[:, 3:], sample.settings.law.steepest_m_per_rad
+    turn, most = sample.pose_derivative[:, 3:], sample.settings.likelihood.steepest_m_per_rad
     derivatives = {
         "azimuth_error": turn[:, 2],
         "elevation_error": turn[:, 0] * np.sin(sample.azimuth) - turn[:, 1] * np.cos(sample.azimuth),
@@ -81,7 +81,7 @@ def spurious_densities(sample: Sample, expected: Prediction) -> dict[str, np.nda
     gap = np.nan_to_num(sample.along_m) - np.nan_to_num(expected.range_m)
     returned = sample.returned
     return {
-        "spurious": np.where(returned, 1 / sample.settings.law.reach_m, 0.0),
+        "spurious": np.where(returned, 1 / sample.settings.likelihood.reach_m, 0.0),
         "early": np.where(returned & solid & (gap < 0), 1 / np.maximum(np.nan_to_num(expected.range_m), 1.0), 0.0),
         "late": np.where(returned & solid & (gap > 0), np.exp(-np.maximum(gap, 0.0)), 0.0),
     }
@@ -95,7 +95,7 @@ def apply_changes(sample: Sample, before: Prediction, changes: Mapping[str, np.n
     `range_variance`, `intensity_variance` (change of log σ of the sensor); `spurious`, `early`, `late` (share of
     beams that return from elsewhere).
     """
-    after, law = before, sample.settings.law
+    after, constants = before, sample.settings.likelihood
     if any(name in changes for name in ANGLES):
         derivatives = angle_derivatives(sample)
         shift = sum(derivatives[name] * changes[name] for name in ANGLES if name in changes)
@@ -112,10 +112,10 @@ def apply_changes(sample: Sample, before: Prediction, changes: Mapping[str, np.n
         seen = np.clip(after.seen * (1 + changes["drop"]), 0, 1)
         after = replace(after, seen=seen, silent=np.clip(after.silent + after.seen - seen, 0, 1))
     if "range_variance" in changes:
-        after = replace(after, range_sigma_m=_scaled_sigma(after, changes["range_variance"], law))
+        after = replace(after, range_sigma_m=_scaled_sigma(after, changes["range_variance"], constants))
     if "intensity_variance" in changes:
         factor = np.exp(np.clip(changes["intensity_variance"], -_MOST_LOG, _MOST_LOG))
-        sigma = np.maximum(after.intensity_sigma, law.intensity_floor)
+        sigma = np.maximum(after.intensity_sigma, constants.intensity_floor)
         after = replace(after, intensity_sigma=np.where(factor == 1, after.intensity_sigma, sigma * factor))
     shares = {name: np.clip(changes[name], 0, _MOST_SHARE) for name in SPURIOUS if name in changes}
     if shares:
@@ -148,7 +148,7 @@ def channel_slopes(
             continue
         step = _STEPS[name]
         moved = apply_changes(sample, before, {**changes, name: changes.get(name, np.zeros(len(sample))) + step})
-        slopes[name] = {key: values / step for key, values in change(at, moved, sample.settings.law).items()}
+        slopes[name] = {key: values / step for key, values in change(at, moved, sample.settings.likelihood).items()}
     return slopes
 
 
@@ -159,9 +159,9 @@ def _bent(range_m: np.ndarray, shift_m: np.ndarray) -> np.ndarray:
     return range_m + np.where(np.abs(ratio) <= 1, moved, 0.0)
 
 
-def _scaled_sigma(expected: Prediction, log_change: np.ndarray, law: Law) -> np.ndarray:
+def _scaled_sigma(expected: Prediction, log_change: np.ndarray, constants: LikelihoodConstants) -> np.ndarray:
     """The sensor's σ of ranges (n,) [m] such that the whole spread changes by the factor exp(log_change)."""
-    whole = range_spread_m(expected, law) ** 2
+    whole = range_spread_m(expected, constants) ** 2
     other = whole - expected.range_sigma_m**2
     variance = whole * np.exp(2 * np.clip(log_change, -_MOST_LOG, _MOST_LOG)) - other
     return np.sqrt(np.maximum(variance, 1e-8))

@@ -220,7 +220,7 @@ class Fitter:
         mean = poses.mean(0)
         error = poses.std(0) / np.sqrt(len(poses))
         reduced = state
-        for axis in np.flatnonzero(np.abs(mean) > self.settings.unsure.variance_sigmas * error):
+        for axis in np.flatnonzero(np.abs(mean) > self.settings.random_effects.variance_sigmas * error):
             poses = self.random.poses(reduced.estimate).copy()
             poses[:, axis] -= mean[axis]
             reduced = max(reduced, self._with_poses(reduced, poses), key=self._penalised_loglik)
@@ -283,7 +283,7 @@ class Fitter:
             # Ranges of ground at grazing incidence are nonlinear in beam angles: use central differences.
             before, step = self._predict_changed(effects, parameter, value - step), 2 * step
         delta: dict[Quantity, np.ndarray] = {
-            name: values / step for name, values in change(before, after, self.settings.law).items()
+            name: values / step for name, values in change(before, after, self.settings.likelihood).items()
         }
         return Column(delta, self.sample.ring if unknown.rings > 1 else None, unknown.rings)
 
@@ -301,11 +301,11 @@ class Fitter:
     def roughness(self, prediction: Prediction) -> float:
         """Scale of the large range or rise residuals [m]; 0 if all are within a few standard deviations."""
         compared = np.where(self.sample.compared, self.sample.along_m - prediction.range_m, np.nan)
-        stated = float(np.median(range_spread_m(prediction, self.settings.law)))
+        stated = float(np.median(range_spread_m(prediction, self.settings.likelihood)))
         rise = self.sample.above_m - prediction.rise_m
         return max(
             self._large_residual_scale(compared, stated),
-            self._large_residual_scale(rise, self.settings.law.rise_sigma_m),
+            self._large_residual_scale(rise, self.settings.likelihood.rise_sigma_m),
         )
 
     def _large_residual_scale(self, residual_m: np.ndarray, stated_m: float) -> float:
@@ -427,7 +427,9 @@ class Fitter:
         for number in range(steps):
             state = self._optimise_albedo(state, blur)
             value = objective(state)
-            evidence = Evidence.of(self.sample, state.residuals, blur).reweighted(state.residuals, self.settings.law)
+            evidence = Evidence.of(self.sample, state.residuals, blur).reweighted(
+                state.residuals, self.settings.likelihood
+            )
             if blur == 0.0 and number in (1, 2, 4):
                 initialised = self.random.initialise_variances(state.estimate, state.prediction, evidence)
                 state = replace(state, estimate=initialised)
@@ -499,7 +501,9 @@ class Fitter:
         dependences = []
         for dependence in state.dependences:
             if dependence.is_one_sided:
-                start = np.where(dependence.coefficients > 0, dependence.coefficients, self.settings.law.stray_share)
+                start = np.where(
+                    dependence.coefficients > 0, dependence.coefficients, self.settings.likelihood.least_spurious_share
+                )
                 new = dependence.basis.T @ (share * density[dependence.channel] / likelihood)
                 start = start * new / np.maximum(dependence.basis.T @ share, 1e-9)
                 dependence = replace(dependence, coefficients=start)
@@ -515,7 +519,7 @@ class Fitter:
         rows, sample = self.random.rows("albedo_of_map"), self.sample
         if not sample.of_own_map or rows.stop == rows.start:
             return state
-        brightness, darkest = 1 + state.estimate.u[rows], self.settings.unsure.darkest
+        brightness, darkest = 1 + state.estimate.u[rows], self.settings.random_effects.darkest
         trials = [1 + other.u[rows]] if other else [by * brightness for by in self.settings.descent.brightnesses]
         cell, used = np.maximum(sample.surface, 0), sample.share * (sample.surface >= 0)
 
@@ -565,7 +569,7 @@ class Fitter:
     def _min_identified_share(self, free: Sequence[Free]) -> float:
         """`min_share` of `LinearModel.step`: above 0 only for per-laser lists on a map made from the scans."""
         lists = any(parameter.unknown.rings > 1 for parameter in free)
-        return self.settings.descent.least_told if lists and self.sample.of_own_map else 0.0
+        return self.settings.descent.min_identified_share if lists and self.sample.of_own_map else 0.0
 
     def _penalised_loglik(self, state: _State) -> float:
         penalty = state.estimate.u**2 @ np.where(

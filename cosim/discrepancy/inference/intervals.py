@@ -178,7 +178,7 @@ def _bootstrap_intervals(
     for unknown, column in columns.items():
         name, value = unknown.name, float(getattr(effects[index], unknown.name))
         pair = likelihood_interval(
-            effects, index, unknown, column, lost, stray_weight(fitter, fitted), fitter.settings.search
+            effects, index, unknown, column, lost, spurious_weight(fitter, fitted), fitter.settings.search
         )
 
         def losses(at: float, name: str = name) -> np.ndarray:
@@ -211,7 +211,7 @@ def _bootstrap_intervals(
     return limits
 
 
-def stray_weight(fitter: Fitter, fitted: Fitted) -> float:
+def spurious_weight(fitter: Fitter, fitted: Fitted) -> float:
     """Effective mean weight of a spurious return in a sample with mean weight 1."""
     sample = fitter.sample
     weight = sample.weight[sample.returned & sample.clear & (fitted.residuals.matched < 0.5)]

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import special, stats
 
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from cosim.discrepancy.settings import Law
+from cosim.discrepancy.settings import LikelihoodConstants
 
 NU = 5.0
 SCALE = np.sqrt((NU - 2) / NU)
@@ -126,23 +126,25 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
         expected: prediction for the same beams.
         blur: standard deviation [m] added to all ranges, so that fits with large residuals converge.
     """
-    law, mean, own = sample.settings.law, expected.range_m, sample.own
-    sigma = np.hypot(range_spread_m(expected, law), blur)
+    constants, mean, own = sample.settings.likelihood, expected.range_m, sample.own
+    sigma = np.hypot(range_spread_m(expected, constants), blur)
     along_m, returned = sample.along_m[own], sample.returned[own]
     z = np.where(returned & np.isfinite(mean), (along_m - mean) / sigma, 0.0)
     z = np.nan_to_num(z)
-    seen = np.where(np.isfinite(mean), np.clip(expected.seen, law.lost_share, 1 - law.lost_share), 0.0)
+    seen = np.where(np.isfinite(mean), np.clip(expected.seen, constants.lost_share, 1 - constants.lost_share), 0.0)
     kept = 1 - expected.spurious_share
     seen = np.where(sample.compared, seen, 0.0)
     expected_seen = np.where(seen > 0, kept * expected.seen, 0.0)
     # `seen` is not capped at 1 here: a beam with a return may be certain to have one.
-    certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, law.lost_share), 0.0)
+    certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, constants.lost_share), 0.0)
     surface = certain * np.exp(student(z)) / sigma
     # Near edges returns from fog etc. are confounded with unknown surfaces: condition on the absence of such returns.
-    untouched = np.where(sample.edge, np.maximum(expected.seen + expected.silent, law.lost_share), 1.0)
-    elsewhere = law.stray_share / law.reach_m + np.where(sample.edge, expected.split, expected.stray)
+    untouched = np.where(sample.edge, np.maximum(expected.seen + expected.silent, constants.lost_share), 1.0)
+    elsewhere = constants.least_spurious_share / constants.reach_m + np.where(
+        sample.edge, expected.split, expected.spurious_per_m
+    )
     density = surface + elsewhere
-    outcome = kept * np.where(returned, density, np.maximum(expected.silent, law.lost_share)) / untouched
+    outcome = kept * np.where(returned, density, np.maximum(expected.silent, constants.lost_share)) / untouched
     outcome = outcome + np.where(returned, expected.spurious, 0.0)
     likelihood, met = _mixed(sample, outcome)
     loglik_of_outcome = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)
@@ -150,9 +152,9 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     matched = np.where(returned, met * kept * surface / untouched / np.maximum(outcome, 1e-300), 0.0)
 
     rise = np.nan_to_num(sample.above_m - expected.rise_m)
-    rise_z = np.where(sample.returned, rise / np.hypot(law.rise_sigma_m, blur), 0.0)
+    rise_z = np.where(sample.returned, rise / np.hypot(constants.rise_sigma_m, blur), 0.0)
     loglik += np.where(sample.returned, student(rise_z), 0.0)
-    spread = intensity_spread(expected, law)
+    spread = intensity_spread(expected, constants)
     zeros = np.zeros(len(z))
     intensity = (
         _intensity_residuals(sample, expected, spread)
@@ -193,16 +195,18 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     if not len(near):
         return outcome, np.ones(len(outcome))
     likelihood = np.where(sample.first, np.bincount(sample.own, sample.chance * outcome, len(outcome)), 1.0)
-    law, returned = sample.settings.law, sample.returned[near]
-    neither = np.stack([returned / law.reach_m, ~returned])
-    share = shares_of_neither(likelihood[near], neither, sample.weight[near], law)
+    constants, returned = sample.settings.likelihood, sample.returned[near]
+    neither = np.stack([returned / constants.reach_m, ~returned])
+    share = shares_of_neither(likelihood[near], neither, sample.weight[near], constants)
     either, met = 1 - share.sum(), np.ones(len(outcome))
     likelihood[near] = either * likelihood[near] + share @ neither
     met[rows] = either * (sample.chance * outcome)[rows] / likelihood[sample.own[rows]]
     return likelihood, met
 
 
-def shares_of_neither(sides: np.ndarray, neither: np.ndarray, weight: np.ndarray, law: Law) -> np.ndarray:
+def shares_of_neither(
+    sides: np.ndarray, neither: np.ndarray, weight: np.ndarray, constants: LikelihoodConstants
+) -> np.ndarray:
     """Maximum-likelihood weights (c,) of mixture components by EM (Dempster, Laird and Rubin, J. R. Stat. Soc. B 1977).
 
     At the maximum, derivatives of the likelihood with respect to other parameters are as for known weights.
@@ -211,10 +215,10 @@ def shares_of_neither(sides: np.ndarray, neither: np.ndarray, weight: np.ndarray
         sides: (k,) likelihoods of the component with the remaining weight.
         neither: (c, k) likelihoods of the components.
         weight: (k,) weights of the beams.
-        law: settings of the likelihood.
+        constants: settings of the likelihood.
     """
-    share, before = np.full(len(neither), law.neither_share), np.zeros(len(neither))
-    while np.abs(share - before).max() > law.neither_known:
+    share, before = np.full(len(neither), constants.neither_share), np.zeros(len(neither))
+    while np.abs(share - before).max() > constants.neither_tolerance:
         before, parts = share, share[:, None] * neither
         share = parts / ((1 - share.sum()) * sides + parts.sum(0)) @ weight / weight.sum()
     return share
@@ -227,24 +231,26 @@ def _intensity_residuals(sample: Sample, expected: Prediction, spread: np.ndarra
         z, score, information, probability that the intensity is from that surface, whether it is practically never
         censored, log-likelihood.
     """
-    mean, limits, law = expected.intensity, sample.intensity_limits, sample.settings.law
+    mean, limits, constants = expected.intensity, sample.intensity_limits, sample.settings.likelihood
     measured = np.where(sample.returned, sample.intensity, mean)
     likelihood = censored(measured, mean, spread, limits)
     # Residuals of values that noise moves across a limit are not normally distributed.
-    is_uncensored = np.minimum(mean - limits[0], limits[1] - mean) >= law.clear_of_limits * expected.intensity_sigma
+    is_uncensored = (
+        np.minimum(mean - limits[0], limits[1] - mean) >= constants.clear_of_limits * expected.intensity_sigma
+    )
     is_censored = (measured <= limits[0]) | (measured >= limits[1])
-    other_likelihood = (1 - law.own_at_seams) * np.where(is_censored, law.cut_at_seams, 1.0)
-    own_likelihood = law.own_at_seams * np.exp(likelihood.loglik)
+    other_likelihood = (1 - constants.own_at_seams) * np.where(is_censored, constants.cut_at_seams, 1.0)
+    own_likelihood = constants.own_at_seams * np.exp(likelihood.loglik)
     own_share = np.where(sample.seam, own_likelihood / (own_likelihood + other_likelihood), 1.0) * ~sample.border
     loglik = np.where(sample.seam, np.log(own_likelihood + other_likelihood), likelihood.loglik) * ~sample.border
     return (measured - mean) / spread, likelihood.score, likelihood.information, own_share, is_uncensored, loglik
 
 
-def range_spread_m(expected: Prediction, law: Law) -> np.ndarray:
+def range_spread_m(expected: Prediction, constants: LikelihoodConstants) -> np.ndarray:
     """Standard deviation (n,) [m] of ranges: sensor noise and uncertainty of the twin."""
-    return np.sqrt(expected.range_sigma_m**2 + expected.twin_sigma_m**2 + law.range_floor_m**2)
+    return np.sqrt(expected.range_sigma_m**2 + expected.twin_sigma_m**2 + constants.range_floor_m**2)
 
 
-def intensity_spread(expected: Prediction, law: Law) -> np.ndarray:
+def intensity_spread(expected: Prediction, constants: LikelihoodConstants) -> np.ndarray:
     """Standard deviation (n,) of intensities: sensor noise and uncertainty of the twin."""
-    return np.sqrt(expected.intensity_sigma**2 + expected.twin_sigma_intensity**2 + law.intensity_floor**2)
+    return np.sqrt(expected.intensity_sigma**2 + expected.twin_sigma_intensity**2 + constants.intensity_floor**2)

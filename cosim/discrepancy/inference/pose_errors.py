@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.inference.score import SparseMatrix
-from cosim.discrepancy.settings import DEFAULT, Unsure
+from cosim.discrepancy.settings import DEFAULT, RandomEffectSettings
 
 
 class PoseErrors:
@@ -34,7 +34,7 @@ class PoseErrors:
         frame: np.ndarray,
         reach_m: np.ndarray,
         scans: int,
-        settings: Unsure = DEFAULT.unsure,
+        settings: RandomEffectSettings = DEFAULT.random_effects,
     ) -> None:
         self._settings = settings
         self._derivative, self._frame = derivative, frame

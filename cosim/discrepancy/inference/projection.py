@@ -30,7 +30,8 @@ class Projected:
 
     Attributes:
         tables: two arrays (clusters, k) of scores: by object track or map cell, and by part of a scan.
-        known: two arrays (clusters, k) of information by cluster, in proportion to that of beams or random effects.
+        cluster_information: two arrays (clusters, k) of information by cluster, in proportion to that of beams or of
+            random effects.
         information: (k, k) information with fitted parameters and random effects eliminated.
         left: (k,) share of the information that remains after this elimination; 1 for combinations of random effects.
         floor: (k,) variance of the scores due to the sampling weights of the beams.
@@ -38,7 +39,7 @@ class Projected:
     """
 
     tables: tuple[np.ndarray, np.ndarray]
-    known: tuple[np.ndarray, np.ndarray]
+    cluster_information: tuple[np.ndarray, np.ndarray]
     information: np.ndarray
     left: np.ndarray
     floor: np.ndarray
@@ -88,18 +89,18 @@ class Projector:
         coefficients, shared = self._model.projected(columns)
         information = -shared.T @ coefficients
         whole, floor = np.zeros(len(information)), np.zeros(len(information))
-        known = tuple(np.zeros((table.shape[0], len(information))) for table in self._prior)
+        cluster_information = tuple(np.zeros((table.shape[0], len(information))) for table in self._prior)
         for name, matrix in columns.items():
             weight = self._evidence.information[name]
             information = information + np.asarray((matrix.T @ scaled(matrix, weight)).todense())
             square = matrix.power(2)
             whole += square.T @ weight
             floor += square.T @ (weight * self._share)
-            for table, cluster, count in zip(known, self.clusters, self._counts, strict=True):
+            for table, cluster, count in zip(cluster_information, self.clusters, self._counts, strict=True):
                 table[:count] += summed_by(cluster, square, weight, count)
         left = np.clip(np.diag(information) / np.maximum(whole, 1e-300), 0, 1)
         tables = self._summed(columns, coefficients)
-        known, floor = tuple(table * left for table in known), floor * left
+        cluster_information, floor = tuple(table * left for table in cluster_information), floor * left
         rows = slice(len(self._model.precision))
         combinations = self._combinations(coefficients[rows], shared[rows], whole)
         for column, weights in combinations.items():
@@ -109,11 +110,13 @@ class Projector:
             of_unit = weights * self._model.precision * coefficients[rows, column]
             information[column, column] = floor[column] = of_unit.sum()
             left[column] = 1.0
-            for table, share, unit, prior in zip(tables, known, self._units, self._prior, strict=True):
+            for table, share, unit, prior in zip(tables, cluster_information, self._units, self._prior, strict=True):
                 table[:, column] = prior @ weights
                 share[:, column] = np.bincount(unit, np.maximum(of_unit, 0), len(share))
         is_of_random = np.isin(np.arange(len(left)), list(combinations))
-        return Projected(tables, (known[TRACK], known[PART]), information, left, floor, is_of_random)
+        return Projected(
+            tables, (cluster_information[TRACK], cluster_information[PART]), information, left, floor, is_of_random
+        )
 
     def _combinations(self, random: np.ndarray, shared: np.ndarray, whole: np.ndarray) -> dict[int, np.ndarray]:
         """Columns that are combinations of the random effects' columns of one kind, and their coefficients (a,).
@@ -132,15 +135,17 @@ class Projector:
             found = {int(column): weights[:, column] for column in np.flatnonzero(inside)} | found
         return found
 
-    def _summed(self, columns: dict[Quantity, SparseMatrix], known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _summed(
+        self, columns: dict[Quantity, SparseMatrix], cluster_information: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         tables = []
         for cluster, count, of_fitted, prior in zip(
             self.clusters, self._counts, self._of_fitted, self._prior, strict=True
         ):
-            table = np.asarray(prior @ known[: prior.shape[1]])
+            table = np.asarray(prior @ cluster_information[: prior.shape[1]])
             for name, matrix in columns.items():
                 table[:count] += summed_by(cluster, matrix, self._evidence.score[name], count)
-            table[:count] -= of_fitted @ known
+            table[:count] -= of_fitted @ cluster_information
             tables.append(table)
         return tables[TRACK], tables[PART]
 

@@ -90,7 +90,7 @@ class RandomEffects:
     """
 
     def __init__(self, sample: Sample, *, has_poses: bool = True) -> None:
-        self.sample, settings = sample, sample.settings.unsure
+        self.sample, settings = sample, sample.settings.random_effects
         self._settings = settings
         self._pose_errors = PoseErrors(
             sample.pose_derivative, sample.frame, sample.range_m, len(sample.names), settings

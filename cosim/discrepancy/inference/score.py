@@ -21,7 +21,7 @@ from cosim.discrepancy.inference.likelihood import (
     student_score,
 )
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from cosim.discrepancy.settings import Law
+from cosim.discrepancy.settings import LikelihoodConstants
 
 Quantity = Literal[
     "range", "rise", "intensity", "range_variance", "intensity_variance", "drop", "spurious", "early", "late"
@@ -50,10 +50,10 @@ class Evidence:
             rise_blur: standard deviation [m] added to all rises.
             wider: factors on the stated σ of ranges and rises, see `dispersion`.
         """
-        weight, law = sample.share, sample.settings.law
+        weight, constants = sample.share, sample.settings.likelihood
         matched, returned = weight * residuals.matched, weight * sample.returned
         range_z, range_sigma = residuals.range_z / wider[0], residuals.range_sigma_m * wider[0]
-        rise_z, rise_sigma = residuals.rise_z / wider[1], np.hypot(law.rise_sigma_m, rise_blur) * wider[1]
+        rise_z, rise_sigma = residuals.rise_z / wider[1], np.hypot(constants.rise_sigma_m, rise_blur) * wider[1]
         variance = residuals.seen * (1 - residuals.seen)
         possible = variance > 0
         pair = np.maximum(sample.partner, 0)
@@ -65,7 +65,7 @@ class Evidence:
         score: dict[Quantity, np.ndarray] = {
             "range": matched * student_score(range_z) / range_sigma,
             "rise": returned * student_score(rise_z) / rise_sigma,
-            "range_variance": paired * _spread_excess(range_gap, law),
+            "range_variance": paired * _spread_excess(range_gap, constants),
             "drop": binary * ((1 - residuals.expected_seen) * residuals.matched - residuals.expected_seen * is_lost),
         }
         information: dict[Quantity, np.ndarray] = {
@@ -80,24 +80,24 @@ class Evidence:
             paired_intensity = weight * uncensored * uncensored[pair] * (sample.partner >= 0)
             score["intensity"] = bright * residuals.intensity_score / residuals.intensity_sigma
             information["intensity"] = bright * residuals.intensity_information / residuals.intensity_sigma**2
-            score["intensity_variance"] = paired_intensity * _spread_excess(intensity_gap, law)
+            score["intensity_variance"] = paired_intensity * _spread_excess(intensity_gap, constants)
             information["intensity_variance"] = paired_intensity * _SPREAD_INFORMATION
         return cls(score, information)
 
-    def reweighted(self, residuals: Residuals, law: Law) -> Evidence:
+    def reweighted(self, residuals: Residuals, constants: LikelihoodConstants) -> Evidence:
         """Replace the information of outlying ranges by score/residual (iteratively reweighted least squares).
 
         The expected information of a Student-t is too large for outliers, which have almost no influence; with it
         steps would be too short.
         """
-        is_outlier = np.abs(residuals.range_z) > law.far_off
+        is_outlier = np.abs(residuals.range_z) > constants.far_off
         residual = np.where(is_outlier, residuals.range_z, 1.0) * residuals.range_sigma_m
         curvature = np.where(is_outlier, self.score["range"] / residual, self.information["range"])
         information: dict[Quantity, np.ndarray] = {**self.information, "range": curvature}
         return Evidence(self.score, information)
 
 
-def change(before: Prediction, after: Prediction, law: Law) -> dict[Quantity, np.ndarray]:
+def change(before: Prediction, after: Prediction, constants: LikelihoodConstants) -> dict[Quantity, np.ndarray]:
     """Difference (n,) of two predictions by quantity; quantities that do not change are omitted."""
     both = np.isfinite(before.range_m) & np.isfinite(after.range_m)
     # A change of the reported optical centre moves points along and across the beam; measurements are unchanged.
@@ -105,8 +105,8 @@ def change(before: Prediction, after: Prediction, law: Law) -> dict[Quantity, np
         "range": np.where(both, after.range_m - before.range_m, 0.0),
         "rise": np.nan_to_num(after.rise_m - before.rise_m),
         "intensity": after.intensity - before.intensity,
-        "range_variance": np.log(range_spread_m(after, law) / range_spread_m(before, law)),
-        "intensity_variance": np.log(intensity_spread(after, law) / intensity_spread(before, law)),
+        "range_variance": np.log(range_spread_m(after, constants) / range_spread_m(before, constants)),
+        "intensity_variance": np.log(intensity_spread(after, constants) / intensity_spread(before, constants)),
         "drop": after.seen - before.seen,
     }
     return {name: values for name, values in differences.items() if np.any(np.abs(values) > 1e-12)}
@@ -125,14 +125,16 @@ def dispersion(sample: Sample, residuals: Residuals) -> tuple[float, float]:
         size, share = np.abs(z[used]), weight[used]
         order = np.argsort(size)
         below = np.cumsum(share[order])
-        return max(float(size[order][np.searchsorted(below, 0.5 * below[-1])]) / sample.settings.law.median_size, 1.0)
+        return max(
+            float(size[order][np.searchsorted(below, 0.5 * below[-1])]) / sample.settings.likelihood.median_size, 1.0
+        )
 
     return of(residuals.range_z, sample.share * residuals.matched), of(residuals.rise_z, sample.share * sample.returned)
 
 
-def _spread_excess(gap: np.ndarray, law: Law) -> np.ndarray:
+def _spread_excess(gap: np.ndarray, constants: LikelihoodConstants) -> np.ndarray:
     """min(gap², cap) − 1: 0 on average if differences of neighbours have the stated σ, above 0 if they scatter more."""
-    return np.minimum(gap**2, law.most_squared) - 1
+    return np.minimum(gap**2, constants.most_squared) - 1
 
 
 SparseMatrix = Any  # a scipy.sparse matrix; scipy's types do not describe the results of products

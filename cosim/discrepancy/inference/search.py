@@ -126,7 +126,7 @@ def likelihood_interval(
     unknown: Unknown,
     column: Column,
     loss: Loss,
-    stray_weight: float,
+    spurious_weight: float,
     by: Search,
 ) -> tuple[float, float]:
     """Likelihood interval (low, high) of a parameter.
@@ -135,13 +135,13 @@ def likelihood_interval(
         effects: all effects of the sensor.
         index, unknown, column: effect index, parameter and its column.
         loss: negative log-likelihood as a function of the effects, for a sample with mean weight 1.
-        stray_weight: mean weight of a spurious return in it; each is one independent observation.
+        spurious_weight: mean weight of a spurious return in it; each is one independent observation.
         by: settings of the search.
     """
     value, least = float(getattr(effects[index], unknown.name)), loss(effects)
     fall = by.fall if is_flat(effects[index], unknown, column, by) else by.smooth_fall
     if isinstance(effects[index], ScanEffect):
-        fall *= stray_weight
+        fall *= spurious_weight
 
     def is_too_low(distance: float) -> bool:
         if not unknown.low <= value + distance <= unknown.high:
@@ -249,10 +249,13 @@ def crowded_sector(sample: Sample, residuals: Residuals, by: Search = DEFAULT.se
     Kulldorff's scan statistic (Commun. Stat. 26, 1997).
     """
     turn = np.degrees(sample.azimuth) % 360
-    stray = sample.returned & sample.clear & (residuals.matched < 0.5)
-    if not stray.any():
+    spurious_per_m = sample.returned & sample.clear & (residuals.matched < 0.5)
+    if not spurious_per_m.any():
         return {AZIMUTH: 0.0, WIDTH: 360.0}
-    strays, beams = _CumulativeWeight(turn[stray], sample.weight[stray]), _CumulativeWeight(turn, sample.weight)
+    strays, beams = (
+        _CumulativeWeight(turn[spurious_per_m], sample.weight[spurious_per_m]),
+        _CumulativeWeight(turn, sample.weight),
+    )
     grid = np.arange(by.edges) * 360 / by.edges
     start, end = _best_sector(strays, beams, grid, grid, by)
     for _ in range(2):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.budget import PARTS, AlignedFrame, Judged
+from cosim.discrepancy.budget import PARTS, AlignedFrame, FramePairs
 from cosim.discrepancy.dictionary.covariates import sample_covariates
 from cosim.discrepancy.scores import CLIP_M, FrameScores, Totals
 from cosim.discrepancy.settings import Settings
@@ -140,18 +140,18 @@ class Beams:
     is_one: bool
 
     @classmethod
-    def of(cls, judged: Judged, shown: int, seed: int = 0) -> Beams:
+    def of(cls, frame_pairs: FramePairs, shown: int, seed: int = 0) -> Beams:
         """Collect the data of validation frames, `shown` of them as a whole; `seed` is for the sampling of rows."""
-        has_poses = "poses" not in judged.before_parts
+        has_poses = "poses" not in frame_pairs.before_parts
         parts: list[Rows] = []
         errors: list[float] = []
-        for number, (before, after) in enumerate(judged.pairs()):
+        for number, (before, after) in enumerate(frame_pairs.pairs()):
             parts.append(_rows(before, after, number, np.random.default_rng([seed, number]), has_poses))
             errors.append(Totals.of(before.frame, before.scores).error)
         kept = _choose_scans(errors, shown)
-        scans = [_scan(before, after) for number, (before, after) in enumerate(judged.pairs()) if number in kept]
+        scans = [_scan(before, after) for number, (before, after) in enumerate(frame_pairs.pairs()) if number in kept]
         scans.sort(key=lambda scan: -np.nan_to_num(scan.before.error))
-        same = judged.before is judged.after and judged.before_parts == PARTS
+        same = frame_pairs.before is frame_pairs.after and frame_pairs.before_parts == PARTS
         return cls(_concatenate(parts), tuple(scans), same)
 
 
@@ -177,7 +177,7 @@ def residuals_of(aligned: AlignedFrame) -> dict[str, np.ndarray]:
         "range": np.where(scores.matched, range_m, np.nan),
         "intensity": np.where(has_intensity, intensity, np.nan),
         "drop": np.where(clear & hits.solid.exists, returned - expected.seen, np.nan),
-        "spurious": np.where(clear, scores.spurious - scores.stray, np.nan),
+        "spurious": np.where(clear, scores.spurious - scores.spurious_probability, np.nan),
         "range_variance": _excess(range_m, expected.range_sigma_m, scores.matched),
         "intensity_variance": _excess(intensity, expected.intensity_sigma, has_intensity),
     }

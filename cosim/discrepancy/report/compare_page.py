@@ -65,7 +65,7 @@ def format_comparison(comparison: Comparison, command: str, explored: Explored |
         command: what to run next, to be copied.
         explored: beams of the compared frames; gathered from the comparison by default.
     """
-    explored = explored or Explored.of(comparison.judged, LAYOUT.scans)
+    explored = explored or Explored.of(comparison.frame_pairs, LAYOUT.scans)
     title = f"{comparison.sensor} against {comparison.drive}"
     text = (
         "An illustration: residuals at the initial poses, and with fitted errors of poses, objects and map removed. "
@@ -134,11 +134,11 @@ def _off(name: str, comparison: Comparison) -> str:
 
 
 def _budget(comparison: Comparison) -> str:
-    if comparison.budget is None or comparison.judged is None:
+    if comparison.budget is None or comparison.frame_pairs is None:
         return ""
     frames = (
-        f"{len(comparison.judged)} of {comparison.totals.frames} frames"
-        if len(comparison.judged) < comparison.totals.frames
+        f"{len(comparison.frame_pairs)} of {comparison.totals.frames} frames"
+        if len(comparison.frame_pairs) < comparison.totals.frames
         else "all frames"
     )
     text = f"The error and its sources, in the shares of {frames}."

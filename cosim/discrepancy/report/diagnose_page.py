@@ -69,7 +69,7 @@ def explored_of(diagnosis: Diagnosis) -> Explored | None:
     """The beams of the held-out frames, and charts of them, also by the covariates of findings; or None."""
     names = [name for row in diagnosis.unexplained for name in row.covariates]
     names += [name for unknown in diagnosis.unknowns for name in unknown.curve.covariates]
-    return Explored.of(diagnosis.judged, LAYOUT.scans, names)
+    return Explored.of(diagnosis.frame_pairs, LAYOUT.scans, names)
 
 
 def _verdict(diagnosis: Diagnosis, words: Vocabulary) -> str:

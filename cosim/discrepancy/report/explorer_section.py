@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 
-from cosim.discrepancy.budget import Judged
+from cosim.discrepancy.budget import FramePairs
 from cosim.discrepancy.report.beams import Beams
 from cosim.discrepancy.report.bins import USUAL, Bins, bins_of
 from cosim.discrepancy.report.residual_charts import Chart, all_charts, draw_chart, scale_of
@@ -30,9 +30,9 @@ class Explored:
     charts: dict[str, list[Chart]]
 
     @classmethod
-    def of(cls, judged: Judged | None, shown: int, more: Collection[str] = ()) -> Explored | None:
+    def of(cls, frame_pairs: FramePairs | None, shown: int, more: Collection[str] = ()) -> Explored | None:
         """Residuals of validation frames, `shown` of them as whole scans; `more`: further covariates."""
-        return None if judged is None else cls.of_beams(Beams.of(judged, shown), more)
+        return None if frame_pairs is None else cls.of_beams(Beams.of(frame_pairs, shown), more)
 
     @classmethod
     def of_beams(cls, beams: Beams, more: Collection[str] = ()) -> Explored:

@@ -81,7 +81,7 @@ def packed_scans(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: int = 2
         "stops": _STOPS,
         "states": [list(_STATES[state][1]) for state in sorted(_STATES)],
         "matched": MATCHED,
-        "stray": SPURIOUS,
+        "spurious_probability": SPURIOUS,
         "step_m": _STEP_M,
         "bins": {name: {"label": one.shown.words, "words": one.words()} for name, one in bins.items()},
         "scans": [_packed(scan, bins, sides) for scan in scans],

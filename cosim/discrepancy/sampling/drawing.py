@@ -12,7 +12,7 @@ from cosim.discrepancy.sampling.sample import Sample
 
 
 def draw_sample(
-    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, *, judging: bool | None = None
+    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, *, for_validation: bool | None = None
 ) -> Sample:
     """Draw a sample of about `count` beams in neighbouring pairs, equally many per frame.
 
@@ -23,11 +23,11 @@ def draw_sample(
         frames: traced frames, in order of time.
         count: approximate number of beams.
         rng: random generator.
-        judging: for a map made from the scans: whether to use surfaces for validation (True) or for fitting (False);
-            default: all surfaces.
+        for_validation: for a map made from the scans: whether to use surfaces for validation (True) or for fitting
+            (False); default: all surfaces.
     """
     if frames and frames[0].map is not None:
-        return gather_sample(frames, _sample_maps(frames, count, rng, judging))
+        return gather_sample(frames, _sample_maps(frames, count, rng, for_validation))
     share = max(count // max(len(frames), 1), 1)
     return gather_sample(frames, [_sample_frame(frame, share, rng) for frame in frames])
 
@@ -80,7 +80,7 @@ def _rows(beam: np.ndarray, weight: np.ndarray, partner: np.ndarray) -> Taken:
 
 
 def _sample_maps(
-    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None
+    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, for_validation: bool | None
 ) -> list[Taken]:
     """Sample beams of each frame on maps made from the scans; the number per map is proportional to its frames."""
     by_place: dict[str, list[int]] = {}
@@ -92,7 +92,7 @@ def _sample_maps(
         chosen |= dict(
             zip(
                 numbers,
-                _sample_map(frames_of_map, count * len(frames_of_map) // len(frames), rng, judging),
+                _sample_map(frames_of_map, count * len(frames_of_map) // len(frames), rng, for_validation),
                 strict=True,
             )
         )
@@ -100,16 +100,16 @@ def _sample_maps(
 
 
 def _sample_map(
-    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, judging: bool | None
+    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, for_validation: bool | None
 ) -> list[Taken]:
     """Sample beams of each frame in one map: several per surface, preferring surfaces seen from near and far."""
     surfaces = frames[0].map
     assert surfaces is not None  # the caller checked it
     usable = [np.flatnonzero(frame.observed.trusted & ~frame.edge) for frame in frames]
     surface = np.concatenate([frame.surface[rows] for frame, rows in zip(frames, usable, strict=True)])
-    most, looks = frames[0].settings.sampling.looks, np.bincount(surface, minlength=len(surfaces))
-    if judging is not None:
-        looks = np.where(surfaces.judge == judging, looks, 0)
+    most, looks = frames[0].settings.sampling.beams_per_surface, np.bincount(surface, minlength=len(surfaces))
+    if for_validation is not None:
+        looks = np.where(surfaces.judge == for_validation, looks, 0)
     sampled = surfaces.sample(np.minimum(looks, most), count, rng)
     chance = np.zeros(len(surfaces))
     chance[sampled] = np.minimum(most / looks[sampled] / 2, 1.0)
@@ -163,7 +163,7 @@ def split_at_edges(frames: Sequence[TracedFrame], sample: Sample, shift_m: float
     """
     wide = shift_m > 0 or turn_rad > 0
     if not all(frame.is_surveyed for frame in frames):
-        return sample.clear_of([frame.unsure(shift_m, turn_rad) for frame in frames] if wide else [])
+        return sample.clear_of([frame.near_uncertain_edges(shift_m, turn_rad) for frame in frames] if wide else [])
     rng = np.random.default_rng(0)
     return gather_sample(
         frames, [_rows_with_sides(frame, sample, row, shift_m, turn_rad, rng) for row, frame in enumerate(frames)]
@@ -184,12 +184,12 @@ def _rows_with_sides(
         is_thinned, edge = near & ~edge, near  # beams at traced edges were already thinned when drawn
         to_test = np.zeros(len(frame.edge), bool)
         to_test[beam] = ~near
-        is_ambiguous = frame.beside_edges(shift_m, turn_rad, to_test)[beam]
+        is_ambiguous = frame.near_other_materials(shift_m, turn_rad, to_test)[beam]
         is_kept = np.where(is_thinned, rng.random(len(rows_of_frame)) < edge_share, ~is_ambiguous)
-        rows, sigmas = np.flatnonzero(near & is_kept), sample.settings.unsure.edge_sigmas
+        rows, sigmas = np.flatnonzero(near & is_kept), sample.settings.random_effects.edge_sigmas
         spread, hits = (shift_m / sigmas, turn_rad / sigmas), frame.shot.hits
         side[rows], chance[rows] = frame.neighbours.other_sides(hits, beam[rows], *spread)
-    chance = np.where(chance > sample.settings.unsure.least_chance, chance, 0.0)
+    chance = np.where(chance > sample.settings.random_effects.least_chance, chance, 0.0)
     paired = is_kept & ~edge & (sample.partner[rows_of_frame] >= 0)
     partner = np.where(paired, sample.partner[rows_of_frame] - rows_of_frame[:1].sum(), -1)
     partner = np.where(paired[partner] & (partner >= 0), (np.cumsum(is_kept) - 1)[partner], -1)

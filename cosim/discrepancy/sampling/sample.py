@@ -27,8 +27,8 @@ class Prediction:
         intensity, intensity_sigma: mean and σ of the intensity (0 to 1).
         seen: probability that the return of the surface is reported.
         silent: probability that no return is reported.
-        stray: probability density [1/m] of spurious returns at the measured range; 0 without a return.
-        split: part of `stray` that comes from other parts of the beam's own footprint.
+        spurious_per_m: probability density [1/m] of spurious returns at the measured range; 0 without a return.
+        split: part of `spurious_per_m` that comes from other parts of the beam's own footprint.
         twin_sigma_m, twin_sigma_intensity: σ of the twin itself, in addition to that of the sensor.
         spurious_share: share of beams with spurious returns according to fitted dependences.
         spurious: their density [1/m] at the measured range, times the share.
@@ -41,7 +41,7 @@ class Prediction:
     intensity_sigma: np.ndarray
     seen: np.ndarray
     silent: np.ndarray
-    stray: np.ndarray
+    spurious_per_m: np.ndarray
     split: np.ndarray
     twin_sigma_m: np.ndarray
     twin_sigma_intensity: np.ndarray
@@ -226,7 +226,7 @@ class Sample:
             intensity_sigma=expected.of.intensity_sigma,
             seen=expected.of.seen,
             silent=expected.of.silent,
-            stray=expected.stray,
+            spurious_per_m=expected.spurious_per_m,
             split=expected.split,
             twin_sigma_m=self.twin_sigma_m,
             twin_sigma_intensity=self.twin_sigma_intensity,

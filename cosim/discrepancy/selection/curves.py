@@ -18,7 +18,7 @@ from cosim.discrepancy.unknown.curve import Curve
 
 
 def curve_of(linearisation: Linearisation, term: Term, sectors: int) -> Curve | None:
-    """The curve of a selected term; None for phases that differ from scan to scan, which no law predicts.
+    """The curve of a selected term; None for phases that differ from scan to scan, which no formula predicts.
 
     Args:
         linearisation: about the model with the term.

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.dictionary.build import Dictionary
-from cosim.discrepancy.dictionary.groups import Group, binned_group, is_asked
+from cosim.discrepancy.dictionary.groups import Group, binned_group, is_tested
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.inference.dependence import MEANS
 from cosim.discrepancy.inference.projection import PART, TRACK, Projector
@@ -60,20 +60,20 @@ def _rank_binned(
     linearisation: Linearisation, channel: str, dictionary: Dictionary, projector: Projector, settings: Settings
 ) -> list[_Row]:
     """All bins of one channel in one product."""
-    asked = [covariate for covariate in dictionary.covariates.values() if is_asked(channel, covariate)]
-    basis: SparseMatrix = sparse.hstack([covariate.basis for covariate in asked], format="csr")
+    tested = [covariate for covariate in dictionary.covariates.values() if is_tested(channel, covariate)]
+    basis: SparseMatrix = sparse.hstack([covariate.basis for covariate in tested], format="csr")
     score, information = linearisation.weights(channel)
     figures = _figures(basis, score, information, linearisation.sample.share, projector)
     one_sided = linearisation.channels[channel].one_sided
     rows, end = [], 0
-    for covariate in asked:
-        mine = slice(end, end + len(covariate))
+    for covariate in tested:
+        columns = slice(end, end + len(covariate))
         end += len(covariate)
         pair = len(covariate.names) > 1
         fewest = (
             settings.dictionary.fewest_in_cell if pair or channel not in MEANS else settings.dictionary.fewest_in_bin
         )
-        significance, most = _summary(figures, mine, one_sided)
+        significance, most = _summary(figures, columns, one_sided)
         if significance > -1.0:
             group = binned_group(linearisation, channel, covariate, fewest)
             if group is not None:
@@ -114,9 +114,9 @@ def _figures(
     return tables[TRACK].sum(0), scatter, square.T @ (information * share)
 
 
-def _summary(figures: _Figures, mine: slice, one_sided: bool) -> tuple[float, float]:
+def _summary(figures: _Figures, columns: slice, one_sided: bool) -> tuple[float, float]:
     """How far the mean square of standardised scores exceeds its expectation, and twice the gain they foresee."""
-    score, scatter, floor = (values[mine] for values in figures)
+    score, scatter, floor = (values[columns] for values in figures)
     used = floor > 0
     if not used.any():
         return -np.inf, -np.inf

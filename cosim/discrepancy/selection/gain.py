@@ -12,10 +12,12 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
-_LEAST_INFORMATION = 1e-3  # of a random effect relative to the best known one: others are predicted by shrinkage only
+_LEAST_INFORMATION = (
+    1e-3  # of a random effect relative to the best cluster_information one: others are predicted by shrinkage only
+)
 _FEWEST_RANDOM = 3  # random effects from which a mean and a variance are estimated
 
-Law = Literal["normal", "count", "probability", "spread", "random"]
+Distribution = Literal["normal", "count", "probability", "spread", "random"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,14 +25,14 @@ class Cell:
     """Scores of one group.
 
     Attributes:
-        law: of the likelihood about a change.
+        distribution: of the likelihood about a change.
         information: (k, k).
         probability: (k,) mean probability of a return, for probabilities.
         one_sided: whether only positive coefficients make sense.
         dispersion: by how much squared scores exceed the information; gains are divided by it.
     """
 
-    law: Law
+    distribution: Distribution
     information: np.ndarray
     probability: np.ndarray
     one_sided: bool
@@ -43,7 +45,9 @@ def fold_sums(table: np.ndarray, folds: int, rng: np.random.Generator) -> np.nda
     return np.stack([table[fold == number].sum(0) for number in range(folds)])
 
 
-def random_effect_gain(table: np.ndarray, known: np.ndarray, folds: int, rng: np.random.Generator) -> np.ndarray:
+def random_effect_gain(
+    table: np.ndarray, cluster_information: np.ndarray, folds: int, rng: np.random.Generator
+) -> np.ndarray:
     """Gain (folds,) of a mean of random effects whose variance is estimated with it.
 
     A larger variance of the random effects absorbs a mean that they have in common. The standardised effect of a
@@ -51,12 +55,12 @@ def random_effect_gain(table: np.ndarray, known: np.ndarray, folds: int, rng: np
     folds, with m = 0 and with m estimated; with v unknown, both predictive distributions are Student's.
 
     Args:
-        table, known: (clusters, k) scores and information; columns are independent.
+        table, cluster_information: (clusters, k) scores and information; columns are independent.
         folds: number of random folds of the clusters.
         rng: for the folds.
     """
     gains = np.zeros(folds)
-    for score, information in zip(table.T, known.T, strict=True):
+    for score, information in zip(table.T, cluster_information.T, strict=True):
         used = np.flatnonzero(information > _LEAST_INFORMATION * information.max(initial=0.0))
         root = np.sqrt(information[used])
         y, fold = score[used] / np.maximum(root, 1e-300), rng.permutation(len(used)) % folds
@@ -74,19 +78,19 @@ def random_effect_gain(table: np.ndarray, known: np.ndarray, folds: int, rng: np
     return gains
 
 
-def cross_fitted_gain(sums: np.ndarray, known: np.ndarray, cell: Cell) -> np.ndarray:
+def cross_fitted_gain(sums: np.ndarray, cluster_information: np.ndarray, cell: Cell) -> np.ndarray:
     """Gain (folds,) on each fold of coefficients fitted to the others: Σₖ(θ₋ₖᵀsₖ − ½ θ₋ₖᵀHₖθ₋ₖ) and its analogues.
 
     Args:
         sums: (folds, k) scores.
-        known: (folds, k) information of each fold, in any common unit.
+        cluster_information: (folds, k) information of each fold, in any common unit.
         cell: of the group.
     """
     diagonal = np.maximum(np.diag(cell.information), 1e-300)
-    of_fold = known / np.maximum(known.sum(0), 1e-300) * diagonal  # (folds, k)
+    of_fold = cluster_information / np.maximum(cluster_information.sum(0), 1e-300) * diagonal  # (folds, k)
     # A column of which one fold has nearly all information cannot be fitted to the others: shrunk by half of the whole.
     rest, of_rest = sums.sum(0) - sums, np.maximum(diagonal - of_fold, 0.5 * diagonal)
-    if cell.law == "normal":
+    if cell.distribution == "normal":
         scale = np.sqrt(diagonal)
         correlation = cell.information / np.outer(scale, scale)
         inverse = np.linalg.inv(correlation + 1e-2 * np.eye(len(scale)))
@@ -97,23 +101,27 @@ def cross_fitted_gain(sums: np.ndarray, known: np.ndarray, cell: Cell) -> np.nda
         return ((coefficients * sums).sum(1) - 0.5 * curvature) / cell.dispersion
     coefficients = rest / (1.01 * of_rest)
     coefficients = np.maximum(coefficients, 0) if cell.one_sided else coefficients
-    gains = deviance_gain(cell.law, coefficients, sums, of_fold, cell.probability)
+    gains = deviance_gain(cell.distribution, coefficients, sums, of_fold, cell.probability)
     return gains.sum(1) / cell.dispersion
 
 
 def deviance_gain(
-    law: Law, coefficients: np.ndarray, score: np.ndarray, information: np.ndarray, probability: np.ndarray
+    distribution: Distribution,
+    coefficients: np.ndarray,
+    score: np.ndarray,
+    information: np.ndarray,
+    probability: np.ndarray,
 ) -> np.ndarray:
     """Log-likelihood (…, k) gained by coefficients (…, k) where the scores and the information are (…, k).
 
     Counts: score k − e of k events with e = information expected, change of the expectation by the factor 1 + θ.
     Probabilities: relative change θ of the probability p of a return. Spreads: change θ of log σ.
     """
-    if law == "count":
+    if distribution == "count":
         expected = information
         factor = np.log1p(np.maximum(coefficients, -0.99))
         return np.maximum(expected + score, 0) * factor - expected * np.maximum(coefficients, -0.99)
-    if law == "probability":
+    if distribution == "probability":
         other = 1 - probability
         beams = information * other / probability
         returned = np.clip(beams * probability + score * other, 0, beams)

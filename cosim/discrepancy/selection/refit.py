@@ -104,7 +104,7 @@ def refit_with(
         group = finest(linearisation, group)
         coefficients = np.zeros(group.size)
     assert group.basis is not None  # shared errors are not refitted
-    share = fitter.settings.law.reference_share if group.is_count else 0.0  # others start from no change
+    share = fitter.settings.likelihood.reference_share if group.is_count else 0.0  # others start from no change
     dependence = Dependence(group.name, group.channel, group.basis, np.maximum(coefficients, 0) * share)
     after = fit_again(model, fitted.effects, model.free, (*fitted.dependences, dependence), steps)
     return replace(model, fitted=after), group
@@ -201,7 +201,7 @@ def finest(linearisation: Linearisation, group: Group) -> Group:
 
 
 def _with_effect(model: Model, group: Group, coefficients: np.ndarray) -> tuple[tuple[Effect, ...], int]:
-    """Effects with the candidate at the likeliest of a few strengths, and its index."""
+    """Effects with the candidate at the most likely of a few strengths, and its index."""
     tangent, fitter, fitted = group.tangent, model.fitter, model.fitted
     assert tangent is not None  # of an effect
     effects, index = fitted.effects, tangent.index

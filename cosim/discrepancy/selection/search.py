@@ -56,13 +56,13 @@ class Evidence:
     def candidates(self, settings: Settings) -> list[GroupTest]:
         """Significant results, and those that gain so much that their own fit has to decide."""
         by, significant = settings.selection, self.significant(settings)
-        unsure = [
+        uncertain = [
             result
             for result in self.results
             if result.gain >= by.confirm_gain and not result.group.is_shared and not result.group.is_count
         ]
         names = {result.group.name for result in significant}
-        both = [*significant, *(result for result in unsure if result.group.name not in names)]
+        both = [*significant, *(result for result in uncertain if result.group.name not in names)]
         return sorted(both, key=lambda result: -result.gain)
 
 
@@ -232,7 +232,7 @@ class _Trial:
         return self.result.group.size * max(self.result.entry.cell.dispersion, 1.0)
 
     @property
-    def worth(self) -> float:
+    def net_gain(self) -> float:
         """Gain less penalty."""
         return self.gain - self.penalty
 
@@ -262,8 +262,8 @@ def _choose(
     _LOG.debug("tried %s", [(one.result.group.name, round(one.result.gain, 1), round(one.gain, 1)) for one in trials])
     trial = _simplest(trials, settings)
     needed = {one: needed_gain(one.result.group, model, settings) for one in trials}
-    if trial.worth < needed[trial]:
-        return frozenset(one.result.group.name for one in trials if one.worth < needed[one])
+    if trial.net_gain < needed[trial]:
+        return frozenset(one.result.group.name for one in trials if one.net_gain < needed[one])
     result = trial.result
     after, group = refit_with(
         model, evidence.linearisation, result.group, result.entry.coefficients, fine=True, steps=_STEPS
@@ -289,7 +289,7 @@ def _choose(
 
 
 def _best_alias(model: Model, evidence: Evidence, best: Model, group: Group) -> tuple[Model, Group]:
-    """Of frequencies that the interval between scans does not separate, the likeliest: neighbours are tried in turn."""
+    """Choose the most likely of the frequencies that the interval between scans does not separate."""
     linearisation = evidence.linearisation
     time_s = np.sort(linearisation.sample.scan_values["time_s"])
     apart_hz = 1 / max(float(np.median(np.diff(time_s))), 1e-3)
@@ -370,19 +370,21 @@ def _kind(group: Group) -> tuple:
 def _simplest(trials: Sequence[_Trial], settings: Settings) -> _Trial:
     """The candidate that is worth most; a named or simpler one that is worth nearly as much."""
     by = settings.selection
-    best = max(trials, key=lambda trial: trial.worth)
+    best = max(trials, key=lambda trial: trial.net_gain)
     named = [
         trial
         for trial in trials
         if trial.result.group.is_effect
         and trial.result.group.size <= max(best.result.group.size, 2)
         and trial.gain > (1 - by.named) * best.gain
-        and trial.worth > 0
+        and trial.net_gain > 0
     ]
     if named:
         return max(named, key=lambda trial: trial.gain)
     near = [
-        trial for trial in trials if trial.worth > best.worth - max(by.simpler * best.gain, 8.0) and trial.worth > 0
+        trial
+        for trial in trials
+        if trial.net_gain > best.net_gain - max(by.simpler * best.gain, 8.0) and trial.net_gain > 0
     ]
     return min(near or [best], key=lambda trial: _complexity(trial.result.group))
 

@@ -13,7 +13,7 @@ from cosim.discrepancy.dictionary.shared_errors import SharedError, common_infor
 from cosim.discrepancy.inference.dependence import SPREADS
 from cosim.discrepancy.inference.projection import PART, TRACK, Projector
 from cosim.discrepancy.selection.calibration import Statistic, family_wise_p
-from cosim.discrepancy.selection.gain import Cell, Law, cross_fitted_gain, fold_sums, random_effect_gain
+from cosim.discrepancy.selection.gain import Cell, Distribution, cross_fitted_gain, fold_sums, random_effect_gain
 from cosim.discrepancy.settings import Selection
 
 _RIDGE = 1e-2  # of correlations: nearly collinear columns of one group
@@ -26,7 +26,7 @@ class Entry:
     Attributes:
         group: the hypothesis.
         tables: (clusters, k) scores by track and by part of a scan.
-        known: (clusters, k) information of each cluster, of both clusterings.
+        cluster_information: (clusters, k) information of each cluster, of both clusterings.
         information: (k, k) with everything fitted eliminated.
         variance: (k,) of the scores' sums under the null, no less than the information implies.
         left: (k,) share of the information that outlives what is fitted.
@@ -38,7 +38,7 @@ class Entry:
 
     group: Group
     tables: tuple[np.ndarray, np.ndarray]
-    known: tuple[np.ndarray, np.ndarray]
+    cluster_information: tuple[np.ndarray, np.ndarray]
     information: np.ndarray
     variance: np.ndarray
     left: np.ndarray
@@ -50,7 +50,9 @@ class Entry:
     @property
     def expected_clusters(self) -> tuple[np.ndarray, ...]:
         """Of counts, expected number (k,) of clusters with an event, for both clusterings."""
-        return tuple((1 - np.exp(-known / self.event)).sum(0) for known in self.known)
+        return tuple(
+            (1 - np.exp(-cluster_information / self.event)).sum(0) for cluster_information in self.cluster_information
+        )
 
     @property
     def score(self) -> np.ndarray:
@@ -141,19 +143,24 @@ def score_shared(
             if other.group.name not in selected or other.group.channel != one.group.channel:
                 continue
             channel = one.group.channel.removeprefix("shared_")
-            known = np.where(sample.clear & sample.first, linearisation.weights(channel)[1], 0.0)
+            cluster_information = np.where(sample.clear & sample.first, linearisation.weights(channel)[1], 0.0)
             other_score, other_information = _direct_scores(other.group)
-            common, own = common_information(one, other, known, track), max(float(other_information.sum()), 1e-300)
+            common, own = (
+                common_information(one, other, cluster_information, track),
+                max(float(other_information.sum()), 1e-300),
+            )
             score = score - common / own * other_score
             left = left - common**2 / own
         if left <= 0.05 * whole or whole <= 0:
             continue
-        tables, known = _summed(score, projector), _summed(information, projector)
+        tables, cluster_information = _summed(score, projector), _summed(information, projector)
         variance = np.array([max(float((table**2).sum()) for table in tables)])
         variance = np.maximum(variance, floor * left / whole)
         cell = Cell("normal", np.array([[left]]), np.ones(1), True, max(floor / whole, 1.0))
         share = np.array([left / whole])
-        entries.append(Entry(one.group, tables, known, np.array([[left]]), variance, share, cell, False, np.ones(1)))
+        entries.append(
+            Entry(one.group, tables, cluster_information, np.array([[left]]), variance, share, cell, False, np.ones(1))
+        )
     return entries
 
 
@@ -203,11 +210,11 @@ def _project(
         if left.max(initial=0.0) < settings.least_left or not np.diag(information).max(initial=0.0) > 0:
             continue
         tables = found.tables[TRACK][:, mine], found.tables[PART][:, mine]
-        known = found.known[TRACK][:, mine], found.known[PART][:, mine]
+        cluster_information = found.cluster_information[TRACK][:, mine], found.cluster_information[PART][:, mine]
         scatter = np.maximum(*((table**2).sum(0) for table in tables))
         variance = np.maximum(scatter, found.floor[mine])
         probability, event = np.full(group.size, 0.5), np.ones(group.size)
-        unit = linearisation.sample.settings.law.reference_share if group.is_count else 1.0
+        unit = linearisation.sample.settings.likelihood.reference_share if group.is_count else 1.0
         diagonal = np.diag(information)
         if group.channel == "drop" and group.basis is not None:
             weight = abs(group.basis).T @ (linearisation.evidence.information["drop"] > 0).astype(float)
@@ -220,9 +227,11 @@ def _project(
         if group.is_count:
             event = _event_weight(linearisation, group)
             variance = np.maximum(variance, diagonal * event)
-        law = "random" if found.is_of_random[mine].all() else _law(group)
-        cell = Cell(law, information, probability, group.one_sided, 1.0)
-        entries.append(Entry(group, tables, known, information, variance, left, cell, group.is_count, event, unit))
+        distribution = "random" if found.is_of_random[mine].all() else _distribution_of(group)
+        cell = Cell(distribution, information, probability, group.one_sided, 1.0)
+        entries.append(
+            Entry(group, tables, cluster_information, information, variance, left, cell, group.is_count, event, unit)
+        )
     return entries
 
 
@@ -230,21 +239,27 @@ def _direct(linearisation: Linearisation, group: Group, projector: Projector, se
     """Entry of a group of one column whose scores no derivative gives."""
     assert group.direct is not None
     score, information = group.direct
-    tables, known, sample = _summed(score, projector), _summed(information, projector), linearisation.sample
+    tables, cluster_information, sample = (
+        _summed(score, projector),
+        _summed(information, projector),
+        linearisation.sample,
+    )
     scatter = np.array([max(float((table**2).sum()) for table in tables)])
     whole = float(information.sum())
     if whole <= 0:  # a whole setting: score is its gain
         whole = max(float(scatter[0]), 1e-300)
         gain = Cell("normal", np.array([[whole]]), np.ones(1), True, 1.0)
-        known = tables[TRACK] ** 2, tables[PART] ** 2
-        return Entry(group, tables, known, np.array([[whole]]), scatter, np.ones(1), gain, False, np.ones(1))
+        cluster_information = tables[TRACK] ** 2, tables[PART] ** 2
+        return Entry(
+            group, tables, cluster_information, np.array([[whole]]), scatter, np.ones(1), gain, False, np.ones(1)
+        )
     events = score > 0.2
     weight = float((score[events] * sample.share[events]).sum() / max(float(score[events].sum()), 1e-9)) or 1.0
     event = np.array([max(weight, 1e-3)])
     total = np.array([[whole]])
     cell = Cell("count", total, np.ones(1), True, max(float(event[0]), 1.0))
     variance = np.maximum(scatter, whole * event)
-    return Entry(group, tables, known, total, variance, np.ones(1), cell, True, event)
+    return Entry(group, tables, cluster_information, total, variance, np.ones(1), cell, True, event)
 
 
 def _direct_scores(group: Group) -> tuple[np.ndarray, np.ndarray]:
@@ -252,7 +267,7 @@ def _direct_scores(group: Group) -> tuple[np.ndarray, np.ndarray]:
     return group.direct
 
 
-def _law(group: Group) -> Law:
+def _distribution_of(group: Group) -> Distribution:
     if group.is_effect or group.basis is None:
         return "normal"
     if group.is_count:
@@ -297,9 +312,9 @@ def _summed(score: np.ndarray, projector: Projector) -> tuple[np.ndarray, np.nda
 
 def _gain(entry: Entry, kind: int, folds: int) -> np.ndarray:
     """Gain (folds,) over the clusters of one kind."""
-    if entry.cell.law == "random":
+    if entry.cell.distribution == "random":
         rng = np.random.default_rng([folds, kind])
-        return random_effect_gain(entry.tables[kind], entry.known[kind], folds, rng)
+        return random_effect_gain(entry.tables[kind], entry.cluster_information[kind], folds, rng)
     return cross_fitted_gain(*_folded(entry, kind, folds), entry.cell)
 
 
@@ -307,7 +322,8 @@ def _folded(entry: Entry, kind: int, folds: int) -> tuple[np.ndarray, np.ndarray
     """Scores and information (folds, k) of random folds of the clusters."""
     seed = [folds, kind]
     return tuple(  # type: ignore[return-value]
-        fold_sums(table, folds, np.random.default_rng(seed)) for table in (entry.tables[kind], entry.known[kind])
+        fold_sums(table, folds, np.random.default_rng(seed))
+        for table in (entry.tables[kind], entry.cluster_information[kind])
     )
 
 

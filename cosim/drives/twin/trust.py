@@ -125,7 +125,7 @@ class Trust:
             same[on_it] = in_box(measured[on_it], thing, MARGIN_M)
         return self.traced(traced, instance) & same
 
-    def unsure(self, traced: np.ndarray, instance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def sigmas(self, traced: np.ndarray, instance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How far the twin may be off where beams meet it: across its surface [m] and in brightness, (n,) each.
 
         Args:

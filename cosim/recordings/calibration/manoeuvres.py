@@ -35,7 +35,7 @@ _SCANS, _EVERY = 12, 3  # scans of a candidate, and sweeps from one to the next
 _BEAMS = 2500  # of a scan
 _CELL_M = 2.0
 _GRAZING = 0.05
-_STEEPEST_M_PER_RAD = DEFAULT.law.steepest_m_per_rad
+_STEEPEST_M_PER_RAD = DEFAULT.likelihood.steepest_m_per_rad
 _NO_SLOPE = 1e-9
 _ALONE = 1e-6  # share of its information that a parameter keeps beside nuisances, below which nothing tells it
 
@@ -331,10 +331,10 @@ class _Table:
         own = (columns.T @ weighted).toarray()
         basis = sparse.csr_matrix((along, (np.arange(len(cell)), cell)))
         across = (weighted.T @ basis).toarray()
-        of_cells = np.bincount(cell, weight * along**2) + 1 / DEFAULT.unsure.free_map_m**2
+        of_cells = np.bincount(cell, weight * along**2) + 1 / DEFAULT.random_effects.free_map_m**2
         own -= (across / of_cells) @ across.T
         poses = 6 * _SCANS
-        prior = np.tile(1 / np.square(DEFAULT.unsure.free_poses), _SCANS)
+        prior = np.tile(1 / np.square(DEFAULT.random_effects.free_poses), _SCANS)
         inner = own[:poses, :poses] + np.diag(prior)
         outer = own[:poses, poses:]
         between = own[poses:, poses:] - outer.T @ np.linalg.solve(inner, outer)

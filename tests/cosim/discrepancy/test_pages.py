@@ -455,9 +455,9 @@ def test_a_cell_is_significant_by_the_rule_that_selects_terms(diagnosed: Diagnos
 
 
 def test_charts_of_residuals_claim_no_significance(diagnosed: Diagnosis) -> None:
-    assert diagnosed.judged is not None
-    initial = replace(diagnosed.judged, after=diagnosed.judged.before)
-    denied = replace(diagnosed, effects=(), unexplained=(), evidence=(), judged=initial)
+    assert diagnosed.frame_pairs is not None
+    initial = replace(diagnosed.frame_pairs, after=diagnosed.frame_pairs.before)
+    denied = replace(diagnosed, effects=(), unexplained=(), evidence=(), frame_pairs=initial)
     text = format_diagnosis(denied, Vocabulary(), "drive", "my.yaml", explored_of(denied))
     assert "It shows where residuals are, not what is significant" in text
     assert "beyond chance" not in text

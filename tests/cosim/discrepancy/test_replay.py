@@ -24,7 +24,8 @@ def one_by_one(replay: Replay, effects: tuple[Effect, ...]) -> Expected:
         for name in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent")
     }
     rest = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("along_m", "above_m", "stray", "split")
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("along_m", "above_m", "spurious_per_m", "split")
     )
     return Expected(type(parts[0].of)(**columns), *rest)
 
@@ -42,7 +43,7 @@ def test_frames_at_once_and_one_by_one_agree(replay: Replay, name: str) -> None:
     found, expected = replay.expect(effects), one_by_one(replay, effects)
     for part in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent"):
         np.testing.assert_allclose(getattr(found.of, part), getattr(expected.of, part), atol=1e-5, err_msg=part)
-    for part in ("along_m", "above_m", "stray", "split"):
+    for part in ("along_m", "above_m", "spurious_per_m", "split"):
         np.testing.assert_allclose(getattr(found, part), getattr(expected, part), atol=1e-6, err_msg=part)
 
 

@@ -100,14 +100,16 @@ def test_a_beam_near_an_edge_returns_from_somewhere_or_not_at_all(context: Conte
     sample = _sampled(frames, 6_000)
     expected = _expected(context, sample)
     sample = replace(sample, intensity=np.zeros(len(sample)), above_m=expected.rise_m)
-    sigma, law = range_spread_m(expected, sample.settings.law), sample.settings.law
+    sigma, constants = range_spread_m(expected, sample.settings.likelihood), sample.settings.likelihood
     near = np.flatnonzero(sample.first & sample.edge & np.isfinite(expected.range_m))
     other = near.copy()
     other[np.isin(near, sample.own[_second(sample)])] = _second(sample)[np.isin(sample.own[_second(sample)], near)]
     middles = np.stack([expected.range_m[near], np.nan_to_num(expected.range_m[other], nan=1.0)])
     steps = np.sinh(np.linspace(-8, 8, 241))[:, None, None] * sigma[near]
-    grid = np.vstack([(middles + steps).reshape(-1, len(near)), np.linspace(0, law.reach_m, 41)[:, None] + 0 * near])
-    grid = np.sort(np.clip(grid, 0, law.reach_m), axis=0)
+    grid = np.vstack(
+        [(middles + steps).reshape(-1, len(near)), np.linspace(0, constants.reach_m, 41)[:, None] + 0 * near]
+    )
+    grid = np.sort(np.clip(grid, 0, constants.reach_m), axis=0)
     at_once = float(np.exp(likelihood.student(np.zeros(1)))[0])  # of every rise here, which is as it is expected
 
     def chance(along_m: np.ndarray) -> np.ndarray:
@@ -141,7 +143,7 @@ def test_mixture_weights_maximise_the_likelihood() -> None:
     rng = np.random.default_rng(3)
     sides, weight = rng.exponential(size=2000), rng.uniform(0.5, 2, 2000)
     neither = np.stack([np.where(rng.random(2000) < 0.1, 20.0, 0.05), np.where(rng.random(2000) < 0.05, 10.0, 0.0)])
-    share = shares_of_neither(sides, neither, weight, DEFAULT.law)
+    share = shares_of_neither(sides, neither, weight, DEFAULT.likelihood)
 
     def loglik(share: np.ndarray) -> float:
         return float(weight @ np.log((1 - share.sum()) * sides + share @ neither))

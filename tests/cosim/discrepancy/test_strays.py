@@ -23,10 +23,10 @@ def _strays(middle_deg: float, width_deg: float, rng: np.random.Generator) -> tu
     azimuth = np.radians(np.linspace(-179.9, 179.9, 40_000))
     apart = np.abs((np.degrees(azimuth) - middle_deg + 180) % 360 - 180)
     chance = np.where(apart <= width_deg / 2, 0.08, 0.002)
-    stray = rng.random(len(azimuth)) < chance
+    spurious_per_m = rng.random(len(azimuth)) < chance
     every = np.ones(len(azimuth))
     sample = SimpleNamespace(azimuth=azimuth, returned=every > 0, clear=every > 0, weight=every)
-    return cast(Any, sample), cast(Any, SimpleNamespace(matched=1.0 - stray))
+    return cast(Any, sample), cast(Any, SimpleNamespace(matched=1.0 - spurious_per_m))
 
 
 @pytest.mark.parametrize(("middle", "width"), [(40.0, 50.0), (175.0, 30.0), (-90.0, 120.0)])

@@ -147,9 +147,9 @@ def log_likelihood(effects: tuple[Effect, ...], shot: Shot, scans: list[Returns]
         spread = np.maximum(of.intensity_sigma[beam], 1e-3)
         is_own = scan.instance != NOTHING
         of_light = np.where(is_own, stats.norm.logpdf(scan.intensity, of.intensity[beam], spread), 0.0)
-        stray = sum(effect.density(beam, scan.range_m.astype(float), shot) for effect in effects)
+        spurious_per_m = sum(effect.density(beam, scan.range_m.astype(float), shot) for effect in effects)
         total += float(
-            np.log(np.maximum(np.nan_to_num(of.seen[beam] * of_range) + stray, 1e-12)).sum() + of_light.sum()
+            np.log(np.maximum(np.nan_to_num(of.seen[beam] * of_range) + spurious_per_m, 1e-12)).sum() + of_light.sum()
         )
         is_silent = np.ones(len(shot.rays), bool)
         is_silent[beam] = False

@@ -60,6 +60,6 @@ def test_beams_are_as_uncertain_as_what_they_meet() -> None:
     bodies = np.array([0.1], np.float32), np.array([0.3], np.float32)
     trust = Trust(np.zeros(2), 0.5, ground, np.zeros((2, 1), np.float32), True, 0.0, 6.0, sd, 0.2, *bodies)
     met = np.array([[0.2, 0.2, 0], [0.7, 0.2, 0], [0.2, 0.2, 1], [9, 9, 0], [np.nan] * 3])
-    away, bright = trust.unsure(met, np.array([-1, -1, 0, -1, -2]))
+    away, bright = trust.sigmas(met, np.array([-1, -1, 0, -1, -2]))
     assert away == pytest.approx([0.01, 0.02, 0.1, 0, 0])
     assert bright == pytest.approx([0.2, 0.2, 0.3, 0, 0])

@@ -209,7 +209,8 @@ def _gain(channel: str, beams: Beams, basis: SparseMatrix, scores: Scores, seed:
     of = linearised(beams, {channel: scores})
     entry = score_groups(of, [group_of(channel, "beam", basis)], of.projector(_SETTINGS.sectors), _SETTINGS)[0]
     sums, known = (
-        fold_sums(table[TRACK], _SETTINGS.folds, np.random.default_rng(seed)) for table in (entry.tables, entry.known)
+        fold_sums(tables[TRACK], _SETTINGS.folds, np.random.default_rng(seed))
+        for tables in (entry.tables, entry.cluster_information)
     )
     return float(cross_fitted_gain(sums, known, replace(entry.cell, dispersion=1.0)).sum())
 
