@@ -237,15 +237,15 @@ def _write_accepted(found: Diagnosis, before: Sequence[Effect], transfers: Seque
         place: folder of the round.
     """
     rejected = {one.effect for one in transfers if not one.is_accepted}
-    judged, sensor = found.judged, found.sensor
-    assert judged is not None, "a diagnosis judges by frames"
-    accepted = judged.after
+    pairs, sensor = found.frame_pairs, found.sensor
+    assert pairs is not None, "a diagnosis keeps its pairs of frames"
+    accepted = pairs.after
     if rejected:
         known = {effect.name: effect for effect in before}
         own = [known.get(one.name) if one.name in rejected else one for one in sensor.effects]
         effects = tuple(one for one in own if one is not None)
         sensor = SensorModel(sensor.pattern, effects, sensor.origin)
-        accepted = judged.align(effects)
+        accepted = pairs.align(effects)
     unknowns = tuple(one for one in found.unknowns if one.name not in rejected)
     file = replace(found, sensor=sensor, unknowns=unknowns).write_sensor(place / "accepted.yaml")
     write_scores(place / SCORES, {"given": aligned_scores(judged.before), "accepted": aligned_scores(accepted)})
