@@ -248,7 +248,7 @@ def _write_accepted(found: Diagnosis, before: Sequence[Effect], transfers: Seque
         accepted = pairs.align(effects)
     unknowns = tuple(one for one in found.unknowns if one.name not in rejected)
     file = replace(found, sensor=sensor, unknowns=unknowns).write_sensor(place / "accepted.yaml")
-    write_scores(place / SCORES, {"given": aligned_scores(judged.before), "accepted": aligned_scores(accepted)})
+    write_scores(place / SCORES, {"given": aligned_scores(pairs.before), "accepted": aligned_scores(accepted)})
     return file
 
 
