@@ -1,1 +1,1 @@
-"""Who drives, and how: SUMO's simulation, the drivers' behaviour, and the motion of their vehicles."""
+"""Traffic: SUMO's simulation, driver behaviour, and the motion of the vehicles."""

@@ -56,7 +56,7 @@ class Actors:
         """From the middles of boxes to where `front` is (k, 2), of those of some rows (all by default) [m].
 
         Args:
-            heading_rad: (n,) of all, as they are to stand.
+            heading_rad: (n,) heading of each vehicle.
             rows: (k,).
         """
         rows = np.arange(len(self)) if rows is None else rows

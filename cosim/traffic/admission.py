@@ -1,4 +1,4 @@
-"""Who may enter a running simulation: nobody in another's body, nobody before the ego vehicle's eyes."""
+"""Insertion of vehicles into a running simulation: never overlapping another one, never in view of the ego vehicle."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Admission:
     Args:
         traffic: where vehicles enter.
         motion: where bodies are.
-        watchers: vehicles in whose sight nobody appears.
+        watchers: vehicles in whose view no vehicle is inserted.
         sight_m: how far they see.
     """
 

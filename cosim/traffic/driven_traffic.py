@@ -24,10 +24,10 @@ class DrivenTraffic:
         traffic: the simulation, not yet stepped.
         config: how drivers behave.
         seed: of their behaviour.
-        sight_m: nobody appears or vanishes this near to a protected vehicle.
+        sight_m: no vehicle is inserted or removed within this distance of a protected vehicle.
         may_appear: whether vehicles may appear there all the same.
         on_step: called after every step.
-        beside_parked: share of the parked vehicles that somebody stands or walks about [1].
+        beside_parked: share of the parked vehicles with a person near them [1].
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class DrivenTraffic:
         return self._drivers.events
 
     def protect(self, vehicle: str) -> None:
-        """Let a vehicle (the ego) neither park nor collide, and nobody appear or vanish in its sight."""
+        """Exclude a vehicle (the ego) from parking and collisions, and insertions and removals in its view."""
         self._protected.add(vehicle)
 
     def follow(self, vehicle: str) -> None:

@@ -34,7 +34,7 @@ def draw_ego(traffic: Traffic, actors: Actors, rng: np.random.Generator) -> str:
 
 
 def _reason(traffic: Traffic, actors: Actors) -> str:
-    """Why nobody drives, as SUMO's state shows, and what to do."""
+    """Return the reason why no vehicle moves, from SUMO's state, and what to do."""
     standing = sum(kind in _RIDDEN for kind in actors.kinds)
     taxis = traffic.api.vehicle.getTaxiFleet(-1)
     if taxis:
@@ -45,16 +45,16 @@ def _reason(traffic: Traffic, actors: Actors) -> str:
     waiting = sum(_waits_for_ride(traffic, person) for person in traffic.api.person.getIDList())
     if waiting and standing:
         return (
-            f"{waiting} persons wait for rides and {standing} vehicles stand until they are sent: transport on demand, "
+            f"{waiting} persons wait for rides and {standing} vehicles for a dispatcher: transport on demand, "
             f"whose dispatcher is a program outside this scenario; write {_DISPATCH} for the one of SUMO"
         )
     if not anybody_comes(traffic):
         return "all vehicles have arrived and none departs later; shorten warm_up_s, or add traffic"
-    return f"{standing} stand, and others have not departed; lengthen warm_up_s, or add traffic that moves by itself"
+    return f"{standing} vehicles are stopped, others have not departed; increase warm_up_s, or add vehicles with routes"
 
 
 def _waits_for_ride(traffic: Traffic, person: str) -> bool:
-    """Whether a person stands on foot at the beginning of a ride."""
+    """Return whether a person is on foot at the start of a ride."""
     stage = traffic.api.person.getStage(person)
     return stage.type == traffic.api.constants.STAGE_DRIVING and not traffic.api.person.getVehicle(person)
 
@@ -65,12 +65,12 @@ def anybody_drives(traffic: Traffic, actors: Actors) -> bool:
 
 
 def anybody_comes(traffic: Traffic) -> bool:
-    """Whether SUMO still expects somebody, on the road or later."""
+    """Return whether SUMO still expects road users, now or later."""
     return traffic.api.simulation.getMinExpectedNumber() > 0
 
 
 def _ridable(traffic: Traffic, actors: Actors) -> list[int]:
-    """Rows of who is on the road without a stop ahead; of who moves, if all have one (buses, shared taxis)."""
+    """Rows of vehicles on the road without a stop ahead; if all have one (buses, shared taxis), of moving ones."""
     kinds, lanes = actors.kinds, actors.lanes
     on_road = [row for row in range(len(actors)) if kinds[row] in _RIDDEN and lanes[row] and not actors.parked[row]]
     free = [row for row in on_road if not traffic.api.vehicle.getStops(actors.ids[row], 1)]

@@ -1,4 +1,4 @@
-"""Routes that go on, so that nobody's way ends in the middle of a town."""
+"""Extended routes, so that no vehicle is removed in the middle of a town."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class RoadUsers:
         self._dispatched: dict[str, bool] = {}
 
     def shows(self, api: Any, name: str) -> bool:
-        """Whether somebody is a road user; trains, ships and the like are left out, which is said once a class.
+        """Return whether a vehicle class is a road user; trains, ships etc. are left out, with one note for each class.
 
         Args:
             api: libsumo's `vehicle` or `person`.

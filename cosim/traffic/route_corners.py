@@ -1,4 +1,4 @@
-"""Long vehicles go only where corners let them."""
+"""Routes of long vehicles avoid corners that are too tight for them."""
 
 from __future__ import annotations
 

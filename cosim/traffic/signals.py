@@ -50,10 +50,10 @@ class SignalStates:
 
 
 class SignalClock:
-    """What the signals of a town show at times of SUMO's clock, as far as their programs run by time alone.
+    """States of a town's traffic lights at times of SUMO's clock, for programs that depend only on time.
 
     SUMO itself runs the programs on empty streets; a context manager, one at a time in a process, without any other
-    simulation beside it.
+    simulation in parallel.
 
     Args:
         town: its network and the signal programs of its additional files.
@@ -75,7 +75,7 @@ class SignalClock:
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        """Signals whose state no time tells, as their programs look at traffic."""
+        """Traffic lights whose state does not follow from time, as their programs are actuated by traffic."""
         return tuple(sorted(self._states.acting()))
 
     def at(self, time_s: float) -> dict[str, str]:

@@ -19,7 +19,7 @@ from cosim.traffic.street_speed import StreetSpeed
 from cosim.traffic.subscriptions import Subscriptions
 
 _CHANGES_LANE = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.25"}  # no sliding sideways at rest
-_PARKED_FROM_S = 0.6  # SUMO puts who begins parked on the lane first, and takes some steps to park all
+_PARKED_FROM_S = 0.6  # SUMO inserts parked vehicles on the lane first, and takes some steps to park all
 _NEAR_STOP_M = 0.5
 _FAR_DECIDES_S = 1.0  # who is left to SUMO thinks once a second: that takes a quarter of the time
 _CAREFUL = 31  # SUMO's speed mode with all checks
@@ -35,7 +35,7 @@ class Traffic:
         sumocfg: scenario file.
         seed: SUMO's seed.
         step_s: step length [s].
-        state: where it begins, as `cosim.traffic.starting.warmed_up` saves it; by default at its beginning.
+        state: saved state to start from (`cosim.traffic.starting.warmed_up`); by default an empty network.
         as_given: leave lanes, lane changes, vehicle types and drivers as the scenario has them, instead of slowing for
             corners, changing lanes gradually, keeping long vehicles out of tight corners, and deciding seldom far away.
         cornering_mps2: lateral acceleration to which lanes are limited in bends; by default 2.8 unless `as_given`.
@@ -134,7 +134,7 @@ class Traffic:
         self._unpark(vehicle)
 
     def stand(self, vehicle: str, front: np.ndarray, heading_rad: float) -> None:
-        """Let a parked vehicle stand as it should: front bumper (2,) and heading, for as long as it is parked."""
+        """Set the pose of a parked vehicle, front bumper (2,) and heading, for as long as it is parked."""
         constants, values = self._sumo.constants, self._parked[vehicle]
         values[constants.VAR_POSITION3D] = (float(front[0]), float(front[1]), values[constants.VAR_POSITION3D][2])
         values[constants.VAR_ANGLE] = 90.0 - float(np.degrees(heading_rad))
@@ -146,11 +146,11 @@ class Traffic:
         return frozenset(self._far)
 
     def dispatched(self, vehicle: str) -> bool:
-        """Whether SUMO sends a vehicle to its passengers (it has a taxi device); nobody else may change its route."""
+        """Return whether SUMO dispatches a vehicle to passengers (taxi device); then its route must not be changed."""
         return self._users.dispatched(vehicle)
 
     def places(self) -> tuple[list[str], list[str], list[str], np.ndarray]:
-        """Names of all who drive, are parked, and walk, and the places of these three in this order, (n, 2) [m]."""
+        """Names of moving and parked vehicles and pedestrians, and their positions in this order, (n, 2) [m]."""
         api, constants = self._sumo, self._sumo.constants
         driving, parked = sorted(self._driving | self._far.keys()), sorted(self._parked)
         walking = sorted(self._walking | self._far_walking)
@@ -160,7 +160,7 @@ class Traffic:
         return driving, parked, walking, np.array(places, float).reshape(-1, 2)
 
     def attend(self, driving: Collection[str], parked: Collection[str], walking: Collection[str]) -> None:
-        """Read only these from now on, and whoever enters; the others are left to SUMO as it would have them."""
+        """Read only these road users from now on, and new ones; the others are left to SUMO."""
         api, wanted = self._sumo.vehicle, set(driving)
         for vehicle in sorted(self._driving - wanted):
             self._leave_to_sumo(vehicle)
@@ -237,7 +237,7 @@ class Traffic:
             self._routes.prolong(vehicle, rng)
 
     def _subscribe(self) -> None:
-        """Subscribe to whoever has just entered or leaves his parking place."""
+        """Subscribe to vehicles that have just entered or leave a parking space."""
         for vehicle in self._sumo.simulation.getDepartedIDList():
             if vehicle not in self._hidden and self._users.shows(self._sumo.vehicle, vehicle):
                 if not self._as_given:
@@ -288,7 +288,7 @@ class Traffic:
         self._walking.add(person)
 
     def _leave_to_sumo(self, vehicle: str) -> None:
-        """Whatever was asked of a vehicle is taken back."""
+        """Revoke all commands to a vehicle."""
         api = self._sumo.vehicle
         api.unsubscribe(vehicle)
         api.setSpeed(vehicle, -1)
@@ -313,7 +313,7 @@ class Traffic:
         return {constants.VAR_SPEED: 0.0, constants.VAR_ACCELERATION: 0.0}
 
     def _rest(self) -> None:
-        """Read those who have just parked a last time: they stand still, and most road users are they."""
+        """Read newly parked vehicles a last time: they do not move, and are the majority of road users."""
         api = self._sumo.vehicle
         for vehicle in self._sumo.simulation.getParkingStartingVehiclesIDList():
             if vehicle in self._far:

@@ -30,7 +30,7 @@ class SavedState:
 
 
 def warmed_up(sumocfg: Path, seed: int, seconds: float, folder: Path) -> SavedState:
-    """Let a scenario run where nobody looks, in long steps and with changes of lane at once; gives its saved state.
+    """Run a scenario's warm-up, in long steps and with instantaneous lane changes; return the saved state.
 
     Args:
         sumocfg: scenario file.
@@ -63,7 +63,7 @@ def start_sumo(
         sumocfg: scenario file.
         seed: SUMO's seed.
         step_s: step length [s].
-        state: saved state to begin with.
+        state: saved state to start from.
         sublane: whether changes of lane take their time, at twice the cost of a step.
 
     Raises:
@@ -87,12 +87,12 @@ def start_sumo(
 
 
 def start_empty(net: Path, additional: Path, begin_s: float, step_s: float, options: Mapping[str, str]) -> ModuleType:
-    """The running libsumo of a network where nobody is.
+    """Start libsumo on an empty network.
 
     Args:
         net: the network.
         additional: what belongs to it.
-        begin_s: when it begins [s].
+        begin_s: start time [s].
         step_s: step length [s].
         options: others of SUMO.
 

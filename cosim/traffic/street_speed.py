@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class StreetSpeed(BaseModel):
-    """Streets on which everybody drives slower or faster than the limit suggests."""
+    """Streets on which all vehicles drive slower or faster than the speed limit suggests."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -16,8 +16,8 @@ _NUMBERS = ("speed_mps", "acceleration_mps2", "lane_position_m", "signals")
 class Subscriptions:
     """Columns of subscribed values, a row for every road user: vehicles by name, then persons by name.
 
-    Most road users are parked and say nothing new: their rows are read once, and the order of rows is found anew only
-    when somebody comes, goes or parks.
+    Most road users are parked and do not change: their rows are read once, and the order of rows is computed again only
+    when a vehicle enters, leaves or parks.
 
     Args:
         constants: libsumo's constants.
@@ -49,7 +49,7 @@ class Subscriptions:
         self.parked = np.zeros(0, bool)
 
     def forget_parked(self) -> None:
-        """Read the parked anew at the next step: some of them are others."""
+        """Read parked vehicles again at the next step, since some have changed."""
         self._stale = True
 
     def read(
@@ -59,7 +59,7 @@ class Subscriptions:
 
         Args:
             vehicles, persons: name → values of those who have some.
-            parked: the same of those who stand parked, as they were read last; they take precedence.
+            parked: the same for parked vehicles, as last read; they take precedence.
         """
         known_vehicles, known_persons = self._lively
         if self._stale or len(vehicles) != len(known_vehicles) or len(persons) != len(known_persons):
@@ -91,7 +91,7 @@ class Subscriptions:
         self.numbers = {name: np.zeros(n) for name in _NUMBERS}
         self._fill(np.arange(n), moved, walked)
         self.parked = np.array([name in parked for name in self.ids], bool)
-        # Names that are both subscribed and parked make the lists of names differ in length, so they are read anew.
+        # Names that are both subscribed and parked make the lists of names differ in length, so they are read again.
         self._lively = [name for name in driven if name not in parked], walking
         self._rows = np.flatnonzero(~self.parked)
         self._stale = False

@@ -1,4 +1,4 @@
-"""Who is near enough to the ego vehicle, or acts, to be moved as bodies are; SUMO moves everybody else."""
+"""Selection of vehicles near the ego vehicle, or in a manoeuvre, that move as bodies; SUMO moves the others."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LEAVES_M = 15.0  # beyond that before one is left to SUMO again
 
 
 class Vicinity:
-    """Looks round twice a second and tells the simulation whom to attend to.
+    """Selects the vehicles to observe twice a second.
 
     Args:
         traffic: the simulation.

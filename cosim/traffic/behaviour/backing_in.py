@@ -12,7 +12,7 @@ from cosim.traffic.motion import Script
 from cosim.traffic.motion.park_path import plan_backing_in
 
 _FOR_EVER_S = 1_000_000.0
-_WAITS_AT = 0.9  # of his length past the begin of the place, so that those who wait behind leave it free
+_WAITS_AT = 0.9  # vehicle lengths past the start of the space, so that vehicles waiting behind leave it free
 _BENDS_RAD = np.radians(12.0)
 _REACHES_M = 8.0  # past the place
 _BACK_M = (0.0, 0.4, 0.8, 1.2, 1.6)  # behind the end of the place, and at most as far as there is room
@@ -26,16 +26,16 @@ _HOLD_STEPS = 80  # until SUMO has parked him
 @dataclass(eq=False)
 class _Backing:
     lot: Lot
-    since_s: float = np.inf  # when he stands beside the place
+    since_s: float = np.inf  # time at which the vehicle has stopped next to the space
     plays: bool = False
     resumed: bool = False
     stands: bool = False
 
 
 class BackingIn:
-    """A driver stops beside a place, goes past it and backs in, while others wait behind.
+    """Reverse parking: a vehicle stops next to a space, passes it and backs in, while others wait behind.
 
-    SUMO's vehicle stands on the lane meanwhile, and parks when its body is there.
+    SUMO's vehicle stays on the lane meanwhile, and is parked when the manoeuvre is complete.
     """
 
     def __init__(self) -> None:
@@ -43,11 +43,11 @@ class BackingIn:
 
     @property
     def lanes(self) -> set[str]:
-        """Beside which somebody is about to park."""
+        """Spaces that a vehicle is about to park in."""
         return {backing.lot.lane for backing in self._backing.values()}
 
     def begin(self, stage: Stage, row: int, lot: Lot) -> bool:
-        """Send a driver to a place; whether he can back into it between those who stand there now."""
+        """Send a vehicle to a space; return whether it can back in between the vehicles parked there now."""
         vehicle, lane = stage.actors.ids[row], stage.roads.lanes[lot.lane]
         waits_m = lot.start_m + _WAITS_AT * float(stage.actors.size[row, 0])
         heading = [lane.point(at)[1] for at in np.arange(lot.start_m, lot.end_m + _REACHES_M, 2.0)]

@@ -12,7 +12,7 @@ from cosim.traffic.behaviour.roads import Lane, Roads
 from cosim.traffic.motion import Motion, overlaps
 from cosim.traffic.simulation import Traffic
 
-_KERB, _END, _STREET = 0, 1, 2  # where one stands, in the order of the way round the car
+_KERB, _END, _STREET = 0, 1, 2  # positions, in the order of the path round the car
 _OFTEN = (0.3, 0.25, 0.45)
 _STAYS_S = (8.0, 40.0)
 _GAP_M = (0.02, 0.15)  # between body and car
@@ -21,14 +21,14 @@ _WALKS_MPS, _HURRIES_MPS = 0.9, 1.8
 _LOOKS_M = 60.0
 _STEPS_OUT_S, _STEPS_BACK_S = 9.0, 5.0  # no vehicle comes by so soon
 _NEAR_M = 3.0
-_SETS_OFF_MPS = 4.0  # who stands or creeps may soon be so fast
+_SETS_OFF_MPS = 4.0  # speed that stationary or slow vehicles may soon have
 _STANDS_MPS = 0.1
 _LOOKS_ROUND_S = 0.7
 _CLEAR_M = 0.25  # between passing bodies
 _LATEST_ROOM_S = 2.0  # who has not made room by then will not
 _SHIFTS_MPS = 0.4
 _MAKE_ROOM = ("car", "van")
-_ROUND_BENDS_M = 12.0  # farther away a vehicle's place is told along its lane
+_ROUND_BENDS_M = 12.0  # beyond this distance a vehicle's position is predicted along its lane
 _ELBOW_M = 0.1
 _NEIGHBOURS_M = 9.0
 _BODY_REACH_M = 20.0
@@ -36,14 +36,14 @@ _BODY_REACH_M = 20.0
 
 @dataclass(eq=False)
 class _Person:
-    """Somebody by a parked car, in whose axes (x forward, y left, from its middle) the way round it lies.
+    """A person near a parked car; the path round the car is in the car's axes (x forward, y left, from its centre).
 
     Attributes:
         car, kind_of_body: names of vehicle and vType.
         size: (3,) length, width, height [m].
         way: (4, 2) from the kerb's door round a corner to the car's end and on round another to the street's door.
         stations: (3,) of kerb, end and street along the way [m].
-        lane: beside which the car stands.
+        lane: lane next to the car.
         wants, until_s: where to, and until when one stays there.
         at_m: place along the way.
     """
@@ -83,15 +83,15 @@ class _Person:
 
 
 class Bystanders:
-    """Lets people stand by some of the parked vehicles, and keeps them from under the others' wheels.
+    """Adds people near some of the parked vehicles, and keeps them out of the way of traffic.
 
     They walk round their vehicle between its doors and its end, stay a while at each, step into the street only when
     nobody comes, and back when somebody would pass too near. Others see them as obstacles (`cosim.traffic.motion`);
     while they are about, theirs does not drive off.
 
     Args:
-        share: of the parked vehicles that have somebody about them [1].
-        seed: of all draws; each person's follow from it and the vehicle's name alone.
+        share: share of the parked vehicles that have a person near them [1].
+        seed: seed of all draws; those of a person depend only on it and on the vehicle's name.
         roads: the network.
 
     Attributes:
@@ -103,17 +103,17 @@ class Bystanders:
         self._seed = seed
         self._roads = roads
         self._people: dict[str, _Person] = {}
-        self._seen: set[str] = set()  # driving or parked: nobody appears by a car that has just come
+        self._seen: set[str] = set()  # driving or parked: no person is added near a car that has just arrived
         self._bodies: list[tuple[str, np.ndarray]] | None = None
         self._usual_m: dict[str, float] = {}  # places in their lanes of those who make room
         self.cars: set[str] = set()
 
     def join(self, traffic: Traffic, motion: Motion, actors: Actors) -> Actors:
-        """The actors of a step and after them everybody who is about a parked vehicle.
+        """Return the actors of a step, followed by the people near parked vehicles.
 
         Args:
             traffic: the running simulation.
-            motion: that smooths it, where drivers are told to make room.
+            motion: motion of the vehicles, which are made to keep clear of people in the street.
             actors: as SUMO has them.
         """
         if self._share == 0:
@@ -144,7 +144,7 @@ class Bystanders:
         return actors.and_then(self._as_actors(actors, np.array(poses))) if poses else actors
 
     def _come(self, traffic: Traffic, actors: Actors, row: int) -> None:
-        """Perhaps let somebody stand by a parked vehicle, where its neighbours leave room."""
+        """Add a person near a parked vehicle with the configured probability if its neighbours leave room."""
         car = actors.ids[row]
         rng = np.random.default_rng([self._seed, zlib.crc32(car.encode()), 2])
         bodies = self._known_bodies(traffic)
@@ -161,7 +161,7 @@ class Bystanders:
             if self._free(actors, row, way, size):
                 wants = int(rng.choice(3, p=_OFTEN))
                 until_s = actors.time_s + rng.uniform(0.0, _STAYS_S[1])
-                at_m = float(stations[wants if wants != _STREET else _END])  # steps out when nobody comes
+                at_m = float(stations[wants if wants != _STREET else _END])  # steps out when the road is clear
                 self._people[car] = _Person(car, body, size, way, stations, lane, wants, until_s, at_m, rng)
                 return
 
@@ -178,7 +178,7 @@ class Bystanders:
         return self._bodies
 
     def _free(self, actors: Actors, row: int, way: np.ndarray, size: np.ndarray) -> bool:
-        """Whether no other vehicle stands where the way round this one goes."""
+        """Return whether the path round this vehicle is free of other vehicles."""
         wheeled = np.array([kind != "pedestrian" for kind in actors.kinds], bool)
         wheeled[row] = False
         centre, heading = _middle(actors, row), actors.heading_rad[row]
@@ -232,7 +232,7 @@ class Bystanders:
         return [x, y, actors.front[row, 2], heading + float(np.arctan2(ahead[1], ahead[0]))]
 
     def _make_room(self, motion: Motion, passers: dict[str, list[_Passer]], step_s: float) -> None:
-        """Let those who drive by keep away from who stands in the street, as far as their lane is wide."""
+        """Make passing vehicles keep clear of people in the street, as far as their lane width allows."""
         wanted: dict[str, float] = {}
         for car, person in self._people.items():
             for passer in passers[car] if person.in_street else ():
@@ -273,9 +273,9 @@ class _Passer:
     Attributes:
         name: who.
         in_s: until it is there; zero while it passes.
-        apart_m: how far its body keeps from who stands at the street's door, sideways.
+        apart_m: lateral clearance of its body from a person at the door on the street side.
         shift_m: how much farther left it would keep away and still be in its lane; none where it cannot.
-        stands: whether it does not move.
+        stands: whether it is stationary.
     """
 
     name: str
@@ -285,7 +285,7 @@ class _Passer:
     stands: bool
 
     def threatens(self, within_s: float) -> bool:
-        """Whether it comes by too near, so soon, to who stands in the street, and makes no room."""
+        """Whether it will soon pass too close to a person in the street and cannot keep clear."""
         makes_room = self.shift_m is not None and self.in_s > _LATEST_ROOM_S
         return self.in_s < within_s and self.apart_m < _CLEAR_M and not makes_room
 
@@ -299,7 +299,7 @@ def _driving(motion: Motion, actors: Actors) -> Actors:
 
 
 def _blocked(place: np.ndarray, person: _Person, driving: Actors) -> bool:
-    """Whether somebody at a place (1, 2) would touch one of those who drive."""
+    """Return whether a person at a position (1, 2) would touch one of the moving vehicles."""
     near = np.flatnonzero(np.hypot(*(driving.front[:, :2] - place).T) < _BODY_REACH_M).tolist()
     centre = np.concatenate([place, [_middle(driving, row) for row in near]]) if len(near) else place
     room = np.full((1, 2), max(person.size[:2]) + _ELBOW_M)

@@ -1,4 +1,4 @@
-"""Drivers who brake too late for the one who stands before them."""
+"""Rear-end collisions: drivers who brake too late for a stopped vehicle."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class _Crash:
 
 
 class Collisions:
-    """Now and then a driver misjudges his distance, dents the car in front, and both stand in the way for a while.
+    """At random times a driver misjudges the gap and hits the car in front; both then block the lane for a while.
 
     He brakes along v² = 2b(g + d), so that he comes to rest d = 0.12 m inside the other's rear; contact is at
     v = √(2bd), walking speed.
@@ -43,7 +43,7 @@ class Collisions:
         self._crashes: list[_Crash] = []
 
     def step(self, stage: Stage) -> None:
-        """Choose the careless, drive them, and let them go again."""
+        """Choose the drivers that collide, control them until the collision, and release them afterwards."""
         self._due = min(self._due + stage.due(stage.config.collisions_per_min, self._rng), 3)
         if self._due and round(stage.actors.time_s / stage.step_s) % 5 == 0:
             self._due -= self._begin(stage)

@@ -62,7 +62,7 @@ _REPLACEABLE = frozenset(
         *("lane_offset_m", "lane_change_share", "u_turns_per_min", "pull_outs_per_min"),
     )
 )
-"""What may be replaced beside the preset sumo: parameters of drivers, speeds of lanes, and single acts."""
+"""Settings that may be added to the preset `sumo`: driver parameters, lane speeds, and single manoeuvres."""
 
 
 def _as_constant(value: Any) -> Any:
@@ -107,7 +107,8 @@ class BehaviourConfig(BaseModel):
         description="headway to the leader when driving [s]; none: the tau of the vehicle type",
     )
     lane_offset_m: Annotated[Distribution, within(-0.3, 0.3)] = Field(
-        default=Uniform(min=-0.2, max=0.2), description="place beside the lane's middle, positive to the left [m]"
+        default=Uniform(min=-0.2, max=0.2),
+        description="lateral offset from the lane's centre line, positive to the left [m]",
     )
     lane_change_share: Annotated[Distribution, within(0, 1)] = Field(
         default=Choice(values=(0.0, 0.4, 0.8), weights=None),
@@ -146,12 +147,10 @@ class BehaviourConfig(BaseModel):
     driver_classes: DriverClasses | None = Field(
         default=None, description="a second class of drivers with its own desired speed; none: one class"
     )
-    u_turns_per_min: Rate = Field(
-        default=1.0, description="U-turns in the middle of the road begun in the town a minute"
-    )
+    u_turns_per_min: Rate = Field(default=1.0, description="U-turns away from junctions, per minute in the whole town")
     collisions_per_min: Rate = Field(default=0.4, description="drivers in the town a minute who brake too late")
     collision_stands_s: Annotated[Distribution, within(0, 600)] = Field(
-        default=Uniform(min=15.0, max=45.0), description="how long those stand who have collided [s]"
+        default=Uniform(min=15.0, max=45.0), description="time that vehicles stay at the place of a collision [s]"
     )
     pull_outs_per_min: Rate = Field(default=3.0, description="parked vehicles that drive off in the town a minute")
     pull_ins_per_min: Rate = Field(default=2.0, description="drivers in the town a minute who look for a place to park")

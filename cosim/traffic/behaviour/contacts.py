@@ -1,4 +1,4 @@
-"""Bodies that touch though nobody asked for it."""
+"""Contacts: overlaps of vehicles that no configured collision explains."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _FORGETS_S = 10.0
 
 
 class Contacts:
-    """Records every pair of vehicles whose boxes begin to overlap, drawn collisions aside; who drives stops there.
+    """Records pairs of vehicles whose boxes start to overlap, except configured collisions; moving ones stop there.
 
     Motion keeps bodies apart, so this records what it could not foresee: two who enter the simulation in each other.
     """

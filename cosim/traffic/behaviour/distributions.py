@@ -31,7 +31,7 @@ class Constant(_Distribution):
 
 
 class Uniform(_Distribution):
-    """Anything between two bounds, alike."""
+    """Uniform distribution between two bounds."""
 
     kind: Literal["uniform"] = "uniform"
     min: float = Field(description="smallest value", allow_inf_nan=False)
@@ -76,7 +76,7 @@ class Normal(_Distribution):
         return self.min, self.max
 
     def draw(self, rng: np.random.Generator) -> float:
-        """One value, drawn anew while it lies outside; the nearer bound where that goes on for ever."""
+        """Draw a value, again if it is out of bounds; after many attempts the nearest bound is returned."""
         for _ in range(_TRIES):
             value = float(rng.normal(self.mean, self.sigma))
             if self.min <= value <= self.max:
@@ -89,7 +89,7 @@ class Choice(_Distribution):
 
     kind: Literal["choice"] = "choice"
     values: tuple[float, ...] = Field(min_length=1, description="what may be drawn")
-    weights: tuple[float, ...] | None = Field(None, description="how often, relatively; alike without")
+    weights: tuple[float, ...] | None = Field(None, description="relative frequencies; default: equal")
 
     @model_validator(mode="after")
     def _possible(self) -> Self:

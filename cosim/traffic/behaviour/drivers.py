@@ -33,11 +33,11 @@ class Drivers:
 
     Args:
         config: how.
-        seed: of all draws; those of habits follow from it and a vehicle's id alone.
+        seed: seed of all draws; those of a driver's habits depend only on it and on the vehicle's id.
         roads: the network.
         exempt: vehicles (the ego) that neither park nor collide, now or from a later step on.
         attended: parked vehicles that do not drive off, now or from a later step on.
-        sight_m: nobody vanishes this near to an exempt vehicle.
+        sight_m: no vehicle is removed within this distance of an exempt vehicle.
 
     Attributes:
         share: of the town's drivers, those that are given; as large a share of the incidents falls to them.

@@ -1,4 +1,4 @@
-"""What drivers did that is worth a record."""
+"""Recorded events of driver behaviour."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Event:
     """One event.
 
     Attributes:
-        kind: what happened. A collision is one of those the configuration asks for; a contact is any other overlap of
+        kind: type of event. A collision is one that the configuration requests; a contact is any other overlap of
             two bodies. Who cannot get on any more, or has lost his way, is taken away, out of the ego vehicle's sight.
         time_s: simulation time when it began.
         vehicles: SUMO ids of those who took part, the one at fault first.

@@ -15,7 +15,7 @@ MOTORISED = frozenset({"car", "van", "truck", "bus", "motorcycle"})
 _BRAKES_MPS2 = 2.5
 _EARLY_M = 8.0
 _SPARE_M = 0.2  # between a body and the edge of its lane, at least
-_CYCLISTS_OFF_KERB_M = 0.15  # SUMO lets them touch what is parked beside the lane
+_CYCLISTS_OFF_KERB_M = 0.15  # SUMO lets them touch vehicles parked next to the lane
 
 
 @dataclass(eq=False)
@@ -31,7 +31,7 @@ class _Driver:
 class FreeDriving:
     """Gives every driver his habits when he is first seen, and lets him exceed limits between corners.
 
-    SUMO multiplies every limit with a vehicle's speed factor, those of corners too; so the factor is set anew on every
+    SUMO multiplies every limit with a vehicle's speed factor, those of corners too; so the factor is set again on every
     lane, and is 1 in corners and where one must be braked for.
     """
 

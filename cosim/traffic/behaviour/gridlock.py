@@ -1,4 +1,4 @@
-"""Drivers who let each other go where nobody has the right of way any more."""
+"""Resolution of deadlocks at junctions where all vehicles wait for each other."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ _GOES_FIRST_S = 6.0
 _CAREFUL, _GOES_FIRST = (
     31,
     55,
-)  # SUMO's speed modes: all checks; nobody but red lights has the right of way over this one
+)  # SUMO's speed modes: all checks; right of way is ignored except at red lights
 
 
 class Gridlock:
-    """Lets one of those go first who have stood at a junction for long; SUMO lets everyone wait for everyone for ever.
+    """Lets one of the vehicles that have waited long at a junction go first; in SUMO they would wait for ever.
 
     Bodies keep apart all the same.
     """
@@ -57,7 +57,7 @@ class Gridlock:
                 self._stands[vehicle] = actors.time_s  # then it is another's turn
 
     def _look_far(self, stage: Stage, longest: dict[str, tuple[float, str]]) -> None:
-        """The same of those whom SUMO alone moves."""
+        """The same for vehicles that only SUMO moves."""
         api = stage.api.vehicle
         for vehicle in sorted(stage.traffic.far):
             waits_s = api.getWaitingTime(vehicle)

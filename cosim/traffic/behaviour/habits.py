@@ -1,4 +1,4 @@
-"""What each driver is like, drawn once by his vehicle's id, so that nobody's draw depends on another's."""
+"""Characteristics of each driver, drawn from the vehicle's id, so that draws do not depend on other vehicles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How those stand who are parked from the beginning."""
+"""Poses of vehicles that are parked from the start."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _ONE_BAY_M = 0.5  # lots this near to each other are one bay
 class Kerbside:
     """Turns parked vehicles a little and, where asked to, sets them in their bays one behind the other.
 
-    Nobody reaches into the lane: who stands askew stands nearer to the kerb, or on it. What does not fit into a bay is
+    No vehicle extends into the lane: rotated ones are closer to the kerb, or on it. What does not fit into a bay is
     not there.
 
     Args:
         config: distributions of yaw and gaps.
-        seed: of the draws; each follows from it and the vehicle's or the bay's name alone.
+        seed: seed of the draws; each depends only on it and on the name of the vehicle or bay.
     """
 
     def __init__(self, config: BehaviourConfig, seed: int) -> None:
@@ -49,7 +49,7 @@ class Kerbside:
         return replace(actors, front=front, heading_rad=heading)
 
     def _settle(self, traffic: Traffic, roads: Roads, actors: Actors) -> set[str]:
-        """Place everyone who stands in a lot; gives those for whom there is no room."""
+        """Place the vehicles of a lot; return those that do not fit."""
         lots = {lot.id: lot for places in roads.lots.values() for lot in places}
         stand: list[tuple[Lot, int]] = []
         for row in np.flatnonzero(actors.parked).tolist():
@@ -70,7 +70,7 @@ class Kerbside:
         return gone
 
     def _in_bays(self, roads: Roads, actors: Actors, stand: list[tuple[Lot, int]]) -> dict[int, float | None]:
-        """Where front bumpers come to stand along the lane; None where there is no room."""
+        """Positions of front bumpers along the lane; None without enough space."""
         gap = self._config.parked_gap_m
         assert gap is not None
         bays: dict[str, tuple[str, float, float]] = {}
@@ -105,7 +105,7 @@ class Kerbside:
 
 
 def _bays(lots: list[Lot]) -> list[list[Lot]]:
-    """Lots beside one lane, in order, cut where there is none between."""
+    """Lots next to one lane, in order, separated by gaps."""
     bays = [[lots[0]]]
     for before, lot in pairwise(lots):
         if lot.start_m - before.end_m > _ONE_BAY_M:

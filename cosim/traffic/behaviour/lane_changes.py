@@ -12,7 +12,7 @@ _HOLDS_S = 6.0
 
 
 class LaneChanges:
-    """On every stretch of road with lanes beside his a driver may want to change, left or right, somewhere along it."""
+    """On each road section with several lanes a driver may request a change, left or right, at a random position."""
 
     def __init__(self, rng: np.random.Generator, driving: FreeDriving) -> None:
         self._rng = rng

@@ -1,4 +1,4 @@
-"""Nobody's way ends in the middle of a town."""
+"""Routes are extended so that no vehicle is removed in the middle of a town."""
 
 from __future__ import annotations
 

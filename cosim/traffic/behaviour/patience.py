@@ -14,13 +14,13 @@ _STUCK_S, _GOES_FIRST_S = 3.0, 6.0
 _BACKS_UP_S, _BACKS_UP_AGAIN_S = 4.0, 12.0
 _BACK_WAY_M, _RESTS_S, _ASIDE_M = 4.0, 3.0, 0.4
 _STANDS_MPS = 0.1
-_CAREFUL, _GOES_FIRST = 31, 55  # SUMO's speed modes: all checks; nobody has the right of way over this one
+_CAREFUL, _GOES_FIRST = 31, 55  # SUMO's speed modes: all checks; right of way is ignored
 
 
 class Patience:
     """Slows SUMO's vehicle while its body waits or is left behind, and takes bodies away that will not come back.
 
-    Only a body that SUMO's place is ahead of can catch up; where the place lies beside it, SUMO must go on.
+    A body can catch up only if SUMO's position is ahead of it; if the position is next to it, SUMO must continue.
     """
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ class Patience:
             motion.back_up(vehicle, _BACK_WAY_M, _RESTS_S, -_ASIDE_M if left else _ASIDE_M)
 
     def _untie(self, stage: Stage) -> None:
-        """Let those go first who wait for right of way and stand in another's way; bodies keep apart all the same."""
+        """Give right of way to waiting vehicles that block others; bodies still keep apart."""
         motion, actors, api = stage.motion, stage.actors, stage.api.vehicle
         for row in np.flatnonzero(motion.stuck_s() > _STUCK_S).tolist():
             other = motion.blocker(actors.ids[row])

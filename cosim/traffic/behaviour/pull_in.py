@@ -13,13 +13,13 @@ from cosim.traffic.motion import Approach, drift
 from cosim.traffic.motion.rehearsal import clear, rehearse
 
 _FOR_EVER_S = 1_000_000.0
-# From where to where before the place one moves over; who has room takes a long way and stands straight.
+# Start and end of the lateral movement before the space; with enough room it is long and the vehicle ends straight.
 _WAYS_M = ((26.0, 12.0), (22.0, 10.0), (19.0, 8.0), (17.0, 7.0), (16.0, 6.0), (14.0, 5.0), (13.0, 4.0))
 _AHEAD_M = (45.0, 160.0)  # of a driver who looks for a place
 _EDGES_AHEAD = 4
 _BENDS_RAD = np.radians(15.0)  # a lane on the way to a place, or a way across a junction
 _ACROSS_M = 10.0  # at least
-_ASKEW_RAD = np.radians(4.0)  # as most stand who are parked from the beginning
+_ASKEW_RAD = np.radians(4.0)  # as for most vehicles that are parked from the start
 _BESIDE_M = 0.1  # farthest from the middle of the place
 _GENTLY_MPS = 2.5  # as rehearsed
 _BRAKES_MPS2 = 1.5
@@ -52,11 +52,11 @@ class PullIn:
         self._due = 0
         self._backing = BackingIn()
         self._going: dict[str, _Going] = {}
-        self._beside: set[str] = set()  # those who drive beside their place already
+        self._beside: set[str] = set()  # vehicles that are next to their space already
         self._fastest: dict[str, float] = {}  # of those who have slowed down [m/s]
 
     def step(self, stage: Stage) -> None:
-        """Choose who parks where; note when he stands."""
+        """Choose vehicles and spaces; note when they have stopped."""
         self._due = min(self._due + stage.due(stage.config.pull_ins_per_min, self._rng), 3)
         if self._due and round(stage.actors.time_s / stage.step_s) % 10 == 5:
             self._due -= self._begin(stage)
@@ -117,7 +117,7 @@ class PullIn:
     def _free_ahead(self, stage: Stage, row: int) -> list[tuple[Lot, float]]:
         """Free places on a driver's way, the nearest first, and how far he drives straight on before each [m].
 
-        Beside other edges than his only where one lane leads past.
+        Next to other edges than the vehicle's own only if a single lane leads past.
         """
         api, roads, actors = stage.api, stage.roads, stage.actors
         vehicle, own = actors.ids[row], roads.lanes[actors.lanes[row]]
@@ -169,7 +169,7 @@ class PullIn:
 
 
 def _leads_straight(lane: Lane, onward: Lane) -> bool:
-    """Whether the way from one lane to the next hardly bends."""
+    """Return whether the path from one lane to the next is almost straight."""
     turn = onward.point(0.0)[1] - lane.point(lane.length_m)[1]
     return abs((turn + np.pi) % (2 * np.pi) - np.pi) < _BENDS_RAD
 

@@ -15,7 +15,7 @@ _WAY_M = 16.0
 _MARGIN_M = 0.12
 _GENTLY_MPS = 2.5
 _TRIES = 6
-_OFFSET_M = (1.5, 4.0)  # of a place beside the lane
+_OFFSET_M = (1.5, 4.0)  # of a space from the lane
 
 
 class PullOut:

@@ -1,4 +1,4 @@
-"""What drivers know of the network: limits, corners, lanes beside theirs, the way back, places to park."""
+"""The network as drivers use it: speed limits, corners, neighbouring lanes, the way back, parking spaces."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Lane:
 
 @dataclass(frozen=True)
 class Lot:
-    """A parking place beside a lane: `start_m` to `end_m` along it."""
+    """A parking space next to a lane, from `start_m` to `end_m` along it."""
 
     id: str
     lane: str

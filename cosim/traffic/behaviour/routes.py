@@ -14,7 +14,7 @@ _SHORTEST = 4
 
 
 def wander(stage: Stage, vehicle: str, edge: str, rng: np.random.Generator) -> list[str] | None:
-    """A long route (edges) from an edge through random places of the town; None where it leads nowhere."""
+    """Return a long route (edges) from an edge through random edges of the town; None if the edge is a dead end."""
     edges = sorted(name for name in stage.roads.of_edge if not name.startswith(":"))
     vtype, route = stage.actors.types[stage.rows[vehicle]], [edge]
     legs = 0

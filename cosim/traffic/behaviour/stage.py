@@ -27,10 +27,10 @@ class Stage:
         actors: smoothed, after the last step.
         rows: vehicle → row of `actors`.
         step_s: SUMO's step length.
-        busy: vehicles in a manoeuvre, which no other may begin with.
+        busy: vehicles in a manoeuvre; no other one may start.
         attended: parked vehicles that people are about, which do not drive off.
         exempt: vehicles that neither park nor collide nor are taken away (the ego).
-        sight_m: nobody may vanish this near to one of them.
+        sight_m: no vehicle may be removed within this distance of one of them.
         share: of the town's drivers, those among `actors`.
         left: who was among `actors` a step before and is no more.
         steered: vehicles whose speed in SUMO a manoeuvre sets.
@@ -63,7 +63,7 @@ class Stage:
         return self.traffic.api
 
     def engaged(self, vehicle: str) -> bool:
-        """Whether no manoeuvre may begin with a vehicle: in one, attended, or a taxi on its way to somebody."""
+        """Return whether a vehicle cannot start a manoeuvre: in one, observed, or a taxi on its way to a passenger."""
         return vehicle in self.busy or vehicle in self.attended or self.traffic.dispatched(vehicle)
 
     def see(self, actors: Actors) -> None:
@@ -98,7 +98,7 @@ class Stage:
         return per_min > 0 and bool(rng.random() < per_min / 60 * self.step_s * self.share)
 
     def boxes_near(self, place: np.ndarray, but: str) -> np.ndarray:
-        """Boxes (k, 5) of vehicles near a place (2,), and of people beside them: x, y, heading, length, width.
+        """Boxes (k, 5) of vehicles near a position (2,) and of people next to them: x, y, heading, length, width.
 
         Without one vehicle.
         """

@@ -16,13 +16,13 @@ _ROOMS_M = ((3.0, 9.0), (8.0, 14.0), (10.0, 24.0))  # to the right and left of t
 
 
 class Turnarounds:
-    """Plays a turn in arcs for who enters a turnaround, and lets SUMO's vehicle wait beyond it meanwhile."""
+    """Moves vehicles that enter a turnaround along arcs, while SUMO's vehicle waits beyond it."""
 
     def __init__(self) -> None:
         self._turning: dict[str, Lane] = {}
 
     def step(self, stage: Stage) -> None:
-        """Begin and end turns."""
+        """Start and end turns."""
         for row, (vehicle, lane) in enumerate(zip(stage.actors.ids, stage.actors.lanes, strict=True)):
             if lane in stage.roads.turnarounds and vehicle not in stage.busy and vehicle not in self._turning:
                 self._begin(stage, row, vehicle, stage.roads.turnarounds[lane])

@@ -40,9 +40,9 @@ class _Turn:
 class UTurns:
     """A driver stops, waits until the road is free, and turns round in one or several arcs.
 
-    SUMO knows no turning off junctions. The vehicle stands on its lane while its pose follows a script, an invisible
-    keeper of the same kind blocks the other direction (SUMO lets it in only where oncoming traffic can still stop),
-    and at the end the vehicle is put in the keeper's place with a new route.
+    SUMO has no U-turns away from junctions. SUMO's vehicle stays on its lane while its pose follows a script, an
+    invisible keeper of the same kind blocks the other direction (SUMO inserts it only where oncoming traffic can still
+    stop), and at the end the vehicle is put in the keeper's place with a new route.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -137,7 +137,7 @@ class UTurns:
         place, heading = stage.actors.front[row, :2], float(stage.actors.heading_rad[row])
         script = self._plan(stage, row, turn.lane, turn.back, place, heading, only_parked=False)
         if script is None:
-            return True  # somebody still passes; try again until patience ends
+            return True  # a vehicle is still passing; try again until patience ends
         hold = np.full(_HOLD_STEPS, len(script) - 1)
         rows = np.concatenate([np.arange(len(script)), hold])
         turn.script = Script(script.front[rows], script.heading_rad[rows])

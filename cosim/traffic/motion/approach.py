@@ -16,7 +16,7 @@ class Approach:
     """A way to a parking place at the kerb.
 
     Attributes:
-        stop: (2,) where SUMO's front bumper will stand, on the lane, when it jumps to the place.
+        stop: (2,) position of SUMO's front bumper on the lane when it jumps to the parking space.
         offset_m: lateral position of the place, positive to the left.
         start_m, end_m: distances before `stop` between which the vehicle moves over.
     """

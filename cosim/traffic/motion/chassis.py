@@ -27,7 +27,7 @@ class Chassis:
     Attributes:
         rear_m: (n,) rear axle behind the front bumper.
         guide_m: (n,) point that follows the lane behind the front bumper: the bumper itself, but for long vehicles the
-            place from which front and rear leave the lane alike, so that they swing out before they cut in.
+            position from which front and rear leave the lane symmetrically, so that they swing out before they cut in.
         length_m: (n,).
         max_curvature_per_m: (n,) of the rear axle's path.
         max_curvature_rate_per_ms: (n,) how fast it changes.

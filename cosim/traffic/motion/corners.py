@@ -52,7 +52,7 @@ def corner_speed(shape: np.ndarray) -> float:
     return max(min(np.sqrt(_COMFORT_MPS2 * radius), _YAW_RATE_RADPS * radius), _SLOWEST_MPS)
 
 
-@lru_cache(maxsize=8192)  # the lanes of a few towns: every episode asks for them again
+@lru_cache(maxsize=8192)  # lanes of a few towns: every episode needs them again
 def _known_radius(xy: bytes) -> float:
     return sharpest_radius(np.frombuffer(xy).reshape(-1, 2))
 

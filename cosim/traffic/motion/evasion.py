@@ -43,7 +43,7 @@ def evade(
         waits_s: for how long it could not go as it wants.
         build: rear axle behind the bumper, length [m], largest curvature [1/m], and how fast that changes [1/(m·s)].
         step_s: length of the step.
-        clear: which of k stops keep clear of everybody (k,).
+        clear: (k,) bool, stops that keep clear of all other bodies.
     """
     rear, length, largest, rate = build
     looks = None

@@ -1,6 +1,6 @@
-"""Nobody drives on unless everybody could still stop before they touch.
+"""Collision guard: a vehicle moves on only if all could still stop before they touch.
 
-Every vehicle always has a way out that touches nobody: to brake with the wheels held as they are. A step is taken only
+Each vehicle always has a trajectory without contact: braking with the steering angle kept. A step is taken only
 if the ways out after it keep clear of each other, pose by pose; who may not take it takes his old way out one step
 further, or another step that a caller offers. So no two boxes that were apart ever overlap (the argument of inevitable
 collision states, Fraichard & Asama 2004).

@@ -24,7 +24,7 @@ _STANDS_MPS = 0.1
 _BESIDE_M = 0.3  # who is nearer to the end of that way is there, or past it
 _LATE_M = 0.5  # a bumper so far behind its target drives after it on the way the target took
 _CATCHES_UP_MPS2, _CREEPS_MPS = 2.0, 0.5
-_ASIDE_M = 6.0  # way over which one who has stepped aside comes back
+_ASIDE_M = 6.0  # distance over which a vehicle returns after an evasive movement
 _LOOKS_M = 1.0  # along that way
 _STATE = {"front": 2, "raw": 2, "velocity": 2, "noted": 2, "springs": 4}
 _STATE |= dict.fromkeys(
@@ -38,7 +38,7 @@ class Motion:
 
     Vehicles are rear-axle bicycles whose front bumpers follow SUMO's; where SUMO's position jumps sideways they move
     over gradually; scripts override both. Who would touch another waits (`cosim.traffic.motion.guard`). People on foot
-    follow with limited acceleration. Who is parked stands still.
+    follow with limited acceleration. Parked vehicles do not move.
 
     Args:
         step_s: SUMO's step length.
@@ -73,13 +73,13 @@ class Motion:
         return front, heading
 
     def keep_offset(self, vehicle: str, offset_m: float) -> None:
-        """Let a vehicle drive beside the middle of its lane, positive to the left."""
+        """Set a vehicle's lateral offset from the lane's centre line, positive to the left."""
         self._lane_offsets[vehicle] = offset_m
         if vehicle in self._rows:
             self._of["lane_offset"][self._rows[vehicle]] = offset_m
 
     def offset(self, vehicle: str) -> float:
-        """How far beside the middle of its lane a vehicle drives, positive to the left [m]."""
+        """Lateral offset of a vehicle from the centre line of its lane, positive to the left [m]."""
         return self._lane_offsets.get(vehicle, 0.0)
 
     def play(self, vehicle: str, script: Script) -> None:
@@ -90,7 +90,7 @@ class Motion:
     def back_up(self, vehicle: str, way_m: float, hold_s: float, aside_m: float) -> bool:
         """Let a vehicle go back the way it came, rest, and come again so far to the left; whether it can.
 
-        It goes on as before when somebody stands behind it.
+        It continues as before if a vehicle is behind it.
         """
         row = self._rows[vehicle]
         front, heading = self._of["front"][row], float(self._of["heading"][row])
@@ -113,7 +113,7 @@ class Motion:
         return self._players[vehicle].steps_left if vehicle in self._players else 0.0
 
     def let_touch(self, one: str, other: str) -> None:
-        """Let two vehicles run into each other, until told otherwise."""
+        """Allow two vehicles to collide, until this is revoked."""
         self._may_touch.add((one, other))
 
     def keep_apart(self, one: str, other: str) -> None:
@@ -129,7 +129,7 @@ class Motion:
         return self._blocks.get(vehicle)
 
     def stuck_s(self) -> np.ndarray:
-        """For how long everyone stands though SUMO wants him elsewhere (n,) [s]."""
+        """(n,) time [s] for which each vehicle has been stationary although SUMO's position is elsewhere."""
         return self._of["stuck"]
 
     def lag(self) -> np.ndarray:
@@ -139,7 +139,7 @@ class Motion:
         return np.where(self._walks, 0.0, np.maximum(_length(of["raw"] - of["front"]) - meant, 0.0))
 
     def behind(self) -> np.ndarray:
-        """How far everyone is behind SUMO's place along the way that took (n,) [m]; zero beside it."""
+        """(n,) distance [m] of each vehicle behind SUMO's position along SUMO's path; zero next to it."""
         return self._of["behind"]
 
     def approach(self, vehicle: str, approach: Approach) -> None:

@@ -35,7 +35,7 @@ def plan_backing_in(
         heading_rad: along the kerb.
         kind: of vehicle.
         size: (3,) length, width, height [m].
-        place: (2,) where the front bumper comes to stand, in axes at `front`, x along the kerb.
+        place: (2,) final position of the front bumper, in axes at `front`, x along the kerb.
         askew_rad: heading at the start, against the kerb.
         boxes: (k, 5) others, in the same axes: x, y, heading, length, width.
         margin_m: kept free of them.
@@ -67,7 +67,7 @@ def _way(curvature: float, rear_m: float, place: np.ndarray, askew: float) -> li
     begin, goal_x = -rear_m * np.array([np.cos(askew), np.sin(askew)]), place[0] - rear_m
     begin = np.array([begin[0], begin[1]])
     past = 0.0
-    for _ in range(3):  # a driver who stands askew comes nearer to the kerb as he goes past, or farther away
+    for _ in range(3):  # a rotated vehicle gets closer to the kerb as it passes, or farther away
         aside = begin[1] + past * np.sin(askew) - place[1]
         cosine = (1 + np.cos(askew) - curvature * aside) / 2
         if not _STEEPEST < cosine < 1:

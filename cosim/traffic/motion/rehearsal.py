@@ -1,4 +1,4 @@
-"""Trying a sideways way out before it is driven: the poses it would give, and whether others stand in them."""
+"""Simulation of an evasive path before it is driven: its poses, and whether others occupy them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def rehearse(
         kind, length_m: of the vehicle.
         way_m: how far it goes along the road.
         offset: lateral place (m,) at distances (m,) along the road, zero at the start.
-        heading_rad: how the vehicle stands at the start, against the road.
+        heading_rad: heading of the vehicle at the start, relative to the road.
     """
     chassis = Chassis.of((kind,), np.array([length_m]))
     state = BicycleState(np.zeros((1, 2)), np.full(1, heading_rad), np.zeros(1), np.zeros(1))

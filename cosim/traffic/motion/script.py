@@ -33,7 +33,7 @@ class Player:
 
     Args:
         script: to play.
-        front: (2,) where it begins.
+        front: (2,) start position.
         heading_rad: the heading there.
         retreat: whether the vehicle gives way thereby: it gives up if it cannot go on, and follows SUMO as before.
     """

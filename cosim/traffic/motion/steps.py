@@ -24,7 +24,7 @@ class Company:
         state, want: before the step and as they want to be after it: `front` (n, 2) [m], `heading` [rad], `curvature`
             [1/m] and `speed` [m/s] of the rear axle's path (n,).
         chassis, size: of the vehicles; (n, 3) length, width, height [m].
-        stuck_s: (n,) for how long they have stood in each other's way.
+        stuck_s: (n,) time for which they have blocked each other.
         players: row → script it plays.
         may_touch: pairs of rows (i < j).
     """

@@ -12,12 +12,12 @@ _STANDS_MPS = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Stops:
-    """Boxes of n vehicles from some instant until they stand, one pose a step.
+    """Boxes of n vehicles from some instant until they have stopped, one pose per step.
 
     Attributes:
         centre: (n, k, 2) world metres.
         heading_rad: (n, k).
-        last: (n,) the pose from which on a vehicle stands.
+        last: (n,) index of the first pose at which a vehicle has stopped.
     """
 
     centre: np.ndarray
@@ -36,7 +36,7 @@ class Stops:
 
     @classmethod
     def standing(cls, centre: np.ndarray, heading_rad: np.ndarray, steps: int) -> Stops:
-        """n vehicles that stand, as (n, 2) and (n,) say."""
+        """n stationary vehicles at positions (n, 2) with headings (n,)."""
         return cls(
             np.repeat(centre[:, None], steps, axis=1),
             np.repeat(heading_rad[:, None], steps, axis=1),
@@ -45,7 +45,7 @@ class Stops:
 
 
 def steps_to_rest(speed_mps: np.ndarray, step_s: float) -> np.ndarray:
-    """Steps after which one who brakes stands (n,)."""
+    """(n,) steps until each braking vehicle has stopped."""
     speed = np.abs(speed_mps)
     return np.where(speed > _STANDS_MPS, np.ceil(speed / BRAKES_MPS2 / step_s - 1e-9), 0).astype(int)
 

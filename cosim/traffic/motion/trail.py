@@ -13,7 +13,7 @@ class Trail:
     """Places passed, the newest last, at least 20 cm apart, and the newest of all.
 
     Args:
-        place: (2,) where it begins, world metres.
+        place: (2,) start position, world frame [m].
         heading_rad: the way it came before that.
     """
 
@@ -21,7 +21,7 @@ class Trail:
         back = place - _LONGEST_M * np.array([np.cos(heading_rad), np.sin(heading_rad)])
         self._places = np.empty((_ROOM, 2))
         self._places[:3] = back, place, place
-        self._first, self._end = 0, 2  # the newest of all stands at the end
+        self._first, self._end = 0, 2  # the newest one is at the end
         self._last = self._second = tuple(place.tolist())
 
     def add(self, x: float, y: float) -> None:

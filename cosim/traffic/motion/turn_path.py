@@ -33,7 +33,7 @@ class Room:
     Attributes:
         right_m, left_m: lateral bounds of its corners (right_m < 0).
         goal_m: lateral position of the lane it turns into.
-        boxes: (k, 5) others that stand about: x, y, heading, length, width.
+        boxes: (k, 5) other stationary vehicles: x, y, heading, length, width.
     """
 
     right_m: float

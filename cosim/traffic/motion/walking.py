@@ -25,7 +25,7 @@ def walk(
         position, velocity: (n, 2) world, metres and m/s.
         heading_rad: (n,).
         target: (n, 2) where SUMO has them.
-        raw_heading_rad: (n,) where SUMO has them look, for those who stand.
+        raw_heading_rad: (n,) SUMO's heading, used for stationary people.
         step_s: length of the step.
 
     Returns:

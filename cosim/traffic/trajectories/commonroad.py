@@ -15,7 +15,7 @@ from cosim.traffic.trajectories.tracks import RoadTracks, Sample, TrajectoryErro
 
 
 def read_commonroad(path: Path, root: ET.Element, left_out: Counter[str]) -> RoadTracks:
-    """Tracks of a `commonRoad` document's obstacles, those that stand still, too.
+    """Tracks of the obstacles of a `commonRoad` document, static ones included.
 
     Raises:
         TrajectoryError: a value is missing or no number, or see `gather`.
@@ -46,7 +46,7 @@ def read_commonroad(path: Path, root: ET.Element, left_out: Counter[str]) -> Roa
 
 
 def _standing(root: ET.Element, samples: list[Sample]) -> list[Sample]:
-    """Static obstacles once more at the end: they stand throughout."""
+    """Repeat static obstacles at the end: they are present throughout."""
     end_s = max(one.time_s for one in samples)
     still = {element.get("id", "") for element in root if element.tag == "staticObstacle"}
     return [

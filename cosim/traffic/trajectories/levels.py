@@ -29,7 +29,7 @@ class LanePoints:
 
     Attributes:
         points: (n, 3) [m].
-        ways: (n, 2) direction of the lane; NaN where nobody drives.
+        ways: (n, 2) direction of the lane; NaN away from lanes.
         limits: (n,) speed limit [m/s].
         rows: first and last row of each lane, by id.
         tree: of `points` in the plane.

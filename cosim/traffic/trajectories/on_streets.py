@@ -19,7 +19,7 @@ _FEWEST_USERS = 2  # a single way may lie along a lane by chance
 _ON_LANE_M, _ALONG = 2.5, 0.7
 _CONTRADICTS, _UNRELATED, _CONFIRMS = 0.5, 0.3, 0.6
 _TOO_FAST = 2.0
-_UNITS_M, _WIDE_M = (0.3048, 0.01, 0.001), 20.0  # other units of positions; extent of tracks that can tell one
+_UNITS_M, _WIDE_M = (0.3048, 0.01, 0.001), 20.0  # other units of positions; extent of tracks needed to identify one
 
 
 def check_streets(path: Path, tracks: RoadTracks, streets: Streets) -> RoadTracks:

@@ -1,4 +1,4 @@
-"""Scenarios of ASAM OpenSCENARIO XML 1.x whose road users follow trajectories that stand in the file.
+"""Scenarios of ASAM OpenSCENARIO XML 1.x whose road users follow trajectories defined in the file.
 
 ASAM OpenSCENARIO 1.3, 7.4.1.3 and class FollowTrajectoryAction: positions are those of an entity's origin, for vehicles
 the middle of the rear axle; headings count counter-clockwise from x. The file is parsed by scenariogeneration.
@@ -24,7 +24,7 @@ from sumo_nets.errors import TownError
 from sumo_nets.xml_guard import read_xml
 
 _EVERY_S = 0.1
-_STARTS_S = 0.05  # a trajectory that begins so soon begins at once
+_STARTS_S = 0.05  # a trajectory that starts so soon starts immediately
 _REMEDY = (
     "only trajectories as polylines of world positions with times are replayed: play it elsewhere, and give a table"
 )
@@ -33,7 +33,7 @@ _WORDS = {"motorbike": "motorcycle", "wheelchair": "pedestrian"}
 
 @dataclass
 class _Way:
-    """What one entity does: where it stands first, and its trajectories as rows of time [s], x, y, z [m], heading."""
+    """Motion of one entity: initial position, and trajectories as rows of time [s], x, y, z [m], heading."""
 
     stands: np.ndarray | None
     trajectories: list[np.ndarray]
@@ -43,7 +43,7 @@ def read_openscenario(path: Path, root: ET.Element, left_out: Counter[str]) -> R
     """Tracks of an `OpenSCENARIO` document; who is no road user is counted in `left_out`.
 
     Raises:
-        TrajectoryError: somebody does what no explicit trajectory tells, a value is missing, or see `gather`; or the
+        TrajectoryError: an entity's motion is not an explicit trajectory, a value is missing, or see `gather`; or the
             library that reads such files is missing.
     """
     xosc = _library()
@@ -132,7 +132,7 @@ def _user(entity: Any, xosc: Any) -> User | None:
 
 
 def _catalogued(path: Path, scenario: Any, xosc: Any, reference: Any, assigned: Mapping[str, str]) -> Any:
-    """An entity of a catalogue beside the scenario.
+    """An entity of a catalogue next to the scenario file.
 
     Raises:
         TrajectoryError: there is no such entry.
@@ -177,7 +177,7 @@ def _told(path: Path, story: Any, xosc: Any, ways: dict[str, _Way]) -> None:
 
 
 def _take(path: Path, name: str, action: Any, xosc: Any, way: _Way, start_s: float | None) -> None:
-    """Enter what an action tells of an entity's way.
+    """Add the part of an entity's motion that an action defines.
 
     Args:
         path: for messages.
@@ -185,14 +185,14 @@ def _take(path: Path, name: str, action: Any, xosc: Any, way: _Way, start_s: flo
         action: of the library.
         xosc: the library.
         way: is added to.
-        start_s: when it begins; None where only the simulation would tell.
+        start_s: start time; None if it is known only in simulation.
     """
     if isinstance(action, xosc.TeleportAction) and start_s == 0:
         way.stands = _place(path, name, action.position, xosc)
     elif isinstance(action, xosc.FollowTrajectoryAction):
         way.trajectories.append(_rows(path, name, action, xosc, start_s))
     elif isinstance(action, xosc.AbsoluteSpeedAction) and start_s == 0:
-        return  # trajectories with times tell speeds themselves
+        return  # trajectories with times define speeds themselves
     elif not isinstance(action, (xosc.ControllerAction, xosc.ActivateControllerAction, xosc.VisibilityAction)):
         raise TrajectoryError(f"{path}: {name!r} does a {type(action).__name__}, {_REMEDY}")
 
@@ -206,9 +206,7 @@ def _rows(path: Path, name: str, action: Any, xosc: Any, start_s: float | None) 
     if not shape.time or timing.scale is None:
         raise TrajectoryError(f"{path}: the trajectory of {name!r} has no times, {_REMEDY}")
     if timing.reference_domain.get_name() == "relative" and start_s is None:
-        raise TrajectoryError(
-            f"{path}: the trajectory of {name!r} begins when a condition of traffic is met, {_REMEDY}"
-        )
+        raise TrajectoryError(f"{path}: the trajectory of {name!r} starts when a traffic condition is met, {_REMEDY}")
     begins_s = start_s if timing.reference_domain.get_name() == "relative" else 0.0
     times = np.array(shape.time, float) * float(timing.scale) + float(timing.offset) + (begins_s or 0.0)
     places = np.array([_place(path, name, one, xosc) for one in shape.positions])
@@ -218,7 +216,7 @@ def _rows(path: Path, name: str, action: Any, xosc: Any, start_s: float | None) 
 
 
 def _place(path: Path, name: str, position: Any, xosc: Any) -> np.ndarray:
-    """World position: x, y, z, heading, the last two NaN where they are not told."""
+    """World position: x, y, z, heading, the last two NaN if not given."""
     if not isinstance(position, xosc.WorldPosition):
         raise TrajectoryError(f"{path}: {name!r} has a {type(position).__name__}, {_REMEDY}")
     values = [math.nan if value is None else value for value in (position.x, position.y, position.z, position.h)]
@@ -226,7 +224,7 @@ def _place(path: Path, name: str, position: Any, xosc: Any) -> np.ndarray:
 
 
 def _begin_s(path: Path, trigger: Any, xosc: Any) -> float | None:
-    """When a trigger fires that asks for simulated time alone; None for all others."""
+    """Time at which a trigger fires that depends only on simulation time; None for others."""
     groups = getattr(trigger, "conditiongroups", None) or ([trigger] if getattr(trigger, "conditions", None) else [])
     if trigger is None or not (groups or isinstance(trigger, xosc.ValueTrigger)):
         return 0.0  # without conditions it fires at once
@@ -240,7 +238,7 @@ def _begin_s(path: Path, trigger: Any, xosc: Any) -> float | None:
 
 
 def _samples(path: Path, name: str, way: _Way, end_s: float) -> list[Sample]:
-    """An entity's way ten times a second; where it stands until its trajectory begins, or throughout."""
+    """An entity's track at 10 Hz; its initial position until its trajectory starts, or throughout."""
     ways = sorted(way.trajectories, key=lambda rows: rows[0, 0])
     if not ways and way.stands is None:
         raise TrajectoryError(f"{path}: nothing says where {name!r} is; give a TeleportAction or a trajectory")

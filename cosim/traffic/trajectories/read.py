@@ -26,7 +26,7 @@ def read_trajectories(path: Path, streets: Streets, type_files: Iterable[Path] =
         type_files: SUMO's files with the vTypes that FCD output names.
 
     Raises:
-        TrajectoryError: the file cannot be read, holds no road user, somebody jumps, or most are not on the streets.
+        TrajectoryError: the file cannot be read, has no road user, a track jumps, or most are not on the streets.
         TownError: it is no safe, whole XML.
     """
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""Replaying trajectories: everybody where his track has him at any time."""
+"""Replay of trajectories: road users at their recorded positions at any time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Replay:
     neighbouring samples. Who is not seen for more than 2.1 s is away in between.
 
     Args:
-        tracks: of everybody.
+        tracks: tracks of all road users.
     """
 
     def __init__(self, tracks: RoadTracks) -> None:
@@ -32,7 +32,7 @@ class Replay:
         return self._tracks
 
     def at(self, time_s: float) -> Actors:
-        """Everybody at an instant of the file's own time."""
+        """All road users at an instant of the file's own time."""
         tracks = self._tracks
         present, values, lanes = [], [], []
         for user in range(len(tracks.ids)):
@@ -60,7 +60,7 @@ class Replay:
             rng: draws.
 
         Raises:
-            TrajectoryError: there is no such vehicle, or nobody moves.
+            TrajectoryError: there is no such vehicle, or no vehicle moves.
         """
         tracks = self._tracks
         if wanted is not None:

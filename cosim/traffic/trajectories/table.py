@@ -37,7 +37,7 @@ def read_table(path: Path, type_files: Iterable[Path], left_out: Counter[str]) -
         TrajectoryError: columns are missing, a value is no number, clues about units contradict each other, or see
             `gather`.
         TownError: a file of types cannot be read.
-        FormatError: the file of statements beside the table is no YAML.
+        FormatError: the options file of the table is not YAML.
     """
     options = read_table_options(path)
     header, rows = _rows(path)

@@ -44,9 +44,11 @@ def infer_heading(
     declared = declared_unit("heading", name)
     widest = float(np.quantile(finite, 0.98))
     scores = _heading_scores(table.user, values, steps)
-    if not scores:  # nobody moves far enough
+    if not scores:  # no road user moves far enough
         unit = declared or (1.0 if widest <= 2 * np.pi + 0.1 else np.pi / 180)
-        notes.append(f"{name} is in {_angle(unit)} by its name and size; nobody moves, so the way does not confirm it")
+        notes.append(
+            f"{name} is in {_angle(unit)} by its name and size; no road user moves, so the motion cannot confirm it"
+        )
         return unit, "east", True
     fitting = {
         reading: score
@@ -84,9 +86,9 @@ def _ways_differ(steps: Steps) -> bool:
 
 
 def _heading_scores(user: np.ndarray, values: np.ndarray, steps: Steps) -> dict[tuple[float, str], float]:
-    """Mean cosine between way and heading for each reading; empty where nobody moves.
+    """Mean cosine between direction of motion and heading for each reading; empty if no road user moves.
 
-    Every road user counts alike, whoever has more samples.
+    Road users have equal weight, whatever their number of samples.
     """
     moved = (steps.way > min(_COURSE_M, 0.5 * float(np.quantile(steps.way, 0.9)))) if len(steps) else np.zeros(0, bool)
     moved &= steps.way > _MOVES_M

@@ -1,4 +1,4 @@
-"""What a user may state about a table of trajectories: `TABLE.yaml` beside it, as `tracks.csv.yaml`."""
+"""Options of a table of trajectories: `TABLE.yaml` next to it, such as `tracks.csv.yaml`."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class TableOptions(BaseModel):
 
 
 def read_table_options(table: Path) -> TableOptions:
-    """The statements beside a table; none where there is no such file.
+    """Read the options file of a table; all defaults without one.
 
     Raises:
         TrajectoryError: an unknown key, or a value out of bounds.

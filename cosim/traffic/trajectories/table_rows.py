@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-_FEWEST = 6  # rows of a road user among which a stray time can be told
-_MOST = 2  # stray times at either end
-_SPIKE, _SPIKE_M = 3.0, 2.0  # ways to and from a stray place, against the way past it
+_FEWEST = 6  # rows of a road user needed to detect a time outlier
+_MOST = 2  # time outliers at each end
+_SPIKE, _SPIKE_M = 3.0, 2.0  # distance to and from an outlier, relative to the distance past it
 _FASTER, _FASTER_MPS = 4.0, 5.0  # speeds there, against the usual speed of the road user
 
 
@@ -30,11 +30,11 @@ def repeated_rows(user: np.ndarray, *values: np.ndarray) -> np.ndarray:
 def stray_times(user: np.ndarray, time: np.ndarray) -> np.ndarray:
     """(n,) bool: rows beyond a pause that is longer than all that the same road user does on its other side.
 
-    At most two rows at either end are stray; a road user that is gone for long and comes back has more.
+    At most two rows at each end are outliers; a road user that is absent for long and comes back has more.
 
     Args:
         user: (n,) number of the road user of each row.
-        time: (n,) of any unit; values that are not finite are no strays.
+        time: (n,) times in any unit; non-finite values do not count as outliers.
     """
     found = np.zeros(len(user), bool)
     order = np.lexsort((time, user))
@@ -57,7 +57,7 @@ def stray_places(user: np.ndarray, time_s: np.ndarray, x_m: np.ndarray, y_m: np.
 
     Args:
         user: (n,) number of the road user of each row.
-        time_s: (n,) times; rows whose time or place is not finite are no strays.
+        time_s: (n,) times; rows with a non-finite time or position do not count as outliers.
         x_m: (n,) places.
         y_m: (n,) places.
     """

@@ -168,7 +168,7 @@ def _plain_roles(header: Sequence[str], source: str, options: TableOptions) -> d
         missing = ["time", *missing]
     if missing:
         raise TrajectoryError(
-            f"{source}: lacks columns, which may be called {possible_names(missing)}; its header is "
+            f"{source}: columns are missing; accepted names: {possible_names(missing)}; its header is "
             f"{','.join(header)}; "
             f"rename them, or state them in {source}.yaml, as `columns: {{{missing[0]}: NAME}}`"
         )

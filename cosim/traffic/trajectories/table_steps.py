@@ -10,7 +10,7 @@ import numpy as np
 _MOVES_M = 0.05  # a step that shows speed
 _FEWEST = 5  # comparisons that a verdict needs
 _NO_SPEED, _NEARLY_ALL = 1e-6, 0.98  # a speed of none, and the share of rows that have it where none was measured
-_MOVES_AWAY_M = 2.0  # spread of the places of a road user that moves
+_MOVES_AWAY_M = 2.0  # extent of the positions of a moving road user
 _ALONG = 0.85  # mean cosine between heading and way of a reading that is right
 
 

@@ -93,9 +93,8 @@ def infer_time(
         raise _contradiction(table, names, readings, stated, source, x, y)
     if counted is None:
         raise TrajectoryError(
-            f"{source}: the only clock is the counter {frames[0]}, and no speeds tell how long a frame lasts; state "
-            f"it in "
-            f"{source}.yaml, as `frame_rate_hz: 25`"
+            f"{source}: the only clock is the counter {frames[0]}, and there are no speeds to infer the frame "
+            f"interval from; state it in {source}.yaml, as `frame_rate_hz: 25`"
         )
     if names:
         notes.append(
@@ -124,7 +123,7 @@ def _readings(
 
 
 def _agreeing(readings: Sequence[_Reading]) -> _Reading | None:
-    """The first plausible reading that the stated speeds confirm; those of the likelier units come first."""
+    """Return the first plausible reading that the given speeds confirm; more likely units come first."""
     plausible = [reading for reading in readings if reading.is_plausible and reading.step_s > 0]
     for limit in (_AGREES, _LOOSELY):
         for reading in plausible:
@@ -134,7 +133,7 @@ def _agreeing(readings: Sequence[_Reading]) -> _Reading | None:
 
 
 def _check_counter(table: TableColumns, reading: _Reading, source: str) -> None:
-    """Raise where a column read as seconds rises by whole numbers and nobody moves as traffic does.
+    """Raise an error if a column read as seconds rises by whole numbers and speeds are implausible for traffic.
 
     A counter of frames looks like this, and without stated speeds no other clue excludes it.
     """

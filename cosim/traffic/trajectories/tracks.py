@@ -104,7 +104,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class User:
-    """Who somebody is.
+    """Identity of a road user.
 
     Attributes:
         type: what the file calls him.
@@ -129,14 +129,14 @@ def gather(path: Path, samples: Sequence[Sample], users: Mapping[str, User], *, 
         centred: whether places are those of the body's middle.
 
     Raises:
-        TrajectoryError: nobody is left, a time or place is no finite number, a time is there twice, or somebody jumps.
+        TrajectoryError: no track is left, a time or position is not finite, a time occurs twice, or a track jumps.
     """
     kept = sorted((one for one in samples if one.user in users), key=lambda one: (one.user, one.time_s))
     if not kept:
         raise TrajectoryError(f"{path}: holds no sample of a road user; give trajectories of vehicles")
     names = [one.user for one in kept]
     ids = tuple(dict.fromkeys(names))
-    counts = np.array([0, *np.unique(names, return_counts=True)[1]])  # sorted alike
+    counts = np.array([0, *np.unique(names, return_counts=True)[1]])  # in the same order
     first = np.cumsum(counts)
     time_s, speed = (np.array([getattr(one, part) for one in kept], float) for part in ("time_s", "speed_mps"))
     place = np.array([(one.x_m, one.y_m, one.z_m) for one in kept], float)
@@ -210,7 +210,7 @@ def _headings(place: np.ndarray, given: np.ndarray) -> np.ndarray:
 
 
 def _course(place: np.ndarray, row: int) -> float:
-    """Direction of the way about a sample; NaN for who stands."""
+    """Direction of motion around a sample; NaN for stationary road users."""
     away = np.linalg.norm(place - place[row], axis=1)
     far = away > _MOVES_M
     after = np.flatnonzero(far[row:])

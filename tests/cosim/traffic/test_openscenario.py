@@ -139,7 +139,7 @@ ON_LANE = '<Position><LanePosition roadId="1" laneId="-1" s="3" offset="0"/></Po
         (' time="6.0"', "", "scenariogeneration cannot parse"),
         ('scale="1" offset="0"', "", "scenariogeneration cannot parse"),
         (' time="6.0"', ' time="-6.0"', "do not grow"),
-        ('rule="greaterThan"', 'rule="lessThan"', "begins when a condition of traffic is met"),
+        ('rule="greaterThan"', 'rule="lessThan"', "starts when a traffic condition is met"),
         ('value="0"', 'value="$unheard"', r"\$unheard is declared in no element"),
         ('offset="0"', 'offset="${1 + import}"', "no arithmetic expression"),
         ("<Storyboard>", "<Story>", "not well-formed"),

@@ -175,7 +175,7 @@ def test_another_unit_of_places_is_named(metres, tmp_path):
         ("time_s,id,x,y\n0,1,0\n", "line 2 has 3 values"),
         ("time_s,id,x,y\n0,1,zero,0\n0.1,1,1,0\n", "x is 'zero' in row 1"),
         ("time_s,id,x,x,y\n", "'x' more than once"),
-        ("a,b,c\n1,2,3\n", "lacks columns"),
+        ("a,b,c\n1,2,3\n", "columns are missing"),
         ("", "is empty"),
     ],
 )

@@ -293,7 +293,7 @@ def test_bad_input_ends_in_one_line(recorded, hamlet_config, tmp_path):
     run = ("run", "--out", tmp_path / "d", "--town", town)
     assert "no such file" in refused(*run, "--trajectories", tmp_path / "none.csv")
     (tmp_path / "a.csv").write_text("t,who\n1,2\n")
-    assert "lacks columns" in refused(*run, "--trajectories", tmp_path / "a.csv")
+    assert "columns are missing" in refused(*run, "--trajectories", tmp_path / "a.csv")
     assert "no traffic" in refused("run", "--out", tmp_path / "d", "--town", next(town.glob("*.net.xml")))
     (tmp_path / "c.yaml").write_text(f"town: {town}\ntrajectories: {recorded}\nego: nobody\n")
     assert "ego 'nobody' is not in the trajectories" in refused("run", tmp_path / "c.yaml", "--out", tmp_path / "d")
