@@ -74,7 +74,7 @@ def _from_kitti(rows: np.ndarray, file: Path, count: int, names: tuple[str, ...]
     off = np.abs(poses[:, :3, :3] @ poses[:, :3, :3].swapaxes(1, 2) - np.eye(3)).max((1, 2))
     if off.max() > _ORTHONORMAL:
         row = int(off.argmax())
-        raise RecordingError(f"{file}:{row + 1}: not a rotation (off by {off[row]:.2g}); write the pose's 3 × 4 matrix")
+        raise RecordingError(f"{file}:{row + 1}: not a rotation (error {off[row]:.2g}); write the pose's 3 × 4 matrix")
     camera = _camera_from_lidar(file.parent)
     return poses if camera is None else np.linalg.inv(camera) @ poses @ camera
 
@@ -141,7 +141,7 @@ def _overlap(time: np.ndarray, stamp_s: np.ndarray) -> bool:
 
 def _why_apart(time: np.ndarray, stamp_s: np.ndarray | None) -> str:
     if stamp_s is None:
-        return "and scans have no stamps to choose them by; give one pose a scan, or times.txt beside the scans"
+        return "and scans have no stamps to choose them by; give one pose per scan, or times.txt next to the scans"
     if np.any(np.diff(time) <= 0):
         row = int(np.argmax(np.diff(time) <= 0)) + 1
         return f"and the time of pose {row + 1} is not later than the one before; sort the file by time"
@@ -182,6 +182,6 @@ def _demand_ahead(poses: np.ndarray, file: Path) -> None:
     length = float(np.linalg.norm(step, axis=1).sum())
     if length > 1.0 and float(np.abs(step[:, 2]).sum()) > _AHEAD_SHARE * length:
         raise RecordingError(
-            f"{file}: the path runs along z, so these are a camera's axes (z ahead); give the sensor's own, x forward "
-            "and z up, or put KITTI's calib.txt with Tr beside it"
+            f"{file}: the path runs along z, so these are camera axes (z forward); give poses in sensor axes, x forward "
+            "and z up, or put KITTI's calib.txt with Tr next to it"
         )

@@ -25,7 +25,7 @@ from cosim.recordings.reading import (
 from cosim.recordings.scan import RecordingError, Scan, recording_errors
 from cosim.recordings.settings import RecordingSettings, read_settings
 
-_SAMPLES = 5  # scans that tell units and fields
+_SAMPLES = 5  # scans used to infer units and fields
 _GAP = 1.5  # times the usual interval between scans
 _SHOWN = 8  # names in a note
 _LABELS = ("label_2", "tracking_labels.txt", "labels")
@@ -78,7 +78,7 @@ class Recording:
 
     @property
     def interval_s(self) -> float | None:
-        """Usual time from scan to scan [s]; None where nothing tells it."""
+        """Median time from scan to scan [s]; None if it is unknown."""
         if self.stamp_s is None or len(self) < 2:
             return None
         return float(np.median(np.diff(self.stamp_s)))
@@ -235,14 +235,14 @@ def _absences(recording: Recording, samples: list[tuple[str, Columns]]) -> list[
     if not len(scan):
         notes.append(f"scan {scan.name} holds no point")
     if scan.intensity is None:
-        notes.append("no intensities: reflectances and what dims them cannot be told")
+        notes.append("no intensities: reflectances and attenuation cannot be determined")
     if not recording.schema.is_frame_checked:
         notes.append(
-            "nothing in the scans tells left from right: their points show no sense of rotation, or no ground; that x "
-            "y z are forward, left and up is not checked, --flip-y or --axes states otherwise"
+            "left and right cannot be verified: the points show no sense of rotation, or no ground; x y z are assumed "
+            "forward, left and up; use --flip-y or --axes otherwise"
         )
     if recording.stamp_s is None:
-        notes.append("no stamps: scans are taken to follow each other at the rate of the sensor")
+        notes.append("no stamps: scans are assumed to follow each other at the rate of the sensor")
     for row in recording.gaps():
         assert recording.stamp_s is not None
         missing = recording.stamp_s[row] - recording.stamp_s[row - 1]

@@ -12,7 +12,7 @@ __all__ = ["RecordingError", "Scan", "recording_errors"]
 
 
 class RecordingError(CosimError):
-    """A recording cannot be used as it is."""
+    """A recording cannot be used."""
 
 
 @contextmanager

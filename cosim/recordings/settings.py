@@ -28,7 +28,7 @@ CHECKS: dict[Check, str] = {
 
 
 class Mount(BaseModel):
-    """How the LiDAR sits above level ground, where the ground in the scans is not to tell."""
+    """Mount of the LiDAR above level ground, if it is not to be estimated from the ground in the scans."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -1,4 +1,4 @@
-"""Calibration of a sensor model on a recording: pattern, map, diagnosis, and the map anew, until nothing changes."""
+"""Calibration of a sensor model on a recording: pattern, map and diagnosis are repeated until nothing changes."""
 
 from cosim.recordings.calibration.loop import Calibration, calibrate
 

@@ -16,7 +16,7 @@ from cosim.recordings.mapping.correction import moves_points
 from cosim.recordings.mapping.odometry import Trajectory
 
 SCORES = "untouched.npz"  # of each round: models `given` and `accepted`
-_SHORT_M = 10.0  # path that shows hardly any surface from near and far
+_SHORT_M = 10.0  # length of path on which few surfaces are seen at different ranges
 _ONE_SPEED = 0.05  # spread of speeds relative to their mean
 _STRAIGHT_DEG = 5.0  # range of headings
 
@@ -103,7 +103,7 @@ def accept(folder: Path, rounds: Sequence[Round]) -> Acceptance:
 
 
 def _transfers(rounds: Sequence[Round], scores: Sequence[dict[str, Scores]]) -> list[Transfer]:
-    """Of every finding; those that move points are judged by the next map, too."""
+    """Acceptance of each finding; those that move points are also validated on the next map."""
     found = []
     for number, one in enumerate(rounds):
         later = (
@@ -121,7 +121,7 @@ def _transfers(rounds: Sequence[Round], scores: Sequence[dict[str, Scores]]) -> 
 
 def _why_not(change: Change | None, rounds: Sequence[Round]) -> str:
     if not any(one.findings or one.unknowns for one in rounds):
-        return "nothing was found that your file lacks"
+        return "no effect is missing from your file"
     if change is None:
         said = "too few untouched scans can be compared (three are needed): record thirty scans or more"
     elif change.low > 0:
@@ -138,7 +138,7 @@ def _why_not(change: Change | None, rounds: Sequence[Round]) -> str:
 def path_limits(path: Trajectory) -> list[str]:
     """What a path does not vary, as predicates of the drive."""
     if path.standing:
-        return [f"stands ({path.extent_m:.2f} m)"]
+        return [f"does not move ({path.extent_m:.2f} m)"]
     limits = []
     if path.path_m < _SHORT_M:
         limits.append(f"is {path.path_m:.1f} m long, so that few surfaces are seen from near and far")

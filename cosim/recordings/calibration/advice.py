@@ -15,7 +15,7 @@ from sensors.effects.registry import effect_classes
 from sensors.pattern import Pattern
 
 _UNSURE = 0.25  # half width of an interval relative to the amplitude, above which a parameter is poorly determined
-_HELPS = 1.5  # times narrower that a drive must make an interval to be worth a recommendation
+_HELPS = 1.5  # factor by which a recommended drive must narrow an interval
 _MANY = 100
 
 
@@ -29,7 +29,7 @@ class Advice:
         unit: of `now`.
         drive: what to do; empty where no candidate helps.
         narrower: by how many times the drive narrows the interval, at equal numbers of scans; null where this
-            recording tells nothing at all.
+            recording has no information on it.
     """
 
     effect: str
@@ -43,11 +43,11 @@ class Advice:
     def words(self) -> str:
         """A sentence."""
         if not self.drive and self.effect in undetermined_effects(_MANY, True):
-            return "no drive tells it from a map made of its own scans: give a surveyed map"
+            return "no drive determines it with a map made from its own scans: provide a surveyed map"
         if not self.drive:
-            return "none of the candidate drives tells much more of it: record more scans like these"
+            return "no candidate drive gives much more information on it: record more scans like these"
         if self.narrower is None:
-            return f"{self.drive}: it tells nothing of it as recorded"
+            return f"{self.drive}: this recording has no information on it"
         times = f"more than {_MANY}" if self.narrower > _MANY else f"{self.narrower:.1f}"
         return f"{self.drive}: its interval becomes {times} times narrower"
 

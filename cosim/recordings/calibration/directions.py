@@ -63,7 +63,7 @@ def direction_error(
 
 
 def _directions(pattern: Pattern, effects: Sequence[Effect]) -> np.ndarray:
-    """True directions (k, 64, 3) float64 of the lasers, the sideways fan aside, at azimuths evenly around."""
+    """True directions (k, 64, 3) float64 of the lasers, without their azimuth offsets, at evenly spaced azimuths."""
     even = pattern.model_copy(update={"firings": _STEPS, "azimuth_offset_deg": (0.0,) * pattern.rings})
     rays = even.rays()
     turning = [one for one in in_order(effects) if isinstance(one, BeamEffect) and one.channel != "pose"]

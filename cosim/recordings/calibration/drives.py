@@ -88,7 +88,7 @@ def calibrate_drives(
     Args:
         recordings: drives of one sensor, or of several units of a type.
         folder: to write; each drive has a folder of its own in it.
-        sensor: file of the model to begin with; by default the pattern that the first drive shows.
+        sensor: file of the initial model; by default the pattern estimated from the first drive.
         is_one_sensor: whether all drives have the beams of the first; otherwise each shows its own.
         settings, most_rounds, engine, on_step: as of `calibrate`.
 

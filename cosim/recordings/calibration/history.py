@@ -40,7 +40,7 @@ class Tried:
 
 
 def noted(folder: Path, rounds: Sequence[Round]) -> tuple[Tried, ...]:
-    """Everything tried so far, these rounds' sensors among them; the file is written anew."""
+    """Add the sensors of these rounds to the history of all attempts, and write the file again."""
     known = {(one.sensor, one.sha256): one for one in read_history(folder)}
     for one in rounds:
         tried = _tried(one)
@@ -65,7 +65,7 @@ def read_history(folder: Path) -> tuple[Tried, ...]:
     try:
         return tuple(Tried(**one) for one in json.loads(read_text(file)))
     except (ValueError, TypeError) as error:
-        raise FormatError(f"{file}: {error}; remove it to begin a new history") from None
+        raise FormatError(f"{file}: {error}; remove it to start a new history") from None
 
 
 def _tried(one: Round) -> Tried:

@@ -1,4 +1,4 @@
-"""Pattern, map, diagnosis; points with what was found undone, map and diagnosis anew; until nothing changes."""
+"""Calibration loop: pattern, map, diagnosis; then again with corrected points, until nothing changes."""
 
 from __future__ import annotations
 
@@ -108,17 +108,17 @@ def calibrate(
     engine: Engine | None = None,
     on_step: Callable[[str], None] = _LOG.debug,
 ) -> Calibration:
-    """Find what a sensor model lacks on a recording; rounds that an earlier run finished are kept.
+    """Find the effects that a sensor model is missing on a recording; rounds finished by an earlier run are kept.
 
     Args:
         recording: scans in order.
         folder: to write.
-        sensor: file of the model to begin with; by default the pattern that the points show, and their noise.
+        sensor: file of the initial model; by default the pattern and noise estimated from the points.
         pattern: of the beams, where no sensor is given; by default that which the points show.
         settings: numbers that decide a diagnosis.
         most_rounds: of map and diagnosis.
         engine: whose processes share the segments of a long recording; by default this process does all.
-        on_step: told what is done next.
+        on_step: called with a description of each step before it starts.
 
     Raises:
         RecordingError: no pattern or no map in the scans, or another pattern than the sensor's.

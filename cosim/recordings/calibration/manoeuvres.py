@@ -37,7 +37,7 @@ _CELL_M = 2.0
 _GRAZING = 0.05
 _STEEPEST_M_PER_RAD = DEFAULT.likelihood.steepest_m_per_rad
 _NO_SLOPE = 1e-9
-_ALONE = 1e-6  # share of its information that a parameter keeps beside nuisances, below which nothing tells it
+_ALONE = 1e-6  # share of a parameter's information that remains with nuisances, below which it is not identifiable
 
 Form = tuple[tuple[Effect, ...], float, str, str]
 """The model with an effect a little stronger, by how much, the effect's name and the parameter."""
@@ -126,15 +126,15 @@ def candidates(height_m: float, sweep_s: float) -> tuple[Manoeuvre, ...]:
 def standard_errors(
     manoeuvre: Manoeuvre, pattern: Pattern, effects: Sequence[Effect], names: Collection[str]
 ) -> dict[tuple[str, str], float]:
-    """Expected standard error of parameters, by effect and name; infinite where nothing tells them.
+    """Expected standard error of parameters, by effect and name; infinite if not identifiable.
 
-    Each is fitted beside the parameters of the effects that it can be mistaken for.
+    Each is fitted together with the parameters of the effects that it can be confused with.
 
     Args:
         manoeuvre: the drive.
         pattern: of the beams.
         effects: of the sensor.
-        names: effects that are asked for.
+        names: names of the effects.
     """
     rays = _thinned(pattern)
     effects = in_order(effects)
@@ -178,7 +178,7 @@ def _forms(effects: Sequence[Effect], pattern: Pattern, names: Collection[str]) 
             continue
         for weak, amplitude, step in weak_forms(kind):
             if not amplitude or np.ndim(getattr(weak, amplitude)):
-                continue  # lists with a number a laser are told by how lasers differ on one surface, in any drive
+                continue  # values per laser follow from differences between lasers on one surface, in any drive
             own = next((one for one in effects if one.name == kind.name), None)
             if own is not None:
                 weak = type(own).model_validate({**own.model_dump(), amplitude: getattr(own, amplitude) + step})
@@ -261,7 +261,7 @@ class _Scan:
         )  # fmt: skip
 
     def expect(self, effects: Sequence[Effect]) -> Expectation:
-        """What effects let expect where each beam still meets the plane that it met."""
+        """Prediction of effects if each beam still hits the plane that it hit."""
         origin, direction = _world_beams(effects, self.rays, self.pattern, self.pose, self.step)
         slant = np.einsum("ij,ij->i", self.normal, direction)
         slant = np.where(np.abs(slant) < 1e-3, 1e-3, slant)
@@ -321,7 +321,7 @@ class _Table:
             self._parts.append((columns, along, 2 * scan.cell[rows] + kind, 1 / spread**2))
 
     def errors(self, rivals: Sequence[Sequence[int]]) -> np.ndarray:
-        """(k,) standard errors of the parameters, each fitted beside the nuisances and some others, by row."""
+        """(k,) standard errors of the parameters, each fitted with the nuisances and some others, by row."""
         columns = sparse.vstack([part[0] for part in self._parts]).tocsr()
         along, weight = (
             np.concatenate(parts) for parts in ([part[1] for part in self._parts], [part[3] for part in self._parts])

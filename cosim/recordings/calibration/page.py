@@ -1,4 +1,4 @@
-"""The page of a calibration: what was found round by round, how map and error changed, what nobody knows."""
+"""The page of a calibration: findings by round, changes of map and error, what is not determined."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _report(found: Calibration) -> str:
                 "ray direction, half against half [°]",
                 "",
                 f"{told['mean_deg']:.4f}",
-                f"mean over {told['lasers']} lasers; largest {told['max_deg']:.4f}°; elevations of the cones alone "
+                f"mean over {told['lasers']} lasers; largest {told['max_deg']:.4f}°; elevations of the cones only "
                 f"{told['by_elevation_deg']:.4f}°",
             ]
         )
@@ -147,7 +147,7 @@ def _transfers(found: Calibration) -> str:
     rows = []
     for one in found.acceptance.transfers:
         change = "not measured" if one.change is None else f"{one.change:+.3f} ({one.low:+.3f} to {one.high:+.3f})"
-        by = {"step": "added on the same map", "map": "map made anew with it"}[one.by]
+        by = {"step": "added on the same map", "map": "new map made with it"}[one.by]
         rows.append([escape(one.effect), change, by, "yes" if one.is_accepted else "no: not in the recommended file"])
     if not rows:
         return ""
@@ -193,8 +193,8 @@ def _errors(found: Calibration) -> str:
         plot.line(_numbers(found), np.array(values, float), style, dots=True)
     return figure(
         "Error by round",
-        "of the sensor that each round began with, on untouched scans: as poses are (yellow; the map takes up some of "
-        "what is missing), poses and surfaces where the fit has them (blue), noise alone (green)",
+        "initial sensor of each round, on untouched scans: at the given poses (yellow; the map absorbs a part of "
+        "missing effects), at fitted poses and surfaces (blue), and the noise floor (green)",
         plot.svg(),
     )
 
@@ -213,7 +213,7 @@ def _links(found: Calibration) -> str:
     for one in found.rounds:
         place = one.sensor_out.rpartition("/")[0]
         said = [finding["effect"] for finding in one.findings] + [f"{name} anew" for name in one.refitted]
-        added = ", ".join(said) or "nothing more"
+        added = ", ".join(said) or "no further effect"
         rows.append(
             [
                 f"{one.number}",
@@ -245,7 +245,7 @@ def _findings(found: Calibration) -> str:
         for name, (number, one) in latest.items()
     ]
     if not rows:
-        return "<p>Nothing that the sensor file lacks.</p>"
+        return "<p>No effect is missing from the sensor file.</p>"
     return table(["effect", "round", "parameters", "p", "or"], rows, words=(0, 2, 4))
 
 

@@ -1,4 +1,4 @@
-"""One round of a calibration: what a sensor file says on a map made with its effects undone, and what it lacks."""
+"""One round of a calibration: a map of points corrected by the sensor file, and the effects missing from the file."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Round(Judgement):
         budget: what the error is made of.
         thickness_ground_m, thickness_walls_m: of the map.
         held_out_m: spread of untouched scans across the map.
-        moved: whether a finding moves points, so that the map is to be made anew.
+        moved: whether a finding moves points, so that a new map is needed.
         notes: a sentence each.
     """
 
@@ -165,14 +165,14 @@ def is_moved(found: Diagnosis, before: Sequence[Effect]) -> bool:
 
 
 def widened(name: str, told: Mapping[str, Any], before: Sequence[Effect]) -> dict[str, Any]:
-    """Intervals that know that the map takes up a part of what an effect does to its points, so that less is found.
+    """Intervals that allow for the part of an effect that the map absorbs, so that estimates are too small.
 
     Points were freed of the effect as far as it was known, of nothing at first. So amplitudes may lie farther beyond
     their values, by a share of what was not known yet.
 
     Args:
         name: of the effect.
-        told: its `params` and `ci95`.
+        told: `params` and `ci95` of the finding.
         before: effects of the sensor that the map was made with.
     """
     wider = dict(told["ci95"])

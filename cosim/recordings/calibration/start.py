@@ -19,7 +19,7 @@ _SCANS = 6
 _SECOND = np.sqrt(6.0)  # standard deviation of a second difference of independent values of one unit each
 _SMOOTH_M = 0.3
 _LEAST_M, _LEAST_REL = 0.001, 0.01
-_NORMAL = 1.4826  # standard deviations of a normal law in a median distance
+_NORMAL = 1.4826  # standard deviation of a normal distribution relative to its median absolute deviation
 _CENTRED_M = 0.005
 
 

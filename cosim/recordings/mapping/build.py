@@ -36,7 +36,7 @@ class SurfelMap:
     """A map and how well it fits.
 
     Attributes:
-        surfels: of what stands still, world axes: z up, ground about 0 under the first pose.
+        surfels: surfels of static surfaces, world axes: z up, ground about 0 under the first pose.
         left_out: surfels of what moves.
         poses: (n, 4, 4) of the sensor, all scans.
         motion: (n, 6) of the sensor in a sweep, see `motion.between`.

@@ -1,9 +1,9 @@
-"""Points as they would be if a sensor did not have some effects: what a map is made of once effects are known.
+"""Points corrected for known effects of the sensor: maps are made from them.
 
-Of effects that turn or shift beams the true beam is known for every point, so that the measured range is laid along it.
-Of biases of range that depend on laser or intensity alone the bias is taken off, as the measured range and intensity
-tell it. Biases that depend on the surface, noise, rounding and losses stay. The sensor's own motion in a sweep is
-undone with the poses of the map, see `build_map`.
+For effects that rotate or shift beams the true beam of every point is known; the measured range is applied along it.
+Range biases that depend only on laser or intensity are subtracted, evaluated at the measured range and intensity.
+Biases that depend on the surface, noise, rounding and losses remain. The sensor's own motion in a sweep is corrected
+with the poses of the map, see `build_map`.
 """
 
 from __future__ import annotations

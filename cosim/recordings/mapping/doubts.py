@@ -1,4 +1,4 @@
-"""What a map may be relied on for: scans that a diagnosis looks at, and notes on what is doubtful or cannot be told."""
+"""Reliability of a map: scans that a diagnosis uses, and notes on what is uncertain or cannot be determined."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _SHOWN = 8
 
 
 def frames_of(prepared: Prepared, made: WholeMap, names: Sequence[str]) -> tuple[list[list[str]], list[list[str]]]:
-    """Names of the scans that made maps and of those that took no part, a list a segment.
+    """Names of the scans used for maps and of those not used, a list for each segment.
 
-    Segments without a map are left out; where others are left, so are those in which the sensor stands, as each surface
-    is seen from one place there, those whose path jumps, as surfaces are in two places there, and scans whose poses are
-    doubtful.
+    Segments without a map are excluded. If others remain, so are segments in which the sensor does not move (each
+    surface is seen from one position), segments whose path jumps (surfaces are duplicated), and scans with uncertain
+    poses.
     """
     asked = made.mapped
     for bad in (_standing(prepared), _jumping(prepared)):
@@ -64,52 +64,52 @@ def _lost(made: WholeMap) -> list[int]:
 
 
 def notes_of(prepared: Prepared, made: WholeMap, looked: int) -> list[str]:
-    """What is missing, doubtful or cannot be told, a sentence each."""
+    """Notes on what is missing, uncertain or cannot be determined, a sentence each."""
     path, recording = prepared.path, prepared.recording
     notes = [f"poses: {path.source}", *prepared.notes, *_segment_notes(prepared, made, looked)]
     slipping, lost = _slipping(prepared, made), _lost(made)
     if path.standing and len(slipping) < len(recording) / 2:
         notes.append(
-            f"the sensor moves {path.extent_m:.2f} m in all, so each surface is seen from one place: sweep "
-            "motion, and whatever changes with range or angle alone, cannot be told from the surfaces themselves"
+            f"the sensor moves {path.extent_m:.2f} m in all, so each surface is seen from one position: sweep "
+            "motion, and effects that depend only on range or angle, cannot be separated from the surfaces"
         )
     elif prepared.sweep is not None:
         notes.append(f"motion-compensated: {prepared.sweep.is_compensated}; {prepared.sweep.evidence}")
     if len(recording) < _FEW_SCANS:
         notes.append(
-            f"{len(recording)} scans only: few looks at every surface, so thickness and effects are poorly told"
+            f"{len(recording)} scans only: each surface is seen few times, so thickness and effects have wide intervals"
         )
     if path.doubtful:
         notes.append(
-            f"the path jumps at {_counted(path.doubtful)} ({_named(recording, path.doubtful)}): odometry is doubtful "
+            f"the path jumps at {_counted(path.doubtful)} ({_named(recording, path.doubtful)}): odometry is uncertain "
             "there"
         )
     if slipping:
         notes.append(
-            f"{_counted(slipping)} ({_named(recording, slipping)}): nothing holds the sensor in one direction, "
-            "as in a tunnel or on an open plain: odometry may have slipped there, or think that it stands; give poses"
+            f"{_counted(slipping)} ({_named(recording, slipping)}): the motion in one direction is not observable, "
+            "as in a tunnel or on an open plain: odometry may have drifted there, or found no motion; provide poses"
         )
     if lost:
         notes.append(
-            f"{_counted(lost)} ({_named(recording, lost)}): few of the points lie on the map, as odometry that went "
-            "astray or a crowd leaves them: poses are doubtful there"
+            f"{_counted(lost)} ({_named(recording, lost)}): few of the points lie on the map, because odometry "
+            "failed or many objects move: poses are uncertain there"
         )
     if made.trusted.mean() < _FEW_TRUSTED:
         notes.append(
-            f"{int(made.trusted.sum())} of {len(made)} surfaces may be compared: the others were drawn by one laser "
-            "alone, as by a sensor that stands, were seen by few scans, or have much else about them"
+            f"{int(made.trusted.sum())} of {len(made)} surfaces are compared: the others were seen by a single "
+            "laser (as by a stationary sensor), by few scans, or have many other points around them"
         )
     if not made.mount_known:
-        notes.append("no ground was found: the sensor is taken to be 1.8 m above it; recording.yaml may say mount:")
+        notes.append("no ground was found: the sensor is assumed 1.8 m above it; recording.yaml may state mount:")
     notes.append(
-        "range_scale and a constant offset along all normals are not told by any drive: the map is made of these ranges"
+        "range_scale and a constant offset along all normals cannot be determined: the map is made of these ranges"
     )
-    notes.append("moving things and places without a plane are left out of the twin; objects are not modelled")
+    notes.append("moving objects and regions without a plane are not in the twin; objects are not modelled")
     return notes
 
 
 def _segment_notes(prepared: Prepared, made: WholeMap, looked: int) -> list[str]:
-    """Of a recording in several segments: how many, how many a diagnosis looks at, and which tell nothing."""
+    """Note on a recording in several segments: how many, how many a diagnosis uses, and which are not usable."""
     if len(made.segments) == 1:
         return []
     notes = [f"{len(made.segments)} segments, a map each; a diagnosis looks at scans of {looked} of them"]
@@ -120,7 +120,7 @@ def _segment_notes(prepared: Prepared, made: WholeMap, looked: int) -> list[str]
         one for one in made.segments if made.mapped[one.number] and jumping[one.number] and not standing[one.number]
     ]
     reasons = (
-        (blank, "no map, for want of surfaces that three scans show"), (still, "the sensor stands"),
+        (blank, "no map, as no surface is visible in three scans"), (still, "the sensor does not move"),
         (torn, "the path jumps, so that surfaces lie in two places"),
     )  # fmt: skip
     for some, why in reasons:

@@ -105,7 +105,7 @@ class DriveFiles:
         return None if len(self.made.segments) == 1 else f"segment_{segment:04d}"
 
     def _write_worlds(self, writer: DriveWriter) -> dict[str, float]:
-        """The maps as meshes and tables; gives the mean reflectance by material, empty where nothing tells it."""
+        """Write the maps as meshes and tables; return the mean reflectance by material, empty if it is unknown."""
         weight: dict[str, float] = dict.fromkeys((GROUND, WALL), 0.0)
         light = dict(weight)
         for segment, made in mapped_segments(self.made, self.maps):

@@ -1,9 +1,9 @@
-"""How firmly what a scan sees holds it in place.
+"""Degeneracy of registration: how well the surfaces in a scan determine its pose.
 
-Matching a scan to planes leaves it free along a direction in which none of them looks: along a tunnel, or across an
-open plain (Zhang, Kaess, Singh, On degeneracy of optimization-based state estimation problems, ICRA 2016). Odometry
-does not fail there, it believes: the rings on walls travel with the sensor, so that it seems to stand, and the map that
-comes of it is sharp. So normals are those of patches that several lasers hit, in one scan alone.
+Registration of a scan to planes is not determined along a direction without normals: along a tunnel, or across an open
+plain (Zhang, Kaess, Singh, On degeneracy of optimization-based state estimation problems, ICRA 2016). Odometry does not
+report a failure there: the rings on walls travel with the sensor, so that it finds no motion, and the resulting map is
+sharp. Therefore normals are those of patches that several lasers hit in a single scan.
 """
 
 from __future__ import annotations

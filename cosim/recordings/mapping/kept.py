@@ -37,8 +37,8 @@ class Kept:
 
     Attributes:
         folder: of the files.
-        stem: they begin with.
-        about: what all of it depends on; files made of anything else are made anew.
+        stem: start of the files' names.
+        about: inputs that the files depend on; files made from other inputs are made again.
         make: one.
     """
 
@@ -93,7 +93,7 @@ class Kept:
         Args:
             segments: all.
             engine: whose processes share them; by default this process makes one after the other.
-            on_segment: told how many are there.
+            on_segment: called with the number of finished segments.
 
         Raises:
             RecordingError: a scan is damaged.
@@ -143,7 +143,7 @@ def arrays_of_path(path: Trajectory) -> Arrays:
 
 
 def path_of(arrays: Arrays) -> Trajectory:
-    """The trajectory that arrays tell."""
+    """Return the trajectory stored in arrays."""
     return Trajectory(
         poses=arrays["poses"],
         motion=arrays["motion"],
@@ -175,10 +175,10 @@ def arrays_of_map(make: Callable[[], SurfelMap]) -> Arrays:
 
 
 def map_of(arrays: Arrays) -> SurfelMap:
-    """The map that arrays tell.
+    """Return the map stored in arrays.
 
     Raises:
-        NoMapError: they tell why there is none.
+        NoMapError: there is no map; the arrays contain the reason.
     """
     if _REFUSED in arrays:
         raise NoMapError(_text(arrays[_REFUSED]))

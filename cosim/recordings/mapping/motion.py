@@ -11,7 +11,7 @@ def scan_times(azimuth_rad: np.ndarray, time_s: np.ndarray | None, sweep_s: floa
 
     Args:
         azimuth_rad: (n,) of the points.
-        time_s: (n,) from the earliest point, where the recording tells; otherwise −azimuth/2π of a sweep.
+        time_s: (n,) from the earliest point if the recording has times; otherwise −azimuth/2π of a sweep.
         sweep_s: duration of a turn, clockwise seen from above.
     """
     ahead = np.abs(azimuth_rad) < np.radians(2)

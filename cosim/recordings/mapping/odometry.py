@@ -1,4 +1,4 @@
-"""Where the sensor was at each scan, from the scans alone.
+"""LiDAR odometry: pose of the sensor at each scan, from the scans only.
 
 KISS-ICP (Vizzo et al., RA-L 8, 2023) places scan after scan on a local map. Scans are freed of the sensor's own motion
 before: first by the motion from the scan before, then, in a second pass, by the poses of the first. Level ground takes

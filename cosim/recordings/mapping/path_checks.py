@@ -157,7 +157,7 @@ def travel_deg(path: Trajectory) -> float:
 
 
 def _travel(path: Trajectory) -> str:
-    """A path to the left or right of x; one against it is judged with the motion in a sweep."""
+    """Whether the path runs to the left or right of x; paths along −x are handled with the motion in a sweep."""
     azimuth = 0.0 if path.standing else travel_deg(path)
     if abs(azimuth) < _ASIDE_DEG or abs(azimuth) > 180 - _ASIDE_DEG:
         return ""

@@ -1,4 +1,4 @@
-"""What a map needs to know of a recording beside its points: beams, path, motion in a sweep."""
+"""Inputs of a map besides the points of a recording: beams, path, motion in a sweep."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ _FEWEST_SCANS = 5
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """What a map needs to know of a recording beside its points.
+    """Inputs of a map besides the points of a recording.
 
     Attributes:
-        recording: as it is.
-        pattern: beams are told apart with.
+        recording: the recording.
+        pattern: pattern that beams are assigned with.
         found: what the points show of the pattern.
         ring_of: (k,) ring of the pattern for each laser that the points show.
         segments: that are mapped each by itself.
         paths: of the sensor in each.
-        sweep: how strong the sensor's motion in a sweep is; None where the sensor stands.
+        sweep: strength of the sensor's motion in a sweep; None if the sensor does not move.
         notes: of the checks, a sentence each.
     """
 
@@ -83,7 +83,7 @@ def prepare(
         folder: where the paths of segments are kept.
         pattern: the beam pattern, its name or its path; found in the points by default.
         engine: whose processes share segments; by default this process does all.
-        on_step: told what is done next.
+        on_step: called with a description of each step before it starts.
 
     Raises:
         RecordingError: fewer than five scans, no map in them, or another pattern than the given.
@@ -141,7 +141,7 @@ def _sweep(
     lines: np.ndarray,
     sweep_s: float,
 ) -> SweepMotion | None:
-    """Of that segment that moves farthest of the three in the middle; None where the sensor stands there."""
+    """For the segment with the longest path of the middle three; None if the sensor does not move there."""
     middle = (len(segments) - 1) // 2
     near = range(max(middle - 1, 0), min(middle + 2, len(segments)))
     number = max(near, key=lambda one: paths[one].extent_m)

@@ -13,7 +13,7 @@ from cosim.recordings.recording import Recording
 from cosim.recordings.scan import Scan
 
 _NEAREST_M, _FARTHEST_M = 2.0, 60.0
-_MOST_POINTS, _MOST_A_SCAN = 4_000_000, 30_000  # in the map; more make it slower and hardly better
+_MOST_POINTS, _MOST_A_SCAN = 4_000_000, 30_000  # in the map; more points make it slower without much benefit
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ def thinned(count: int, most: int) -> np.ndarray:
 
 
 def local_scans(recording: Recording, sweep_s: float, on_scan: Callable[[], object] = lambda: None) -> list[LocalScan]:
-    """The scans of a recording, thinned alike so that all of them make a map of bearable size.
+    """Scans of a recording, all subsampled equally so that the map has a limited size.
 
     Args:
         recording: scans in order.

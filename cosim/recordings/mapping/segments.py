@@ -24,7 +24,7 @@ class Segment:
     Attributes:
         number: from 0.
         first, last: its scans; the last is excluded.
-        begin, end: those among them that are no other segment's; the end is excluded.
+        begin, end: scans that belong to no other segment; the end is excluded.
     """
 
     number: int

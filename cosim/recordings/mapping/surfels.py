@@ -23,12 +23,12 @@ class SurfelSettings:
 
     Attributes:
         cell_m: size of a cell [m].
-        least_points: of a cell; fewer tell no plane.
-        least_scans: that saw it; fewer tell no thickness.
+        least_points: minimum number of points of a cell for a plane.
+        least_scans: minimum number of scans of a cell for a thickness.
         thickest_m: standard deviation of points across the plane, at most [m].
         flattest: variance across the plane over the smaller one along it, at most; above, points form no plane.
         least_apart_deg: standard deviation of the elevations at which beams of a surfel leave the sensor, at least, for
-            it to tell anything; what one laser alone has drawn is a part of its cone, on which no range is ever wrong.
+            it to be used; points of a single laser lie on its cone, on which range errors are not visible.
     """
 
     cell_m: float = 0.4

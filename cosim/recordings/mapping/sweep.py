@@ -1,7 +1,7 @@
 """Whether points are motion-compensated: how strong the sensor's motion in a sweep is in them, with an interval.
 
 Two independent clues. Points of a laser that spins lie on a cone about the sensor's axis as they are measured; what is
-freed of motion leaves it. And the strength of the motion is one more unknown beside poses and the places of surfaces:
+freed of motion leaves it. The strength of the motion is one more unknown besides poses and positions of surfaces:
 1 in points as measured, 0 in compensated ones, −1 where scans or times are in reverse order.
 """
 
@@ -146,7 +146,7 @@ def _windows(trajectory: Trajectory) -> list[int]:
 def _strength(
     scans: Sequence[LocalScan], own: Trajectory, numbers: Sequence[int], settings: SurfelSettings
 ) -> tuple[float, float]:
-    """The likeliest strength in a stretch and its standard error."""
+    """Maximum-likelihood strength in a section and its standard error."""
     strength, error = 1.0, np.inf
     poses = _begun(scans, own, strength, numbers)
     for _ in range(_STEPS):
@@ -199,7 +199,7 @@ def _cones(
 
 
 def _begun(scans: Sequence[LocalScan], own: Trajectory, scale: float, numbers: Sequence[int]) -> np.ndarray:
-    """Poses to begin with, where points are freed of so much motion."""
+    """Initial poses if this strength of motion is removed from the points."""
     return placed_in_turn(scans, own.poses, scale * own.motion, numbers) if own.from_odometry else own.poses
 
 

@@ -1,4 +1,4 @@
-"""A recording as a drive with a twin: what was made of it, and what cannot be told."""
+"""A recording as a drive with a twin, and what cannot be determined."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ class RecordingTwin:
         folder: the drive.
         recording: what it was made of.
         names: of its scans as frames, in order.
-        pattern: beams were told apart with.
+        pattern: pattern that beams were assigned with.
         found: what the points show of the pattern.
         path: before the map refined it.
         made: the map.
-        sweep: how strong the sensor's motion in a sweep is in the points; None where the sensor stands.
-        notes: what is missing, doubtful or cannot be told, a sentence each.
+        sweep: strength of the sensor's motion in a sweep in the points; None if the sensor does not move.
+        notes: what is missing, uncertain or cannot be determined, a sentence each.
     """
 
     folder: Path
@@ -104,10 +104,10 @@ def write_recording_twin(
 
     Args:
         recording: scans in order.
-        folder: of the new drive; segments are kept beside it until it is finished.
+        folder: folder of the new drive; segments are kept next to it until it is finished.
         pattern: name or path of the beam pattern; found in the points by default.
         engine: whose processes share segments; by default this process does all.
-        on_step: told what is done next.
+        on_step: called with a description of each step before it starts.
 
     Raises:
         RecordingError: fewer than five scans, no map in them, or another pattern than the given.
@@ -143,7 +143,7 @@ def write_map_twin(
             own points stay as they were measured.
         sampled: write only the scans that a diagnosis looks at.
         engine: whose processes share segments; by default this process does all.
-        on_step: told what is done next.
+        on_step: called with a description of each step before it starts.
 
     Raises:
         RecordingError: no map in the scans.

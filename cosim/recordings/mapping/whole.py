@@ -1,4 +1,4 @@
-"""The maps of all segments seen as one: what pages show and JSON tells; small, however long the recording is."""
+"""Summary of the maps of all segments for pages and JSON; its size does not depend on the recording's length."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class WholeMap:
         mapped: (k,) bool, which segments have a map.
         refused: of the others, why, a line each.
         world: (k, 4, 4) of each segment in the axes of the first.
-        centre: (m, 3) float32 places of surfaces [m].
+        centre: (m, 3) float32 positions of surfaces [m].
         sd_m: (m,) float32 their thickness.
         scans: (m,) int32 how many saw each.
         level, ground, trusted: (m,) bool.
-        left_out: (o, 3) float32 places of surfaces that move.
+        left_out: (o, 3) float32 positions of moving surfaces.
         poses: (n, 4, 4) of the sensor, each in its own segment's world.
         motion: (n, 6) of the sensor in a sweep.
         segment_of: (n,) segment of each scan.

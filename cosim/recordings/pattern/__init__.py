@@ -1,4 +1,4 @@
-"""The beam pattern of a sensor, from its points alone."""
+"""Estimation of a sensor's beam pattern from its points."""
 
 from cosim.recordings.pattern.find import FoundPattern, find_pattern
 from cosim.recordings.pattern.page import format_page

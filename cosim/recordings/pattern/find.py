@@ -1,4 +1,4 @@
-"""From the points of some scans to a pattern file, with how sure each part of it is."""
+"""Estimates a pattern file from the points of some scans, with the uncertainty of each part."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from cosim.recordings.recording import Recording
 from cosim.recordings.scan import RecordingError, Scan
 from sensors.pattern import Pattern
 
-SCANS = 12  # evenly spread; more tell little more
+SCANS = 12  # evenly spaced; more scans add little information
 _ON_BEAM_DEG = 0.06  # a point so near a laser's cone is on it
 _LEAST_SHARE = 0.8  # of points on a beam: below, this is no spinning sensor in its own axes
 _DOUBTFUL_SHARE = 0.97
@@ -50,7 +50,7 @@ class FoundPattern:
         share_by_scan: (scans,) share of each scan's points on a beam.
         block_centre_m: heights of the optical centres of the blocks, the upper first; one or two.
         alternatives: other counts of lasers that the points allow; empty where the count is certain.
-        notes: what could not be told, a sentence each.
+        notes: what could not be determined, a sentence each.
     """
 
     pattern: Pattern
@@ -143,13 +143,17 @@ def beams_of(scan: Scan, lines: np.ndarray) -> np.ndarray:
 
 
 def _lasers(scans: list[Scan]) -> tuple[Lasers, list[str]]:
-    """Lasers from the points alone, or from the recording's own numbers where those leave clearer cones."""
+    """Lasers from the points, or from the recording's own laser numbers if these give sharper cones."""
     rho = np.concatenate([scan.flat_range_m for scan in scans])
     height = np.concatenate([scan.xyz[:, 2] for scan in scans])
     number = np.repeat(np.arange(len(scans)), [len(scan) for scan in scans])
     rounding = min(rounding_m(scan.xyz) for scan in scans)
     found = find_lasers(rho, height, number, rounding)
-    how = [f"coordinates are multiples of {rounding:g} m: only far points tell elevations"] if rounding else []
+    how = (
+        [f"coordinates are multiples of {rounding:g} m: only distant points are used for elevations"]
+        if rounding
+        else []
+    )
     rings = [scan.ring for scan in scans if scan.ring is not None]
     if len(rings) < len(scans):
         return found, how
@@ -164,7 +168,7 @@ def _lasers(scans: list[Scan]) -> tuple[Lasers, list[str]]:
         return found, [f"the recording numbers {told} lasers, whose points lie on no cones: its numbers are not used"]
     if len(numbered) == len(found) and found.share >= numbered.share - 0.01:
         return found, []
-    said = f"the recording numbers {told} lasers; points alone show {len(found)}: its numbers are used"
+    said = f"the recording numbers {told} lasers; the points show {len(found)}: its numbers are used"
     return numbered, [said]
 
 
@@ -265,7 +269,7 @@ def _sweep(recording: Recording, scans: list[Scan]) -> tuple[float, list[str]]:
         return interval, []
     if spans:
         return float(np.median(spans)), ["the sweep's duration is that of the points' times"]
-    return _USUAL_SWEEP_S, [f"nothing tells how long a sweep lasts: taken to be {_USUAL_SWEEP_S} s; --sweep-s says"]
+    return _USUAL_SWEEP_S, [f"the duration of a sweep is unknown: assumed {_USUAL_SWEEP_S} s; state it with --sweep-s"]
 
 
 def _blocks(lasers: Lasers) -> tuple[np.ndarray, tuple[float, ...]]:
@@ -289,20 +293,18 @@ def _turning_notes(turning: Turning) -> list[str]:
     if turning.fan_known in ("within a step", "not at all"):
         where = "to a whole number of azimuth steps" if turning.fan_known == "within a step" else "at all"
         notes.append(
-            f"points come {turning.order}, without times: the lasers' sideways fan is not told"
+            f"points come {turning.order}, without times: the lasers' azimuth offsets cannot be determined"
             + (f" but {where}" if turning.fan_known == "within a step" else "; taken to be none")
         )
     if turning.fan_known == "firing order":
-        notes.append("the fan is known to one azimuth step: where a firing begins is not told")
+        notes.append("azimuth offsets are known up to one azimuth step: the start of a firing cannot be determined")
     if not turning.fixed:
         notes.append(
             f"azimuths lie on no fixed grid: {turning.firings} firings a turn ± {turning.firings_sd:.1f}, from the "
             "distances of neighbouring points"
         )
     if turning.clockwise is False:
-        notes.append(
-            "azimuths rise along the file, and files sorted so look alike: the head is taken to turn clockwise"
-        )
+        notes.append("azimuths increase along the file, as in sorted files: clockwise rotation is assumed")
     return notes
 
 

@@ -15,7 +15,7 @@ import numpy as np
 _CELL_DEG = 0.02
 _CENTRES_M = np.arange(-0.30, 0.3001, 0.01)
 _LOWEST_DEG, _HIGHEST_DEG = -90.0, 90.0
-NEAREST_M = 1.0  # from the axis; nearer points tell elevations badly
+NEAREST_M = 1.0  # from the axis; closer points give inaccurate elevations
 _MOST_POINTS = 600_000
 _ROUNDINGS_M, _ROUNDED_POINTS = (0.1, 0.05, 0.02, 0.01, 0.005), 300  # finer steps blur nothing beyond a metre or two
 _MOST_LASERS = 256
@@ -27,7 +27,7 @@ _NEAR_SHARE = 0.1  # of these, that a laser has which meets only what is near
 _LEAST_POINTS = 12
 _ABOVE_BACKGROUND = 6.0  # times what usual cells about a peak hold
 _BACKGROUND_DEG = 2.0
-_WEAK, _BESIDE_DEG = 0.4, 0.6  # a line with less than this share of one so near on either side is of stray points
+_WEAK, _BESIDE_DEG = 0.4, 0.6  # a line with less than this share of the points of a line so close consists of outliers
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ def find_lasers(flat_range_m: np.ndarray, height_m: np.ndarray, scan: np.ndarray
 def _own_points(
     found: Lasers, rho: np.ndarray, z: np.ndarray, scan: np.ndarray, half_deg: float = _HALF_WIDTH_DEG
 ) -> Lasers:
-    """Lasers fitted anew without those that are a few strays beside a strong one."""
+    """Fit the lasers again without those that are outliers of a strong neighbour."""
     for _ in range(3):
         kept = _kept(found)
         if kept.all():
@@ -120,7 +120,7 @@ def _own_points(
 def _near_lasers(rho: np.ndarray, z: np.ndarray, near: np.ndarray, found: Lasers) -> tuple[np.ndarray, np.ndarray]:
     """Points (n,) bool and lines (k, 2) of lasers that meet only what is near, as a steep one meets the vehicle's roof.
 
-    Points that are all about as far do not tell their laser's centre: it is taken to be that of the others.
+    Points at similar ranges do not determine their laser's centre: that of the other lasers is used.
     """
     _, off = nearest_laser(rho, z, found.lines)
     close = near & (np.abs(off) > np.radians(2 * _HALF_WIDTH_DEG))
@@ -163,7 +163,7 @@ def fit_lasers(
 
     Args:
         rho, z, scan: (n,) as in `find_lasers`.
-        lines: (k, 2) elevations [rad] and centres [m] to begin with.
+        lines: (k, 2) initial elevations [rad] and centres [m].
         rounds: of assigning and fitting.
         half_deg: half width of the strip about a line whose points are its own.
     """
@@ -241,7 +241,7 @@ def _peel(
 
 
 def _kept(lasers: Lasers) -> np.ndarray:
-    """Which lasers have points of their own, and not a few strays beside a strong one, (k,) bool."""
+    """(k,) bool: lasers with their own points, not only outliers of a strong neighbour."""
     apart = lasers.elevation_deg[:, None] - lasers.elevation_deg
     below = np.where((apart > 0) & (apart < _BESIDE_DEG), lasers.points, 0).max(1)
     above = np.where((apart < 0) & (apart > -_BESIDE_DEG), lasers.points, 0).max(1)
@@ -279,7 +279,7 @@ def _stands_out(row: np.ndarray, cell: int, peak: int) -> bool:
 def _robust_line(rho: np.ndarray, z: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Elevation [rad] and centre [m] of the line through points: least squares in the angle, outliers left out.
 
-    Where all points are about as far, the centre cannot be told and stays as it was.
+    If all points are at similar ranges, the centre cannot be determined and is not changed.
     """
     elevation, centre = float(start[0]), float(start[1])
     for _ in range(4):

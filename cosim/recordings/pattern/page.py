@@ -15,7 +15,7 @@ def format_page(found: FoundPattern, title: str) -> str:
     """The HTML text.
 
     Args:
-        found: to be told.
+        found: pattern to report.
         title: plain text.
     """
     lasers = found.lasers
@@ -93,7 +93,10 @@ def _fan(found: FoundPattern) -> str:
     fan = np.array(found.pattern.azimuth_offset_deg, float)
     plot = Plot(_rings(found), Axis(*_padded(fan), "azimuth offset [°]"), "fan of the lasers")
     plot.line(np.arange(len(fan)), fan, "b", dots=True)
-    known = {"within a step": "only its part of an azimuth step is known", "not at all": "not told by these scans"}
+    known = {
+        "within a step": "only its part of an azimuth step is known",
+        "not at all": "not determined by these scans",
+    }
     return figure("Fan", known.get(found.turning.fan_known, f"from {found.turning.fan_known}"), plot.svg())
 
 

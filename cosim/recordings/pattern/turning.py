@@ -39,7 +39,7 @@ class Turning:
         firings_sd: its standard error; 0 on a fixed grid.
         fixed: whether azimuths lie on one grid in every scan.
         order: of the points in the files.
-        clockwise: whether azimuths fall with time; None where the order does not tell.
+        clockwise: whether azimuths decrease with time; None if the order does not show it.
         fan_deg: (k,) sideways offset of each laser, counter-clockwise.
         fan_known: how well: from times, the order of firings, the beginnings of rings, or the grid (to a step).
     """
@@ -109,12 +109,12 @@ def _spectrum(scans: Sequence[Scan], which: Sequence[np.ndarray], lasers: int, r
     low, high = max(_FEWEST, round(0.8 * rate)), min(_MOST, round(1.25 * rate) + 1)
     if high <= low or total[low:high].max() < _CLEAR:
         return 0, np.zeros(lasers)
-    # An encoder of T ticks shows N firings and T − N alike: of equally clear lines the nearest to the usual distance.
+    # With an encoder of T ticks, N and T − N firings look the same: of equally clear lines choose the most usual step.
     clear = low + np.flatnonzero(total[low:high] > _EQUAL * total[low:high].max())
     lines_apart = np.split(clear, np.flatnonzero(np.diff(clear) > 1) + 1)
     tops = [int(line[total[line].argmax()]) for line in lines_apart]
     best = min(tops, key=lambda top: abs(top - rate))
-    # azimuth bins begin at −π; a phase of 0 is a firing at azimuth π
+    # azimuth bins start at −π; a phase of 0 is a firing at azimuth π
     return best, np.angle(lines[:, best] * np.exp(1j * np.pi * best / _BINS))
 
 
@@ -216,11 +216,11 @@ def _wrapped(angle_rad: np.ndarray) -> np.ndarray:
 def _of_ring_ends(
     scans: Sequence[Scan], which: Sequence[np.ndarray], lasers: int, sense: float, step: float
 ) -> np.ndarray:
-    """Offsets [rad] (k,) from where each ring begins and ends in any scan, as rings turn once, all from one seam.
+    """(k,) azimuth offsets [rad] from the start and end of each ring, as all rings make one revolution from one seam.
 
-    A ring begins late and ends early where nothing returns, as into the sky: its first and last points bound its offset
-    from both sides. Within these bounds it is taken to be what rings have whose offset is told. The seam is in front or
-    behind, wherever most rings begin.
+    A ring starts late and ends early where nothing returns, as in the sky: its first and last points bound its offset
+    from both sides. Within these bounds the offset of rings with a known one is used. The seam is in front or
+    behind, wherever most rings start.
     """
     first, last = np.full((len(scans), lasers), np.nan), np.full((len(scans), lasers), np.nan)
     for number, (scan, row) in enumerate(zip(scans, which, strict=True)):

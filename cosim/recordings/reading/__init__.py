@@ -1,4 +1,4 @@
-"""Readers, one a family of formats: each turns a path into sources of columns, read when asked for."""
+"""Readers, one for each family of formats: a path becomes sources of columns, which are read on demand."""
 
 from cosim.recordings.reading.bags import bag_sources, is_bag
 from cosim.recordings.reading.files import SUFFIXES, file_sources, suffix_of

@@ -30,7 +30,7 @@ def is_bag(path: Path) -> bool:
 
 
 def bag_sources(path: Path, topic: str | None = None) -> tuple[Source, ...]:
-    """Scans of a bag's topic, in the order of their stamps; each is read from the bag when asked for.
+    """Scans of a bag's topic, in the order of their stamps; each is read from the bag on demand.
 
     Args:
         path: file or folder.

@@ -28,7 +28,7 @@ def file_sources(files: Sequence[Path], options: PointOptions | None = None) -> 
 
 
 def _reader(files: Sequence[Path], options: PointOptions | None) -> PointReader:
-    """The reader of the files; a damaged one among those that tell the layout of raw numbers does not decide it.
+    """The reader of the files; damaged files do not affect the inferred layout of raw numbers.
 
     Raises:
         PointFileError: no sample of the files has a layout that fits.

@@ -31,7 +31,7 @@ def ouster_sources(path: Path) -> tuple[Source, ...]:
     except Exception as error:  # noqa: BLE001 - the SDK raises whatever it meets
         reason = " ".join(str(error).split())[:160]
         raise RecordingError(
-            f"{path}: Ouster's SDK cannot read it ({reason}); its metadata, NAME.json, must lie beside it"
+            f"{path}: Ouster's SDK cannot read it ({reason}); its metadata file NAME.json must be in the same folder"
         ) from None
     if not stamps:
         raise RecordingError(f"{path}: no whole scan in it; record longer than a revolution")

@@ -159,8 +159,8 @@ def test_drives_and_recordings_read_the_same_points(kind, extra, tmp_path):
 def test_what_no_clue_tells_is_said(tmp_path):
     order = np.random.default_rng(0).permutation
     found = recording(tmp_path, lambda p: p[order(len(p))] * [1, -1, 1, 1])
-    assert any("tells left from right" in note for note in found.notes)
-    assert not any("left from right" in note for note in open_recording(tmp_path, flip_y=True).notes)
+    assert any("left and right cannot be verified" in note for note in found.notes)
+    assert not any("left and right" in note for note in open_recording(tmp_path, flip_y=True).notes)
 
 
 @pytest.mark.parametrize(

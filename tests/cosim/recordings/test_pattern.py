@@ -54,7 +54,7 @@ def test_the_order_of_points_changes_no_elevation_and_tells_the_fan(order: str, 
     step = 360 / pattern.firings
     if order == "shuffled":
         off = (off + step / 2) % step - step / 2  # known but to whole steps
-        assert any("fan is not told" in note for note in result["notes"])
+        assert any("azimuth offsets cannot be determined" in note for note in result["notes"])
     assert np.ptp(off) < 1.01 * step
     again = load_pattern(str(tmp_path / "found.yaml"))
     assert again.rings == 64 and again.firings == 2157
