@@ -1,4 +1,4 @@
-"""`cosim calibrate`: what a sensor model lacks on a recording: pattern, map, diagnosis, until nothing changes."""
+"""`cosim calibrate`: effects missing from a sensor model, from a recording: pattern, map, diagnosis, repeated."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def add_command(commands: Any) -> None:
         "--out", type=Path, required=True, metavar="DIR", help="folder of everything; resumed by itself"
     )
     parser.add_argument(
-        "--sensor", metavar="FILE", help="sensor file to begin with (default: the pattern in the points, and noise)"
+        "--sensor", metavar="FILE", help="initial sensor file (default: pattern and noise estimated from the points)"
     )
     parser.add_argument("--rounds", type=int, default=5, metavar="N", help="of map and diagnosis at most (default: 5)")
     add_engine(parser, "the segments of a long recording")

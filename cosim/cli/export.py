@@ -23,7 +23,7 @@ def add_command(commands: Any) -> None:
 
     parser.add_argument("format", choices=("openpcdet", *FORMATS, *_CALIBRATED), help="whose layout or format to write")
     parser.add_argument("drive", type=Path, metavar="DIR", help="a finished drive, simulated or real")
-    parser.add_argument("--out", type=Path, metavar="DIR2", help="folder to write (default: DIR-FORMAT beside DIR)")
+    parser.add_argument("--out", type=Path, metavar="DIR2", help="folder to write (default: DIR-FORMAT next to DIR)")
     parser.add_argument(
         "--template", type=Path, metavar="FILE", help="calibration: a driver's own file, whose laser numbers are kept"
     )

@@ -25,7 +25,7 @@ def add_command(commands: Any) -> None:
         "--trajectories",
         type=Path,
         metavar="FILE",
-        help="who drives where: FCD output, CommonRoad, OpenSCENARIO, or a table (CSV)",
+        help="trajectories of road users: FCD output, CommonRoad, OpenSCENARIO, or a table (CSV)",
     )
     parser.add_argument(
         "--taxi-dispatch", metavar="ALGORITHM", help="let SUMO dispatch vehicles on demand, as greedy (.sumocfg only)"
@@ -63,7 +63,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     with FrameReport(console, starting="building the town", working="recording") as report:
 
         def start(done: int, total: int) -> None:
-            if done < total and options.engine == "local":  # how many a cluster has, only time tells
+            if done < total and options.engine == "local":  # the number of a cluster's workers varies
                 sensors, left, workers = list(rig_sensors(config).values()), 1 - done / total, options.workers
                 size = in_words(estimate_bytes(config, sensors) * left)
                 takes = time_in_words(estimate_s(config, sensors, workers, machine_slowness()) * left)

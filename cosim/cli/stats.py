@@ -1,4 +1,4 @@
-"""`cosim stats`: what a data set holds, how far it is from another, and whether a classifier tells them apart."""
+"""`cosim stats`: contents of a data set, distances from another one, and a classifier two-sample test."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def add_command(commands: Any) -> None:
         "stats", help="statistics of a data set and its distance from another", description=__doc__
     )
     parser.add_argument(
-        "set", type=Path, metavar="DIR", help="a drive, simulated or in KITTI's layout, or a folder with label_2/ alone"
+        "set", type=Path, metavar="DIR", help="a drive, simulated or in KITTI's layout, or a folder with only label_2/"
     )
     parser.add_argument("--against", type=Path, metavar="DIR2", help="a second set, the reference of the distances")
     parser.add_argument("--beside", type=Path, metavar="DIR3", help="a third set, shown and held against DIR2 as well")
@@ -40,7 +40,7 @@ def add_command(commands: Any) -> None:
         metavar="DEG",
         help="sector about the forward direction that the two-sample test looks at (default: 90, a camera's)",
     )
-    parser.add_argument("--out", type=Path, metavar="OUT", help="folder of the page (default: DIR-stats beside DIR)")
+    parser.add_argument("--out", type=Path, metavar="OUT", help="folder of the page (default: DIR-stats next to DIR)")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)
 
@@ -84,7 +84,7 @@ def _print_separation(separation: TwoSample | str | None, console: Console) -> N
         for item in separation.channels:
             base = "" if item.baseline is None else f"; baseline {item.baseline.auc:.2f}"
             interval = f"({item.sets.low:.2f} to {item.sets.high:.2f}, p {item.sets.p_value:.3f})"
-            console.print(f"told apart by {item.channel}: AUC {item.sets.auc:.2f} {interval}{base}", soft_wrap=True)
+            console.print(f"two-sample test, {item.channel}: AUC {item.sets.auc:.2f} {interval}{base}", soft_wrap=True)
 
 
 def _read(source: FrameSet, console: Console) -> Collected:

@@ -29,7 +29,7 @@ def add_command(commands: Any) -> None:
 
 
 def execute(options: argparse.Namespace, console: Console) -> None:
-    """Simulate and write; nobody walks, as those on foot are not recorded."""
+    """Simulate and write, without pedestrians, which are not recorded."""
     import numpy as np
 
     from cosim.capture.config import load_config

@@ -98,7 +98,7 @@ def add(
         seed: random seed of the sample.
 
     Raises:
-        CosimError: the drive lacks points or a twin, or the twin does not fit it.
+        CosimError: the drive has no points or no twin, or the twin does not match it.
         SensorError: no such effect, the sensor file breaks the rules, or a fixed parameter does not fit the effect.
     """
     kind = find_effect(effect) if isinstance(effect, str) else effect

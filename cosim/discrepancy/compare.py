@@ -102,7 +102,7 @@ class SliceTally:
                 self._sums[channel][(code // 8 // _BANDS, code // 8 % _BANDS, code % 8)] += row
 
     def worst(self) -> tuple[Slice, ...]:
-        """Slices whose bias stands out, by how much of the error is theirs."""
+        """Slices with a significant bias, by their share of the error."""
         found = []
         for channel, sums in self._sums.items():
             total = sum(row[3] for row in sums.values()) or 1.0
@@ -136,13 +136,13 @@ class Comparison:
     """A sensor model held against a drive.
 
     Attributes:
-        drive, sensor: what was compared, for people.
+        drive, sensor: names of drive and sensor for display.
         totals: of all frames.
         by_frame: of each.
         floor: the error of a model that is right up to noise, and how it is known; None where it is not.
         slices: where residuals are worst.
         notes: what could not be known, a sentence each.
-        budget: where the error comes from; None where it was not asked for.
+        budget: sources of the error; None if not requested.
         scores: of each frame, beam by beam, if they were to be kept.
         frame_pairs: the frames of the budget at the poses as given and aligned, for pages.
         worth: what the model's effects are worth to a detector, where one was asked.
@@ -169,7 +169,7 @@ class Comparison:
 
     @property
     def at_floor(self) -> bool:
-        """Whether the aligned error is what noise alone makes, within 2 % and a thousandth of a scale.
+        """Whether the aligned error equals the noise floor, within 2 % and a thousandth of a scale.
 
         Of the aligned error within 5 %: poses and objects are never fitted exactly.
         """
@@ -179,7 +179,7 @@ class Comparison:
 
     @property
     def parts(self) -> dict[str, float]:
-        """Where the error comes from; they add up to it. Empty where that was not asked for."""
+        """Sources of the error, which add up to it; empty if not requested."""
         if self.budget is None:
             return {}
         scale = self.error / self.budget.error if self.budget.error > 0 else 1.0  # frames were sampled for it
@@ -242,7 +242,7 @@ class Comparison:
         return f"error {self.error:.3f}{self._sources()}{worst}"
 
     def _sources(self) -> str:
-        """How far the error stands above the floor, and what it is made of."""
+        """Excess of the error over the floor, and its sources."""
         if self.budget is not None and self.budget.floor:
             floor, aligned = self.budget.floor, self.budget.given_aligned / self.budget.floor
             made = source_words(self.parts, floor, is_complete=False)
@@ -263,7 +263,7 @@ def compare(
     settings: Settings = DEFAULT,
     on_frame: Callable[[TracedFrame, FrameScores], None] | None = None,
 ) -> Comparison:
-    """Hold a sensor model against a drive, beam by beam.
+    """Compare a sensor model with a drive, beam by beam.
 
     Args:
         drive: with points and a twin, or its folder.
@@ -273,10 +273,10 @@ def compare(
         budget: whether to ask where the error comes from; takes seconds.
         settings: numbers that decide.
         keep: whether the result holds what is known of every beam, about 6 MB a frame of 130 000.
-        on_frame: is told each frame and its scores as they are done.
+        on_frame: called with the name and scores of each finished frame.
 
     Raises:
-        CosimError: the drive lacks points or a twin, or the twin does not fit it.
+        CosimError: the drive has no points or no twin, or the twin does not match it.
         SensorError: the sensor file breaks the rules.
     """
     drive = opened(drive)

@@ -1,4 +1,4 @@
-"""Which physical effects a sensor model lacks.
+"""Diagnosis: physical effects missing from a sensor model.
 
 Fit the nuisance parameters, test every hypothesis of one dictionary, add the best term by exact refits, repeat; turn
 terms that are no effects of the catalogue into plug-ins; measure errors on held-out frames.
@@ -55,7 +55,7 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class _Finding:
-    """A term as it is reported: an effect of the catalogue, a plug-in, or a fact of the file."""
+    """A term in reported form: an effect of the catalogue, a plug-in, or a property of the file."""
 
     name: str
     p_value: float
@@ -76,7 +76,7 @@ def diagnose(
     refitted: Sequence[str] = (),
     on_progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
-    """Find the effects that a sensor model lacks, given a measured drive.
+    """Find the effects missing from a sensor model, given a measured drive.
 
     Args:
         drive: measured, with a twin, or its folder.
@@ -89,7 +89,7 @@ def diagnose(
         on_progress: called with a message for each step.
 
     Raises:
-        CosimError: the drive lacks points or a twin, or the twin does not match it.
+        CosimError: the drive has no points or no twin, or the twin does not match it.
         SensorError: the sensor file is invalid.
     """
     measured = opened(drive)
@@ -310,7 +310,7 @@ def conclude(
 def add_labels(diagnosis: Diagnosis, drive: Drive) -> Diagnosis:
     """Test the labels as well; a missing label effect goes into the improved sensor.
 
-    The verdict remains that of the points unless these lack nothing.
+    The verdict is that of the points unless no effect is missing there.
     """
     if not any(drive[name].has("label_2") for name in drive.frames):
         return diagnosis

@@ -55,7 +55,7 @@ class EvidenceCell:
         channel, covariates: what is tested against what.
         gain, p_value: of the initial model: log-likelihood on clusters that took no part in the fit, and family-wise p.
         gain_after, p_value_after: of the final model.
-        name: of the hypothesis, which also tells a class of objects, a number of waves or a frequency.
+        name: name of the hypothesis, with a class of objects, a number of waves or a frequency if it has one.
         before, after: coefficients by bin of both models; None where the hypothesis has no bins.
         is_rejected: whether its exact refit gained no more than chance.
     """

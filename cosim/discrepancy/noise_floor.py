@@ -1,4 +1,4 @@
-"""Noise floor: the error that noise alone causes, estimated from neighbouring beams.
+"""Noise floor: the error due to noise, estimated from neighbouring beams.
 
 Two consecutive beams on one surface share the errors of the model; their difference is noise. The mean distance of two
 independent draws is twice the expected CRPS of the true distribution. The number of spurious returns is

@@ -110,7 +110,7 @@ def source_words(parts: Mapping[str, float], floor: float, *, is_complete: bool)
 
     Args:
         parts: of a budget, in the unit of the error.
-        floor: the error that noise alone causes.
+        floor: the error due to noise.
         is_complete: whether nothing is missing: missing effects are left out.
     """
     shares = {name: value / floor for name, value in parts.items() if name in SOURCES and value > _WORTH_A_WORD * floor}

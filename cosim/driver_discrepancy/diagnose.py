@@ -94,7 +94,7 @@ def traffic_diagnose(
     on_progress: Callable[[str], None] | None = None,
     vtypes: Sequence[Path] = (),
 ) -> TrafficDiagnosis:
-    """Find the driver behaviours that a model lacks against measured trajectories.
+    """Find the driver behaviours missing from a model, given measured trajectories.
 
     Args:
         measured: trajectories, or their file.

@@ -86,7 +86,7 @@ class TrafficDiagnosis:
     Attributes:
         verdict: none, missing, ambiguous or unknown.
         effects: what was missing, in the order found.
-        ranking: candidates of the first round, the likeliest first.
+        ranking: candidates of the first round, the most likely first.
         smallest_detectable: change of each parameter that would have been seen with 80 % power.
         before, after: comparisons of the model as given and improved, all vehicles.
         error_before, error_after: on held-out vehicles.

@@ -196,7 +196,7 @@ class Driving:
         return False
 
     def _begin_turn(self, actors: _Snapshot, luck: float) -> None:
-        """Let one who drives on the innermost lane brake to turn round."""
+        """Make a vehicle on the innermost lane brake for a U-turn."""
         found = []
         for row, (name, lane) in enumerate(zip(actors.ids, actors.lanes, strict=True)):
             here = self._roads.lanes.get(lane)
@@ -228,7 +228,7 @@ class Driving:
             self._move_over(actors, name, row, turn)
 
     def _move_over(self, actors: _Snapshot, name: str, row: int, turn: _Turn) -> None:
-        """Put who stands on the other side, if there is room; he goes on once he is there."""
+        """Move a stopped vehicle to the other side if there is room; it continues from there."""
         api = self._sumo.vehicle
         api.setSpeed(name, 0.0)
         at, _ = turn.back.project(actors.front[row, :2])

@@ -150,7 +150,7 @@ class Estimator:
         The slopes are corrected by what each simulation shows (Broyden, Math. Comp. 1965), so that a step costs one.
 
         Args:
-            config: from which the fit begins.
+            config: initial configuration of the fit.
             behaviours: whose parameters are fitted.
             evidence: of the configuration without them.
             slopes: behaviour → change of all columns with its parameters.
@@ -214,7 +214,7 @@ class Estimator:
         return fit.slopes[self._rows(evidence)] / evidence.sigma[:, None] * own[:, None]
 
     def _feasible(self, config: BehaviourConfig, behaviours: Sequence[Behaviour], at: np.ndarray) -> np.ndarray:
-        """Parameters as the configuration holds them: within their bounds, alone and together."""
+        """Parameters clipped to the bounds of the configuration, individually and jointly."""
         written = _written(config, behaviours, _by_name(behaviours, at))
         read = [one.read(written, self._background) for one in behaviours]
         return np.array([values[knob.name] for one, values in zip(behaviours, read, strict=True) for knob in one.knobs])
@@ -227,7 +227,7 @@ class Estimator:
         return np.nan_to_num((evidence.measured - found) / evidence.sigma)
 
     def _rows(self, evidence: Evidence) -> np.ndarray:
-        """Places of the evidence's columns among all."""
+        """Indices of the evidence's columns."""
         at = {column: number for number, column in enumerate(self._columns)}
         return np.array([at[column] for column in evidence.columns], int)
 
@@ -238,7 +238,7 @@ class Estimator:
         return rows.reshape(len(configs), len(self._seeds), -1).mean(1)
 
     def _covariance(self, jacobian: np.ndarray, knobs: Sequence[Knob]) -> np.ndarray:
-        """Covariance of parameters; what the data do not tell is held by weak priors."""
+        """Covariance of parameters; weak priors fix what the data do not determine."""
         weak = np.array([1 / (self._by.fitting.weak_steps * knob.step) ** 2 for knob in knobs])
         return np.linalg.inv(jacobian.T @ jacobian + np.diag(weak))
 

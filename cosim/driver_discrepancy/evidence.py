@@ -202,8 +202,8 @@ def departures(evidence: Evidence, whole: int, parts: np.ndarray) -> np.ndarray:
 
     Args:
         evidence: the table.
-        whole: place of the whole channel.
-        parts: (m,) places of the same channel under conditions.
+        whole: index of the whole channel.
+        parts: (m,) indices of the same channel under conditions.
     """
     difference = evidence.measured - evidence.model
     clusters = evidence.clusters * evidence.sigma

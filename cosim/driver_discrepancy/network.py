@@ -27,7 +27,7 @@ class NetLane:
         limit_mps, length_m, width_m: as the network has them.
         shape: (k, 2) middle line, world metres.
         inside: it lies inside a junction.
-        straight: its bends slow nobody down.
+        straight: bool, whether its bends do not limit the speed.
     """
 
     id: str

@@ -33,7 +33,7 @@ _CHARTS = {
     "acceleration": ("Accelerations", "acceleration [m/s²]", ACCELERATION_BINS, 1),
     "lateral": ("Lateral positions in the lane", "to the left [m]", LATERAL_BINS, 2),
 }
-_LOWEST_SHOWN = 0.002  # share of a bin, from which a chart's axis begins
+_LOWEST_SHOWN = 0.002  # share of a bin at which a chart's axis starts
 
 
 def format_comparison(found: TrafficComparison, measured: str, config: str) -> str:
@@ -41,7 +41,7 @@ def format_comparison(found: TrafficComparison, measured: str, config: str) -> s
 
     Args:
         found: the comparison.
-        measured, config: what was compared, for people.
+        measured, config: names of data and configuration for display.
     """
     command = f"cosim traffic-diagnose {measured} --config {config}"
     row = found.worst
@@ -71,7 +71,7 @@ def format_diagnosis(found: TrafficDiagnosis, measured: str, config: str) -> str
 
     Args:
         found: the diagnosis.
-        measured, config: what was diagnosed, for people.
+        measured, config: names of data and configuration for display.
     """
     title = f"Behaviours that {config} lacks against {measured}"
     models = [("model as given", found.before.runs)]
@@ -346,7 +346,7 @@ def _smallest(found: TrafficDiagnosis) -> str:
         for knob, value in values.items()
     )
     return (
-        "<section><h2>Smallest detectable changes</h2><p>With 80 % power in this recording, from the model as it is "
+        "<section><h2>Smallest detectable changes</h2><p>With 80 % power in this recording, from the current model "
         f"now.</p><table><thead><tr><th></th><th></th><th>from</th></tr></thead><tbody>{rows}</tbody></table>"
         "</section>"
     )

@@ -22,16 +22,16 @@ class Placed:
     Attributes:
         tracks, network: what was placed where.
         code: index of `lanes`.
-        lanes: the ids of lanes on which somebody was.
+        lanes: ids of lanes with vehicles.
         on: on a lane of cars, inside junctions too.
         along_m: front bumper's distance from the lane's start.
         left_m: how far it is to the left of the lane's middle.
         limit_mps: the lane's limit.
         ends_m: from the front bumper to the lane's end.
         free_lane: a straight lane outside junctions.
-        parked: beside the road, at rest.
+        parked: bool, next to the road, stationary.
         acceleration_mps2: from one sample to the next; NaN at a vehicle's last one, and over gaps.
-        leader: row of the sample of who is ahead on the same lane at the same time; −1 where nobody is within 80 m.
+        leader: row of the vehicle ahead on the same lane at the same time; −1 without one within 80 m.
         gap_m: from the front bumper to the leader's rear one; infinite where there is none.
     """
 
@@ -132,7 +132,7 @@ def _check(names: np.ndarray, network: Network) -> None:
 
 
 def _lasting(tracks: Tracks, rests: np.ndarray, least_s: float = 2.0) -> np.ndarray:
-    """Rest that lasts, or with which a vehicle begins."""
+    """Return stops that last long, or that a vehicle's track starts with."""
     change = (np.diff(rests.astype(np.int8)) != 0) | (np.diff(tracks.vehicle) != 0)
     start = np.concatenate([[0], np.flatnonzero(change) + 1])
     end = np.concatenate([start[1:], [len(rests)]]) - 1

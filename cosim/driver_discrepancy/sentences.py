@@ -57,7 +57,7 @@ def quantity(behaviour: str, name: str, value: float) -> str:
 
 
 def _unit(behaviour: str, name: str) -> str:
-    """A parameter's, set off by a space where it has one."""
+    """Unit of a parameter, after a space if it has one."""
     unit = next(knob.unit for knob in BEHAVIOURS[behaviour].knobs if knob.name == name)
     return f" {unit}" if unit else ""
 

@@ -1,4 +1,4 @@
-"""The numbers that decide in the loop for drivers, each with its unit; those of one step stand together.
+"""Settings of the diagnosis of driver behaviour, each with its unit, grouped by step.
 
 They were chosen on recordings of town02 with seeds that no benchmark uses. What defines a statistic, such as from which
 gap on a driver is free, stands beside it in `manners`.
@@ -15,7 +15,9 @@ from cosim.discrepancy import settings as sensor_loop
 class Gate:
     """When measured traffic differs from a model's by more than luck."""
 
-    vehicle_freedom: float = 8.0  # degrees of freedom of the spread between vehicles, beside those between seeds
+    vehicle_freedom: float = (
+        8.0  # degrees of freedom of the spread between vehicles, in addition to those between seeds
+    )
     correlated: float = 0.7  # share of the correlations between columns in the null distribution
     draws: int = 4_000  # of the largest standardised difference
     fewest: int = 4  # vehicles that show a whole channel
@@ -30,10 +32,10 @@ class Fitting:
     seeds: int = 2  # simulations a step of a fit
     slope_seeds: int = 1  # simulations of a slope: common random numbers leave little luck in differences
     near: float = 0.5  # share of a parameter's step for slopes about a fit
-    nearly: float = 0.3  # of the best candidate's foreseen gain, to be worth a fit
+    nearly: float = 0.3  # minimum share of the best candidate's predicted gain for a fit
     rounds: int = 4  # steps of a fit at most
-    enough: float = 0.1  # fall of chi² that is not worth a simulation
-    weak_steps: float = 5.0  # of a parameter, that it may be expected to be off where nothing tells
+    enough: float = 0.1  # decrease of chi² too small for another simulation
+    weak_steps: float = 5.0  # steps of a parameter: its prior standard deviation without data
     luck: float = 0.25  # a squared difference that luck makes more often than not
 
 
@@ -41,8 +43,8 @@ class Fitting:
 class Placing:
     """How measured tracks are put on their network."""
 
-    rests_mps: float = 0.1  # who is slower stands
-    leads_m: float = 80.0  # clear distance up to which somebody ahead is a leader
+    rests_mps: float = 0.1  # slower vehicles count as stopped
+    leads_m: float = 80.0  # maximum clear distance to a leader
     usual_length_m: float = 4.5  # of who is of no known type
     usual_limit_mps: float = 13.9  # of a lane that has none
     straight: float = 1.6  # times its limit must a lane's bend allow
@@ -54,12 +56,12 @@ class Simulating:
 
     sublane_m: float = 0.8  # lateral resolution where measured changes of lane take their time
     jump_m: float = 1.5  # sideways within a step, by which changes of lane at once are recognised
-    clear_m: float = 0.3  # by which a parked vehicle may stand out of its lot
+    clear_m: float = 0.3  # by which a parked vehicle may extend out of its lot
     left_early_s: float = 2.0  # before a recording's end, to have left the town
     parked_every_s: float = 5.0  # between two samples of who is parked
     onward_every_s: float = 5.0  # between two looks at who needs a longer way
     ways_tried: int = 10  # to find it one
-    most_per_min: float = 60.0  # rate of incidents, the highest that can be asked for
+    most_per_min: float = 60.0  # maximum rate of incidents
     turn_clear_of_ends_m: float = 25.0  # from a junction, to turn round in the road
     turn_room_m: tuple[float, float] = (14.0, 8.0)  # free behind and before the place on the other side
     turn_brakes_mps2: float = 1.8  # to stop before it
@@ -79,7 +81,7 @@ class TrafficSettings:
     most_findings: int = 5
     shortest_s: float = 10.0  # of a recording
     longest_s: float = 7200.0
-    judge_every: int = 3  # one of so many vehicles judges and takes no part in fits
+    judge_every: int = 3  # one of this number of vehicles is for validation and not used in fits
     gate: Gate = field(default_factory=Gate)
     fitting: Fitting = field(default_factory=Fitting)
     placing: Placing = field(default_factory=Placing)

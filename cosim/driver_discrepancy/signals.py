@@ -12,8 +12,8 @@ from cosim.driver_discrepancy.placed import Placed
 
 _FEWEST_ENTRIES = 6
 _BETTER = 0.06  # share of entries at green by which another phase must be better than that of the network's clock
-_SLOW_MPS = 3.0  # who enters so slowly has waited for green
-_WAITED = 0.004  # penalty per second between the begin of green and the entry of who has waited
+_SLOW_MPS = 3.0  # vehicles entering more slowly have waited for green
+_WAITED = 0.004  # penalty per second between the start of green and the entry of waiting vehicles
 
 
 @dataclass(frozen=True)

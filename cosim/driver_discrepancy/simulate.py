@@ -1,4 +1,4 @@
-"""The model's traffic as trajectories: SUMO's own drivers with the parameters of a behaviour, and nothing else."""
+"""Trajectories of the model: SUMO's own driver models with the parameters of a behaviour only."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def _run(command: list[str], demand: Demand, behaviour: BehaviourConfig, seed: i
 
 
 def _without_parking(tracks: Tracks, demand: Demand) -> Tracks:
-    """The same without the first moments of who begins parked: SUMO puts them on the lane first."""
+    """Remove the first steps of initially parked vehicles, which SUMO inserts on the lane."""
     parked = {trip.name for trip in demand.trips if trip.stop}
     if not parked:
         return tracks

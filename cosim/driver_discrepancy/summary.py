@@ -44,7 +44,7 @@ class Summary:
         sums, weights: (v, c); their ratio is the vehicle's value.
         histograms: `speed`, `headway`, `lateral`, `acceleration`: (bins + 2,) samples.
         fundamental: (m, 2) density [veh/km] and flow [veh/h] of streets in intervals of 30 s; the last may be shorter.
-        space_time: (p, 3) vehicle, time since the begin [s] and position [m] on the diagram's street.
+        space_time: (p, 3) vehicle, time since the start [s] and position [m] on the diagram's street.
         seconds: duration of the recording.
         street: id of the diagram's street; empty without one.
     """
@@ -60,7 +60,7 @@ class Summary:
     street: str = ""
 
     def of(self, ids: frozenset[str]) -> Summary:
-        """That of some vehicles alone; the histograms stay those of all."""
+        """The summary of some vehicles only; histograms remain those of all."""
         keep = np.array([name in ids for name in self.ids], bool)
         names = tuple(name for name in self.ids if name in ids)
         return Summary(

@@ -30,7 +30,7 @@ def read_measured(path: Path, town: Town, vtypes: Sequence[Path] = ()) -> Tracks
         vtypes: SUMO files with further vehicle types.
 
     Raises:
-        TrackError: the file cannot be read, holds nobody who drives, or fewer than two vehicles.
+        TrackError: the file cannot be read, has no moving vehicle, or fewer than two vehicles.
     """
     if path.name.removesuffix(".gz").endswith((".xml", ".xosc")):
         return _from_road_tracks(path, _read(path, town, vtypes))

@@ -153,7 +153,7 @@ def _check_units(tracks: Tracks) -> None:
 
 
 def _check_clock(tracks: Tracks) -> None:
-    """Find times at which nobody was seen, and say what they are."""
+    """Find time intervals without vehicles, and report what they are."""
     times = np.unique(np.round(tracks.time_s, 6))
     gaps = np.diff(times)
     usual = float(np.median(gaps)) if len(gaps) else 0.0
@@ -169,10 +169,10 @@ def _check_clock(tracks: Tracks) -> None:
             way = np.hypot(*(tracks.place[rows + 1] - tracks.place[rows]).T)
             if float(np.median(way / tracks.speed_mps[rows])) < 0.3 * (after - before):
                 raise TrackError(
-                    f"the clock jumps by {after - before:.1f} s after {before:.2f} s: vehicles hardly move in that "
+                    f"the clock jumps by {after - before:.1f} s after {before:.2f} s: vehicles do not move in that "
                     "time; correct time_s, or give one part"
                 )
         elif after - before > _RECORDINGS_APART_S:
             raise TrackError(
-                f"the file holds two recordings: nobody is seen from {before:.1f} to {after:.1f} s; give one of them"
+                f"the file holds two recordings: it is empty from {before:.1f} to {after:.1f} s; give one of them"
             )

@@ -54,7 +54,7 @@ class Tracks:
 
     @property
     def start_s(self) -> float:
-        """When the recording begins."""
+        """Start time of the recording."""
         return float(self.time_s.min())
 
     @property
@@ -105,13 +105,13 @@ def read_tracks(path: Path) -> Tracks:
     Rows may be in any order; `lane` and `type` may be missing.
 
     Raises:
-        TrackError: the file lacks columns, holds what is no finite number, or there are fewer than two
+        TrackError: columns are missing, a value is not a finite number, or there are fewer than two
             vehicles.
     """
     header, rows = _rows(path)
     missing = [name for name in COLUMNS if name not in header and name not in _OPTIONAL]
     if missing:
-        raise TrackError(f"{path}: lacks the columns {', '.join(missing)}; the header must be {','.join(COLUMNS)}")
+        raise TrackError(f"{path}: missing columns {', '.join(missing)}; the header must be {','.join(COLUMNS)}")
     if not rows:
         raise TrackError(f"{path}: holds no samples; give at least a minute of two vehicles or more")
     at = {name: header.index(name) for name in COLUMNS if name in header}
@@ -204,7 +204,7 @@ def _is_number(text: str) -> bool:
 
 
 def _from_east(values: dict[str, np.ndarray]) -> np.ndarray:
-    """Headings counter-clockwise from east, whichever way they are counted; ways driven tell which."""
+    """Headings counter-clockwise from east."""
     given = np.radians(values["heading_deg"])
     return np.angle(np.exp(1j * given))
 

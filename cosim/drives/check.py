@@ -1,4 +1,4 @@
-"""Whether a drive's files are as they were written, and making anew those that are not."""
+"""Integrity check of a drive's files, and repair of damaged frames."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def check_drive(
 
     Args:
         folder: the drive.
-        on_start: told how many files there are.
+        on_start: called with the number of files.
         on_file: called after each.
 
     Raises:
@@ -88,8 +88,8 @@ def repair_drive(
     Args:
         result: what is damaged.
         engine: whose processes record, as for `run`.
-        on_start: told how many frames are whole, and of how many.
-        on_event: told of every event of the workers.
+        on_start: called with the numbers of intact frames and of all frames.
+        on_event: called with every event of the workers.
 
     Raises:
         CheckError: the drive was not recorded by `cosim run`, or comes out differently now.
@@ -116,7 +116,7 @@ def repair_drive(
 def _sums(folder: Path, entry: Mapping) -> dict[str, str]:
     files, sums = entry.get("files"), entry.get("sha256")
     if not (isinstance(files, list) and isinstance(sums, list) and len(files) == len(sums)):
-        raise OutputError(f"{folder / MANIFEST}: frame {entry['name']} lacks its files or checksums; remove its line")
+        raise OutputError(f"{folder / MANIFEST}: frame {entry['name']} has no files or checksums; remove its line")
     return dict(zip(_safe(files, folder / MANIFEST), map(str, sums), strict=True))
 
 

@@ -38,7 +38,7 @@ def exclusive(folder: Path) -> Iterator[None]:
         OSError: the lock's file cannot be written.
     """
     with _taken(folder) as file:
-        # From here on others may share it, but nobody can have it alone.
+        # From here on others may share it, but no process can lock it exclusively.
         fcntl.flock(file, fcntl.LOCK_SH)
         try:
             yield
@@ -76,7 +76,7 @@ def _taken(folder: Path) -> Iterator[IO[str]]:
 
 
 def _locked(file: IO[str], path: Path) -> bool:
-    """Lock a file alone, unless someone has it, or it was removed meanwhile."""
+    """Lock a file exclusively, unless another process has it, or it was removed meanwhile."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -15,15 +15,15 @@ from sensors.sensor_model import SensorModel
 
 
 def write_sensor(sensor: SensorModel, path: Path, plugins: Mapping[str, tuple[str, str]] | None = None) -> Path:
-    """Write a sensor file that loads from where it stands; returns its path.
+    """Write a sensor file that can be loaded from its folder; return its path.
 
-    A pattern that is no built-in one is written beside it as `pattern.yaml`, or, where another pattern has that
+    A pattern that is not built in is written next to it as `pattern.yaml`, or, if another pattern has that
     name, as `STEM.pattern.yaml`. Effects from files are named relative to the sensor file.
 
     Args:
         sensor: the model.
         path: of the sensor file; folders are made.
-        plugins: class name and Python source of effects that have no file yet, by effect name; they get one beside.
+        plugins: class name and Python source of effects that have no file yet, by effect name; files are written.
 
     Raises:
         OutputError: the folder cannot be written.

@@ -67,7 +67,7 @@ class DriveWriter:
             yield
 
     def open(self, settings: str) -> bool:
-        """Make the folder ready, or take up what an interrupted run left.
+        """Prepare the folder, or continue an interrupted run.
 
         Args:
             settings: text of the run's effective configuration; a run only goes on with the same.
@@ -100,7 +100,7 @@ class DriveWriter:
     def _demand_same(self, name: str, settings: str) -> None:
         with explained(self.folder / name):
             before = (self.folder / name).read_text(encoding="utf-8", errors="replace").splitlines()
-        # A finished drive's summary begins with its settings.
+        # A finished drive's summary starts with its settings.
         changed = [line for line, old in zip(settings.splitlines(), before, strict=False) if line != old]
         if changed or len(before) < len(settings.splitlines()):
             old = before[settings.splitlines().index(changed[0])] if changed else "fewer settings"
@@ -202,7 +202,7 @@ class DriveWriter:
     def finish(self, files: Mapping[str, bytes], summary: str) -> None:
         """Sort the manifest and write what describes the whole drive, the summary last.
 
-        What processes that were killed left half-written is cleared away: by now nobody writes frames.
+        Partial files of killed processes are removed: no process writes frames any more.
         """
         self._clear_partial()
         frames, notes = self.manifest(), self.notes()
@@ -214,7 +214,7 @@ class DriveWriter:
         self._remove(UNFINISHED)
 
     def reopen(self, without: Collection[str]) -> None:
-        """Make a finished drive an unfinished one that lacks some frames, whose episodes are to be simulated again."""
+        """Mark some frames of a finished drive as missing, so that their episodes are simulated again."""
         with explained(self.folder):
             if (self.folder / SUMMARY).is_file():
                 (self.folder / SUMMARY).rename(self.folder / UNFINISHED)
@@ -228,7 +228,7 @@ class DriveWriter:
         self.write(MANIFEST, _as_lines(kept))
 
     def _checksums(self, entries: list[dict]) -> str:
-        """What the summary tells of the files that belong to no single frame."""
+        """Entries of the summary for files that do not belong to a single frame."""
         listed = {MANIFEST, SUMMARY, UNFINISHED, LOCK}.union(*(entry.get("files", ()) for entry in entries))
         with explained(self.folder):
             files = sorted(path for path in self.folder.rglob("*") if path.is_file())

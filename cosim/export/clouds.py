@@ -31,7 +31,7 @@ def export_pcd(drive: Drive, folder: Path, on_frame: Callable[[], None]) -> dict
 
 
 def export_las(drive: Drive, folder: Path, on_frame: Callable[[], None]) -> dict[str, int]:
-    """Write `NAME.las`, version 1.4: world coordinates where the twin tells poses, LiDAR axes otherwise.
+    """Write `NAME.las`, version 1.4: world coordinates if the twin has poses, LiDAR axes otherwise.
 
     Intensity is 16 bit, return numbers count from 1, and `gps_time` is the firing time; ring and azimuth are extra
     dimensions. ASPRS, LAS Specification 1.4-R15, point format 6.

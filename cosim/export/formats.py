@@ -39,7 +39,7 @@ def export(drive: Drive, name: str, folder: Path, on_frame: Callable[[], None] =
         How many of what were written.
 
     Raises:
-        ExportError: the drive is unfinished, or lacks what the format holds; a library is missing.
+        ExportError: the drive is unfinished or has no data for the format; a library is missing.
         OutputError: the folder cannot be written.
     """
     from cosim.drives.writer import explained

@@ -64,7 +64,7 @@ def export_semantic(drive: Drive, folder: Path, on_frame: Callable[[], None]) ->
     """Write the odometry layout with `labels/NAME.label`: instance << 16 | class, uint32 a point.
 
     Behley et al., SemanticKITTI, ICCV 2019; classes as in semantic-kitti.yaml. Instances keep their number throughout
-    a sequence. Who moves is of a `moving-` class.
+    a sequence. Moving road users have a `moving-` class.
     """
     demand(drive, "twin/frames", "semantickitti")
     demand(drive, "hits", "semantickitti")

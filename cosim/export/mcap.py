@@ -1,7 +1,7 @@
 """ROS 2 messages in MCAP files: scans, images with their calibration, and poses; a file a sequence.
 
 sensor_msgs/PointCloud2, CompressedImage and CameraInfo, tf2_msgs/TFMessage as ROS 2 Humble defines them. Frames of
-reference are `map`, `base_link`, `lidar`, `lidar_NAME` of those beside the first and the cameras' names, and `world`
+reference are `map`, `base_link`, `lidar`, `lidar_NAME` of additional ones and the cameras' names, and `world`
 where the network's files have other coordinates than the twin; stamps count from the beginning of the simulation.
 """
 

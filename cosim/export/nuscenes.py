@@ -46,7 +46,7 @@ VERSION = "v1.0-mini"
 def export_nuscenes(drive: Drive, folder: Path, on_frame: Callable[[], None]) -> dict[str, int]:
     """Write `v1.0-mini/*.json`, `samples/` and an empty map.
 
-    Annotated is who has a point in his box, or stands within 100 m.
+    Road users with a point in their box, or within 100 m, are annotated.
     """
     demand(drive, "twin/frames", "nuscenes")
     tables = _Tables(drive, folder)

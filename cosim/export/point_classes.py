@@ -48,15 +48,15 @@ _AWAY_M = 0.5  # a point farther than this from what its beam meets is not of it
 def point_classes(drive: Drive, frame: Frame, within: np.ndarray) -> np.ndarray:
     """Classes (n,) of a frame's points, numbered as in semantic-kitti.yaml.
 
-    A point far from the surface its beam meets in the world at rest, and in nobody's box, is an outlier: rain, a ghost.
+    A point far from the static surface that its beam hits, and in no box, is an outlier: rain, a ghost.
 
     Args:
-        drive: whose pattern tells beams.
+        drive: drive with a pattern, to identify beams.
         frame: with stored hits.
         within: (n,) row of the twin's instance in whose box a point lies, −1 for none.
 
     Raises:
-        ExportError: the drive does not tell its pattern, or hits and pattern do not fit.
+        ExportError: the drive's pattern is unknown, or hits and pattern do not match.
     """
     if drive.pattern is None:
         raise ExportError(f"{drive.root}: no pattern.yaml, so beams are not known; add the pattern")

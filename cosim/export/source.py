@@ -78,7 +78,7 @@ def demand(drive: Drive, part: str, wanted_for: str) -> None:
     lacking = [frame.name for frame in drive if not frame.has(part)]
     if lacking:
         raise ExportError(
-            f"{drive.root}: {wanted_for} needs {part}/, which {len(lacking)} of {len(drive)} frames lack "
+            f"{drive.root}: {wanted_for} needs {part}/, which {len(lacking)} of {len(drive)} frames do not have "
             f"(the first is {lacking[0]}); add it, or choose another format"
         )
 
@@ -97,7 +97,7 @@ def needed(module: str) -> ModuleType:
 
 
 def sequences(drive: Drive) -> list[Sequence]:
-    """A drive cut where its simulations begin; a recording is one."""
+    """A drive divided into its simulations; a recording is a single part."""
     entries = DriveWriter(drive.base).manifest() if (drive.base / "manifest.jsonl").is_file() else {}
     cut: list[list[str]] = []
     times: list[list[float]] = []

@@ -85,7 +85,7 @@ def check_axes(clouds: Sequence[np.ndarray], times: Sequence[np.ndarray | None],
     known = [sense for sense in senses if sense is not None]
     if known and 2 * sum(sense > 0 for sense in known) > len(known):
         raise PointFileError(
-            f"{source}: the ground is {abs(z):.1f} m below, so z points up, but azimuths grow in the order of firing: "
+            f"{source}: the ground is {abs(z):.1f} m below, so z points up, but azimuths increase in firing order: "
             f"either "
             "y points to the right (a left-handed frame, the scan is mirrored), or the head turns counter-clockwise "
             "seen "

@@ -19,7 +19,7 @@ _LAYER_SHARE, _OTHER_SHARE, _BEYOND_SHARE = 0.12, 0.3, 0.02
 _REACH_M = 40.0  # of points that show the ground
 _RING_SPREAD = 0.3  # spread of elevations within a laser over that of all points
 _GROWTH = 0.97  # correlation of time with place in the file
-_CORE, _GAP = (0.02, 0.98), 0.25  # quantiles of times that are not stray; longest pause relative to their span
+_CORE, _GAP = (0.02, 0.98), 0.25  # quantiles of times without outliers; longest pause relative to their span
 
 
 @dataclass(frozen=True)
@@ -130,10 +130,10 @@ def grows_along_firing(xyz: np.ndarray, time: np.ndarray) -> bool:
 
 
 def core_times(time: np.ndarray) -> np.ndarray:
-    """(n,) bool: times that belong to the sweep; stray ones lie beyond a pause that no sweep has.
+    """(n,) bool: times that belong to the sweep; outliers are separated by a pause that no sweep has.
 
     Args:
-        time: (n,) of any unit; values that are not finite are stray.
+        time: (n,) times in any unit; non-finite values are outliers.
     """
     finite = np.isfinite(time.astype(np.float64))
     if finite.sum() < 20:

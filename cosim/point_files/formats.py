@@ -23,7 +23,7 @@ from cosim.point_files.scan import PointFileError
 from cosim.point_files.schema import Columns
 
 _RAW = (".pcd.bin", ".bin")
-_SAMPLES = 5  # files whose bytes tell the layout
+_SAMPLES = 5  # files used to infer the layout
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.point_files.scan import PointFileError
 
-#: Meanings that a column may have; `_` stands for a column that is not used.
+#: Meanings that a column may have; `_` is an unused column.
 ROLES = ("x", "y", "z", "intensity", "ring", "time", "_")
 
 

@@ -63,7 +63,7 @@ def _header(data: bytes, source: str) -> tuple[dict[str, list[str]], bytes]:
         header[key] = words[1:]
     missing = [key for key in ("FIELDS", "SIZE", "TYPE", "DATA") if not header.get(key)]
     if missing:
-        raise PointFileError(f"{source}: the header lacks {', '.join(missing)}; write the file again")
+        raise PointFileError(f"{source}: missing in the header: {', '.join(missing)}; write the file again")
     return header, data[place:]
 
 

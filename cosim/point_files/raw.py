@@ -15,7 +15,7 @@ import numpy as np
 
 from cosim.point_files.scan import PointFileError
 
-WIDTHS = (4, 5, 6, 3, 7, 8, 9, 10, 12)  # columns, the likeliest first
+WIDTHS = (4, 5, 6, 3, 7, 8, 9, 10, 12)  # columns, the most likely first
 _KINDS = ("<f4", ">f4", "<f8")
 _VALUES = 48_000  # of a file that are looked at
 _ORDINARY = (1e-6, 1e7)  # magnitudes of coordinates, intensities, times; zero is ordinary too
@@ -161,7 +161,7 @@ def _ranks(values: np.ndarray) -> np.ndarray:
 
 
 def _plausible(samples: Sequence[bytes], fitting: Sequence[int], kind: str) -> int:
-    """The likeliest width whose columns behind x y z are not negative, for files of few points."""
+    """The most likely width whose columns after x y z are not negative, for files of few points."""
     for width in fitting:
         size = width * np.dtype(kind).itemsize
         whole = [np.frombuffer(data[: len(data) // size * size], kind).reshape(-1, width) for data in samples]

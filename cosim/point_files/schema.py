@@ -40,7 +40,7 @@ _NAMES = {
 }
 _UNNAMED = "column "
 _UNITS_S = {1.0: "s", 1e-3: "ms", 1e-6: "µs", 1e-9: "ns"}
-_SWEEP_S = (0.015, 0.6)  # durations of a sweep of any spinning sensor; tells the unit of a time
+_SWEEP_S = (0.015, 0.6)  # durations of a sweep of any spinning sensor; used to infer the unit of times
 _BYTE, _WORD = 255.0, 65535.0
 _BRIGHT = 0.999  # quantile of intensities that scales them
 _SIGNED_SHARE = 0.2  # share of negative intensities above which the column is no intensity
@@ -58,11 +58,11 @@ class PointSchema:
     Attributes:
         names: name of the column of each role.
         intensity_scale: intensities are divided by it to lie in 0–1.
-        time_unit_s: length of one unit of the points' times [s]; 0 where they tell no time within a sweep.
+        time_unit_s: length of one unit of the points' times [s]; 0 if they are not times within a sweep.
         metres: length of one unit of x, y, z [m].
         axes: rows of a (3, 3) signed permutation from stored axes to x forward, y left, z up.
-        no_return: places that stand for "no return" [stored units].
-        no_return_range: range that stands for "no return" [stored units]; None where there is none.
+        no_return: coordinates that encode "no return" [stored units].
+        no_return_range: range that encodes "no return" [stored units]; None if there is none.
         is_frame_checked: whether ground and sense of rotation confirm the axes, or the user states them.
         notes: what was inferred, not used or left out, a sentence each.
     """
@@ -223,7 +223,7 @@ class _Cloud:
 
     @property
     def time(self) -> np.ndarray | None:
-        """(n,) of the good rows, stray ones replaced by the median."""
+        """(n,) values of the valid rows, outliers replaced by the median."""
         if "time" not in self.columns:
             return None
         time = self.columns["time"][self.good].astype(np.float64)

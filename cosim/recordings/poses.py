@@ -182,6 +182,6 @@ def _demand_ahead(poses: np.ndarray, file: Path) -> None:
     length = float(np.linalg.norm(step, axis=1).sum())
     if length > 1.0 and float(np.abs(step[:, 2]).sum()) > _AHEAD_SHARE * length:
         raise RecordingError(
-            f"{file}: the path runs along z, so these are camera axes (z forward); give poses in sensor axes, x forward "
+            f"{file}: the path runs along z, in camera axes (z forward); give poses in sensor axes, x forward "
             "and z up, or put KITTI's calib.txt with Tr next to it"
         )

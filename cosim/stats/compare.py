@@ -156,7 +156,7 @@ def _zero_share(found: Collected) -> np.ndarray:
 
 
 _QUANTITIES = (
-    _Quantity("birds_eye", "position of cars, bird's eye", "m", _cars(lambda s: s.focus.centre[:, :2])),
+    _Quantity("birds_eye", "position of cars, bird's-eye view", "m", _cars(lambda s: s.focus.centre[:, :2])),
     _Quantity(
         "side_view",
         "position of cars, distance × height",

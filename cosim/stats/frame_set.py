@@ -1,4 +1,4 @@
-"""The frames of a drive, or of a folder that holds labels alone."""
+"""The frames of a drive, or of a folder that has only labels."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class FrameSet:
         return len(self.names)
 
     def __iter__(self) -> Iterator[Frame]:
-        """The frames, each forgotten when the next is asked for."""
+        """Iterate over frames; each is released when the next is requested."""
         return (self._drive[name] if self._drive else Frame(name, self.root) for name in self.names)
 
     @property

@@ -87,7 +87,7 @@ class ObjectTable:
 
     @property
     def visible(self) -> np.ndarray:
-        """(n,) bool: not occluded and hardly truncated (≤ 0.15)."""
+        """(n,) bool: not occluded and truncated by at most 0.15."""
         return (self.occluded == 0) & (self.truncated <= _LIMITS[0][2])
 
 

@@ -29,7 +29,7 @@ def format_page(
     `separation` is the two-sample test of the first two, or why there is none.
     """
     title = " against ".join(found.title for found in sets[:2])
-    title += "".join(f", beside {found.title}" for found in sets[2:])
+    title += "".join(f", with {found.title}" for found in sets[2:])
     sections = [
         f"<header><h1>{escape(title)}</h1>{_facts(sets)}</header>",
         _absent(sets),
@@ -56,7 +56,7 @@ def _facts(sets: Sequence[Collected]) -> str:
             scans = found.scans
             facts.append(("Points a scan", f"{scans.points[found.scanned].mean():,.0f}"))
             told = scans.rings[found.scanned & (scans.rings > 0)]
-            facts.append(("Rings", f"{told.mean():.0f}" if len(told) else "not told"))
+            facts.append(("Rings", f"{told.mean():.0f}" if len(told) else "unknown"))
             for name, counts in (("all points", scans.intensity.sum(0)), ("cars", scans.car_intensity.sum(0))):
                 mean = histogram_mean(counts, INTENSITIES)
                 if isfinite(mean):

@@ -31,8 +31,8 @@ h3.a { color: var(--a); } h3.b { color: var(--b); }
 
 
 def separation_section(found: TwoSample | str | None) -> str:
-    """HTML of the test, or of why there is none; empty where no test was asked for."""
-    title = "Can they be told apart?"
+    """HTML of the test, or of the reason why there is none; empty if no test was requested."""
+    title = "Can the two sets be distinguished?"
     if found is None:
         return ""
     if isinstance(found, str):
@@ -51,7 +51,7 @@ def separation_section(found: TwoSample | str | None) -> str:
         title,
         _channels(found.channels),
         _regions(found),
-        f"<h3>What tells them apart by itself</h3>{_figures(found.figures, a, b)}",
+        f"<h3>Single features that distinguish them</h3>{_figures(found.figures, a, b)}",
         *(
             f'<h3 class="{style}">Most telling patches of {name}</h3>{_patches(patches)}'
             for style, name, patches in zip("ab", (a, b), found.telling, strict=True)
@@ -116,7 +116,7 @@ def _figures(figures: Sequence[FigureResult], a: str, b: str) -> str:
             plot.steps(item.edges, share, style)
         more = a if item.is_larger else b
         charts.append(
-            f"<figure><figcaption><h3>{escape(item.title)}</h3><p>{item.channel}; AUC alone {item.auc:.3f}, more in "
+            f"<figure><figcaption><h3>{escape(item.title)}</h3><p>{item.channel}; own AUC {item.auc:.3f}, larger in "
             f"{more}</p></figcaption>{plot.svg()}</figure>"
         )
     return f'<div class="charts">{"".join(charts)}</div>'

@@ -32,7 +32,7 @@ class Scans:
 
     Attributes:
         points: (f,) int64 points a frame.
-        rings: (f,) int64 rings that return anything; 0 if they cannot be told.
+        rings: (f,) int64 number of rings with returns; 0 if unknown.
         intensity, car_intensity: (f, 101) int64 points by intensity rounded to 0.01, of all and of those in boxes of
             cars, 0.2 m or more above the bottom.
         range_m: (f, 125) int64 points by distance from the sensor, in metres.
@@ -108,7 +108,7 @@ def collect(source: FrameSet, on_frame: Callable[[str], None] = lambda name: Non
 
     Args:
         source: the set.
-        on_frame: told the name of every frame before it is read.
+        on_frame: called with the name of each frame before it is read.
 
     Raises:
         CosimError: a label, calibration or scan is broken.
@@ -163,7 +163,7 @@ class _Tally:
         """What could not be counted."""
         notes = []
         if self.unordered:
-            notes.append(f"rings of {self.unordered} scans cannot be told: no rays/, and not stored ring by ring")
+            notes.append(f"rings of {self.unordered} scans are unknown: no rays/, and not stored ring by ring")
         if self.bright:
             notes.append(f"{self.bright:,} points have an intensity outside 0–1: counted at the nearer end")
         if self.labelled.any() and not self.classes.keys() - {DONT_CARE}:

@@ -29,7 +29,7 @@ def write_stats(
         folder: where.
         sets: the set, the reference, and a third one that is held against the reference, too.
         distances: of the first from the second.
-        beside: of the third from the second.
+        beside: distances of the third set from the second.
         separation: the two-sample test of the first two, or why there is none.
 
     Raises:

@@ -244,7 +244,7 @@ class Fitter:
         return lambda effects: -self._penalised_loglik(self._state(effects, estimate, dependences=dependences))
 
     def start_loss(self, effects: tuple[Effect, ...], fitted: Fitted) -> float:
-        """Penalised negative log-likelihood of effects where a fit of them begins that starts from another fit."""
+        """Penalised negative log-likelihood of effects at the start of a fit that is initialised by another fit."""
         return -self._penalised_loglik(self._start(effects, fitted.estimate, fitted.dependences))
 
     def losses(self, effects: tuple[Effect, ...], estimate: Estimate) -> np.ndarray:

@@ -228,7 +228,7 @@ class _Trial:
 
     @property
     def penalty(self) -> float:
-        """Expected gain of as many parameters by chance alone, twice: the trace of Takeuchi's criterion (1976)."""
+        """Twice the gain expected by chance for this number of parameters: the trace of Takeuchi's criterion (1976)."""
         return self.result.group.size * max(self.result.entry.cell.dispersion, 1.0)
 
     @property

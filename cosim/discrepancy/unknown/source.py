@@ -76,7 +76,7 @@ def _source_without_formula(unknown: UnknownEffect) -> str:
     base = base_of(unknown)
     unit = f" [{unknown.curve.unit}]" if unknown.curve.unit else ""
     shared = f"standard deviation of an error that the beams of a {unknown.shared_by} share{unit}"
-    of_objects = f"size or place of objects of a class in measurements minus that in the twin{unit}"
+    of_objects = f"size or position of objects of a class in measurements minus that in the twin{unit}"
     return "\n".join(
         [
             _heading(unknown, shared if unknown.curve.is_shared else of_objects),

@@ -51,4 +51,4 @@ TOGETHER = (
     (("acceleration_ability", "accel_mps2"),),
     (("braking_ability", "decel_mps2"),),
 )
-"""Parameters that hardly affect the channels of each other, so that one simulation gives the slopes of a group."""
+"""Groups of parameters that affect different channels, so that one simulation gives the derivatives of a group."""

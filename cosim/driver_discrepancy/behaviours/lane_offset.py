@@ -1,4 +1,4 @@
-"""Lateral position beside the lane's middle."""
+"""Lateral offset from the lane's centre line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Speed by street: streets on which everybody drives slower or faster."""
+"""Speed by street: streets on which all vehicles drive slower or faster."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cosim.traffic.behaviour import BehaviourConfig
 
 _FIRST_Z, _OTHERS_Z = 3.0, 1.2
 _SIMILAR = 0.4  # of the clearest street's change (logarithm), that a street must have to belong to it
-_BEGINS = 0.05  # change of the factor from which a fit begins
+_BEGINS = 0.05  # initial change of the factor in a fit
 
 
 def _read(config: BehaviourConfig, _: Background) -> dict[str, float]:

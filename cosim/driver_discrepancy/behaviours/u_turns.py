@@ -16,7 +16,7 @@ def _write(config: BehaviourConfig, values: Values) -> BehaviourConfig:
 
 U_TURNS = Behaviour(
     "u_turns",
-    (Knob("per_min", "1/min", 0.0, 60.0, 4.0, "U-turns begun in the town per minute"),),
+    (Knob("per_min", "1/min", 0.0, 60.0, 4.0, "U-turns per minute in the whole town"),),
     ("u_turns",),
     "a driver turns round where he could have gone on",
     "changeTarget to the reverse edge",

@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.errors import FormatError
 
-# Bottom four counter-clockwise seen from above, beginning front left; then the top four alike.
+# Bottom four counter-clockwise seen from above, front left first; then the top four in the same order.
 _CORNERS = np.array(
     [[1, 1, -1], [-1, 1, -1], [-1, -1, -1], [1, -1, -1], [1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1]], float
 )
@@ -21,7 +21,7 @@ def wrap_angle(angle: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Boxes that stand upright.
+    """Upright boxes.
 
     Attributes:
         centre: (n, 3) float64 centre of the box [m].

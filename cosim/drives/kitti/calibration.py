@@ -167,7 +167,7 @@ def parse_calibration(text: str, source: str | Path = "calibration") -> Calibrat
         matrices[name] = _matrix(rest.split(), _SHAPES[name], where)
     missing = [name for name in _MANDATORY if name not in matrices]
     if missing:
-        raise FormatError(f"{source}: lacks {', '.join(missing)}; a calibration needs {', '.join(_MANDATORY)}")
+        raise FormatError(f"{source}: missing {', '.join(missing)}; a calibration needs {', '.join(_MANDATORY)}")
     try:
         return Calibration(**matrices, named=_pairs(named))
     except FormatError as error:
@@ -181,7 +181,7 @@ def _matrix(words: list[str], shape: tuple[int, int], where: str) -> np.ndarray:
 
 
 def _pairs(matrices: Mapping[str, np.ndarray]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Projection and place of named cameras."""
+    """Projection and pose of named cameras."""
     found = {}
     for key, P in matrices.items():
         name = key.removeprefix(_NAMED_P)

@@ -19,7 +19,7 @@ from cosim.errors import DriveError
 
 _LOG = logging.getLogger(__name__)
 _SWEEP_S = 0.1  # HDL-64E at 10 Hz, as in KITTI
-_OF_FIRST = ("pattern", "sweep_s", "sensor", *OPTIONS)  # keys of drive.yaml that tell of the first LiDAR
+_OF_FIRST = ("pattern", "sweep_s", "sensor", *OPTIONS)  # keys of drive.yaml that describe the first LiDAR
 _CONSEQUENCES = {
     "rays": "rings and firing times are recovered from the order of the points",
     "image_0": "no grayscale images",
@@ -39,7 +39,7 @@ class Drive:
     Attributes:
         root: the folder that holds `velodyne/` and `calib/`.
         base: the folder that holds what a drive's LiDARs share: the root, or for `lidars/NAME` that above.
-        lidar: name of the LiDAR beside the first whose scans these are; empty for the first.
+        lidar: name of the additional LiDAR whose scans these are; empty for the first LiDAR.
         frames: names of all frames, sorted. Where there is a `manifest.jsonl`, those it lists as finished.
         info: what `drive.yaml` says; empty without one.
         kind: `simulated` or `measured`.
@@ -103,7 +103,7 @@ class Drive:
 
     @property
     def lidars(self) -> tuple[str, ...]:
-        """Names of the LiDARs beside the first; `of_lidar` opens theirs. None of such a LiDAR's own drive."""
+        """Names of the additional LiDARs; `of_lidar` opens their drives. Empty for the drive of such a LiDAR."""
         folder = self.base / LIDARS
         if self.lidar or not folder.is_dir():
             return ()
@@ -199,7 +199,7 @@ class Drive:
         return tuple(filter(None, said))
 
     def notes(self, names: Iterable[str] | None = None) -> tuple[str, ...]:
-        """What is missing, and what the scans of some frames lack, a sentence each, for commands to print.
+        """Notes on missing parts and on scans with problems, a sentence each, for commands to print.
 
         Reads the scans.
 
@@ -226,11 +226,11 @@ class Drive:
         return name
 
     def _expects(self, part: str) -> bool:
-        """Whether KITTI's camera 0 is worth a word: rigs of their own have none."""
+        """Whether to mention KITTI's camera 0: custom rigs have none."""
         return not (self._reference and part.endswith("_0"))
 
     def _said(self) -> Mapping[str, Any]:
-        """What `drive.yaml` says; of LiDARs beside the first, without what it says of that."""
+        """Contents of `drive.yaml`; for additional LiDARs without the keys of the first one."""
         info = self._content(self.base / "drive.yaml")
         return {key: info[key] for key in info if key not in _OF_FIRST} if self.lidar else info
 

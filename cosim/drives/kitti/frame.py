@@ -1,4 +1,4 @@
-"""One frame of a drive: its parts, read when asked for."""
+"""One frame of a drive; its parts are read on demand."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Frame:
         name: as in `velodyne/NAME.bin`.
         root: the folder that holds `velodyne/`.
         sweep_s: duration of a turn, to make up firing times with.
-        elevations_rad: (k,) of the pattern's rings, if the drive tells; helps to recover rings.
+        elevations_rad: (k,) elevations of the pattern's rings, if known; helps to recover rings.
         format: layout of the file of points and meaning of its columns.
         base: holds what LiDARs share, where a drive has several; None: the root.
         lidar: name of the LiDAR, where it is not the drive's first.
@@ -136,7 +136,7 @@ class Frame:
 
     @property
     def bad_rays(self) -> PointRays | None:
-        """The beams of the rows that were left out; None where the drive does not tell beams."""
+        """Beams of the rows that were left out; None if the drive has no beam numbers."""
         file, used = self.find("rays"), self._scan.is_used
         return None if file is None else read_rays(file, points=len(used))[~used]
 
@@ -176,7 +176,7 @@ class Frame:
         return self._read(part, read_image)
 
     def instances(self, part: str = "instance_2") -> np.ndarray:
-        """What stands in each pixel, (h, w) uint16: row of the twin's instances + 1, 0 for all else. Not kept."""
+        """(h, w) uint16 instance of each pixel: row of the twin's instances + 1, 0 for the background. Not cached."""
         return self._read(part, read_instances)
 
     @property

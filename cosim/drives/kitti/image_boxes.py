@@ -11,7 +11,7 @@ _EDGES = np.array([[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4
 def project_corners(corners_rect: np.ndarray, projection: np.ndarray) -> np.ndarray:
     """2D boxes around projected 3D boxes, not cut to the image.
 
-    Edges are cut at 0.1 m before the camera, so that a box beside it that reaches behind projects rightly.
+    Edges are cut at 0.1 m before the camera, so that a box next to it that extends behind it is projected correctly.
 
     Args:
         corners_rect: (n, 8, 3) in rectified camera axes [m], bottom four round the box, then top four.

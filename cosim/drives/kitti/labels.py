@@ -28,7 +28,7 @@ class Labels:
     """The objects of one frame, a row each.
 
     Attributes:
-        type: class names, `DontCare` for regions whose objects nobody labelled.
+        type: class names, `DontCare` for regions with unlabelled objects.
         truncated: (n,) float64, share of the object outside the image, 0–1; −1 if not given.
         occluded: (n,) int64, 0 visible, 1 partly, 2 largely occluded, 3 unknown; −1 if not given.
         alpha: (n,) float64 observation angle [rad].

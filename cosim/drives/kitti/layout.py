@@ -11,7 +11,7 @@ from cosim.errors import DriveError
 
 _BELOW = ("", "training", "testing")
 LIDARS = "lidars"
-"""Folder of the LiDARs beside a drive's first: each holds `velodyne/` and `calib/` and is a drive by itself."""
+"""Folder of a drive's additional LiDARs: each contains `velodyne/` and `calib/` and is a drive by itself."""
 
 
 @dataclass(frozen=True)
@@ -20,8 +20,8 @@ class Layout:
 
     Attributes:
         root: holds `velodyne/` and `calib/`.
-        image_sets: holds the lists of frames, beside the root or above it; None if there are none.
-        base: holds what all LiDARs of a drive share; the root but for LiDARs beside the first.
+        image_sets: folder of the lists of frames, next to the root or above it; None if there are none.
+        base: folder of what all LiDARs of a drive share; the root except for additional LiDARs.
         lidar: name of such a LiDAR; empty for the first.
     """
 
@@ -54,7 +54,7 @@ def find_layout(path: Path) -> Layout:
 
 
 def lidar_folder(path: Path, name: str | None) -> Path:
-    """The folder of one of a drive's LiDARs beside the first; the drive itself where no name is given.
+    """Folder of one of a drive's additional LiDARs; the drive itself if no name is given.
 
     Raises:
         DriveError: there is no such LiDAR.

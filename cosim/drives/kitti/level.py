@@ -1,4 +1,4 @@
-"""Frames of LiDARs that lean, in axes that stand upright.
+"""Frames of tilted LiDARs in upright axes.
 
 Boxes turn about one axis only. In the axes of a LiDAR that leans by more than a few degrees no such box fits what
 stands on the road; in upright axes with the same origin it does.
@@ -19,7 +19,7 @@ _LEANS_DEG = 5.0  # less is a rig's own jitter, which KITTI's boxes bear
 
 
 def levelled(frame: Frame) -> Frame:
-    """The frame as it is, or in upright axes where its twin says that the LiDAR leans by more than 5°."""
+    """Return the frame, in upright axes if its twin says that the LiDAR is tilted by more than 5°."""
     if not frame.has("twin/frames"):
         return frame
     upwards = float(frame.twin.lidar.pose_ego[2, 2])
@@ -29,7 +29,7 @@ def levelled(frame: Frame) -> Frame:
 
 
 class LevelFrame(Frame):
-    """A frame whose points, calibration and LiDAR's pose are told in upright axes with the LiDAR's origin."""
+    """A frame with points, calibration and LiDAR pose in upright axes with the LiDAR's origin."""
 
     @cached_property
     def points(self) -> np.ndarray:
@@ -40,7 +40,7 @@ class LevelFrame(Frame):
 
     @cached_property
     def calibration(self) -> Calibration:
-        """The calibration of a LiDAR that stands upright in the same place."""
+        """Calibration of an upright LiDAR at the same position."""
         own, back = self._leaning.calibration, self._turn.T
         return replace(
             own,
@@ -57,7 +57,7 @@ class LevelFrame(Frame):
 
     @cached_property
     def _leaning(self) -> Frame:
-        """The frame as the LiDAR stands."""
+        """The frame in the axes of the LiDAR."""
         return Frame(**{field.name: getattr(self, field.name) for field in fields(Frame)})
 
     @cached_property

@@ -44,7 +44,7 @@ def decode_points(
 
     Returns:
         The finite points, (n, 4) float32, and the mask (m,) bool of the stored rows that are finite, so
-        that per-point arrays of the same frame can be thinned alike; `(~mask).sum()` rows were dropped.
+        that per-point arrays of the same frame can be filtered in the same way; `(~mask).sum()` rows were dropped.
 
     Raises:
         FormatError: the size is not a multiple of that of a point.
@@ -54,7 +54,7 @@ def decode_points(
         held = "x y z intensity" if columns == POINT_COLUMNS else "x y z"
         remedy = "the file is truncated or of another format: write it again"
         if columns == POINT_COLUMNS and len(data) % 12 == 0:
-            remedy = "if it holds x y z alone, say `columns: 3` in drive.yaml; else it is truncated: write it again"
+            remedy = "if it has only x y z, state `columns: 3` in drive.yaml; otherwise it is truncated: write it again"
         raise FormatError(f"{source}: {len(data)} bytes are not a multiple of {size} (float32 {held}); {remedy}")
     stored = np.frombuffer(data, "<f4").reshape(-1, columns)
     points = np.zeros((len(stored), POINT_COLUMNS), np.float32)

@@ -73,7 +73,7 @@ def decode_rays(data: bytes, source: str | Path = "rays", points: int | None = N
         raise FormatError(f"{source}: {error}; write it again") from None
     missing = [name for name in _DTYPES if name not in arrays]
     if missing:
-        raise FormatError(f"{source}: lacks {', '.join(missing)}; rays hold {', '.join(_DTYPES)}")
+        raise FormatError(f"{source}: missing {', '.join(missing)}; rays have {', '.join(_DTYPES)}")
     for name, dtype in _DTYPES.items():
         _check_column(arrays[name], np.dtype(dtype), f"{source}: {name}", points)
     try:

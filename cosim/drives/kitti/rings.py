@@ -1,7 +1,7 @@
 """Which laser measured each point, recovered from the order of a scan that comes without `rays/`.
 
 Scans are ring-major, top ring first, and a ring is one turn of the head: KITTI's files rise in azimuth from 0,
-ours fall from π. A new ring starts where that turn begins anew.
+ours fall from π. A new ring starts where that revolution starts again.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def recover_rays(
     Args:
         points: (n, ≥ 3) in LiDAR axes, in the order of the file.
         sweep_s: duration of a turn; a beam fires at −azimuth/2π · sweep_s.
-        elevations_rad: (k,) of the pattern's rings, if known: tells which rings have no return at all.
+        elevations_rad: (k,) of the pattern's rings, if known: shows which rings have no return.
         source: the name that errors mention.
 
     Returns:

@@ -1,4 +1,4 @@
-"""What scans lack or hold that a reader should know of before believing figures made from them."""
+"""Notes on properties of scans that affect the reliability of figures computed from them."""
 
 from __future__ import annotations
 

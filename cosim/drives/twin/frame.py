@@ -145,7 +145,7 @@ class TwinFrame:
         cameras: by image folder, as `image_0`.
         instances: see there.
         static: the static world of this frame relative to `twin/`, where a drive has several; else None.
-        lidars: those beside the first, by name.
+        lidars: additional LiDARs, by name.
     """
 
     frame: str
@@ -159,13 +159,13 @@ class TwinFrame:
     lidars: Mapping[str, Lidar] = field(default_factory=dict)
 
     def seen_by(self, lidar: str) -> TwinFrame:
-        """The frame with another of its LiDARs in the first one's place.
+        """The frame with another of its LiDARs instead of the first one.
 
         Raises:
             FormatError: it has none of that name.
         """
         if lidar not in self.lidars:
-            known = ", ".join(self.lidars) or "none beside the first"
+            known = ", ".join(self.lidars) or "no additional ones"
             raise FormatError(f"twin frame {self.frame}: no LiDAR {lidar!r} under lidars; there: {known}")
         chosen = self.lidars[lidar]
         return replace(self, lidar=chosen, lidars={}, sweep_s=chosen.sweep_s or self.sweep_s)

@@ -102,7 +102,7 @@ def _shapes(path: str | Path) -> list[tuple[np.ndarray, Any]]:
     data = read_bytes(file)
     kind = file.suffix.lower().lstrip(".")
     if kind == "glb" and data[:4] != _MAGIC:
-        raise FormatError(f"{path}: not a binary glTF file (begins with {data[:4]!r}); export it as .glb")
+        raise FormatError(f"{path}: not a binary glTF file (starts with {data[:4]!r}); export it as .glb")
     try:
         scene = trimesh.load_scene(io.BytesIO(data), process=False, file_type=kind, resolver=buffers_beside(file))
         shapes = [scene.graph[node] for node in scene.graph.nodes_geometry]
@@ -125,7 +125,7 @@ class _Document:
         self._views: list[dict[str, Any]] = []
 
     def add(self, material: str, positions: np.ndarray, faces: np.ndarray, offset: int) -> None:
-        """Describe a mesh whose positions, then indices, begin at byte `offset`."""
+        """Describe a mesh whose positions, then indices, start at byte `offset`."""
         row = len(self._meshes)
         bounds = {"min": positions.min(0).tolist(), "max": positions.max(0).tolist()}
         for array, target in ((positions, _VERTICES), (faces, _INDICES)):

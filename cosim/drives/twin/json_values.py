@@ -31,7 +31,7 @@ def matrix_json(matrix: np.ndarray) -> list[Any]:
 
 
 class Reader:
-    """A JSON object whose values are asked for by kind; every error names file, place, value and rule."""
+    """A JSON object with typed access to its values; every error names file, key, value and rule."""
 
     def __init__(self, value: Any, where: str) -> None:
         if not isinstance(value, dict):
@@ -45,7 +45,7 @@ class Reader:
         return self._where
 
     def value(self, key: str) -> Any:
-        """What stands under a key, unchecked."""
+        """Value of a key, unchecked."""
         return self._get(key)
 
     @property
@@ -116,7 +116,7 @@ class Reader:
 
     def _get(self, key: str) -> Any:
         if key not in self._values:
-            raise FormatError(f"{self._where}: lacks {key!r}; it has {', '.join(self._values) or 'nothing'}")
+            raise FormatError(f"{self._where}: missing {key!r}; it has {', '.join(self._values) or 'nothing'}")
         return self._values[key]
 
     def _wrong(self, key: str, expected: str) -> FormatError:

@@ -15,7 +15,7 @@ from cosim.drives.twin.glb import read_glb
 from sensors.motion import EgoMotion
 from sensors.scene import Instances, Scene, TracedModel
 
-_GRAY = 0.5  # twins do not tell visible colours; rays ask for none
+_GRAY = 0.5  # twins have no visible colours; rays need none
 
 
 class TwinScenes:
@@ -38,7 +38,7 @@ class TwinScenes:
         """The scene in which a frame was taken.
 
         Raises:
-            CosimError: the twin lacks its static world, or a file of it is broken.
+            CosimError: the twin has no static world, or one of its files is damaged.
         """
         files = frame.static_paths
         if self._scene is None or files != self._files:

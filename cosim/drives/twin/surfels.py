@@ -140,17 +140,19 @@ def read_surfels(file: Path) -> SurfelMap:
     try:
         found = npz_arrays(read_bytes(file))
     except NpzError as error:
-        raise FormatError(f"{file}: {error}; make the twin anew with `cosim twin`") from None
+        raise FormatError(f"{file}: {error}; make the twin again with `cosim twin`") from None
     missing = [name for name in (*_ARRAYS, _CELL) if name not in found]
     if missing:
-        raise FormatError(f"{file}: lacks {', '.join(missing)}; make the twin anew with `cosim twin`")
+        raise FormatError(f"{file}: missing {', '.join(missing)}; make the twin again with `cosim twin`")
     arrays = {name: np.asarray(found[name], np.float64) for name in _ARRAYS}
     count = len(arrays["centre"])
     odd = [name for name, shape in _ARRAYS.items() if arrays[name].shape != (count, *shape)]
     if not count or odd:
-        raise FormatError(f"{file}: {odd[0] if odd else 'centre'} has no row a surface; make the twin anew")
+        raise FormatError(
+            f"{file}: {odd[0] if odd else 'centre'} does not have one row per surface; make the twin again"
+        )
     if found[_CELL].shape != (1,) or not found[_CELL][0] > 0:
-        raise FormatError(f"{file}: {_CELL} is no size of cells; make the twin anew with `cosim twin`")
+        raise FormatError(f"{file}: {_CELL} is not a valid cell size; make the twin again with `cosim twin`")
     trusted = arrays.pop("trusted") > 0
     return SurfelMap(**arrays, trusted=trusted, cell_m=float(found[_CELL][0]))
 

@@ -85,7 +85,7 @@ class Trust:
         """Which measured returns are of something that the twin holds, (n,) bool.
 
         Args:
-            xyz: (n, 3) world places of the returns; NaN where a beam has none.
+            xyz: (n, 3) positions of the returns, world frame; NaN without a return.
             instances: of the frame.
         """
         trusted = self.ground_at(xyz[:, :2]) & (np.abs(self.above_ground(xyz)) <= MARGIN_M)
@@ -97,7 +97,7 @@ class Trust:
         """Which traced hits are of something that is known, (n,) bool.
 
         Args:
-            xyz: (n, 3) world places of the hits; anything where a beam hits nothing.
+            xyz: (n, 3) positions of the hits, world frame; arbitrary without a hit.
             instance: (n,) rows of the instances, −1 the static world, −2 nothing.
         """
         return (instance >= 0) | ((instance == -1) & self.ground_at(xyz[:, :2]))
@@ -113,9 +113,9 @@ class Trust:
 
         Args:
             instances: of the frame.
-            traced: (n, 3) world places of the beams' traced hits; anything where they hit nothing.
+            traced: (n, 3) positions of the traced hits, world frame; arbitrary without a hit.
             instance: (n,) rows of the instances hit, −1 the static world, −2 nothing.
-            measured: (n, 3) world places of the measured returns; NaN where a beam has none.
+            measured: (n, 3) positions of the measured returns, world frame; NaN without a return.
         """
         same = np.array(np.isnan(measured).any(axis=1), bool)
         on_ground = np.flatnonzero((instance == -1) & ~same)
@@ -129,7 +129,7 @@ class Trust:
         """How far the twin may be off where beams meet it: across its surface [m] and in brightness, (n,) each.
 
         Args:
-            traced: (n, 3) world places of the beams' traced hits; anything where they hit nothing.
+            traced: (n, 3) positions of the traced hits, world frame; arbitrary without a hit.
             instance: (n,) rows of the instances hit, −1 the static world, −2 nothing.
         """
         rows, inside = self._cells(traced[:, :2])
@@ -187,7 +187,7 @@ def read_trust(path: str | Path) -> Trust:
     arrays = {name: archive[name] for name in _ARRAYS if name in archive}
     missing = [name for name in _ARRAYS if name not in arrays]
     if missing:
-        raise FormatError(f"{path}: lacks {', '.join(missing)}; make the twin again with `cosim twin`")
+        raise FormatError(f"{path}: missing {', '.join(missing)}; make the twin again with `cosim twin`")
     ground, height = arrays["ground"], arrays["height_m"]
     single = [name for name in _SINGLE if arrays[name].size != 1]
     numeric = all(array.dtype.kind in "uif" and np.isfinite(array).all() for array in arrays.values())

@@ -1,7 +1,7 @@
 """Poses of scans, refined on the planes that their points lie on.
 
 A single scan is registered by point-to-plane matching (Chen and Medioni, Image Vis. Comput. 10, 1992). All scans
-together are adjusted with the surfels' positions along their normals as further unknowns, eliminated surfel by surfel, as
+together are adjusted with the surfels' positions along their normals as unknowns, eliminated surfel by surfel, as
 a bundle adjustment does with points (Triggs et al., Bundle adjustment: a modern synthesis, 2000; for planes Liu and
 Zhang, BALM, RA-L 6, 2021): where every scan is placed by itself, a map that drifts only follows the scans that made it.
 """

@@ -79,7 +79,7 @@ class PatchGrid:
             row = laser_of_points(frame)
             if row is None:
                 raise FormatError(
-                    f"{frame.path('velodyne')}: its lasers are unknown; the set's other scans tell theirs"
+                    f"{frame.path('velodyne')}: its lasers are unknown, but those of the set's other scans are known"
                 )
             row = row.astype(np.int64)
         else:

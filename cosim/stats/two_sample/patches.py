@@ -45,7 +45,7 @@ class Patches:
         return int(self.unit.max(initial=-1)) + 1
 
     def take(self, rows: np.ndarray) -> Patches:
-        """Some of them, with units numbered anew."""
+        """A selection of the patches, with units renumbered."""
         unit = np.unique(self.unit[rows], return_inverse=True)[1]
         return Patches(
             unit, *(getattr(self, name)[rows] for name in ("frame", "place", "figures", "region", "pictures"))

@@ -1,4 +1,4 @@
-"""What a cell of a scan shows: labelled objects by their boxes, all else by its shape, alike in all sets."""
+"""Region of each cell of a scan: labelled objects by their boxes, the rest by its shape, with one rule for all sets."""
 
 from __future__ import annotations
 

@@ -10,12 +10,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Separation:
-    """How well two sets are told apart.
+    """How well two sets are distinguished.
 
     Attributes:
         auc: area under the ROC curve of patches that took no part in training; 0.5: not at all, 1: always.
         low, high: 95 % interval over units, for the classifiers as they were trained.
-        p_value: of equal sets, by permutation of the units held out of each fold; None where it was not asked for.
+        p_value: of equal sets, by permutation of the units held out of each fold; None if not requested.
     """
 
     auc: float
@@ -44,7 +44,7 @@ class FigureResult:
 
     Attributes:
         key, title, channel: of the figure.
-        auc: of the figure alone, 0.5–1, whichever set has more of it.
+        auc: AUC of this feature by itself, 0.5–1.
         is_larger: whether it is larger in the first set.
         quantiles: 5, 25, 50, 75, 95 % of both sets.
         edges: (k + 1,) of a histogram.
@@ -73,7 +73,7 @@ class FigureResult:
 
 @dataclass(frozen=True)
 class RegionResult:
-    """How well patches with a good part of a region are told apart by the classifiers of all patches."""
+    """How well the classifiers distinguish patches with a large share of a region."""
 
     region: str
     title: str
@@ -108,7 +108,7 @@ class TwoSample:
 
     Attributes:
         channels: `all` first, then each channel.
-        figures: ranked by what they tell alone.
+        figures: single features, by their AUC.
         regions: where both sets have patches of a region.
         telling: the most telling patches of the first set and of the reference.
         information: sizes and settings.

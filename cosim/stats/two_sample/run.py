@@ -28,7 +28,7 @@ def separate(
     settings: Settings | None = None,
     on_frame: Callable[[str], None] = lambda name: None,
 ) -> TwoSample | str:
-    """Test whether the scans of `a` can be told from those of the reference `b`.
+    """Test whether the scans of `a` can be distinguished from those of the reference `b`.
 
     At most 120 frames of each set are used, evenly spread.
 

@@ -55,7 +55,7 @@ def is_available() -> bool:
 
 
 def separate_sets(a: Patches, b: Patches, rng: np.random.Generator, settings: Settings | None = None) -> TwoSample:
-    """Test whether the patches of `a` can be told from those of the reference `b`.
+    """Test whether the patches of `a` can be distinguished from those of the reference `b`.
 
     Args:
         a, b: patches on one grid, of two units or more each.
@@ -196,7 +196,7 @@ def _unit_wins(values: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _permutation_p(table: np.ndarray, size: np.ndarray, first: int, rng: np.random.Generator, draws: int) -> float:
-    """Share of permutations of the held-out units' sets with an AUC as high; the classifier stays as it is."""
+    """Share of permutations of the held-out units' sets with at least this AUC; the classifier is not refitted."""
 
     def auc(order: np.ndarray) -> float:
         left, right = order[:first], order[first:]

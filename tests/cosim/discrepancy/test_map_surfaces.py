@@ -121,7 +121,7 @@ def test_a_map_of_several_is_that_of_the_frame(tmp_path: Path) -> None:
 def test_a_damaged_map_is_refused(tmp_path: Path) -> None:
     arrays = wall()
     del arrays["normal"]
-    with pytest.raises(FormatError, match="lacks normal"):
+    with pytest.raises(FormatError, match="missing normal"):
         Maps(drive_with(tmp_path / "lacks", arrays)).of(None)
     with pytest.raises(FormatError, match="no row a surface"):
         Maps(drive_with(tmp_path / "short", wall(sd_m=np.ones(3)))).of(None)

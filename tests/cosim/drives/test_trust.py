@@ -91,5 +91,5 @@ def test_arrays_of_another_shape_are_refused(tmp_path: Path, name: str, value: n
         read_trust(file)
     arrays.pop(name)
     np.savez(file, **arrays)
-    with pytest.raises(FormatError, match=f"lacks {name}"):
+    with pytest.raises(FormatError, match=f"missing {name}"):
         read_trust(file)

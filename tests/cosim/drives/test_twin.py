@@ -293,7 +293,7 @@ def test_faults_name_file_place_value_and_rule(
 def test_missing_keys_and_broken_json_are_named(tmp_path: Path) -> None:
     document = json.loads(_frame().to_json())
     del document["lidar"]["pattern"]
-    with pytest.raises(FormatError, match="lidar: lacks 'pattern'; it has pose_ego"):
+    with pytest.raises(FormatError, match="lidar: missing 'pattern'; it has pose_ego"):
         TwinFrame.from_json(json.dumps(document))
     with pytest.raises(FormatError, match="not readable as JSON"):
         TwinFrame.from_json("{")

@@ -36,7 +36,7 @@ def test_advice_names_a_drive_for_what_is_undetermined() -> None:
     rows = undetermined({"sweep_motion": {"sweep_s": None}, "range_scale": {"scale_ppm": None}}, {})
     assert rows == {SWEEP: None, ("range_scale", "scale_ppm"): None}
     sweep, scale = advise(rows, standing(), 1.8, PATTERN, EFFECTS)
-    assert sweep.drive and "nothing of it as recorded" in sweep.words
+    assert sweep.drive and "no information on it" in sweep.words
     assert not scale.drive and "surveyed map" in scale.words
 
 
