@@ -17,7 +17,7 @@ class DocumentError(ValueError):
 
 
 def parse_yaml(text: str) -> Any:
-    """The value of a YAML document: strings, numbers, dates, lists and mappings, nothing else.
+    """Value of a YAML document: strings, numbers, dates, lists and mappings only.
 
     Raises:
         DocumentError: not YAML, too large or deep, or aliases that hold themselves or multiply beyond reason.

@@ -1,4 +1,4 @@
-"""Errors about models and meshes that are the user's to mend."""
+"""Errors about models and meshes that the user can fix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a glTF file may open beside itself."""
+"""Files that a glTF file may refer to."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ class Material:
         metal: bare metal, able to mirror a beam.
         road: part of the carriageway, wetted by rain.
         paint: takes the instance's paint.
-        glow: shines by itself: a lit lamp, which cameras alone see.
+        glow: bool, emits light: a lit lamp, visible only to cameras.
     """
 
     name: str
@@ -161,7 +161,7 @@ class MaterialTable:
         return self._columns[attribute]
 
     def updated(self, others: Iterable[Material]) -> MaterialTable:
-        """The table with others in place of those of their names, new ones at the end."""
+        """Return the table with materials of the same names replaced, and new ones at the end."""
         return MaterialTable({**self.materials, **{material.name: material for material in others}}.values())
 
 

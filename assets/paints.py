@@ -17,7 +17,7 @@ class Paint:
         name: the colour's name.
         rgb: visible diffuse colour, linear, 0–1 per channel.
         reflectance: diffuse reflectance at 905 nm, 0–1. Carbon-black pigments stay dark in the near
-            infrared, most coloured organic pigments do not, so red and blue answer alike.
+            infrared, most coloured organic pigments do not, so red and blue have the same reflectance.
     """
 
     name: str

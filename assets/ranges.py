@@ -24,10 +24,10 @@ def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
 
 
 Range = Annotated[tuple[float, float], BeforeValidator(_pair), AfterValidator(_ordered)]
-"""Minimum and maximum, neither negative; a single number stands for both."""
+"""Minimum and maximum, neither negative; a single number is both."""
 
 CountRange = Annotated[tuple[int, int], BeforeValidator(_pair), AfterValidator(_ordered)]
-"""Smallest and largest count, neither negative; a single number stands for both."""
+"""Smallest and largest count, neither negative; a single number is both."""
 
 
 def draw(interval: tuple[float, float], rng: np.random.Generator) -> float:

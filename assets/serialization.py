@@ -98,7 +98,7 @@ class _Writer:
         raise TypeError(f"{kind.__module__}.{kind.__qualname__} cannot be stored")
 
     def _stored(self, data: bytes) -> int:
-        """Where the bytes begin; at a multiple of 8."""
+        """Offset of the first byte; a multiple of 8."""
         start = self._length
         self.chunks += [data, bytes(-len(data) % 8)]
         self._length += len(data) + -len(data) % 8

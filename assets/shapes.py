@@ -1,6 +1,6 @@
 """Primitive solids and sheets in metres, each wound counter-clockwise seen from outside.
 
-A shape stands at the origin unless a `centre` or path places it; carry it elsewhere with `Mesh.moved` and
+A shape is at the origin unless a `centre` or path places it; move it with `Mesh.moved` and
 `Mesh.transformed`. Every function drops faces without area, so poles and pinched rows need no care.
 """
 
@@ -86,7 +86,7 @@ def lathe(profile: np.ndarray, material: str, segments: int = 16, axis: str = "z
 
     Args:
         profile: (k, 2) radius and position along the axis; the outside lies to the right of its course, so
-            let it climb the axis. Ends at radius 0 close the solid.
+            follow the axis. Ends at radius 0 close the solid.
         material: name of the material.
         segments: corners of a turn.
         axis: `x`, `y` or `z`.

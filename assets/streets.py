@@ -17,7 +17,7 @@ class StreetLane:
     Attributes:
         id: SUMO lane id.
         edge: SUMO edge id.
-        use: who moves here.
+        use: road users of the lane.
         centre: (k, 3) float64 centre line in driving direction, world metres.
         width_m: full width.
         speed_mps: speed limit.
@@ -82,12 +82,12 @@ class StopLine:
 
 @dataclass(frozen=True)
 class StreetBuilding:
-    """A building that the town's files tell of.
+    """A building defined in the town's files.
 
     Attributes:
         id: SUMO id.
         outline: (k, 2) float64 corners, world metres, not closed.
-        height_m: of its walls; None where it is not told.
+        height_m: height of its walls; None if unknown.
     """
 
     id: str
@@ -105,8 +105,8 @@ class Streets:
         style: what the town looks like, read by the world builder: `village`, `hamlet`, `suburb`,
             `urban`, `industrial` or `boulevard`.
         left_hand: whether one drives on the left.
-        buildings: those the town's files tell of; where there are any, no others are built.
-        trees: (x, y) of trees that they tell of [m].
+        buildings: buildings defined in the town's files; if there are any, no others are built.
+        trees: (x, y) of trees defined in the files [m].
         origin_m: x, y, z of the local origin in the coordinates of the network's files [m]; add it to get those.
     """
 

@@ -153,7 +153,9 @@ def rosette(prisms: Any, beams_per_s: Any, sweep_s: Any) -> str:
     except (TypeError, ValueError):
         raise ValueError("rosette wants prisms: [[turns a second, degrees], …] and beams_per_s") from None
     if not 1 <= count <= _MOST_BEAMS or not np.abs(deflections).sum() < 89:
-        raise ValueError(f"rosette gives {count} beams and {np.abs(deflections).sum():g}° aside; give fewer, under 89°")
+        raise ValueError(
+            f"rosette gives {count} beams and a deflection of {np.abs(deflections).sum():g}°; give fewer, below 89°"
+        )
     time_s = (np.arange(count) + 0.5) / float(beams_per_s)
     aside = (np.radians(deflections) * np.exp(2j * np.pi * speeds * time_s[:, None])).sum(1)
     off = np.abs(aside)
@@ -213,7 +215,7 @@ def tabulated(values: dict[str, Any], folder: Path | None) -> dict[str, Any]:
 
 
 def is_tabulated(values: object) -> bool:
-    """Whether a pattern file tells beams one by one."""
+    """Whether a pattern file lists beams one by one."""
     return isinstance(values, dict) and bool({"directions", "rosette", "raster", "table"} & values.keys())
 
 

@@ -1,4 +1,4 @@
-"""Errors that a user of the sensor package can mend."""
+"""Errors that a user of the sensor package can fix."""
 
 
 class SensorError(Exception):

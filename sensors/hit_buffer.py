@@ -54,12 +54,12 @@ class HitBuffer:
         return self.records.view(RECORD)["glass"]
 
     def put(self, rays: np.ndarray, distance: np.ndarray, records: np.ndarray) -> None:
-        """Let surfaces (k,) stand for some rays."""
+        """Set the surfaces (k,) of some rays."""
         self.distance[rays] = distance
         self.records[rays] = records
 
     def offer(self, rays: np.ndarray, distance: np.ndarray, records: np.ndarray) -> None:
-        """Let surfaces (k,), at most one a ray, stand where they are nearer."""
+        """Set surfaces (k,), at most one per ray, where they are nearer."""
         nearer = np.flatnonzero(distance < self.distance[rays])
         self.put(rays[nearer], distance[nearer], records[nearer])
 

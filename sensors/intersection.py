@@ -1,4 +1,4 @@
-"""What rays meet: the static world and instances offer surfaces, the nearest stands."""
+"""Intersection of rays with the static world and instances: the nearest surface is the hit."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def meet_instance(
         time_s: (n,) float32 instants from the pose time.
         solid, pane: what they met so far; to be settled afterwards.
         near: from here on surfaces count.
-        panes: whether its panes are asked for; without them its glass is not there.
+        panes: whether its panes are included; without them its glass is ignored.
     """
     if not len(beams):
         return

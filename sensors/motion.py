@@ -30,7 +30,7 @@ class EgoMotion:
 
     @classmethod
     def still(cls, pose: np.ndarray) -> EgoMotion:
-        """A vehicle that stands."""
+        """Motion of a stationary vehicle."""
         return cls(np.asarray(pose, float), np.zeros(3), 0.0, np.zeros(3))
 
     @property

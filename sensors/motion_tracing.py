@@ -47,7 +47,7 @@ class MotionTracer:
             lidar_in_ego: (4, 4) pose of the sensor in the vehicle.
             time_s: (n,) float32 instant of each ray from the pose time.
             instances: what moves, at the pose time.
-            panes: whether the panes of instances are asked for; without them their glass is not there.
+            panes: whether the panes of instances are included; without them their glass is ignored.
 
         Returns:
             Hits; true optical centres from the sensor's place at the pose time, and directions, (n, 3) float32 in

@@ -180,7 +180,7 @@ def first_problem(error: ValidationError) -> str:
     where = ".".join(str(part) for part in problem["loc"])
     message = problem["msg"].removeprefix("Value error, ")
     if problem["type"] == "extra_forbidden":
-        return f"unknown key {where!r}; remove it or mend its spelling"
+        return f"unknown key {where!r}; remove it or correct its spelling"
     given = repr(problem["input"])
     shown = given if len(given) <= 60 else given[:57] + "..."
     return f"{where}: {message} (got {shown})" if where else message

@@ -20,7 +20,7 @@ class Returns:
         reflectance: (m,) float32 reflectance at 905 nm of the surface, never changed by effects.
         normal_code: (m, 2) int16 encoded face normal in world axes.
         material: (m,) uint8 row of the material table.
-        instance: (m,) int16 row of the frame's instances, −1 the static world, −2 no surface stands there.
+        instance: (m,) int16 row of the frame's instances, −1 the static world, −2 no surface.
         return_no: (m,) uint8 from 0.
     """
 
@@ -40,7 +40,7 @@ class Returns:
     def spurious(
         cls, beam: np.ndarray, range_m: np.ndarray, intensity: np.ndarray, material: np.ndarray | int = 0
     ) -> Returns:
-        """Returns of `beam` (m,) where no surface stands."""
+        """Returns of `beam` (m,) that are not from a surface."""
         n = len(beam)
         return cls(
             beam=np.asarray(beam, np.int32),

@@ -21,10 +21,10 @@ _FOLDER = files("sensors") / "rigs"
 _NAME = re.compile(r"[a-z0-9][a-z0-9_]*", re.ASCII)
 _ROTATION_TOLERANCE = 1e-3
 KITTI = "kitti"
-"""The rig that is taken where none is asked for."""
+"""The default rig."""
 
 KITTI_ROW = ("0", "1", "2", "3")
-"""Names of KITTI's cameras, which share their axes: what tells them apart is in P."""
+"""Names of KITTI's cameras, which share their axes and differ in P."""
 
 
 def _plain(name: str) -> str:
@@ -69,7 +69,9 @@ class RigCamera(BaseModel):
     width_px: int = Field(ge=16, le=8192, description="columns of its images")
     height_px: int = Field(ge=16, le=8192, description="rows of its images")
     K: Rows | None = Field(default=None, description="3 × 3 camera matrix [px]; or give P")
-    P: Rows | None = Field(default=None, description="3 × 4 projection, K with −f·b beside it [px, px·m]; or give K")
+    P: Rows | None = Field(
+        default=None, description="3 × 4 projection, K and a fourth column −f·b [px, px·m]; or give K"
+    )
     distortion: Distortion | None = Field(default=None, description="of its lens; none: a pinhole")
     imaging: Imaging = Field(default=Imaging(), description="its exposure, vignetting, blur and noise; none by default")
     mount: Place | None = Field(default=None, description="where it sits; or give from_lidar")
@@ -113,7 +115,7 @@ class Rig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     carrier: Literal["vehicle", "mast"] = Field(
-        default="vehicle", description="a vehicle in the traffic, or a mast beside the road"
+        default="vehicle", description="a vehicle in the traffic, or a mast next to the road"
     )
     lidars: tuple[RigLidar, ...] = Field(min_length=1, max_length=16, description="the first one's scans are velodyne/")
     cameras: tuple[RigCamera, ...] = Field(min_length=1, max_length=32, description="at least one, to draw labels in")
@@ -151,7 +153,7 @@ class Rig(BaseModel):
 
     @property
     def default_images(self) -> tuple[str, ...]:
-        """Folders of images that are written unless others are asked for."""
+        """Folders of images that are written by default."""
         if self.kitti_row:
             names = {camera.name for camera in self.cameras}
             return tuple(part for part in ("image_0", "image_2", "depth_0") if part.rpartition("_")[2] in names)
@@ -186,7 +188,7 @@ def load_rig(name_or_path: str | Path) -> Rig:
 
 
 def _beside(rig: Rig, folder: Path) -> Rig:
-    """The rig with sensors found beside its file."""
+    """The rig with paths of sensor files relative to its own file."""
     found = [
         one.model_copy(update={"sensor": str(folder / one.sensor)})
         if one.sensor is not None and (folder / one.sensor).is_file()

@@ -78,7 +78,7 @@ def parse_sensor(content: str, *, origin: str, folder: Path) -> SensorModel:
 
 
 def _pattern(name: str, folder: Path) -> Pattern:
-    """The pattern of a name or path; drives hold their own beside the sensor file as `pattern.yaml`."""
+    """The pattern of a name or path; drives have their own next to the sensor file as `pattern.yaml`."""
     for beside in (folder / name, folder / "pattern.yaml"):
         if beside.is_file() and (beside.name == Path(name).name or load_pattern(beside).name == name):
             return load_pattern(beside)

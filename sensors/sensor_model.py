@@ -43,7 +43,7 @@ class SensorModel:
 
     @property
     def needs_new_rays(self) -> bool:
-        """Whether stored hits do not suffice: `trace_and_measure` then takes the place of `measure`."""
+        """Whether stored hits are not sufficient: `trace_and_measure` is then used instead of `measure`."""
         return any(effect.needs_new_rays for effect in self.effects)
 
     @property
@@ -167,13 +167,13 @@ class SensorModel:
     def answer(
         self, shot: Shot, rng: np.random.Generator | None = None, memo: dict[tuple[str, ...], Returns] | None = None
     ) -> Returns:
-        """What it reports of a traced revolution.
+        """Returns of a traced revolution.
 
         Args:
-            shot: of its own pattern and beam effects; its world, if effects need new rays.
-            rng: in the state in which `trace` was given it.
-            memo: kept between sensors that answer from one shot with equal generators, so that effects which
-                they begin with alike act once.
+            shot: traced with the sensor's own pattern and beam effects; with its world if effects need new rays.
+            rng: generator in the state in which it was passed to `trace`.
+            memo: cache shared by sensors that measure one shot with equal generators, so that effects that are first
+                in all of them are applied once.
         """
         return act_on_returns(self._ordered, shot.solids, shot, Streams(_given(rng)), self.origin, memo)
 
@@ -187,7 +187,7 @@ class SensorModel:
         return tuple(effect for effect in self._ordered if isinstance(effect, BeamEffect))
 
     def to_yaml(self) -> str:
-        """The sensor file; it names the pattern, which is stored beside it."""
+        """The sensor file; it names the pattern, which is stored next to it."""
         effects = [{"effect": e.source or e.name, **e.model_dump(mode="json")} for e in self.effects]
         values = {"pattern": self.pattern.name, "effects": effects}
         return yaml.safe_dump(values, sort_keys=False, allow_unicode=True, width=110)

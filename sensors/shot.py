@@ -32,7 +32,7 @@ class Shot:
         world: shoots new rays; None where only stored hits are at hand.
         camera: what the grayscale camera saw at the pose time; None where no image is at hand.
         frame_time_s: pose time of the frame.
-        measured: by name, (n,) what beams beside each returned, where that was measured; see `beside`.
+        measured: by name, (n,) measurements of neighbouring beams, if available; see `beside`.
         whole, rows: the whole revolution where these beams are only some of it, and which (n,).
         found: what effects have worked out of these beams, however they are bent; shots of the same beams share it.
         noiseless: returns before the first noise or scan effect; None before these act.
@@ -127,7 +127,7 @@ class Shot:
         return np.array(self.pattern.block)[self.rays.ring]
 
     def cos_incidence(self, returns: Returns) -> np.ndarray:
-        """Cosine between beams and the faces they met, (m,) float32 in 0–1; 1 where no surface stands."""
+        """Cosine between beams and the faces they met, (m,) float32 in 0–1; 1 without a surface."""
         cos = dot_with_normals(returns.normal_code, self._traced.direction.take(returns.beam, axis=0))
         return np.where(returns.instance == NOTHING, np.float32(1), np.minimum(np.abs(cos), np.float32(1)))
 
@@ -145,7 +145,7 @@ class Shot:
         return np.broadcast_to(self._traced.time_s, len(self.rays))[returns.beam]
 
     def beside(self, name: str, returns: Returns, among: Returns | None = None) -> np.ndarray:
-        """What a beam beside each (m,) returned with.
+        """Measurements (m,) of a neighbour of each beam.
 
         Args:
             name: `previous_…` of the beam fired before in the ring, `above_…` or `below_…` of the one fired with it in

@@ -40,7 +40,7 @@ class Tracer:
             scene: what there is.
             pose: (4, 4) float64 world pose of the LiDAR.
             instances: what moves, at the same instant.
-            panes: whether the panes of instances are asked for; without them their glass is not there.
+            panes: whether the panes of instances are included; without them their glass is ignored.
         """
         matrix = pose.astype(np.float32)
         limit = np.full(len(self.rays), self._far, np.float32)
@@ -130,7 +130,7 @@ class Tracer:
             centres: (k, 3) where the sensor's origin is in them.
             pairs: (p,) rows of the rays, sorted by box.
             direction: (p, 3) float32 of those rays.
-            ends: (k + 1,) where the pairs of each box begin, and the last end.
+            ends: (k + 1,) start of the pairs of each box, and the last end.
         """
         turns = turns.astype(np.float32)
         origin = np.repeat(centres.astype(np.float32), np.diff(ends), axis=0)
@@ -148,7 +148,7 @@ class Tracer:
 
 
 def _by_model(models: tuple[str, ...], nearest: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Rows with those of one model together: one query serves them all. Models that stand nearest come first."""
+    """Rows with those of one model together: one query serves them all. The nearest models come first."""
     by_distance = rows[np.argsort(nearest[rows], kind="stable")]
     rank = {name: place for place, name in enumerate(dict.fromkeys(models[row] for row in by_distance))}
     return by_distance[np.argsort([rank[models[row]] for row in by_distance], kind="stable")]

@@ -63,7 +63,7 @@ class TracerCache:
         self._fans: dict[str, tuple[Beams, Rays]] = {}
 
     def fan(self, slot: str, beams: Beams, aside: Callable[[np.ndarray], np.ndarray]) -> Rays:
-        """Rays round beams, made anew where the beams are not those of the last time; see `World.trace_around`."""
+        """Rays around beams, made again if the beams have changed; see `World.trace_around`."""
         kept = self._fans.get(slot)
         if kept is None or not _same(kept[0], beams):
             directions = aside(beams.direction)
@@ -122,7 +122,7 @@ class World:
         Args:
             beams: how they leave.
             slot: names the fan whose tracer is kept.
-            panes: whether the panes of instances are asked for.
+            panes: whether the panes of instances are included.
         """
         rays = Rays(beams.origin, beams.direction, beams.rays.ring, beams.rays.azimuth, beams.rays.time_s)
         if beams.firing_s is None:
@@ -141,7 +141,7 @@ class World:
 
         Args:
             beams: the n beams.
-            aside: gives directions of further rays, (n, k, 3) float32, from those of the beams, (n, 3).
+            aside: function that returns directions of further rays, (n, k, 3) float32, from those of the beams, (n, 3).
             slot: names the fan whose rays and tracer are kept: one name, one `aside`.
         """
         fan = self._tracers.fan(slot, beams, aside)
@@ -161,7 +161,7 @@ class World:
 
 
 def _same(left: Rays | Beams, right: Rays | Beams) -> bool:
-    """Whether rays leave alike in the sensor's axes."""
+    """Whether rays are the same in the sensor's axes."""
     return _equal(left.direction, right.direction) and _equal(left.origin, right.origin)
 
 

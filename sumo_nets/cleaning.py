@@ -107,7 +107,7 @@ class Cleaning:
         return True
 
     def _included(self, element: ET.Element, path: Path, depth: int) -> list[ET.Element]:
-        """What an included file holds, in the place of the element that names it."""
+        """Contents of an included file, which replace the element that names it."""
         if depth >= _DEEPEST:
             raise TownError(f"{path}: files include each other more than {_DEEPEST} deep; write them as one")
         target = self.within(element.get("href", ""), path, "<include>")

@@ -10,8 +10,8 @@ from sumo_nets.plan import Plan, Street
 
 _BEND_RAD = np.deg2rad(70)  # two streets that meet at less are joined by an arc
 _BEND_RADIUS_M = 13.0  # of the street's middle line
-_LONGEST_SHARE = 0.42  # of a street that an arc may take up
-_CLOSED_RAD = np.deg2rad(52)  # nobody turns between arms that are closer
+_LONGEST_SHARE = 0.42  # maximum share of a street for an arc
+_CLOSED_RAD = np.deg2rad(52)  # no turns between arms at smaller angles
 _WIDE_RAD = np.deg2rad(70)
 _WIDE_RADIUS_M = 8.0
 _PIECE_M = 1.5

@@ -1,4 +1,4 @@
-"""Who drives, parks and walks: a population that stays for the whole simulation."""
+"""Traffic demand: moving and parked vehicles and pedestrians for the whole simulation."""
 
 from __future__ import annotations
 

@@ -35,13 +35,16 @@ class DemandConfig(BaseModel):
     walking_factor: Range = Field(default=(0.3, 2.0), description="people on foot over what is usual in the town [1]")
     beside_parked: Annotated[Range, AfterValidator(_a_share)] = Field(
         default=(0.0, 0.05),
-        description="share of the parked vehicles that somebody loads, gets into or stands beside [1]",
+        description="share of the parked vehicles with a person next to them [1]",
     )
     kinds: KindShares | None = Field(
         default=None, description="mean shares of the kinds on the move; none: the town's own"
     )
     kind_spread: float = Field(
-        default=0.35, ge=0, le=3, description="standard deviation of the logarithm of each kind's share, cars aside [1]"
+        default=0.35,
+        ge=0,
+        le=3,
+        description="standard deviation of the logarithm of each kind's share, except cars [1]",
     )
 
     @model_validator(mode="after")

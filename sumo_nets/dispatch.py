@@ -1,7 +1,7 @@
-"""Transport on demand with SUMO's own dispatcher, where a scenario leaves dispatching to a program beside SUMO.
+"""Transport on demand with SUMO's own dispatcher, for scenarios that leave dispatching to an external program.
 
 SUMO sends vehicles with a taxi device to persons whose rides have the line `taxi` (SUMO's documentation, "Taxi"). A
-scenario for an outside dispatcher has rides with any line, and vehicles that stand at a stop until they are sent.
+scenario for an outside dispatcher has rides with any line, and vehicles that wait at a stop until they are dispatched.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _VEHICLES = frozenset({"vehicle", "trip", "flow"})
 def with_dispatcher(scenario: Scenario, algorithm: Algorithm) -> Scenario:
     """A scenario whose vehicles on demand are sent by SUMO.
 
-    Vehicles that are taxis already stay as they are. Where there are none, those that stand at a last stop for an hour
+    Vehicles that are taxis already are not changed. If there are none, those that wait at a last stop for an hour
     or longer become taxis, and rides with any line, or with one that no vehicle has, become rides by taxi.
 
     Args:
@@ -46,7 +46,7 @@ def with_dispatcher(scenario: Scenario, algorithm: Algorithm) -> Scenario:
     waiting = [vehicle for root in roots.values() for vehicle in root if _waits(vehicle)]
     if not waiting:
         raise TownError(
-            f"{scenario.config}: no vehicle has a taxi device ({_TAXI}) or stands at a last stop for an hour, so there "
+            f"{scenario.config}: no vehicle has a taxi device ({_TAXI}) or waits at a last stop for an hour, so there "
             "is nothing to dispatch; leave taxi_dispatch out"
         )
     for vehicle in waiting:
@@ -79,7 +79,7 @@ def _has_taxis(root: ET.Element) -> bool:
 
 
 def _waits(vehicle: ET.Element) -> bool:
-    """Whether a vehicle stands at its last stop until somebody sends it."""
+    """Whether a vehicle waits at its last stop until it is dispatched."""
     stops = vehicle.findall("stop")
     return vehicle.tag in _VEHICLES and bool(stops) and _seconds(stops[-1].get("duration")) >= _STANDS_S
 

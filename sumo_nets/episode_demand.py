@@ -25,7 +25,7 @@ def write_demand(town: Town, demand: Demand, seed: int, folder: Path) -> Path:
         folder: where to write; made if missing.
 
     Raises:
-        TownError: the town lacks vehicle types for the demand.
+        TownError: the town has no vehicle types for the demand.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)

@@ -27,7 +27,7 @@ def points(shape: Any) -> np.ndarray:
 
 
 def use_of(edge: Any, lane: Any) -> LaneUse | None:
-    """Return who moves on a sumolib lane, or None where nobody (of the road) does."""
+    """Return the road users of a sumolib lane, None for lanes of trains etc."""
     allowed = set(lane.getPermissions())
     if edge.getFunction() == "crossing":
         return "crossing"

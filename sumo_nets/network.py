@@ -19,7 +19,7 @@ _DRIVERS = "passenger delivery truck bus motorcycle bicycle emergency taxi"
 
 
 def build_network(recipe: Recipe, plan: Plan, ground: Ground, rng: np.random.Generator, net: Path) -> None:
-    """Write the plain XML files beside `net` and let netconvert make the network.
+    """Write the plain XML files next to `net` and make the network with netconvert.
 
     From the kerb inwards an edge has a sidewalk, a parking strip where the plan wants one (a lane that is closed to
     all, so that nothing drives there and the sidewalk keeps clear of it), and the driving lanes.

@@ -1,7 +1,7 @@
 """Parking lots in the strips between driving lane and sidewalk.
 
 Every lot is a parkingArea of its own. SUMO fills an area of many lots from one end, and lets only one vehicle a step
-start in it: the others drive in from its rear. With one lot each, all parked vehicles stand in their places from the
+start in it: the others drive in from its rear. With one lot each, all parked vehicles are in their spaces from the
 first steps on, and which lots stay free is the demand's choice.
 """
 
@@ -29,7 +29,7 @@ class Lot:
 
     Attributes:
         id: SUMO parkingArea id, `lot_EDGE_NUMBER`.
-        edge, lane: what it lies beside, on the right.
+        edge, lane: edge and lane that it is next to, on the right.
         start_m, end_m: positions along the lane.
     """
 
@@ -64,7 +64,7 @@ def make_parking(
 
 
 def _spans(length_m: float, rng: np.random.Generator) -> list[tuple[float, float]]:
-    """Return where the lots beside a lane start and end."""
+    """Return start and end of the lots next to a lane."""
     spans: list[tuple[float, float]] = []
     at = _CLEAR_OF_JUNCTION_M
     while at < length_m:
@@ -78,7 +78,7 @@ def _spans(length_m: float, rng: np.random.Generator) -> list[tuple[float, float
 def write_parking(lots: tuple[Lot, ...], rules: StreetRules) -> list[str]:
     """Return the lots as lines of an additional file.
 
-    SUMO puts a parkingArea right beside its lane: one of this width lies exactly on the closed lane of the same width.
+    SUMO puts a parkingArea next to its lane: one of this width lies exactly on the closed lane of the same width.
     """
     return [
         f'    <parkingArea id="{lot.id}" lane="{lot.lane}" startPos="{lot.start_m:.2f}" endPos="{lot.end_m:.2f}" '
@@ -88,7 +88,7 @@ def write_parking(lots: tuple[Lot, ...], rules: StreetRules) -> list[str]:
 
 
 def read_parking(paths: Iterable[Path]) -> tuple[Lot, ...]:
-    """Return the roadside lots of additional files that hold one vehicle each; areas of other kinds are left alone."""
+    """Return the roadside lots of additional files that hold one vehicle each; areas of other kinds are ignored."""
     areas = [area for path in paths for area in read_xml(path).iter("parkingArea")]
     return tuple(
         Lot(

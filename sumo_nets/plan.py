@@ -46,7 +46,7 @@ class Street:
         shape: (k, 2) its middle line from start to end, world metres; the left edge of a one-way street.
         main: a main street, with more lanes and a higher limit.
         parking: parking strips on the right, driving from start to end and from end to start.
-        road: its cut where it is neither that of main nor of local streets; such a street stays as it is laid out.
+        road: its cut where it is neither that of main nor of local streets; such a street is not changed.
     """
 
     start: int
@@ -77,7 +77,7 @@ class Plan:
         streets: what joins them.
         controls: SUMO junction type of those junctions that do not follow the rules.
         links: lane connections that do not either.
-        closed: turns from one edge to another that nobody may take.
+        closed: prohibited turns from one edge to another.
         radii: turning radius of corners [m] at junctions that are wider than others.
     """
 

@@ -18,7 +18,7 @@ from sumo_nets.roundabouts import add_roundabouts
 
 _SHAPE_STEP_M = 10.0
 _SHORTEST_PARKING_STREET_M = 55.0
-_PARKING_RADIUS_M = 10.0  # in tighter bends nobody parks
+_PARKING_RADIUS_M = 10.0  # no parking in tighter bends
 
 
 def make_plan(recipe: Recipe, rng: np.random.Generator, workshop: Path) -> Plan:

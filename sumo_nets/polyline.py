@@ -19,7 +19,7 @@ def beside(line: np.ndarray, right_m: float, start_m: float = 0.0, end_m: float 
 
     Args:
         line: the line.
-        right_m: how far aside; negative to the left.
+        right_m: lateral offset to the right; negative to the left.
         start_m, end_m: the part, distances from the line's start.
     """
     middle = shapely.LineString(line[:, :2])

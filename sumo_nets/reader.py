@@ -50,14 +50,14 @@ def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], 
     try:
         lanes, areas, stops = _geometry(net)
     except ValueError as error:
-        raise TownError(f"{net_path}: {error}; make the network anew") from error
+        raise TownError(f"{net_path}: {error}; make the network again") from error
     parking = [bay for path in additional_paths for bay in _parking(path, net, left_hand)]
     buildings, trees = read_scenery(additional_paths)
     return Streets(name, tuple(lanes), tuple(areas), tuple(parking), tuple(stops), style, left_hand, buildings, trees)
 
 
 def not_drawn(net_path: Path) -> tuple[str, ...]:
-    """A line that counts the edges of a network on which nobody of the road moves, if there are any."""
+    """A note with the number of edges without road users (railways etc.), if there are any."""
     kinds: Counter[str] = Counter()
     for edge in read_xml(net_path, "net").iter("edge"):
         if edge.get("function"):
@@ -105,12 +105,12 @@ def _lane(edge: Any, lane: Any, use: LaneUse, centre: np.ndarray) -> StreetLane:
 def _parking(path: Path, net: Any, left_hand: bool) -> list[ParkingBay]:
     """Return the strips of an additional file's parking areas.
 
-    A strip's middle line runs beside its lane, at half the lane's width plus half its own. Measured with SUMO 1.28 on
-    200 vehicles: a parked vehicle's front bumper stands at the far end of its lot, within 0.35 m along the strip, 5 cm
+    A strip's centre line is next to its lane, at half the lane's width plus half its own. Measured with SUMO 1.28 on
+    200 vehicles: a parked vehicle's front bumper is at the far end of its lot, within 0.35 m along the strip, 5 cm
     across, 1 cm in height and 0.4° in angle. (Its slope is that of another place: take the strip's.)
 
     Heights are the lane's. Areas on the carriageway (`onRoad`) have no strip; vehicles in an angled area reach beyond
-    the strip, which is given as if they stood along the lane; lots given one by one (`<space>`) are a strip each.
+    the strip, which is given as if they were parallel to the lane; lots given one by one (`<space>`) are a strip each.
     """
     bays = []
     for area in read_xml(path).iter("parkingArea"):

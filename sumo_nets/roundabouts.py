@@ -1,4 +1,4 @@
-"""Roundabouts in place of the junctions of main streets."""
+"""Roundabouts instead of the junctions of main streets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A SUMO scenario of somebody else's, made fit to run here: all that it simulates, nothing that it writes."""
+"""Preparation of a user's SUMO scenario: all that it simulates, without its output files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FALSE = frozenset({"", "false", "0", "no", "off", "-"})
 
 @dataclass(frozen=True)
 class Scenario:
-    """What a `.sumocfg` asks for, and what of it is simulated.
+    """Contents of a `.sumocfg`, and the part that is simulated.
 
     Attributes:
         config: the file.
@@ -60,7 +60,7 @@ class Scenario:
             folder: made if missing.
 
         Returns:
-            The `.sumocfg`, whose own files stay where they lie.
+            The `.sumocfg`, whose own files are not moved.
         """
         folder.mkdir(parents=True, exist_ok=True)
         options = dict(self.options)

@@ -22,8 +22,9 @@ _MOST_TREES = 4000
 
 
 def read_scenery(files: Iterable[Path]) -> tuple[tuple[StreetBuilding, ...], tuple[tuple[float, float], ...]]:
-    """Buildings (polygons whose type begins with `building`) and places of trees (points whose type ends in `tree`, and
-    a grid of them within woods).
+    """Read buildings (polygons whose type starts with `building`) and positions of trees.
+
+    Trees are points whose type ends in `tree`, and a grid of points within woods.
 
     Raises:
         TownError: a file is no safe, whole XML, or a shape or height is not made of numbers.
@@ -35,7 +36,7 @@ def read_scenery(files: Iterable[Path]) -> tuple[tuple[StreetBuilding, ...], tup
         for element in root.iter("poly"):
             kind = element.get("type", "").lower()
             if element.get("geo") in ("true", "1"):
-                continue  # degrees, which the network alone could turn into metres
+                continue  # degrees, which cannot be converted to metres without the network
             if kind.startswith("building"):
                 outline = _outline(path, element)
                 if len(outline) >= 3:
@@ -61,7 +62,7 @@ def _outline(path: Path, element: ET.Element) -> np.ndarray:
 
 
 def _height(path: Path, element: ET.Element) -> float | None:
-    """Of its walls, where a parameter tells: `height` [m], or `building:levels`."""
+    """Height of its walls from the parameter `height` [m] or `building:levels`, if given."""
     given = {param.get("key", ""): param.get("value", "") for param in element.iter("param")}
     for key, unit_m in (("height", 1.0), ("building:levels", _STOREY_M)):
         text = given.get(key, "").removesuffix("m").strip()

@@ -12,7 +12,7 @@ from sumo_nets.polyline import heading
 def stop_lines(edge: Any) -> list[StopLine]:
     """Return the stop lines of a sumolib edge's driving lanes.
 
-    A street yields where each of its movements, U-turns aside, gives way to another street's traffic; one of lower
+    A street yields where each of its movements, except U-turns, gives way to another street's traffic; one of lower
     priority than another street there, where any does. So a main road has no line although its left turns wait for
     oncoming traffic, nor has a street that only yields to a crossing, nor one where the right goes before the left.
     """

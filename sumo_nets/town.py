@@ -39,7 +39,7 @@ class Town:
         streets: its geometry, world metres (x east, y north, z up).
         scenario: what of the user's own configuration is simulated; none for a built-in town.
         notes: what a user's own scenario holds that is left out, a line each.
-        streets_only: whether there is no traffic to simulate: trajectories say who drives.
+        streets_only: whether no traffic is simulated, as road users follow trajectories.
     """
 
     name: str
@@ -90,7 +90,7 @@ class Town:
 def read_town(name_or_path: str | Path) -> Town:
     """Read a built-in town by name, or any town by the path of its `.sumocfg` or of the folder that holds it.
 
-    The path of a SUMO network or of a CommonRoad scenario gives its streets alone.
+    The path of a SUMO network or of a CommonRoad scenario gives only its streets.
 
     Raises:
         TownError: there is no such town, or its files cannot be used.
@@ -157,7 +157,7 @@ def _find_config(path: Path) -> Path:
 
 
 def _try_in_sumo(net: Path) -> None:
-    """Let SUMO load a network: its own reader is the judge of what it accepts."""
+    """Validate a network by loading it with SUMO."""
     try:
         run_tool("sumo", "--net-file", net, "--end", "0", "--no-step-log", "--xml-validation", "never")
     except TownError as error:

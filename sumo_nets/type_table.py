@@ -46,7 +46,7 @@ class TypeTable:
             for t, w in within.items()
             if w > 0 and wanted.get(self.kinds[t], 0.0) > 0
         }
-        return _draw(weights, count, rng, "on the move of the kinds asked for")
+        return _draw(weights, count, rng, "moving of the requested kinds")
 
     def parked(self, count: int, rng: np.random.Generator) -> list[str]:
         """Return the types of parked vehicles."""
@@ -102,5 +102,5 @@ def _draw(weights: Weights, count: int, rng: np.random.Generator, what: str) -> 
         return []
     chances = np.array(list(weights.values()), dtype=np.float64)
     if chances.sum() <= 0:
-        raise TownError(f"the town has no vType {what}; ask for none, or add one to its additional file")
+        raise TownError(f"the town has no vType {what}; request none, or add one to its additional file")
     return rng.choice(list(weights), size=count, p=chances / chances.sum()).tolist()

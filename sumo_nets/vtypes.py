@@ -1,4 +1,4 @@
-"""Vehicle types: one for every body and size in the model catalogue, and cars of the sizes between and beside them.
+"""Vehicle types: one for every body and size in the model catalogue, and cars of further sizes.
 
 Meshes are scaled to the types' sizes, so that meshes and traffic agree.
 """
@@ -34,7 +34,7 @@ class VType:
 
     Attributes:
         id: `body_LENGTHxWIDTHxHEIGHT`, metres.
-        kind: kind of the catalogue models it stands for.
+        kind: kind of the catalogue models that it represents.
         body: their body.
         length_m, width_m, height_m: their size.
         models: how many of them there are.
@@ -55,7 +55,7 @@ WALKING = "walking"
 
 _LONGEST_PARKED_M = 5.7
 
-# Sizes of cars that a catalogue car stands for, over its own length, width and height. With the shares of the bodies
+# Sizes of cars that a catalogue car represents, over its own length, width and height. With the shares of the bodies
 # they give the cars of KITTI's labels: 3.88 ± 0.43 × 1.63 ± 0.10 × 1.53 ± 0.14 m, wide ones rather long and tall.
 _AS_IT_IS = (1.0, 1.0, 1.0)
 _CAR_FORMS = (

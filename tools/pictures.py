@@ -51,7 +51,7 @@ _CHROMIUMS = ("chromium", "chromium-browser", "google-chrome")
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Make what is asked for."""
+    """Make the requested pictures."""
     parser = argparse.ArgumentParser(prog="python -m tools.pictures", description=__doc__)
     commands = parser.add_subparsers(dest="what")
     page = commands.add_parser("page", help="a page as a browser shows it")
@@ -59,7 +59,7 @@ def main(arguments: list[str] | None = None) -> None:
     page.add_argument("picture", type=Path)
     page.add_argument("--width", type=int, default=1100)
     page.add_argument("--height", type=int, default=1400)
-    page.add_argument("--mark", action="append", default=[], metavar="X,Y", help="where the next number stands [px]")
+    page.add_argument("--mark", action="append", default=[], metavar="X,Y", help="position of the next number [px]")
     page.add_argument("--scale", type=float, default=1.0, help="of the picture, 1 as the browser shows it")
     scan = commands.add_parser("scan", help="a frame of a drive")
     scan.add_argument("drive", type=Path)
@@ -86,7 +86,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def record(folder: Path, config: dict[str, object]) -> Drive:
-    """The drive of a configuration; one that is there is taken as it is."""
+    """The drive of a configuration; an existing one is used."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     path = folder.with_suffix(".yaml")
     path.write_text(yaml.safe_dump(config), encoding="utf-8")
@@ -96,7 +96,7 @@ def record(folder: Path, config: dict[str, object]) -> Drive:
 
 
 def write_row(drive: Drive, frame: str | None, path: Path) -> None:
-    """Scan by intensity; beside it the camera image with its labels above the range image."""
+    """Scan by intensity; next to it the camera image with its labels above the range image."""
     pictures = drawn(drive, frame or _richest(drive))
     width, height = _ROW_PX
     left = _filling(pictures[PERSPECTIVE_INTENSITY], width // 2, height)
@@ -138,7 +138,7 @@ def write_towns(folder: Path, path: Path) -> None:
 
 
 def write_rigs(drives: Sequence[Drive], path: Path, width: int = 1500) -> None:
-    """Camera images of rigs with the points of all their LiDARs, a colour each: six in two rows, then two beside."""
+    """Camera images of rigs with the points of all their LiDARs, one colour each: six in two rows, two next to them."""
     tiles = [
         _seen(drive, drive.frames[-1], name) for drive in drives for name in drive[drive.frames[-1]].calibration.named
     ]
@@ -240,7 +240,7 @@ def _scaled(image: np.ndarray, width: int) -> np.ndarray:
 
 
 def _filling(image: np.ndarray, width: int, height: int) -> np.ndarray:
-    """An image scaled to cover a frame, and what stands out cut off evenly."""
+    """An image scaled to cover a frame and cropped at the centre."""
     factor = max(width / image.shape[1], height / image.shape[0])
     size = (max(width, round(image.shape[1] * factor)), max(height, round(image.shape[0] * factor)))
     scaled = cv2.resize(image, size, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_LINEAR)

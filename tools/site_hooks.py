@@ -18,7 +18,7 @@ _FETCHED = re.compile(r'<script src="https?://[^"]*"></script>')
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the pages that nobody writes by hand."""
+    """Add the generated pages."""
     from cosim.cli.main import make_parser
     from sensors.effects.catalogue import built_in_effects
 
@@ -38,7 +38,7 @@ def on_page_content(content: str, **_: Any) -> str:
 
 
 def on_post_page(output: str, *, page: Any, **_: Any) -> str:
-    """Pages with `site.js` in place of what the theme would fetch from elsewhere for the same end."""
+    """Pages with `site.js` instead of scripts that the theme would load from other servers."""
     return _FETCHED.sub(f'<script src="{get_relative_url("site.js", page.url)}"></script>', output)
 
 

@@ -1,4 +1,4 @@
-"""Vehicle meshes from files: read, sorted into our materials, measured and stood in our frame."""
+"""Vehicle meshes from files: reading, materials, dimensions and axes."""
 
 from assets.external.manifest import MANIFEST, VehicleEntry
 from assets.external.material_words import sort_material

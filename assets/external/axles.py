@@ -1,4 +1,4 @@
-"""Where the axles of a mesh are: told by its tyres, else by the proportions of its kind."""
+"""Axle positions of a mesh, from its tyres or else from typical proportions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`vehicles.yaml`: which meshes a folder holds and how each stands in its file."""
+"""`vehicles.yaml`: meshes of a folder, and axes and units of each file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from assets.models.catalogue import CATALOGUE, Kind
 MANIFEST = "vehicles.yaml"
 SUFFIXES = (".glb", ".gltf", ".obj", ".dae")
 _LARGEST_BYTES = 1 << 20
-_SILENT = {".obj": ("up", "forward"), ".dae": ("forward",)}  # what a format does not tell
+_SILENT = {".obj": ("up", "forward"), ".dae": ("forward",)}  # axes that a format does not define
 
 Axis = Literal["x", "+x", "-x", "y", "+y", "-y", "z", "+z", "-z"]
 _Metres = Annotated[float, Field(gt=0, le=50, allow_inf_nan=False)]
@@ -57,7 +57,7 @@ class VehicleEntry(BaseModel):
             raise ValueError(f"file {self.file!r} is not one of {', '.join(SUFFIXES)}; export it as .glb")
         for key in _SILENT.get(path.suffix.lower(), ()):
             if getattr(self, key) is None:
-                raise ValueError(f"{self.file}: {path.suffix} files do not tell {key}; give it, as {key}: z")
+                raise ValueError(f"{self.file}: {path.suffix} files do not define {key}; state it, as {key}: z")
         if self.forward and self.up and self.forward[-1] == self.up[-1]:
             raise ValueError(f"{self.file}: forward {self.forward} and up {self.up} are the same axis; give two axes")
         for name in self.materials.values():

@@ -1,4 +1,4 @@
-"""Which of our materials a material of a foreign file is, told from its name.
+"""Mapping of material names in foreign files to our materials.
 
 A name is cut into words at separators, digits and changes of case; of the words the table knows, the last decides,
 as the last noun of a compound says what a thing is: a WindowFrame is a frame, a GlassContainer a container.
@@ -64,7 +64,7 @@ def split_words(name: str) -> list[str]:
 def sort_material(name: str) -> str | None:
     """The material of our table that a foreign material name means; None if no word of it is known.
 
-    A name that is in our table stands for itself.
+    A name that is in our table is not changed.
     """
     if name in MATERIALS:
         return name

@@ -1,4 +1,4 @@
-"""A folder of foreign vehicles as models that stand beside those of the catalogue."""
+"""A folder of foreign vehicles as additional models of the catalogue."""
 
 from __future__ import annotations
 

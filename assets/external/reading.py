@@ -39,7 +39,7 @@ class MeshFile:
 
     Attributes:
         parts: at least one, all with faces.
-        up: the axis that points up as the format or the file has it; None if neither tells.
+        up: the axis that points up according to the format or the file; None if neither defines it.
         forward: likewise, the axis vehicles face.
         unit_m: metres in a unit.
     """
@@ -90,7 +90,7 @@ def _read(folder: Path, file: Path) -> bytes:
             raise AssetError(f"{file}: {size >> 20} MiB, more than the {_LARGEST_BYTES >> 20} MiB allowed; simplify it")
         return file.read_bytes()
     except FileNotFoundError:
-        raise AssetError(f"{file}: no such mesh; mend the path in the manifest, or remove the entry") from None
+        raise AssetError(f"{file}: no such mesh; correct the path in the manifest, or remove the entry") from None
     except OSError as error:
         raise AssetError(f"{file}: cannot be read ({error.strerror})") from None
 

@@ -36,7 +36,7 @@ def stand(content: MeshFile, entry: VehicleEntry, file: Path) -> list[Mesh]:
     """
     forward, up = entry.forward or content.forward, entry.up or content.up
     if forward is None or up is None:
-        raise AssetError(f"{file}: the file does not tell its axes; give forward and up in the manifest")
+        raise AssetError(f"{file}: the file does not define its axes; state forward and up in the manifest")
     try:
         turn = axes_matrix(forward, up)
     except ValueError as error:

@@ -14,7 +14,7 @@ from assets.shapes import Vector, box, mirrored, weld
 
 _ROOF = (0.55, 0.0)
 _LEAN_M = 0.95  # the ends' lean fades out over this length
-_SLACK_M = 0.013  # sections keep this close to the edges asked for
+_SLACK_M = 0.013  # distance of sections from the requested edges
 _BELOW = 3  # rows under the sill: centre line, wall and roof of the wheel wells
 
 

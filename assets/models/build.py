@@ -36,7 +36,7 @@ def build_model(name: str) -> Mesh:
     """Mesh of a catalogue model: x forward, y left, z up, origin at the ground-level centre of its box.
 
     The bounds are exactly ±length/2, ±width/2 and 0…height of the catalogue entry, in float32. The result
-    depends on the name alone; callers keep it, building takes some milliseconds.
+    depends only on the name; callers cache it, as building takes some milliseconds.
 
     Raises:
         KeyError: no model has this name.

@@ -87,7 +87,7 @@ def _saloon(spec: ModelSpec, front: float, length: float) -> list[Mesh]:
     axles = (spec.front_axle_x_m, spec.rear_axle_x_m)
     parts = [box((length - 0.6, spec.track_m - 0.52, 0.04), (front - length / 2, 0, _FLOOR_M - 0.02), "car_interior")]
     ends = [front - 0.30, *(x + way * 0.6 for x in axles for way in (1, -1)), front - length + 0.30]
-    for start, end in zip(ends[::2], ends[1::2], strict=True):  # beside the aisle, between the wheels
+    for start, end in zip(ends[::2], ends[1::2], strict=True):  # next to the aisle, between the wheels
         for side in (-1, 1):
             y = side * (spec.width_m / 2 + spec.track_m / 2 - 0.32) / 2
             size = (start - end, (spec.width_m - spec.track_m) / 2 + 0.20, 0.04)

@@ -11,8 +11,8 @@ from assets.models.curves import monotone_cubic, smooth_step
 from assets.models.plan import ARCH_GAP_M, arch_rise, plan_outline, sections
 from assets.models.styles import Line, Style
 
-MIRROR_REACH_M = 0.03  # how far a mirror stands out beyond the flank
-PLATE_REACH_M = 0.008  # how far a number plate stands out beyond the bumper
+MIRROR_REACH_M = 0.03  # how far a mirror extends beyond the side
+PLATE_REACH_M = 0.008  # how far a number plate extends beyond the bumper
 
 
 @dataclass(frozen=True)

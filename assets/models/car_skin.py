@@ -17,7 +17,7 @@ BELT_STRIP_M, CANTRAIL_M = 0.025, 0.055  # opaque strips below and above the sid
 SILL, INTAKE, BUMPER, LAMP, SHOULDER = range(3, 8)
 STRIP, PANE_LOW, PANE_HIGH, RAIL, ROOF_EDGE = range(8, 13)
 _LEAST_RISE_M = 0.05
-_LEAST_PANE_M = 0.13  # the greenhouse must stand this far above the belt to hold glass
+_LEAST_PANE_M = 0.13  # minimum height of the greenhouse above the belt line for glass
 
 
 def car_skin(spec: ModelSpec, style: Style, lines: CarLines) -> HalfShell:
@@ -70,7 +70,7 @@ def _greenhouse(style: Style, lines: CarLines, foot: np.ndarray) -> np.ndarray:
 
 
 def _roof(style: Style, lines: CarLines, crest: np.ndarray) -> np.ndarray:
-    """Rows from beside the crest to the centre line, bowed forward and crowned."""
+    """Rows from next to the crest to the centre line, curved forward and upward."""
     t = np.array(ROOF)
     width = crest[:, 1]
     grown = (width / max(width.max(), 0.1)) ** 2

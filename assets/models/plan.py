@@ -33,7 +33,7 @@ def sections(
         axles: distances of the axles behind the nose.
         arch_radius: half the length of a wheel arch.
         edges: distances that must be hit within a centimetre: the edges of glass.
-        spread: number of sections spread evenly, where nothing else is near.
+        spread: number of evenly spaced sections away from other ones.
         fractions: shares of the half-width at which the rounded ends are cut.
     """
     shares = np.array(fractions)

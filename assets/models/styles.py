@@ -1,4 +1,4 @@
-"""What tells a hatchback from a saloon: the lines each body style is drawn with.
+"""Body styles: the lines that each style, such as hatchback or saloon, is drawn with.
 
 Lines are control points (distance behind the nose / length, height / overall height), seen from the side.
 """

@@ -22,7 +22,7 @@ class Borders:
 
     Attributes:
         kind: (n,) names out of `FENCE_KINDS`.
-        start, end: (n, 2) where a piece begins and ends.
+        start, end: (n, 2) start and end of each piece.
         rise: (n,) height over the usual one of the kind.
     """
 

@@ -114,7 +114,7 @@ def split_levels(streets: Streets) -> tuple[Streets, tuple[Deck, ...]]:
 
 
 def decks_mesh(decks: tuple[Deck, ...], ground: Heights, below: Geometry) -> tuple[Mesh, Mesh]:
-    """The surfaces that wheels stand on with the slabs below them; railings and piers.
+    """Road surfaces with the slabs below them; railings and piers.
 
     Args:
         decks: of the streets.
@@ -311,7 +311,7 @@ def _railings(deck: Deck, top: Mesh, rim: np.ndarray) -> Mesh:
 
 
 def _piers(deck: Deck, ground: Heights, below: Geometry) -> Mesh:
-    """Columns between the land and the slab, beside the carriageway below."""
+    """Columns between the land and the slab, next to the carriageway below."""
     from assets.shapes import box
 
     places: list[np.ndarray] = []

@@ -37,7 +37,7 @@ class World:
 
     Attributes:
         mesh: all surfaces.
-        ground: what wheels and feet stand on: carriageway, kerbs, pavement and terrain, without markings.
+        ground: ground surfaces: carriageway, kerbs, pavement and terrain, without markings.
         height: the sheet z = H(x, y), (n, 2) → (n,), on which the carriageway lies.
         bounds: (2, 2) lower and upper corner of the land, x and y.
         signals: heads of traffic signals, whose lamps are dark in the mesh.
@@ -98,7 +98,7 @@ def build_world(
         climbers_mesh(houses, stand_z, style.climbers, rng),
     ]
     gardens = garden_borders(houses, blocked, style, rng)
-    if streets.buildings:  # who says what stands there says nothing of hedges
+    if streets.buildings:  # files with buildings have no hedges
         parts.append(given_buildings(streets.buildings, lambda xy: relief.z(xy, TERRAIN), style, rng))
     else:
         fronts, rows = enclose(streets, outlines, houses, gardens, blocked, style, rng)

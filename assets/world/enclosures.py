@@ -24,7 +24,7 @@ _SET_BACK_M = {"walked": (0.7, 2.6), "bare": (1.6, 3.0), "fast": (4.5, 8.0)}  # 
 _SIGHT_M = 4.0  # around crossroads borders are low, for drivers' sight
 _LOW = 0.6  # of the usual height, there
 _CROSSING_M = 1.5  # kept open around crossings
-_PATH_M = 1.3  # kept open beside garden paths
+_PATH_M = 1.3  # kept open next to garden paths
 _HOUSE_M = 2.6  # no border before a façade nearer than this
 _BEHIND_M = 7.0  # one border is enough within this depth
 _SMALL_ISLAND_M2 = 250.0
@@ -82,7 +82,7 @@ def _paths(houses: list[House]) -> Geometry:
 def _set_back(
     ring: np.ndarray, stations: np.ndarray, outlines: Outlines, fast: Geometry, share: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points (k, 2) beside the paved edge at `stations`, and unit vectors (k, 2) away from it."""
+    """Points (k, 2) next to the paved edge at `stations`, and unit vectors (k, 2) away from it."""
     edge = polylines.at(ring, stations)
     end = polylines.stations(ring)[-1]
     chord = polylines.at(ring, np.minimum(stations + 2.0, end)) - polylines.at(ring, np.maximum(stations - 2.0, 0.0))

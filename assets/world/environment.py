@@ -33,7 +33,7 @@ class Environment:
     vegetation: float = 1.0
 
     def density(self, kind: str, usual_per_100m: float) -> float:
-        """Return how many props of a kind stand on 100 m of sidewalk."""
+        """Return the number of props of a kind per 100 m of sidewalk."""
         return self.props_per_100m.get(kind, usual_per_100m * self.prop_factors.get(kind, 1.0))
 
     def dress(self, style: Style) -> Style:

@@ -25,14 +25,14 @@ _BUSY_SHOP_SHARE = 0.2
 
 @dataclass(frozen=True)
 class _Prop:
-    """How a kind of prop is made and where it stands.
+    """Construction and placement of a kind of prop.
 
     Attributes:
         make: gives a template.
         busy, quiet: usual density in streets with and without shops, per 100 m of sidewalk.
         place: at the kerb, at the back of the pavement, at the kerb of corners, or behind the pavement.
         radius_m: room it takes.
-        pavement_m: narrowest pavement it stands on.
+        pavement_m: minimum width of the pavement.
     """
 
     make: Callable[[np.random.Generator], Mesh]

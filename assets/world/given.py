@@ -1,4 +1,4 @@
-"""Buildings and trees that a scenario says itself, in place of those that are drawn at random."""
+"""Buildings and trees defined by a scenario, instead of random ones."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def given_buildings(
     """Buildings with these outlines and heights; walls have windows, roofs are flat.
 
     Args:
-        buildings: what stands where.
+        buildings: the buildings.
         terrain_z: maps (n, 2) to world heights (n,).
         style: walls to choose from.
-        rng: of walls, windows and heights that are not told.
+        rng: generator for walls, windows and unknown heights.
     """
     return Mesh.merge([_building(one, terrain_z, style, rng) for one in buildings])
 

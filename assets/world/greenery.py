@@ -80,7 +80,7 @@ def planted_trees(
 def _garden_plants(
     plots: list[Plot], blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
 ) -> Mesh:
-    """Trees beside and behind the houses, bushes before them."""
+    """Trees next to and behind the houses, bushes in front of them."""
     trees, bushes = [], []
     for plot in plots:
         deep = plot.setback_m + plot.size_m[1]
@@ -101,7 +101,7 @@ def _garden_plants(
 
 
 def _beds(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator) -> Mesh:
-    """Shrubs in rows behind the pavement, or beside a street that has none."""
+    """Shrubs in rows behind the pavement, or next to a street without one."""
     if style.bed_gap_m == 0.0:
         return Mesh.empty()
     spots, seen = [], edge.junction_m > _BED_SIGHT_M

@@ -35,7 +35,7 @@ class Groundwork:
         height: the sheet that everything lies on: the smooth surface, uneven as ground is.
         outlines: what is paved.
         paved: all of that together.
-        open_roads: along which nobody lives.
+        open_roads: roads without houses.
         relief: heights of carriageway, pavement and terrain.
         plan: the land in triangles.
         ground: the same with heights; its first faces are the plan's, of which those of terrain carry any material.

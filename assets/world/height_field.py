@@ -1,4 +1,4 @@
-"""The smooth surface everything in a town stands on, fitted to the heights of the lanes."""
+"""The smooth ground surface of a town, fitted to the heights of the lanes."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ class House:
     """One building.
 
     Attributes:
-        plot: where it stands.
+        plot: plot of the house.
         foot_m, floor_m: world heights of the foundation's underside and the ground floor.
         storeys, storey_m: count and height.
         roof: `gable`, `hip` or `flat`.
@@ -28,7 +28,7 @@ class House:
         window_m: width and height of a window, and height of its sill.
         shop: shop windows at street level.
         terrace: side walls without windows.
-        door_share: place of the street door along the front, 0–1.
+        door_share: position of the street door along the front, 0–1.
     """
 
     plot: Plot

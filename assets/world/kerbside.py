@@ -1,4 +1,4 @@
-"""Stations along the edge of the carriageway where furniture can stand."""
+"""Stations along the edge of the carriageway for street furniture."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def _lane_lines(streets: Streets, carriageway: Geometry) -> list[Pieces]:
 
 
 def _double_line(line: np.ndarray) -> list[Pieces]:
-    """Two unbroken lines: nobody crosses the middle of a street with several lanes a direction."""
+    """Double solid line in the middle of a street with several lanes per direction."""
     return [_widths(*polylines.solid(polylines.offset(line, side))) for side in (-_LINE_M, _LINE_M)]
 
 

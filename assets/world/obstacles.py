@@ -1,4 +1,4 @@
-"""What stands where: keeps props off the road, off the walking line, out of houses and out of each other."""
+"""Occupied areas: keeps props off the road and walking lines, out of houses and out of each other."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _CROSSING_M = 1.2  # kept free around crossings
 
 
 class Obstacles:
-    """Answers where a prop may stand and remembers what has been placed."""
+    """Checks positions of props and stores placed ones."""
 
     def __init__(self, streets: Streets, outlines: Outlines, paved: Geometry, plots: list[Plot]) -> None:
         """Collects the fixed obstacles of a town; `paved` is the whole of its outlines."""
@@ -34,7 +34,7 @@ class Obstacles:
         self._taken = np.zeros((0, 3))  # x, y, radius
 
     def free(self, xy: np.ndarray, radius_m: float, road_m: float = 0.15, paved_m: float | None = None) -> np.ndarray:
-        """Whether a prop of `radius_m` may stand at points `xy` (n, 2); earlier props are not asked.
+        """Whether a prop of `radius_m` may be at points `xy` (n, 2); earlier props are ignored.
 
         Args:
             xy: world points.

@@ -13,7 +13,7 @@ from assets.world.styles import Style
 _CLEAR_OF_STREET_M = 0.2
 _CLEAR_OF_OPEN_ROAD_M = 15.0
 _WALK_M = 2.0  # step along the front after a footprint found no room
-_SMALL_ISLAND_M2 = 900.0  # land within a roundabout or between carriageways, where nobody builds
+_SMALL_ISLAND_M2 = 900.0  # land within a roundabout or between carriageways, without buildings
 _MEADOW_M = (40.0, 120.0)  # frontage of open land between groups of houses
 
 
@@ -70,7 +70,7 @@ def lay_out(paved: Geometry, style: Style, rng: np.random.Generator, open_roads:
 
 
 class _Footprints:
-    """Footprints so far, asked for collisions."""
+    """Footprints so far, for collision checks."""
 
     def __init__(self, blocked: Geometry) -> None:
         self._blocked = blocked

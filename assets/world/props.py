@@ -15,7 +15,7 @@ from assets.world.obstacles import Obstacles
 from assets.world.overlays import Heights
 from assets.world.styles import Style
 
-_KERB_SETBACK_M = 0.4  # poles stand this far behind the kerb
+_KERB_SETBACK_M = 0.4  # distance of poles from the kerb
 _MAST_ARM_FROM_LANES = 2
 _SEARCH_M = np.arange(0.35, 12.0, 0.35)
 

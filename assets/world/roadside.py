@@ -1,4 +1,4 @@
-"""Templates of what is left or put up beside streets: trailers, skips, barriers, scooters, poles with wires' arms.
+"""Templates of roadside objects: trailers, skips, barriers, scooters, utility poles.
 
 Origin at the foot, x along the street in traffic direction, y towards the road; metres, z up.
 """

@@ -17,7 +17,7 @@ class Style:
         side_gap_m: between neighbours; zero makes a terrace.
         storeys: lowest and highest count of storeys.
         storey_m: storey height.
-        roofs: roof kinds to choose from (repeat one to make it likelier).
+        roofs: roof kinds to choose from (repeat one to make it more likely).
         walls: façade materials to choose from.
         bay_m: distance of window axes.
         shop_share: share of buildings with shop windows at street level.
@@ -34,7 +34,7 @@ class Style:
         enclosures: border kinds of these.
         wild_trees: trees on open land over the usual number.
         garden_shrubs: shrubs in a plot, mean count.
-        bed_gap_m: distance of beds of shrubs behind the pavement, or beside a street without; 0 for none.
+        bed_gap_m: distance of shrub beds behind the pavement, or next to a street without one; 0 for none.
         climbers: share of houses with climbing plants on their walls.
     """
 
@@ -66,7 +66,7 @@ class Style:
 
     @property
     def terrace(self) -> bool:
-        """Whether neighbours stand wall to wall."""
+        """Whether neighbouring houses share walls."""
         return self.side_gap_m[1] < 0.5
 
 

@@ -54,7 +54,7 @@ def outline(streets: Streets) -> Outlines:
 
 
 def open_roads(streets: Streets) -> Geometry:
-    """Lanes of fast roads and, in a town of sidewalks, of roads that have none: nobody lives along them."""
+    """Lanes of fast roads and, in a town with sidewalks, of roads without: there are no houses along them."""
     walked = {lane.edge for lane in streets.lanes if lane.use == "sidewalk"}
     lanes = [lane for lane in streets.lanes if lane.use == "drive" and not lane.internal]
     bare = {lane.edge for lane in lanes} - walked
@@ -65,7 +65,7 @@ def open_roads(streets: Streets) -> Geometry:
 
 
 def crossroads(streets: Streets, carriageway: Geometry) -> Geometry:
-    """Junctions where three roads or more meet; bends and places to turn round are junctions of the network alone."""
+    """Junctions of three roads or more; bends and turning places are junctions only in the network."""
     meeting = []
     for junction in _areas(streets, "junction"):
         around = shapely.get_rings(shapely.get_parts(shapely.buffer(junction, _ARM_M)))

@@ -1,4 +1,4 @@
-"""What grows or lies on the ground beside the streets."""
+"""Ground cover next to the streets."""
 
 from __future__ import annotations
 

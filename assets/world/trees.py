@@ -114,7 +114,7 @@ def hedge(rng: np.random.Generator, length_m: float, width_m: float, height_m: f
 def leaflets(leaves: Mesh) -> Mesh:
     """Each leaf as three smaller ones at its corners, bent out of its plane, with a gap between them.
 
-    Their shapes follow from the number of leaves alone, so that what grows where stays as it is.
+    Their shapes depend only on the number of leaves, so that positions of plants do not change.
     """
     rng = np.random.default_rng(len(leaves.faces))
     corners = leaves.triangles.astype(np.float64)
@@ -132,7 +132,7 @@ def leaflets(leaves: Mesh) -> Mesh:
 
 
 def _shaded(materials: np.ndarray) -> np.ndarray:
-    """Most leaves of a hedge as dark as it is: its bright ones are few."""
+    """Brightness of leaves of a hedge: most are as dark as the hedge, few are bright."""
     few = np.arange(len(materials)) % 4 == 0
     return np.where(few, materials, material_index(_FOLIAGE[1])).astype(materials.dtype)
 

@@ -20,7 +20,7 @@ _SETTLED_M = 0.009  # deviation of each octave on all ground
 _SETTLED_SPACINGS_M = (1.0, 2.0, 4.0)
 _LOOSE_M = {CARRIAGEWAY: 0.0, PAVEMENT: 0.008, TERRAIN: 0.050}  # deviation of what a zone has besides
 _LOOSE_SPACINGS_M = (0.8, 1.6)
-_SPLINE = 2.0 / 3.0, 1.0 / 6.0  # a cubic B-spline at its knot and beside it
+_SPLINE = 2.0 / 3.0, 1.0 / 6.0  # a cubic B-spline at its central knot and the next ones
 
 
 def unevenness(plan: Plan, name: str) -> np.ndarray:

@@ -14,7 +14,7 @@ from sensors.cameras.light import Light
 Shade = Callable[[np.ndarray], np.ndarray]
 """Gives the share of sun and of sky, (k, 2) float32 from 0 to 1, at rows (k,) of a world's vertices."""
 
-_WORLD_LIFT_M, _MODEL_LIFT_M = 0.05, 0.01  # rays start this far off the surface
+_WORLD_LIFT_M, _MODEL_LIFT_M = 0.05, 0.01  # distance of ray origins from the surface
 _SUN_REACH_M = 150.0
 _WORLD_SKY_REACH_M, _MODEL_SKY_REACH_M = 12.0, 2.0
 _WORLD_RINGS = ((55.0, 4),)  # rays round the normal: tilt [deg], number
@@ -23,7 +23,7 @@ _DARKEST = 0.25  # light that reaches the deepest hollow by reflection
 
 
 class SunShadows:
-    """Share of sun and of sky at vertices of a static world, found when it is asked for.
+    """Share of sun and of sky at vertices of a static world, computed on demand.
 
     The sun is seen or not; the sky is seen along a few rays around the vertex's normal, so hollows darken.
 
@@ -36,7 +36,7 @@ class SunShadows:
     def __init__(self, mesh: Mesh, light: Light, bvh: Bvh | None = None) -> None:
         self._vertices = mesh.vertices
         self._normal = vertex_normals(mesh)
-        self._sky = np.full(len(mesh.vertices), np.nan, np.float32)  # until it is asked for
+        self._sky = np.full(len(mesh.vertices), np.nan, np.float32)  # computed on demand
         self._sun = np.array(light.sun_direction, np.float32)
         self._bvh = bvh or Bvh(mesh)
 
@@ -57,9 +57,9 @@ class SunShadows:
 
 
 def bake_hollows(mesh: Mesh) -> np.ndarray:
-    """Share of light at each vertex of a model that stands on the ground and may turn any way, (n, 2) float32.
+    """(n, 2) float32 share of light at each vertex of a model on the ground, for any heading.
 
-    Sun and sky fade alike, since the sun may come from anywhere: cabins and undersides darken.
+    Sun and sky have the same share, since the sun may be in any direction: cabins and undersides are darker.
     """
     low, high = mesh.bounds
     (x0, y0), (x1, y1) = low[:2] - 2, high[:2] + 2

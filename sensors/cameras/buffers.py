@@ -30,7 +30,7 @@ class InstanceBuffer:
         self.name = GL.glGenBuffers(1)
 
     def describe(self) -> None:
-        """Tell the bound vertex array how the rows are held."""
+        """Describe the layout of the rows to the bound vertex array."""
         GL.glBindBuffer(GL.GL_ARRAY_BUFFER, self.name)
         for row in range(4):
             GL.glVertexAttribPointer(4 + row, 4, GL.GL_FLOAT, GL.GL_FALSE, _INSTANCE_BYTES, ctypes.c_void_p(16 * row))
@@ -154,7 +154,7 @@ def back_faces(*, drawn: bool) -> Iterator[None]:
 
 
 def _describe_vertices() -> None:
-    """Tell the bound vertex array how the bound buffer holds packed vertices."""
+    """Describe the layout of packed vertices in the bound buffer to the bound vertex array."""
     for slot, (field, size, kind, scaled) in enumerate(_ATTRIBUTES):
         offset = ctypes.c_void_p(_offset(field))
         GL.glVertexAttribPointer(slot, size, kind, scaled, VERTEX.itemsize, offset)

@@ -11,7 +11,7 @@ from sensors.cameras.errors import CameraError
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A rectified camera: where it stands and how it projects.
+    """A rectified camera: pose and projection.
 
     Attributes:
         name: KITTI name, such as `image_2`.

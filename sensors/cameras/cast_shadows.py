@@ -1,7 +1,7 @@
 """Shadows that what moves casts on the ground, put into an image after it is drawn.
 
 The static world's own shadows are baked (`SunShadows`). A vehicle's is the projection of its convex hull along the
-sunlight onto the plane it stands on; ground within it loses the sun's part of its light, where it has that.
+sunlight onto the ground plane below it; ground within it loses the sun's part of its light, where it has that.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _GROUND = ("asphalt", "asphalt_patch", "road_marking", "manhole", "kerb", "pavin
 _REACH_M = 80.0
 _LOWEST_SUN = 0.08  # sine of its elevation; shadows grow without bound below
 _NEAR_M = 0.5
-_BEHIND_M = 12.0  # who stands farther back casts nothing into the image
+_BEHIND_M = 12.0  # objects farther behind cast no shadow into the image
 _FARTHEST_PX = 20_000.0
 _OFF_PLANE_M = 0.4  # kerbs and slopes within this of the plane take the shadow
 _SUN_REACH_M, _LIFT_M = 150.0, 0.05
@@ -56,7 +56,7 @@ class CastShadows:
             images: with colour, number and depth.
             pose: (4, 4) world-from-camera.
             P: (3, 4) projection.
-            instances: what stands where.
+            instances: instances and their poses.
         """
         if self._sun[2] < _LOWEST_SUN or images.rgba is None or not len(instances):
             return images
@@ -85,7 +85,7 @@ class CastShadows:
     def _fallen(
         self, shape: tuple[int, ...], pose: np.ndarray, P: np.ndarray, instances: Instances
     ) -> tuple[np.ndarray, tuple[int, int]]:
-        """Row + 1 of the instance whose shadow a pixel would see on the plane it stands on, int32; else 0.
+        """Row + 1 of the instance whose shadow is at a pixel, on the instance's ground plane, int32; else 0.
 
         Returns:
             The part (h, w) of the image that holds all shadows, and its first row and column.
@@ -109,7 +109,7 @@ class CastShadows:
         return owner, (top, left)
 
     def _kept_outline(self, instances: Instances, row: int) -> np.ndarray:
-        """`_outline`, kept while an instance stands still: for the next camera, and the parked for the next frame."""
+        """`_outline`, cached while an instance does not move: for the next camera, or frame if it is parked."""
         name = instances.ids[row]
         state = instances.models[row].encode() + instances.poses[row].tobytes() + instances.scales[row].tobytes()
         known = self._outlines.get(name)
@@ -118,7 +118,7 @@ class CastShadows:
         return known[1]
 
     def _outline(self, instances: Instances, row: int) -> np.ndarray:
-        """Corners (k, 3) round an instance's shadow on the plane it stands on."""
+        """Corners (k, 3) of an instance's shadow on its ground plane."""
         stands = instances.poses[row]
         foot, normal = stands[:3, 3], stands[:3, 2]
         corners = (self._hull(instances.models[row]) * instances.scales[row]) @ stands[:3, :3].T + foot

@@ -1,4 +1,4 @@
-"""Which faces belong to closed surfaces, whose insides nobody outside can see."""
+"""Faces of closed surfaces, whose insides are not visible from outside."""
 
 from __future__ import annotations
 

@@ -117,7 +117,7 @@ class OffscreenContext(OffscreenRenderer):
     programs: SteadyProgramCache
 
     def program(self, vertex_shader: str, fragment_shader: str, **defines: int) -> Program:
-        """The program of two shader files, linked when first asked for."""
+        """The program of two shader files, linked on first use."""
         key = (vertex_shader, fragment_shader, *sorted(defines.items()))
         if key not in self._own:
             self._own[key] = Program(self.programs.get_program(vertex_shader, fragment_shader, defines=defines))

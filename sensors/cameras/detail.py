@@ -1,7 +1,7 @@
 """Coarser versions of a model for where its triangles are smaller than pixels.
 
 Vertices are clustered on a grid (Rossignac and Borrel, 1993); each cluster keeps its outermost vertex, so that
-the silhouette stays. What is only seen through windows is left out and the panes stand in for it, dark.
+the silhouette stays. Parts visible only through windows are left out; the panes are drawn dark instead.
 """
 
 from __future__ import annotations

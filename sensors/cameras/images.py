@@ -15,7 +15,7 @@ CONTENTS: tuple[Content, ...] = ("colour", "number", "depth")
 
 @dataclass(frozen=True, eq=False)
 class Images:
-    """Pixel-aligned images of one camera at one instant, as they were read back; each is finished when asked for.
+    """Pixel-aligned images of one camera at one instant, as they were read back; each is completed on demand.
 
     Attributes:
         near_m: near plane of the pass [m].
@@ -68,5 +68,5 @@ class Images:
 
 def _read(array: np.ndarray | None, content: str) -> np.ndarray:
     if array is None:
-        raise ValueError(f"the camera was not asked for {content!r}; name it in what is wanted of the pass")
+        raise ValueError(f"{content!r} was not rendered; add it to the requested contents of the pass")
     return array

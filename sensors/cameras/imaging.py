@@ -21,8 +21,8 @@ class Imaging(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    exposure_ev: float = Field(default=0.0, ge=-8, le=8, description="stops brighter than the light asks for [EV]")
-    vignetting: float = Field(default=0.0, ge=0, le=1, description="share of light that the corners lack")
+    exposure_ev: float = Field(default=0.0, ge=-8, le=8, description="exposure compensation, positive is brighter [EV]")
+    vignetting: float = Field(default=0.0, ge=0, le=1, description="loss of light in the corners [1]")
     blur_px: float = Field(default=0.0, ge=0, le=20, description="standard deviation of the blur [px]")
     full_well_e: float | None = Field(
         default=None, ge=50, le=1e7, description="electrons of a white pixel; fewer are noisier; none: no noise [e−]"

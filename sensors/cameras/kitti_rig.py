@@ -32,7 +32,7 @@ class KittiCalibration:
 
     Attributes:
         P0, P1, P2, P3: (3, 4) float64 projections of the rectified cameras, camera-0 axes to pixels.
-        R0_rect: (3, 3) rectifying rotation; the simulated cameras are rectified as they stand: identity.
+        R0_rect: (3, 3) rectifying rotation; the simulated cameras are rectified by construction: identity.
         Tr_velo_to_cam: (3, 4) camera 0 from LiDAR, a rotation to machine precision.
         Tr_imu_to_velo: (3, 4) LiDAR from inertial unit.
     """

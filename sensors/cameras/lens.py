@@ -48,7 +48,9 @@ class Distortion(BaseModel):
         if not np.isfinite(rays).all() or np.abs(again - grid).max() > _SETTLES_PX or depth.min() <= 0:
             raise ValueError("this distortion cannot be undone within the image; lower its coefficients")
         if np.abs(rays).max() > _WIDEST_TAN:
-            raise ValueError("this lens sees farther aside than 75°; give a longer focal length or a smaller image")
+            raise ValueError(
+                "this lens has a half field of view above 75°; give a longer focal length or a smaller image"
+            )
 
     def rays(self, K: np.ndarray, width: int, height: int) -> np.ndarray:
         """Where every pixel looks, (h, w, 2): x/z and y/z."""
@@ -129,7 +131,7 @@ class Lens:
 
 
 def undistorted(image: np.ndarray, K: np.ndarray, distortion: Distortion) -> np.ndarray:
-    """An image without its distortion: straight lines are straight, and P alone projects into it."""
+    """An image without its distortion: straight lines are straight, and P projects into it."""
     height, width = image.shape[:2]
     rays = _undistorted(K, width, height).reshape(-1, 2)
     found, _ = distortion.pixels(np.column_stack([rays, np.ones(len(rays))]), K)

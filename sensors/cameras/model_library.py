@@ -50,7 +50,7 @@ class ModelLibrary:
         Args:
             instances: everything that moves.
             planes: (6, 4) float64 frustum planes, world axes.
-            eye: (3,) camera centre, world axes.
+            eye: (3,) camera centre, world frame.
         """
         if not len(instances.models):
             return np.zeros(0, np.int64), np.zeros((0, 8, 3))

@@ -29,7 +29,7 @@ class PackedModel:
 
 @cached
 def pack_model(mesh: Mesh, cell_m: float) -> PackedModel:
-    """A model on a grid of `cell_m` [m] (0: as it is), without what is not drawn and with its hollows darkened."""
+    """A model on a grid of `cell_m` [m] (0: unchanged), without parts that are not drawn and with hollows darkened."""
     mesh = drawable(coarsened(mesh, cell_m))
     closed = closed_faces(mesh)
     order = np.argsort(~closed, kind="stable")

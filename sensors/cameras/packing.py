@@ -75,7 +75,7 @@ def pack(mesh: Mesh, shade: np.ndarray | None = None) -> PackedMesh:
 def _provoking_corners(
     faces: np.ndarray, key: np.ndarray, n_vertices: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Turn each face so that its last corner is a vertex that speaks for the face's key alone.
+    """Rotate the corners of each face so that its last corner is a vertex that only this face's key uses.
 
     A vertex speaks for one key; faces of equal key share it. Faces that find none free get a copy of one.
 

@@ -31,10 +31,10 @@ class CameraRenderer:
 
     A renderer has one size; another size takes another renderer, and several may live side by side. The
     first one fixes the backend for the process. Software Mesa draws in the calling thread unless the
-    environment variable LP_NUM_THREADS says otherwise: 2 gains about a fifth for a process alone on two cores.
+    environment variable LP_NUM_THREADS says otherwise: 2 gains about a fifth for a single process on two cores.
 
     Flat daylight without textures, reflections or moving shadows; colour is sampled once a pixel, so edges
-    show steps. Glass is not drawn: depth agrees with beams that pass it. Tiles and instances that begin
+    show steps. Glass is not drawn: depth agrees with beams that pass it. Tiles and instances that start
     beyond 400 m are left out.
 
     Args:
@@ -95,7 +95,7 @@ class CameraRenderer:
         Args:
             camera_pose_world: (4, 4) world-from-camera-0, axes x right, y down, z forward [m].
             P: (3, 4) projection from camera-0 axes to pixels.
-            instances: what stands where; at most 65 535.
+            instances: instances and their poses; at most 65 535.
             wanted: what is read back of `colour` (with materials), `number` (of instances) and `depth`.
         """
         painter = self._open_painter

@@ -1,4 +1,4 @@
-"""What stands in each pixel: the classes of the Cityscapes and KITTI semantic benchmarks.
+"""Semantic class of each pixel, as in the Cityscapes and KITTI semantic benchmarks.
 
 Classes follow from the material of a face and, on what can move, from its kind. Materials serve many things: a
 garden wall of stone is `building`, a steel fence `pole`. Glass is not drawn: a window has the class of what shows

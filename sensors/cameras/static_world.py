@@ -41,7 +41,7 @@ class StaticWorld:
 
     def _make_ready(self, rows: np.ndarray) -> None:
         mesh, faces, count = self.tiles.mesh, self.tiles.faces_of(rows), self.tiles.count[rows]
-        # Tiles share no vertices, so that each is packed alike whichever others are made ready with it.
+        # Tiles share no vertices, so that each is packed in the same way whichever others are prepared with it.
         own = np.repeat(np.arange(len(rows)), count)[:, None] * len(mesh.vertices) + mesh.faces[faces]
         used, corners = np.unique(own, return_inverse=True)
         used %= len(mesh.vertices)

@@ -21,7 +21,7 @@ class RenderTarget:
 
     def __init__(self, width: int, height: int) -> None:
         if not glClipControl:
-            raise CameraError("this OpenGL lacks ARB_clip_control (2014): use backend 'osmesa', or a newer driver")
+            raise CameraError("this OpenGL has no ARB_clip_control (2014): use backend 'osmesa', or a newer driver")
         self.width, self.height = width, height
         self._frame = GL.glGenFramebuffers(1)
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._frame)

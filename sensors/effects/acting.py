@@ -34,7 +34,7 @@ def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:
 
 
 def bending(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Those that bend beams, for which frames must be traced anew."""
+    """Effects that deflect beams, for which frames must be traced again."""
     return tuple(effect for effect in effects if isinstance(effect, BeamEffect))
 
 

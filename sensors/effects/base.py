@@ -30,7 +30,7 @@ class Parameter:
         description: one sentence.
         per_ring: a list with one value a laser.
         choices: allowed words, for parameters that are no numbers.
-        per_axis: a list with values for length, width and height; one number stands for all three.
+        per_axis: a list with values for length, width and height; a single number applies to all three.
         is_table: a column of a table, with any number of rows.
     """
 
@@ -46,27 +46,26 @@ class Parameter:
 
 
 class Effect(BaseModel):
-    """One physical effect: a frozen set of parameters and a law. Subclass one of the stages below.
+    """One physical effect: frozen parameters and an equation. Subclass one of the stages below.
 
     Class attributes:
         name: key in sensor files.
         stage: what it acts on: beams, echoes, points, the whole scan or the labels.
         phase: when it acts.
         channel: what it is about; `also`: further channels it cannot but touch.
-        equation: the law, in one line.
-        reference: where the law comes from.
+        equation: the equation, in one line.
+        reference: source of the equation.
         taxonomy: its node in PerCollECT's LidarLimbs tree of causes and effects; empty where it has none.
-        confusable_with: effects whose traces in data look alike.
+        confusable_with: effects with similar residuals.
         needs_new_rays: cannot be made from stored hits.
         needs_camera: uses the frame's grayscale and depth image where they are at hand.
-        repeatable: may stand in a sensor file more than once.
+        repeatable: whether a sensor file may have it more than once.
         example: parameters that show it.
         neutral: parameters that do nothing, the start of fits; None where there are none.
-        shapes: settings of parameters that an amplitude alone does not show, each worth starting a fit from.
-        is_candidate: whether a diagnosis asks for it unbidden.
-        by_search: whether fits look for its numbers one after the other, because every slope costs new rays.
-        sampled_to: by parameter, the share of it by which other samplings of the same law are fitted apart: no data
-            make it surer.
+        shapes: values of shape parameters from which fits are started, as the amplitude does not determine them.
+        is_candidate: whether a diagnosis tests it by default.
+        by_search: whether its parameters are fitted one after the other, because each derivative requires new rays.
+        sampled_to: by parameter, the relative error from sampling the equation: lower bound of its standard error.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -267,7 +266,7 @@ class LabelEffect(Effect):
     channel: ClassVar[Channel] = "label"
 
     def apply(self, boxes: LabelBoxes, rng: np.random.Generator) -> LabelBoxes:
-        """The changed boxes; as many as before, those not worth a label no longer `kept`."""
+        """Return the changed boxes; the number is unchanged, boxes without a label are no longer `kept`."""
         raise NotImplementedError
 
 
@@ -287,7 +286,7 @@ def _for_all_axes(value: object) -> object:
 
 
 def per_ring(description: str, *, unit: str = "") -> Any:
-    """A required list with one value a laser; bounds stand in the item's type."""
+    """A required list with one value per laser; bounds are in the item's type."""
     return Field(description=description, min_length=1, max_length=256, json_schema_extra={"unit": unit})
 
 

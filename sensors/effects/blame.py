@@ -87,7 +87,7 @@ def _error(effect: Effect, origin: str, where: str, what: str) -> SensorError:
 
 
 def _line_of_method(effect: Effect, method: str = "") -> int:
-    """Line at which a method begins in the effect's file, or `error`, or the class."""
+    """Line at which a method starts in the effect's file, or `error`, or the class."""
     for name in (method, "error", "apply", "kept", "spread", "factors"):
         code = getattr(vars(type(effect)).get(name), "__code__", None)
         if code is not None and code.co_filename == file_of(effect):

@@ -1,7 +1,7 @@
 """Effects by channel: what an error as a function of covariates does to beams, returns and scans.
 
 A channel is a way in which a beam's measurement can change, named as in `cosim diagnose --json`. Each class below turns
-`error`, a function of covariates that a subclass defines, into the law of its channel, for simulation and for expected
+`error`, a function of covariates that a subclass defines, into the model of its channel for simulation and for expected
 values. Plug-ins that `cosim diagnose` writes derive from them; so may a user's own effects.
 """
 

@@ -1,4 +1,4 @@
-"""Effects whose traces look alike, and the drive that would tell them apart."""
+"""Effects with similar residuals, and the drive that would distinguish them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ class Confusion:
     """Two groups of effects.
 
     Attributes:
-        one, other: names; a group's members behave alike here.
-        why: what makes them alike.
+        one, other: names; the members of a group have the same confusions.
+        why: reason for the similarity.
         remedy: what to measure.
     """
 
@@ -42,7 +42,7 @@ CONFUSIONS = (
     Confusion(
         ("atmospheric_extinction", "range_falloff", "max_range"),
         ("focal_response", "receiver_focus", "ring_gain", "retroreflection"),
-        "Intensity falls with range, and materials stand at ranges of their own.",
+        "Intensity decreases with range, and materials occur at different ranges.",
         "Pass the same surface at several ranges, such as one sign at 10 m and 40 m: extinction is exponential in "
         "range, a focus has its peak at one distance, another reflectance keeps its ratio.",
     ),
@@ -57,13 +57,13 @@ CONFUSIONS = (
         ("range_walk",),
         ("range_bias",),
         "Among materials that are all about as bright, a delay by intensity is the same delay everywhere.",
-        "Have bright surfaces beside dark ones, such as signs and road marking: a delay by weakness fades on them.",
+        "Record bright surfaces next to dark ones, such as signs and road markings: weak echoes' delay vanishes there.",
     ),
     Confusion(
         ("range_walk",),
         ("incidence_bias", "incidence_falloff"),
         "Slanted surfaces are dim ones, so a delay that grows as intensity falls looks like one that grows with slant.",
-        "Have dark and bright materials at one slant: asphalt beside road marking, a dark car beside a white one.",
+        "Record dark and bright materials at the same incidence angle: asphalt and marking, a dark and a white car.",
     ),
     Confusion(
         ("sweep_motion",),
@@ -75,7 +75,7 @@ CONFUSIONS = (
     Confusion(
         ("suspension_pitch",),
         ("mount_rotation", "elevation_offset"),
-        "A slope of the road that the map lacks looks like a body that pitches.",
+        "A slope of the road that is missing in the map looks like a pitch of the vehicle.",
         "Pass the same place twice, once braking and once accelerating: the grade stays, pitch changes its sign.",
     ),
     Confusion(
@@ -94,7 +94,7 @@ CONFUSIONS = (
         ("random_dropout",),
         ("detection_threshold", "max_range"),
         "Each loses returns.",
-        "Have bright surfaces near and far: chance loses them alike, a threshold only dim ones, a limit only far ones.",
+        "Record bright surfaces near and far: dropout affects all, a threshold only dim ones, a limit far ones.",
     ),
     Confusion(
         ("range_scale",),

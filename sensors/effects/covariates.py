@@ -60,7 +60,7 @@ class Covariate:
         unit: of its values; empty for pure numbers and categories.
         words: what it is.
         compute: gives its values from returns, the shot, and the returns among which neighbours are looked up.
-        period: of a cyclic covariate, which begins at −period/2; 0 for others.
+        period: of a cyclic covariate, which starts at −period/2; 0 for others.
         of_surface: whether it depends on the surface that a beam meets.
         of_signal: whether it depends on intensities, or on which beams returned; unknown before beams are traced.
         of_world: whether it needs the world and not only stored hits.
@@ -205,7 +205,7 @@ def _nothing(returns: Returns, shot: Shot, among: Returns | None) -> np.ndarray:
 
 
 def _neighbours() -> list[Covariate]:
-    """What the neighbouring beams returned with, see `Shot.beside`."""
+    """Measurements of the neighbouring beams, see `Shot.beside`."""
     words = {
         "previous": "of the beam fired before in the ring",
         "above": "of the beam fired together, one ring higher",

@@ -48,7 +48,7 @@ def example_scene() -> tuple[Scene, np.ndarray, Instances, EgoMotion]:
 
 
 def measure_example(effects: tuple[Effect, ...], seed: int = 0) -> tuple[Returns, np.ndarray]:
-    """Returns of the example scene by an HDL-64E with some effects, and where its points stand, (m, 3)."""
+    """Returns of the example scene by an HDL-64E with some effects, and positions (m, 3) of its points."""
     scene, pose, instances, ego = example_scene()
     sensor = SensorModel(load_pattern("hdl64e"), effects, "example")
     returns, shot = sensor.trace_returns(scene, pose, instances, ego, np.random.default_rng(seed))

@@ -48,13 +48,13 @@ class Expectation:
 
 
 def expect(effects: Sequence[Effect], shot: Shot, unsure: tuple[np.ndarray, np.ndarray] | None = None) -> Expectation:
-    """What effects, in the order in which they act, let expect of a traced shot.
+    """Expectation of a traced shot under effects in the order in which they act.
 
     Args:
         effects: of the sensor.
         shot: of n beams.
         unsure: (n,) each, how far the twin's ranges [m] and reflectances may be off: rounding acts on what is true, not
-            on what the twin says. The spreads of the expectation are the sensor's alone.
+            on what the twin says. The standard deviations of the expectation are only those of the sensor.
     """
     beams = len(shot.rays)
     returns, shot.noiseless = shot.solids, None

@@ -13,7 +13,7 @@ from sensors.effects.registry import effect_classes
 
 
 def for_rings(kind: type[Effect], rings: int) -> type[Effect]:
-    """An effect whose lists, one number a laser, begin with as many numbers as there are lasers."""
+    """An effect with lists of one number per laser, whose initial length is the number of lasers."""
     lists = [one.name for one in kind.parameters() if one.per_ring]
     if not kind.example or all(len(kind.example[name]) == rings for name in lists):
         return kind

@@ -1,4 +1,4 @@
-"""Modules of effects under the names that they had before they stood in rooms: `sensors.effects.range_bias`."""
+"""Earlier names of the modules of effects, such as `sensors.effects.range_bias`."""
 
 from __future__ import annotations
 
@@ -40,6 +40,6 @@ class OldNames(MetaPathFinder, Loader):
 
 
 def know_old_names() -> None:
-    """Ask for them last of all."""
+    """Register the finder of earlier names as the last one."""
     if not any(isinstance(one, OldNames) for one in sys.meta_path):
         sys.meta_path.append(OldNames())

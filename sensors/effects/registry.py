@@ -44,7 +44,7 @@ def effect_classes() -> dict[str, type[Effect]]:
         try:
             loaded = entry.load()
         except Exception as error:
-            raise SensorError(f"effect {entry.value}: {_told(error)}; mend or uninstall it") from error
+            raise SensorError(f"effect {entry.value}: {_told(error)}; fix or uninstall it") from error
         found = _checked(loaded, entry.value)
         if found.name in classes:
             raise SensorError(f"effect {entry.value} takes the name {found.name!r}, which is in use; rename it")
@@ -65,7 +65,7 @@ def find_effect(text: str, folder: Path = Path()) -> type[Effect]:
         return classes[text]
     if text in _ELSEWHERE:
         raise SensorError(
-            f"effect {text!r} is of the {_ELSEWHERE[text]} stage and no part of a sensor; "
+            f"effect {text!r} is of the {_ELSEWHERE[text]} stage and cannot be part of a sensor; "
             "it stands under behaviour in the run's configuration (docs/configuration.md)"
         )
     if text.endswith(".py"):
@@ -113,7 +113,7 @@ def _checked(found: object, origin: str) -> type[Effect]:
             f"leave out `stage` or derive it from the class of that stage"
         )
     if not isinstance(getattr(found, "name", None), str) or not hasattr(found, "channel"):
-        raise SensorError(f"effect {origin}: lacks `name` or `channel`; write `name: ClassVar = ...` in the class")
+        raise SensorError(f"effect {origin}: `name` or `channel` is missing; write `name: ClassVar = ...` in the class")
     if found.apply is base.apply:  # type: ignore[attr-defined]
         raise SensorError(f"effect {origin}: has no `apply`; define it as {base.__name__} says")
     return found

@@ -2,7 +2,7 @@
 
 A normal deviate of mean m and standard deviation s, rounded to multiples of δ, is kδ with probability
 Φ((kδ + δ/2 − m)/s) − Φ((kδ − δ/2 − m)/s). Where s is well above δ its mean stays and its variance grows by δ²/12
-(Sheppard 1898); where s is small it stands on one or two steps.
+(Sheppard 1898); for small s only one or two steps occur.
 """
 
 from __future__ import annotations

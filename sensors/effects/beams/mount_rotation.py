@@ -1,4 +1,4 @@
-"""The whole sensor stands turned in its mount."""
+"""Rotation of the whole sensor in its mount."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The whole sensor stands shifted in its mount."""
+"""Translation of the whole sensor in its mount."""
 
 from __future__ import annotations
 

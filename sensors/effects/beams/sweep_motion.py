@@ -16,7 +16,7 @@ from sensors.shot import Shot
 class SweepMotion(BeamEffect):
     """A beam of column azimuth az fires at t = −T·az/2π; p(t) = p0 + v·t, R(t) = Rz(ω·t)·R0 for ego and objects.
 
-    Points are not compensated: they are written as if the sensor had stood at its pose of t = 0.
+    Points are not motion-compensated: they are written as if the sensor had stayed at its pose of t = 0.
     """
 
     name: ClassVar = "sweep_motion"

@@ -14,7 +14,7 @@ from sensors.shot import Shot
 
 
 class TimeOffset(BeamEffect):
-    """The scan saw the world, and stood, `delay_s` later than the poses say: p(delay) = p0 + v·delay."""
+    """The scan was taken `delay_s` later than its pose: p(delay) = p0 + v·delay."""
 
     name: ClassVar = "time_offset"
     phase: ClassVar = Phase.TIME

@@ -15,15 +15,15 @@ from sensors.shot import Shot
 class PathDropout(DetectionEffect):
     """Kept with probability exp(−R/L): every metre of air holds the same chance that something spoils the pulse.
 
-    Twigs, insects, exhaust and shimmer take pulses from bright and dark surfaces alike. From 5 to 50 m the share of
-    firings that KITTI's scans lack within one surface grows in proportion to range.
+    Twigs, insects, exhaust and air turbulence block pulses to bright and dark surfaces equally. From 5 to 50 m the
+    share of firings missing within one surface in KITTI's scans is proportional to range.
     """
 
     name: ClassVar = "path_dropout"
     phase: ClassVar = Phase.DROPOUT
     channel: ClassVar = "drop"
     equation: ClassVar = "P(kept) = exp(−R/L)"
-    reference: ClassVar = "Beer–Lambert law of chance obstacles; lost firings of KITTI's scans"
+    reference: ClassVar = "Beer–Lambert law for random obstacles; lost firings of KITTI's scans"
     taxonomy: ClassVar = "di1"
     confusable_with: ClassVar = ("random_dropout", "detection_threshold", "pulse_detection")
     example: ClassVar = {"mean_path_m": 40.0}

@@ -15,8 +15,8 @@ from sensors.shot import Shot
 class PulseDetection(DetectionEffect):
     """Kept with probability 1/(1 + (S0/S)^k), S being the signal before the lasers' gains and the compression.
 
-    `detection_threshold` asks for the reported intensity instead, so that lasers with little gain miss more. In KITTI's
-    scans they do not: the share of lost firings of a laser hardly goes with its gain, even beyond 60 m (correlation
+    `detection_threshold` depends on the reported intensity instead, so that lasers with low gain miss more. In KITTI's
+    scans they do not: the share of lost firings of a laser barely depends on its gain, even beyond 60 m (correlation
     −0.2). Retro-reflectors are always noticed.
     """
 

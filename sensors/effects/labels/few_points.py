@@ -1,4 +1,4 @@
-"""Nobody labels what the scan hardly shows."""
+"""Objects with few points are not labelled."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sensors.label_boxes import LabelBoxes
 
 
 class FewPoints(LabelEffect):
-    """Boxes with fewer points than asked for become DontCare regions."""
+    """Boxes with fewer points than `least_points` become DontCare regions."""
 
     name: ClassVar = "few_points"
     phase: ClassVar = Phase.FEW_POINTS

@@ -28,7 +28,7 @@ class DetectorCompression(EchoEffect):
     is_candidate: ClassVar = False
 
     gamma: float = number("γ, 1 for a linear detector", ge=0.1, le=3)
-    pivot: float = number("c, the intensity that stays as it is", ge=0.01, le=1)
+    pivot: float = number("c, the intensity that is not changed", ge=0.01, le=1)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Compressed returns."""

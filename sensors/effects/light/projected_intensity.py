@@ -21,7 +21,7 @@ _LEAST_AHEAD = -0.2  # cosine; beams that turn farther from the camera's view ar
 class ProjectedIntensity(EchoEffect):
     """I = (r1·G + r2)·cosⁿθ, G the grayscale image 0–1 where the camera sees the point.
 
-    r1, r2 and n are drawn anew each frame: one set for the static world, one for each vehicle or person, whose
+    r1, r2 and n are drawn again in each frame: one set for the static world, one for each vehicle or person, whose
     reflectivity is its r1 and whose brightness its r2. `paper`: r1 ∈ [0.25, 0.5], r2 ∈ [0.2, 0.3], and for
     instances n ∈ [0, 8]; for the static world n = |N(0, 0.15)| as in the published code, since a road 10 m ahead is
     seen at cos θ = 0.17 and would be black otherwise. `reference`: the constants of that code.
@@ -29,7 +29,7 @@ class ProjectedIntensity(EchoEffect):
     A point is seen if the depth image has its depth there. Elsewhere G = s·√albedo (of paint: √reflectance), √
     because images are so encoded, s the median of G/√albedo over what is seen, and 1 without a camera. Reflectors
     answer with 10, which saturates: points in pixels that outshine their surroundings, and retro materials, since
-    the sun seldom stands where they shine.
+    the sun is seldom in that direction.
     """
 
     name: ClassVar = "projected_intensity"
@@ -64,7 +64,7 @@ class ProjectedIntensity(EchoEffect):
         return replace(returns, intensity=level)
 
     def _brightness(self, returns: Returns, shot: Shot) -> tuple[np.ndarray, np.ndarray]:
-        """G (m,) float32 and whether a reflector stands there (m,) bool."""
+        """G (m,) float32 and (m,) bool, whether the surface is a reflector."""
         painted = shot.is_material("paint", returns)
         gray = np.sqrt(
             np.where(

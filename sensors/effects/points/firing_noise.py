@@ -16,9 +16,9 @@ from sensors.shot import Shot
 class FiringNoise(NoiseEffect):
     """I + σ·(ε_k − θ·ε_{k−1})/√(1 + θ²) for firing k of a laser, not below `least`; what is zero stays zero.
 
-    A moving average with a negative second coefficient: in KITTI's scans intensities two firings apart are more alike
-    than neighbours (correlation on road 0.80 and 0.76, beside it 0.67 and 0.51), as a power control that answers to
-    the last echo makes them. Reported values begin at about 0.04, zeros apart.
+    A moving average with a negative second coefficient: in KITTI's scans intensities two firings apart are more similar
+    than neighbours (correlation on road 0.80 and 0.76, elsewhere 0.67 and 0.51), as a power control that depends on
+    the last echo causes. Reported values start at about 0.04, except zeros.
     """
 
     name: ClassVar = "firing_noise"

@@ -1,4 +1,4 @@
-"""Intensities scatter alike, bright or dark."""
+"""Additive noise of intensities, independent of brightness."""
 
 from __future__ import annotations
 

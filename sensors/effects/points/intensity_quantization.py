@@ -23,5 +23,5 @@ class IntensityQuantization(RoundingEffect):
 
     @property
     def steps(self) -> tuple[float, float]:
-        """The intensity's alone."""
+        """Variance of intensities only."""
         return 0.0, self.step

@@ -1,4 +1,4 @@
-"""Every range is off by a constant."""
+"""Constant range bias."""
 
 from __future__ import annotations
 

@@ -22,5 +22,5 @@ class RangeQuantization(RoundingEffect):
 
     @property
     def steps(self) -> tuple[float, float]:
-        """The range's alone."""
+        """Variance of ranges only."""
         return self.step_m, 0.0

@@ -15,7 +15,7 @@ from sensors.effects.spatial_noise import field_at
 from sensors.returns import Returns
 from sensors.shot import Shot
 
-_GRAZING = 0.2  # beams seen more aslant meet the tops alone
+_GRAZING = 0.2  # beams at smaller grazing angles hit only the tops
 
 
 class SurfaceRelief(PointEffect):

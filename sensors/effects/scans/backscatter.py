@@ -12,7 +12,7 @@ from sensors.returns import Returns
 from sensors.shot import Shot
 
 _INTENSITY = 0.02
-_BEHIND_M = 1.0  # a twin's surface may be so far off
+_BEHIND_M = 1.0  # possible range error of a twin's surface
 
 
 class Backscatter(ScanEffect):

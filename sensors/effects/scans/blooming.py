@@ -1,4 +1,4 @@
-"""Light of a bright reflector leaks into the receivers of beams beside it."""
+"""Light of a bright reflector leaks into the receivers of neighbouring beams."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Blooming(ScanEffect):
     channel: ClassVar = "spurious"
     also: ClassVar = ("range", "intensity", "drop")
     equation: ClassVar = "angle to a retro return (I > threshold) ≤ radius: R = R_retro, I = 0.3·I_retro"
-    reference: ClassVar = "halos seen around plates and signs; law of this catalogue"
+    reference: ClassVar = "halos seen around plates and signs; equation of this catalogue"
     taxonomy: ClassVar = "re19"
     confusable_with: ClassVar = ("retroreflection", "beam_divergence")
     example: ClassVar = {"radius_deg": 1.0, "threshold": 0.7}
@@ -62,7 +62,7 @@ class Blooming(ScanEffect):
         )
 
     def survival(self, returns: Returns, shot: Shot) -> np.ndarray:
-        """0 where a halo covers what stands farther."""
+        """0 where a halo covers a surface behind it."""
         glow_m = self._glow(shot)[returns.beam]
         return 1.0 - (returns.range_m > glow_m)
 

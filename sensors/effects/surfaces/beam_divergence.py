@@ -70,7 +70,7 @@ class BeamDivergence(EchoEffect):
         return changed, 1 - CHANCE * split[changed.beam]
 
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
-        """Where other parts of the footprint stand."""
+        """Ranges of the other parts of the footprint."""
         if not self._is_replayed(shot):
             return np.zeros(len(beam))
         ranges, split = self._parts(shot)
@@ -87,7 +87,7 @@ class BeamDivergence(EchoEffect):
     def _parts(self, shot: Shot) -> tuple[np.ndarray, np.ndarray]:
         """Ranges (n, k) of parts of footprints, and which footprints (n,) bool are split.
 
-        Something thin may stand between samples that all meet the same. What is seen and what answers both ask for it.
+        A thin object may be between samples that all hit the same surface; visibility and echoes both depend on it.
         """
         return shot.kept(f"parts {self.divergence_mrad} {self.pulse_ns}", lambda: self._parts_anew(shot))
 

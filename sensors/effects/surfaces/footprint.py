@@ -38,7 +38,7 @@ def strongest_echo(returns: Returns, middle: Hits, aside: Hits, pulse_m: float) 
     Args:
         returns: of the middle samples.
         middle: what the middle of every beam met.
-        aside: what the four samples around it met, row 4 · beam + sample.
+        aside: hits of the four samples around it, row 4 · beam + sample.
         pulse_m: c·τ/2.
     """
     around = aside.solid.range_m.reshape(-1, len(_ASIDE))
@@ -87,7 +87,7 @@ def _strongest_group(beam: np.ndarray, middle: Hits, aside: Hits, pulse_m: float
     group = np.concatenate([np.zeros((1, len(beam)), int), np.cumsum(~linked, axis=0)])
     strength = np.stack([np.where((group == number) & met, s, 0).sum(0) for number in range(len(r))])
     chosen = (group == strength.argmax(0)) & met
-    # A black surface has no signal to weigh with: its samples count alike.
+    # A black surface has no signal for weighting: its samples have equal weight.
     weight = np.where(chosen, np.maximum(s, np.float32(1e-9)), 0)
     mean = (weight * np.where(chosen, r, 0)).sum(0) / weight.sum(0)
     best = weight.argmax(0)

@@ -13,7 +13,7 @@ from sensors.shot import Shot
 
 SAMPLES = 4
 TURNED = 36  # steps of a normal code: about a degree
-_APART_RAD = 5e-4  # between radii whose samples tell what lies between: narrower things do not come between
+_APART_RAD = 5e-4  # distance of sampled radii; narrower objects between them are ignored
 _OFF_FACE_M, _OFF_FACE_SHARE = 0.01, 0.15
 _MOST = 12
 
@@ -23,7 +23,7 @@ class FootprintCache:
 
     Args:
         shot: of some beams of a revolution.
-        beam: (k,) rows of those of its beams that are asked for.
+        beam: (k,) rows of the requested beams.
     """
 
     def __init__(self, shot: Shot, beam: np.ndarray) -> None:
@@ -58,7 +58,7 @@ class FootprintCache:
             radius_rad: of the footprints.
             origin: (k, 3) world axes.
             direction: (k, 3) float32, of the middles.
-            time_s: (k,) instants. What moves is asked anew where beams leave earlier or later.
+            time_s: (k,) instants. Moving objects are traced again for beams at other instants.
         """
         met = self.met(radius_rad)
         if origin is self._origin or (

@@ -1,4 +1,4 @@
-"""Light passes a window twice on the way to what stands behind it, and the pane itself may answer."""
+"""Light passes a window twice on the way to surfaces behind it, and the pane itself may return an echo."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sensors.shot import Shot
 class GlassTransmission(EchoEffect):
     """The echo behind the first pane is scaled by T², T one-way; the pane answers with (1 − T)·cos θ.
 
-    `last` reports the echo behind (the pane where nothing else answers), `first` the pane, `strongest` the larger,
+    `last` reports the echo behind (the pane without another echo), `first` the pane, `strongest` the larger,
     `dual` both: the larger as return 0, the other as return 1.
     """
 
@@ -41,7 +41,7 @@ class GlassTransmission(EchoEffect):
     mode: Literal["first", "strongest", "last", "dual"] = Field(description="which of the echoes is reported")
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns of panes and of what stands behind them."""
+        """Returns of panes and of surfaces behind them."""
         panes = shot.panes
         signal = ((1 - self.transmission) * shot.cos_incidence(panes)).astype(np.float32)
         panes = replace(panes, intensity=signal)

@@ -1,4 +1,4 @@
-"""Glass and metal mirror the scene: a ghost stands behind the façade."""
+"""Specular reflection on glass and metal: ghosts of the scene behind the façade."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class MirrorGhost(EchoEffect):
     strength: float = number("share of beams on glass or metal that are mirrored", ge=0, le=1)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns with ghosts in place of those of mirrored beams."""
+        """Returns with ghosts instead of those of mirrored beams."""
         chosen = rng.random(len(shot.rays)) < self.strength
         mirrors = returns.take(self._on_metal(returns, shot) & (returns.return_no == 0)).merged(shot.panes)
         mirrors = mirrors.take(chosen[mirrors.beam])
@@ -48,7 +48,7 @@ class MirrorGhost(EchoEffect):
         return returns, 1 - self.strength * np.isin(returns.beam, self._images(shot).beam)
 
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
-        """Where the mirrored scene stands."""
+        """Ranges of the mirrored scene."""
         images = self._images(shot)
         image_m = np.full(len(shot.rays), np.inf)
         image_m[images.beam] = images.range_m

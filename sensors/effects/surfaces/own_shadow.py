@@ -1,4 +1,4 @@
-"""Parts of the own vehicle stand in the way of the lowest beams."""
+"""Parts of the own vehicle block the lowest beams."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ def mirrored_returns(mirrors: Returns, shot: Shot, leg_m: float) -> tuple[Return
         leg_m: farthest distance after the mirror.
 
     Returns:
-        Returns at the folded range, with the reflectance of what stands there as intensity, and which (m,) of the
+        Returns at the folded range, with the reflectance of the surface there as intensity, and which (m,) of the
         mirrors gave one.
     """
     if shot.world is None:

@@ -1,4 +1,4 @@
-"""Footprints of some beams of a revolution: only those beside which something else stands are worth new rays.
+"""Footprints of some beams of a revolution: only beams next to another surface are traced again.
 
 Those of the others lie on the face that the beam meets, whose plane says how far.
 """
@@ -46,7 +46,7 @@ def footprints_of_some(shot: Shot, radius_rad: float) -> Hits:
 def ranges_between(shot: Shot, radius_rad: float) -> np.ndarray:
     """Ranges (n, k) float64 of parts of footprints between the middle and the samples at a radius; infinite for none.
 
-    Something thin, such as a post, may stand between samples.
+    A thin object, such as a post, may be between samples.
     """
     asked = shot.lasting("footprints", lambda: _Asked(shot))
     inside = np.flatnonzero(np.array(_PROBED_RAD) < radius_rad)
@@ -56,7 +56,7 @@ def ranges_between(shot: Shot, radius_rad: float) -> np.ndarray:
 
 
 class _Asked:
-    """Beams whose footprints are asked for, what these meet, and what stands in them at the probed radii.
+    """Beams whose footprints are requested, their hits, and hits in the footprints at the sampled radii.
 
     Attributes:
         beam: (k,) rows.
@@ -79,7 +79,7 @@ class _Asked:
 
 
 def _on_plane(solid: Surface, middle: np.ndarray, aside: np.ndarray) -> np.ndarray:
-    """Ranges (4·n,) float32 of samples `aside` (n, 4, 3) on the planes that `middle` (n, 3) meets."""
+    """Ranges (4·n,) float32 of samples `aside` (n, 4, 3) on the planes that `middle` (n, 3) hits."""
     normal = solid.normal
     with np.errstate(divide="ignore", invalid="ignore"):
         farther = np.einsum("ij,ij->i", normal, middle)[:, None] / np.einsum("ij,ikj->ik", normal, aside)
@@ -88,7 +88,7 @@ def _on_plane(solid: Surface, middle: np.ndarray, aside: np.ndarray) -> np.ndarr
 
 
 def _changes(shot: Shot) -> np.ndarray:
-    """(n,) bool: beams of which a neighbour in the ring or in the rings beside it meets another face or material."""
+    """(n,) bool: beams of which a neighbour in the same or an adjacent ring hits another face or material."""
     assert shot.whole is not None and shot.rows is not None  # some of a revolution
     solid, firings = shot.whole.hits.solid, shot.pattern.firings
     last, found = len(solid.range_m) - 1, np.zeros(len(shot.rows), bool)

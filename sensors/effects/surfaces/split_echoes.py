@@ -1,4 +1,4 @@
-"""Footprints whose parts lie farther apart than a pulse: which part answers hangs on more than a few samples tell."""
+"""Footprints with parts farther apart than a pulse, where a few samples do not determine the reported echo."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def elsewhere(ranges: np.ndarray, split: np.ndarray, range_m: np.ndarray, pulse_
     """Probability per metre (n,) of an answer at `range_m` (n,) from another part of footprints.
 
     Their samples lie at `ranges` (n, samples); only those that are `split` (n,) have other parts to answer. Parts
-    between these answer, too: each sample stands for a stretch as wide as the samples lie apart.
+    between these return echoes, too: each sample represents a section as wide as the sample distance.
     """
     there = np.isfinite(ranges)
     known = np.where(there, ranges, 0.0)

@@ -161,7 +161,7 @@ def test_wrong_predictions_of_an_effect_are_named_with_the_line(tmp_path, base, 
         (GOOD.replace("(PointEffect)", ""), None, "is no sensor effect"),
         (GOOD.replace("    example", "    stage: ClassVar = 'scan'\n    example"), None, "derived from PointEffect"),
         (GOOD.replace("def apply", "def act"), None, "has no `apply`"),
-        (GOOD.replace('    channel: ClassVar = "range"\n', ""), None, "lacks `name` or `channel`"),
+        (GOOD.replace('    channel: ClassVar = "range"\n', ""), None, "`name` or `channel` is missing"),
     ],
 )
 def test_a_file_that_breaks_the_rules_is_refused_in_one_line(tmp_path, source, entry, complaint):
