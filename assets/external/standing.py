@@ -78,8 +78,8 @@ def _demand_plausible(size_m: np.ndarray, entry: VehicleEntry, file: Path) -> No
         )
     if entry.kind in _LONG and size_m[0] < size_m[1]:
         raise AssetError(
-            f"{file}: measures {_text(size_m)} m (length × width × height), a {entry.kind} wider than long; "
-            "mend forward or up in the manifest"
+            f"{file}: measures {_text(size_m)} m (length × width × height), wider than long for a {entry.kind}; "
+            "correct forward or up in the manifest"
         )
 
 

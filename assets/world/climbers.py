@@ -12,7 +12,7 @@ from assets.world.trees import climber
 
 _VARIANTS = 4
 _PATCH_M = ((1.5, 5.0), (1.8, 5.0))  # width and height
-_SIDES = 3  # front, and the two walls beside it; terraces have the front alone
+_SIDES = 3  # the front and the two side walls; terraced houses have only the front
 
 
 def climbers_mesh(houses: list[House], stand_z: Heights, share: float, rng: np.random.Generator) -> Mesh:
